@@ -1,0 +1,2 @@
+//! The command `beamfarm`.
+fn main() {}

@@ -1,0 +1,121 @@
+//! Light sources: what they emit, and how photons and shadow rays sample them.
+
+use crate::math::{Frame, Rgb, Vec2, Vec3};
+use crate::medium::MediumId;
+use crate::texture::Image;
+use std::sync::Arc;
+
+/// A light and the medium that its emission starts in.
+#[derive(Clone, Debug)]
+pub struct Light {
+    /// Name in the scene file, for messages.
+    pub name: String,
+    /// The kind and its parameters.
+    pub kind: LightKind,
+    /// Medium around a point or spot light.
+    pub medium: MediumId,
+}
+
+/// The kinds of lights. All values linear RGB.
+#[derive(Clone, Debug)]
+pub enum LightKind {
+    /// Isotropic point light.
+    Point {
+        /// Where.
+        position: Vec3,
+        /// W/sr.
+        intensity: Rgb,
+    },
+    /// Spot light: full intensity within `beam_width`, falling linearly in angle to zero at `cutoff` (Mitsuba 3's spot).
+    Spot {
+        /// Where.
+        position: Vec3,
+        /// Axis in its `n`.
+        frame: Frame,
+        /// W/sr on the axis.
+        intensity: Rgb,
+        /// Half angle of the cone in radians.
+        cutoff: f32,
+        /// Half angle of the plateau in radians, below `cutoff`.
+        beam_width: f32,
+    },
+    /// Parallel light from infinitely far away.
+    Directional {
+        /// Unit direction of travel.
+        direction: Vec3,
+        /// W/m^2 on a plane across the direction.
+        irradiance: Rgb,
+    },
+    /// A surface that emits the same radiance everywhere, on the side that its geometric normal points to.
+    Area {
+        /// Index into the scene's objects.
+        object: u32,
+        /// W/(m^2 sr).
+        radiance: Rgb,
+    },
+    /// Radiance from all around.
+    Environment(Environment),
+}
+
+/// Radiance from infinitely far away, by direction.
+#[derive(Clone, Debug)]
+pub struct Environment {
+    /// Lat-long image (u around +y from +z by way of +x … see light.rs), or `None` for a constant.
+    pub image: Option<Arc<Image>>,
+    /// Factor on the image, or the constant, W/(m^2 sr).
+    pub scale: Rgb,
+    /// Columns: the axes of the image's space in render space (a rotation).
+    pub render_from_env: glam::Mat3,
+}
+
+/// The start of a photon path.
+#[derive(Clone, Copy, Debug)]
+pub struct EmissionSample {
+    /// Start.
+    pub origin: Vec3,
+    /// Unit direction of travel.
+    pub dir: Vec3,
+    /// Geometric normal at the start for area lights, to offset the ray by.
+    pub normal: Option<Vec3>,
+    /// Flux that this sample stands for, were it the only one: Le cos / (pdf_position pdf_direction), W.
+    pub power: Rgb,
+    /// Density of the direction per solid angle (infinite for directional lights).
+    pub pdf_dir: f32,
+    /// Density of the position per area (infinite for point and spot lights).
+    pub pdf_pos: f32,
+}
+
+/// Light towards a point, for shadow rays.
+#[derive(Clone, Copy, Debug)]
+pub struct DirectSample {
+    /// Unit direction towards the light.
+    pub wi: Vec3,
+    /// Distance, infinite for directional and environment lights.
+    pub distance: f32,
+    /// Radiance towards the point over `pdf`: for delta lights the irradiance across `wi`. No visibility, no medium.
+    pub weight: Rgb,
+    /// Density per solid angle; 1 for delta lights.
+    pub pdf: f32,
+    /// Point, spot and directional lights, that no ray can hit by chance.
+    pub delta: bool,
+}
+
+/// A sphere around all that can be hit, render space.
+#[derive(Clone, Copy, Debug)]
+pub struct SceneBounds {
+    /// Centre.
+    pub center: Vec3,
+    /// Radius.
+    pub radius: f32,
+}
+
+/// Uniform numbers for one emission.
+#[derive(Clone, Copy, Debug)]
+pub struct EmissionUniforms {
+    /// Where on the light.
+    pub position: Vec2,
+    /// Which direction.
+    pub direction: Vec2,
+    /// Which primitive of a mesh.
+    pub primitive: f32,
+}

@@ -1,0 +1,8 @@
+//! Participating media. One file a kind; heterogeneous kinds have their place beside `homogeneous`.
+
+mod homogeneous;
+
+pub use homogeneous::Homogeneous;
+
+/// Index into the scene's media. `None` stands for vacuum.
+pub type MediumId = Option<u16>;

@@ -1,0 +1,1 @@
+//! Maps from uniform numbers to distributions: each sampler beside its density.

@@ -1,6 +1,7 @@
 //! Triangle meshes.
 
 use crate::math::{Vec2, Vec3};
+use std::sync::OnceLock;
 
 /// Triangles with optional normals and UVs per vertex. Counter-clockwise seen from outside.
 #[derive(Clone, Debug, Default)]
@@ -13,4 +14,38 @@ pub struct Mesh {
     pub uvs: Vec<Vec2>,
     /// Vertex indices.
     pub triangles: Vec<[u32; 3]>,
+    /// Running sum of triangle areas, made when first asked for.
+    pub area_sums: OnceLock<Vec<f64>>,
+}
+
+impl Mesh {
+    /// The corners of a triangle.
+    #[inline]
+    pub fn corners(&self, triangle: u32) -> [Vec3; 3] {
+        self.triangles[triangle as usize].map(|i| self.positions[i as usize])
+    }
+
+    /// Unit geometric normal of a triangle; zero when it has no area.
+    #[inline]
+    pub fn normal(&self, triangle: u32) -> Vec3 {
+        let [a, b, c] = self.corners(triangle);
+        (b - a).cross(c - a).normalize_or_zero()
+    }
+
+    /// Running sums of the triangles' areas, in order; the last one is the mesh's area, object space.
+    pub fn area_sums(&self) -> &[f64] {
+        self.area_sums.get_or_init(|| {
+            let mut sum = 0.0;
+            let area = |i: usize| {
+                let [a, b, c] = self.corners(i as u32).map(|p| p.as_dvec3());
+                0.5 * (b - a).cross(c - a).length()
+            };
+            (0..self.triangles.len())
+                .map(|i| {
+                    sum += area(i);
+                    sum
+                })
+                .collect()
+        })
+    }
 }

@@ -1,36 +1,69 @@
-//! Shapes: how rays meet them and how points on them are drawn.
+//! Shapes: what a hit on them looks like, and how points on them are drawn. The search for hits is in `accel`.
 
 use super::Mesh;
-use crate::math::{Vec2, Vec3};
+use crate::math::{PI, Vec2, Vec3, acos, atan2};
+use crate::warp;
 use glam::Affine3A;
 use std::sync::Arc;
 
 /// A shape in render space. Rectangles and cubes are meshes.
 #[derive(Clone, Debug)]
 pub enum Shape {
-    /// A sphere of radius 1 around the origin under `render_from_object` (which may be any invertible map).
+    /// A sphere of radius 1 around the origin under `placement`.
     Sphere {
-        /// Object to render space.
-        render_from_object: Affine3A,
-        /// Its inverse.
-        object_from_render: Affine3A,
+        /// Where it stands.
+        placement: Placement,
+        /// Its outside is its hollow.
+        flip: bool,
     },
-    /// The disc of radius 1 in the xy plane, normal +z, under `render_from_object`.
+    /// The disc of radius 1 in the xy plane, normal +z, under `placement`.
     Disc {
-        /// Object to render space.
-        render_from_object: Affine3A,
-        /// Its inverse.
-        object_from_render: Affine3A,
+        /// Where it stands.
+        placement: Placement,
+        /// Its normal is -z.
+        flip: bool,
     },
     /// A mesh; instances share it.
     Mesh {
         /// Vertices in object space.
         mesh: Arc<Mesh>,
-        /// Object to render space.
-        render_from_object: Affine3A,
-        /// Its inverse.
-        object_from_render: Affine3A,
+        /// Where it stands. Its determinant is positive, so that triangles keep their winding.
+        placement: Placement,
     },
+}
+
+/// An invertible affine map and its inverse.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Placement {
+    /// Object to render space.
+    pub render_from_object: Affine3A,
+    /// Render to object space.
+    pub object_from_render: Affine3A,
+}
+
+impl Placement {
+    /// Nothing moves.
+    pub const IDENTITY: Self = Self {
+        render_from_object: Affine3A::IDENTITY,
+        object_from_render: Affine3A::IDENTITY,
+    };
+
+    /// The direction of the normal whose object-space direction is `n` (not of unit length).
+    #[inline]
+    pub fn normal(&self, n: Vec3) -> Vec3 {
+        let m = &self.object_from_render.matrix3;
+        Vec3::new(
+            Vec3::from(m.x_axis).dot(n),
+            Vec3::from(m.y_axis).dot(n),
+            Vec3::from(m.z_axis).dot(n),
+        )
+    }
+
+    /// How much a small area with object-space unit normal `n` grows.
+    #[inline]
+    fn area_stretch(&self, n: Vec3) -> f32 {
+        self.render_from_object.matrix3.determinant().abs() * self.normal(n).length()
+    }
 }
 
 /// Where a ray meets a surface.
@@ -51,7 +84,7 @@ pub struct SurfaceHit {
     /// Triangle within a mesh.
     pub primitive: u32,
     /// Derivative of the shading normal by a displacement on the surface: `dn = curvature * dp`. 1/radius for spheres,
-    /// zero for flat facets, the interpolated normals' mean for meshes.
+    /// zero for flat facets, the mean over the edges for interpolated normals.
     pub curvature: f32,
 }
 
@@ -66,4 +99,160 @@ pub struct SurfacePoint {
     pub uv: Vec2,
     /// Density per area.
     pub pdf_area: f32,
+}
+
+/// A hit as the search finds it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct RawHit {
+    pub t: f32,
+    pub object: u32,
+    pub primitive: u32,
+    /// Barycentric weights of the second and third corner; the point in object space's x and y for discs.
+    pub uv: Vec2,
+}
+
+impl Shape {
+    /// Area in render space. Exact for meshes, and for spheres and discs under similar maps; ellipsoids by quadrature.
+    pub fn area(&self) -> f32 {
+        match self {
+            Self::Sphere { placement, .. } => {
+                const N: usize = 64;
+                let mut sum = 0.0;
+                for i in 0..N {
+                    for j in 0..N {
+                        let u = Vec2::new(i as f32 + 0.5, j as f32 + 0.5) / N as f32;
+                        sum += placement.area_stretch(warp::uniform_sphere(u)) as f64;
+                    }
+                }
+                4.0 * PI * (sum / (N * N) as f64) as f32
+            }
+            Self::Disc { placement, .. } => PI * placement.area_stretch(Vec3::Z),
+            Self::Mesh { mesh, .. } => mesh.area_sums().last().copied().unwrap_or(0.0) as f32,
+        }
+    }
+
+    /// Draw a point by area (for meshes that emit; these are never instanced). `u_primitive` chooses a triangle.
+    pub fn sample_area(&self, u: Vec2, u_primitive: f32) -> SurfacePoint {
+        match self {
+            Self::Sphere { placement, flip } => {
+                let n = warp::uniform_sphere(u);
+                let normal = placement.normal(n).normalize();
+                SurfacePoint {
+                    point: placement.render_from_object.transform_point3(n),
+                    normal: if *flip { -normal } else { normal },
+                    uv: sphere_uv(n),
+                    pdf_area: 1.0 / (4.0 * PI * placement.area_stretch(n)),
+                }
+            }
+            Self::Disc { placement, flip } => {
+                let p = warp::concentric_disk(u);
+                let normal = placement.normal(Vec3::Z).normalize();
+                SurfacePoint {
+                    point: placement.render_from_object.transform_point3(p.extend(0.0)),
+                    normal: if *flip { -normal } else { normal },
+                    uv: disc_uv(p),
+                    pdf_area: 1.0 / (PI * placement.area_stretch(Vec3::Z)),
+                }
+            }
+            Self::Mesh { mesh, .. } => {
+                let sums = mesh.area_sums();
+                let total = sums.last().copied().unwrap_or(0.0);
+                let x = u_primitive as f64 * total;
+                let triangle = sums.partition_point(|&s| s <= x).min(sums.len() - 1) as u32;
+                let [a, b, c] = mesh.corners(triangle);
+                let w = warp::uniform_triangle(u);
+                SurfacePoint {
+                    point: a * (1.0 - w.x - w.y) + b * w.x + c * w.y,
+                    normal: mesh.normal(triangle),
+                    uv: mesh_uv(mesh, triangle, w),
+                    pdf_area: (1.0 / total) as f32,
+                }
+            }
+        }
+    }
+
+    /// Everything about a hit. `origin` and `dir`: the ray in render space.
+    pub(super) fn finish(&self, hit: RawHit, origin: Vec3, dir: Vec3) -> SurfaceHit {
+        let (point, ng, ns, uv, curvature) = match self {
+            Self::Sphere { placement, flip } => {
+                let p = (placement.object_from_render.transform_point3(origin)
+                    + placement.object_from_render.transform_vector3(dir) * hit.t)
+                    .normalize();
+                let sign = if *flip { -1.0 } else { 1.0 };
+                let n = placement.normal(p);
+                let curvature = n.length();
+                let n = n * (sign / curvature);
+                let point = placement.render_from_object.transform_point3(p);
+                (point, n, n, sphere_uv(p), sign * curvature)
+            }
+            Self::Disc { placement, flip } => {
+                let n = placement.normal(Vec3::Z).normalize();
+                let n = if *flip { -n } else { n };
+                let point = placement
+                    .render_from_object
+                    .transform_point3(hit.uv.extend(0.0));
+                (point, n, n, disc_uv(hit.uv), 0.0)
+            }
+            Self::Mesh { mesh, placement } => {
+                let [a, b, c] = mesh.corners(hit.primitive);
+                let w = hit.uv;
+                let p = a * (1.0 - w.x - w.y) + b * w.x + c * w.y;
+                let point = placement.render_from_object.transform_point3(p);
+                let ng = placement.normal(mesh.normal(hit.primitive)).normalize();
+                let (ns, curvature) = if mesh.normals.is_empty() {
+                    (ng, 0.0)
+                } else {
+                    let n =
+                        mesh.triangles[hit.primitive as usize].map(|i| mesh.normals[i as usize]);
+                    let local = n[0] * (1.0 - w.x - w.y) + n[1] * w.x + n[2] * w.y;
+                    let ns = placement.normal(local).normalize_or(ng);
+                    let ns = if ns.dot(ng) < 0.0 { -ns } else { ns };
+                    (ns, edge_curvature([a, b, c], n))
+                };
+                (point, ng, ns, mesh_uv(mesh, hit.primitive, w), curvature)
+            }
+        };
+        SurfaceHit {
+            t: hit.t,
+            point,
+            ng,
+            ns,
+            uv,
+            object: hit.object,
+            primitive: hit.primitive,
+            curvature,
+        }
+    }
+}
+
+/// Mean over the edges of how fast the interpolated normal turns.
+fn edge_curvature(p: [Vec3; 3], n: [Vec3; 3]) -> f32 {
+    let mut sum = 0.0;
+    for (i, j) in [(0, 1), (1, 2), (2, 0)] {
+        let edge = p[j] - p[i];
+        sum += (n[j] - n[i]).dot(edge) / edge.length_squared().max(f32::MIN_POSITIVE);
+    }
+    sum / 3.0
+}
+
+/// UV of a point on the unit sphere: azimuth around +z and polar angle from +z, both over their ranges (as in Mitsuba).
+fn sphere_uv(p: Vec3) -> Vec2 {
+    let phi = atan2(p.y, p.x);
+    let phi = if phi < 0.0 { phi + 2.0 * PI } else { phi };
+    Vec2::new(phi / (2.0 * PI), acos(p.z) / PI)
+}
+
+/// UV of a point of the unit disc: radius and azimuth (as in Mitsuba).
+fn disc_uv(p: Vec2) -> Vec2 {
+    let phi = atan2(p.y, p.x);
+    let phi = if phi < 0.0 { phi + 2.0 * PI } else { phi };
+    Vec2::new(p.length(), phi / (2.0 * PI))
+}
+
+fn mesh_uv(mesh: &Mesh, triangle: u32, w: Vec2) -> Vec2 {
+    if mesh.uvs.is_empty() {
+        return w;
+    }
+    let [a, b, c] = mesh.triangles[triangle as usize].map(|i| mesh.uvs[i as usize]);
+    a * (1.0 - w.x - w.y) + b * w.x + c * w.y
 }

@@ -1,0 +1,331 @@
+//! Ray queries: obvhs hierarchies over objects and, below them, over the triangles of each mesh.
+
+use super::mesh::Mesh;
+use super::shape::{Placement, RawHit, Shape, SurfaceHit};
+use super::{Object, offset_point};
+use crate::math::{Ray, Vec2, Vec3};
+use glam::Vec3A;
+use obvhs::Boundable;
+use obvhs::BvhBuildParams;
+use obvhs::aabb::Aabb;
+use obvhs::bvh2::{Bvh2, builder::build_bvh2};
+use obvhs::cwbvh::{CwBvh, builder::build_cwbvh};
+use obvhs::ray::RayHit;
+use std::sync::Arc;
+use std::time::Duration;
+
+/// The objects of a scene, ready for rays.
+pub struct Geometry {
+    objects: Bvh2,
+    /// By object: index into `meshes`, when it is one.
+    mesh_of: Vec<Option<usize>>,
+    meshes: Vec<MeshBvh>,
+}
+
+struct MeshBvh {
+    mesh: Arc<Mesh>,
+    bvh: CwBvh,
+}
+
+struct Bounds(Aabb);
+
+impl Boundable for Bounds {
+    fn aabb(&self) -> Aabb {
+        self.0
+    }
+}
+
+/// A box grown by a few roundings, so that rays along its faces and flat boxes are not missed.
+fn padded(min: Vec3, max: Vec3) -> Bounds {
+    let pad = (min.abs().max(max.abs()).max_element() * 1e-6).max(1e-30);
+    Bounds(Aabb::new(
+        Vec3A::from(min - pad),
+        Vec3A::from(max + pad),
+    ))
+}
+
+impl std::fmt::Debug for Geometry {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "Geometry({} objects)", self.mesh_of.len())
+    }
+}
+
+impl Geometry {
+    /// Build the hierarchies. Deterministic: the same objects give the same trees.
+    pub fn new(objects: &[Object]) -> Self {
+        let mut meshes: Vec<MeshBvh> = Vec::new();
+        let mut mesh_of = Vec::with_capacity(objects.len());
+        for object in objects {
+            mesh_of.push(match &object.shape {
+                Shape::Mesh { mesh, .. } => {
+                    let known = meshes.iter().position(|m| Arc::ptr_eq(&m.mesh, mesh));
+                    Some(known.unwrap_or_else(|| {
+                        meshes.push(MeshBvh::new(mesh));
+                        meshes.len() - 1
+                    }))
+                }
+                _ => None,
+            });
+        }
+        let bounds: Vec<Bounds> = objects
+            .iter()
+            .map(|object| {
+                let (min, max) = bounds(&object.shape);
+                padded(min, max)
+            })
+            .collect();
+        Self {
+            objects: build_bvh2(
+                &bounds,
+                BvhBuildParams {
+                    max_prims_per_leaf: 1,
+                    ..BvhBuildParams::medium_build()
+                },
+                &mut Duration::default(),
+            ),
+            mesh_of,
+            meshes,
+        }
+    }
+
+    /// The closest hit in (0, t_max), if any. `ignore` gives objects to pass through.
+    pub fn intersect(
+        &self,
+        objects: &[Object],
+        ray: &Ray,
+        t_max: f32,
+        ignore: impl Fn(u32) -> bool,
+    ) -> Option<SurfaceHit> {
+        let raw = self.search(objects, ray, t_max, ignore, false)?;
+        let shape = &objects[raw.object as usize].shape;
+        Some(shape.finish(raw, ray.origin, ray.dir))
+    }
+
+    /// Whether anything is hit in (0, t_max).
+    pub fn occluded(
+        &self,
+        objects: &[Object],
+        ray: &Ray,
+        t_max: f32,
+        ignore: impl Fn(u32) -> bool,
+    ) -> bool {
+        self.search(objects, ray, t_max, ignore, true).is_some()
+    }
+
+    fn search(
+        &self,
+        objects: &[Object],
+        ray: &Ray,
+        t_max: f32,
+        ignore: impl Fn(u32) -> bool,
+        any: bool,
+    ) -> Option<RawHit> {
+        let mut best: Option<RawHit> = None;
+        let obvhs_ray = obvhs_ray(ray.origin, ray.dir, t_max);
+        let mut unused = RayHit::none();
+        self.objects.ray_traverse(obvhs_ray, &mut unused, |r, i| {
+            let object = self.objects.primitive_indices[i];
+            if ignore(object) {
+                return f32::INFINITY;
+            }
+            let hit = match &objects[object as usize].shape {
+                Shape::Sphere { placement, .. } => intersect_sphere(placement, ray, r.tmax),
+                Shape::Disc { placement, .. } => intersect_disc(placement, ray, r.tmax),
+                Shape::Mesh { placement, .. } => self.mesh_of[object as usize]
+                    .and_then(|m| self.meshes[m].intersect(placement, ray, r.tmax, any)),
+            };
+            match hit {
+                Some((t, primitive, uv)) => {
+                    best = Some(RawHit {
+                        t,
+                        object,
+                        primitive,
+                        uv,
+                    });
+                    // Any hit will do: an empty range ends the traversal.
+                    if any { -1.0 } else { t }
+                }
+                None => f32::INFINITY,
+            }
+        });
+        best
+    }
+}
+
+type ShapeHit = Option<(f32, u32, Vec2)>;
+
+fn obvhs_ray(origin: Vec3, dir: Vec3, t_max: f32) -> obvhs::ray::Ray {
+    obvhs::ray::Ray::new(Vec3A::from(origin), Vec3A::from(dir), 0.0, t_max)
+}
+
+/// Corners of the box around a shape in render space.
+pub fn bounds(shape: &Shape) -> (Vec3, Vec3) {
+    let extent = |p: &Placement, axes: &[Vec3]| {
+        // The extreme of a linear map over the unit ball spanned by the axes is the norm of its row.
+        let mut sum = Vec3::ZERO;
+        for axis in axes {
+            let v = p.render_from_object.transform_vector3(*axis);
+            sum += v * v;
+        }
+        let center = Vec3::from(p.render_from_object.translation);
+        let half = Vec3::new(sum.x.sqrt(), sum.y.sqrt(), sum.z.sqrt());
+        (center - half, center + half)
+    };
+    match shape {
+        Shape::Sphere { placement, .. } => extent(placement, &[Vec3::X, Vec3::Y, Vec3::Z]),
+        Shape::Disc { placement, .. } => extent(placement, &[Vec3::X, Vec3::Y]),
+        Shape::Mesh { mesh, placement } => mesh.positions.iter().fold(
+            (Vec3::INFINITY, Vec3::NEG_INFINITY),
+            |(min, max), &p| {
+                let p = placement.render_from_object.transform_point3(p);
+                (min.min(p), max.max(p))
+            },
+        ),
+    }
+}
+
+/// Sphere and ray without cancellation (Haines, Günther, Akenine-Möller 2019, Precision improvements for ray/sphere
+/// intersection).
+fn intersect_sphere(placement: &Placement, ray: &Ray, t_max: f32) -> ShapeHit {
+    let o = placement.object_from_render.transform_point3(ray.origin);
+    let d = placement.object_from_render.transform_vector3(ray.dir);
+    let a = d.length_squared();
+    let b = -o.dot(d);
+    let nearest = o + d * (b / a);
+    let discriminant = 1.0 - nearest.length_squared();
+    if discriminant < 0.0 {
+        return None;
+    }
+    let c = o.length_squared() - 1.0;
+    let root = (a * discriminant).sqrt();
+    let q = if b >= 0.0 { b + root } else { b - root };
+    let (t0, t1) = if q == 0.0 { (0.0, 0.0) } else { (c / q, q / a) };
+    let (near, far) = if t0 < t1 { (t0, t1) } else { (t1, t0) };
+    let t = if near > 0.0 { near } else { far };
+    (t > 0.0 && t < t_max).then_some((t, 0, Vec2::ZERO))
+}
+
+fn intersect_disc(placement: &Placement, ray: &Ray, t_max: f32) -> ShapeHit {
+    let o = placement.object_from_render.transform_point3(ray.origin);
+    let d = placement.object_from_render.transform_vector3(ray.dir);
+    if d.z == 0.0 {
+        return None;
+    }
+    let t = -o.z / d.z;
+    let p = (o + d * t).truncate();
+    (t > 0.0 && t < t_max && p.length_squared() <= 1.0).then_some((t, 0, p))
+}
+
+impl MeshBvh {
+    fn new(mesh: &Arc<Mesh>) -> Self {
+        let bounds: Vec<Bounds> = (0..mesh.triangles.len())
+            .map(|i| {
+                let [a, b, c] = mesh.corners(i as u32);
+                padded(a.min(b).min(c), a.max(b).max(c))
+            })
+            .collect();
+        Self {
+            mesh: mesh.clone(),
+            bvh: build_cwbvh(
+                &bounds,
+                BvhBuildParams::medium_build(),
+                &mut Duration::default(),
+            ),
+        }
+    }
+
+    fn intersect(&self, placement: &Placement, ray: &Ray, t_max: f32, any: bool) -> ShapeHit {
+        let (origin, dir) = if *placement == Placement::IDENTITY {
+            (ray.origin, ray.dir)
+        } else {
+            (
+                placement.object_from_render.transform_point3(ray.origin),
+                placement.object_from_render.transform_vector3(ray.dir),
+            )
+        };
+        let sheared = ShearedRay::new(origin, dir);
+        let mut best = None;
+        let mut unused = RayHit::none();
+        self.bvh
+            .ray_traverse(obvhs_ray(origin, dir, t_max), &mut unused, |r, i| {
+                let triangle = self.bvh.primitive_indices[i];
+                match sheared.intersect(self.mesh.corners(triangle), r.tmax) {
+                    Some((t, w)) => {
+                        best = Some((t, triangle, w));
+                        if any { -1.0 } else { t }
+                    }
+                    None => f32::INFINITY,
+                }
+            });
+        best
+    }
+}
+
+/// A ray sheared so that it runs along +z: triangle tests without leaks along edges (Woop, Benthin, Wald 2013,
+/// Watertight ray/triangle intersection).
+struct ShearedRay {
+    origin: Vec3,
+    axes: [usize; 3],
+    shear: Vec3,
+}
+
+impl ShearedRay {
+    fn new(origin: Vec3, dir: Vec3) -> Self {
+        let z = dir.abs().max_position();
+        let (x, y) = ((z + 1) % 3, (z + 2) % 3);
+        let (x, y) = if dir[z] < 0.0 { (y, x) } else { (x, y) };
+        Self {
+            origin,
+            axes: [x, y, z],
+            shear: Vec3::new(dir[x] / dir[z], dir[y] / dir[z], 1.0 / dir[z]),
+        }
+    }
+
+    #[inline]
+    fn project(&self, p: Vec3) -> Vec3 {
+        let p = p - self.origin;
+        let [x, y, z] = self.axes;
+        Vec3::new(
+            p[x] - self.shear.x * p[z],
+            p[y] - self.shear.y * p[z],
+            self.shear.z * p[z],
+        )
+    }
+
+    /// Distance and barycentric weights of the second and third corner.
+    #[inline]
+    fn intersect(&self, corners: [Vec3; 3], t_max: f32) -> Option<(f32, Vec2)> {
+        let [a, b, c] = corners.map(|p| self.project(p));
+        let mut u = c.x * b.y - c.y * b.x;
+        let mut v = a.x * c.y - a.y * c.x;
+        let mut w = b.x * a.y - b.y * a.x;
+        if u == 0.0 || v == 0.0 || w == 0.0 {
+            // On an edge as far as single precision can tell: decide in double, where the products are exact.
+            let cross = |p: Vec3, q: Vec3| {
+                (p.x as f64 * q.y as f64 - p.y as f64 * q.x as f64) as f32
+            };
+            u = cross(c, b);
+            v = cross(a, c);
+            w = cross(b, a);
+        }
+        if (u < 0.0 || v < 0.0 || w < 0.0) && (u > 0.0 || v > 0.0 || w > 0.0) {
+            return None;
+        }
+        let det = u + v + w;
+        if det == 0.0 {
+            return None;
+        }
+        let t = (u * a.z + v * b.z + w * c.z) / det;
+        (t > 0.0 && t < t_max).then(|| (t, Vec2::new(v / det, w / det)))
+    }
+}
+
+/// The ray that leaves a surface point towards `dir`, started far enough off the surface not to meet it again.
+#[inline]
+pub fn spawn_ray(point: Vec3, ng: Vec3, dir: Vec3) -> Ray {
+    let n = if ng.dot(dir) < 0.0 { -ng } else { ng };
+    Ray {
+        origin: offset_point(point, n),
+        dir,
+    }
+}

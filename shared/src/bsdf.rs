@@ -119,7 +119,13 @@ impl Bsdf {
         unimplemented!()
     }
     /// Draw `wi`. `u_lobe` chooses a lobe, `u` a direction in it. None: absorbed.
-    pub fn sample(&self, wo: Vec3, u_lobe: f32, u: Vec2, mode: TransportMode) -> Option<BsdfSample> {
+    pub fn sample(
+        &self,
+        wo: Vec3,
+        u_lobe: f32,
+        u: Vec2,
+        mode: TransportMode,
+    ) -> Option<BsdfSample> {
         let _ = (wo, u_lobe, u, mode);
         unimplemented!()
     }

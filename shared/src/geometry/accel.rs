@@ -1,8 +1,8 @@
 //! Ray queries: obvhs hierarchies over objects and, below them, over the triangles of each mesh.
 
+use super::Object;
 use super::mesh::Mesh;
 use super::shape::{Placement, RawHit, Shape, SurfaceHit};
-use super::{Object, offset_point};
 use crate::math::{Ray, Vec2, Vec3};
 use glam::Vec3A;
 use obvhs::Boundable;
@@ -38,10 +38,7 @@ impl Boundable for Bounds {
 /// A box grown by a few roundings, so that rays along its faces and flat boxes are not missed.
 fn padded(min: Vec3, max: Vec3) -> Bounds {
     let pad = (min.abs().max(max.abs()).max_element() * 1e-6).max(1e-30);
-    Bounds(Aabb::new(
-        Vec3A::from(min - pad),
-        Vec3A::from(max + pad),
-    ))
+    Bounds(Aabb::new(Vec3A::from(min - pad), Vec3A::from(max + pad)))
 }
 
 impl std::fmt::Debug for Geometry {
@@ -174,13 +171,14 @@ pub fn bounds(shape: &Shape) -> (Vec3, Vec3) {
     match shape {
         Shape::Sphere { placement, .. } => extent(placement, &[Vec3::X, Vec3::Y, Vec3::Z]),
         Shape::Disc { placement, .. } => extent(placement, &[Vec3::X, Vec3::Y]),
-        Shape::Mesh { mesh, placement } => mesh.positions.iter().fold(
-            (Vec3::INFINITY, Vec3::NEG_INFINITY),
-            |(min, max), &p| {
-                let p = placement.render_from_object.transform_point3(p);
-                (min.min(p), max.max(p))
-            },
-        ),
+        Shape::Mesh { mesh, placement } => {
+            mesh.positions
+                .iter()
+                .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(min, max), &p| {
+                    let p = placement.render_from_object.transform_point3(p);
+                    (min.min(p), max.max(p))
+                })
+        }
     }
 }
 
@@ -301,9 +299,8 @@ impl ShearedRay {
         let mut w = b.x * a.y - b.y * a.x;
         if u == 0.0 || v == 0.0 || w == 0.0 {
             // On an edge as far as single precision can tell: decide in double, where the products are exact.
-            let cross = |p: Vec3, q: Vec3| {
-                (p.x as f64 * q.y as f64 - p.y as f64 * q.x as f64) as f32
-            };
+            let cross =
+                |p: Vec3, q: Vec3| (p.x as f64 * q.y as f64 - p.y as f64 * q.x as f64) as f32;
             u = cross(c, b);
             v = cross(a, c);
             w = cross(b, a);
@@ -317,15 +314,5 @@ impl ShearedRay {
         }
         let t = (u * a.z + v * b.z + w * c.z) / det;
         (t > 0.0 && t < t_max).then(|| (t, Vec2::new(v / det, w / det)))
-    }
-}
-
-/// The ray that leaves a surface point towards `dir`, started far enough off the surface not to meet it again.
-#[inline]
-pub fn spawn_ray(point: Vec3, ng: Vec3, dir: Vec3) -> Ray {
-    let n = if ng.dot(dir) < 0.0 { -ng } else { ng };
-    Ray {
-        origin: offset_point(point, n),
-        dir,
     }
 }

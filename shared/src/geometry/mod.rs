@@ -4,7 +4,7 @@ pub mod accel;
 pub mod mesh;
 pub mod shape;
 
-pub use accel::{Geometry, bounds, spawn_ray};
+pub use accel::{Geometry, bounds};
 pub use mesh::Mesh;
 pub use shape::{Placement, Shape, SurfaceHit, SurfacePoint};
 
@@ -45,27 +45,4 @@ impl Boundary {
             self.exterior
         }
     }
-}
-
-/// `point` moved along the unit vector `n` by a distance that grows with the coordinates' rounding error (Wächter and
-/// Binder 2019, A fast and robust method for avoiding self-intersection).
-#[inline]
-pub fn offset_point(point: Vec3, n: Vec3) -> Vec3 {
-    const ORIGIN: f32 = 1.0 / 32.0;
-    const FLOAT_SCALE: f32 = 1.0 / 65536.0;
-    const INT_SCALE: f32 = 256.0;
-    let shift = |p: f32, n: f32| {
-        if p.abs() < ORIGIN {
-            p + FLOAT_SCALE * n
-        } else {
-            let steps = (INT_SCALE * n) as i32;
-            let steps = if p < 0.0 { -steps } else { steps };
-            f32::from_bits((p.to_bits() as i32).wrapping_add(steps) as u32)
-        }
-    };
-    Vec3::new(
-        shift(point.x, n.x),
-        shift(point.y, n.y),
-        shift(point.z, n.z),
-    )
 }

@@ -1,7 +1,7 @@
 //! Shapes: what a hit on them looks like, and how points on them are drawn. The search for hits is in `accel`.
 
 use super::Mesh;
-use crate::math::{PI, Vec2, Vec3, acos, atan2};
+use crate::math::{PI, Ray, Vec2, Vec3, acos, atan2};
 use crate::warp;
 use glam::Affine3A;
 use std::sync::Arc;
@@ -59,6 +59,14 @@ impl Placement {
         )
     }
 
+    /// Magnitude of the largest number that places a point of the unit cube.
+    #[inline]
+    fn scale(&self) -> f32 {
+        let m = &self.render_from_object;
+        let axes = m.matrix3.x_axis.abs() + m.matrix3.y_axis.abs() + m.matrix3.z_axis.abs();
+        (axes + m.translation.abs()).max_element()
+    }
+
     /// How much a small area with object-space unit normal `n` grows.
     #[inline]
     fn area_stretch(&self, n: Vec3) -> f32 {
@@ -86,6 +94,30 @@ pub struct SurfaceHit {
     /// Derivative of the shading normal by a displacement on the surface: `dn = curvature * dp`. 1/radius for spheres,
     /// zero for flat facets, the mean over the edges for interpolated normals.
     pub curvature: f32,
+    /// How far to move off the surface so as not to meet it again: some tens of roundings of the numbers involved.
+    pub clearance: f32,
+}
+
+impl SurfaceHit {
+    /// The ray that leaves the surface towards the unit vector `dir`.
+    #[inline]
+    pub fn spawn_ray(&self, dir: Vec3) -> Ray {
+        let side = if self.ng.dot(dir) < 0.0 {
+            -self.clearance
+        } else {
+            self.clearance
+        };
+        Ray {
+            origin: self.point + self.ng * side,
+            dir,
+        }
+    }
+}
+
+/// A clearance for coordinates of magnitude `scale`.
+#[inline]
+pub(crate) fn clearance(scale: f32) -> f32 {
+    (scale * 4e-6).max(1e-30)
 }
 
 /// A point drawn uniformly by area.
@@ -173,7 +205,7 @@ impl Shape {
 
     /// Everything about a hit. `origin` and `dir`: the ray in render space.
     pub(super) fn finish(&self, hit: RawHit, origin: Vec3, dir: Vec3) -> SurfaceHit {
-        let (point, ng, ns, uv, curvature) = match self {
+        let (point, ng, ns, uv, curvature, scale) = match self {
             Self::Sphere { placement, flip } => {
                 let p = (placement.object_from_render.transform_point3(origin)
                     + placement.object_from_render.transform_vector3(dir) * hit.t)
@@ -183,7 +215,8 @@ impl Shape {
                 let curvature = n.length();
                 let n = n * (sign / curvature);
                 let point = placement.render_from_object.transform_point3(p);
-                (point, n, n, sphere_uv(p), sign * curvature)
+                let scale = placement.scale();
+                (point, n, n, sphere_uv(p), sign * curvature, scale)
             }
             Self::Disc { placement, flip } => {
                 let n = placement.normal(Vec3::Z).normalize();
@@ -191,7 +224,7 @@ impl Shape {
                 let point = placement
                     .render_from_object
                     .transform_point3(hit.uv.extend(0.0));
-                (point, n, n, disc_uv(hit.uv), 0.0)
+                (point, n, n, disc_uv(hit.uv), 0.0, placement.scale())
             }
             Self::Mesh { mesh, placement } => {
                 let [a, b, c] = mesh.corners(hit.primitive);
@@ -209,7 +242,14 @@ impl Shape {
                     let ns = if ns.dot(ng) < 0.0 { -ns } else { ns };
                     (ns, edge_curvature([a, b, c], n))
                 };
-                (point, ng, ns, mesh_uv(mesh, hit.primitive, w), curvature)
+                let extent = a.abs().max(b.abs()).max(c.abs()).max_element();
+                let scale = if *placement == Placement::IDENTITY {
+                    extent
+                } else {
+                    placement.scale() * extent.max(1.0)
+                };
+                let uv = mesh_uv(mesh, hit.primitive, w);
+                (point, ng, ns, uv, curvature, scale)
             }
         };
         SurfaceHit {
@@ -221,6 +261,7 @@ impl Shape {
             object: hit.object,
             primitive: hit.primitive,
             curvature,
+            clearance: clearance(scale.max(point.abs().max_element())),
         }
     }
 }

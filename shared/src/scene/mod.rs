@@ -59,7 +59,9 @@ impl SceneDescription {
 }
 
 /// Read a scene file and every asset that it names into a bundle.
-pub fn read_bundle(path: &std::path::Path) -> Result<crate::bundle::Bundle, crate::error::SceneError> {
+pub fn read_bundle(
+    path: &std::path::Path,
+) -> Result<crate::bundle::Bundle, crate::error::SceneError> {
     let _ = path;
     unimplemented!()
 }

@@ -1,13 +1,14 @@
 //! The camera.
 
 use crate::math::{Frame, Ray, Vec2, Vec3};
+use crate::warp;
 
 /// Perspective camera with a thin lens. Its position is the origin of render space up to rounding.
 #[derive(Clone, Copy, Debug)]
 pub struct Camera {
     /// Centre of the lens.
     pub position: Vec3,
-    /// `s` to the right of the image, `t` up, `n` forward.
+    /// `s` to the right of the image, `t` up, `n` forward (so left-handed).
     pub frame: Frame,
     /// tan of half the horizontal field of view.
     pub tan_half_fov_x: f32,
@@ -23,8 +24,26 @@ pub struct Camera {
 
 impl Camera {
     /// The ray through a point of the image. `image`: in pixels, (0, 0) the top left corner, y down. `lens`: in [0, 1)^2.
+    #[inline]
     pub fn ray(&self, image: Vec2, lens: Vec2) -> Ray {
-        let _ = (image, lens);
-        unimplemented!()
+        let pixel = 2.0 * self.tan_half_fov_x / self.width as f32;
+        // On the plane at distance 1; pixels are square.
+        let film = Vec3::new(
+            (image.x - 0.5 * self.width as f32) * pixel,
+            (0.5 * self.height as f32 - image.y) * pixel,
+            1.0,
+        );
+        if self.aperture == 0.0 {
+            return Ray {
+                origin: self.position,
+                dir: self.frame.to_world(film).normalize(),
+            };
+        }
+        let on_lens = (warp::concentric_disk(lens) * self.aperture).extend(0.0);
+        let in_focus = film * self.focus_distance;
+        Ray {
+            origin: self.position + self.frame.to_world(on_lens),
+            dir: self.frame.to_world(in_focus - on_lens).normalize(),
+        }
     }
 }

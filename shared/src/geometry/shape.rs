@@ -67,6 +67,19 @@ impl Placement {
         (axes + m.translation.abs()).max_element()
     }
 
+    /// The factor on all lengths, if there is one: the map is a similarity up to rounding.
+    pub fn uniform_scale(&self) -> Option<f32> {
+        let m = &self.render_from_object.matrix3;
+        let length = m.x_axis.length();
+        let tolerance = 1e-5 * length;
+        let even = (m.y_axis.length() - length).abs() <= tolerance
+            && (m.z_axis.length() - length).abs() <= tolerance
+            && m.x_axis.dot(m.y_axis).abs() <= tolerance * length
+            && m.y_axis.dot(m.z_axis).abs() <= tolerance * length
+            && m.z_axis.dot(m.x_axis).abs() <= tolerance * length;
+        even.then_some(length)
+    }
+
     /// How much a small area with object-space unit normal `n` grows.
     #[inline]
     fn area_stretch(&self, n: Vec3) -> f32 {
@@ -199,6 +212,26 @@ impl Shape {
                     uv: mesh_uv(mesh, triangle, w),
                     pdf_area: (1.0 / total) as f32,
                 }
+            }
+        }
+    }
+
+    /// Density of [`Self::sample_area`] at a point with this unit geometric normal, in render space.
+    pub fn pdf_area(&self, normal: Vec3) -> f32 {
+        match self {
+            Self::Sphere { placement, .. } => {
+                let m = &placement.render_from_object.matrix3;
+                let n = Vec3::new(
+                    Vec3::from(m.x_axis).dot(normal),
+                    Vec3::from(m.y_axis).dot(normal),
+                    Vec3::from(m.z_axis).dot(normal),
+                );
+                // The inverse transpose maps n / |n| to a vector of length 1 / |n|.
+                n.length() / (4.0 * PI * m.determinant().abs())
+            }
+            Self::Disc { placement, .. } => 1.0 / (PI * placement.area_stretch(Vec3::Z)),
+            Self::Mesh { mesh, .. } => {
+                (1.0 / mesh.area_sums().last().copied().unwrap_or(0.0)) as f32
             }
         }
     }

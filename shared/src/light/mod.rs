@@ -1,9 +1,18 @@
 //! Light sources: what they emit, and how photons and shadow rays sample them.
 
-use crate::math::{Frame, Rgb, Vec2, Vec3};
+mod cdf;
+mod direct;
+mod emission;
+mod environment;
+mod selector;
+mod spot;
+
+pub use environment::{Environment, EnvironmentSample};
+pub use selector::{LightChoice, LightSelector};
+
+use crate::geometry::Object;
+use crate::math::{Frame, PI, Rgb, Vec2, Vec3};
 use crate::medium::MediumId;
-use crate::texture::Image;
-use std::sync::Arc;
 
 /// A light and the medium that its emission starts in.
 #[derive(Clone, Debug)]
@@ -57,17 +66,6 @@ pub enum LightKind {
     Environment(Environment),
 }
 
-/// Radiance from infinitely far away, by direction.
-#[derive(Clone, Debug)]
-pub struct Environment {
-    /// Lat-long image (u around +y from +z by way of +x … see light.rs), or `None` for a constant.
-    pub image: Option<Arc<Image>>,
-    /// Factor on the image, or the constant, W/(m^2 sr).
-    pub scale: Rgb,
-    /// Columns: the axes of the image's space in render space (a rotation).
-    pub render_from_env: glam::Mat3,
-}
-
 /// The start of a photon path.
 #[derive(Clone, Copy, Debug)]
 pub struct EmissionSample {
@@ -100,6 +98,15 @@ pub struct DirectSample {
     pub delta: bool,
 }
 
+/// Where a ray met a light.
+#[derive(Clone, Copy, Debug)]
+pub struct LightHit {
+    /// Unit geometric normal there, pointing outside.
+    pub normal: Vec3,
+    /// Distance along the ray.
+    pub distance: f32,
+}
+
 /// A sphere around all that can be hit, render space.
 #[derive(Clone, Copy, Debug)]
 pub struct SceneBounds {
@@ -118,4 +125,42 @@ pub struct EmissionUniforms {
     pub direction: Vec2,
     /// Which primitive of a mesh.
     pub primitive: f32,
+}
+
+impl Light {
+    /// Everything that the light emits into the scene, W: for lights infinitely far away, what crosses the disc that
+    /// covers the bounds.
+    pub fn power(&self, objects: &[Object], bounds: &SceneBounds) -> Rgb {
+        match &self.kind {
+            LightKind::Point { intensity, .. } => *intensity * (4.0 * PI),
+            LightKind::Spot {
+                intensity,
+                cutoff,
+                beam_width,
+                ..
+            } => *intensity * spot::effective_solid_angle(*beam_width, *cutoff),
+            LightKind::Directional { irradiance, .. } => *irradiance * bounds.disc_area(),
+            LightKind::Area { object, radiance } => {
+                *radiance * (PI * objects[*object as usize].shape.area())
+            }
+            LightKind::Environment(environment) => environment.fluence() * bounds.disc_area(),
+        }
+    }
+
+    /// Radiance that an area light emits at an angle to its geometric normal, W/(m^2 sr); zero for the other kinds.
+    #[inline]
+    pub fn radiance_area(&self, cos: f32) -> Rgb {
+        match &self.kind {
+            LightKind::Area { radiance, .. } if cos > 0.0 => *radiance,
+            _ => Rgb::ZERO,
+        }
+    }
+}
+
+impl SceneBounds {
+    /// Area of the disc that the sphere covers seen from afar.
+    #[inline]
+    fn disc_area(&self) -> f32 {
+        PI * self.radius * self.radius
+    }
 }

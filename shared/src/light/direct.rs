@@ -1,0 +1,182 @@
+//! Light towards a point, and the density with which it is sampled.
+
+use super::{DirectSample, Light, LightHit, LightKind, spot};
+use crate::geometry::{Object, Shape};
+use crate::math::{Frame, PI, Rgb, Vec2, Vec3, sin_cos};
+
+impl Light {
+    /// Draw a direction towards the light from a point. `None`: nothing arrives from where the sample fell.
+    pub fn sample_direct(
+        &self,
+        objects: &[Object],
+        from: Vec3,
+        u: Vec2,
+        u_primitive: f32,
+    ) -> Option<DirectSample> {
+        match &self.kind {
+            LightKind::Point {
+                position,
+                intensity,
+            } => from_point(*position - from, *intensity),
+            LightKind::Spot {
+                position,
+                frame,
+                intensity,
+                cutoff,
+                beam_width,
+            } => {
+                let angle = spot::angle_from_axis(frame, from - *position);
+                let falloff = spot::falloff(angle, *beam_width, *cutoff);
+                from_point(*position - from, *intensity * falloff).filter(|_| falloff > 0.0)
+            }
+            LightKind::Directional {
+                direction,
+                irradiance,
+            } => Some(DirectSample {
+                wi: -*direction,
+                distance: f32::INFINITY,
+                weight: *irradiance,
+                pdf: 1.0,
+                delta: true,
+            }),
+            LightKind::Area { object, radiance } => {
+                let shape = &objects[*object as usize].shape;
+                let (wi, distance, pdf) = match Cone::around(shape, from) {
+                    Some(cone) => cone.sample(u),
+                    None => {
+                        let at = shape.sample_area(u, u_primitive);
+                        let offset = at.point - from;
+                        let distance = offset.length();
+                        let wi = offset / distance;
+                        (
+                            wi,
+                            distance,
+                            per_solid_angle(at.pdf_area, -wi.dot(at.normal), distance)?,
+                        )
+                    }
+                };
+                Some(DirectSample {
+                    wi,
+                    distance,
+                    weight: *radiance / pdf,
+                    pdf,
+                    delta: false,
+                })
+            }
+            LightKind::Environment(environment) => {
+                let towards = environment.sample(u);
+                Some(DirectSample {
+                    wi: towards.dir,
+                    distance: f32::INFINITY,
+                    weight: environment.radiance(towards.dir) / towards.pdf,
+                    pdf: towards.pdf,
+                    delta: false,
+                })
+            }
+        }
+    }
+
+    /// Density per solid angle of [`Self::sample_direct`] choosing `wi`, for a ray that met the light by chance: `hit`
+    /// says where, and is `None` for a ray that left the scene. Zero for lights that no ray meets.
+    pub fn pdf_direct(
+        &self,
+        objects: &[Object],
+        from: Vec3,
+        wi: Vec3,
+        hit: Option<LightHit>,
+    ) -> f32 {
+        match (&self.kind, hit) {
+            (LightKind::Area { object, .. }, Some(hit)) => {
+                let shape = &objects[*object as usize].shape;
+                match Cone::around(shape, from) {
+                    Some(cone) => cone.pdf(),
+                    None => {
+                        let cos = -wi.dot(hit.normal);
+                        per_solid_angle(shape.pdf_area(hit.normal), cos, hit.distance)
+                            .unwrap_or(0.0)
+                    }
+                }
+            }
+            (LightKind::Environment(environment), None) => environment.pdf(wi),
+            _ => 0.0,
+        }
+    }
+}
+
+/// Light of a point source at `offset`.
+fn from_point(offset: Vec3, intensity: Rgb) -> Option<DirectSample> {
+    let distance = offset.length();
+    (distance > 0.0).then(|| DirectSample {
+        wi: offset / distance,
+        distance,
+        weight: intensity / distance / distance,
+        pdf: 1.0,
+        delta: true,
+    })
+}
+
+/// A density per area as one per solid angle; `None` on the side that does not emit, and where it overflows.
+fn per_solid_angle(pdf_area: f32, cos: f32, distance: f32) -> Option<f32> {
+    let pdf = pdf_area * distance * distance / cos;
+    (cos > 0.0 && pdf > 0.0 && pdf.is_finite()).then_some(pdf)
+}
+
+/// The cone that a sphere fills, seen from a point outside of it.
+struct Cone {
+    /// Unit direction to the centre.
+    axis: Vec3,
+    /// Distance of the centre.
+    distance: f32,
+    radius: f32,
+    /// sin^2 of the half angle: what small cones have digits of.
+    sin2: f32,
+    /// 1 - cos of the half angle.
+    one_minus_cos: f32,
+}
+
+impl Cone {
+    /// `None` unless the shape is a sphere under a similar map that emits outwards, with `from` outside of it.
+    fn around(shape: &Shape, from: Vec3) -> Option<Self> {
+        let Shape::Sphere {
+            placement,
+            flip: false,
+        } = shape
+        else {
+            return None;
+        };
+        let radius = placement.uniform_scale()?;
+        let offset = Vec3::from(placement.render_from_object.translation) - from;
+        let distance = offset.length();
+        if distance <= radius {
+            return None;
+        }
+        let ratio = radius / distance;
+        let sin2 = ratio * ratio;
+        Some(Self {
+            axis: offset / distance,
+            distance,
+            radius,
+            sin2,
+            one_minus_cos: sin2 / (1.0 + (1.0 - sin2).sqrt()),
+        })
+    }
+
+    fn pdf(&self) -> f32 {
+        1.0 / (2.0 * PI * self.one_minus_cos)
+    }
+
+    /// A direction uniform in the cone, the distance of the sphere along it, and the density.
+    fn sample(&self, u: Vec2) -> (Vec3, f32, f32) {
+        let one_minus_cos = u.x * self.one_minus_cos;
+        let cos = 1.0 - one_minus_cos;
+        let sin2 = one_minus_cos * (2.0 - one_minus_cos);
+        let (sin_phi, cos_phi) = sin_cos(2.0 * PI * u.y);
+        let local = Vec3::new(sin2.sqrt() * cos_phi, sin2.sqrt() * sin_phi, cos);
+        // The nearer root of t^2 - 2 d cos t + d^2 - r^2 = 0, as the product of both over the farther one.
+        let half_chord = self.radius * (1.0 - sin2 / self.sin2).max(0.0).sqrt();
+        let product = (self.distance - self.radius) * (self.distance + self.radius);
+        let distance = product / (self.distance * cos + half_chord);
+        let wi = Frame::from_normal(self.axis).to_world(local);
+        (wi, distance, self.pdf())
+    }
+}

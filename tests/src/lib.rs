@@ -1,1 +1,13 @@
-//! The harness.
+//! Statistics for tests of random code: chi-square tests of samplers against their densities, z-tests of estimates.
+//!
+//! A test states its significance: how often it would fail if all were right. Seeds are fixed, so that a test that passes
+//! goes on passing; when it is changed, the significance says what to expect of the new draw.
+
+pub mod chi2;
+pub mod quadrature;
+pub mod suite;
+pub mod z_test;
+
+pub use chi2::{Chi2, Chi2Result};
+pub use suite::Suite;
+pub use z_test::MeanEstimate;

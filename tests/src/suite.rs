@@ -1,0 +1,138 @@
+//! Many statistical tests with one significance for all of them together.
+
+use crate::chi2::Chi2Result;
+use crate::z_test::MeanEstimate;
+
+/// Collects p-values and judges them together. The bound on each p-value is corrected after Šidák, so that all of the
+/// tests pass with probability `1 - significance` when everything is right.
+#[derive(Debug)]
+pub struct Suite {
+    significance: f64,
+    p_values: Vec<(String, f64)>,
+    failures: Vec<String>,
+}
+
+impl Suite {
+    /// An empty suite. `significance` in (0, 1): the probability of a false alarm, 0.01 for most.
+    pub fn new(significance: f64) -> Self {
+        Self {
+            significance,
+            p_values: Vec::new(),
+            failures: Vec::new(),
+        }
+    }
+
+    /// Add a p-value. One that is not in [0, 1] (NaN, say) fails the suite.
+    pub fn p_value(&mut self, name: impl Into<String>, p: f64) {
+        let name = name.into();
+        if (0.0..=1.0).contains(&p) {
+            self.p_values.push((name, p));
+        } else {
+            self.failures.push(format!("{name}: p-value {p}"));
+        }
+    }
+
+    /// Add a chi-square test. Besides its p-value, samples of zero density and a density that integrates to more than
+    /// one fail the suite.
+    pub fn chi2(&mut self, name: impl Into<String>, result: &Chi2Result) {
+        let name = name.into();
+        if result.impossible > 0 {
+            self.failures.push(format!(
+                "{name}: {} samples where the density is zero, negative or not finite",
+                result.impossible
+            ));
+        }
+        if result.integral.is_nan() || result.integral > 1.0 + 1e-3 {
+            self.failures.push(format!(
+                "{name}: the density integrates to {}",
+                result.integral
+            ));
+        }
+        self.p_value(
+            format!(
+                "{name} (chi2 = {:.1}, {} dof)",
+                result.statistic, result.dof
+            ),
+            result.p_value,
+        );
+    }
+
+    /// Add a z-test of a mean against its known value.
+    pub fn mean(&mut self, name: impl Into<String>, estimate: &MeanEstimate, expected: f64) {
+        self.p_value(
+            format!(
+                "{} (mean {:e} +- {:e}, expected {expected:e})",
+                name.into(),
+                estimate.mean(),
+                estimate.std_error()
+            ),
+            estimate.p_value(expected),
+        );
+    }
+
+    /// Add a z-test of two estimates of the same mean.
+    pub fn same_mean(&mut self, name: impl Into<String>, a: &MeanEstimate, b: &MeanEstimate) {
+        self.p_value(
+            format!(
+                "{} (means {:e} +- {:e} and {:e} +- {:e})",
+                name.into(),
+                a.mean(),
+                a.std_error(),
+                b.mean(),
+                b.std_error()
+            ),
+            a.p_value_same(b),
+        );
+    }
+
+    /// The tests that failed, one a line; empty when all passed.
+    pub fn failures(&self) -> Vec<String> {
+        let tests = self.p_values.len().max(1) as f64;
+        // 1 - (1 - significance)^(1 / tests), without cancellation.
+        let bound = -libm::expm1(libm::log1p(-self.significance) / tests);
+        let mut failures = self.failures.clone();
+        for (name, p) in &self.p_values {
+            if *p < bound {
+                failures.push(format!("{name}: p = {p:e} < {bound:e}"));
+            }
+        }
+        failures
+    }
+
+    /// Panic with the list of failed tests, if any failed or if nothing was tested.
+    #[track_caller]
+    pub fn finish(self) {
+        assert!(!self.p_values.is_empty(), "nothing was tested");
+        let failures = self.failures();
+        assert!(
+            failures.is_empty(),
+            "{} of {} tests failed at significance {}:\n{}",
+            failures.len(),
+            self.p_values.len(),
+            self.significance,
+            failures.join("\n")
+        );
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bound_is_sidak_corrected() {
+        let mut suite = Suite::new(0.01);
+        for i in 0..100 {
+            // The bound is 1.005e-4 for 100 tests.
+            suite.p_value(format!("{i}"), if i == 7 { 1.004e-4 } else { 1.006e-4 });
+        }
+        assert_eq!(suite.failures().len(), 1);
+    }
+
+    #[test]
+    fn nan_fails() {
+        let mut suite = Suite::new(0.01);
+        suite.p_value("nan", f64::NAN);
+        assert_eq!(suite.failures().len(), 1);
+    }
+}

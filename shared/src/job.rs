@@ -194,3 +194,82 @@ impl std::ops::AddAssign for PassStats {
         self.non_finite += o.non_finite;
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn scene_hash_is_read_as_it_is_written() {
+        let hash = SceneHash(std::array::from_fn(|i| 7 * i as u8));
+        assert_eq!(hash.to_string().parse(), Ok(hash));
+        for bad in [
+            "",
+            "00",
+            &"0".repeat(63),
+            &"0".repeat(66),
+            &"g".repeat(64),
+            &"é".repeat(32),
+        ] {
+            let error = bad.parse::<SceneHash>().unwrap_err();
+            assert!(error.to_string().contains("64 hexadecimal digits"), "{bad}");
+        }
+    }
+
+    #[test]
+    fn blocks_stay_within_the_largest_job() {
+        assert_eq!(
+            Block::new(0, MAX_PASSES - 1).map(|block| block.passes().end),
+            Some(MAX_PASSES)
+        );
+        assert_eq!(Block::new(53, 0).map(|block| block.len()), Some(MAX_PASSES));
+        for (level, index) in [
+            (0, MAX_PASSES),
+            (53, 1),
+            (54, 0),
+            (64, 0),
+            (u32::MAX, u64::MAX),
+        ] {
+            assert_eq!(Block::new(level, index), None);
+            assert!(!Block { level, index }.to_string().is_empty());
+        }
+        assert_eq!(Block::leaf(3).to_string(), "pass 3");
+        assert_eq!(Block { level: 2, index: 3 }.to_string(), "passes 12..16");
+    }
+
+    #[test]
+    fn settings_without_a_schedule_are_refused() {
+        let good = JobSettings {
+            seed: 0,
+            alpha: 0.5,
+            schedule: ScheduleKind::Pass,
+            paths_per_pass: 1,
+            reference_paths: 1,
+        };
+        assert_eq!(good.check(), Ok(()));
+        for alpha in [0.0, 1.0, -0.5, f64::NAN, f64::INFINITY] {
+            let error = JobSettings { alpha, ..good }.check().unwrap_err();
+            assert!(error.to_string().starts_with("alpha is "), "{error}");
+        }
+        let settings = JobSettings {
+            paths_per_pass: 0,
+            ..good
+        };
+        assert_eq!(
+            settings.check(),
+            Err(SettingsError::NoPaths {
+                field: "paths_per_pass"
+            })
+        );
+        let settings = JobSettings {
+            reference_paths: 0,
+            ..good
+        };
+        assert_eq!(
+            settings.check(),
+            Err(SettingsError::NoPaths {
+                field: "reference_paths"
+            })
+        );
+    }
+}

@@ -198,3 +198,125 @@ impl fmt::Display for Metrics {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn film(width: u32, height: u32, value: impl Fn(u32, u32) -> [f32; 3]) -> Film {
+        let mut film = Film::new(width, height);
+        for (i, pixel) in film.pixels.iter_mut().enumerate() {
+            *pixel = value(i as u32 % width, i as u32 / width);
+        }
+        film
+    }
+
+    fn assert_near(value: f64, expected: f64) {
+        assert!(
+            (value - expected).abs() <= 1e-12 * expected.abs(),
+            "{value}, expected {expected}"
+        );
+    }
+
+    #[test]
+    fn an_image_is_itself() {
+        let image = film(11, 9, |x, y| [x as f32, y as f32, 0.0]);
+        let metrics = compare(&image, &image).unwrap();
+        assert_eq!((metrics.rmse, metrics.rel_mse), (0.0, 0.0));
+        assert_eq!((metrics.ratio, metrics.channel_ratio), (1.0, [1.0; 3]));
+        assert_eq!(metrics.largest_absolute, BlockDeviation::default());
+        assert_eq!(metrics.largest_relative, BlockDeviation::default());
+    }
+
+    /// Worked by hand on two pixels.
+    #[test]
+    fn definitions_hold() {
+        let reference = film(2, 1, |x, _| [[1.0, 2.0, 4.0], [3.0, 0.0, 4.0]][x as usize]);
+        let image = film(2, 1, |x, _| [[1.5, 2.0, 4.0], [3.0, 1.0, 2.0]][x as usize]);
+        let metrics = compare(&image, &reference).unwrap();
+        assert_near(metrics.rmse, (5.25f64 / 6.0).sqrt());
+        assert_near(
+            metrics.rel_mse,
+            (0.25 / 1.01 + 1.0 / 0.01 + 4.0 / 16.01) / 6.0,
+        );
+        assert_eq!(metrics.channel_ratio, [4.5 / 4.0, 3.0 / 2.0, 6.0 / 8.0]);
+        assert_near(metrics.ratio, 13.5 / 14.0);
+        assert_near(metrics.largest_absolute.absolute, -0.5 / 6.0);
+        assert_near(metrics.largest_absolute.relative, -0.5 / 14.0);
+    }
+
+    #[test]
+    fn a_biased_block_is_found() {
+        let reference = film(35, 20, |x, _| if x < 16 { [0.1; 3] } else { [10.0; 3] });
+        let image = film(35, 20, |x, y| match (x, y) {
+            (8..16, 0..8) => [0.2; 3],
+            // Within the last column of blocks, which takes in the rest: 11 x 12 pixels from (24, 8).
+            (34, 19) => [142.0; 3],
+            // Noise of mean zero.
+            _ if x < 8 => [if (x + y) % 2 == 0 { 0.0 } else { 0.2 }; 3],
+            _ if x < 16 => [0.1; 3],
+            _ => [10.0; 3],
+        });
+        let metrics = compare(&image, &reference).unwrap();
+        let BlockDeviation {
+            x,
+            y,
+            absolute,
+            relative,
+        } = metrics.largest_absolute;
+        assert_eq!((x, y), (24, 8));
+        assert_near(absolute, 1.0);
+        assert_near(relative, 0.1);
+        let BlockDeviation {
+            x,
+            y,
+            absolute,
+            relative,
+        } = metrics.largest_relative;
+        assert_eq!((x, y), (8, 0));
+        assert!((absolute - 0.1).abs() < 1e-8 && (relative - 1.0).abs() < 1e-7);
+        let table = metrics.to_string();
+        assert!(
+            table.contains("at (24, 8)") && table.contains("at (8, 0)"),
+            "{table}"
+        );
+    }
+
+    #[test]
+    fn black_blocks_do_not_divide_by_zero() {
+        let black = Film::new(8, 8);
+        let grey = film(8, 8, |_, _| [0.5; 3]);
+        assert_eq!(compare(&black, &black).unwrap().ratio, 1.0);
+        assert_eq!(compare(&grey, &black).unwrap().ratio, f64::INFINITY);
+        assert_eq!(
+            compare(&black, &grey).unwrap().largest_relative.relative,
+            -1.0
+        );
+    }
+
+    #[test]
+    fn bad_images_are_refused() {
+        let good = Film::new(4, 2);
+        let mut bad = good.clone();
+        bad.pixels[5][1] = f32::NAN;
+        let error = compare(&bad, &good).unwrap_err();
+        assert_eq!(
+            error.to_string(),
+            "the image has a NaN or an infinity at x = 1, y = 1"
+        );
+        bad.pixels[5][1] = f32::INFINITY;
+        let error = compare(&good, &bad).unwrap_err();
+        assert_eq!(
+            error.to_string(),
+            "the reference has a NaN or an infinity at x = 1, y = 1"
+        );
+        assert!(matches!(
+            compare(&good, &Film::new(2, 4)),
+            Err(MetricsError::Size { .. })
+        ));
+        assert!(matches!(
+            compare(&Film::new(0, 4), &Film::new(0, 4)),
+            Err(MetricsError::Size { .. })
+        ));
+    }
+}

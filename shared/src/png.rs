@@ -132,7 +132,10 @@ mod tests {
     #[test]
     fn dither_takes_each_threshold_once() {
         let mut thresholds: Vec<f32> = (0..64).map(|i| bayer(i % 8, i / 8) * 64.0 - 0.5).collect();
-        assert_eq!(thresholds[..8], [0.0, 32.0, 8.0, 40.0, 2.0, 34.0, 10.0, 42.0]);
+        assert_eq!(
+            thresholds[..8],
+            [0.0, 32.0, 8.0, 40.0, 2.0, 34.0, 10.0, 42.0]
+        );
         thresholds.sort_by(f32::total_cmp);
         assert!(thresholds.iter().enumerate().all(|(i, t)| *t == i as f32));
     }

@@ -2,7 +2,6 @@
 //!
 //! Data goes one way: scene, plan, pass, film, sum, image.
 
-pub mod atomic;
 pub mod bundle;
 pub mod error;
 pub mod exr;

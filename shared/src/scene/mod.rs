@@ -1,11 +1,24 @@
 //! The scene: read from TOML, validated, then immutable.
 
+mod assets;
+mod build;
+mod parse;
+mod source;
+mod transform;
+mod values;
+
 use crate::bsdf::Material;
+use crate::bundle::Bundle;
 use crate::camera::Camera;
+use crate::error::SceneError;
 use crate::geometry::Object;
 use crate::job::ScheduleKind;
 use crate::light::{Light, SceneBounds};
 use crate::medium::{Homogeneous, MediumId};
+use build::Problem;
+use parse::{Fault, SceneRecord};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
 
 /// Everything that a pass renders. Lengths in scene units; render space is world space moved so that the camera stands at
 /// the origin, which keeps single precision where it is needed.
@@ -50,18 +63,91 @@ pub struct RenderDefaults {
     pub radius: Option<f32>,
 }
 
+impl Default for RenderDefaults {
+    fn default() -> Self {
+        Self {
+            passes: 64,
+            paths_per_pass: 50_000,
+            alpha: 2.0 / 3.0,
+            schedule: ScheduleKind::Pass,
+            seed: 0,
+            exposure: 0.0,
+            radius: None,
+        }
+    }
+}
+
 impl SceneDescription {
-    /// Read, parse and validate the scene of a bundle.
-    pub fn load(bundle: &crate::bundle::Bundle) -> Result<Self, crate::error::SceneError> {
-        let _ = bundle;
-        unimplemented!()
+    /// Parse and validate the scene of a bundle. Errors name files as the bundle does: relative to the scene's folder.
+    pub fn load(bundle: &Bundle) -> Result<Self, SceneError> {
+        let file = Path::new(&bundle.scene);
+        let bytes = bundle.files.get(&bundle.scene).ok_or_else(|| SceneError {
+            file: file.to_path_buf(),
+            line: None,
+            message: "the bundle lacks its scene file".to_string(),
+        })?;
+        let text = text_of(file, bytes)?;
+        let record =
+            SceneRecord::parse(text).map_err(|fault| source::locate(file, text, &fault))?;
+        build::build(&record, bundle).map_err(|problem| match problem {
+            Problem::Scene(fault) => source::locate(file, text, &fault),
+            Problem::Asset { file, flaw } => SceneError {
+                file: PathBuf::from(file),
+                line: flaw.line,
+                message: flaw.message,
+            },
+        })
     }
 }
 
 /// Read a scene file and every asset that it names into a bundle.
-pub fn read_bundle(
-    path: &std::path::Path,
-) -> Result<crate::bundle::Bundle, crate::error::SceneError> {
-    let _ = path;
-    unimplemented!()
+pub fn read_bundle(path: &Path) -> Result<Bundle, SceneError> {
+    let unreadable = |reason: String| SceneError {
+        file: path.to_path_buf(),
+        line: None,
+        message: reason,
+    };
+    let name = path
+        .file_name()
+        .ok_or_else(|| unreadable("not the name of a file".to_string()))?;
+    let name = name
+        .to_str()
+        .ok_or_else(|| unreadable("the file's name is not UTF-8".to_string()))?;
+    let bytes = read_file(path).map_err(unreadable)?;
+    let text = text_of(path, &bytes)?;
+    let record = SceneRecord::parse(text).map_err(|fault| source::locate(path, text, &fault))?;
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let mut files = BTreeMap::new();
+    for asset in record.assets() {
+        let key = asset.get_ref();
+        if !files.contains_key(key) {
+            let bytes = read_file(&folder.join(key)).map_err(|reason| {
+                let fault = Fault::new(asset.span(), format!("the file \"{key}\": {reason}"));
+                source::locate(path, text, &fault)
+            })?;
+            files.insert(key.clone(), bytes);
+        }
+    }
+    files.insert(name.to_string(), bytes);
+    Ok(Bundle {
+        scene: name.to_string(),
+        files,
+    })
+}
+
+fn text_of<'a>(file: &Path, bytes: &'a [u8]) -> Result<&'a str, SceneError> {
+    std::str::from_utf8(bytes).map_err(|e| SceneError {
+        file: file.to_path_buf(),
+        line: Some(source::line_of(bytes, e.valid_up_to())),
+        message: "the scene file is not UTF-8 text".to_string(),
+    })
+}
+
+fn read_file(path: &Path) -> Result<Vec<u8>, String> {
+    // A device or a pipe might never end.
+    match std::fs::metadata(path) {
+        Ok(metadata) if !metadata.is_file() => Err("not a file".to_string()),
+        Ok(_) => std::fs::read(path).map_err(|e| e.to_string()),
+        Err(e) => Err(e.to_string()),
+    }
 }

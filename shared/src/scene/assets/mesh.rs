@@ -1,0 +1,209 @@
+//! Meshes as their files give them, and the meshes that are rendered.
+
+use super::{Flaw, obj, ply};
+use crate::geometry::Mesh;
+use glam::{DAffine3, DVec2, DVec3};
+
+/// A mesh in double precision, as its file gives it.
+#[derive(Clone, Debug, Default)]
+pub struct RawMesh {
+    /// Vertex positions.
+    pub positions: Vec<DVec3>,
+    /// One normal a vertex, or none at all.
+    pub normals: Vec<DVec3>,
+    /// One UV a vertex, or none at all.
+    pub uvs: Vec<DVec2>,
+    /// Vertex indices, counter-clockwise seen from outside.
+    pub triangles: Vec<[u32; 3]>,
+}
+
+impl RawMesh {
+    /// Read a PLY or OBJ file; its name's ending tells which.
+    pub fn read(name: &str, bytes: &[u8]) -> Result<Self, Flaw> {
+        let ending = name
+            .rsplit_once('.')
+            .map(|(_, ending)| ending.to_ascii_lowercase());
+        let mut mesh = match ending.as_deref() {
+            Some("ply") => ply::read(bytes)?,
+            Some("obj") => obj::read(bytes)?,
+            _ => return Err("unsupported kind of mesh file; expected .ply or .obj".into()),
+        };
+        mesh.check()?;
+        mesh.repair_normals();
+        Ok(mesh)
+    }
+
+    fn check(&self) -> Result<(), Flaw> {
+        if self.triangles.is_empty() {
+            return Err("the mesh is empty; expected at least one triangle".into());
+        }
+        let count = self.positions.len();
+        if let Some(i) = self.positions.iter().position(|p| !p.is_finite()) {
+            return Err(
+                format!("vertex {i} (from zero) has a position that is NaN or infinite").into(),
+            );
+        }
+        if let Some(i) = self.normals.iter().position(|n| !n.is_finite()) {
+            return Err(
+                format!("vertex {i} (from zero) has a normal that is NaN or infinite").into(),
+            );
+        }
+        if let Some(i) = self.uvs.iter().position(|uv| !uv.as_vec2().is_finite()) {
+            return Err(format!("vertex {i} (from zero) has a UV that is NaN or infinite").into());
+        }
+        let outside = |t: &[u32; 3]| t.iter().copied().find(|v| *v as usize >= count);
+        if let Some((i, v)) = self
+            .triangles
+            .iter()
+            .enumerate()
+            .find_map(|(i, t)| Some((i, outside(t)?)))
+        {
+            return Err(format!(
+                "triangle {i} (from zero) names vertex {v}, but there are {count}"
+            )
+            .into());
+        }
+        Ok(())
+    }
+
+    /// Give vertices whose normal is zero the mean of their triangles' normals.
+    fn repair_normals(&mut self) {
+        if self.normals.iter().all(|n| *n != DVec3::ZERO) {
+            return;
+        }
+        let mut sums = vec![DVec3::ZERO; self.positions.len()];
+        for t in &self.triangles {
+            let [a, b, c] = t.map(|v| self.positions[v as usize]);
+            for v in t {
+                sums[*v as usize] += (b - a).cross(c - a);
+            }
+        }
+        for (normal, sum) in self.normals.iter_mut().zip(sums) {
+            if *normal == DVec3::ZERO {
+                *normal = sum.try_normalize().unwrap_or(DVec3::Z);
+            }
+        }
+    }
+
+    /// The square [-1, 1]^2 in the xy plane, normal +z, UV from (0, 0) to (1, 1).
+    pub fn rectangle() -> Self {
+        let mut mesh = Self::default();
+        mesh.push_square(DVec3::ZERO, DVec3::X, DVec3::Y);
+        mesh
+    }
+
+    /// The cube [-1, 1]^3; every face has the whole unit square of UV.
+    pub fn cube() -> Self {
+        let mut mesh = Self::default();
+        for (x, y) in [
+            (DVec3::X, DVec3::Y),
+            (DVec3::Y, DVec3::X),
+            (DVec3::Y, DVec3::Z),
+            (DVec3::Z, DVec3::Y),
+            (DVec3::Z, DVec3::X),
+            (DVec3::X, DVec3::Z),
+        ] {
+            mesh.push_square(x.cross(y), x, y);
+        }
+        mesh
+    }
+
+    fn push_square(&mut self, center: DVec3, x: DVec3, y: DVec3) {
+        let first = self.positions.len() as u32;
+        for (u, v) in [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)] {
+            self.positions
+                .push(center + x * (2.0 * u - 1.0) + y * (2.0 * v - 1.0));
+            self.uvs.push(DVec2::new(u, v));
+        }
+        self.triangles.push([first, first + 1, first + 2]);
+        self.triangles.push([first, first + 2, first + 3]);
+    }
+
+    /// Area under a map.
+    pub fn area(&self, map: &DAffine3) -> f64 {
+        let doubled = |t: &[u32; 3]| {
+            let [a, b, c] = t.map(|v| map.transform_point3(self.positions[v as usize]));
+            (b - a).cross(c - a).length()
+        };
+        0.5 * self.triangles.iter().map(doubled).sum::<f64>()
+    }
+
+    /// The mesh under a map, in single precision. `flip` turns its outside in; a map that mirrors does not. Triangles
+    /// without an area are left out.
+    pub fn to_mesh(&self, map: &DAffine3, flip: bool, vertex_normals: bool) -> Mesh {
+        let reverse = flip != (map.matrix3.determinant() < 0.0);
+        let normal_map = map.matrix3.inverse().transpose() * if flip { -1.0 } else { 1.0 };
+        let normals = match vertex_normals {
+            true => self.normals.as_slice(),
+            false => &[],
+        };
+        let mut mesh = Mesh {
+            positions: self
+                .positions
+                .iter()
+                .map(|p| map.transform_point3(*p).as_vec3())
+                .collect(),
+            normals: normals
+                .iter()
+                .map(|n| (normal_map * *n).normalize().as_vec3())
+                .collect(),
+            uvs: self.uvs.iter().map(|uv| uv.as_vec2()).collect(),
+            triangles: self.triangles.clone(),
+            ..Mesh::default()
+        };
+        if reverse {
+            mesh.triangles.iter_mut().for_each(|t| t.swap(1, 2));
+        }
+        let positions = &mesh.positions;
+        mesh.triangles.retain(|t| {
+            let [a, b, c] = t.map(|v| positions[v as usize].as_dvec3());
+            (b - a).cross(c - a) != DVec3::ZERO
+        });
+        mesh
+    }
+
+    /// Why the mesh does not separate an inside from an outside, if it does not. Vertices at one position are one.
+    pub fn opening(&self) -> Option<String> {
+        let welded = self.weld();
+        let mut edges = Vec::with_capacity(3 * self.triangles.len());
+        for t in &self.triangles {
+            let [a, b, c] = t.map(|v| welded[v as usize]);
+            for (from, to) in [(a, b), (b, c), (c, a)] {
+                if from != to {
+                    edges.push((from.min(to), from.max(to), from < to));
+                }
+            }
+        }
+        edges.sort_unstable();
+        let bad = edges
+            .chunk_by(|e, f| (e.0, e.1) == (f.0, f.1))
+            .find(|edge| {
+                let upwards = edge.iter().filter(|e| e.2).count();
+                2 * upwards != edge.len()
+            })?;
+        let [from, to] = [bad[0].0, bad[0].1].map(|v| self.positions[v as usize].to_array());
+        let reason = match bad.len() {
+            1 => "belongs to one triangle only",
+            n if n % 2 == 0 => "belongs to triangles that wind in different directions",
+            _ => "belongs to an odd number of triangles",
+        };
+        Some(format!("its edge from {from:?} to {to:?} {reason}"))
+    }
+
+    /// For each vertex the first vertex at its position.
+    fn weld(&self) -> Vec<u32> {
+        // Adding zero turns -0 into +0.
+        let key = |v: u32| {
+            (self.positions[v as usize] + 0.0)
+                .to_array()
+                .map(f64::to_bits)
+        };
+        let mut order: Vec<u32> = (0..self.positions.len() as u32).collect();
+        order.sort_unstable_by_key(|v| (key(*v), *v));
+        let mut welded = vec![0; order.len()];
+        for same in order.chunk_by(|a, b| key(*a) == key(*b)) {
+            same.iter().for_each(|v| welded[*v as usize] = same[0]);
+        }
+        welded
+    }
+}

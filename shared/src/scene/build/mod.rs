@@ -1,0 +1,206 @@
+//! From records to the scene that is rendered: names resolved, numbers in single precision, everything moved so that
+//! the camera stands at the origin.
+
+mod bounds;
+mod light;
+mod material;
+mod medium;
+mod metals;
+mod shape;
+mod view;
+
+use super::assets::{Flaw, image, mesh::RawMesh};
+use super::parse::{Fault, RenderRecord, SceneRecord};
+use super::{RenderDefaults, SceneDescription};
+use crate::bundle::Bundle;
+use crate::medium::MediumId;
+use crate::texture::Image;
+use glam::DVec3;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use toml::Spanned;
+
+/// Why a scene cannot be built.
+#[derive(Debug)]
+pub enum Problem {
+    /// At a place of the scene file.
+    Scene(Fault),
+    /// In an asset.
+    Asset {
+        /// Its path, as the scene file writes it.
+        file: String,
+        /// What is wrong with it.
+        flaw: Flaw,
+    },
+}
+
+impl From<Fault> for Problem {
+    fn from(fault: Fault) -> Self {
+        Self::Scene(fault)
+    }
+}
+
+/// Build the scene of a record, with the assets of a bundle.
+pub fn build(record: &SceneRecord, bundle: &Bundle) -> Result<SceneDescription, Problem> {
+    let media = medium::Media::new(&record.media)?;
+    let world_medium = media.resolve_or(record.world.medium.as_ref(), None)?;
+    let mut assets = Assets::new(bundle);
+    let materials = material::Materials::new(&record.materials, &mut assets)?;
+    let camera = view::camera(&record.image, &record.camera)?;
+    let camera_medium = match &record.camera.medium {
+        Some(name) => Some(media.resolve(name)?),
+        None => None,
+    };
+    let mut parts = Parts {
+        render_origin: record.camera.origin.0,
+        world_medium,
+        media,
+        materials,
+        assets,
+        objects: Vec::new(),
+        lights: Vec::new(),
+        extents: Vec::new(),
+    };
+    parts.extents.push(bounds::Sphere::point(DVec3::ZERO));
+    parts.add_lights(&record.lights)?;
+    for (i, shape) in record.shapes.iter().enumerate() {
+        let name = shape.name.clone().unwrap_or_else(|| format!("shapes[{i}]"));
+        parts.add_shape(shape, &name)?;
+    }
+    Ok(SceneDescription {
+        camera,
+        camera_medium,
+        world_medium,
+        bounds: bounds::around(&parts.extents).map_err(|message| Fault {
+            span: None,
+            message,
+        })?,
+        objects: parts.objects,
+        materials: parts.materials.list,
+        media: parts.media.list,
+        lights: parts.lights,
+        defaults: defaults(&record.render)?,
+    })
+}
+
+/// What is being built.
+struct Parts<'a> {
+    /// World position of the camera: the origin of render space.
+    render_origin: DVec3,
+    world_medium: MediumId,
+    media: medium::Media,
+    materials: material::Materials,
+    assets: Assets<'a>,
+    objects: Vec<crate::geometry::Object>,
+    lights: Vec<crate::light::Light>,
+    extents: Vec<bounds::Sphere>,
+}
+
+/// The bundle's files, each decoded once.
+struct Assets<'a> {
+    bundle: &'a Bundle,
+    images: BTreeMap<String, Arc<Image>>,
+    meshes: BTreeMap<String, Arc<RawMesh>>,
+}
+
+impl<'a> Assets<'a> {
+    fn new(bundle: &'a Bundle) -> Self {
+        Self {
+            bundle,
+            images: BTreeMap::new(),
+            meshes: BTreeMap::new(),
+        }
+    }
+
+    fn image(&mut self, path: &Spanned<String>) -> Result<Arc<Image>, Problem> {
+        load(&mut self.images, self.bundle, path, |_, bytes| {
+            image::read(bytes)
+        })
+    }
+
+    fn mesh(&mut self, path: &Spanned<String>) -> Result<Arc<RawMesh>, Problem> {
+        load(&mut self.meshes, self.bundle, path, RawMesh::read)
+    }
+}
+
+fn load<T>(
+    loaded: &mut BTreeMap<String, Arc<T>>,
+    bundle: &Bundle,
+    path: &Spanned<String>,
+    read: impl Fn(&str, &[u8]) -> Result<T, Flaw>,
+) -> Result<Arc<T>, Problem> {
+    let name = path.get_ref();
+    if let Some(asset) = loaded.get(name) {
+        return Ok(asset.clone());
+    }
+    let bytes = bundle
+        .files
+        .get(name)
+        .ok_or_else(|| Fault::new(path.span(), format!("the bundle lacks the file \"{name}\"")))?;
+    let asset = Arc::new(read(name, bytes).map_err(|flaw| asset_problem(path, flaw))?);
+    loaded.insert(name.clone(), asset.clone());
+    Ok(asset)
+}
+
+fn asset_problem(path: &Spanned<String>, flaw: impl Into<Flaw>) -> Problem {
+    Problem::Asset {
+        file: path.get_ref().clone(),
+        flaw: flaw.into(),
+    }
+}
+
+/// The value of a field that this kind of thing cannot do without; `kind`: where its type is written.
+fn required<'r, T, K>(field: &'r Option<T>, kind: &Spanned<K>, name: &str) -> Result<&'r T, Fault> {
+    let missing = || {
+        Fault::new(
+            kind.span(),
+            format!("with this type the field `{name}` is required"),
+        )
+    };
+    field.as_ref().ok_or_else(missing)
+}
+
+fn unknown_name<'n>(
+    what: &str,
+    name: &Spanned<String>,
+    known: impl Iterator<Item = &'n str>,
+) -> Fault {
+    let known: Vec<String> = known.map(|n| format!("\"{n}\"")).collect();
+    let known = match known.len() {
+        0 => "the scene defines none".to_string(),
+        1..=12 => format!("the scene defines {}", known.join(", ")),
+        n => format!("the scene defines {n} others"),
+    };
+    Fault::new(
+        name.span(),
+        format!("there is no {what} \"{}\"; {known}", name.get_ref()),
+    )
+}
+
+fn defaults(record: &RenderRecord) -> Result<RenderDefaults, Fault> {
+    let at_least_one = |span| Fault::new(span, "expected at least 1, found 0");
+    let standard = RenderDefaults::default();
+    if let Some(passes) = record.passes.as_ref().filter(|n| *n.get_ref() == 0) {
+        return Err(at_least_one(passes.span()));
+    }
+    if let Some(paths) = record.paths.as_ref().filter(|n| *n.get_ref() == 0) {
+        return Err(at_least_one(paths.span()));
+    }
+    Ok(RenderDefaults {
+        passes: record
+            .passes
+            .as_ref()
+            .map_or(standard.passes, |n| *n.get_ref()),
+        paths_per_pass: record
+            .paths
+            .as_ref()
+            .map_or(standard.paths_per_pass, |n| *n.get_ref()),
+        alpha: record.alpha.map_or(standard.alpha, |alpha| alpha.0),
+        schedule: record.schedule.unwrap_or(standard.schedule),
+        seed: record.seed.unwrap_or(standard.seed),
+        exposure: record
+            .exposure
+            .map_or(standard.exposure, |stops| stops.f32()),
+        radius: record.radius.map(|radius| radius.f32()),
+    })
+}

@@ -1,0 +1,400 @@
+//! Shapes: placed, flipped, made of their materials, bounding their media, emitting.
+
+use super::bounds::Sphere;
+use super::{Parts, Problem, asset_problem, required};
+use crate::bsdf::MaterialKind;
+use crate::geometry::shape::Placement;
+use crate::geometry::{Boundary, Mesh, Object, Shape};
+use crate::light::{Light, LightKind};
+use crate::math::Rgb;
+use crate::scene::assets::mesh::RawMesh;
+use crate::scene::parse::{Fault, ShapeRecord, ShapeType, Step};
+use crate::scene::transform;
+use glam::{DAffine3, DVec3};
+use std::f64::consts::PI;
+use std::sync::Arc;
+use toml::Spanned;
+
+/// A shape in its own space.
+enum Form {
+    Sphere,
+    Disc,
+    Mesh(Arc<RawMesh>),
+}
+
+/// Everything about a shape but where it stands.
+struct Surface<'r> {
+    form: Form,
+    record: &'r ShapeRecord,
+    material: u32,
+    boundary: Option<Boundary>,
+}
+
+impl Parts<'_> {
+    /// Add the objects of a shape: one, or one for each instance.
+    pub fn add_shape(&mut self, record: &ShapeRecord, name: &str) -> Result<(), Problem> {
+        if *record.kind.get_ref() == ShapeType::Instances {
+            return self.add_instances(record, name);
+        }
+        let surface = self.surface(record)?;
+        let own = own_map(record)?;
+        let map = self.to_render_space(own, place(record))?;
+        let shape = self.placed(&surface, &map)?;
+        let light = self.area_light(&surface, &map, &shape, name)?;
+        self.push(&surface, shape, name.to_string(), light)
+    }
+
+    fn add_instances(&mut self, record: &ShapeRecord, name: &str) -> Result<(), Problem> {
+        let inner = required(&record.shape, &record.kind, "shape")?.get_ref();
+        let transforms = required(&record.transforms, &record.kind, "transforms")?;
+        if let Some(emission) = &inner.emission {
+            return Err(Fault::new(
+                emission.span(),
+                "instances cannot emit; list shapes of their own",
+            )
+            .into());
+        }
+        let surface = self.surface(inner)?;
+        let own = own_map(inner)?;
+        let mut shared = match &surface.form {
+            Form::Mesh(raw) => Some(SharedMesh::new(raw, inner)),
+            _ => None,
+        };
+        for (i, steps) in transforms.get_ref().iter().enumerate() {
+            let map = composed(steps)? * own;
+            let map = self.to_render_space(map, steps.span())?;
+            let shape = match &mut shared {
+                Some(shared) => {
+                    self.extents.push(shared.extent(&map));
+                    shared.place(&map).ok_or_else(|| no_area(inner))?
+                }
+                None => self.placed(&surface, &map)?,
+            };
+            self.push(&surface, shape, format!("{name}[{i}]"), None)?;
+        }
+        Ok(())
+    }
+
+    fn push(
+        &mut self,
+        surface: &Surface<'_>,
+        shape: Shape,
+        name: String,
+        light: Option<u32>,
+    ) -> Result<(), Problem> {
+        if self.objects.len() >= u32::MAX as usize {
+            return Err(Fault::new(surface.record.kind.span(), "more than 2^32 objects").into());
+        }
+        self.objects.push(Object {
+            name,
+            shape,
+            material: surface.material,
+            boundary: surface.boundary,
+            light,
+        });
+        Ok(())
+    }
+
+    /// Resolve the record's names and its mesh.
+    fn surface<'r>(&mut self, record: &'r ShapeRecord) -> Result<Surface<'r>, Problem> {
+        let form = match record.kind.get_ref() {
+            ShapeType::Sphere => Form::Sphere,
+            ShapeType::Disc => Form::Disc,
+            ShapeType::Rectangle => Form::Mesh(Arc::new(RawMesh::rectangle())),
+            ShapeType::Cube => Form::Mesh(Arc::new(RawMesh::cube())),
+            ShapeType::Mesh => Form::Mesh(self.assets.mesh(required(
+                &record.file,
+                &record.kind,
+                "file",
+            )?)?),
+            ShapeType::Instances => {
+                let message = "expected the type of one shape";
+                return Err(Fault::new(record.kind.span(), message).into());
+            }
+        };
+        let material = match &record.material {
+            Some(name) => self.materials.resolve(name)?,
+            None => self.materials.default(record.emission.is_some()),
+        };
+        let boundary = self.boundary(record, &form, material)?;
+        Ok(Surface {
+            form,
+            record,
+            material,
+            boundary,
+        })
+    }
+
+    fn boundary(
+        &self,
+        record: &ShapeRecord,
+        form: &Form,
+        material: u32,
+    ) -> Result<Option<Boundary>, Problem> {
+        let transmits = matches!(
+            self.materials.list[material as usize].kind,
+            MaterialKind::Dielectric { .. }
+                | MaterialKind::RoughDielectric { .. }
+                | MaterialKind::Null
+        );
+        if !transmits {
+            return match record.interior.as_ref().or(record.exterior.as_ref()) {
+                None => Ok(None),
+                Some(name) => Err(Fault::new(
+                    name.span(),
+                    "an opaque surface bounds no medium; expected a material of type \"dielectric\", \
+                     \"rough_dielectric\" or \"null\" on this shape",
+                )
+                .into()),
+            };
+        }
+        let boundary = Boundary {
+            interior: self.media.resolve_or(record.interior.as_ref(), None)?,
+            exterior: self
+                .media
+                .resolve_or(record.exterior.as_ref(), self.world_medium)?,
+        };
+        if boundary.interior != boundary.exterior
+            && let Some(reason) = opening(form)
+        {
+            let place = [&record.interior, &record.exterior, &record.material]
+                .into_iter()
+                .flatten()
+                .next();
+            let message = format!(
+                "an open surface cannot be the boundary between the media \"{}\" (inside) and \"{}\" (outside): {reason}",
+                self.media.name(boundary.interior),
+                self.media.name(boundary.exterior),
+            );
+            return Err(
+                Fault::new(place.map_or(record.kind.span(), Spanned::span), message).into(),
+            );
+        }
+        Ok(Some(boundary))
+    }
+
+    /// A map to world space, moved to render space.
+    fn to_render_space(
+        &self,
+        map: DAffine3,
+        place: std::ops::Range<usize>,
+    ) -> Result<DAffine3, Fault> {
+        let map = DAffine3::from_translation(-self.render_origin) * map;
+        match transform::is_invertible(&map) {
+            true => Ok(map),
+            false => Err(Fault::new(
+                place,
+                "the shape's transform cannot be inverted: it makes the shape flat (for a rectangle or disc, leave the \
+                 third factor of `scale` at 1), or it is too large or too small for single precision",
+            )),
+        }
+    }
+
+    /// The shape at its place, as an object of its own.
+    fn placed(&mut self, surface: &Surface<'_>, map: &DAffine3) -> Result<Shape, Problem> {
+        let flip = flips(surface.record);
+        let (shape, extent) = match &surface.form {
+            Form::Sphere => {
+                let placement = placement(map);
+                (
+                    Shape::Sphere { placement, flip },
+                    Sphere::of_unit_sphere(map),
+                )
+            }
+            Form::Disc => {
+                let placement = placement(map);
+                (Shape::Disc { placement, flip }, Sphere::of_unit_sphere(map))
+            }
+            Form::Mesh(raw) => {
+                let mesh = raw.to_mesh(map, flip, keeps_normals(surface.record));
+                if mesh.triangles.is_empty() {
+                    return Err(no_area(surface.record));
+                }
+                let extent = Sphere::around(mesh.positions.iter().map(|p| p.as_dvec3()));
+                let placement = Placement::IDENTITY;
+                let mesh = Arc::new(mesh);
+                (Shape::Mesh { mesh, placement }, extent)
+            }
+        };
+        self.extents.push(extent);
+        Ok(shape)
+    }
+
+    /// The light of an emitting shape, which the next object will be.
+    fn area_light(
+        &mut self,
+        surface: &Surface<'_>,
+        map: &DAffine3,
+        shape: &Shape,
+        name: &str,
+    ) -> Result<Option<u32>, Problem> {
+        let Some(emission) = &surface.record.emission else {
+            return Ok(None);
+        };
+        let radiance = match (&emission.get_ref().radiance, &emission.get_ref().power) {
+            (Some(radiance), None) => radiance.rgb(),
+            (None, Some(power)) => {
+                let area = area(&surface.form, map, shape);
+                Rgb::from_array(power.0.map(|watts| (watts / (PI * area)) as f32))
+            }
+            _ => {
+                let message = "emission is given by `radiance` (W/(m^2 sr)) or by `power` (W): exactly one of them";
+                return Err(Fault::new(emission.span(), message).into());
+            }
+        };
+        if !radiance.is_finite() {
+            return Err(Fault::new(
+                emission.span(),
+                "the radiance is too large for single precision",
+            )
+            .into());
+        }
+        if radiance == Rgb::ZERO {
+            return Ok(None);
+        }
+        self.lights.push(Light {
+            name: name.to_string(),
+            kind: LightKind::Area {
+                object: self.objects.len() as u32,
+                radiance,
+            },
+            medium: surface.boundary.map_or(self.world_medium, |b| b.exterior),
+        });
+        Ok(Some((self.lights.len() - 1) as u32))
+    }
+}
+
+/// One mesh around the origin of its own space for all instances, and its mirror image for those that mirror.
+struct SharedMesh<'a> {
+    raw: &'a RawMesh,
+    flip: bool,
+    vertex_normals: bool,
+    center: DVec3,
+    /// Radius of a sphere around the mesh.
+    radius: f64,
+    upright: Option<Arc<Mesh>>,
+    mirrored: Option<Arc<Mesh>>,
+}
+
+impl<'a> SharedMesh<'a> {
+    fn new(raw: &'a RawMesh, record: &ShapeRecord) -> Self {
+        let Sphere { center, radius } = Sphere::around(raw.positions.iter().copied());
+        Self {
+            raw,
+            flip: flips(record),
+            vertex_normals: keeps_normals(record),
+            center,
+            radius,
+            upright: None,
+            mirrored: None,
+        }
+    }
+
+    /// The mesh under a map; `None` when it has no area.
+    fn place(&mut self, map: &DAffine3) -> Option<Shape> {
+        let mirrors = map.matrix3.determinant() < 0.0;
+        let (slot, mirror) = match mirrors {
+            true => (
+                &mut self.mirrored,
+                DAffine3::from_scale(DVec3::new(-1.0, 1.0, 1.0)),
+            ),
+            false => (&mut self.upright, DAffine3::IDENTITY),
+        };
+        let (raw, flip, vertex_normals) = (self.raw, self.flip, self.vertex_normals);
+        let to_origin = mirror * DAffine3::from_translation(-self.center);
+        let mesh =
+            slot.get_or_insert_with(|| Arc::new(raw.to_mesh(&to_origin, flip, vertex_normals)));
+        (!mesh.triangles.is_empty()).then(|| Shape::Mesh {
+            mesh: mesh.clone(),
+            placement: placement(&(*map * to_origin.inverse())),
+        })
+    }
+
+    fn extent(&self, map: &DAffine3) -> Sphere {
+        let around = DAffine3::from_translation(self.center)
+            * DAffine3::from_scale(DVec3::splat(self.radius));
+        Sphere::of_unit_sphere(&(*map * around))
+    }
+}
+
+fn own_map(record: &ShapeRecord) -> Result<DAffine3, Fault> {
+    let center = record
+        .center
+        .as_ref()
+        .map_or(DVec3::ZERO, |c| c.get_ref().0);
+    let radius = record.radius.as_ref().map_or(1.0, |r| r.get_ref().0);
+    let ball = DAffine3::from_translation(center) * DAffine3::from_scale(DVec3::splat(radius));
+    match &record.transform {
+        Some(steps) => Ok(composed(steps)? * ball),
+        None => Ok(ball),
+    }
+}
+
+fn composed(steps: &Spanned<Vec<Step>>) -> Result<DAffine3, Fault> {
+    transform::compose(steps.get_ref()).map_err(|message| Fault::new(steps.span(), message))
+}
+
+fn place(record: &ShapeRecord) -> std::ops::Range<usize> {
+    let transform = record.transform.as_ref().map(|t| t.span());
+    transform
+        .or(record.radius.as_ref().map(|r| r.span()))
+        .unwrap_or(record.kind.span())
+}
+
+fn flips(record: &ShapeRecord) -> bool {
+    record
+        .flip_normals
+        .as_ref()
+        .is_some_and(|flip| *flip.get_ref())
+}
+
+fn keeps_normals(record: &ShapeRecord) -> bool {
+    !record
+        .face_normals
+        .as_ref()
+        .is_some_and(|faces| *faces.get_ref())
+}
+
+fn placement(map: &DAffine3) -> Placement {
+    let single = |map: &DAffine3| glam::Affine3A {
+        matrix3: glam::Mat3A::from(map.matrix3.as_mat3()),
+        translation: map.translation.as_vec3a(),
+    };
+    Placement {
+        render_from_object: single(map),
+        object_from_render: single(&map.inverse()),
+    }
+}
+
+fn no_area(record: &ShapeRecord) -> Problem {
+    let message = "no triangle of the mesh has an area";
+    match &record.file {
+        Some(path) => asset_problem(path, message),
+        None => Fault::new(place(record), message).into(),
+    }
+}
+
+/// Why a form does not separate an inside from an outside, if it does not.
+fn opening(form: &Form) -> Option<String> {
+    match form {
+        Form::Sphere => None,
+        Form::Disc => Some("a disc has no inside".to_string()),
+        Form::Mesh(raw) => raw.opening(),
+    }
+}
+
+/// Area in scene units squared.
+fn area(form: &Form, map: &DAffine3, shape: &Shape) -> f64 {
+    let m = map.matrix3;
+    match form {
+        Form::Sphere => match placement(map).uniform_scale() {
+            Some(_) => {
+                let radius = libm::cbrt(m.determinant().abs());
+                4.0 * PI * radius * radius
+            }
+            None => f64::from(shape.area()),
+        },
+        Form::Disc => PI * m.x_axis.cross(m.y_axis).length(),
+        Form::Mesh(raw) => raw.area(map),
+    }
+}

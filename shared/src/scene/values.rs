@@ -1,0 +1,227 @@
+//! Numbers and colours of a scene file, checked while they are read so that an error knows its line.
+
+use crate::math::Rgb;
+use glam::DVec3;
+use serde::de::{Error, MapAccess, SeqAccess, Visitor, value::MapAccessDeserializer};
+use serde::{Deserialize, Deserializer};
+use std::fmt;
+use std::marker::PhantomData;
+use toml::Spanned;
+
+/// What a number may be.
+pub trait Range {
+    /// For messages: "expected ...".
+    const EXPECTED: &'static str;
+    /// Whether `x` may be used. It is finite.
+    fn holds(x: f32) -> bool;
+}
+
+macro_rules! ranges {
+    ($($(#[$doc:meta])* $name:ident: $expected:literal, $test:expr;)*) => {$(
+        $(#[$doc])*
+        #[derive(Clone, Copy, Debug)]
+        pub struct $name;
+        impl Range for $name {
+            const EXPECTED: &'static str = $expected;
+            fn holds(x: f32) -> bool {
+                let test: fn(f32) -> bool = $test;
+                test(x)
+            }
+        }
+    )*};
+}
+
+ranges! {
+    /// Any finite number.
+    Finite: "a finite number", |_| true;
+    /// Not negative.
+    NonNegative: "a number that is not negative", |x| x >= 0.0;
+    /// Above zero.
+    Positive: "a number above 0", |x| x > 0.0;
+    /// Reflectance or albedo.
+    Unit: "a number from 0 to 1", |x| (0.0..=1.0).contains(&x);
+    /// The progressive trade of variance against bias.
+    OpenUnit: "a number between 0 and 1, both excluded", |x| x > 0.0 && x < 1.0;
+    /// Mean cosine of a phase function.
+    MeanCosine: "a number between -1 and 1, both excluded", |x| x > -1.0 && x < 1.0;
+    /// GGX roughness.
+    Roughness: "a GGX roughness from 0.001 to 1 (for less, take the smooth material)", |x| (1e-3..=1.0).contains(&x);
+    /// Field of view and cone angles in degrees.
+    Degrees: "an angle in degrees between 0 and 180, both excluded", |x| x > 0.0 && x < 180.0;
+}
+
+/// A number within a range, also once it is rounded to single precision.
+#[derive(Clone, Copy, Debug)]
+pub struct Number<R>(pub f64, PhantomData<R>);
+
+impl<R> Number<R> {
+    /// In single precision, as pixels use it.
+    pub fn f32(&self) -> f32 {
+        self.0 as f32
+    }
+}
+
+fn checked<R: Range, E: Error>(x: f64) -> Result<f64, E> {
+    let single = x as f32;
+    if !x.is_finite() || (single.is_finite() && !R::holds(single)) {
+        Err(E::custom(format_args!(
+            "expected {}, found {x}",
+            R::EXPECTED
+        )))
+    } else if !single.is_finite() {
+        Err(E::custom(format_args!(
+            "{x} is too large for single precision"
+        )))
+    } else {
+        Ok(x)
+    }
+}
+
+impl<'de, R: Range> Deserialize<'de> for Number<R> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct NumberVisitor<R>(PhantomData<R>);
+        impl<R: Range> Visitor<'_> for NumberVisitor<R> {
+            type Value = Number<R>;
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str(R::EXPECTED)
+            }
+            fn visit_f64<E: Error>(self, x: f64) -> Result<Self::Value, E> {
+                checked::<R, E>(x).map(|x| Number(x, PhantomData))
+            }
+            fn visit_i64<E: Error>(self, x: i64) -> Result<Self::Value, E> {
+                self.visit_f64(x as f64)
+            }
+        }
+        deserializer.deserialize_any(NumberVisitor(PhantomData))
+    }
+}
+
+/// A point, direction or factor per axis: three finite numbers.
+#[derive(Clone, Copy, Debug)]
+pub struct Vector(pub DVec3);
+
+impl<'de> Deserialize<'de> for Vector {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct VectorVisitor;
+        impl<'de> Visitor<'de> for VectorVisitor {
+            type Value = Vector;
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("three numbers [x, y, z]")
+            }
+            fn visit_seq<A: SeqAccess<'de>>(self, seq: A) -> Result<Self::Value, A::Error> {
+                triple::<Finite, A>(seq, "three numbers [x, y, z]").map(|v| Vector(v.into()))
+            }
+        }
+        deserializer.deserialize_any(VectorVisitor)
+    }
+}
+
+fn triple<'de, R: Range, A: SeqAccess<'de>>(
+    mut seq: A,
+    expected: &str,
+) -> Result<[f64; 3], A::Error> {
+    let mut values = [0.0; 3];
+    for (i, value) in values.iter_mut().enumerate() {
+        match seq.next_element::<Number<R>>()? {
+            Some(x) => *value = x.0,
+            None => {
+                return Err(A::Error::custom(format_args!(
+                    "expected {expected}, found {i} numbers"
+                )));
+            }
+        }
+    }
+    let mut count = values.len();
+    while seq.next_element::<serde::de::IgnoredAny>()?.is_some() {
+        count += 1;
+    }
+    if count > values.len() {
+        return Err(A::Error::custom(format_args!(
+            "expected {expected}, found {count} numbers"
+        )));
+    }
+    Ok(values)
+}
+
+/// A factor per axis, or one for all three.
+#[derive(Clone, Copy, Debug)]
+pub struct Factors(pub DVec3);
+
+impl<'de> Deserialize<'de> for Factors {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        Color::<Finite>::deserialize(deserializer).map(|c| Self(c.0.into()))
+    }
+}
+
+/// A linear RGB colour, or one number for a grey; every channel within a range.
+#[derive(Clone, Copy, Debug)]
+pub struct Color<R>(pub [f64; 3], PhantomData<R>);
+
+impl<R> Color<R> {
+    /// In single precision, as pixels use it.
+    pub fn rgb(&self) -> Rgb {
+        Rgb::from_array(self.0.map(|x| x as f32))
+    }
+}
+
+impl<'de, R: Range> Deserialize<'de> for Color<R> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        match deserializer.deserialize_any(ColorVisitor::<R, false>(PhantomData))? {
+            ColorOrImage::Color(color) => Ok(color),
+            ColorOrImage::Image(_) => Err(D::Error::custom("expected a number or three of them")),
+        }
+    }
+}
+
+/// A colour or the image that gives it.
+#[derive(Clone, Debug)]
+pub enum ColorOrImage<R> {
+    /// The same everywhere.
+    Color(Color<R>),
+    /// Path of an image, relative to the scene file.
+    Image(Spanned<String>),
+}
+
+impl<'de, R: Range> Deserialize<'de> for ColorOrImage<R> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_any(ColorVisitor::<R, true>(PhantomData))
+    }
+}
+
+struct ColorVisitor<R, const IMAGES: bool>(PhantomData<R>);
+
+impl<'de, R: Range, const IMAGES: bool> Visitor<'de> for ColorVisitor<R, IMAGES> {
+    type Value = ColorOrImage<R>;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}, or three of them in brackets", R::EXPECTED)?;
+        f.write_str(if IMAGES {
+            ", or { image = \"file\" }"
+        } else {
+            ""
+        })
+    }
+    fn visit_f64<E: Error>(self, x: f64) -> Result<Self::Value, E> {
+        let x = checked::<R, E>(x)?;
+        Ok(ColorOrImage::Color(Color([x; 3], PhantomData)))
+    }
+    fn visit_i64<E: Error>(self, x: i64) -> Result<Self::Value, E> {
+        self.visit_f64(x as f64)
+    }
+    fn visit_seq<A: SeqAccess<'de>>(self, seq: A) -> Result<Self::Value, A::Error> {
+        let values = triple::<R, A>(seq, "one number, or three in brackets")?;
+        Ok(ColorOrImage::Color(Color(values, PhantomData)))
+    }
+    fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Self::Value, A::Error> {
+        #[derive(Deserialize)]
+        #[serde(deny_unknown_fields)]
+        struct ImageRecord {
+            image: Spanned<String>,
+        }
+        if !IMAGES {
+            return Err(A::Error::invalid_type(serde::de::Unexpected::Map, &self));
+        }
+        let record = ImageRecord::deserialize(MapAccessDeserializer::new(map))?;
+        Ok(ColorOrImage::Image(record.image))
+    }
+}

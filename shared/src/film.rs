@@ -26,3 +26,18 @@ impl Film {
         self.pixels.iter().filter(bad).count() as u64
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pixels_that_are_not_finite_are_counted_once() {
+        let mut film = Film::new(3, 2);
+        assert_eq!(film.non_finite(), 0);
+        film.pixels[1] = [f32::NAN, f32::INFINITY, 0.0];
+        film.pixels[5][2] = f32::NEG_INFINITY;
+        film.pixels[0] = [f32::MAX, f32::MIN, -0.0];
+        assert_eq!(film.non_finite(), 2);
+    }
+}

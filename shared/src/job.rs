@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 use std::fmt;
+use std::str::FromStr;
 
 /// BLAKE3 of a scene bundle: the scene file and every asset that it names.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -10,6 +11,22 @@ pub struct SceneHash(pub [u8; 32]);
 impl fmt::Display for SceneHash {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         self.0.iter().try_for_each(|byte| write!(f, "{byte:02x}"))
+    }
+}
+
+/// Text that is not 64 hexadecimal digits.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("`{0}` is not a scene hash: expected 64 hexadecimal digits")]
+pub struct SceneHashError(String);
+
+impl FromStr for SceneHash {
+    type Err = SceneHashError;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        let error = || SceneHashError(text.chars().take(80).collect());
+        blake3::Hash::from_hex(text)
+            .map(|hash| Self(*hash.as_bytes()))
+            .map_err(|_| error())
     }
 }
 
@@ -24,6 +41,15 @@ pub enum ScheduleKind {
     Beam,
 }
 
+impl fmt::Display for ScheduleKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Pass => "pass",
+            Self::Beam => "beam",
+        })
+    }
+}
+
 /// What a pass depends on beside the scene and its own index. Equal on every machine of a job.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JobSettings {
@@ -35,7 +61,44 @@ pub struct JobSettings {
     pub schedule: ScheduleKind,
     /// Photon paths that one pass emits: the normaliser of all photon flux.
     pub paths_per_pass: u32,
+    /// The scene's own number of paths in a pass: what base radii are meant for when the radius shrinks once a beam.
+    pub reference_paths: u32,
 }
+
+/// Settings that no pass can be rendered with.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum SettingsError {
+    /// The schedule does not converge.
+    #[error("alpha is {0}; expected a number between 0 and 1, both excluded")]
+    Alpha(f64),
+    /// No photon would be emitted.
+    #[error("{field} is 0; expected at least 1")]
+    NoPaths {
+        /// `paths_per_pass` or `reference_paths`.
+        field: &'static str,
+    },
+}
+
+impl JobSettings {
+    /// Refuse what no schedule can be made of.
+    pub fn check(&self) -> Result<(), SettingsError> {
+        if !(self.alpha > 0.0 && self.alpha < 1.0) {
+            return Err(SettingsError::Alpha(self.alpha));
+        }
+        let paths = [
+            ("paths_per_pass", self.paths_per_pass),
+            ("reference_paths", self.reference_paths),
+        ];
+        match paths.into_iter().find(|(_, count)| *count == 0) {
+            Some((field, _)) => Err(SettingsError::NoPaths { field }),
+            None => Ok(()),
+        }
+    }
+}
+
+/// Passes that a job may have. Every count of passes below it is exact in an f64.
+pub const MAX_PASSES: u64 = 1 << 53;
 
 /// An aligned block of passes: a node of the summation tree. Covers [index << level, (index + 1) << level).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -47,12 +110,21 @@ pub struct Block {
 }
 
 impl Block {
+    /// A block, if it lies within [`MAX_PASSES`]. What comes from outside is made with this.
+    pub fn new(level: u32, index: u64) -> Option<Self> {
+        let fits = level <= MAX_PASSES.ilog2() && index < MAX_PASSES >> level;
+        fits.then_some(Self { level, index })
+    }
     /// The block that holds one pass.
     pub fn leaf(pass_index: u64) -> Self {
         Self {
             level: 0,
             index: pass_index,
         }
+    }
+    /// Whether the block lies within [`MAX_PASSES`]; if not, its other methods may overflow.
+    pub fn is_valid(&self) -> bool {
+        Self::new(self.level, self.index).is_some()
     }
     /// First pass.
     pub fn start(&self) -> u64 {
@@ -86,6 +158,18 @@ impl Block {
     }
 }
 
+impl fmt::Display for Block {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if !self.is_valid() {
+            write!(f, "block {} of level {}", self.index, self.level)
+        } else if self.level == 0 {
+            write!(f, "pass {}", self.index)
+        } else {
+            write!(f, "passes {}..{}", self.start(), self.passes().end)
+        }
+    }
+}
+
 /// What passes counted while they were rendered. Never part of the image.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PassStats {
@@ -108,5 +192,84 @@ impl std::ops::AddAssign for PassStats {
         self.surface_photons += o.surface_photons;
         self.beam_evaluations += o.beam_evaluations;
         self.non_finite += o.non_finite;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn scene_hash_is_read_as_it_is_written() {
+        let hash = SceneHash(std::array::from_fn(|i| 7 * i as u8));
+        assert_eq!(hash.to_string().parse(), Ok(hash));
+        for bad in [
+            "",
+            "00",
+            &"0".repeat(63),
+            &"0".repeat(66),
+            &"g".repeat(64),
+            &"é".repeat(32),
+        ] {
+            let error = bad.parse::<SceneHash>().unwrap_err();
+            assert!(error.to_string().contains("64 hexadecimal digits"), "{bad}");
+        }
+    }
+
+    #[test]
+    fn blocks_stay_within_the_largest_job() {
+        assert_eq!(
+            Block::new(0, MAX_PASSES - 1).map(|block| block.passes().end),
+            Some(MAX_PASSES)
+        );
+        assert_eq!(Block::new(53, 0).map(|block| block.len()), Some(MAX_PASSES));
+        for (level, index) in [
+            (0, MAX_PASSES),
+            (53, 1),
+            (54, 0),
+            (64, 0),
+            (u32::MAX, u64::MAX),
+        ] {
+            assert_eq!(Block::new(level, index), None);
+            assert!(!Block { level, index }.to_string().is_empty());
+        }
+        assert_eq!(Block::leaf(3).to_string(), "pass 3");
+        assert_eq!(Block { level: 2, index: 3 }.to_string(), "passes 12..16");
+    }
+
+    #[test]
+    fn settings_without_a_schedule_are_refused() {
+        let good = JobSettings {
+            seed: 0,
+            alpha: 0.5,
+            schedule: ScheduleKind::Pass,
+            paths_per_pass: 1,
+            reference_paths: 1,
+        };
+        assert_eq!(good.check(), Ok(()));
+        for alpha in [0.0, 1.0, -0.5, f64::NAN, f64::INFINITY] {
+            let error = JobSettings { alpha, ..good }.check().unwrap_err();
+            assert!(error.to_string().starts_with("alpha is "), "{error}");
+        }
+        let settings = JobSettings {
+            paths_per_pass: 0,
+            ..good
+        };
+        assert_eq!(
+            settings.check(),
+            Err(SettingsError::NoPaths {
+                field: "paths_per_pass"
+            })
+        );
+        let settings = JobSettings {
+            reference_paths: 0,
+            ..good
+        };
+        assert_eq!(
+            settings.check(),
+            Err(SettingsError::NoPaths {
+                field: "reference_paths"
+            })
+        );
     }
 }

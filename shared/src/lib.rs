@@ -2,6 +2,7 @@
 //!
 //! Data goes one way: scene, plan, pass, film, sum, image.
 
+pub mod atomic;
 pub mod bundle;
 pub mod error;
 pub mod exr;

@@ -1,7 +1,69 @@
 //! The tree sum: whoever computes a node gets the same bits.
+//!
+//! Passes are the leaves of a binary tree, in order; a node is the sum of its two children, rounded once per channel.
+//! Neither the order of arrival nor the way passes were grouped into blocks can therefore change a bit of the image, and
+//! rounding error grows with the logarithm of the number of passes.
 
 use crate::film::Film;
-use crate::job::Block;
+use crate::job::{Block, MAX_PASSES};
+use std::collections::BTreeMap;
+
+/// Largest magnitude of one pass's radiance that is accepted, per channel. Sums of [`MAX_PASSES`] such values stay finite.
+pub const MAX_RADIANCE: f32 = 1e22;
+
+/// A block that cannot become part of the sum.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum MergeError {
+    /// A pass would be counted twice.
+    #[error("{block}: pass {pass_index} is already part of the sum")]
+    Overlap {
+        /// The block that was refused.
+        block: Block,
+        /// First pass of it that is there already.
+        pass_index: u64,
+    },
+    /// The image has another size than the job's.
+    #[error(
+        "{block}: expected {} x {} pixels, found {} x {}",
+        expected[0], expected[1], found[0], found[1]
+    )]
+    Size {
+        /// The block that was refused.
+        block: Block,
+        /// Width and height of the job's images.
+        expected: [u32; 2],
+        /// Width and height of the block's images.
+        found: [u32; 2],
+    },
+    /// The image holds values that no average may see.
+    #[error(
+        "{block}: {count} values are NaN, infinite or out of range, first at x = {}, y = {}",
+        first[0], first[1]
+    )]
+    NonFinite {
+        /// The block that was refused.
+        block: Block,
+        /// Number of such channel values, in the sum and in the squared differences.
+        count: u64,
+        /// Column and row of the first such pixel.
+        first: [u32; 2],
+    },
+    /// Two nodes that are not the left and the right child of one node.
+    #[error("cannot join {left} and {right}: not the left and the right half of one block")]
+    NotSiblings {
+        /// The node given as left child.
+        left: Block,
+        /// The node given as right child.
+        right: Block,
+    },
+    /// Passes beyond [`MAX_PASSES`].
+    #[error("{block} reaches beyond {MAX_PASSES} passes")]
+    OutOfRange {
+        /// The block that was refused.
+        block: Block,
+    },
+}
 
 /// A node of the summation tree over pass indices.
 #[derive(Clone, Debug, PartialEq)]
@@ -14,6 +76,249 @@ pub struct Node {
     pub squared_difference: Film,
 }
 
+impl Node {
+    /// The image of one pass.
+    pub fn leaf(pass_index: u64, film: Film) -> Self {
+        Self {
+            block: Block::leaf(pass_index),
+            squared_difference: Film::new(film.width, film.height),
+            sum: film,
+        }
+    }
+
+    /// The parent of two siblings, given in the order of their passes.
+    ///
+    /// Squared differences saturate at the largest finite f32: a firefly may make an error estimate useless, but not
+    /// the sum.
+    pub fn join(left: Self, right: Self) -> Result<Self, MergeError> {
+        for node in [&left, &right] {
+            if !node.block.is_valid() {
+                return Err(MergeError::OutOfRange { block: node.block });
+            }
+        }
+        let block = left.block.parent();
+        if !left.block.index.is_multiple_of(2)
+            || left.block.sibling() != right.block
+            || !block.is_valid()
+        {
+            return Err(MergeError::NotSiblings {
+                left: left.block,
+                right: right.block,
+            });
+        }
+        left.check_size(left.sum.width, left.sum.height)?;
+        right.check_size(left.sum.width, left.sum.height)?;
+
+        let Self {
+            mut sum,
+            mut squared_difference,
+            ..
+        } = left;
+        if block.level == 1 {
+            for ((d, l), r) in squared_difference
+                .pixels
+                .iter_mut()
+                .zip(&sum.pixels)
+                .zip(&right.sum.pixels)
+            {
+                *d = std::array::from_fn(|c| ((l[c] - r[c]) * (l[c] - r[c])).min(f32::MAX));
+            }
+        } else {
+            add_saturating(&mut squared_difference, &right.squared_difference);
+        }
+        add(&mut sum, &right.sum);
+        Ok(Self {
+            block,
+            sum,
+            squared_difference,
+        })
+    }
+
+    /// Refuse another size, NaN, infinities and magnitudes beyond [`MAX_RADIANCE`] a pass.
+    pub fn check(&self, width: u32, height: u32) -> Result<(), MergeError> {
+        if !self.block.is_valid() {
+            return Err(MergeError::OutOfRange { block: self.block });
+        }
+        self.check_size(width, height)?;
+        // Exact: a power of two times an f32. Rounding is monotonic, so sums of values in range stay within it.
+        let limit = MAX_RADIANCE * self.block.len() as f32;
+        let mut count = 0;
+        let mut first = None;
+        for (i, (sum, difference)) in self
+            .sum
+            .pixels
+            .iter()
+            .zip(&self.squared_difference.pixels)
+            .enumerate()
+        {
+            let good_sums = sum.iter().filter(|v| v.abs() <= limit).count();
+            let good_differences = difference
+                .iter()
+                .filter(|v| v.is_finite() && **v >= 0.0)
+                .count();
+            let bad = (sum.len() - good_sums) + (difference.len() - good_differences);
+            if bad > 0 {
+                count += bad as u64;
+                first.get_or_insert([i as u32 % width, i as u32 / width]);
+            }
+        }
+        match first {
+            None => Ok(()),
+            Some(first) => Err(MergeError::NonFinite {
+                block: self.block,
+                count,
+                first,
+            }),
+        }
+    }
+
+    fn check_size(&self, width: u32, height: u32) -> Result<(), MergeError> {
+        for film in [&self.sum, &self.squared_difference] {
+            let pixels = u64::from(film.width) * u64::from(film.height);
+            if [film.width, film.height] != [width, height] || film.pixels.len() as u64 != pixels {
+                return Err(MergeError::Size {
+                    block: self.block,
+                    expected: [width, height],
+                    found: [film.width, film.height],
+                });
+            }
+        }
+        Ok(())
+    }
+}
+
+fn add(into: &mut Film, other: &Film) {
+    for (a, b) in into.pixels.iter_mut().zip(&other.pixels) {
+        *a = std::array::from_fn(|c| a[c] + b[c]);
+    }
+}
+
+fn add_saturating(into: &mut Film, other: &Film) {
+    for (a, b) in into.pixels.iter_mut().zip(&other.pixels) {
+        *a = std::array::from_fn(|c| (a[c] + b[c]).min(f32::MAX));
+    }
+}
+
+/// The sum of all passes that have arrived, as the fewest nodes: siblings are joined as soon as both are there.
+///
+/// The complete prefix is held as the binary decomposition of its length, so at most one node a level; passes that
+/// arrived ahead of it take what their gaps force them to.
+#[derive(Clone, Debug)]
+pub struct TreeSum {
+    width: u32,
+    height: u32,
+    /// By first pass. Disjoint; no two are siblings.
+    nodes: BTreeMap<u64, Node>,
+}
+
+impl TreeSum {
+    /// No passes yet, of images of this size.
+    pub fn new(width: u32, height: u32) -> Self {
+        Self {
+            width,
+            height,
+            nodes: BTreeMap::new(),
+        }
+    }
+
+    /// Take a block in. On an error nothing has changed.
+    pub fn insert(&mut self, node: Node) -> Result<(), MergeError> {
+        node.check(self.width, self.height)?;
+        if let Some(pass_index) = self.first_overlap(node.block) {
+            return Err(MergeError::Overlap {
+                block: node.block,
+                pass_index,
+            });
+        }
+        let mut node = node;
+        while let Some(sibling) = self.take(node.block.sibling()) {
+            let (left, right) = if sibling.block < node.block {
+                (sibling, node)
+            } else {
+                (node, sibling)
+            };
+            // Cannot fail: both were checked when they came in, and they are siblings.
+            node = Node::join(left, right)?;
+        }
+        self.nodes.insert(node.block.start(), node);
+        Ok(())
+    }
+
+    fn take(&mut self, block: Block) -> Option<Node> {
+        let found = self.nodes.get(&block.start())?;
+        if found.block == block {
+            self.nodes.remove(&block.start())
+        } else {
+            None
+        }
+    }
+
+    /// First pass of the block that is part of the sum already.
+    pub fn first_overlap(&self, block: Block) -> Option<u64> {
+        let passes = block.passes();
+        let before = self.nodes.range(..passes.start).next_back();
+        if before.is_some_and(|(_, node)| node.block.passes().end > passes.start) {
+            return Some(passes.start);
+        }
+        self.nodes.range(passes).next().map(|(start, _)| *start)
+    }
+
+    /// Whether the pass is part of the sum.
+    pub fn contains(&self, pass_index: u64) -> bool {
+        let before = self.nodes.range(..=pass_index).next_back();
+        before.is_some_and(|(_, node)| node.block.passes().contains(&pass_index))
+    }
+
+    /// Number of passes that are complete from zero on.
+    pub fn prefix(&self) -> u64 {
+        let mut end = 0;
+        for node in self.nodes.values() {
+            if node.block.start() != end {
+                break;
+            }
+            end = node.block.passes().end;
+        }
+        end
+    }
+
+    /// The nodes held, in the order of their passes. Inserting them into an empty sum gives this one.
+    pub fn nodes(&self) -> impl Iterator<Item = &Node> {
+        self.nodes.values()
+    }
+
+    /// The average of the complete prefix; nothing before the first pass is there.
+    pub fn average(&self) -> Option<Average> {
+        self.average_of(self.prefix())
+    }
+
+    /// The average of the first `passes` passes, if the nodes of that many are held apart from later ones.
+    ///
+    /// Its sum is the tree over `passes` leaves: the nodes of the binary decomposition, added from the right (the
+    /// smallest) to the left, as in n(0..4) + (n(4..6) + n(6..7)).
+    pub fn average_of(&self, passes: u64) -> Option<Average> {
+        if passes > MAX_PASSES {
+            return None;
+        }
+        let mut total: Option<(Film, Film)> = None;
+        let mut rest = passes;
+        while rest > 0 {
+            let level = rest.trailing_zeros();
+            rest &= rest - 1;
+            let node = self
+                .nodes
+                .get(&rest)
+                .filter(|node| node.block.level == level)?;
+            let (mut sum, mut difference) = (node.sum.clone(), node.squared_difference.clone());
+            if let Some((right_sum, right_difference)) = &total {
+                add(&mut sum, right_sum);
+                add_saturating(&mut difference, right_difference);
+            }
+            total = Some((sum, difference));
+        }
+        total.map(|(sum, difference)| Average::new(passes, sum, difference))
+    }
+}
+
 /// The average of a prefix of passes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Average {
@@ -21,6 +326,53 @@ pub struct Average {
     pub passes: u64,
     /// Mean radiance.
     pub beauty: Film,
-    /// Standard error of the mean, per pixel and channel.
+    /// Standard error of the mean, per pixel and channel. Infinite for one pass, of which nothing can be said.
     pub standard_error: Film,
+}
+
+impl Average {
+    /// From the sum of `passes` passes and of the squared differences of neighbours among them.
+    ///
+    /// Passes are not identically distributed (their variance grows with the index), but neighbours nearly are: the
+    /// squared difference of passes 2k and 2k + 1 has the mean Var[2k] + Var[2k + 1]. Their sum D over an even number N of
+    /// passes estimates the variance of the sum, and the standard error of the mean is sqrt(D) / N. An odd last pass has
+    /// no neighbour; it is taken to vary as the others do on average, D * N / (N - 1). Its variance is at most 2 - alpha
+    /// times theirs, so the variance of the mean comes out too small by a fraction of (1 - alpha) / N at most.
+    fn new(passes: u64, mut sum: Film, mut difference: Film) -> Self {
+        let n = passes as f64;
+        let pairs = passes - passes % 2;
+        for pixel in &mut sum.pixels {
+            *pixel = pixel.map(|v| (f64::from(v) / n) as f32);
+        }
+        for pixel in &mut difference.pixels {
+            *pixel = pixel.map(|d| match pairs {
+                0 => f32::INFINITY,
+                _ => (f64::from(d) / (n * pairs as f64)).sqrt() as f32,
+            });
+        }
+        Self {
+            passes,
+            beauty: sum,
+            standard_error: difference,
+        }
+    }
+
+    /// One number for the noise of the picture: the root mean square of the standard error over the mean magnitude of the
+    /// radiance, both over all pixels and channels.
+    ///
+    /// Infinite for one pass and for a black picture. Depends on nothing but the bits of the average.
+    pub fn relative_standard_error(&self) -> f64 {
+        let (mut squares, mut magnitude) = (0.0f64, 0.0f64);
+        for v in self.standard_error.pixels.iter().flatten() {
+            squares += f64::from(*v) * f64::from(*v);
+        }
+        for v in self.beauty.pixels.iter().flatten() {
+            magnitude += f64::from(v.abs());
+        }
+        if magnitude == 0.0 {
+            return f64::INFINITY;
+        }
+        let count = (3 * self.beauty.pixels.len()) as f64;
+        (squares / count).sqrt() / (magnitude / count)
+    }
 }

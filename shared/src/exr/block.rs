@@ -1,0 +1,463 @@
+//! Block images: the sum of an aligned block of passes as an uncompressed OpenEXR file, from a worker to the coordinator
+//! and from the coordinator to its disk.
+//!
+//! Blocks come from machines that are not trusted, by the thousand. The reader therefore accepts nothing but the very
+//! bytes that [`encode_block`] writes: it picks the few attributes that vary out of the header, writes the header that
+//! they call for, and compares. No decoder ever follows a size or an offset that came over the network. Any EXR reader
+//! can open the files.
+
+use super::header::{self, attributes, float_channels, text};
+use crate::error::ImageError;
+use crate::film::Film;
+use crate::job::{Block, SceneHash};
+use crate::merge::Node;
+use exr::meta::BlockDescription;
+use exr::meta::attribute::{AttributeValue, Compression, LineOrder};
+use exr::meta::header::{Header, ImageAttributes, LayerAttributes};
+
+/// What a block image says about itself.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BlockMeta {
+    /// The scene.
+    pub scene: SceneHash,
+    /// Which passes.
+    pub block: Block,
+    /// The job's seed.
+    pub seed: u64,
+    /// The job's alpha.
+    pub alpha: f64,
+    /// Radius scale of the block's first pass.
+    pub radius_scale: f64,
+    /// Version of the program.
+    pub version: String,
+}
+
+const SCENE: &str = "beamfarmScene";
+const FIRST_PASS: &str = "beamfarmFirstPass";
+const LEVEL: &str = "beamfarmLevel";
+const SEED: &str = "beamfarmSeed";
+const ALPHA: &str = "beamfarmAlpha";
+const RADIUS_SCALE: &str = "beamfarmRadiusScale";
+const VERSION: &str = "beamfarmVersion";
+
+/// Sum of radiance in B, G, R; EXR wants channels in the order of their names.
+const LEAF_CHANNELS: [&str; 3] = ["B", "G", "R"];
+/// For more than one pass, with the sum of squared differences of neighbouring passes.
+const NODE_CHANNELS: [&str; 6] = ["B", "G", "R", "variance.B", "variance.G", "variance.R"];
+/// RGB indices in the order of the channels.
+const BGR: [usize; 3] = [2, 1, 0];
+/// Row number and byte count in front of each row.
+const ROW_PREFIX: usize = 8;
+
+fn channels(block: Block) -> &'static [&'static str] {
+    match block.level {
+        0 => &LEAF_CHANNELS,
+        _ => &NODE_CHANNELS,
+    }
+}
+
+fn row_bytes(width: u32, block: Block) -> usize {
+    4 * width as usize * channels(block).len()
+}
+
+/// A block image's size in bytes is at most this. For limits on messages; take the size from the job, not from a message.
+pub fn encoded_size(width: u32, height: u32) -> usize {
+    let row = ROW_PREFIX + 8 + row_bytes(width, Block { level: 1, index: 0 });
+    (height as usize).saturating_mul(row).saturating_add(2048)
+}
+
+/// A block as an OpenEXR file: float32, uncompressed, the bits as they are.
+///
+/// Channels R, G, B hold the sum of the block's passes; variance.R, .G, .B, for more than one pass, the sum of squared
+/// differences of neighbours. Equal arguments give equal bytes.
+pub fn encode_block(node: &Node, meta: &BlockMeta) -> Result<Vec<u8>, ImageError> {
+    if node.block != meta.block {
+        return Err(ImageError::Encode {
+            field: "block",
+            message: format!(
+                "metadata says {}, the image holds {}",
+                meta.block, node.block
+            ),
+        });
+    }
+    let (width, height) = (node.sum.width, node.sum.height);
+    node.check(width, height)?;
+    let mut bytes = encode_header(width, height, meta)?;
+    let row_bytes = row_bytes(width, meta.block);
+    bytes.reserve_exact(height as usize * (ROW_PREFIX + row_bytes));
+    let films = [&node.sum, &node.squared_difference];
+    for y in 0..height as usize {
+        bytes.extend_from_slice(&(y as u32).to_le_bytes());
+        bytes.extend_from_slice(&(row_bytes as u32).to_le_bytes());
+        let row = y * width as usize..(y + 1) * width as usize;
+        for film in &films[..channels(meta.block).len() / 3] {
+            for c in BGR {
+                bytes.extend(
+                    film.pixels[row.clone()]
+                        .iter()
+                        .flat_map(|pixel| pixel[c].to_le_bytes()),
+                );
+            }
+        }
+    }
+    Ok(bytes)
+}
+
+/// Header and table of row offsets.
+fn encode_header(width: u32, height: u32, meta: &BlockMeta) -> Result<Vec<u8>, ImageError> {
+    let fits = |n: u32| n > 0 && n <= 1 << 20;
+    if !fits(width) || !fits(height) {
+        return Err(ImageError::Encode {
+            field: "size",
+            message: format!("{width} x {height} pixels; expected 1 to 2^20 each way"),
+        });
+    }
+    let size = (width as usize, height as usize);
+    let own_attributes = LayerAttributes {
+        other: attributes(vec![
+            (SCENE, text(SCENE, &meta.scene.to_string())?),
+            (
+                FIRST_PASS,
+                text(FIRST_PASS, &meta.block.start().to_string())?,
+            ),
+            (LEVEL, AttributeValue::I32(meta.block.level as i32)),
+            (SEED, text(SEED, &meta.seed.to_string())?),
+            (ALPHA, AttributeValue::F64(meta.alpha)),
+            (RADIUS_SCALE, AttributeValue::F64(meta.radius_scale)),
+            (VERSION, text(VERSION, &meta.version)?),
+        ]),
+        ..LayerAttributes::default()
+    };
+    let header = Header {
+        channels: float_channels(channels(meta.block)),
+        compression: Compression::Uncompressed,
+        blocks: BlockDescription::ScanLines,
+        line_order: LineOrder::Increasing,
+        layer_size: size.into(),
+        deep: false,
+        deep_data_version: None,
+        chunk_count: height as usize,
+        max_samples_per_pixel: None,
+        shared_attributes: ImageAttributes::with_size(size),
+        own_attributes,
+    };
+    let mut bytes = header::encode(&header)?;
+    let first_row = bytes.len() + 8 * height as usize;
+    let stride = ROW_PREFIX + row_bytes(width, meta.block);
+    for y in 0..height as usize {
+        bytes.extend_from_slice(&((first_row + y * stride) as u64).to_le_bytes());
+    }
+    Ok(bytes)
+}
+
+/// Read what [`encode_block`] wrote, for images of this size. The bytes need not be trusted.
+///
+/// Refuses everything else: another size, other channels or types, compression, unknown attributes, bytes missing or too
+/// many, and values that [`Node::check`] refuses. Whether the metadata are those of the job is the caller's to compare.
+pub fn decode_block(
+    bytes: &[u8],
+    width: u32,
+    height: u32,
+) -> Result<(Node, BlockMeta), ImageError> {
+    let limit = encoded_size(width, height);
+    if bytes.len() > limit {
+        return Err(ImageError::Block {
+            field: "size",
+            message: format!("{} bytes; expected at most {limit}", bytes.len()),
+        });
+    }
+    let meta = decode_meta(bytes)?;
+    let expected = encode_header(width, height, &meta)?;
+    let Some(rows) = bytes.strip_prefix(&expected[..]) else {
+        return Err(ImageError::Block {
+            field: "header",
+            message: format!(
+                "not that of an uncompressed float image of {width} x {height} pixels, {}",
+                meta.block
+            ),
+        });
+    };
+    let row_bytes = row_bytes(width, meta.block);
+    let stride = ROW_PREFIX + row_bytes;
+    if rows.len() != height as usize * stride {
+        return Err(ImageError::Block {
+            field: "size",
+            message: format!(
+                "{} bytes of pixels; expected {}",
+                rows.len(),
+                height as usize * stride
+            ),
+        });
+    }
+
+    let mut sum = Film::new(width, height);
+    let mut squared_difference = Film::new(width, height);
+    let films = [&mut sum, &mut squared_difference];
+    for (y, row) in rows.chunks_exact(stride).enumerate() {
+        let (prefix, samples) = row.split_at(ROW_PREFIX);
+        if prefix[..4] != (y as u32).to_le_bytes()
+            || prefix[4..] != (row_bytes as u32).to_le_bytes()
+        {
+            return Err(ImageError::Block {
+                field: "rows",
+                message: format!("row {y} is not where it is expected"),
+            });
+        }
+        for (i, channel) in samples.chunks_exact(4 * width as usize).enumerate() {
+            let start = y * width as usize;
+            let pixels = &mut films[i / 3].pixels[start..start + width as usize];
+            for (pixel, sample) in pixels.iter_mut().zip(channel.as_chunks().0) {
+                pixel[BGR[i % 3]] = f32::from_le_bytes(*sample);
+            }
+        }
+    }
+    let node = Node {
+        block: meta.block,
+        sum,
+        squared_difference,
+    };
+    node.check(width, height)?;
+    Ok((node, meta))
+}
+
+/// The attributes that vary. What they leave out, the comparison with the expected header finds.
+fn decode_meta(bytes: &[u8]) -> Result<BlockMeta, ImageError> {
+    let attributes = header::walk(bytes).map_err(|message| ImageError::Block {
+        field: "header",
+        message,
+    })?;
+    let find = |field: &'static str, kind: &str| {
+        let named =
+            |a: &&header::Attribute| a.name == field.as_bytes() && a.kind == kind.as_bytes();
+        let found = attributes.iter().find(named);
+        found.map(|a| a.value).ok_or(ImageError::Block {
+            field,
+            message: format!("missing; expected a {kind}"),
+        })
+    };
+    let bad = |field: &'static str, expected: &str| ImageError::Block {
+        field,
+        message: format!("expected {expected}"),
+    };
+    let string = |field: &'static str| {
+        let value = find(field, "string")?;
+        let ascii = value.is_ascii() && (1..=255).contains(&value.len());
+        let text = std::str::from_utf8(value).ok().filter(|_| ascii);
+        text.ok_or_else(|| bad(field, "1 to 255 characters of ASCII"))
+    };
+    let integer = |field: &'static str| {
+        let text = string(field)?;
+        text.parse::<u64>()
+            .map_err(|_| bad(field, "an integer of 64 bits"))
+    };
+    let double = |field: &'static str| {
+        let value = find(field, "double")?.try_into().map(f64::from_le_bytes);
+        value
+            .ok()
+            .filter(|v| v.is_finite())
+            .ok_or_else(|| bad(field, "a finite number"))
+    };
+
+    let level = find(LEVEL, "int")?.try_into().map(u32::from_le_bytes);
+    let first_pass = integer(FIRST_PASS)?;
+    let block = level
+        .ok()
+        .and_then(|level| Block::new(level, first_pass.checked_shr(level)?))
+        .filter(|block| block.start() == first_pass)
+        .ok_or_else(|| bad(LEVEL, "an aligned block of passes"))?;
+    Ok(BlockMeta {
+        scene: string(SCENE)?
+            .parse()
+            .map_err(|_| bad(SCENE, "64 hexadecimal digits"))?,
+        block,
+        seed: integer(SEED)?,
+        alpha: double(ALPHA)?,
+        radius_scale: double(RADIUS_SCALE)?,
+        version: string(VERSION)?.to_owned(),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use exr::image::FlatSamples;
+
+    fn film(width: u32, height: u32, salt: u32) -> Film {
+        let mut film = Film::new(width, height);
+        for (i, value) in film.pixels.iter_mut().flatten().enumerate() {
+            let bits = (i as u32 + 1).wrapping_mul(0x9e37_79b9) ^ salt.wrapping_mul(0x85eb_ca6b);
+            // All signs and mantissas, exponents around one.
+            *value = f32::from_bits(bits & 0x80ff_ffff | 0x3f00_0000);
+        }
+        film
+    }
+
+    fn node(level: u32) -> Node {
+        let leaf = |i: u64| Node::leaf(12 + i, film(5, 4, i as u32));
+        match level {
+            0 => leaf(0),
+            1 => Node::join(leaf(0), leaf(1)).unwrap(),
+            _ => {
+                let right = Node::join(leaf(2), leaf(3)).unwrap();
+                Node::join(node(1), right).unwrap()
+            }
+        }
+    }
+
+    fn meta(block: Block) -> BlockMeta {
+        BlockMeta {
+            scene: SceneHash(std::array::from_fn(|i| i as u8)),
+            block,
+            seed: u64::MAX - 1,
+            alpha: 2.0 / 3.0,
+            radius_scale: 0.1 + 0.2,
+            version: "0.1.0".into(),
+        }
+    }
+
+    fn encoded(level: u32) -> Vec<u8> {
+        let node = node(level);
+        encode_block(&node, &meta(node.block)).unwrap()
+    }
+
+    #[test]
+    fn every_bit_survives() {
+        for level in 0..3 {
+            let mut node = node(level);
+            node.sum.pixels[0] = [-0.0, f32::from_bits(1), f32::MIN_POSITIVE];
+            let meta = meta(node.block);
+            let bytes = encode_block(&node, &meta).unwrap();
+            assert!(bytes.len() <= encoded_size(5, 4));
+            let (decoded, decoded_meta) = decode_block(&bytes, 5, 4).unwrap();
+            assert_eq!(decoded_meta, meta);
+            assert_eq!(decoded.block, node.block);
+            let bits = |film: &Film| {
+                film.pixels
+                    .iter()
+                    .flatten()
+                    .map(|v| v.to_bits())
+                    .collect::<Vec<_>>()
+            };
+            assert_eq!(bits(&decoded.sum), bits(&node.sum));
+            assert_eq!(
+                bits(&decoded.squared_difference),
+                bits(&node.squared_difference)
+            );
+            assert_eq!(encode_block(&decoded, &decoded_meta).unwrap(), bytes);
+        }
+    }
+
+    /// The file is written by hand but for its header: an independent reader has to find the same.
+    #[test]
+    fn other_readers_agree() {
+        let node = node(2);
+        let bytes = encode_block(&node, &meta(node.block)).unwrap();
+        let reader = exr::image::read::read()
+            .no_deep_data()
+            .largest_resolution_level()
+            .all_channels();
+        let reader = exr::prelude::ReadLayers::all_attributes(
+            exr::prelude::ReadChannels::first_valid_layer(reader),
+        );
+        let image = reader
+            .pedantic()
+            .from_buffered(std::io::Cursor::new(&bytes))
+            .unwrap();
+        let mut names = Vec::new();
+        for channel in &image.layer_data.channel_data.list {
+            let name = channel.name.to_string();
+            let (prefix, colour) = name.split_at(name.len() - 1);
+            let film = if prefix.is_empty() {
+                &node.sum
+            } else {
+                &node.squared_difference
+            };
+            let c = "RGB".find(colour).unwrap();
+            let expected = film.pixels.iter().map(|pixel| pixel[c]).collect();
+            assert_eq!(channel.sample_data, FlatSamples::F32(expected), "{name}");
+            names.push(name);
+        }
+        assert_eq!(names, NODE_CHANNELS);
+        let seed = &image.layer_data.attributes.other[&exr::prelude::Text::from(SEED)];
+        assert_eq!(*seed, AttributeValue::Text("18446744073709551614".into()));
+    }
+
+    /// Whatever byte is changed, the block is refused or it is a block of other values: never taken for more than it is.
+    #[test]
+    fn a_changed_byte_is_noticed_outside_of_values() {
+        let bytes = encoded(1);
+        let (node, meta) = decode_block(&bytes, 5, 4).unwrap();
+        let pixels = 4 * (ROW_PREFIX + row_bytes(5, node.block));
+        for i in 0..bytes.len() {
+            for flip in [1, 0x80, 0xff] {
+                let mut changed = bytes.clone();
+                changed[i] ^= flip;
+                let in_header = i < bytes.len() - pixels;
+                if let Ok((other, other_meta)) = decode_block(&changed, 5, 4) {
+                    assert!(
+                        in_header == (other_meta != meta) && in_header == (other == node),
+                        "byte {i}"
+                    );
+                    assert_eq!(encode_block(&other, &other_meta).unwrap(), changed);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_cut_or_grown_file_is_refused() {
+        let bytes = encoded(1);
+        for len in 0..bytes.len() {
+            assert!(decode_block(&bytes[..len], 5, 4).is_err(), "{len} bytes");
+        }
+        let grown = [&bytes[..], &[0]].concat();
+        assert!(decode_block(&grown, 5, 4).is_err());
+        assert!(decode_block(&vec![0; 1 << 20], 5, 4).is_err());
+    }
+
+    #[test]
+    fn another_size_is_refused() {
+        let bytes = encoded(0);
+        for (width, height) in [
+            (4, 5),
+            (5, 3),
+            (5, 5),
+            (10, 2),
+            (0, 0),
+            (0, 4),
+            (u32::MAX, 1),
+        ] {
+            let error = decode_block(&bytes, width, height).unwrap_err().to_string();
+            assert!(
+                error.contains("header") || error.contains("size"),
+                "{error}"
+            );
+        }
+    }
+
+    #[test]
+    fn values_that_are_not_finite_are_refused() {
+        let bytes = encoded(0);
+        let pixels = 4 * (ROW_PREFIX + row_bytes(5, Block::leaf(0)));
+        // Row 2, channel G, column 3.
+        let at = bytes.len() - pixels + 2 * (ROW_PREFIX + 60) + ROW_PREFIX + 20 + 4 * 3;
+        for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, f32::MAX] {
+            let mut changed = bytes.clone();
+            changed[at..at + 4].copy_from_slice(&bad.to_le_bytes());
+            let error = decode_block(&changed, 5, 4).unwrap_err().to_string();
+            assert_eq!(
+                error,
+                "pass 12: 1 values are NaN, infinite or out of range, first at x = 3, y = 2"
+            );
+        }
+    }
+
+    #[test]
+    fn metadata_of_another_block_are_refused() {
+        let error = encode_block(&node(0), &meta(Block::leaf(13))).unwrap_err();
+        assert_eq!(
+            error.to_string(),
+            "cannot encode block: metadata says pass 13, the image holds pass 12"
+        );
+    }
+}

@@ -1,0 +1,422 @@
+//! Final images on disk, and images to compare them with.
+
+use super::header::{attributes, sort_attributes, text};
+use crate::atomic;
+use crate::error::ImageError;
+use crate::film::Film;
+use crate::job::{JobSettings, SceneHash};
+use crate::merge::Average;
+use exr::image::write::WritableImage;
+use exr::image::{AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer};
+use exr::meta::attribute::{AttributeValue, Compression, LineOrder};
+use exr::meta::header::LayerAttributes;
+use exr::prelude::{ReadChannels, ReadLayers, ReadSpecificChannel, Vec2};
+use std::io::Cursor;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::Path;
+
+/// What a final image says about itself, beside its number of passes and its error.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ImageMeta {
+    /// The scene.
+    pub scene: SceneHash,
+    /// The job.
+    pub settings: JobSettings,
+    /// Time since the job started. The one attribute that differs between runs.
+    pub render_seconds: f64,
+    /// Version of the program.
+    pub version: String,
+}
+
+/// Write the final image: R, G, B the mean radiance, stderr.R, .G, .B its standard error, float32, lossless ZIP.
+///
+/// Apart from the attribute `beamfarmRenderSeconds` the file is the same bytes whenever the average and the job are.
+pub fn write_image(path: &Path, average: &Average, meta: &ImageMeta) -> Result<(), ImageError> {
+    atomic::write_file(path, &encode_image(average, meta)?)
+}
+
+fn encode_image(average: &Average, meta: &ImageMeta) -> Result<Vec<u8>, ImageError> {
+    let beauty = &average.beauty;
+    let size = Vec2(beauty.width as usize, beauty.height as usize);
+    let films = [("", beauty), ("stderr.", &average.standard_error)];
+    if size.area() == 0
+        || films
+            .iter()
+            .any(|(_, film)| film.pixels.len() != size.area())
+    {
+        return Err(ImageError::Encode {
+            field: "size",
+            message: format!("{} x {} pixels", size.0, size.1),
+        });
+    }
+    let channel = |prefix: &str, film: &Film, c: usize| {
+        let samples = film.pixels.iter().map(|pixel| pixel[c]).collect();
+        AnyChannel::new(
+            format!("{prefix}{}", ["R", "G", "B"][c]).as_str(),
+            FlatSamples::F32(samples),
+        )
+    };
+    let each = |(prefix, film)| (0..3).map(move |c| channel(prefix, film, c));
+    let channels = AnyChannels::sort(films.into_iter().flat_map(each).collect());
+
+    let settings = &meta.settings;
+    let number = |n: u64| text("number", &n.to_string());
+    let other = attributes(vec![
+        ("beamfarmScene", text("scene", &meta.scene.to_string())?),
+        ("beamfarmPasses", number(average.passes)?),
+        ("beamfarmSeed", number(settings.seed)?),
+        ("beamfarmAlpha", AttributeValue::F64(settings.alpha)),
+        (
+            "beamfarmSchedule",
+            text("schedule", &settings.schedule.to_string())?,
+        ),
+        (
+            "beamfarmPathsPerPass",
+            number(settings.paths_per_pass.into())?,
+        ),
+        (
+            "beamfarmReferencePaths",
+            number(settings.reference_paths.into())?,
+        ),
+        (
+            "beamfarmRelativeError",
+            AttributeValue::F64(average.relative_standard_error()),
+        ),
+        (
+            "beamfarmRenderSeconds",
+            AttributeValue::F64(meta.render_seconds),
+        ),
+        ("beamfarmVersion", text("version", &meta.version)?),
+    ]);
+    let layer_attributes = LayerAttributes {
+        software_name: exr::prelude::Text::new_or_none(format!("beamfarm {}", meta.version)),
+        other,
+        ..LayerAttributes::default()
+    };
+    let encoding = Encoding {
+        compression: Compression::ZIP16,
+        line_order: LineOrder::Increasing,
+        ..Encoding::UNCOMPRESSED
+    };
+    let image = Image::from_layer(Layer::new(size, layer_attributes, encoding, channels));
+    let mut bytes = Vec::new();
+    let written = image
+        .write()
+        .non_parallel()
+        .to_buffered(Cursor::new(&mut bytes));
+    written.map_err(|error| ImageError::Encode {
+        field: "EXR image",
+        message: error.to_string(),
+    })?;
+    sort_attributes(&mut bytes)?;
+    Ok(bytes)
+}
+
+/// Read the channels R, G, B, half or float, of the first layer that has them.
+pub fn read_rgb(path: &Path) -> Result<Film, ImageError> {
+    let bytes = std::fs::read(path).map_err(|source| ImageError::Io {
+        path: path.to_owned(),
+        source,
+    })?;
+    decode_rgb(&bytes).map_err(|message| ImageError::File {
+        path: path.to_owned(),
+        message,
+    })
+}
+
+/// Pixels of the largest image that is read.
+const MAX_PIXELS: usize = 1 << 27;
+
+/// [`read_rgb`] from memory; the error says what is wrong with the bytes. They need not be trusted.
+pub fn decode_rgb(bytes: &[u8]) -> Result<Film, String> {
+    // The B44 decoder of exr 1.74 subtracts below zero in a broken file, which is a panic where overflow is checked.
+    let read = catch_unwind(AssertUnwindSafe(|| decode_rgb_trusting(bytes)));
+    read.unwrap_or_else(|_| Err("not a sound OpenEXR file".into()))
+}
+
+fn decode_rgb_trusting(bytes: &[u8]) -> Result<Film, String> {
+    let meta =
+        exr::meta::MetaData::read_from_buffered(bytes, false).map_err(|error| error.to_string())?;
+    for header in &meta.headers {
+        let Vec2(width, height) = header.layer_size;
+        if width
+            .checked_mul(height)
+            .is_none_or(|pixels| pixels > MAX_PIXELS)
+        {
+            return Err(format!(
+                "{width} x {height} pixels; expected at most {MAX_PIXELS}"
+            ));
+        }
+        // The DWA decoder of exr 1.74 allocates what a chunk says it needs; a broken one would end the process.
+        if matches!(
+            header.compression,
+            Compression::DWAA(_) | Compression::DWAB(_)
+        ) {
+            return Err("DWA compression; expected none, RLE, ZIP, PIZ, PXR24 or B44".into());
+        }
+    }
+    let create = |size: Vec2<usize>, _: &_| Film::new(size.0 as u32, size.1 as u32);
+    let set = |film: &mut Film, at: Vec2<usize>, (r, g, b): (f32, f32, f32)| {
+        let i = at.1 * film.width as usize + at.0;
+        if let Some(pixel) = film.pixels.get_mut(i) {
+            *pixel = [r, g, b];
+        }
+    };
+    let reader = exr::image::read::read()
+        .no_deep_data()
+        .largest_resolution_level()
+        .specific_channels();
+    let reader = reader
+        .required("R")
+        .required("G")
+        .required("B")
+        .collect_pixels(create, set);
+    let reader = reader.first_valid_layer().all_attributes().non_parallel();
+    let image = reader
+        .from_buffered(Cursor::new(bytes))
+        .map_err(|error| error.to_string())?;
+    Ok(image.layer_data.channel_data.pixels)
+}
+
+/// BLAKE3, in hexadecimal, of width, height and the pixels' bits, all little-endian. Equal for equal pictures, whatever
+/// file they are in.
+pub fn pixel_hash(film: &Film) -> String {
+    let mut hasher = blake3::Hasher::new();
+    hasher.update(&film.width.to_le_bytes());
+    hasher.update(&film.height.to_le_bytes());
+    let mut row = Vec::new();
+    for pixels in film.pixels.chunks(film.width.max(1) as usize) {
+        row.clear();
+        row.extend(
+            pixels
+                .iter()
+                .flatten()
+                .flat_map(|value| value.to_le_bytes()),
+        );
+        hasher.update(&row);
+    }
+    hasher.finalize().to_string()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::job::ScheduleKind;
+    use crate::merge::{Node, TreeSum};
+
+    fn average() -> Average {
+        let mut sum = TreeSum::new(7, 5);
+        for pass in 0..3u32 {
+            let mut film = Film::new(7, 5);
+            for (i, value) in film.pixels.iter_mut().flatten().enumerate() {
+                *value = 1.0 / (i as u32 * 7 + pass * 3 + 1) as f32;
+            }
+            sum.insert(Node::leaf(pass.into(), film)).unwrap();
+        }
+        sum.average().unwrap()
+    }
+
+    fn meta() -> ImageMeta {
+        ImageMeta {
+            scene: SceneHash([0xab; 32]),
+            settings: JobSettings {
+                seed: u64::MAX,
+                alpha: 2.0 / 3.0,
+                schedule: ScheduleKind::Beam,
+                paths_per_pass: 1000,
+                reference_paths: 500,
+            },
+            render_seconds: 1.5,
+            version: "0.1.0".into(),
+        }
+    }
+
+    #[test]
+    fn every_bit_survives() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("image.exr");
+        let average = average();
+        write_image(&path, &average, &meta()).unwrap();
+        let film = read_rgb(&path).unwrap();
+        assert_eq!(pixel_hash(&film), pixel_hash(&average.beauty));
+
+        let image = exr::image::read::read_first_flat_layer_from_file(&path).unwrap();
+        let channels = &image.layer_data.channel_data.list;
+        let names: Vec<String> = channels
+            .iter()
+            .map(|channel| channel.name.to_string())
+            .collect();
+        assert_eq!(names, ["B", "G", "R", "stderr.B", "stderr.G", "stderr.R"]);
+        let red: Vec<f32> = average
+            .standard_error
+            .pixels
+            .iter()
+            .map(|pixel| pixel[0])
+            .collect();
+        assert_eq!(channels[5].sample_data, FlatSamples::F32(red));
+
+        let attributes = &image.layer_data.attributes;
+        assert_eq!(attributes.software_name, Some("beamfarm 0.1.0".into()));
+        let expected = [
+            ("beamfarmAlpha", AttributeValue::F64(2.0 / 3.0)),
+            ("beamfarmPasses", AttributeValue::Text("3".into())),
+            ("beamfarmPathsPerPass", AttributeValue::Text("1000".into())),
+            ("beamfarmReferencePaths", AttributeValue::Text("500".into())),
+            (
+                "beamfarmRelativeError",
+                AttributeValue::F64(average.relative_standard_error()),
+            ),
+            ("beamfarmRenderSeconds", AttributeValue::F64(1.5)),
+            (
+                "beamfarmScene",
+                AttributeValue::Text("ab".repeat(32).as_str().into()),
+            ),
+            ("beamfarmSchedule", AttributeValue::Text("beam".into())),
+            (
+                "beamfarmSeed",
+                AttributeValue::Text("18446744073709551615".into()),
+            ),
+            ("beamfarmVersion", AttributeValue::Text("0.1.0".into())),
+        ];
+        assert_eq!(attributes.other.len(), expected.len());
+        for (name, value) in expected {
+            assert_eq!(
+                attributes.other[&exr::prelude::Text::from(name)],
+                value,
+                "{name}"
+            );
+        }
+    }
+
+    /// The `exr` crate keeps attributes in a hash map, whose order differs each time.
+    #[test]
+    fn equal_images_are_equal_files() {
+        let first = encode_image(&average(), &meta()).unwrap();
+        for _ in 0..20 {
+            assert!(encode_image(&average(), &meta()).unwrap() == first);
+        }
+        let later = ImageMeta {
+            render_seconds: 99.0,
+            ..meta()
+        };
+        let second = encode_image(&average(), &later).unwrap();
+        let differing = first.iter().zip(&second).filter(|(a, b)| a != b).count();
+        assert!(first.len() == second.len() && differing <= 8);
+    }
+
+    #[test]
+    fn metadata_that_exr_cannot_hold_are_refused() {
+        let odd = ImageMeta {
+            version: "0.1.0 \u{3b2}".into(),
+            ..meta()
+        };
+        let error = encode_image(&average(), &odd).unwrap_err();
+        assert_eq!(
+            error.to_string(),
+            "cannot encode version: `0.1.0 β` is not 1 to 255 characters of ASCII"
+        );
+    }
+
+    #[test]
+    fn half_floats_and_other_channels_are_read() {
+        use exr::prelude::f16;
+        let pixels = |at: Vec2<usize>| {
+            let half = f16::from_f32(at.0 as f32 + 0.5);
+            (half, half, at.1 as f32, f16::ZERO, 7u32)
+        };
+        let channels = exr::image::SpecificChannels::build()
+            .with_channel("R")
+            .with_channel("G")
+            .with_channel("B")
+            .with_channel("A")
+            .with_channel("id")
+            .with_pixel_fn(pixels);
+        let image = Image::from_channels((3, 2), channels);
+        let mut bytes = Vec::new();
+        image
+            .write()
+            .non_parallel()
+            .to_buffered(Cursor::new(&mut bytes))
+            .unwrap();
+        let film = decode_rgb(&bytes).unwrap();
+        assert_eq!((film.width, film.height), (3, 2));
+        assert_eq!(film.pixels[5], [2.5, 2.5, 1.0]);
+    }
+
+    #[test]
+    fn a_file_without_colour_is_refused() {
+        let channels = exr::image::SpecificChannels::build()
+            .with_channel("Z")
+            .with_pixel_fn(|_| (1.0f32,));
+        let mut bytes = Vec::new();
+        let image = Image::from_channels((3, 2), channels);
+        image
+            .write()
+            .non_parallel()
+            .to_buffered(Cursor::new(&mut bytes))
+            .unwrap();
+        assert!(decode_rgb(&bytes).is_err());
+        assert!(decode_rgb(b"\x89PNG").is_err());
+        let missing = read_rgb(Path::new("does-not-exist.exr")).unwrap_err();
+        assert!(missing.to_string().starts_with("does-not-exist.exr: "));
+    }
+
+    #[test]
+    fn dwa_is_refused_before_its_decoder_runs() {
+        let channels = exr::image::SpecificChannels::rgb(|_| (0.5f32, 0.5f32, 0.5f32));
+        let encoding = Encoding {
+            compression: Compression::DWAA(None),
+            ..Encoding::SMALL_LOSSLESS
+        };
+        let layer = Layer::new(
+            (3usize, 2usize),
+            LayerAttributes::default(),
+            encoding,
+            channels,
+        );
+        let mut bytes = Vec::new();
+        let image = Image::from_layer(layer);
+        image
+            .write()
+            .non_parallel()
+            .to_buffered(Cursor::new(&mut bytes))
+            .unwrap();
+        let error = decode_rgb(&bytes).unwrap_err();
+        assert!(error.starts_with("DWA"), "{error}");
+    }
+
+    /// Any damage gives an image or an error.
+    #[test]
+    fn damaged_files_do_no_harm() {
+        let bytes = encode_image(&average(), &meta()).unwrap();
+        for len in 0..bytes.len() {
+            let _ = decode_rgb(&bytes[..len]);
+        }
+        for i in 0..bytes.len() {
+            for value in [0, 1, 0x7f, 0xff] {
+                let mut damaged = bytes.clone();
+                damaged[i] = value;
+                let _ = decode_rgb(&damaged);
+            }
+        }
+    }
+
+    #[test]
+    fn pixel_hash_tells_pictures_apart() {
+        let mut film = Film::new(2, 3);
+        let black = pixel_hash(&film);
+        assert_eq!(black.len(), 64);
+        assert_ne!(black, pixel_hash(&Film::new(3, 2)));
+        film.pixels[0][0] = -0.0;
+        assert_ne!(black, pixel_hash(&film));
+        // By definition: BLAKE3 of the words' bytes.
+        let bytes = [2u32, 3, 1 << 31]
+            .into_iter()
+            .chain([0; 17])
+            .flat_map(u32::to_le_bytes);
+        assert_eq!(
+            pixel_hash(&film),
+            blake3::hash(&bytes.collect::<Vec<u8>>()).to_string()
+        );
+    }
+}

@@ -1,0 +1,8 @@
+//! EXR in and out: block images on the wire, final images on disk.
+
+mod block;
+mod header;
+mod image;
+
+pub use block::{BlockMeta, decode_block, encode_block, encoded_size};
+pub use image::{ImageMeta, decode_rgb, pixel_hash, read_rgb, write_image};

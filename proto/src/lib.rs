@@ -1,1 +1,21 @@
-//! The wire.
+//! The wire of beamfarm: the generated code of `farm.proto`, the domain types that the farm exchanges, and the
+//! conversions between the two.
+
+mod convert;
+mod domain;
+
+pub use convert::{WireError, WireHash};
+pub use domain::{FileEntry, FileHash, Grant, Job, LeaseId, Manifest, WorkerId};
+pub use prost::bytes;
+
+/// The generated code. Its comments are farm.proto's.
+#[allow(missing_docs, clippy::all)]
+pub mod wire {
+    tonic::include_proto!("beamfarm.v1");
+}
+
+/// Version of the program, which coordinator and workers must share: another one might render other bits.
+pub const VERSION: &str = env!("CARGO_PKG_VERSION");
+
+/// Bytes in a chunk of a file or of a submission; well below the 4 MiB that tonic takes in a message.
+pub const CHUNK_BYTES: usize = 1 << 20;

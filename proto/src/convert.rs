@@ -1,0 +1,335 @@
+//! Conversions between wire and domain, all of them. Inwards they check; outwards they cannot fail.
+
+use crate::domain::{FileEntry, FileHash, Grant, Job, LeaseId, Manifest};
+use crate::wire;
+use beamfarm_shared::job::{Block, JobSettings, PassStats, SceneHash, ScheduleKind};
+use prost::bytes::Bytes;
+
+/// A message that says something impossible.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{field}: expected {expected}")]
+pub struct WireError {
+    /// The field at fault.
+    pub field: &'static str,
+    /// What it should have held.
+    pub expected: &'static str,
+}
+
+impl From<WireError> for tonic::Status {
+    fn from(error: WireError) -> Self {
+        Self::invalid_argument(error.to_string())
+    }
+}
+
+fn require<T>(value: Option<T>, field: &'static str) -> Result<T, WireError> {
+    let expected = "a value";
+    value.ok_or(WireError { field, expected })
+}
+
+fn hash(bytes: &Bytes, field: &'static str) -> Result<[u8; 32], WireError> {
+    let expected = "32 bytes";
+    let wrong = |_| WireError { field, expected };
+    bytes.as_ref().try_into().map_err(wrong)
+}
+
+/// Scenes and files share the type of their hash on the wire.
+pub trait WireHash: Sized {
+    /// To the wire.
+    fn to_wire(&self) -> Bytes;
+    /// From the wire. `field` is named in the error.
+    fn from_wire(bytes: &Bytes, field: &'static str) -> Result<Self, WireError>;
+}
+
+impl WireHash for SceneHash {
+    fn to_wire(&self) -> Bytes {
+        Bytes::copy_from_slice(&self.0)
+    }
+    fn from_wire(bytes: &Bytes, field: &'static str) -> Result<Self, WireError> {
+        hash(bytes, field).map(Self)
+    }
+}
+
+impl WireHash for FileHash {
+    fn to_wire(&self) -> Bytes {
+        Bytes::copy_from_slice(&self.0)
+    }
+    fn from_wire(bytes: &Bytes, field: &'static str) -> Result<Self, WireError> {
+        hash(bytes, field).map(Self)
+    }
+}
+
+impl From<&Job> for wire::Job {
+    fn from(job: &Job) -> Self {
+        Self {
+            scene: job.scene.to_wire(),
+            manifest: Some((&job.manifest).into()),
+            settings: Some(job.settings.into()),
+            width: job.width,
+            height: job.height,
+        }
+    }
+}
+
+impl TryFrom<wire::Job> for Job {
+    type Error = WireError;
+    fn try_from(job: wire::Job) -> Result<Self, WireError> {
+        Ok(Self {
+            scene: SceneHash::from_wire(&job.scene, "job.scene")?,
+            manifest: require(job.manifest, "job.manifest")?.try_into()?,
+            settings: require(job.settings, "job.settings")?.try_into()?,
+            width: job.width,
+            height: job.height,
+        })
+    }
+}
+
+impl From<&Manifest> for wire::Manifest {
+    fn from(manifest: &Manifest) -> Self {
+        let entry = |file: &FileEntry| wire::FileEntry {
+            path: file.path.clone(),
+            hash: file.hash.to_wire(),
+            size: file.size,
+        };
+        Self {
+            scene: manifest.scene.clone(),
+            files: manifest.files.iter().map(entry).collect(),
+        }
+    }
+}
+
+impl TryFrom<wire::Manifest> for Manifest {
+    type Error = WireError;
+    fn try_from(manifest: wire::Manifest) -> Result<Self, WireError> {
+        let entry = |file: wire::FileEntry| {
+            Ok(FileEntry {
+                hash: FileHash::from_wire(&file.hash, "manifest.files.hash")?,
+                path: file.path,
+                size: file.size,
+            })
+        };
+        let files: Vec<FileEntry> = manifest
+            .files
+            .into_iter()
+            .map(entry)
+            .collect::<Result<_, _>>()?;
+        if !files.is_sorted_by(|a, b| a.path < b.path) {
+            return Err(WireError {
+                field: "manifest.files",
+                expected: "ascending paths",
+            });
+        }
+        Ok(Self {
+            scene: manifest.scene,
+            files,
+        })
+    }
+}
+
+impl From<JobSettings> for wire::Settings {
+    fn from(settings: JobSettings) -> Self {
+        let schedule = match settings.schedule {
+            ScheduleKind::Pass => wire::Schedule::Pass,
+            ScheduleKind::Beam => wire::Schedule::Beam,
+        };
+        Self {
+            seed: settings.seed,
+            alpha: settings.alpha,
+            schedule: schedule.into(),
+            paths_per_pass: settings.paths_per_pass,
+        }
+    }
+}
+
+impl TryFrom<wire::Settings> for JobSettings {
+    type Error = WireError;
+    fn try_from(settings: wire::Settings) -> Result<Self, WireError> {
+        let wrong = |field, expected| Err(WireError { field, expected });
+        // Written so that NaN fails.
+        if !(settings.alpha > 0.0 && settings.alpha < 1.0) {
+            return wrong("settings.alpha", "a number in (0, 1)");
+        }
+        if settings.paths_per_pass == 0 {
+            return wrong("settings.paths_per_pass", "at least 1");
+        }
+        let schedule = match settings.schedule() {
+            wire::Schedule::Pass => ScheduleKind::Pass,
+            wire::Schedule::Beam => ScheduleKind::Beam,
+            wire::Schedule::Unspecified => return wrong("settings.schedule", "PASS or BEAM"),
+        };
+        Ok(Self {
+            seed: settings.seed,
+            alpha: settings.alpha,
+            schedule,
+            paths_per_pass: settings.paths_per_pass,
+        })
+    }
+}
+
+impl From<Block> for wire::Block {
+    fn from(block: Block) -> Self {
+        Self {
+            level: block.level,
+            index: block.index,
+        }
+    }
+}
+
+impl TryFrom<wire::Block> for Block {
+    type Error = WireError;
+    fn try_from(block: wire::Block) -> Result<Self, WireError> {
+        // The end of the block must be a pass index too.
+        let end = block.index.checked_add(1);
+        let fits = |end: u64| block.level < 64 && end <= u64::MAX >> block.level;
+        if !end.is_some_and(fits) {
+            return Err(WireError {
+                field: "block",
+                expected: "passes below 2^64",
+            });
+        }
+        Ok(Self {
+            level: block.level,
+            index: block.index,
+        })
+    }
+}
+
+impl From<PassStats> for wire::PassStats {
+    fn from(stats: PassStats) -> Self {
+        Self {
+            paths: stats.paths,
+            beams: stats.beams,
+            surface_photons: stats.surface_photons,
+            beam_evaluations: stats.beam_evaluations,
+            non_finite: stats.non_finite,
+        }
+    }
+}
+
+impl From<wire::PassStats> for PassStats {
+    fn from(stats: wire::PassStats) -> Self {
+        Self {
+            paths: stats.paths,
+            beams: stats.beams,
+            surface_photons: stats.surface_photons,
+            beam_evaluations: stats.beam_evaluations,
+            non_finite: stats.non_finite,
+        }
+    }
+}
+
+impl From<Grant> for wire::LeaseReply {
+    fn from(grant: Grant) -> Self {
+        use wire::lease_reply::Outcome;
+        let outcome = match grant {
+            Grant::Lease(lease, block) => Outcome::Lease(wire::Lease {
+                lease: lease.0,
+                block: Some(block.into()),
+            }),
+            Grant::NotNow => Outcome::NotNow(wire::NotNow {}),
+            Grant::Done => Outcome::Done(wire::Done {}),
+        };
+        Self {
+            outcome: Some(outcome),
+        }
+    }
+}
+
+impl TryFrom<wire::LeaseReply> for Grant {
+    type Error = WireError;
+    fn try_from(reply: wire::LeaseReply) -> Result<Self, WireError> {
+        use wire::lease_reply::Outcome;
+        Ok(match require(reply.outcome, "outcome")? {
+            Outcome::Lease(lease) => Self::Lease(
+                LeaseId(lease.lease),
+                require(lease.block, "lease.block")?.try_into()?,
+            ),
+            Outcome::NotNow(_) => Self::NotNow,
+            Outcome::Done(_) => Self::Done,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn settings() -> JobSettings {
+        JobSettings {
+            seed: u64::MAX,
+            alpha: 0.7,
+            schedule: ScheduleKind::Beam,
+            paths_per_pass: 5,
+        }
+    }
+
+    #[test]
+    fn a_job_survives_the_wire() {
+        let file = |path: &str| FileEntry {
+            path: path.into(),
+            hash: FileHash::of(path.as_bytes()),
+            size: 3,
+        };
+        let job = Job {
+            scene: SceneHash([7; 32]),
+            manifest: Manifest {
+                scene: "b.toml".into(),
+                files: vec![file("a.ply"), file("b.toml")],
+            },
+            settings: settings(),
+            width: 3,
+            height: 4,
+        };
+        assert_eq!(Job::try_from(wire::Job::from(&job)), Ok(job));
+    }
+
+    #[test]
+    fn grants_survive_the_wire() {
+        let block = Block { level: 3, index: 9 };
+        for grant in [
+            Grant::Lease(LeaseId(4), block),
+            Grant::NotNow,
+            Grant::Done,
+        ] {
+            assert_eq!(Grant::try_from(wire::LeaseReply::from(grant)), Ok(grant));
+        }
+    }
+
+    #[test]
+    fn impossible_settings_are_refused() {
+        for alpha in [0.0, 1.0, -0.5, f64::NAN, f64::INFINITY] {
+            let wire = wire::Settings { alpha, ..settings().into() };
+            let error = JobSettings::try_from(wire).unwrap_err();
+            assert_eq!(error.field, "settings.alpha");
+        }
+        let wire = wire::Settings { paths_per_pass: 0, ..settings().into() };
+        assert!(JobSettings::try_from(wire).is_err());
+        let wire = wire::Settings { schedule: 17, ..settings().into() };
+        assert!(JobSettings::try_from(wire).is_err());
+    }
+
+    #[test]
+    fn blocks_past_the_last_pass_are_refused() {
+        for (level, index) in [(64, 0), (u32::MAX, 1), (0, u64::MAX), (1, u64::MAX >> 1), (63, 1)] {
+            assert!(Block::try_from(wire::Block { level, index }).is_err());
+        }
+        for (level, index) in [(0, 0), (0, u64::MAX - 1), (62, 1), (5, 77)] {
+            assert!(Block::try_from(wire::Block { level, index }).is_ok());
+        }
+    }
+
+    #[test]
+    fn manifests_are_sorted() {
+        let file = |path: &str| wire::FileEntry {
+            path: path.into(),
+            hash: Bytes::from_static(&[0; 32]),
+            size: 0,
+        };
+        let manifest = |paths: [&str; 2]| wire::Manifest {
+            scene: "a".into(),
+            files: paths.map(file).to_vec(),
+        };
+        assert!(Manifest::try_from(manifest(["a", "b"])).is_ok());
+        assert!(Manifest::try_from(manifest(["b", "a"])).is_err());
+        assert!(Manifest::try_from(manifest(["a", "a"])).is_err());
+    }
+}

@@ -1,0 +1,96 @@
+//! What the farm exchanges, as its two sides think of it.
+
+use beamfarm_shared::bundle::Bundle;
+use beamfarm_shared::job::{Block, JobSettings, SceneHash};
+use std::fmt;
+
+/// A worker's number at one coordinator.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct WorkerId(pub u64);
+
+/// A lease's number at one coordinator.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct LeaseId(pub u64);
+
+/// BLAKE3 of a file's bytes.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct FileHash(pub [u8; 32]);
+
+impl FileHash {
+    /// The hash of some bytes.
+    pub fn of(bytes: &[u8]) -> Self {
+        Self(*blake3::hash(bytes).as_bytes())
+    }
+}
+
+impl fmt::Display for FileHash {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.iter().try_for_each(|byte| write!(f, "{byte:02x}"))
+    }
+}
+
+impl fmt::Debug for FileHash {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        fmt::Display::fmt(self, f)
+    }
+}
+
+/// A file of a bundle, without its bytes.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct FileEntry {
+    /// The path as the scene file writes it.
+    pub path: String,
+    /// Hash of its bytes.
+    pub hash: FileHash,
+    /// Size in bytes.
+    pub size: u64,
+}
+
+/// The files of a bundle, without their bytes.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Manifest {
+    /// Path of the scene file.
+    pub scene: String,
+    /// In order of their paths.
+    pub files: Vec<FileEntry>,
+}
+
+impl From<&Bundle> for Manifest {
+    fn from(bundle: &Bundle) -> Self {
+        let entry = |(path, bytes): (&String, &Vec<u8>)| FileEntry {
+            path: path.clone(),
+            hash: FileHash::of(bytes),
+            size: bytes.len() as u64,
+        };
+        Self {
+            scene: bundle.scene.clone(),
+            files: bundle.files.iter().map(entry).collect(),
+        }
+    }
+}
+
+/// What a worker renders passes of.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Job {
+    /// Hash of the scene bundle.
+    pub scene: SceneHash,
+    /// Its files.
+    pub manifest: Manifest,
+    /// What passes depend on beside the scene.
+    pub settings: JobSettings,
+    /// Pixels a row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+}
+
+/// The answer to a worker that asks for work.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Grant {
+    /// Render this.
+    Lease(LeaseId, Block),
+    /// Ask again.
+    NotNow,
+    /// Nothing will come any more.
+    Done,
+}

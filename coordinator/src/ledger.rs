@@ -241,7 +241,8 @@ impl Ledger {
         }
         // Another worker may be rendering it again: its lease must not put the block back.
         let leases = &self.leases;
-        self.active.retain(|id| leases[id.0 as usize].block != block);
+        self.active
+            .retain(|id| leases[id.0 as usize].block != block);
         self.returned.remove(&block);
         self.done.insert(block, (pixels, worker));
         if let Some(entry) = self.workers.get_mut(&worker) {

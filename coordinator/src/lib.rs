@@ -1,2 +1,12 @@
-//! The coordinator.
+//! The coordinator: hands passes out, checks what comes back, and adds it up.
+//!
+//! [`ledger`] decides who renders what and knows neither clock nor network; [`farm`] is the job as a whole, shared by all
+//! calls; [`server`] is the way in. The renderer is not needed here: a scene is bytes and a hash.
+
+mod examine;
+pub mod farm;
 pub mod ledger;
+pub mod server;
+mod service;
+
+pub use farm::{End, Farm, JobSpec, Progress, Timing};

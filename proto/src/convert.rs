@@ -2,17 +2,24 @@
 
 use crate::domain::{FileEntry, FileHash, Grant, Job, LeaseId, Manifest};
 use crate::wire;
-use beamfarm_shared::job::{Block, JobSettings, PassStats, SceneHash, ScheduleKind};
+use beamfarm_shared::job::{Block, JobSettings, MAX_PASSES, PassStats, SceneHash, ScheduleKind};
 use prost::bytes::Bytes;
 
 /// A message that says something impossible.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{field}: expected {expected}")]
+#[error("{field}: {message}")]
 pub struct WireError {
     /// The field at fault.
     pub field: &'static str,
-    /// What it should have held.
-    pub expected: &'static str,
+    /// What is wrong, or what was expected.
+    pub message: String,
+}
+
+impl WireError {
+    fn new(field: &'static str, message: impl Into<String>) -> Self {
+        let message = message.into();
+        Self { field, message }
+    }
 }
 
 impl From<WireError> for tonic::Status {
@@ -22,14 +29,12 @@ impl From<WireError> for tonic::Status {
 }
 
 fn require<T>(value: Option<T>, field: &'static str) -> Result<T, WireError> {
-    let expected = "a value";
-    value.ok_or(WireError { field, expected })
+    value.ok_or_else(|| WireError::new(field, "is missing"))
 }
 
 fn hash(bytes: &Bytes, field: &'static str) -> Result<[u8; 32], WireError> {
-    let expected = "32 bytes";
-    let wrong = |_| WireError { field, expected };
-    bytes.as_ref().try_into().map_err(wrong)
+    let wrong = || WireError::new(field, format!("{} bytes; expected 32", bytes.len()));
+    bytes.as_ref().try_into().map_err(|_| wrong())
 }
 
 /// Scenes and files share the type of their hash on the wire.
@@ -113,10 +118,7 @@ impl TryFrom<wire::Manifest> for Manifest {
             .map(entry)
             .collect::<Result<_, _>>()?;
         if !files.is_sorted_by(|a, b| a.path < b.path) {
-            return Err(WireError {
-                field: "manifest.files",
-                expected: "ascending paths",
-            });
+            return Err(WireError::new("manifest.files", "expected ascending paths"));
         }
         Ok(Self {
             scene: manifest.scene,
@@ -136,6 +138,7 @@ impl From<JobSettings> for wire::Settings {
             alpha: settings.alpha,
             schedule: schedule.into(),
             paths_per_pass: settings.paths_per_pass,
+            reference_paths: settings.reference_paths,
         }
     }
 }
@@ -143,25 +146,24 @@ impl From<JobSettings> for wire::Settings {
 impl TryFrom<wire::Settings> for JobSettings {
     type Error = WireError;
     fn try_from(settings: wire::Settings) -> Result<Self, WireError> {
-        let wrong = |field, expected| Err(WireError { field, expected });
-        // Written so that NaN fails.
-        if !(settings.alpha > 0.0 && settings.alpha < 1.0) {
-            return wrong("settings.alpha", "a number in (0, 1)");
-        }
-        if settings.paths_per_pass == 0 {
-            return wrong("settings.paths_per_pass", "at least 1");
-        }
         let schedule = match settings.schedule() {
             wire::Schedule::Pass => ScheduleKind::Pass,
             wire::Schedule::Beam => ScheduleKind::Beam,
-            wire::Schedule::Unspecified => return wrong("settings.schedule", "PASS or BEAM"),
+            wire::Schedule::Unspecified => {
+                return Err(WireError::new("settings.schedule", "expected PASS or BEAM"));
+            }
         };
-        Ok(Self {
+        let settings = Self {
             seed: settings.seed,
             alpha: settings.alpha,
             schedule,
             paths_per_pass: settings.paths_per_pass,
-        })
+            reference_paths: settings.reference_paths,
+        };
+        match settings.check() {
+            Ok(()) => Ok(settings),
+            Err(error) => Err(WireError::new("settings", error.to_string())),
+        }
     }
 }
 
@@ -177,19 +179,8 @@ impl From<Block> for wire::Block {
 impl TryFrom<wire::Block> for Block {
     type Error = WireError;
     fn try_from(block: wire::Block) -> Result<Self, WireError> {
-        // The end of the block must be a pass index too.
-        let end = block.index.checked_add(1);
-        let fits = |end: u64| block.level < 64 && end <= u64::MAX >> block.level;
-        if !end.is_some_and(fits) {
-            return Err(WireError {
-                field: "block",
-                expected: "passes below 2^64",
-            });
-        }
-        Ok(Self {
-            level: block.level,
-            index: block.index,
-        })
+        let beyond = || WireError::new("block", format!("expected passes below {MAX_PASSES}"));
+        Self::new(block.level, block.index).ok_or_else(beyond)
     }
 }
 
@@ -259,6 +250,7 @@ mod tests {
             alpha: 0.7,
             schedule: ScheduleKind::Beam,
             paths_per_pass: 5,
+            reference_paths: 6,
         }
     }
 
@@ -285,11 +277,7 @@ mod tests {
     #[test]
     fn grants_survive_the_wire() {
         let block = Block { level: 3, index: 9 };
-        for grant in [
-            Grant::Lease(LeaseId(4), block),
-            Grant::NotNow,
-            Grant::Done,
-        ] {
+        for grant in [Grant::Lease(LeaseId(4), block), Grant::NotNow, Grant::Done] {
             assert_eq!(Grant::try_from(wire::LeaseReply::from(grant)), Ok(grant));
         }
     }
@@ -297,22 +285,37 @@ mod tests {
     #[test]
     fn impossible_settings_are_refused() {
         for alpha in [0.0, 1.0, -0.5, f64::NAN, f64::INFINITY] {
-            let wire = wire::Settings { alpha, ..settings().into() };
+            let wire = wire::Settings {
+                alpha,
+                ..settings().into()
+            };
             let error = JobSettings::try_from(wire).unwrap_err();
-            assert_eq!(error.field, "settings.alpha");
+            assert_eq!(error.field, "settings");
         }
-        let wire = wire::Settings { paths_per_pass: 0, ..settings().into() };
+        let wire = wire::Settings {
+            paths_per_pass: 0,
+            ..settings().into()
+        };
         assert!(JobSettings::try_from(wire).is_err());
-        let wire = wire::Settings { schedule: 17, ..settings().into() };
+        let wire = wire::Settings {
+            schedule: 17,
+            ..settings().into()
+        };
         assert!(JobSettings::try_from(wire).is_err());
     }
 
     #[test]
     fn blocks_past_the_last_pass_are_refused() {
-        for (level, index) in [(64, 0), (u32::MAX, 1), (0, u64::MAX), (1, u64::MAX >> 1), (63, 1)] {
+        for (level, index) in [
+            (64, 0),
+            (u32::MAX, 1),
+            (0, u64::MAX),
+            (0, MAX_PASSES),
+            (53, 1),
+        ] {
             assert!(Block::try_from(wire::Block { level, index }).is_err());
         }
-        for (level, index) in [(0, 0), (0, u64::MAX - 1), (62, 1), (5, 77)] {
+        for (level, index) in [(0, 0), (0, MAX_PASSES - 1), (53, 0), (5, 77)] {
             assert!(Block::try_from(wire::Block { level, index }).is_ok());
         }
     }

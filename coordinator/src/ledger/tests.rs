@@ -153,7 +153,9 @@ fn a_pass_that_keeps_failing_ends_the_job_before_it() {
         assert_eq!(one.1, 1);
         assert!(ledger.failed().is_none());
         let block = Block::leaf(1);
-        ledger.fail(worker, one.0, block, "2 pixels are NaN").unwrap();
+        ledger
+            .fail(worker, one.0, block, "2 pixels are NaN")
+            .unwrap();
         if attempt < 3 {
             one = granted(&mut ledger, worker, 0);
         }

@@ -1,0 +1,105 @@
+//! Looks a delivered block over before anything counts.
+
+use crate::ledger::PixelHash;
+use beamfarm_proto::{FileHash, Job, LeaseId, VERSION, WireError, WireHash, WorkerId, wire};
+use beamfarm_shared::error::ImageError;
+use beamfarm_shared::exr::{decode_block, pixel_hash};
+use beamfarm_shared::job::{Block, PassStats};
+use beamfarm_shared::merge::Node;
+use beamfarm_shared::radius::Schedule;
+
+/// What the header of a submission says.
+#[derive(Clone, Copy, Debug)]
+pub struct Claim {
+    /// Who sends it.
+    pub worker: WorkerId,
+    /// Under which lease.
+    pub lease: LeaseId,
+    /// Which passes.
+    pub block: Block,
+    /// Bytes of the EXR.
+    pub size: u64,
+    /// Their hash.
+    pub hash: FileHash,
+    /// Counters of rendering.
+    pub stats: PassStats,
+}
+
+impl TryFrom<wire::SubmitHeader> for Claim {
+    type Error = WireError;
+    fn try_from(header: wire::SubmitHeader) -> Result<Self, WireError> {
+        Ok(Self {
+            worker: WorkerId(header.worker),
+            lease: LeaseId(header.lease),
+            block: header.block.unwrap_or_default().try_into()?,
+            size: header.size,
+            hash: FileHash::from_wire(&header.hash, "header.hash")?,
+            stats: header.stats.unwrap_or_default().into(),
+        })
+    }
+}
+
+/// Why a block does not count.
+#[derive(Debug, thiserror::Error)]
+pub enum Flaw {
+    /// Damaged on its way: worth sending again.
+    #[error("the bytes are not those that were sent")]
+    Damaged,
+    /// Not a block image of this job: the worker's fault.
+    #[error("{0}")]
+    Foreign(String),
+    /// A block image of this job with pixels that no sum may take: the pass's fault.
+    #[error("{0}")]
+    Pixels(String),
+}
+
+/// The block in these bytes, if it is what the claim says and belongs to the job, and the hash of its pixels.
+pub fn examine(
+    job: &Job,
+    schedule: &Schedule,
+    claim: &Claim,
+    bytes: &[u8],
+) -> Result<(Node, PixelHash), Flaw> {
+    if FileHash::of(bytes) != claim.hash {
+        return Err(Flaw::Damaged);
+    }
+    let (node, meta) = match decode_block(bytes, job.width, job.height) {
+        Ok(decoded) => decoded,
+        Err(error @ ImageError::Merge(_)) => return Err(Flaw::Pixels(error.to_string())),
+        Err(error) => return Err(Flaw::Foreign(error.to_string())),
+    };
+    let foreign = |field: &str, found: String, expected: String| {
+        Err(Flaw::Foreign(format!(
+            "{field} is {found}; expected {expected}"
+        )))
+    };
+    if meta.version != VERSION {
+        return foreign("version", meta.version, VERSION.into());
+    }
+    if meta.scene != job.scene {
+        return foreign("scene", meta.scene.to_string(), job.scene.to_string());
+    }
+    if meta.block != claim.block {
+        return foreign("block", meta.block.to_string(), claim.block.to_string());
+    }
+    if meta.seed != job.settings.seed {
+        let expected = job.settings.seed.to_string();
+        return foreign("seed", meta.seed.to_string(), expected);
+    }
+    let radius_scale = schedule.scale(claim.block.start());
+    for (field, found, expected) in [
+        ("alpha", meta.alpha, job.settings.alpha),
+        ("radius scale", meta.radius_scale, radius_scale),
+    ] {
+        if found.to_bits() != expected.to_bits() {
+            return foreign(field, found.to_string(), expected.to_string());
+        }
+    }
+    if claim.stats.non_finite > 0 {
+        let count = claim.stats.non_finite;
+        return Err(Flaw::Pixels(format!("{count} pixel values are not finite")));
+    }
+    let pixels = blake3::Hash::from_hex(pixel_hash(&node.sum))
+        .map_err(|error| Flaw::Foreign(error.to_string()))?;
+    Ok((node, *pixels.as_bytes()))
+}

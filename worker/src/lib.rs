@@ -1,1 +1,19 @@
-//! The worker.
+//! A worker: leases passes, renders them on its own threads, uploads them. It holds no state that matters.
+//!
+//! ```text
+//! run ── register, load the scene ── session ─┬─ lease ─ render ─ lease ─ render ─ …
+//!                                             ├─ upload the pass before
+//!                                             └─ heartbeat
+//! ```
+//! Rendering has threads of its own, so that it cannot starve the heartbeat, and neither leasing nor uploading makes it
+//! wait.
+
+mod cache;
+pub mod cli;
+mod client;
+pub mod exit;
+mod render;
+mod run;
+pub mod signals;
+
+pub use run::{Config, Summary, WorkerError, run};

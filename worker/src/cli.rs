@@ -1,0 +1,151 @@
+//! The command line of a worker, shared by `beamfarm worker` and `beamfarm-worker`.
+
+use crate::run::{Config, Summary, WorkerError, run};
+use crate::{cache, exit, signals};
+use clap::Args;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::Duration;
+use tokio::sync::watch;
+use tracing_subscriber::EnvFilter;
+use tracing_subscriber::fmt::MakeWriter;
+
+/// Options of a worker.
+#[derive(Args, Clone, Debug)]
+pub struct WorkerArgs {
+    /// Coordinator to work for: http://HOST:PORT
+    #[arg(long, value_name = "URL", env = "BEAMFARM_CONNECT")]
+    pub connect: String,
+
+    /// Rendering threads [default: one per core]
+    #[arg(long, value_name = "T", value_parser = clap::value_parser!(u16).range(1..))]
+    pub threads: Option<u16>,
+
+    /// Name for the coordinator's log [default: the machine's]
+    #[arg(long)]
+    pub name: Option<String>,
+
+    /// Folder for files of scenes, kept between jobs; may be deleted at any time [default: beamfarm in $XDG_CACHE_HOME or
+    /// ~/.cache]
+    #[arg(long, value_name = "DIR", env = "BEAMFARM_CACHE")]
+    pub cache: Option<PathBuf>,
+
+    /// Keep files of scenes in memory only
+    #[arg(long, conflicts_with = "cache")]
+    pub no_cache: bool,
+
+    /// How long to go on trying to reach the coordinator, at the start or when it is lost: 90s, 10m, 2h
+    #[arg(long, value_name = "TIME", default_value = "60s", value_parser = humantime::parse_duration)]
+    pub patience: Duration,
+
+    /// End when standard input does, and leave signals to the parent process
+    #[arg(long, hide = true)]
+    pub with_parent: bool,
+}
+
+/// The option for logs.
+#[derive(Args, Clone, Debug)]
+pub struct LogArgs {
+    /// What to log on standard error: error, warn, info, debug, or a filter such as beamfarm_coordinator=debug
+    #[arg(long, value_name = "FILTER", env = "RUST_LOG", global = true)]
+    pub log: Option<String>,
+}
+
+impl LogArgs {
+    /// Start logging. A filter that makes no sense is a usage error.
+    pub fn init<W>(&self, default: &str, writer: W) -> Result<(), String>
+    where
+        W: for<'a> MakeWriter<'a> + Send + Sync + 'static,
+    {
+        let filter = self.log.as_deref().unwrap_or(default);
+        let filter = EnvFilter::try_new(filter).map_err(|error| format!("--log: {error}"))?;
+        tracing_subscriber::fmt()
+            .with_env_filter(filter)
+            .with_writer(writer)
+            .with_ansi(std::io::IsTerminal::is_terminal(&std::io::stderr()))
+            .with_target(false)
+            .init();
+        Ok(())
+    }
+}
+
+/// Run a worker to its end.
+pub fn main(args: WorkerArgs) -> ExitCode {
+    // The runtime's one thread only waits; rendering has its own.
+    let runtime = tokio::runtime::Builder::new_multi_thread()
+        .worker_threads(1)
+        .enable_all()
+        .build();
+    let result = match runtime {
+        Ok(runtime) => {
+            let result = runtime.block_on(work(args));
+            // A pass that nobody wants any more may still be rendering.
+            runtime.shutdown_background();
+            result
+        }
+        Err(error) => Err(WorkerError::Internal(error.to_string())),
+    };
+    let code = match result {
+        Ok(summary) => {
+            tracing::info!("done after {} passes", summary.passes);
+            exit::DONE
+        }
+        Err(error) => {
+            eprintln!("error: {error}");
+            match error {
+                WorkerError::Address { .. } | WorkerError::Scene(_) => exit::USAGE,
+                WorkerError::Unreachable { .. } => exit::UNREACHABLE,
+                WorkerError::Refused(_) => exit::REFUSED,
+                WorkerError::Internal(_) => exit::IO,
+            }
+        }
+    };
+    ExitCode::from(code)
+}
+
+async fn work(args: WorkerArgs) -> Result<Summary, WorkerError> {
+    let internal = |error: std::io::Error| WorkerError::Internal(error.to_string());
+    let drain = signals::drain().map_err(internal)?;
+    // With a parent, Ctrl-C in a terminal reaches this process as well: the parent decides what follows.
+    let drain = if args.with_parent {
+        std::thread::Builder::new()
+            .name("parent".into())
+            .spawn(exit_with_parent)
+            .map_err(internal)?;
+        watch::channel(false).1
+    } else {
+        drain
+    };
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let url = match args.connect.contains("://") {
+        true => args.connect,
+        false => format!("http://{}", args.connect),
+    };
+    let config = Config {
+        url,
+        threads: args.threads.map_or(cores, usize::from),
+        name: args.name.unwrap_or_else(machine_name),
+        cache: match args.no_cache {
+            true => None,
+            false => Some(args.cache.unwrap_or_else(cache::default_folder)),
+        },
+        patience: args.patience,
+    };
+    run(config, drain).await
+}
+
+/// The parent holds the other end of standard input: it closes when the parent dies, in whatever way.
+fn exit_with_parent() {
+    let _ = std::io::copy(&mut std::io::stdin().lock(), &mut std::io::sink());
+    std::process::exit(exit::DONE.into());
+}
+
+fn machine_name() -> String {
+    let files = ["/proc/sys/kernel/hostname", "/etc/hostname"];
+    let read = files
+        .iter()
+        .find_map(|file| std::fs::read_to_string(file).ok());
+    let name = read.or_else(|| std::env::var("HOSTNAME").ok());
+    let name = name.or_else(|| std::env::var("COMPUTERNAME").ok());
+    name.map_or_else(|| "unnamed".into(), |name| name.trim().to_owned())
+}

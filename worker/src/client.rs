@@ -1,0 +1,251 @@
+//! The coordinator as a worker sees it. Every call goes on trying while the coordinator cannot be reached, until the
+//! worker's patience ends.
+
+use beamfarm_proto::bytes::Bytes;
+use beamfarm_proto::wire::farm_client::FarmClient;
+use beamfarm_proto::wire::submit_request::Part;
+use beamfarm_proto::{
+    CHUNK_BYTES, FileEntry, FileHash, Grant, Job, LeaseId, VERSION, WireHash, WorkerId, wire,
+};
+use beamfarm_shared::job::{Block, PassStats, SceneHash};
+use std::future::Future;
+use std::time::Duration;
+use tokio::sync::mpsc;
+use tokio::time::{Instant, sleep};
+use tokio_stream::wrappers::ReceiverStream;
+use tonic::transport::{Channel, Endpoint};
+use tonic::{Code, Status, Streaming};
+
+/// How often an idle connection is probed, and how long the answer may take.
+const PROBE_EVERY: Duration = Duration::from_secs(10);
+const PROBE_TIMEOUT: Duration = Duration::from_secs(20);
+/// Time for a connection to come about.
+const CONNECT_TIMEOUT: Duration = Duration::from_secs(5);
+/// Pauses between attempts double from the first to the second of these.
+const FIRST_PAUSE: Duration = Duration::from_millis(50);
+const LONGEST_PAUSE: Duration = Duration::from_secs(5);
+
+/// Why a call did not succeed.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum CallError {
+    /// Not reached for as long as the worker has patience.
+    Unreachable(String),
+    /// The coordinator does not know this worker: register again.
+    Forgotten,
+    /// The coordinator wants none of it.
+    Refused(String),
+}
+
+/// The first reply to a worker.
+#[derive(Clone, Debug)]
+pub struct Registration {
+    /// The worker's number.
+    pub worker: WorkerId,
+    /// What to render.
+    pub job: Job,
+    /// Time between heartbeats.
+    pub heartbeat: Duration,
+}
+
+/// A rendered block on its way.
+#[derive(Clone, Debug)]
+pub struct Delivery {
+    /// Its lease.
+    pub lease: LeaseId,
+    /// Which passes.
+    pub block: Block,
+    /// The EXR.
+    pub bytes: Bytes,
+    /// Counters of rendering.
+    pub stats: PassStats,
+}
+
+/// A connection to a coordinator. Clones share it.
+#[derive(Clone, Debug)]
+pub struct Client {
+    farm: FarmClient<Channel>,
+    patience: Duration,
+}
+
+impl Client {
+    /// Does not connect yet. `url`: http://host:port.
+    pub fn new(url: &str, patience: Duration) -> Result<Self, tonic::transport::Error> {
+        let endpoint = Endpoint::from_shared(url.to_owned())?
+            .connect_timeout(CONNECT_TIMEOUT)
+            .http2_keep_alive_interval(PROBE_EVERY)
+            .keep_alive_timeout(PROBE_TIMEOUT)
+            .keep_alive_while_idle(true)
+            .tcp_nodelay(true);
+        Ok(Self {
+            farm: FarmClient::new(endpoint.connect_lazy()),
+            patience,
+        })
+    }
+
+    /// Introduce the worker, which holds this scene already, if any.
+    pub async fn register(
+        &self,
+        name: &str,
+        threads: u32,
+        scene: Option<SceneHash>,
+    ) -> Result<Registration, CallError> {
+        let request = wire::RegisterRequest {
+            version: VERSION.into(),
+            scene: scene.map(|scene| scene.to_wire()).unwrap_or_default(),
+            name: name.into(),
+            threads,
+        };
+        let reply = self
+            .persist(|mut farm| {
+                let request = request.clone();
+                async move { farm.register(request).await }
+            })
+            .await?
+            .into_inner();
+        let job = reply.job.unwrap_or_default();
+        Ok(Registration {
+            worker: WorkerId(reply.worker),
+            job: Job::try_from(job).map_err(|error| CallError::Refused(error.to_string()))?,
+            heartbeat: Duration::from_millis(reply.heartbeat_ms.max(1).into()),
+        })
+    }
+
+    /// A file of the scene; its size and content are checked.
+    pub async fn fetch(&self, file: &FileEntry) -> Result<Vec<u8>, CallError> {
+        let fetch = |mut farm: FarmClient<Channel>| async move {
+            let hash = file.hash.to_wire();
+            let request = wire::FetchFileRequest { hash };
+            let mut chunks = farm.fetch_file(request).await?.into_inner();
+            let mut bytes = Vec::new();
+            while let Some(chunk) = chunks.message().await? {
+                if (bytes.len() + chunk.data.len()) as u64 > file.size {
+                    return Err(Status::aborted(format!("{} is too long", file.path)));
+                }
+                bytes.extend_from_slice(&chunk.data);
+            }
+            if FileHash::of(&bytes) != file.hash {
+                return Err(Status::aborted(format!("{} arrived damaged", file.path)));
+            }
+            Ok(bytes)
+        };
+        self.persist(fetch).await
+    }
+
+    /// Open the stream of heartbeats, with one in it.
+    pub async fn attend(
+        &self,
+        first: wire::Heartbeat,
+    ) -> Result<(mpsc::Sender<wire::Heartbeat>, Streaming<wire::Notice>), CallError> {
+        self.persist(|mut farm| {
+            let (sender, beats) = mpsc::channel(4);
+            // There is room for it.
+            let _ = sender.try_send(first.clone());
+            async move {
+                let notices = farm.attend(ReceiverStream::new(beats)).await?;
+                Ok((sender, notices.into_inner()))
+            }
+        })
+        .await
+    }
+
+    /// The next pass, or `NotNow` after some seconds.
+    pub async fn lease(&self, worker: WorkerId, scene: SceneHash) -> Result<Grant, CallError> {
+        let request = wire::LeaseRequest {
+            worker: worker.0,
+            scene: scene.to_wire(),
+        };
+        let reply = self
+            .persist(|mut farm| {
+                let request = request.clone();
+                async move { farm.lease(request).await }
+            })
+            .await?;
+        Grant::try_from(reply.into_inner()).map_err(|error| CallError::Refused(error.to_string()))
+    }
+
+    /// Deliver a block.
+    pub async fn submit(&self, worker: WorkerId, delivery: &Delivery) -> Result<(), CallError> {
+        let header = wire::SubmitHeader {
+            worker: worker.0,
+            lease: delivery.lease.0,
+            block: Some(delivery.block.into()),
+            size: delivery.bytes.len() as u64,
+            hash: FileHash::of(&delivery.bytes).to_wire(),
+            stats: Some(delivery.stats.into()),
+        };
+        self.persist(|mut farm| {
+            let mut rest = delivery.bytes.clone();
+            let chunks = std::iter::from_fn(move || {
+                let chunk = rest.split_to(rest.len().min(CHUNK_BYTES));
+                (!chunk.is_empty()).then_some(Part::Data(chunk))
+            });
+            let parts = std::iter::once(Part::Header(header.clone())).chain(chunks);
+            let parts = parts.map(|part| wire::SubmitRequest { part: Some(part) });
+            async move { farm.submit(tokio_stream::iter(parts)).await }
+        })
+        .await
+        .map(|_| ())
+    }
+
+    /// Say that a leased block cannot be rendered.
+    pub async fn fail(
+        &self,
+        worker: WorkerId,
+        lease: LeaseId,
+        message: &str,
+    ) -> Result<(), CallError> {
+        let request = wire::FailRequest {
+            worker: worker.0,
+            lease: lease.0,
+            message: message.into(),
+        };
+        self.persist(|mut farm| {
+            let request = request.clone();
+            async move { farm.fail(request).await }
+        })
+        .await
+        .map(|_| ())
+    }
+
+    async fn persist<T, F>(&self, call: impl Fn(FarmClient<Channel>) -> F) -> Result<T, CallError>
+    where
+        F: Future<Output = Result<T, Status>>,
+    {
+        let begun = Instant::now();
+        let mut pause = FIRST_PAUSE;
+        loop {
+            let status = match call(self.farm.clone()).await {
+                Ok(reply) => return Ok(reply),
+                Err(status) => status,
+            };
+            match status.code() {
+                Code::NotFound => return Err(CallError::Forgotten),
+                Code::InvalidArgument
+                | Code::FailedPrecondition
+                | Code::PermissionDenied
+                | Code::Unauthenticated
+                | Code::Unimplemented
+                | Code::DataLoss
+                | Code::OutOfRange => return Err(CallError::Refused(status.message().into())),
+                _ => {}
+            }
+            if begun.elapsed() + pause > self.patience {
+                return Err(CallError::Unreachable(describe(&status)));
+            }
+            tracing::debug!("{}; trying again in {pause:?}", describe(&status));
+            sleep(pause).await;
+            pause = (2 * pause).min(LONGEST_PAUSE);
+        }
+    }
+}
+
+/// A status of a connection that failed says no more than "transport error"; its sources do.
+fn describe(status: &Status) -> String {
+    let mut source = std::error::Error::source(status);
+    let mut message = status.message().to_owned();
+    while let Some(error) = source {
+        message = error.to_string();
+        source = error.source();
+    }
+    message
+}

@@ -1,0 +1,31 @@
+//! Exit codes of `beamfarm` and `beamfarm-worker`, as their help lists them.
+
+/// Done. Also after a signal, when the image up to then was written or the worker handed in its pass.
+pub const DONE: u8 = 0;
+/// The machine's fault: a file that cannot be written, a port that is taken.
+pub const IO: u8 = 1;
+/// Wrong usage, or a scene or image that cannot be used (clap's code for usage too).
+pub const USAGE: u8 = 2;
+/// The worker cannot reach the coordinator, or lost it and did not find it again. Worth another try later.
+pub const UNREACHABLE: u8 = 3;
+/// Stopped before the first pass was complete: there is nothing to write.
+pub const NOTHING: u8 = 4;
+/// The job failed: a pass cannot be rendered, workers keep dying, or two machines disagree about a pass. The image before
+/// it was written, if there is one.
+pub const FAILED: u8 = 5;
+/// The coordinator refused the worker: another version, or wrong results. Not worth another try.
+pub const REFUSED: u8 = 6;
+
+/// The list for `--help`.
+pub const HELP: &str = "\
+Exit codes:
+  0  done; also after SIGINT or SIGTERM when what was complete has been written
+  1  a file or the network: an image cannot be written, a port is taken
+  2  wrong usage, or a scene or image that cannot be used
+  3  worker: the coordinator cannot be reached; worth another try
+  4  stopped before the first pass was complete: nothing was written
+  5  the job failed (a pass cannot be rendered, workers keep dying, two machines
+     disagree about a pass); the passes before it were written, if any
+  6  worker: refused by the coordinator (another version, wrong results); not
+     worth another try
+  130, 143  killed by a second SIGINT or SIGTERM";

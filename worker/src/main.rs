@@ -1,0 +1,25 @@
+//! A worker of beamfarm on its own, for containers: the same as `beamfarm worker`.
+
+use beamfarm_worker::cli::{self, LogArgs, WorkerArgs};
+use beamfarm_worker::exit;
+use clap::Parser;
+use std::process::ExitCode;
+
+/// Render passes for a beamfarm coordinator until its job is done
+#[derive(Parser)]
+#[command(name = "beamfarm-worker", version, after_help = exit::HELP)]
+struct Options {
+    #[command(flatten)]
+    worker: WorkerArgs,
+    #[command(flatten)]
+    log: LogArgs,
+}
+
+fn main() -> ExitCode {
+    let options = Options::parse();
+    if let Err(message) = options.log.init("info", std::io::stderr) {
+        eprintln!("error: {message}");
+        return ExitCode::from(exit::USAGE);
+    }
+    cli::main(options.worker)
+}

@@ -1,0 +1,57 @@
+//! SIGINT and SIGTERM: the first asks to finish, the second kills.
+
+use tokio::sync::watch;
+
+/// A value that becomes true at the first signal. A second signal ends the process at once with 128 plus its number.
+/// To be called once, inside a tokio runtime.
+pub fn drain() -> std::io::Result<watch::Receiver<bool>> {
+    let (sender, receiver) = watch::channel(false);
+    let mut signals = Signals::new()?;
+    tokio::spawn(async move {
+        loop {
+            let number = signals.next().await;
+            if sender.send_replace(true) {
+                std::process::exit(128 + number);
+            }
+            tracing::info!("signal {number}: finishing; a second one kills");
+        }
+    });
+    Ok(receiver)
+}
+
+#[cfg(unix)]
+struct Signals {
+    interrupt: tokio::signal::unix::Signal,
+    terminate: tokio::signal::unix::Signal,
+}
+
+#[cfg(unix)]
+impl Signals {
+    fn new() -> std::io::Result<Self> {
+        use tokio::signal::unix::{SignalKind, signal};
+        Ok(Self {
+            interrupt: signal(SignalKind::interrupt())?,
+            terminate: signal(SignalKind::terminate())?,
+        })
+    }
+    async fn next(&mut self) -> i32 {
+        tokio::select! {
+            _ = self.interrupt.recv() => 2,
+            _ = self.terminate.recv() => 15,
+        }
+    }
+}
+
+#[cfg(not(unix))]
+struct Signals;
+
+#[cfg(not(unix))]
+impl Signals {
+    fn new() -> std::io::Result<Self> {
+        Ok(Self)
+    }
+    async fn next(&mut self) -> i32 {
+        let _ = tokio::signal::ctrl_c().await;
+        2
+    }
+}

@@ -1,2 +1,98 @@
-//! The command `beamfarm`.
-fn main() {}
+//! The command `beamfarm`: one file a subcommand, and what they share.
+
+mod compare;
+mod conduct;
+mod explain;
+mod failure;
+mod job;
+mod local;
+mod output;
+mod progress;
+mod render;
+mod replay;
+mod serve;
+
+use beamfarm_worker::cli::{self, LogArgs, WorkerArgs};
+use beamfarm_worker::exit;
+use clap::{Parser, Subcommand};
+use failure::Failure;
+use std::process::ExitCode;
+
+const EXAMPLES: &str = "\
+Examples:
+  beamfarm render scene.toml                      all cores, the scene's own number of passes:
+                                                  writes scene.exr and scene.png here
+  beamfarm render scene.toml --time 5m -o out/a.exr
+  beamfarm explain scene.toml                     what a pass will do, and why
+  beamfarm compare scene.exr reference.exr
+
+  Over several machines:
+  beamfarm serve scene.toml --listen 0.0.0.0:7325
+  beamfarm worker --connect http://HOST:7325      on each of them
+
+Lengths are in scene units, radiance in W/(m^2 sr), times as 90s, 5m or 1h30m.
+The image is the average of passes 0 to N-1 whatever the number of workers: the same scene and seed
+give the same bits.";
+
+/// Renders light in participating media with progressive photon beams, on one machine or many
+#[derive(Parser)]
+#[command(name = "beamfarm", version, after_help = format!("{EXAMPLES}\n\n{}", exit::HELP))]
+struct Options {
+    #[command(subcommand)]
+    command: Command,
+    #[command(flatten)]
+    log: LogArgs,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Render a scene on this machine
+    #[command(after_help = render::EXAMPLES)]
+    Render(render::RenderArgs),
+    /// Hand the passes of a scene out to workers on other machines
+    #[command(after_help = serve::EXAMPLES)]
+    Serve(serve::ServeArgs),
+    /// Render passes for a coordinator on another machine, until its job is done
+    #[command(after_help = WORKER_EXAMPLES)]
+    Worker(WorkerArgs),
+    /// Render one pass of a scene again and print the hash of its pixels
+    #[command(after_help = replay::EXAMPLES)]
+    Replay(replay::ReplayArgs),
+    /// Print how far an image is from a reference
+    #[command(after_help = compare::MEANING)]
+    Compare(compare::CompareArgs),
+    /// Print which stages of rendering a scene needs, with the reason for each
+    Explain(explain::ExplainArgs),
+}
+
+const WORKER_EXAMPLES: &str = "\
+Examples:
+  beamfarm worker --connect http://coordinator:7325
+  beamfarm worker --connect http://coordinator:7325 --threads 8 --patience 10m
+
+SIGINT and SIGTERM let it deliver the pass at hand; a second one kills it. A worker that dies loses
+nothing: its pass is handed out again.";
+
+fn main() -> ExitCode {
+    let options = Options::parse();
+    // Workers on other machines and servers run unattended and keep a log; a person at a terminal wants the bar.
+    let level = match options.command {
+        Command::Serve(_) | Command::Worker(_) => "info",
+        _ => "warn",
+    };
+    if let Err(message) = options.log.init(level, progress::LogWriter::default) {
+        return Failure::usage(message).report();
+    }
+    let done = match options.command {
+        Command::Render(args) => render::main(args, options.log.log.as_deref()),
+        Command::Serve(args) => serve::main(args),
+        Command::Worker(args) => return cli::main(args),
+        Command::Replay(args) => replay::main(args),
+        Command::Compare(args) => compare::main(args),
+        Command::Explain(args) => explain::main(args),
+    };
+    match done {
+        Ok(()) => ExitCode::from(exit::DONE),
+        Err(failure) => failure.report(),
+    }
+}

@@ -1,0 +1,33 @@
+//! `beamfarm compare`: how far an image is from a reference.
+
+use crate::failure::Failure;
+use beamfarm_shared::exr::{pixel_hash, read_rgb};
+use beamfarm_shared::metrics::compare;
+use clap::Args;
+use std::path::PathBuf;
+
+pub const MEANING: &str = "\
+RMSE        root of the mean of (x - ref)^2
+relMSE      mean of (x - ref)^2 / (ref^2 + 0.01)
+mean ratio  mean of the image over mean of the reference: finds a lost factor
+8x8 block   the block whose mean differs most: finds bias that hides in noise
+All over linear RGB, without exposure.";
+
+#[derive(Args)]
+pub struct CompareArgs {
+    /// EXR image
+    image: PathBuf,
+    /// EXR image of the same size to compare it with
+    reference: PathBuf,
+}
+
+pub fn main(args: CompareArgs) -> Result<(), Failure> {
+    let image = read_rgb(&args.image).map_err(Failure::usage)?;
+    let reference = read_rgb(&args.reference).map_err(Failure::usage)?;
+    let metrics = compare(&image, &reference).map_err(Failure::usage)?;
+    print!("{metrics}");
+    if pixel_hash(&image) == pixel_hash(&reference) {
+        println!("identical      every bit");
+    }
+    Ok(())
+}

@@ -1,0 +1,22 @@
+//! `beamfarm explain`: the plan of a scene.
+
+use crate::failure::Failure;
+use crate::job::SettingsArgs;
+use beamfarm_shared::plan::{RenderPlan, Scene};
+use clap::Args;
+
+#[derive(Args)]
+pub struct ExplainArgs {
+    #[command(flatten)]
+    settings: SettingsArgs,
+}
+
+pub fn main(args: ExplainArgs) -> Result<(), Failure> {
+    let loaded = args.settings.load()?;
+    let hash = loaded.bundle.hash();
+    let scene = Scene::new(loaded.description);
+    let plan = RenderPlan::new(&scene, loaded.settings);
+    println!("scene {hash}");
+    print!("{plan}");
+    Ok(())
+}

@@ -1,0 +1,48 @@
+//! How a command fails: a message and an exit code.
+
+use beamfarm_shared::error::{ImageError, SceneError};
+use beamfarm_worker::exit;
+use std::fmt::Display;
+use std::process::ExitCode;
+
+/// What a command says when it does not succeed.
+#[derive(Debug)]
+pub struct Failure {
+    code: u8,
+    message: String,
+}
+
+impl Failure {
+    pub fn usage(message: impl Display) -> Self {
+        Self::new(exit::USAGE, format!("error: {message}"))
+    }
+    pub fn io(message: impl Display) -> Self {
+        Self::new(exit::IO, format!("error: {message}"))
+    }
+    pub fn nothing(message: impl Display) -> Self {
+        Self::new(exit::NOTHING, format!("error: {message}"))
+    }
+    pub fn job(message: impl Display) -> Self {
+        Self::new(exit::FAILED, format!("error: {message}"))
+    }
+    fn new(code: u8, message: String) -> Self {
+        Self { code, message }
+    }
+    pub fn report(self) -> ExitCode {
+        eprintln!("{}", self.message);
+        ExitCode::from(self.code)
+    }
+}
+
+/// As compilers do, file and line first, so that editors can jump there.
+impl From<SceneError> for Failure {
+    fn from(error: SceneError) -> Self {
+        Self::new(exit::USAGE, error.to_string())
+    }
+}
+
+impl From<ImageError> for Failure {
+    fn from(error: ImageError) -> Self {
+        Self::io(error)
+    }
+}

@@ -1,0 +1,58 @@
+//! Where images go.
+
+use crate::failure::Failure;
+use beamfarm_shared::error::ImageError;
+use beamfarm_shared::exr::{ImageMeta, write_image};
+use beamfarm_shared::merge::Average;
+use beamfarm_shared::png::write_png;
+use std::ffi::OsStr;
+use std::path::{Path, PathBuf};
+
+/// The two files of a picture.
+#[derive(Clone, Debug)]
+pub struct Output {
+    pub exr: PathBuf,
+    pub png: PathBuf,
+}
+
+impl Output {
+    /// The files that were asked for, or those named after the scene. Checks that they can be written, so that nobody
+    /// learns after a night that they cannot.
+    pub fn new(asked: Option<&Path>, scene: &Path) -> Result<Self, Failure> {
+        let exr = match asked {
+            Some(path) => path.to_owned(),
+            None => {
+                let stem = scene.file_stem().unwrap_or(OsStr::new("image"));
+                Path::new(stem).with_added_extension("exr")
+            }
+        };
+        if exr.extension() != Some(OsStr::new("exr")) {
+            let message = format!("{}: expected a name that ends in .exr", exr.display());
+            return Err(Failure::usage(message));
+        }
+        let folder = match exr.parent() {
+            Some(folder) if !folder.as_os_str().is_empty() => folder,
+            _ => Path::new("."),
+        };
+        let probe = tempfile::Builder::new()
+            .prefix(".beamfarm-")
+            .tempfile_in(folder);
+        if let Err(error) = probe {
+            let message = format!("cannot write to {}: {error}", folder.display());
+            return Err(Failure::usage(message));
+        }
+        let png = exr.with_extension("png");
+        Ok(Self { exr, png })
+    }
+
+    /// Write both.
+    pub fn write(
+        &self,
+        average: &Average,
+        meta: &ImageMeta,
+        exposure: f32,
+    ) -> Result<(), ImageError> {
+        write_image(&self.exr, average, meta)?;
+        write_png(&self.png, &average.beauty, exposure)
+    }
+}

@@ -1,0 +1,63 @@
+//! `beamfarm render`: a farm of processes on this machine.
+
+use crate::conduct::conduct;
+use crate::failure::Failure;
+use crate::job::JobArgs;
+use crate::local::{self, Crew};
+use crate::output::Output;
+use beamfarm_coordinator::{Farm, Timing};
+use clap::Args;
+use std::net::Ipv4Addr;
+use tokio::net::TcpListener;
+
+pub const EXAMPLES: &str = "\
+Examples:
+  beamfarm render scene.toml                        all cores, the scene's own number of passes
+  beamfarm render scene.toml --time 60s             as many passes as a minute allows
+  beamfarm render scene.toml --passes 1000 -o a.exr
+  beamfarm render scene.toml --workers 1 --threads 8
+
+SIGINT (Ctrl-C) writes the passes that are complete; a second one kills.";
+
+#[derive(Args)]
+pub struct RenderArgs {
+    #[command(flatten)]
+    job: JobArgs,
+
+    /// Worker processes [default: one per core up to four cores, above that one per four]
+    #[arg(long, value_name = "W", value_parser = clap::value_parser!(u16).range(1..))]
+    workers: Option<u16>,
+
+    /// Threads of each worker [default: so that workers times threads is the number of cores]
+    #[arg(long, value_name = "T", value_parser = clap::value_parser!(u16).range(1..))]
+    threads: Option<u16>,
+}
+
+pub fn main(args: RenderArgs, log: Option<&str>) -> Result<(), Failure> {
+    let loaded = args.job.settings.load()?;
+    let exposure = args.job.exposure(&loaded)?;
+    let output = Output::new(args.job.output.as_deref(), &args.job.settings.scene)?;
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let (workers, threads) = local::split(
+        args.workers.map(usize::from),
+        args.threads.map(usize::from),
+        cores,
+    );
+    let spec = args.job.spec(loaded);
+    let runtime = tokio::runtime::Runtime::new().map_err(Failure::io)?;
+    runtime.block_on(async {
+        let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0))
+            .await
+            .map_err(|error| Failure::io(format!("cannot listen on 127.0.0.1: {error}")))?;
+        let address = listener.local_addr().map_err(Failure::io)?;
+        let farm = Farm::new(spec, Timing::default());
+        let crew = Crew {
+            workers,
+            threads,
+            url: format!("http://{address}"),
+            log: log.unwrap_or("warn").to_owned(),
+        };
+        let crew = local::run(crew, farm.clone());
+        conduct(&args.job, &output, exposure, farm, listener, crew).await
+    })
+}

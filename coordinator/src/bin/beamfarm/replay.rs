@@ -1,0 +1,85 @@
+//! `beamfarm replay`: one pass again, here and now.
+
+use crate::failure::Failure;
+use crate::job::SettingsArgs;
+use crate::output::Output;
+use beamfarm_proto::VERSION;
+use beamfarm_shared::exr::{BlockMeta, encode_block, pixel_hash};
+use beamfarm_shared::job::{Block, MAX_PASSES};
+use beamfarm_shared::merge::Node;
+use beamfarm_shared::pass::render_pass;
+use beamfarm_shared::plan::{RenderPlan, Scene};
+use beamfarm_shared::radius::Schedule;
+use clap::Args;
+use std::path::PathBuf;
+use std::time::Instant;
+
+pub const EXAMPLES: &str = "\
+Examples:
+  beamfarm replay scene.toml --pass 17
+  beamfarm replay scene.toml --pass 17 -o pass17.exr
+
+Prints the hash of the pass's pixels: the one that a farm logs for this pass with
+--log beamfarm_coordinator=debug, when scene, seed, paths and alpha are the same.";
+
+#[derive(Args)]
+pub struct ReplayArgs {
+    #[command(flatten)]
+    settings: SettingsArgs,
+
+    /// Which pass, counted from zero
+    #[arg(long, value_name = "I", value_parser = clap::value_parser!(u64).range(..MAX_PASSES))]
+    pass: u64,
+
+    /// Write the pass to this file as well
+    #[arg(short, long, value_name = "OUT.exr")]
+    output: Option<PathBuf>,
+
+    /// Threads [default: one per core]
+    #[arg(long, value_name = "T", value_parser = clap::value_parser!(u16).range(1..))]
+    threads: Option<u16>,
+}
+
+pub fn main(args: ReplayArgs) -> Result<(), Failure> {
+    let loaded = args.settings.load()?;
+    let output = match &args.output {
+        Some(path) => Some(Output::new(Some(path), &args.settings.scene)?),
+        None => None,
+    };
+    // Zero threads stand for one per core.
+    let threads = args.threads.map_or(0, usize::from);
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+    let pool = pool.map_err(Failure::io)?;
+    let (settings, hash) = (loaded.settings, loaded.bundle.hash());
+    let (image, seconds) = pool.install(|| {
+        let scene = Scene::new(loaded.description);
+        let plan = RenderPlan::new(&scene, settings);
+        let begun = Instant::now();
+        let image = render_pass(&scene, &plan, args.pass);
+        (image, begun.elapsed().as_secs_f64())
+    });
+    println!("pass {} pixels {}", args.pass, pixel_hash(&image.film));
+    let stats = image.stats;
+    println!(
+        "{seconds:.3} s, {} photon paths, {} beams, {} surface photons, {} beam evaluations",
+        stats.paths, stats.beams, stats.surface_photons, stats.beam_evaluations
+    );
+    let bad = image.film.non_finite().max(stats.non_finite);
+    if bad > 0 {
+        return Err(Failure::job(format!("{bad} pixel values are not finite")));
+    }
+    if let Some(output) = output {
+        let meta = BlockMeta {
+            scene: hash,
+            block: Block::leaf(args.pass),
+            seed: settings.seed,
+            alpha: settings.alpha,
+            radius_scale: Schedule::new(&settings).scale(args.pass),
+            version: VERSION.into(),
+        };
+        let bytes = encode_block(&Node::leaf(args.pass, image.film), &meta)?;
+        std::fs::write(&output.exr, bytes)
+            .map_err(|error| Failure::io(format!("{}: {error}", output.exr.display())))?;
+    }
+    Ok(())
+}

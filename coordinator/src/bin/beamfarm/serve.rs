@@ -1,0 +1,49 @@
+//! `beamfarm serve`: a farm for workers on other machines.
+
+use crate::conduct::conduct;
+use crate::failure::Failure;
+use crate::job::JobArgs;
+use crate::output::Output;
+use beamfarm_coordinator::{Farm, Timing};
+use clap::Args;
+use std::net::SocketAddr;
+use tokio::net::TcpListener;
+
+pub const EXAMPLES: &str = "\
+Examples:
+  beamfarm serve scene.toml                             workers on this machine only
+  beamfarm serve scene.toml --listen 0.0.0.0:7325       workers from anywhere
+  beamfarm worker --connect http://HOST:7325            on each machine that is to work
+
+Whoever can reach the port can read the scene and send passes: listen on trusted networks only. SIGINT
+and SIGTERM write the passes that are complete; a second one kills.";
+
+#[derive(Args)]
+pub struct ServeArgs {
+    #[command(flatten)]
+    job: JobArgs,
+
+    /// Address and port to listen on; port 0 takes a free one
+    #[arg(long, value_name = "ADDR:PORT", default_value = "127.0.0.1:7325")]
+    listen: SocketAddr,
+}
+
+pub fn main(args: ServeArgs) -> Result<(), Failure> {
+    let loaded = args.job.settings.load()?;
+    let exposure = args.job.exposure(&loaded)?;
+    let output = Output::new(args.job.output.as_deref(), &args.job.settings.scene)?;
+    let spec = args.job.spec(loaded);
+    let runtime = tokio::runtime::Runtime::new().map_err(Failure::io)?;
+    runtime.block_on(async {
+        let listener = TcpListener::bind(args.listen)
+            .await
+            .map_err(|error| Failure::io(format!("cannot listen on {}: {error}", args.listen)))?;
+        let address = listener.local_addr().map_err(Failure::io)?;
+        if !args.job.quiet {
+            println!("listening on http://{address}");
+        }
+        let farm = Farm::new(spec, Timing::default());
+        let crew = std::future::pending();
+        conduct(&args.job, &output, exposure, farm, listener, crew).await
+    })
+}

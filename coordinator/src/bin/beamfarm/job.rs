@@ -3,10 +3,11 @@
 use crate::failure::Failure;
 use beamfarm_coordinator::JobSpec;
 use beamfarm_shared::bundle::Bundle;
+use beamfarm_shared::error::SceneError;
 use beamfarm_shared::job::{JobSettings, MAX_PASSES};
 use beamfarm_shared::scene::{RenderDefaults, SceneDescription, read_bundle};
 use clap::Args;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 /// What passes depend on beside the scene.
@@ -32,7 +33,12 @@ impl SettingsArgs {
     /// Read the scene.
     pub fn load(&self) -> Result<Loaded, Failure> {
         let bundle = read_bundle(&self.scene)?;
-        let description = SceneDescription::load(&bundle)?;
+        // Its errors name files relative to the scene's folder.
+        let folder = self.scene.parent().unwrap_or(Path::new(""));
+        let description = SceneDescription::load(&bundle).map_err(|error| SceneError {
+            file: folder.join(&error.file),
+            ..error
+        })?;
         let defaults = description.defaults;
         let settings = JobSettings {
             seed: self.seed.unwrap_or(defaults.seed),

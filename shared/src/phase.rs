@@ -151,9 +151,7 @@ mod tests {
             let lobe = Phase::HenyeyGreenstein { g }.lobe();
             let old = Vec3::new(0.48, 0.6, 0.64);
             let frame = Frame::from_normal(old);
-            for theta in [
-                0.0, 1e-5, 3e-4, 1e-3, 1e-2, 0.1, 0.5, 1.5, 2.5, 3.1, 3.141, 3.1415,
-            ] {
+            for theta in [0.0, 1e-5, 3e-4, 1e-3, 1e-2, 0.1, 0.5, 1.5, 2.5, 3.0, 3.1] {
                 let new = frame.to_world(Vec3::new(
                     libm::sin(theta) as f32,
                     0.0,

@@ -23,8 +23,11 @@ pub fn uniform_sphere_pdf() -> f32 {
 /// Unit vector with z >= 0, density proportional to z (Malley's method).
 #[inline]
 pub fn cosine_hemisphere(u: Vec2) -> Vec3 {
-    let p = concentric_disk(u);
-    Vec3::new(p.x, p.y, (1.0 - p.length_squared()).max(0.0).sqrt())
+    let (r, phi) = concentric_polar(u);
+    let (sin_phi, cos_phi) = sin_cos(phi);
+    // From the radius rather than from the point, which rounding may put on the rim.
+    let z = ((1.0 - r) * (1.0 + r)).sqrt();
+    Vec3::new(r * cos_phi, r * sin_phi, z)
 }
 
 /// Density of [`cosine_hemisphere`] per solid angle; zero below the horizon.
@@ -36,18 +39,23 @@ pub fn cosine_hemisphere_pdf(cos: f32) -> f32 {
 /// Point in the unit disk, uniform by area (Shirley & Chiu 1997, concentric map).
 #[inline]
 pub fn concentric_disk(u: Vec2) -> Vec2 {
+    let (r, phi) = concentric_polar(u);
+    let (sin_phi, cos_phi) = sin_cos(phi);
+    Vec2::new(r * cos_phi, r * sin_phi)
+}
+
+/// Radius in [-1, 1] and angle of a point uniform in the unit disk.
+#[inline]
+fn concentric_polar(u: Vec2) -> (f32, f32) {
     let a = 2.0 * u.x - 1.0;
     let b = 2.0 * u.y - 1.0;
     if a == 0.0 && b == 0.0 {
-        return Vec2::ZERO;
-    }
-    let (r, phi) = if a.abs() > b.abs() {
+        (0.0, 0.0)
+    } else if a.abs() > b.abs() {
         (a, (PI / 4.0) * (b / a))
     } else {
         (b, PI / 2.0 - (PI / 4.0) * (a / b))
-    };
-    let (sin_phi, cos_phi) = sin_cos(phi);
-    Vec2::new(r * cos_phi, r * sin_phi)
+    }
 }
 
 /// Density of [`concentric_disk`] per area of the unit disk: 1/pi.

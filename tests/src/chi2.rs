@@ -1,13 +1,14 @@
 //! Chi-square tests of samplers against the densities that they claim (Pearson 1900).
 //!
-//! The domain is cut into a grid of bins. Half of the grid lines are evenly spaced, half are quantiles of a pilot run of the
-//! sampler, so that lobes narrower than any even bin are resolved too; the pilot's samples are not used again, hence the
-//! test stays exact. Counts per bin are compared with the integral of the density over it. Samples that the sampler
-//! refuses (`None`) are one more bin, whose expected count is what the density lacks of integrating to one.
+//! The domain is cut into bins by a k-d tree: first evenly, then at the medians of a pilot run of the sampler. The pilot's
+//! samples are not used again, hence the test stays exact. Counts per bin are compared with the integral of the density over
+//! it. Samples that the sampler refuses (`None`) are one more bin, whose expected count is what the density lacks of
+//! integrating to one.
 
 use crate::quadrature::{Rect, integrate};
 use beamfarm_shared::math::{Frame, Vec2, Vec3};
 use beamfarm_shared::sampler::{Purpose, Sampler};
+use glam::DVec3;
 use std::f64::consts::PI;
 
 /// Bins whose expected count is below this are pooled.
@@ -20,9 +21,9 @@ pub struct Chi2 {
     pub seed: u64,
     /// Samples to count.
     pub samples: u32,
-    /// Bins along each of the two coordinates.
+    /// There are about this number squared of bins.
     pub resolution: usize,
-    /// Levels of refinement of the quadrature per bin; raise it for densities with edges.
+    /// Levels at which the quadrature per bin gives up refining; densities with many edges are quicker with fewer.
     pub depth: u32,
 }
 
@@ -32,7 +33,7 @@ impl Default for Chi2 {
             seed: 0,
             samples: 200_000,
             resolution: 20,
-            depth: 5,
+            depth: 12,
         }
     }
 }
@@ -48,13 +49,16 @@ pub struct Chi2Result {
     pub p_value: f64,
     /// Integral of the density over the domain.
     pub integral: f64,
-    /// Samples for which the density is zero, negative or not finite.
-    pub impossible: u64,
+    /// Share of samples for which the density is zero, negative or not finite. Rounding makes some, at the edges.
+    pub impossible: f64,
 }
 
 impl Chi2 {
-    /// Test a sampler of unit directions against `pdf` per solid angle. Bins are even in the cosine to `axis` and the
-    /// angle around it: give the direction of the narrowest lobe, if there is one.
+    /// Test a sampler of unit directions against `pdf` per solid angle.
+    ///
+    /// Bins are rectangles in the angle to `axis`, on a scale that grows from linear to logarithmic about the median sample,
+    /// and in the angle around it. So a lobe around the axis may be as narrow as it likes; one elsewhere should not be
+    /// narrower than a few degrees. Test several narrow lobes one by one, refusing the samples of the others.
     pub fn sphere(
         &self,
         axis: Vec3,
@@ -63,22 +67,30 @@ impl Chi2 {
     ) -> Chi2Result {
         let frame = Frame::from_normal(axis.normalize());
         let [s, t, n] = [frame.s, frame.t, frame.n].map(|v| v.as_dvec3().normalize());
-        // The first coordinate is 1 - cos, from the chord's length, which keeps its digits near the axis.
+        // 1 - cos from the chord's length, which keeps its digits near the axis.
+        let height = |d: DVec3| 0.5 * (d - n).length_squared();
+        let scale = {
+            let mut rng = Sampler::new(self.seed, 2, Purpose::Test, 0);
+            let draws = (0..20_000).filter_map(|_| sample(&mut rng)).take(1000);
+            let mut heights: Vec<f64> = draws.map(|d| height(d.as_dvec3())).collect();
+            heights.sort_by(f64::total_cmp);
+            heights.get(heights.len() / 2).map_or(1.0, |h| h.max(1e-12))
+        };
+        let whole = libm::log1p(2.0 / scale);
         let to_plane = |d: Vec3| {
-            let d = d.as_dvec3();
-            let d = d / d.length();
-            (
-                0.5 * (d - n).length_squared(),
-                libm::atan2(d.dot(t), d.dot(s)),
-            )
+            let d = d.as_dvec3().normalize();
+            let x = libm::log1p(height(d) / scale) / whole;
+            (x, libm::atan2(d.dot(t), d.dot(s)))
         };
         let from_plane = |x: f64, y: f64| {
-            let r = (x * (2.0 - x)).max(0.0).sqrt();
+            let h = scale * libm::expm1(x * whole);
+            let r = (h * (2.0 - h)).max(0.0).sqrt();
             let (sin, cos) = libm::sincos(y);
-            (s * (r * cos) + t * (r * sin) + n * (1.0 - x)).as_vec3()
+            let d = s * (r * cos) + t * (r * sin) + n * (1.0 - h);
+            (d.as_vec3(), whole * (scale + h))
         };
         let domain = Rect {
-            x: (0.0, 2.0),
+            x: (0.0, 1.0),
             y: (-PI, PI),
         };
         self.run(domain, sample, to_plane, |d| f64::from(pdf(d)), from_plane)
@@ -96,7 +108,7 @@ impl Chi2 {
             sample,
             |p| (f64::from(p.x), f64::from(p.y)),
             |p| f64::from(pdf(p)),
-            |x, y| Vec2::new(x as f32, y as f32),
+            |x, y| (Vec2::new(x as f32, y as f32), 1.0),
         )
     }
 
@@ -106,19 +118,22 @@ impl Chi2 {
         sample: impl Fn(&mut Sampler) -> Option<T>,
         to_plane: impl Fn(T) -> (f64, f64),
         pdf: impl Fn(T) -> f64,
-        from_plane: impl Fn(f64, f64) -> T,
+        from_plane: impl Fn(f64, f64) -> (T, f64),
     ) -> Chi2Result {
-        let mut pilot = Sampler::new(self.seed, 0, Purpose::Test, 0);
-        let (px, py): (Vec<f64>, Vec<f64>) = (0..5_000)
-            .filter_map(|_| sample(&mut pilot).map(&to_plane))
-            .unzip();
-        let xs = edges(domain.x, self.resolution, px);
-        let ys = edges(domain.y, self.resolution, py);
+        let mut rng = Sampler::new(self.seed, 0, Purpose::Test, 0);
+        let wanted = PILOT_PER_BIN * self.resolution * self.resolution;
+        // Samplers that refuse most of the time need more runs.
+        let mut pilot: Vec<[f64; 2]> = (0..20 * wanted)
+            .filter_map(|_| sample(&mut rng).map(&to_plane))
+            .map(|(x, y)| [x, y])
+            .take(wanted)
+            .collect();
+        let mut leaves = Vec::new();
+        let tree = Node::build(domain, &mut pilot, 0, &mut leaves);
 
-        let columns = xs.len() - 1;
-        let mut observed = vec![0u64; columns * (ys.len() - 1) + 1];
-        let refused = observed.len() - 1;
-        let mut impossible = 0;
+        let mut observed = vec![0u64; leaves.len() + 1];
+        let refused = leaves.len();
+        let mut impossible = 0u32;
         let mut rng = Sampler::new(self.seed, 1, Purpose::Test, 0);
         for _ in 0..self.samples {
             let Some(value) = sample(&mut rng) else {
@@ -130,23 +145,20 @@ impl Chi2 {
                 impossible += 1;
             }
             let (x, y) = to_plane(value);
-            observed[bin(&ys, y) * columns + bin(&xs, x)] += 1;
+            observed[tree.leaf([x, y])] += 1;
         }
 
         let count = f64::from(self.samples);
-        let f = |x: f64, y: f64| pdf(from_plane(x, y));
-        // A hundredth of a bin's standard error.
-        let tolerance = |p: f64| 0.01 * (p.max(1.0 / count) / count).sqrt();
-        let mut expected = Vec::with_capacity(observed.len());
-        for y in ys.windows(2) {
-            for x in xs.windows(2) {
-                let rect = Rect {
-                    x: (x[0], x[1]),
-                    y: (y[0], y[1]),
-                };
-                expected.push(integrate(&f, rect, self.depth, tolerance) * count);
-            }
-        }
+        let f = |x: f64, y: f64| {
+            let (value, jacobian) = from_plane(x, y);
+            pdf(value) * jacobian
+        };
+        // A small part of a bin's standard error.
+        let tolerance = |p: f64| 0.05 * (p.max(1.0 / count) / count).sqrt();
+        let mut expected: Vec<f64> = leaves
+            .iter()
+            .map(|leaf| integrate(&f, *leaf, self.depth, tolerance) * count)
+            .collect();
         let integral = expected.iter().sum::<f64>() / count;
         // What is missing is refused; a thousandth may be the quadrature's error.
         let missing = 1.0 - integral;
@@ -162,31 +174,70 @@ impl Chi2 {
             dof,
             p_value,
             integral,
-            impossible,
+            impossible: f64::from(impossible) / count,
         }
     }
 }
 
-/// Half evenly spaced grid lines, half quantiles of the pilot's values.
-fn edges(range: (f64, f64), resolution: usize, mut pilot: Vec<f64>) -> Vec<f64> {
-    let even = resolution.div_ceil(2);
-    let mut edges: Vec<f64> = (0..=even)
-        .map(|i| range.0 + (range.1 - range.0) * i as f64 / even as f64)
-        .collect();
-    pilot.sort_by(f64::total_cmp);
-    let quantiles = resolution - even;
-    if !pilot.is_empty() {
-        edges.extend((1..=quantiles).map(|i| pilot[i * pilot.len() / (quantiles + 1)]));
-    }
-    edges.retain(|x| (range.0..=range.1).contains(x));
-    edges.sort_by(f64::total_cmp);
-    edges.dedup();
-    edges
+/// Samples of the pilot run per bin.
+const PILOT_PER_BIN: usize = 20;
+/// Levels of the tree that are split in the middle: 16 even cells.
+const EVEN_LEVELS: u32 = 4;
+/// Levels of the tree at most.
+const MAX_LEVELS: u32 = 40;
+
+enum Node {
+    Leaf(usize),
+    Split {
+        axis: usize,
+        at: f64,
+        children: Box<[Node; 2]>,
+    },
 }
 
-/// The interval of `edges` that holds `x`; values outside belong to the first or the last.
-fn bin(edges: &[f64], x: f64) -> usize {
-    edges.partition_point(|e| *e <= x).clamp(1, edges.len() - 1) - 1
+impl Node {
+    /// The tree over `rect` and the pilot's samples in it; the rectangles of its leaves are appended to `leaves`.
+    fn build(rect: Rect, pilot: &mut [[f64; 2]], level: u32, leaves: &mut Vec<Rect>) -> Self {
+        let axis = level as usize % 2;
+        let range = if axis == 0 { rect.x } else { rect.y };
+        let at = if level < EVEN_LEVELS {
+            0.5 * (range.0 + range.1)
+        } else {
+            let middle = pilot.len() / 2;
+            pilot.sort_by(|a, b| a[axis].total_cmp(&b[axis]));
+            pilot.get(middle).map_or(range.0, |p| p[axis])
+        };
+        let full = level >= EVEN_LEVELS && pilot.len() <= 2 * PILOT_PER_BIN;
+        if full || level == MAX_LEVELS || !(range.0 < at && at < range.1) {
+            leaves.push(rect);
+            return Self::Leaf(leaves.len() - 1);
+        }
+        let (mut low, mut high) = (rect, rect);
+        if axis == 0 {
+            low.x.1 = at;
+            high.x.0 = at;
+        } else {
+            low.y.1 = at;
+            high.y.0 = at;
+        }
+        pilot.sort_by(|a, b| a[axis].total_cmp(&b[axis]));
+        let (below, above) = pilot.split_at_mut(pilot.partition_point(|p| p[axis] < at));
+        let low = Self::build(low, below, level + 1, leaves);
+        let high = Self::build(high, above, level + 1, leaves);
+        Self::Split {
+            axis,
+            at,
+            children: Box::new([low, high]),
+        }
+    }
+
+    /// The leaf that holds `p`; points outside of the domain belong to a leaf at its edge.
+    fn leaf(&self, p: [f64; 2]) -> usize {
+        match self {
+            Self::Leaf(index) => *index,
+            Self::Split { axis, at, children } => children[usize::from(p[*axis] >= *at)].leaf(p),
+        }
+    }
 }
 
 /// Pearson's statistic, its degrees of freedom and its p-value for counts against expected counts of the same total. Bins
@@ -249,7 +300,7 @@ mod tests {
         let sample = |s: &mut Sampler| Some(warp::cosine_hemisphere(s.next_2d()));
         let axis = Vec3::new(0.3, -0.4, 0.5);
         let right = test.sphere(axis, sample, |d| warp::cosine_hemisphere_pdf(d.z));
-        assert!(right.p_value > 0.01 && right.impossible == 0, "{right:?}");
+        assert!(right.p_value > 0.01 && right.impossible == 0.0, "{right:?}");
         assert!((right.integral - 1.0).abs() < 1e-3);
         let uniform = test.sphere(
             axis,
@@ -283,11 +334,28 @@ mod tests {
     }
 
     #[test]
-    fn positions_in_the_plane() {
-        let test = Chi2 {
-            depth: 8,
-            ..Chi2::default()
+    fn narrow_lobes_around_the_axis_are_resolved() {
+        let test = Chi2::default();
+        let axis = Vec3::new(0.48, 0.6, -0.64);
+        let cos_max = 1.0 - 1e-5;
+        let sample = |s: &mut Sampler| {
+            let cone = warp::uniform_cone(s.next_2d(), cos_max);
+            (s.next_1d() < 0.9).then(|| Frame::from_normal(axis).to_world(cone))
         };
+        let density = |d: Vec3, weight: f32| {
+            let inside = (d - axis).length_squared() < 2.0 * (1.0 - cos_max);
+            f32::from(inside) * weight * warp::uniform_cone_pdf(cos_max)
+        };
+        let result = test.sphere(axis, sample, |d| density(d, 0.9));
+        assert!(result.p_value > 0.01, "{result:?}");
+        assert!((result.integral - 0.9).abs() < 1e-3, "{result:?}");
+        let result = test.sphere(axis, sample, |d| density(d, 0.92));
+        assert!(result.p_value < 1e-3, "{result:?}");
+    }
+
+    #[test]
+    fn positions_in_the_plane() {
+        let test = Chi2::default();
         let domain = Rect {
             x: (-1.0, 1.0),
             y: (-1.0, 1.0),

@@ -45,7 +45,8 @@ fn gauss(f: &impl Fn(f64, f64) -> f64, rect: Rect) -> f64 {
 }
 
 /// Integral of `f` over `rect` by adaptive quartering of a Gauss rule. `tolerance` maps a first estimate of the integral to
-/// the absolute error that is good enough; quartering ends after `max_depth` levels in any case.
+/// the absolute error that is good enough; quartering ends after `max_depth` levels in any case. A quarter may have half of
+/// its parent's error: along an edge of `f` the number of cells that are refined doubles with each level.
 pub fn integrate(
     f: &impl Fn(f64, f64) -> f64,
     rect: Rect,
@@ -71,7 +72,7 @@ fn refine(
         return fine;
     }
     (0..4)
-        .map(|i| refine(f, quarters[i], parts[i], 0.25 * tolerance, depth - 1))
+        .map(|i| refine(f, quarters[i], parts[i], 0.5 * tolerance, depth - 1))
         .sum()
 }
 

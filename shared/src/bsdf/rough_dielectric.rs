@@ -1,0 +1,187 @@
+//! Rough boundary between dielectrics: Walter et al. 2007 with visible normals (Heitz & d'Eon 2014).
+
+use super::fresnel::fresnel_dielectric;
+use super::ggx::Ggx;
+use super::{BsdfSample, TransportMode};
+use crate::math::{Rgb, Vec2, Vec3};
+
+/// Indices of refraction nearer to each other than this do not scatter: light goes on within 1e-4 rad, and half vectors
+/// have lost their digits.
+pub(super) const MIN_CONTRAST: f32 = 1e-4;
+
+/// A rough dielectric boundary.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct RoughDielectric {
+    pub ggx: Ggx,
+    /// Index of refraction inside over the one outside.
+    pub eta: f32,
+}
+
+/// Two directions and the microfacet that takes one to the other. Seen from `wo`'s side: all of it is turned so that
+/// `wo.z > 0`, which an isotropic boundary does not notice.
+struct Facet {
+    wo: Vec3,
+    wi: Vec3,
+    m: Vec3,
+    /// Cosines to the microfacet, positive.
+    cos_o: f32,
+    cos_i: f32,
+    reflectance: f32,
+    reflection: bool,
+    /// Index of refraction on the other side over the one on `wo`'s side.
+    eta: f32,
+}
+
+impl Facet {
+    /// Density of `wi` over that of `m`, for refraction: Walter et al. 2007, eq. 17. The length of the half vector,
+    /// `|cos_o - eta cos_i|`, equals `|1 - eta^2| / (cos_o + eta cos_i)` by Snell's law, which does not cancel.
+    fn refraction_jacobian(&self) -> f32 {
+        let h = (1.0 - self.eta) * (1.0 + self.eta) / (self.cos_o + self.eta * self.cos_i);
+        self.eta * self.eta * self.cos_i / (h * h)
+    }
+}
+
+impl RoughDielectric {
+    /// The relative index seen from the side of `wo`, and the sign that turns it up.
+    #[inline]
+    fn side(&self, wo: Vec3) -> (f32, f32) {
+        if wo.z > 0.0 {
+            (1.0, self.eta)
+        } else {
+            (-1.0, 1.0 / self.eta)
+        }
+    }
+
+    #[inline]
+    fn facet(&self, wo: Vec3, wi: Vec3) -> Option<Facet> {
+        let (sign, eta) = self.side(wo);
+        let (wo, wi) = (wo * sign, wi * sign);
+        if wo.z <= 0.0 || wi.z == 0.0 {
+            return None;
+        }
+        let reflection = wi.z > 0.0;
+        let h = if reflection { wo + wi } else { wo + wi * eta };
+        let length2 = h.length_squared();
+        if length2 <= 0.0 {
+            return None;
+        }
+        let m = h
+            / (if h.z < 0.0 {
+                -length2.sqrt()
+            } else {
+                length2.sqrt()
+            });
+        let cos_o = wo.dot(m);
+        let cos_i = if reflection { wi.dot(m) } else { -wi.dot(m) };
+        // Neither direction sees the back of a microfacet.
+        if cos_o <= 0.0 || cos_i <= 0.0 {
+            return None;
+        }
+        Some(Facet {
+            wo,
+            wi,
+            m,
+            cos_o,
+            cos_i,
+            reflectance: fresnel_dielectric(cos_o, eta).0,
+            reflection,
+            eta,
+        })
+    }
+
+    /// Walter et al. 2007, eq. 20 and 21, with the cosines of G and of the denominators cancelled.
+    #[inline]
+    pub fn eval(&self, wo: Vec3, wi: Vec3, mode: TransportMode) -> Rgb {
+        let Some(f) = self.facet(wo, wi) else {
+            return Rgb::ZERO;
+        };
+        let d = self.ggx.density(f.m) / (self.ggx.extent(f.wo) * self.ggx.extent(f.wi));
+        Rgb::splat(if f.reflection {
+            f.reflectance * d
+        } else {
+            let scale = radiance_scale(f.eta, mode);
+            4.0 * scale * (1.0 - f.reflectance) * d * f.cos_o * f.refraction_jacobian()
+        })
+    }
+
+    #[inline]
+    pub fn pdf(&self, wo: Vec3, wi: Vec3) -> f32 {
+        self.facet(wo, wi).map_or(0.0, |f| self.facet_pdf(&f))
+    }
+
+    /// Density of the visible normal, times the probability of its lobe, times the Jacobian of wi over m.
+    #[inline]
+    fn facet_pdf(&self, f: &Facet) -> f32 {
+        let d = self.ggx.density(f.m) / self.ggx.extent(f.wo);
+        if f.reflection {
+            0.5 * f.reflectance * d
+        } else {
+            2.0 * (1.0 - f.reflectance) * d * f.cos_o * f.refraction_jacobian()
+        }
+    }
+
+    #[inline]
+    pub fn sample(
+        &self,
+        wo: Vec3,
+        u_lobe: f32,
+        u: Vec2,
+        mode: TransportMode,
+    ) -> Option<BsdfSample> {
+        let (sign, eta) = self.side(wo);
+        let wo = wo * sign;
+        if wo.z <= 0.0 {
+            return None;
+        }
+        let m = self.ggx.sample_visible(wo, u);
+        let cos_o = wo.dot(m);
+        if cos_o <= 0.0 {
+            return None;
+        }
+        let (reflectance, cos_t) = fresnel_dielectric(cos_o, eta);
+        let reflection = u_lobe < reflectance;
+        let wi = if reflection {
+            m * (2.0 * cos_o) - wo
+        } else {
+            m * (cos_o / eta - cos_t) - wo / eta
+        }
+        .normalize();
+        // Light that would need a second bounce among the facets is lost.
+        if (wi.z > 0.0) != reflection || wi.z == 0.0 {
+            return None;
+        }
+        let scale = if reflection {
+            1.0
+        } else {
+            radiance_scale(eta, mode)
+        };
+        let facet = Facet {
+            wo,
+            wi,
+            m,
+            cos_o,
+            cos_i: if reflection { cos_o } else { cos_t },
+            reflectance,
+            reflection,
+            eta,
+        };
+        let pdf = self.facet_pdf(&facet);
+        (pdf > 0.0).then(|| BsdfSample {
+            wi: wi * sign,
+            weight: Rgb::splat(scale * self.ggx.g1(wi)),
+            pdf,
+            delta: false,
+            transmitted: !reflection,
+        })
+    }
+}
+
+/// What refraction into a side of relative index `eta` does to the carried quantity: radiance is spread over fewer or more
+/// steradians, flux stays.
+#[inline]
+pub(super) fn radiance_scale(eta: f32, mode: TransportMode) -> f32 {
+    match mode {
+        TransportMode::Radiance => 1.0 / (eta * eta),
+        TransportMode::Flux => 1.0,
+    }
+}

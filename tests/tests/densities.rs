@@ -1,0 +1,276 @@
+//! Every sampler of directions on surfaces and in media against its density: chi-square, fixed seeds, one significance for
+//! each test function.
+
+use beamfarm_shared::bsdf::{Bsdf, TransportMode, conductor_preset};
+use beamfarm_shared::math::{Rgb, Vec2, Vec3};
+use beamfarm_shared::phase::Phase;
+use beamfarm_shared::sampler::{Purpose, Sampler};
+use beamfarm_shared::warp;
+use beamfarm_tests::quadrature::Rect;
+use beamfarm_tests::{Chi2, Suite};
+
+const SIGNIFICANCE: f64 = 0.01;
+
+fn direction(degrees: f32, azimuth: f32) -> Vec3 {
+    let (sin, cos) = libm::sincosf(degrees.to_radians());
+    let (sin_phi, cos_phi) = libm::sincosf(azimuth.to_radians());
+    Vec3::new(sin * cos_phi, sin * sin_phi, cos)
+}
+
+#[test]
+fn warps_follow_their_densities() {
+    let mut suite = Suite::new(SIGNIFICANCE);
+    let test = Chi2::default();
+    let axis = direction(30.0, 50.0);
+    suite.chi2(
+        "sphere",
+        &test.sphere(
+            axis,
+            |s| Some(warp::uniform_sphere(s.next_2d())),
+            |_| warp::uniform_sphere_pdf(),
+        ),
+    );
+    suite.chi2(
+        "hemisphere",
+        &test.sphere(
+            axis,
+            |s| Some(warp::cosine_hemisphere(s.next_2d())),
+            |d| warp::cosine_hemisphere_pdf(d.z),
+        ),
+    );
+    for cos_max in [-0.5, 0.3, 0.999] {
+        suite.chi2(
+            format!("cone {cos_max}"),
+            &test.sphere(
+                Vec3::Z,
+                |s| Some(warp::uniform_cone(s.next_2d(), cos_max)),
+                |d| f32::from(d.z >= cos_max) * warp::uniform_cone_pdf(cos_max),
+            ),
+        );
+    }
+    let square = Rect {
+        x: (-1.0, 1.0),
+        y: (-1.0, 1.0),
+    };
+    suite.chi2(
+        "disk",
+        &test.plane(
+            square,
+            |s| Some(warp::concentric_disk(s.next_2d())),
+            |p| f32::from(p.length() <= 1.0) * warp::concentric_disk_pdf(),
+        ),
+    );
+    suite.chi2(
+        "triangle",
+        &test.plane(
+            square,
+            |s| Some(warp::uniform_triangle(s.next_2d())),
+            |p| {
+                let inside = p.min_element() >= 0.0 && p.x + p.y <= 1.0;
+                f32::from(inside) * warp::uniform_triangle_pdf()
+            },
+        ),
+    );
+    suite.finish();
+}
+
+#[test]
+fn phase_functions_are_sampled_exactly() {
+    let mut suite = Suite::new(SIGNIFICANCE);
+    let old = direction(100.0, 20.0);
+    for g in [-0.999, -0.9, -0.4, 0.0, 1e-4, 0.3, 0.7, 0.95, 0.999] {
+        let phase = if g == 0.0 {
+            Phase::Isotropic
+        } else {
+            Phase::HenyeyGreenstein { g }
+        };
+        let lobe = phase.lobe();
+        let axis = if g < 0.0 { -old } else { old };
+        suite.chi2(
+            format!("g = {g}"),
+            &Chi2::default().sphere(
+                axis,
+                |s| Some(phase.sample(old, s.next_2d())),
+                |new| lobe.eval_directions(old, new),
+            ),
+        );
+    }
+    suite.finish();
+}
+
+fn rough_bsdfs() -> Vec<(String, Bsdf)> {
+    let (eta, k) = conductor_preset("gold").expect("a preset");
+    let mut bsdfs = vec![];
+    for two_sided in [false, true] {
+        let reflectance = Rgb::new(0.2, 0.5, 0.9);
+        bsdfs.push((
+            format!("diffuse, two-sided {two_sided}"),
+            Bsdf::Diffuse {
+                reflectance,
+                two_sided,
+            },
+        ));
+        bsdfs.push((
+            format!("conductor 0.3, two-sided {two_sided}"),
+            Bsdf::RoughConductor {
+                alpha: 0.3,
+                eta,
+                k,
+                reflectance,
+                two_sided,
+            },
+        ));
+    }
+    for alpha in [1e-3, 0.05, 1.0] {
+        bsdfs.push((
+            format!("conductor {alpha}"),
+            Bsdf::RoughConductor {
+                alpha,
+                eta,
+                k,
+                reflectance: Rgb::ONE,
+                two_sided: false,
+            },
+        ));
+    }
+    for (alpha, eta) in [
+        (1e-3, 1.5),
+        (0.05, 1.5),
+        (0.05, 1.0 / 1.33),
+        (0.3, 1.5),
+        (0.3, 0.5),
+        (0.3, 1.01),
+        (1.0, 1.5),
+    ] {
+        bsdfs.push((
+            format!("dielectric {alpha}, eta {eta}"),
+            Bsdf::RoughDielectric { alpha, eta },
+        ));
+    }
+    bsdfs
+}
+
+fn incidences() -> impl Iterator<Item = (f32, Vec3)> {
+    [0.0, 35.0, 70.0, 88.0, 110.0, 138.0, 170.0]
+        .into_iter()
+        .map(|degrees| (degrees, direction(degrees, 25.0)))
+}
+
+/// Each side of the surface by itself, around the mean of its samples. Together the densities integrate to one, but for the
+/// light that is lost for want of second bounces among microfacets: none for diffuse surfaces, next to none for smooth ones.
+#[test]
+fn bsdfs_are_sampled_in_proportion_to_their_densities() {
+    let mut suite = Suite::new(SIGNIFICANCE);
+    for (name, bsdf) in rough_bsdfs() {
+        let both = matches!(bsdf, Bsdf::RoughDielectric { .. });
+        for (degrees, wo) in incidences() {
+            let mut integral = 0.0;
+            for reflected in [true, false] {
+                let wanted = |wi: &Vec3| (wi.z * wo.z > 0.0) == reflected;
+                let sample = |s: &mut Sampler| {
+                    let (lobe, u) = (s.next_1d(), s.next_2d());
+                    bsdf.sample(wo, lobe, u, TransportMode::Radiance)
+                        .map(|sample| sample.wi)
+                        .filter(wanted)
+                };
+                let mut rng = Sampler::new(1, 0, Purpose::Test, 0);
+                let mean: Vec3 = (0..50_000)
+                    .filter_map(|_| sample(&mut rng))
+                    .take(2_000)
+                    .sum();
+                let axis = mean.try_normalize().unwrap_or(Vec3::Z);
+                let pdf = |wi| f32::from(wanted(&wi)) * bsdf.pdf(wo, wi);
+                let result = Chi2::default().sphere(axis, sample, pdf);
+                integral += result.integral;
+                if reflected || both {
+                    suite.chi2(
+                        format!("{name} at {degrees}, reflected {reflected}"),
+                        &result,
+                    );
+                } else {
+                    assert_eq!(result.integral, 0.0, "{name}");
+                }
+            }
+            let name = format!("{name} at {degrees} degrees: {integral}");
+            let black = wo.z < 0.0 && !both && !name.contains("two-sided true");
+            let lossless = name.contains("diffuse") || name.contains("0.001");
+            let range = match (black, lossless) {
+                (true, _) => 0.0..=0.0,
+                (_, true) => 0.998..=1.001,
+                _ => 0.4..=1.001,
+            };
+            assert!(range.contains(&integral), "{name}");
+        }
+    }
+    suite.finish();
+}
+
+/// The value that `sample` returns is eval * cos / pdf of the direction that it returns, in both modes.
+#[test]
+fn sample_weights_are_value_times_cosine_over_density() {
+    let mut rng = Sampler::new(7, 0, Purpose::Test, 0);
+    for (name, bsdf) in rough_bsdfs() {
+        for (degrees, wo) in incidences() {
+            for mode in [TransportMode::Radiance, TransportMode::Flux] {
+                for _ in 0..500 {
+                    let (lobe, u) = (rng.next_1d(), rng.next_2d());
+                    let Some(sample) = bsdf.sample(wo, lobe, u, mode) else {
+                        continue;
+                    };
+                    let name = format!("{name} at {degrees} degrees, {mode:?}, {sample:?}");
+                    assert!(!sample.delta, "{name}");
+                    assert_eq!(sample.transmitted, sample.wi.z * wo.z < 0.0, "{name}");
+                    assert!((sample.wi.length() - 1.0).abs() < 1e-6, "{name}");
+                    let pdf = bsdf.pdf(wo, sample.wi);
+                    let value = bsdf.eval(wo, sample.wi, mode) * (sample.wi.z.abs() / pdf);
+                    // The half vector of two rounded directions is off by their rounding over the roughness.
+                    let tolerance = weight_tolerance(&bsdf);
+                    let error = (value - sample.weight).abs().max_element();
+                    assert!(
+                        error <= tolerance * sample.weight.max_element(),
+                        "{name}: {value}"
+                    );
+                    assert!(
+                        (pdf / sample.pdf - 1.0).abs() < 20.0 * tolerance,
+                        "{name}: {pdf}"
+                    );
+                }
+            }
+        }
+    }
+}
+
+fn weight_tolerance(bsdf: &Bsdf) -> f32 {
+    match *bsdf {
+        Bsdf::RoughConductor { alpha, .. } => 1e-4 + 1e-6 / alpha,
+        Bsdf::RoughDielectric { alpha, eta } => 1e-4 + 2e-6 / (alpha * (eta - 1.0).abs().min(1.0)),
+        _ => 1e-5,
+    }
+}
+
+/// Delta lobes: never by eval or pdf, and chosen with the probability that they state.
+#[test]
+fn delta_lobes_are_chosen_with_their_probabilities() {
+    let mut suite = Suite::new(SIGNIFICANCE);
+    let bsdf = Bsdf::Dielectric { eta: 1.5 };
+    for (degrees, wo) in incidences() {
+        let mut rng = Sampler::new(3, 0, Purpose::Test, 1);
+        let mut observed = [0u64; 2];
+        let mut probability = [0.0f64; 2];
+        for _ in 0..20_000 {
+            let sample = bsdf
+                .sample(wo, rng.next_1d(), Vec2::ZERO, TransportMode::Radiance)
+                .unwrap();
+            assert!(sample.delta);
+            assert_eq!(bsdf.pdf(wo, sample.wi), 0.0);
+            assert_eq!(bsdf.eval(wo, sample.wi, TransportMode::Radiance), Rgb::ZERO);
+            let lobe = usize::from(sample.transmitted);
+            observed[lobe] += 1;
+            probability[lobe] = f64::from(sample.pdf);
+            probability[1 - lobe] = 1.0 - probability[lobe];
+        }
+        let (_, _, p) = beamfarm_tests::chi2::chi2(&observed, &probability.map(|p| p * 20_000.0));
+        suite.p_value(format!("{degrees} degrees"), p);
+    }
+    suite.finish();
+}

@@ -14,9 +14,13 @@ pub mod png;
 pub mod radius;
 
 #[cfg(feature = "render")]
+pub mod beam;
+#[cfg(feature = "render")]
 pub mod bsdf;
 #[cfg(feature = "render")]
 pub mod camera;
+#[cfg(feature = "render")]
+pub mod footprint;
 #[cfg(feature = "render")]
 pub mod geometry;
 #[cfg(feature = "render")]
@@ -36,6 +40,10 @@ pub mod sampler;
 #[cfg(feature = "render")]
 pub mod scene;
 #[cfg(feature = "render")]
+pub mod surface;
+#[cfg(feature = "render")]
 pub mod texture;
+#[cfg(feature = "render")]
+pub mod transport;
 #[cfg(feature = "render")]
 pub mod warp;

@@ -1,20 +1,197 @@
 //! The plan: which stages this scene needs, made once, with the reason for each.
 
-use crate::job::JobSettings;
+use crate::bsdf::Material;
+use crate::geometry::{Geometry, Object, SurfaceHit, clearance};
+use crate::job::{JobSettings, ScheduleKind};
+use crate::light::{Light, LightKind, LightSelector, SceneBounds};
+use crate::math::{Ray, Rgb, Vec3};
+use crate::medium::{Homogeneous, MediumId};
 use crate::scene::SceneDescription;
 use std::fmt;
 
 /// A scene made ready for rays: acceleration structures built, media around the camera and the lights found.
 #[derive(Debug)]
 pub struct Scene {
-    /// What was read.
-    pub description: SceneDescription,
+    description: SceneDescription,
+    pub(crate) geometry: Geometry,
+    pub(crate) selector: LightSelector,
+    /// Medium that camera rays start in.
+    pub(crate) camera_medium: MediumId,
+    /// By light: medium that photons start in.
+    light_media: Vec<MediumId>,
+    /// Indices of the environment lights.
+    pub(crate) environments: Vec<usize>,
+    /// By object: nothing but the boundary of a medium.
+    pub(crate) null_objects: Vec<bool>,
+    /// Whether there is such an object.
+    pub(crate) has_null: bool,
 }
 
 impl Scene {
     /// Build the acceleration structures. Deterministic.
     pub fn new(description: SceneDescription) -> Self {
-        Self { description }
+        let geometry = Geometry::new(&description.objects);
+        let selector = LightSelector::new(
+            &description.lights,
+            &description.objects,
+            &description.bounds,
+        );
+        let null_objects: Vec<bool> = description
+            .objects
+            .iter()
+            .map(|o| description.materials[o.material as usize].is_null())
+            .collect();
+        let is_environment = |light: &Light| matches!(light.kind, LightKind::Environment(_));
+        let mut scene = Self {
+            geometry,
+            selector,
+            camera_medium: None,
+            light_media: Vec::new(),
+            environments: (0..description.lights.len())
+                .filter(|&i| is_environment(&description.lights[i]))
+                .collect(),
+            has_null: null_objects.contains(&true),
+            null_objects,
+            description,
+        };
+        scene.camera_medium = match scene.description.camera_medium {
+            Some(named) => named,
+            None => scene.medium_at(scene.description.camera.position),
+        };
+        scene.light_media = (0..scene.lights().len())
+            .map(|i| scene.find_light_medium(i))
+            .collect();
+        scene
+    }
+
+    /// What was read.
+    pub fn description(&self) -> &SceneDescription {
+        &self.description
+    }
+
+    pub(crate) fn objects(&self) -> &[Object] {
+        &self.description.objects
+    }
+    pub(crate) fn lights(&self) -> &[Light] {
+        &self.description.lights
+    }
+    pub(crate) fn media(&self) -> &[Homogeneous] {
+        &self.description.media
+    }
+    pub(crate) fn bounds(&self) -> &SceneBounds {
+        &self.description.bounds
+    }
+    pub(crate) fn material(&self, hit: &SurfaceHit) -> &Material {
+        &self.description.materials[self.objects()[hit.object as usize].material as usize]
+    }
+    pub(crate) fn medium_of_light(&self, light: usize) -> MediumId {
+        self.light_media[light]
+    }
+
+    /// How far to move a point on a light off its surface.
+    pub(crate) fn clearance(&self, point: Vec3) -> f32 {
+        clearance(point.abs().max_element() + self.bounds().radius)
+    }
+
+    /// The medium beyond a surface for a ray that crosses it in direction `dir`, coming through `current`.
+    #[inline]
+    pub(crate) fn medium_beyond(&self, hit: &SurfaceHit, dir: Vec3, current: MediumId) -> MediumId {
+        match self.objects()[hit.object as usize].boundary {
+            Some(boundary) => boundary.medium_towards(hit.ng, dir),
+            None => current,
+        }
+    }
+
+    /// Transmittance of a medium over a distance.
+    #[inline]
+    pub(crate) fn transmittance(&self, medium: MediumId, distance: f32) -> Rgb {
+        match medium {
+            Some(id) => self.media()[id as usize].transmittance(distance),
+            None => Rgb::ONE,
+        }
+    }
+
+    /// Radiance emitted at a hit against the direction of the ray that made it.
+    #[inline]
+    pub(crate) fn emitted(&self, hit: &SurfaceHit, dir: Vec3) -> Rgb {
+        match self.objects()[hit.object as usize].light {
+            Some(light) => self.lights()[light as usize].radiance_area(-hit.ng.dot(dir)),
+            None => Rgb::ZERO,
+        }
+    }
+
+    /// Radiance of one environment light from the direction `dir`.
+    pub(crate) fn environment(&self, light: usize, dir: Vec3) -> Rgb {
+        match &self.lights()[light].kind {
+            LightKind::Environment(environment) => environment.radiance(dir),
+            _ => Rgb::ZERO,
+        }
+    }
+
+    /// Radiance of all environment lights from the direction `dir`.
+    pub(crate) fn environment_radiance(&self, dir: Vec3) -> Rgb {
+        let add = |sum, &light| sum + self.environment(light, dir);
+        self.environments.iter().fold(Rgb::ZERO, add)
+    }
+
+    /// The medium at a point: the first boundary seen from there says on which side of it the point lies.
+    pub fn medium_at(&self, point: Vec3) -> MediumId {
+        // A direction that is parallel to nothing people model.
+        let dir = Vec3::new(0.267_3, 0.872_9, 0.408_2).normalize();
+        let bounds_nothing = |object: u32| self.objects()[object as usize].boundary.is_none();
+        let ray = Ray { origin: point, dir };
+        match self
+            .geometry
+            .intersect(self.objects(), &ray, f32::INFINITY, bounds_nothing)
+        {
+            Some(hit) => self.medium_beyond(&hit, -dir, None),
+            None => self.description.world_medium,
+        }
+    }
+
+    /// The medium that a light's photons start in.
+    fn find_light_medium(&self, light: usize) -> MediumId {
+        match &self.lights()[light].kind {
+            LightKind::Point { position, .. } | LightKind::Spot { position, .. } => {
+                self.medium_at(*position)
+            }
+            LightKind::Area { object, .. } => {
+                let object = &self.objects()[*object as usize];
+                match object.boundary {
+                    Some(boundary) => boundary.exterior,
+                    None => {
+                        let on = object.shape.sample_area(glam::Vec2::splat(0.4), 0.4);
+                        self.medium_at(on.point + on.normal * self.clearance(on.point))
+                    }
+                }
+            }
+            LightKind::Directional { .. } | LightKind::Environment(_) => {
+                self.description.world_medium
+            }
+        }
+    }
+}
+
+/// From footprints to kernel radii, before the pass's scale.
+#[derive(Clone, Copy, Debug)]
+pub struct KernelRadii {
+    /// Smallest base radius, scene units.
+    pub floor: f32,
+    /// Largest base radius, scene units.
+    pub ceiling: f32,
+}
+
+/// Kernel radius over footprint radius: kernels of neighbouring photons overlap.
+const OVERLAP: f32 = 1.5;
+/// Floor and ceiling of base radii as fractions of the scene's radius.
+const FLOOR: f32 = 5e-4;
+const CEILING: f32 = 1e-2;
+
+impl KernelRadii {
+    /// The base radius for a footprint.
+    #[inline]
+    pub fn of(&self, footprint_radius: f32) -> f32 {
+        (footprint_radius * OVERLAP).clamp(self.floor, self.ceiling)
     }
 }
 
@@ -23,18 +200,160 @@ impl Scene {
 pub struct RenderPlan {
     /// The job.
     pub settings: JobSettings,
+    /// Photon paths are traced and beams gathered: something scatters light on its way.
+    pub beams: bool,
+    /// Surface photons are stored: light reaches surfaces otherwise than straight from its source.
+    pub surface_photons: bool,
+    /// Surface photons are looked up at the first surface that camera paths meet.
+    pub photons_at_first_surface: bool,
+    /// Kernel radii.
+    pub radii: KernelRadii,
+    explanation: Vec<(&'static str, bool, String)>,
 }
 
 impl RenderPlan {
     /// Decide the stages.
     pub fn new(scene: &Scene, settings: JobSettings) -> Self {
-        let _ = scene;
-        Self { settings }
+        let description = scene.description();
+        let used = |test: &dyn Fn(&Material) -> bool| {
+            let objects = description.objects.iter();
+            objects
+                .filter(|o| test(&description.materials[o.material as usize]))
+                .count()
+        };
+        let scattering = description.media.iter().filter(|m| m.scatters()).count();
+        let specular = used(&|m| m.is_specular() && !m.is_null());
+        let surfaces = used(&|m| !m.is_specular());
+        let boundaries = used(&|m| m.is_null());
+        let lit = !description.lights.is_empty();
+        let beams = scattering > 0 && lit;
+        let surface_photons = surfaces > 0 && lit;
+        let photons_at_first_surface = surface_photons && (specular > 0 || scattering > 0);
+        let extent = description.bounds.radius;
+        let radii = match description.defaults.radius {
+            Some(radius) => KernelRadii {
+                floor: radius,
+                ceiling: radius,
+            },
+            None => KernelRadii {
+                floor: extent * FLOOR,
+                ceiling: extent * CEILING,
+            },
+        };
+        let because = |yes: bool, if_yes: String, if_no: &str| {
+            if yes { if_yes } else { if_no.to_owned() }
+        };
+        let lens = description.camera.aperture > 0.0;
+        let explanation = vec![
+            (
+                "photon paths",
+                beams || surface_photons,
+                because(
+                    beams || surface_photons,
+                    format!(
+                        "{} a pass from {} light(s)",
+                        settings.paths_per_pass,
+                        description.lights.len()
+                    ),
+                    "no light, or nothing that it could reach",
+                ),
+            ),
+            (
+                "photon beams",
+                beams,
+                because(
+                    beams,
+                    format!("{scattering} scattering medium/media"),
+                    "no medium scatters light",
+                ),
+            ),
+            (
+                "transmittance in closed form",
+                !description.media.is_empty(),
+                because(
+                    !description.media.is_empty(),
+                    "every medium is homogeneous".into(),
+                    "vacuum everywhere",
+                ),
+            ),
+            (
+                "boundary walk of shadow rays",
+                scene.has_null && !description.media.is_empty(),
+                because(
+                    scene.has_null && !description.media.is_empty(),
+                    format!("{boundaries} index-matched boundary/boundaries of media"),
+                    "no index-matched boundary between media",
+                ),
+            ),
+            (
+                "surface photons",
+                surface_photons,
+                because(
+                    surface_photons,
+                    format!("{surfaces} object(s) that are not specular"),
+                    "every object is specular",
+                ),
+            ),
+            (
+                "surface photons seen directly",
+                photons_at_first_surface,
+                because(
+                    photons_at_first_surface,
+                    format!(
+                        "caustics of {specular} specular object(s), light scattered by {scattering} medium/media"
+                    ),
+                    "no specular object and no scattering medium: gather rays find all indirect light",
+                ),
+            ),
+            (
+                "direct light",
+                surface_photons,
+                because(
+                    surface_photons,
+                    "light and BSDF sampling, balanced".into(),
+                    "no surface to light directly",
+                ),
+            ),
+            (
+                "thin lens",
+                lens,
+                because(
+                    lens,
+                    format!("aperture {}", description.camera.aperture),
+                    "aperture 0: a pinhole",
+                ),
+            ),
+        ];
+        Self {
+            settings,
+            beams,
+            surface_photons,
+            photons_at_first_surface,
+            radii,
+            explanation,
+        }
     }
 }
 
 impl fmt::Display for RenderPlan {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(f, "{:?}", self.settings)
+        for (stage, is_in, why) in &self.explanation {
+            let sign = if *is_in { "in " } else { "out" };
+            writeln!(f, "{sign}  {stage:<30} {why}")?;
+        }
+        let schedule = match self.settings.schedule {
+            ScheduleKind::Pass => "once a pass",
+            ScheduleKind::Beam => "once a beam",
+        };
+        writeln!(
+            f,
+            "     radius scale: alpha {:.4}, shrinking {schedule}",
+            self.settings.alpha
+        )?;
+        writeln!(
+            f,
+            "     base radii: {:.3e} to {:.3e} scene units",
+            self.radii.floor, self.radii.ceiling
+        )
     }
 }

@@ -5,6 +5,7 @@
 
 pub mod chi2;
 pub mod quadrature;
+pub mod render;
 pub mod suite;
 pub mod z_test;
 

@@ -194,6 +194,19 @@ impl Material {
         }
     }
 
+    /// Nothing but the boundary of a medium.
+    pub fn is_null(&self) -> bool {
+        matches!(self.kind, MaterialKind::Null)
+    }
+    /// Index of refraction on the side that a ray comes from over the one that it goes to. 1 for anything but dielectrics.
+    pub fn eta_of_crossing(&self, from_inside: bool) -> f32 {
+        match self.kind {
+            MaterialKind::Dielectric { eta } | MaterialKind::RoughDielectric { eta, .. } => {
+                if from_inside { eta } else { 1.0 / eta }
+            }
+            _ => 1.0,
+        }
+    }
     /// True where no light is scattered except in discrete directions: camera paths go on through such a surface.
     #[inline]
     pub fn is_specular(&self) -> bool {
@@ -215,6 +228,10 @@ fn index_matched(eta: f32) -> bool {
 }
 
 impl Bsdf {
+    /// Scatters nothing.
+    pub fn is_black(&self) -> bool {
+        matches!(self, Self::Black)
+    }
     /// BSDF value (1/sr, no cosine), zero for delta lobes. `wo`, `wi`: unit, both leave the surface, local frame with z the
     /// shading normal; `wo` points to where the path comes from.
     #[inline]

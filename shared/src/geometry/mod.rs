@@ -6,6 +6,7 @@ pub mod shape;
 
 pub use accel::{Geometry, bounds};
 pub use mesh::Mesh;
+pub(crate) use shape::clearance;
 pub use shape::{Placement, Shape, SurfaceHit, SurfacePoint};
 
 use crate::math::Vec3;

@@ -2,7 +2,7 @@
 
 mod homogeneous;
 
-pub use homogeneous::Homogeneous;
+pub use homogeneous::{Flight, Homogeneous};
 
 /// Index into the scene's media. `None` stands for vacuum.
 pub type MediumId = Option<u16>;

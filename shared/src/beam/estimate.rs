@@ -1,0 +1,339 @@
+//! Radiance from beams along camera segments.
+//!
+//! A pair of beam and segment is counted by one of two estimates, by the angle between them:
+//! - the 1D estimate of Jarosz et al. 2011 (A comprehensive theory of volumetric radiance estimation using photon points
+//!   and beams, eq. 38, beams x beams 1D), everywhere but
+//! - where the two are nearly parallel: there 1 / sin theta of the 1D estimate grows without bound, so that the beam is
+//!   blurred over the disc across it in place of the line across both, and the segment's chord through that cone is
+//!   integrated by stratified random points. Its value is bounded by the chord's length.
+//!
+//! Both are exact integrals of the same radiance in the limit of thin beams, and each pair of directions belongs to just
+//! one of them, so nothing is lost or counted twice.
+
+use super::PhotonBeam;
+use super::store::BeamMap;
+use crate::math::{PI, Ray, Rgb, Vec3, exp_neg, exp_rgb_neg};
+use crate::medium::Homogeneous;
+use crate::phase::{Phase, PhaseLobe};
+use crate::sampler::mix64;
+
+/// Segments that are evaluated side by side.
+pub const LANES: usize = 8;
+
+/// Below this sine of the angle between beam and segment the chord is integrated.
+const NEARLY_PARALLEL_SIN: f32 = 0.1;
+const NEARLY_PARALLEL_SIN2: f32 = NEARLY_PARALLEL_SIN * NEARLY_PARALLEL_SIN;
+
+/// Strata of a chord.
+const CHORD_POINTS: u32 = 4;
+
+/// A segment of a camera path inside a scattering medium.
+#[derive(Clone, Copy, Debug)]
+pub struct CameraSegment {
+    /// The segment starts at the ray's origin.
+    pub ray: Ray,
+    /// Its length, finite.
+    pub length: f32,
+    /// Throughput from the film to the segment's start.
+    pub beta: Rgb,
+    /// Index into the scene's media.
+    pub medium: u16,
+    /// Which pixel, counted within the tile.
+    pub pixel: u16,
+    /// How many boundaries of media the path crossed straight on before this segment; `None`: it was reflected or
+    /// refracted, so that neighbouring pixels' segments need not be near.
+    pub straight: Option<u16>,
+}
+
+/// What is added for a group of segments, before their throughput.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct GroupRadiance {
+    /// Red, green, blue, by lane.
+    pub radiance: [[f32; LANES]; 3],
+    /// Pairs that contributed.
+    pub evaluations: u64,
+}
+
+/// Sums the beams' radiance along up to [`LANES`] segments in one medium. `candidates` are indices into the map's beams;
+/// `key` addresses the random numbers of chords.
+pub fn gather(
+    map: &BeamMap,
+    medium_id: u16,
+    medium: &Homogeneous,
+    segments: &[CameraSegment],
+    candidates: &[u32],
+    key: u64,
+) -> GroupRadiance {
+    let group = Group::new(medium_id, medium, segments, key);
+    let sigma_t = medium.sigma_t();
+    let grey = sigma_t.x == sigma_t.y && sigma_t.y == sigma_t.z;
+    match (grey, medium.phase == Phase::Isotropic) {
+        (true, true) => dispatch::<true, true>(map.beams(), &group, candidates),
+        (true, false) => dispatch::<true, false>(map.beams(), &group, candidates),
+        (false, true) => dispatch::<false, true>(map.beams(), &group, candidates),
+        (false, false) => dispatch::<false, false>(map.beams(), &group, candidates),
+    }
+}
+
+/// The same code at the widest vectors that the machine has. Only the number of lanes per instruction differs: no
+/// operation is fused or reordered, so the bits are the same.
+fn dispatch<const GREY: bool, const ISOTROPIC: bool>(
+    beams: &[PhotonBeam],
+    group: &Group,
+    candidates: &[u32],
+) -> GroupRadiance {
+    #[cfg(target_arch = "x86_64")]
+    {
+        #[target_feature(enable = "avx2")]
+        fn avx2<const GREY: bool, const ISOTROPIC: bool>(
+            beams: &[PhotonBeam],
+            group: &Group,
+            candidates: &[u32],
+        ) -> GroupRadiance {
+            group.sum::<GREY, ISOTROPIC>(beams, candidates)
+        }
+        if std::arch::is_x86_feature_detected!("avx2") {
+            // SAFETY: the feature was just detected.
+            return unsafe { avx2::<GREY, ISOTROPIC>(beams, group, candidates) };
+        }
+    }
+    group.sum::<GREY, ISOTROPIC>(beams, candidates)
+}
+
+type Lanes = [f32; LANES];
+
+/// Segments side by side, and what is constant over them.
+struct Group<'a> {
+    origin: [Lanes; 3],
+    dir: [Lanes; 3],
+    /// Zero in unused lanes, so that nothing is found there.
+    length: Lanes,
+    segments: &'a [CameraSegment],
+    medium_id: u16,
+    medium: &'a Homogeneous,
+    sigma_t: Rgb,
+    lobe: PhaseLobe,
+    key: u64,
+}
+
+impl<'a> Group<'a> {
+    fn new(
+        medium_id: u16,
+        medium: &'a Homogeneous,
+        segments: &'a [CameraSegment],
+        key: u64,
+    ) -> Self {
+        let lane = |f: &dyn Fn(&CameraSegment) -> f32, unused: f32| {
+            let mut lanes = [unused; LANES];
+            for (lane, segment) in lanes.iter_mut().zip(segments) {
+                *lane = f(segment);
+            }
+            lanes
+        };
+        Self {
+            origin: [0, 1, 2].map(|c| lane(&|s| s.ray.origin[c], 0.0)),
+            dir: [0, 1, 2].map(|c| lane(&|s| s.ray.dir[c], if c == 0 { 1.0 } else { 0.0 })),
+            length: lane(&|s| s.length, 0.0),
+            segments,
+            medium_id,
+            medium,
+            sigma_t: medium.sigma_t(),
+            lobe: medium.phase.lobe(),
+            key,
+        }
+    }
+
+    #[inline(always)]
+    fn sum<const GREY: bool, const ISOTROPIC: bool>(
+        &self,
+        beams: &[PhotonBeam],
+        candidates: &[u32],
+    ) -> GroupRadiance {
+        let mut out = GroupRadiance::default();
+        for &index in candidates {
+            let beam = &beams[index as usize];
+            if beam.medium != self.medium_id {
+                continue;
+            }
+            let near = self.add_beam::<GREY, ISOTROPIC>(beam, &mut out);
+            if near {
+                self.add_chords(beam, index, &mut out);
+            }
+        }
+        out
+    }
+
+    /// Adds one beam by the 1D estimate. True: some lane is nearly parallel to it.
+    #[inline(always)]
+    fn add_beam<const GREY: bool, const ISOTROPIC: bool>(
+        &self,
+        beam: &PhotonBeam,
+        out: &mut GroupRadiance,
+    ) -> bool {
+        let (p, b) = (beam.origin, beam.dir);
+        let max_radius = beam.max_radius();
+        let max_radius2 = max_radius * max_radius;
+        let [ox, oy, oz] = &self.origin;
+        let [dx, dy, dz] = &self.dir;
+
+        // Distance of the lines against the largest radius, without a division.
+        let (mut nx, mut ny, mut nz) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
+        let (mut sin2, mut offset) = ([0.0; LANES], [0.0; LANES]);
+        let (mut reached, mut near) = (0u32, 0u32);
+        for l in 0..LANES {
+            nx[l] = dy[l] * b.z - dz[l] * b.y;
+            ny[l] = dz[l] * b.x - dx[l] * b.z;
+            nz[l] = dx[l] * b.y - dy[l] * b.x;
+            sin2[l] = nx[l] * nx[l] + ny[l] * ny[l] + nz[l] * nz[l];
+            offset[l] = (p.x - ox[l]) * nx[l] + (p.y - oy[l]) * ny[l] + (p.z - oz[l]) * nz[l];
+            let parallel = sin2[l] < NEARLY_PARALLEL_SIN2;
+            let close = offset[l] * offset[l] < max_radius2 * sin2[l];
+            near |= parallel as u32;
+            reached |= (close && !parallel) as u32;
+        }
+        if reached == 0 {
+            return near != 0;
+        }
+
+        let power = beam.power * self.medium.sigma_s;
+        let mut value = [0.0; LANES];
+        let mut depth = [0.0; LANES];
+        let mut count = 0u32;
+        for l in 0..LANES {
+            let (wx, wy, wz) = (p.x - ox[l], p.y - oy[l], p.z - oz[l]);
+            let inv_sin2 = 1.0 / sin2[l];
+            let t = ((wy * b.z - wz * b.y) * nx[l]
+                + (wz * b.x - wx * b.z) * ny[l]
+                + (wx * b.y - wy * b.x) * nz[l])
+                * inv_sin2;
+            let s = ((wy * dz[l] - wz * dy[l]) * nx[l]
+                + (wz * dx[l] - wx * dz[l]) * ny[l]
+                + (wx * dy[l] - wy * dx[l]) * nz[l])
+                * inv_sin2;
+            let radius = beam.radius + beam.radius_slope * s;
+            let inv_radius = 1.0 / radius;
+            let u2 = offset[l] * offset[l] * inv_sin2 * (inv_radius * inv_radius);
+            let hit = (sin2[l] >= NEARLY_PARALLEL_SIN2)
+                & (t > 0.0)
+                & (t < self.length[l])
+                & (s > 0.0)
+                & (s < beam.length)
+                & (u2 < 1.0);
+            let kernel = 0.75 * inv_radius * (1.0 - u2);
+            let phase = if ISOTROPIC {
+                1.0 / (4.0 * PI)
+            } else {
+                // Light that travels along the beam is turned towards the camera, against the segment.
+                let cos = -(b.x * dx[l] + b.y * dy[l] + b.z * dz[l]);
+                self.lobe.eval(cos)
+            };
+            let v = kernel * phase * inv_sin2.sqrt();
+            value[l] = if hit { v } else { 0.0 };
+            depth[l] = if hit { t + s } else { 0.0 };
+            count += hit as u32;
+        }
+        if count == 0 {
+            return near != 0;
+        }
+        out.evaluations += count as u64;
+        if GREY {
+            for l in 0..LANES {
+                let v = value[l] * exp_neg(-self.sigma_t.x * depth[l]);
+                out.radiance[0][l] += v * power.x;
+                out.radiance[1][l] += v * power.y;
+                out.radiance[2][l] += v * power.z;
+            }
+        } else {
+            for c in 0..3 {
+                for l in 0..LANES {
+                    let tr = exp_neg(-self.sigma_t[c] * depth[l]);
+                    out.radiance[c][l] += value[l] * tr * power[c];
+                }
+            }
+        }
+        near != 0
+    }
+
+    /// Adds the chord estimate of the lanes that are nearly parallel to the beam.
+    #[cold]
+    #[inline(never)]
+    fn add_chords(&self, beam: &PhotonBeam, index: u32, out: &mut GroupRadiance) {
+        for (l, segment) in self.segments.iter().enumerate() {
+            let sin2 = segment.ray.dir.cross(beam.dir).length_squared();
+            if sin2 >= NEARLY_PARALLEL_SIN2 {
+                continue;
+            }
+            let u = mix64(self.key ^ mix64(((index as u64) << 32) | segment.pixel as u64));
+            let u = (u >> 40) as f32 * (1.0 / (1u32 << 24) as f32);
+            let value = chord_estimate(beam, &segment.ray, segment.length, self.medium, u);
+            if value != Rgb::ZERO {
+                out.evaluations += 1;
+                for c in 0..3 {
+                    out.radiance[c][l] += value[c];
+                }
+            }
+        }
+    }
+}
+
+/// Radiance of one beam, blurred over discs across it, along a segment. `u` in [0, 1) places the stratified points.
+pub fn chord_estimate(
+    beam: &PhotonBeam,
+    ray: &Ray,
+    length: f32,
+    medium: &Homogeneous,
+    u: f32,
+) -> Rgb {
+    // In the beam's frame the ray is at distance |across + t across_dir| from the axis, at s = along + t cos.
+    let cos = ray.dir.dot(beam.dir);
+    let offset = ray.origin - beam.origin;
+    let along = offset.dot(beam.dir);
+    let across = offset - beam.dir * along;
+    let across_dir = ray.dir - beam.dir * cos;
+    let radius = beam.max_radius();
+    let Some((near, far)) = cylinder_range(across, across_dir, radius) else {
+        return Rgb::ZERO;
+    };
+    // Both ends of the beam; cos is close to 1 or -1 here.
+    let (s0, s1) = (-along / cos, (beam.length - along) / cos);
+    let near = near.max(s0.min(s1)).max(0.0);
+    let far = far.min(s0.max(s1)).min(length);
+    if near >= far {
+        return Rgb::ZERO;
+    }
+    let step = (far - near) / CHORD_POINTS as f32;
+    let mut sum = Rgb::ZERO;
+    for i in 0..CHORD_POINTS {
+        let t = near + step * (i as f32 + u);
+        let s = (along + t * cos).clamp(0.0, beam.length);
+        let radius = beam.radius_at(s);
+        let x = (across + across_dir * t).length_squared() / (radius * radius);
+        if x < 1.0 {
+            let kernel = 2.0 / (PI * radius * radius) * (1.0 - x);
+            sum += exp_rgb_neg(medium.sigma_t() * -(t + s)) * kernel;
+        }
+    }
+    let phase = medium.phase.eval_directions(beam.dir, -ray.dir);
+    sum * beam.power * medium.sigma_s * (phase * step)
+}
+
+/// Where a line is within `radius` of the axis.
+fn cylinder_range(across: Vec3, across_dir: Vec3, radius: f32) -> Option<(f32, f32)> {
+    let a = across_dir.length_squared();
+    let c = across.length_squared() - radius * radius;
+    let nearest = if a > 0.0 {
+        -across.dot(across_dir) / a
+    } else {
+        0.0
+    };
+    if a < 1e-12 {
+        return (c < 0.0).then_some((f32::NEG_INFINITY, f32::INFINITY));
+    }
+    let distance2 = (across + across_dir * nearest).length_squared();
+    let half2 = (radius * radius - distance2) / a;
+    if half2 <= 0.0 {
+        return None;
+    }
+    let half = half2.sqrt();
+    Some((nearest - half, nearest + half))
+}

@@ -1,0 +1,291 @@
+//! From lights to photon beams and surface photons.
+//!
+//! A photon path goes from a light through media and off surfaces until Russian roulette ends it. In a scattering
+//! medium every segment leaves a [`PhotonBeam`]; every hit on a surface that is not specular leaves a
+//! [`SurfacePhoton`], unless the light came straight from its source: that part is sampled as direct light.
+
+use super::PhotonBeam;
+use crate::bsdf::TransportMode;
+use crate::footprint::{Footprint, spread};
+use crate::geometry::SurfaceHit;
+use crate::light::EmissionUniforms;
+use crate::math::{Frame, Ray, Rgb, Vec3, mean};
+use crate::medium::{Flight, MediumId};
+use crate::plan::{RenderPlan, Scene};
+use crate::sampler::{Purpose, Sampler};
+use crate::surface::{Arrival, SurfacePhoton};
+use rayon::prelude::*;
+
+/// Everything that the photon paths of a pass leave behind.
+#[derive(Debug, Default)]
+pub struct Photons {
+    /// Beams, in the order of paths.
+    pub beams: Vec<PhotonBeam>,
+    /// Surface photons, in the order of paths.
+    pub surface: Vec<SurfacePhoton>,
+}
+
+/// Paths that one task traces. Any number gives the same photons.
+const CHUNK: u32 = 256;
+
+/// From this many scatterings on, a path goes on with at most [`MAX_SURVIVAL`], so that light which is trapped (total
+/// internal reflection in a clear sphere, say) ends as well.
+pub(crate) const ROULETTE_DEPTH: u32 = 24;
+/// Highest probability of going on beyond [`ROULETTE_DEPTH`].
+pub(crate) const MAX_SURVIVAL: f32 = 0.95;
+
+/// Trace the photon paths of a pass. `radius_scale` is the pass's R_i.
+pub fn trace_photons(
+    scene: &Scene,
+    plan: &RenderPlan,
+    pass_index: u64,
+    radius_scale: f32,
+) -> Photons {
+    let paths = plan.settings.paths_per_pass;
+    let tracer = Tracer {
+        scene,
+        plan,
+        radius_scale,
+        paths: paths as f32,
+    };
+    let chunks: Vec<Photons> = (0..paths.div_ceil(CHUNK))
+        .into_par_iter()
+        .map(|chunk| {
+            let mut photons = Photons::default();
+            for path in chunk * CHUNK..((chunk + 1) * CHUNK).min(paths) {
+                let seed = plan.settings.seed;
+                let mut sampler = Sampler::new(seed, pass_index, Purpose::Photons, path as u64);
+                tracer.trace(&mut sampler, &mut photons);
+            }
+            photons
+        })
+        .collect();
+    let mut joined = Photons {
+        beams: Vec::with_capacity(chunks.iter().map(|c| c.beams.len()).sum()),
+        surface: Vec::with_capacity(chunks.iter().map(|c| c.surface.len()).sum()),
+    };
+    for chunk in chunks {
+        joined.beams.extend(chunk.beams);
+        joined.surface.extend(chunk.surface);
+    }
+    joined
+}
+
+struct Tracer<'a> {
+    scene: &'a Scene,
+    plan: &'a RenderPlan,
+    radius_scale: f32,
+    paths: f32,
+}
+
+/// A photon on its way.
+struct Photon {
+    ray: Ray,
+    /// Flux, W, divided by the number of emitted paths.
+    power: Rgb,
+    medium: MediumId,
+    footprint: Footprint,
+    arrival: Arrival,
+    depth: u32,
+}
+
+impl Tracer<'_> {
+    fn trace(&self, sampler: &mut Sampler, out: &mut Photons) {
+        let Some(mut photon) = self.emit(sampler) else {
+            return;
+        };
+        let objects = self.scene.objects();
+        while photon.power.max_element() > 0.0 {
+            let geometry = &self.scene.geometry;
+            let hit = geometry.intersect(objects, &photon.ray, f32::INFINITY, |_| false);
+            let length = hit.as_ref().map_or(f32::INFINITY, |h| h.t);
+            if let Some(id) = photon.medium
+                && self.fly(&mut photon, id, length, sampler, out)
+            {
+                continue;
+            }
+            let Some(hit) = hit else { return };
+            photon.footprint = photon.footprint.advanced(hit.t);
+            self.meet_surface(&mut photon, &hit, sampler, out);
+        }
+    }
+
+    fn emit(&self, sampler: &mut Sampler) -> Option<Photon> {
+        let choice = self.scene.selector.sample(sampler.next_1d())?;
+        let light = &self.scene.lights()[choice.light];
+        let uniforms = EmissionUniforms {
+            position: sampler.next_2d(),
+            direction: sampler.next_2d(),
+            primitive: sampler.next_1d(),
+        };
+        let emission = light.sample_emission(self.scene.objects(), self.scene.bounds(), uniforms);
+        let paths = self.paths * choice.pmf;
+        let radius = (1.0 / (std::f32::consts::PI * emission.pdf_pos * paths)).sqrt();
+        let origin = match emission.normal {
+            Some(n) => emission.origin + n * self.scene.clearance(emission.origin),
+            None => emission.origin,
+        };
+        Some(Photon {
+            ray: Ray {
+                origin,
+                dir: emission.dir,
+            },
+            power: emission.power / paths,
+            medium: self.scene.medium_of_light(choice.light),
+            footprint: Footprint::new(emission.dir, radius, spread(emission.pdf_dir, paths)),
+            arrival: Arrival::Direct,
+            depth: 0,
+        })
+    }
+
+    /// Fly through a medium for at most `length`, leaving a beam. True: the photon was scattered before the end.
+    fn fly(
+        &self,
+        photon: &mut Photon,
+        id: u16,
+        length: f32,
+        sampler: &mut Sampler,
+        out: &mut Photons,
+    ) -> bool {
+        let medium = &self.scene.media()[id as usize];
+        if medium.scatters() {
+            let length = length.min(medium.reach());
+            let end = photon.footprint.advanced(length);
+            let radii = &self.plan.radii;
+            let radius = radii.of(photon.footprint.radius()) * self.radius_scale;
+            let radius_end = radii.of(end.radius()) * self.radius_scale;
+            out.beams.push(PhotonBeam {
+                origin: photon.ray.origin,
+                dir: photon.ray.dir,
+                length,
+                power: photon.power,
+                radius,
+                radius_slope: (radius_end - radius) / length,
+                medium: id,
+            });
+        }
+        let u = sampler.next_2d();
+        let before = mean(photon.power);
+        match medium.sample_flight(photon.power, length, u.into()) {
+            Flight::Passed { weight } => {
+                photon.power *= weight;
+                false
+            }
+            Flight::Scattered { distance, weight } => {
+                photon.power *= weight;
+                if photon.survives(before, sampler) {
+                    let old = photon.ray.dir;
+                    let dir = medium.phase.sample(old, sampler.next_2d());
+                    let pdf = medium.phase.pdf(old.dot(dir));
+                    photon.footprint = photon
+                        .footprint
+                        .advanced(distance)
+                        .scattered(dir, pdf, self.paths);
+                    photon.ray = Ray {
+                        origin: photon.ray.at(distance),
+                        dir,
+                    };
+                    photon.arrival = Arrival::Scattered;
+                }
+                true
+            }
+        }
+    }
+
+    /// Leave a surface photon where one is due, and go on in a sampled direction.
+    fn meet_surface(
+        &self,
+        photon: &mut Photon,
+        hit: &SurfaceHit,
+        sampler: &mut Sampler,
+        out: &mut Photons,
+    ) {
+        let dir = photon.ray.dir;
+        let object = &self.scene.objects()[hit.object as usize];
+        let material = self.scene.material(hit);
+        if material.is_null() {
+            photon.ray = hit.spawn_ray(dir);
+            photon.medium = self.scene.medium_beyond(hit, dir, photon.medium);
+            return;
+        }
+        let wo = -dir;
+        let specular = material.is_specular();
+        if !specular && photon.arrival != Arrival::Direct {
+            out.surface.push(SurfacePhoton {
+                point: hit.point,
+                ng: hit.ng,
+                wi: wo,
+                power: photon.power,
+                radius: self.plan.radii.of(photon.footprint.radius()) * self.radius_scale.sqrt(),
+                arrival: photon.arrival,
+            });
+        }
+        let frame = Frame::from_normal(hit.ns);
+        let local_wo = frame.to_local(wo);
+        let bsdf = material.bsdf(hit.uv);
+        let u_lobe = sampler.next_1d();
+        let sample = bsdf.sample(local_wo, u_lobe, sampler.next_2d(), TransportMode::Flux);
+        let Some(sample) = sample else {
+            photon.power = Rgb::ZERO;
+            return;
+        };
+        let wi = frame.to_world(sample.wi).normalize();
+        let before = mean(photon.power);
+        photon.power *= sample.weight * adjoint_factor(hit, wo, wi);
+        if !photon.survives(before, sampler) {
+            return;
+        }
+        let n = hit.ns;
+        photon.footprint = if !sample.delta {
+            photon.footprint.scattered(wi, sample.pdf, self.paths)
+        } else if sample.transmitted {
+            let eta = material.eta_of_crossing(hit.ng.dot(dir) < 0.0);
+            photon.footprint.refracted(dir, wi, n, hit.curvature, eta)
+        } else {
+            photon.footprint.reflected(dir, n, hit.curvature)
+        };
+        if sample.transmitted
+            && let Some(boundary) = object.boundary
+        {
+            photon.medium = boundary.medium_towards(hit.ng, wi);
+        }
+        photon.arrival = if sample.delta {
+            Arrival::Specular
+        } else {
+            Arrival::Surface
+        };
+        photon.ray = hit.spawn_ray(wi);
+    }
+}
+
+impl Photon {
+    /// Russian roulette: the flux after survival is what it was before the scattering, as far as probabilities allow.
+    fn survives(&mut self, flux_before: f32, sampler: &mut Sampler) -> bool {
+        self.depth += 1;
+        let mut q = mean(self.power) / flux_before;
+        if self.depth > ROULETTE_DEPTH {
+            q = q.min(MAX_SURVIVAL);
+        }
+        if q >= 1.0 {
+            return true;
+        }
+        if sampler.next_1d() < q {
+            self.power /= q;
+            true
+        } else {
+            self.power = Rgb::ZERO;
+            false
+        }
+    }
+}
+
+/// What interpolated normals cost a photon: paths from lights and paths from the camera then describe the same surface
+/// (Veach 1997, section 5.3). Zero where shading and geometric normal disagree about the side.
+fn adjoint_factor(hit: &SurfaceHit, wo: Vec3, wi: Vec3) -> f32 {
+    let (wo_g, wo_s) = (wo.dot(hit.ng), wo.dot(hit.ns));
+    let (wi_g, wi_s) = (wi.dot(hit.ng), wi.dot(hit.ns));
+    if wo_g * wo_s <= 0.0 || wi_g * wi_s <= 0.0 {
+        return 0.0;
+    }
+    ((wo_s * wi_g) / (wo_g * wi_s)).abs()
+}

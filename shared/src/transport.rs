@@ -1,0 +1,362 @@
+//! Camera paths, and which estimator counts which light path.
+//!
+//! A camera path goes straight through boundaries of media and follows specular surfaces; it ends at the first surface x
+//! that is not specular, at a light, or outside. With L a light, S specular, D a surface that is not specular, M a
+//! scattering in a medium, E the camera, and boundaries of media left out:
+//!
+//! | light path                    | counted by                                                                 |
+//! | ----------------------------- | -------------------------------------------------------------------------- |
+//! | L S* E                        | the camera path meets the light                                            |
+//! | … M S* E                      | photon beams along the camera path's segments (`beam::estimate`)           |
+//! | L x S* E                      | direct light at x: light sampling and BSDF sampling, balanced              |
+//! | … S x S* E, … M x S* E        | surface photons at x that arrived from S or M                              |
+//! | L D x S* E                    | gather ray from x: direct light at D                                       |
+//! | … (S, M or D) D x S* E        | gather ray from x: surface photons at D                                    |
+//!
+//! The last vertex before x decides, so every path is counted once. The BSDF sample of the direct light and the gather
+//! ray are one ray.
+
+use crate::beam::estimate::CameraSegment;
+use crate::beam::trace::{MAX_SURVIVAL, ROULETTE_DEPTH};
+use crate::bsdf::{Bsdf, TransportMode};
+use crate::geometry::SurfaceHit;
+use crate::light::LightHit;
+use crate::math::{Frame, Ray, Rgb, Vec3};
+use crate::medium::MediumId;
+use crate::plan::{RenderPlan, Scene};
+use crate::sampler::Sampler;
+use crate::surface::{Arrival, SurfacePhotonMap};
+
+/// What camera paths of a pass read.
+pub struct CameraTracer<'a> {
+    /// The scene.
+    pub scene: &'a Scene,
+    /// The plan.
+    pub plan: &'a RenderPlan,
+    /// The pass's surface photons, when the plan has any.
+    pub photons: Option<&'a SurfacePhotonMap>,
+}
+
+/// A surface point from which light is asked for.
+struct Vertex<'a> {
+    hit: &'a SurfaceHit,
+    bsdf: Bsdf,
+    frame: Frame,
+    wo: Vec3,
+    local_wo: Vec3,
+    /// The medium that the ray to here came through.
+    medium: MediumId,
+}
+
+/// Where a ray ends that goes straight through boundaries of media.
+struct Arrived {
+    hit: Option<SurfaceHit>,
+    transmittance: Rgb,
+    medium: MediumId,
+    distance: f32,
+}
+
+impl CameraTracer<'_> {
+    /// Follow a camera path from a ray. Pushes its segments in scattering media and returns everything else that
+    /// arrives along it: radiance at the film.
+    pub fn trace(
+        &self,
+        ray: Ray,
+        pixel: u16,
+        sampler: &mut Sampler,
+        segments: &mut Vec<CameraSegment>,
+    ) -> Rgb {
+        let scene = self.scene;
+        let mut ray = ray;
+        let mut beta = Rgb::ONE;
+        let mut medium = scene.camera_medium;
+        let mut straight = Some(0);
+        let mut depth = 0;
+        let mut radiance = Rgb::ZERO;
+        loop {
+            let hit = scene
+                .geometry
+                .intersect(scene.objects(), &ray, f32::INFINITY, |_| false);
+            if let Some(id) = medium {
+                let length = hit.as_ref().map_or(f32::INFINITY, |h| h.t);
+                let properties = &scene.media()[id as usize];
+                if properties.scatters() {
+                    segments.push(CameraSegment {
+                        ray,
+                        length: length.min(properties.reach()),
+                        beta,
+                        medium: id,
+                        pixel,
+                        straight,
+                    });
+                }
+                beta *= properties.transmittance(length);
+            }
+            let Some(hit) = hit else {
+                return radiance + beta * scene.environment_radiance(ray.dir);
+            };
+            radiance += beta * scene.emitted(&hit, ray.dir);
+            let material = scene.material(&hit);
+            if material.is_null() {
+                medium = scene.medium_beyond(&hit, ray.dir, medium);
+                ray = hit.spawn_ray(ray.dir);
+                straight = straight.map(|n| n.saturating_add(1));
+                continue;
+            }
+            let frame = Frame::from_normal(hit.ns);
+            let vertex = Vertex {
+                bsdf: material.bsdf(hit.uv),
+                frame,
+                wo: -ray.dir,
+                local_wo: frame.to_local(-ray.dir),
+                hit: &hit,
+                medium,
+            };
+            if !material.is_specular() {
+                return radiance + beta * self.scattered(&vertex, sampler);
+            }
+            let u_lobe = sampler.next_1d();
+            let mode = TransportMode::Radiance;
+            let sample = vertex
+                .bsdf
+                .sample(vertex.local_wo, u_lobe, sampler.next_2d(), mode);
+            let Some(sample) = sample else {
+                return radiance;
+            };
+            let wi = frame.to_world(sample.wi).normalize();
+            if sample.transmitted {
+                medium = scene.medium_beyond(&hit, wi, medium);
+            }
+            beta *= sample.weight;
+            depth += 1;
+            // The compression of radiance by refraction comes and goes along the path, so roulette looks at the
+            // reflectance alone, by way of the largest channel, and only late.
+            if depth > ROULETTE_DEPTH {
+                let q = sample.weight.max_element().min(MAX_SURVIVAL);
+                if sampler.next_1d() >= q {
+                    return radiance;
+                }
+                beta /= q;
+            }
+            if beta.max_element() <= 0.0 {
+                return radiance;
+            }
+            ray = hit.spawn_ray(wi);
+            straight = None;
+        }
+    }
+
+    /// Radiance that leaves x towards the camera path, its own emission apart.
+    fn scattered(&self, x: &Vertex, sampler: &mut Sampler) -> Rgb {
+        if x.bsdf.is_black() {
+            return Rgb::ZERO;
+        }
+        let mut radiance = self.light_sample(x, sampler, true);
+        radiance += self.gather_ray(x, sampler);
+        if self.plan.photons_at_first_surface {
+            radiance += self.photon_radiance(x, |arrival| arrival != Arrival::Surface);
+        }
+        radiance
+    }
+
+    /// Direct light by sampling a light; `balanced`: weighted against BSDF sampling, which is done as well.
+    fn light_sample(&self, x: &Vertex, sampler: &mut Sampler, balanced: bool) -> Rgb {
+        let scene = self.scene;
+        let choice = scene.selector.sample(sampler.next_1d());
+        let (u, u_primitive) = (sampler.next_2d(), sampler.next_1d());
+        let Some(choice) = choice else {
+            return Rgb::ZERO;
+        };
+        let light = &scene.lights()[choice.light];
+        let Some(direct) = light.sample_direct(scene.objects(), x.hit.point, u, u_primitive) else {
+            return Rgb::ZERO;
+        };
+        let wi = x.frame.to_local(direct.wi);
+        if wi.z * x.hit.ng.dot(direct.wi) <= 0.0 {
+            return Rgb::ZERO;
+        }
+        let f = x.bsdf.eval(x.local_wo, wi, TransportMode::Radiance);
+        if f == Rgb::ZERO {
+            return Rgb::ZERO;
+        }
+        let weight = if direct.delta || !balanced {
+            1.0
+        } else {
+            power_heuristic(direct.pdf * choice.pmf, x.bsdf.pdf(x.local_wo, wi))
+        };
+        let ray = x.hit.spawn_ray(direct.wi);
+        let medium = x.medium_towards(scene, direct.wi);
+        // A little short of the light, so as not to meet the light itself.
+        match self.transmittance(ray, direct.distance * (1.0 - 1e-4), medium) {
+            Some(tr) => f * direct.weight * tr * (wi.z.abs() * weight / choice.pmf),
+            None => Rgb::ZERO,
+        }
+    }
+
+    /// The ray sampled by the BSDF at x: direct light where it meets a light, indirect light where it meets a surface
+    /// that is not specular. (What comes from specular surfaces and media is in the photons at x.)
+    fn gather_ray(&self, x: &Vertex, sampler: &mut Sampler) -> Rgb {
+        let scene = self.scene;
+        let u_lobe = sampler.next_1d();
+        let mode = TransportMode::Radiance;
+        let sample = x.bsdf.sample(x.local_wo, u_lobe, sampler.next_2d(), mode);
+        let Some(sample) = sample else {
+            return Rgb::ZERO;
+        };
+        let wi = x.frame.to_world(sample.wi).normalize();
+        if sample.wi.z * x.hit.ng.dot(wi) <= 0.0 {
+            return Rgb::ZERO;
+        }
+        let arrived = self.go_straight(x.hit.spawn_ray(wi), x.medium_towards(scene, wi));
+        let throughput = sample.weight * arrived.transmittance;
+        if throughput == Rgb::ZERO {
+            return Rgb::ZERO;
+        }
+        let balanced = |light: usize, hit: Option<LightHit>| {
+            let pdf = scene.lights()[light].pdf_direct(scene.objects(), x.hit.point, wi, hit);
+            power_heuristic(sample.pdf, pdf * scene.selector.pmf(light))
+        };
+        let Some(hit) = arrived.hit else {
+            let mut radiance = Rgb::ZERO;
+            for &light in &scene.environments {
+                radiance += scene.environment(light, wi) * balanced(light, None);
+            }
+            return throughput * radiance;
+        };
+        let mut radiance = Rgb::ZERO;
+        if let Some(light) = scene.objects()[hit.object as usize].light {
+            let emitted = scene.emitted(&hit, wi);
+            if emitted != Rgb::ZERO {
+                let at = LightHit {
+                    normal: hit.ng,
+                    distance: arrived.distance,
+                };
+                radiance += emitted * balanced(light as usize, Some(at));
+            }
+        }
+        let material = scene.material(&hit);
+        if !material.is_specular() {
+            let frame = Frame::from_normal(hit.ns);
+            let y = Vertex {
+                bsdf: material.bsdf(hit.uv),
+                frame,
+                wo: -wi,
+                local_wo: frame.to_local(-wi),
+                hit: &hit,
+                medium: arrived.medium,
+            };
+            if !y.bsdf.is_black() {
+                radiance += self.light_sample(&y, sampler, false);
+                radiance += self.photon_radiance(&y, |_| true);
+            }
+        }
+        throughput * radiance
+    }
+
+    /// Density estimate over the surface photons around a point.
+    fn photon_radiance(&self, x: &Vertex, counts: impl Fn(Arrival) -> bool) -> Rgb {
+        let mut radiance = Rgb::ZERO;
+        let Some(photons) = self.photons else {
+            return radiance;
+        };
+        photons.gather(x.hit.point, x.hit.ng, |photon, kernel| {
+            if !counts(photon.arrival) {
+                return;
+            }
+            let wi = x.frame.to_local(photon.wi);
+            let cos_g = x.hit.ng.dot(photon.wi);
+            if wi.z * cos_g <= 0.0 {
+                return;
+            }
+            let f = x.bsdf.eval(x.local_wo, wi, TransportMode::Radiance);
+            // Flux is counted on the geometric surface, the BSDF's cosine is to the shading normal.
+            let cosines = if x.hit.ns == x.hit.ng {
+                1.0
+            } else {
+                (wi.z / cos_g).min(MAX_COSINE_RATIO)
+            };
+            radiance += f * photon.power * (kernel * cosines);
+        });
+        radiance
+    }
+
+    /// Transmittance of a shadow ray; `None` where a surface blocks it.
+    fn transmittance(&self, ray: Ray, length: f32, medium: MediumId) -> Option<Rgb> {
+        let scene = self.scene;
+        let is_null = |object: u32| scene.null_objects[object as usize];
+        if scene
+            .geometry
+            .occluded(scene.objects(), &ray, length, is_null)
+        {
+            return None;
+        }
+        if !scene.has_null || scene.media().is_empty() {
+            return Some(scene.transmittance(medium, length));
+        }
+        let (mut ray, mut left, mut medium, mut transmittance) = (ray, length, medium, Rgb::ONE);
+        let geometry = &scene.geometry;
+        while let Some(hit) =
+            geometry.intersect(scene.objects(), &ray, left, |object| !is_null(object))
+        {
+            transmittance *= scene.transmittance(medium, hit.t);
+            medium = scene.medium_beyond(&hit, ray.dir, medium);
+            ray = hit.spawn_ray(ray.dir);
+            left -= hit.t;
+        }
+        Some(transmittance * scene.transmittance(medium, left))
+    }
+
+    /// Follow a ray through boundaries of media to the next surface.
+    fn go_straight(&self, ray: Ray, medium: MediumId) -> Arrived {
+        let scene = self.scene;
+        let mut ray = ray;
+        let mut arrived = Arrived {
+            hit: None,
+            transmittance: Rgb::ONE,
+            medium,
+            distance: 0.0,
+        };
+        loop {
+            let hit = scene
+                .geometry
+                .intersect(scene.objects(), &ray, f32::INFINITY, |_| false);
+            let length = hit.as_ref().map_or(f32::INFINITY, |h| h.t);
+            arrived.transmittance *= scene.transmittance(arrived.medium, length);
+            arrived.distance += length;
+            match hit {
+                Some(hit) if scene.material(&hit).is_null() => {
+                    arrived.medium = scene.medium_beyond(&hit, ray.dir, arrived.medium);
+                    ray = hit.spawn_ray(ray.dir);
+                }
+                hit => {
+                    arrived.hit = hit;
+                    return arrived;
+                }
+            }
+        }
+    }
+}
+
+/// Bound on shading over geometric cosine, so that one photon at a grazing angle does not outshine the rest.
+const MAX_COSINE_RATIO: f32 = 10.0;
+
+impl Vertex<'_> {
+    /// The medium that a ray from here enters: the one that the vertex was reached through, or the one beyond.
+    fn medium_towards(&self, scene: &Scene, wi: Vec3) -> MediumId {
+        let crosses = self.hit.ng.dot(wi) * self.hit.ng.dot(self.wo) < 0.0;
+        if crosses {
+            scene.medium_beyond(self.hit, wi, self.medium)
+        } else {
+            self.medium
+        }
+    }
+}
+
+/// Veach 1997, section 9.2.4, with exponent 2.
+fn power_heuristic(a: f32, b: f32) -> f32 {
+    let (a2, b2) = (a * a, b * b);
+    if a2.is_infinite() {
+        return 1.0;
+    }
+    if a2 > 0.0 { a2 / (a2 + b2) } else { 0.0 }
+}

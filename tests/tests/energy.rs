@@ -19,6 +19,7 @@ medium = "fog"
 [camera]
 origin = [0.0, 0.0, 0.9]
 target = [0.0, 0.0, 0.0]
+fov = 40.0
 [media.fog]
 type = "homogeneous"
 sigma_a = [0.1, 0.3, 0.0]

@@ -202,7 +202,11 @@ impl Material {
     pub fn eta_of_crossing(&self, from_inside: bool) -> f32 {
         match self.kind {
             MaterialKind::Dielectric { eta } | MaterialKind::RoughDielectric { eta, .. } => {
-                if from_inside { eta } else { 1.0 / eta }
+                if from_inside {
+                    eta
+                } else {
+                    1.0 / eta
+                }
             }
             _ => 1.0,
         }

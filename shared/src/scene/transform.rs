@@ -1,51 +1,70 @@
 //! Transforms of the scene file, in double precision.
 
-use super::parse::Step;
+use super::parse::{Fault, LookAtRecord, RotateRecord, StepRecord, Steps};
 use glam::{DAffine3, DMat3, DVec3};
 
 /// The steps' product: the first step is applied first.
-pub fn compose(steps: &[Step]) -> Result<DAffine3, String> {
+pub fn compose(steps: &Steps) -> Result<DAffine3, Fault> {
     let mut total = DAffine3::IDENTITY;
-    for step in steps {
-        total = matrix(step)? * total;
+    for step in &steps.0 {
+        let map = matrix(step.get_ref()).map_err(|message| Fault::new(step.span(), message))?;
+        total = map * total;
     }
     Ok(total)
 }
 
-fn matrix(step: &Step) -> Result<DAffine3, String> {
-    Ok(match step {
-        Step::Scale(factors) => DAffine3::from_scale(factors.0),
-        Step::Rotate { axis, angle } => {
-            let axis = axis
-                .0
-                .try_normalize()
-                .ok_or("the axis of `rotate` has no direction")?;
-            DAffine3::from_mat3(rotation(axis, angle.0))
-        }
-        Step::Translate(offset) => DAffine3::from_translation(offset.0),
-        Step::Matrix(rows) => {
-            let rows = rows.map(|row| row.map(|x| x.0));
-            if rows[3] != [0.0, 0.0, 0.0, 1.0] {
-                return Err(format!(
-                    "the last row of `matrix` must be [0, 0, 0, 1], found {:?}",
-                    rows[3]
-                ));
-            }
-            let column = |j: usize| DVec3::new(rows[0][j], rows[1][j], rows[2][j]);
-            DAffine3::from_cols(column(0), column(1), column(2), column(3))
-        }
-        Step::LookAt { origin, target, up } => {
-            let up = up.map_or(DVec3::Y, |up| up.0);
-            let forward = (target.0 - origin.0)
-                .try_normalize()
-                .ok_or("origin and target of `look_at` are the same point")?;
-            let left = up
-                .cross(forward)
-                .try_normalize()
-                .ok_or("`up` of `look_at` must not be parallel to its direction of view")?;
-            DAffine3::from_cols(left, forward.cross(left), forward, origin.0)
-        }
-    })
+fn matrix(step: &StepRecord) -> Result<DAffine3, &'static str> {
+    let maps = [
+        step.scale
+            .map(|factors| Ok(DAffine3::from_scale(factors.0))),
+        step.rotate.as_ref().map(rotate),
+        step.translate
+            .map(|by| Ok(DAffine3::from_translation(by.0))),
+        step.matrix
+            .map(|rows| affine(rows.map(|row| row.map(|x| x.0)))),
+        step.look_at.as_ref().map(look_at),
+    ];
+    let mut given = maps.into_iter().flatten();
+    match (given.next(), given.next()) {
+        (Some(map), None) => map,
+        _ => Err("expected exactly one of scale, rotate, translate, matrix, look_at in a step"),
+    }
+}
+
+fn rotate(record: &RotateRecord) -> Result<DAffine3, &'static str> {
+    let axis = record.axis.0.try_normalize();
+    let axis = axis.ok_or("the axis of a rotation must not be [0, 0, 0]")?;
+    Ok(DAffine3::from_mat3(rotation(axis, record.angle.0)))
+}
+
+fn affine(rows: [[f64; 4]; 4]) -> Result<DAffine3, &'static str> {
+    if rows[3] != [0.0, 0.0, 0.0, 1.0] {
+        return Err("expected [0, 0, 0, 1] as the last row of `matrix`");
+    }
+    let column = |j: usize| DVec3::new(rows[0][j], rows[1][j], rows[2][j]);
+    Ok(DAffine3::from_cols(
+        column(0),
+        column(1),
+        column(2),
+        column(3),
+    ))
+}
+
+/// Takes the origin to `origin` and +z towards `target`, with `up` in the half plane of +y (Mitsuba's `lookat`).
+fn look_at(record: &LookAtRecord) -> Result<DAffine3, &'static str> {
+    let up = record.up.map_or(DVec3::Y, |up| up.0).normalize_or_zero();
+    let forward = (record.target.0 - record.origin.0)
+        .try_normalize()
+        .ok_or("expected two different points as origin and target of `look_at`")?;
+    let left = up.cross(forward);
+    if left.length() < 1e-9 {
+        return Err(
+            "`up` of `look_at` must not be zero or parallel to the direction from origin to target",
+        );
+    }
+    let left = left.normalize();
+    let up = forward.cross(left);
+    Ok(DAffine3::from_cols(left, up, forward, record.origin.0))
 }
 
 /// Rotation around a unit axis, by the right-hand rule (Rodrigues' formula). Sine and cosine come from libm, so that
@@ -62,10 +81,12 @@ pub fn rotation(axis: DVec3, degrees: f64) -> DMat3 {
     DMat3::from_cols(column(DVec3::X), column(DVec3::Y), column(DVec3::Z))
 }
 
+/// Coordinates and factors stay below this, so that their squares are far from overflow in single precision.
+pub const LARGEST: f64 = 1e15;
+
 /// Whether a map can be inverted safely: its columns are far from lying in one plane, and neither it nor its inverse
 /// holds numbers whose squares overflow single precision.
 pub fn is_invertible(map: &DAffine3) -> bool {
-    const LARGEST: f64 = 1e15;
     let m = map.matrix3;
     let volume = m.determinant().abs();
     let box_volume = m.x_axis.length() * m.y_axis.length() * m.z_axis.length();

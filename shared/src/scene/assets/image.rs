@@ -3,7 +3,7 @@
 use super::Flaw;
 use crate::math::Rgb;
 use crate::texture::Image;
-use ::exr::prelude as exr;
+use ::exr::prelude::{self as exr, ReadChannels, ReadLayers};
 use std::io::Cursor;
 
 /// Pixels a row, and rows, at most.
@@ -34,25 +34,24 @@ pub fn read(bytes: &[u8]) -> Result<Image, Flaw> {
     Ok(image)
 }
 
-fn check_size(
-    width: usize,
-    height: usize,
-    bytes_per_pixel: usize,
-    file: &[u8],
-) -> Result<(), Flaw> {
+/// The number of pixels, if it is one that an image may have.
+fn pixel_count(width: usize, height: usize) -> Result<usize, Flaw> {
     let sides = 1..=MAX_SIDE;
-    if !sides.contains(&width) || !sides.contains(&height) || width * height > MAX_PIXELS {
-        return Err(format!(
-            "the image has {width} x {height} pixels; expected 1 to {MAX_SIDE} on a side and {MAX_PIXELS} in all"
-        )
-        .into());
+    if sides.contains(&width) && sides.contains(&height) && width * height <= MAX_PIXELS {
+        return Ok(width * height);
     }
-    if width * height * bytes_per_pixel > file.len().saturating_mul(MAX_EXPANSION) {
-        return Err(
-            format!("the file is too short for the {width} x {height} pixels it claims").into(),
-        );
+    let message = format!(
+        "the image has {width} x {height} pixels; expected 1 to {MAX_SIDE} on a side and {MAX_PIXELS} in all"
+    );
+    Err(message.into())
+}
+
+/// Whether a file can hold as much as its header claims.
+fn check_claim(decoded_bytes: usize, file: &[u8]) -> Result<(), Flaw> {
+    match decoded_bytes > file.len().saturating_mul(MAX_EXPANSION) {
+        true => Err("the file is too short for the pixels that its header claims".into()),
+        false => Ok(()),
     }
-    Ok(())
 }
 
 /// Grey, RGB or palette, 1 to 16 bits a channel, alpha ignored. All values are taken as sRGB (IEC 61966-2-1),
@@ -60,11 +59,10 @@ fn check_size(
 fn read_png(bytes: &[u8]) -> Result<Image, Flaw> {
     let message = |e: ::png::DecodingError| Flaw::from(format!("not a sound PNG: {e}"));
     let mut decoder = ::png::Decoder::new(Cursor::new(bytes));
-    let (width, height) = decoder.read_header_info().map_err(message)?.size();
-    check_size(width as usize, height as usize, 1, bytes).or_else(|flaw| {
-        // Eight one-bit pixels share a byte.
-        check_size(width as usize, (height as usize).div_ceil(8), 1, bytes).map_err(|_| flaw)
-    })?;
+    let header = decoder.read_header_info().map_err(message)?;
+    let (width, height) = header.size();
+    let count = pixel_count(width as usize, height as usize)?;
+    check_claim(count * header.bits_per_pixel() / 8, bytes)?;
     decoder.set_transformations(::png::Transformations::EXPAND);
     let mut reader = decoder.read_info().map_err(message)?;
     let size = reader
@@ -72,32 +70,29 @@ fn read_png(bytes: &[u8]) -> Result<Image, Flaw> {
         .ok_or("the image is too large")?;
     let mut data = vec![0; size];
     let info = reader.next_frame(&mut data).map_err(message)?;
+    data.truncate(info.buffer_size());
+
+    let (bytes_per_sample, levels) = match info.bit_depth {
+        ::png::BitDepth::Sixteen => (2, 65535),
+        _ => (1, 255),
+    };
+    let linear: Vec<f32> = (0..=levels)
+        .map(|v| linear_from_srgb(f64::from(v) / f64::from(levels)))
+        .collect();
+    let sample = |p: &[u8], i: usize| match bytes_per_sample {
+        2 => linear[usize::from(u16::from_be_bytes([p[2 * i], p[2 * i + 1]]))],
+        _ => linear[usize::from(p[i])],
+    };
     let channels = info.color_type.samples();
-    let samples: Vec<f32> = match info.bit_depth {
-        ::png::BitDepth::Sixteen => {
-            let table: Vec<f32> = (0..=u16::MAX)
-                .map(|v| linear_from_srgb(f64::from(v) / 65535.0))
-                .collect();
-            let words = data
-                .chunks_exact(2)
-                .map(|b| u16::from_be_bytes([b[0], b[1]]));
-            words.map(|v| table[usize::from(v)]).collect()
-        }
-        _ => {
-            let table: Vec<f32> = (0..=u8::MAX)
-                .map(|v| linear_from_srgb(f64::from(v) / 255.0))
-                .collect();
-            data.iter().map(|v| table[usize::from(*v)]).collect()
-        }
+    let pixel = |p: &[u8]| match channels {
+        1 | 2 => Rgb::splat(sample(p, 0)),
+        _ => Rgb::new(sample(p, 0), sample(p, 1), sample(p, 2)),
     };
-    let pixel = |p: &[f32]| match channels {
-        1 | 2 => Rgb::splat(p[0]),
-        _ => Rgb::new(p[0], p[1], p[2]),
-    };
+    let pixels = data.chunks_exact(channels * bytes_per_sample).map(pixel);
     Ok(Image {
         width,
         height,
-        pixels: samples.chunks_exact(channels).map(pixel).collect(),
+        pixels: pixels.collect(),
     })
 }
 
@@ -115,16 +110,12 @@ fn linear_from_srgb(v: f64) -> f32 {
 fn read_exr(bytes: &[u8]) -> Result<Image, Flaw> {
     let message = |e: exr::Error| Flaw::from(format!("not a sound OpenEXR image: {e}"));
     let meta = exr::MetaData::read_from_buffered(Cursor::new(bytes), true).map_err(message)?;
+    let mut claimed = 0usize;
     for header in &meta.headers {
-        let size = header.layer_size;
-        check_size(
-            size.width(),
-            size.height(),
-            header.channels.bytes_per_pixel,
-            bytes,
-        )?;
+        let count = pixel_count(header.layer_size.width(), header.layer_size.height())?;
+        claimed = claimed.saturating_add(count.saturating_mul(header.channels.bytes_per_pixel));
     }
-    use exr::{ReadChannels, ReadLayers};
+    check_claim(claimed, bytes)?;
     let image = exr::read()
         .no_deep_data()
         .largest_resolution_level()
@@ -163,4 +154,199 @@ fn read_exr(bytes: &[u8]) -> Result<Image, Flaw> {
         });
     }
     Err("no layer has the channels R, G and B, or Y".into())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn png(
+        width: u32,
+        height: u32,
+        color: ::png::ColorType,
+        depth: ::png::BitDepth,
+        data: &[u8],
+    ) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        let mut encoder = ::png::Encoder::new(&mut bytes, width, height);
+        encoder.set_color(color);
+        encoder.set_depth(depth);
+        if color == ::png::ColorType::Indexed {
+            encoder.set_palette(vec![0, 0, 0, 255, 128, 0]);
+        }
+        encoder
+            .write_header()
+            .unwrap()
+            .write_image_data(data)
+            .unwrap();
+        bytes
+    }
+
+    fn exr_with(width: usize, height: usize, channels: &[(&str, f32)]) -> Vec<u8> {
+        let list = channels.iter().map(|(name, value)| {
+            exr::AnyChannel::new(*name, exr::FlatSamples::F32(vec![*value; width * height]))
+        });
+        let mut bytes = Cursor::new(Vec::new());
+        use ::exr::prelude::WritableImage;
+        exr::Image::from_channels((width, height), exr::AnyChannels::sort(list.collect()))
+            .write()
+            .to_buffered(&mut bytes)
+            .unwrap();
+        bytes.into_inner()
+    }
+
+    /// IEC 61966-2-1: 0.5 in sRGB is 0.2140411 linear.
+    #[test]
+    fn png_is_srgb_in_every_layout() {
+        use ::png::{BitDepth, ColorType};
+        let half = linear_from_srgb(128.0 / 255.0);
+        assert!((linear_from_srgb(0.5) - 0.214_041_1).abs() < 1e-6);
+        assert!((linear_from_srgb(0.04) - 0.04 / 12.92).abs() < 1e-8);
+        assert_eq!(linear_from_srgb(1.0), 1.0);
+        let orange = Rgb::new(1.0, half, 0.0);
+        for (color, depth, data, expected) in [
+            (
+                ColorType::Rgb,
+                BitDepth::Eight,
+                vec![255, 128, 0, 0, 0, 0],
+                orange,
+            ),
+            (
+                ColorType::Rgba,
+                BitDepth::Eight,
+                vec![255, 128, 0, 7, 0, 0, 0, 0],
+                orange,
+            ),
+            (
+                ColorType::Grayscale,
+                BitDepth::Eight,
+                vec![128, 0],
+                Rgb::splat(half),
+            ),
+            (
+                ColorType::GrayscaleAlpha,
+                BitDepth::Eight,
+                vec![128, 9, 0, 0],
+                Rgb::splat(half),
+            ),
+            (
+                ColorType::Grayscale,
+                BitDepth::One,
+                vec![0b1000_0000],
+                Rgb::ONE,
+            ),
+            (ColorType::Indexed, BitDepth::One, vec![0b1000_0000], orange),
+            (
+                ColorType::Grayscale,
+                BitDepth::Sixteen,
+                vec![0x80, 0x80, 0, 0],
+                Rgb::splat(half),
+            ),
+            (
+                ColorType::Rgb,
+                BitDepth::Sixteen,
+                vec![255, 255, 0x80, 0x80, 0, 0, 0, 0, 0, 0, 0, 0],
+                orange,
+            ),
+        ] {
+            let image = read(&png(2, 1, color, depth, &data)).unwrap();
+            assert_eq!((image.width, image.height), (2, 1));
+            assert!(
+                (image.pixels[0] - expected).abs().max_element() < 1e-6,
+                "{color:?} {depth:?}"
+            );
+            assert_eq!(image.pixels[1], Rgb::ZERO, "{color:?} {depth:?}");
+        }
+    }
+
+    #[test]
+    fn exr_is_linear_by_channel_name() {
+        let image = read(&exr_with(
+            3,
+            2,
+            &[("B", 3.0), ("A", 9.0), ("R", 1.5), ("G", 2.0)],
+        ))
+        .unwrap();
+        assert_eq!((image.width, image.height), (3, 2));
+        assert!(image.pixels.iter().all(|p| *p == Rgb::new(1.5, 2.0, 3.0)));
+        let grey = read(&exr_with(3, 2, &[("Y", 0.25)])).unwrap();
+        assert!(grey.pixels.iter().all(|p| *p == Rgb::splat(0.25)));
+    }
+
+    #[test]
+    fn bad_images_say_why() {
+        let message = |bytes: &[u8]| read(bytes).unwrap_err().message;
+        assert!(message(&exr_with(2, 2, &[("Y", f32::NAN)])).contains("column 0, row 0"));
+        assert!(message(&exr_with(2, 2, &[("Y", f32::INFINITY)])).contains("expected finite"));
+        assert!(message(&exr_with(2, 2, &[("Y", -1.0)])).contains("not negative"));
+        assert!(message(&exr_with(2, 2, &[("Z", 1.0)])).contains("no layer has the channels"));
+        assert!(message(b"GIF89a").contains("expected PNG or OpenEXR"));
+        assert!(message(b"").contains("expected PNG or OpenEXR"));
+        let good = png(
+            1,
+            1,
+            ::png::ColorType::Grayscale,
+            ::png::BitDepth::Eight,
+            &[1],
+        );
+        for size in [0..good.len() - 13] {
+            assert!(message(&good[size]).contains("not a sound PNG"));
+        }
+        let good = exr_with(64, 64, &[("Y", 1.0)]);
+        assert!(message(&good[..good.len() / 2]).contains("not a sound OpenEXR"));
+    }
+
+    /// A header that claims gigabytes is refused before anything is allocated for them.
+    #[test]
+    fn claims_of_headers_are_not_believed() {
+        let huge = |width: u32, height: u32| {
+            let mut bytes = png(
+                1,
+                1,
+                ::png::ColorType::Rgb,
+                ::png::BitDepth::Eight,
+                &[1, 2, 3],
+            );
+            bytes[16..20].copy_from_slice(&width.to_be_bytes());
+            bytes[20..24].copy_from_slice(&height.to_be_bytes());
+            let crc = crc32(&bytes[12..29]).to_be_bytes();
+            bytes[29..33].copy_from_slice(&crc);
+            read(&bytes).unwrap_err().message
+        };
+        assert!(huge(0, 1).contains("PNG"), "{}", huge(0, 1));
+        assert!(huge(1 << 30, 1 << 30).contains("pixels; expected 1 to"));
+        assert!(huge(16384, 8192).contains("too short"));
+        assert!(huge(32768, 32768).contains("pixels; expected 1 to"));
+
+        let mut bytes = exr_with(1, 1, &[("Y", 1.0)]);
+        let name = b"dataWindow\0box2i\0";
+        let at = bytes.windows(name.len()).position(|w| w == name).unwrap() + name.len() + 4;
+        bytes[at + 8..at + 12].copy_from_slice(&16383u32.to_le_bytes());
+        bytes[at + 12..at + 16].copy_from_slice(&8191u32.to_le_bytes());
+        assert!(read(&bytes).is_err());
+    }
+
+    #[test]
+    fn damage_does_not_panic() {
+        let grey = png(
+            8,
+            8,
+            ::png::ColorType::Grayscale,
+            ::png::BitDepth::Eight,
+            &[99; 64],
+        );
+        let color = exr_with(8, 8, &[("R", 1.0), ("G", 2.0), ("B", 3.0)]);
+        crate::scene::assets::tests::damage(&[grey, color], |bytes| {
+            let _ = read(bytes);
+        });
+    }
+
+    /// CRC-32 of PNG chunks (ISO 3309), bit by bit.
+    fn crc32(bytes: &[u8]) -> u32 {
+        !bytes.iter().fold(!0u32, |crc, byte| {
+            (0..8).fold(crc ^ u32::from(*byte), |crc, _| {
+                (crc >> 1) ^ (0xedb8_8320 & (crc & 1).wrapping_neg())
+            })
+        })
+    }
 }

@@ -66,9 +66,14 @@ impl RawMesh {
         Ok(())
     }
 
-    /// Give vertices whose normal is zero the mean of their triangles' normals.
+    /// Make normals unit vectors; those that are zero become the mean of their triangles' normals.
     fn repair_normals(&mut self) {
-        if self.normals.iter().all(|n| *n != DVec3::ZERO) {
+        let mut any_zero = false;
+        for normal in &mut self.normals {
+            *normal = normal.normalize_or_zero();
+            any_zero |= *normal == DVec3::ZERO;
+        }
+        if !any_zero {
             return;
         }
         let mut sums = vec![DVec3::ZERO; self.positions.len()];
@@ -205,5 +210,130 @@ impl RawMesh {
             same.iter().for_each(|v| welded[*v as usize] = same[0]);
         }
         welded
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::Vec3;
+
+    fn normal(mesh: &Mesh, t: usize) -> Vec3 {
+        let [a, b, c] = mesh.triangles[t].map(|v| mesh.positions[v as usize]);
+        (b - a).cross(c - a).normalize()
+    }
+
+    /// A tetrahedron around the origin with outward vertex normals.
+    fn tetrahedron() -> RawMesh {
+        let positions = vec![
+            DVec3::new(1.0, 1.0, 1.0),
+            DVec3::new(-1.0, -1.0, 1.0),
+            DVec3::new(-1.0, 1.0, -1.0),
+            DVec3::new(1.0, -1.0, -1.0),
+        ];
+        RawMesh {
+            normals: positions.iter().map(|p| p.normalize()).collect(),
+            positions,
+            uvs: Vec::new(),
+            triangles: vec![[0, 2, 1], [0, 3, 2], [0, 1, 3], [1, 2, 3]],
+        }
+    }
+
+    #[test]
+    fn cube_and_rectangle_face_outwards() {
+        let cube = RawMesh::cube();
+        assert_eq!(cube.opening(), None);
+        assert_eq!(cube.area(&DAffine3::IDENTITY), 24.0);
+        let mesh = cube.to_mesh(&DAffine3::IDENTITY, false, true);
+        for t in 0..12 {
+            let center: Vec3 = mesh.triangles[t]
+                .iter()
+                .map(|v| mesh.positions[*v as usize])
+                .sum();
+            assert!(normal(&mesh, t).dot(center) > 0.0);
+            let uv = |k: usize| mesh.uvs[mesh.triangles[t][k] as usize];
+            assert!((uv(1) - uv(0)).perp_dot(uv(2) - uv(0)) > 0.0);
+        }
+        let rectangle = RawMesh::rectangle().to_mesh(&DAffine3::IDENTITY, false, true);
+        assert_eq!(normal(&rectangle, 0), Vec3::Z);
+        assert_eq!(normal(&rectangle, 1), Vec3::Z);
+        for (p, uv) in rectangle.positions.iter().zip(&rectangle.uvs) {
+            assert_eq!(p.truncate(), *uv * 2.0 - 1.0);
+        }
+    }
+
+    /// Whatever the map, the outside stays outside unless it is flipped, and so do vertex normals.
+    #[test]
+    fn maps_that_mirror_keep_the_outside() {
+        let mirror = DAffine3::from_scale(DVec3::new(-2.0, 1.0, 0.5));
+        let turn = DAffine3::from_axis_angle(DVec3::new(0.6, 0.0, 0.8), 1.0);
+        for map in [
+            DAffine3::IDENTITY,
+            turn,
+            mirror,
+            turn * mirror,
+            mirror * turn * mirror,
+        ] {
+            for flip in [false, true] {
+                let mesh = tetrahedron().to_mesh(&map, flip, true);
+                for t in 0..4 {
+                    let center: Vec3 = mesh.triangles[t]
+                        .iter()
+                        .map(|v| mesh.positions[*v as usize])
+                        .sum();
+                    assert_eq!(normal(&mesh, t).dot(center) < 0.0, flip);
+                    for v in mesh.triangles[t] {
+                        let outwards = mesh.normals[v as usize].dot(mesh.positions[v as usize]);
+                        assert_eq!(outwards < 0.0, flip);
+                        assert!((mesh.normals[v as usize].length() - 1.0).abs() < 1e-6);
+                    }
+                }
+                assert!(tetrahedron().to_mesh(&map, flip, false).normals.is_empty());
+            }
+        }
+    }
+
+    #[test]
+    fn openings_are_found() {
+        let mut mesh = tetrahedron();
+        assert_eq!(mesh.opening(), None);
+        // Vertices of their own for each triangle, and a zero of either sign, do not open it.
+        let split = RawMesh {
+            positions: mesh
+                .triangles
+                .iter()
+                .flatten()
+                .map(|v| mesh.positions[*v as usize] - 1.0)
+                .collect(),
+            triangles: (0..4).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect(),
+            ..RawMesh::default()
+        };
+        assert_eq!(split.opening(), None);
+        let mut signed = split.clone();
+        signed
+            .positions
+            .iter_mut()
+            .step_by(2)
+            .for_each(|p| *p = -(-*p));
+        signed.positions[0] = signed.positions[0] * 1.0 + DVec3::splat(-0.0);
+        assert_eq!(signed.opening(), None);
+
+        mesh.triangles[3].swap(0, 1);
+        assert!(mesh.opening().unwrap().contains("different directions"));
+        mesh.triangles.pop();
+        assert!(mesh.opening().unwrap().contains("one triangle only"));
+        assert!(RawMesh::rectangle().opening().is_some());
+    }
+
+    #[test]
+    fn triangles_without_area_are_left_out() {
+        let mut mesh = tetrahedron();
+        mesh.positions.push(DVec3::ZERO);
+        mesh.positions.push(DVec3::splat(0.5));
+        mesh.triangles.extend([[0, 0, 1], [0, 4, 5]]);
+        assert_eq!(
+            mesh.to_mesh(&DAffine3::IDENTITY, false, true).triangles,
+            tetrahedron().triangles
+        );
     }
 }

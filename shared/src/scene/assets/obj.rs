@@ -17,25 +17,56 @@ pub fn read(bytes: &[u8]) -> Result<RawMesh, Flaw> {
     };
     let mut cursor = Cursor::new(bytes);
     let no_materials = |_: &std::path::Path| Ok(Default::default());
-    let (models, _) =
-        tobj::load_obj_buf(&mut cursor, &options, no_materials).map_err(|e| Flaw {
-            // The reader stands behind the line that was refused, except for errors found when all lines were read.
-            line: match e {
-                tobj::LoadError::FaceVertexOutOfBounds
-                | tobj::LoadError::FaceTexCoordOutOfBounds
-                | tobj::LoadError::FaceNormalOutOfBounds => None,
-                _ => Some(line_of(
-                    bytes,
-                    (cursor.position() as usize).saturating_sub(1),
-                )),
-            },
-            message: e.to_string(),
-        })?;
+    let (models, _) = tobj::load_obj_buf(&mut cursor, &options, no_materials)
+        .map_err(|e| flaw(e, bytes, cursor.position() as usize))?;
     let mut mesh = RawMesh::default();
     for model in models {
         append(&mut mesh, &model.name, &model.mesh)?;
     }
     Ok(mesh)
+}
+
+/// `position`: where the reader stood when it gave up.
+fn flaw(error: tobj::LoadError, bytes: &[u8], position: usize) -> Flaw {
+    use tobj::LoadError::{FaceNormalOutOfBounds, FaceTexCoordOutOfBounds, FaceVertexOutOfBounds};
+    let found_late = match error {
+        FaceVertexOutOfBounds => Some((0, "v", "vertex")),
+        FaceTexCoordOutOfBounds => Some((1, "vt", "UV")),
+        FaceNormalOutOfBounds => Some((2, "vn", "normal")),
+        _ => None,
+    };
+    match found_late {
+        Some((part, keyword, what)) => index_flaw(bytes, part, keyword, what),
+        None => Flaw {
+            line: Some(line_of(bytes, position.saturating_sub(1))),
+            message: error.to_string(),
+        },
+    }
+}
+
+/// The first face whose index of this part (of v/vt/vn) no line with `keyword` defines.
+fn index_flaw(bytes: &[u8], part: usize, keyword: &str, what: &str) -> Flaw {
+    let text = String::from_utf8_lossy(bytes);
+    let defined = text
+        .lines()
+        .filter(|line| line.split_whitespace().next() == Some(keyword))
+        .count();
+    for (i, line) in text.lines().enumerate() {
+        let mut words = line.split_whitespace();
+        if words.next() != Some("f") {
+            continue;
+        }
+        let mut indices = words.filter_map(|word| word.split('/').nth(part)?.parse::<i64>().ok());
+        if let Some(index) =
+            indices.find(|index| index.unsigned_abs() as usize > defined || *index == 0)
+        {
+            return Flaw {
+                line: Some(i + 1),
+                message: format!("the face names {what} {index}, but there are {defined}"),
+            };
+        }
+    }
+    format!("a face names a {what} that does not exist").into()
 }
 
 fn append(mesh: &mut RawMesh, name: &str, part: &tobj::Mesh) -> Result<(), Flaw> {
@@ -85,4 +116,68 @@ fn append(mesh: &mut RawMesh, name: &str, part: &tobj::Mesh) -> Result<(), Flaw>
         mesh.uvs.resize(mesh.positions.len(), DVec2::ZERO);
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::scene::assets::mesh::RawMesh;
+    use glam::{DVec2, DVec3};
+
+    const OBJ: &str = "# two objects\nmtllib none.mtl\no first\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 100000.03125\n\
+        vt 0 0\nvt 1 0\nvt 1 1\nvn 0 0 2\nusemtl red\nf 1/1/1 2/2/1 3/3/1\no second\nf -4 -2 -1\nl 1 2\n";
+
+    #[test]
+    fn objects_are_joined() {
+        let mesh = RawMesh::read("a.obj", OBJ.as_bytes()).unwrap();
+        assert_eq!(mesh.triangles, [[0, 1, 2], [3, 4, 5]]);
+        assert_eq!(mesh.positions[1], DVec3::X);
+        assert_eq!(mesh.positions[5], DVec3::new(0.0, 1.0, 100000.03125));
+        assert_eq!(mesh.uvs[1], DVec2::X);
+        assert_eq!(mesh.uvs[3], DVec2::ZERO);
+        // The second object has no normals: it gets those of its triangle.
+        assert_eq!(mesh.normals[0], DVec3::Z);
+        let [a, b, c] = [3, 4, 5].map(|i| mesh.positions[i]);
+        assert_eq!(mesh.normals[3], (b - a).cross(c - a).normalize());
+    }
+
+    #[test]
+    fn polygons_become_fans() {
+        let text = "v 0 0 0\nv 1 0 0\nv 2 1 0\nv 1 2 0\nv 0 1 0\nf 1 2 3 4 5\n";
+        let mesh = RawMesh::read("a.obj", text.as_bytes()).unwrap();
+        assert_eq!(mesh.triangles.len(), 3);
+        assert_eq!(mesh.area(&glam::DAffine3::IDENTITY), 2.5);
+    }
+
+    #[test]
+    fn bad_meshes_say_why() {
+        for (text, line, reason) in [
+            ("", None, "the mesh is empty"),
+            ("v 0 0 0\nv 1 0 0\nv x 1 0\nf 1 2 3\n", Some(3), "position"),
+            ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 4\n", Some(4), "vertex 4"),
+            ("v 0 0 0\nv 1 0 0\nv 0 1 0\n\nf 1 2 -4\n", Some(5), ""),
+            (
+                "v 0 0 0\nv 1 0 0\nv nan 1 0\nf 1 2 3\n",
+                None,
+                "position that is NaN",
+            ),
+            (
+                "v 0 0 0\nv 1 0 0\nv 1 1 0\nvn 0 0 1\nf 1//1 2//1 3\n",
+                None,
+                "some faces of",
+            ),
+        ] {
+            let flaw = RawMesh::read("a.obj", text.as_bytes()).unwrap_err();
+            assert_eq!(flaw.line, line, "{text}: {}", flaw.message);
+            assert!(flaw.message.contains(reason), "{text}: {}", flaw.message);
+        }
+        let flaw = RawMesh::read("a.stl", b"").unwrap_err();
+        assert!(flaw.message.contains("expected .ply or .obj"));
+    }
+
+    #[test]
+    fn damage_does_not_panic() {
+        crate::scene::assets::tests::damage(&[OBJ.as_bytes().to_vec()], |bytes| {
+            let _ = RawMesh::read("a.obj", bytes);
+        });
+    }
 }

@@ -42,23 +42,17 @@ impl Sphere {
     }
 }
 
-/// The sphere around all extents, a little larger than needed.
-pub fn around(extents: &[Sphere]) -> Result<SceneBounds, String> {
+/// The sphere around all of them, a little larger than needed.
+pub fn around(extents: &[Sphere]) -> SceneBounds {
     let corners = extents
         .iter()
         .flat_map(|e| [e.center - e.radius, e.center + e.radius]);
     let center = Sphere::around(corners).center.as_vec3();
     let reach = |e: &Sphere| e.center.distance(center.as_dvec3()) + e.radius;
     let radius = extents.iter().map(reach).fold(0.0, f64::max);
-    if radius.is_nan() || radius >= 1e15 {
-        return Err(format!(
-            "the scene reaches {radius:e} from its centre; expected less than 1e15 scene units"
-        ));
-    }
-    // A scene that is one point still needs a size for lights from infinity.
-    let radius = if radius > 1e-15 { radius * 1.001 } else { 1.0 };
-    Ok(SceneBounds {
+    SceneBounds {
         center,
-        radius: radius as f32,
-    })
+        // A scene that is one point still needs a size for lights from infinity.
+        radius: if radius > 1e-15 { radius * 1.001 } else { 1.0 } as f32,
+    }
 }

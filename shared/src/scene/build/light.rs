@@ -78,11 +78,10 @@ impl Parts<'_> {
     }
 
     fn position(&mut self, record: &LightRecord) -> Result<glam::Vec3, Fault> {
-        let position = required(&record.position, &record.kind, "position")?
-            .get_ref()
-            .0
-            - self.render_origin;
-        self.extents.push(Sphere::point(position));
+        let position = required(&record.position, &record.kind, "position")?;
+        let place = position.span();
+        let position = position.get_ref().0 - self.render_origin;
+        self.grow(Sphere::point(position), place)?;
         Ok(position.as_vec3())
     }
 

@@ -11,12 +11,13 @@ mod view;
 
 use super::assets::{Flaw, image, mesh::RawMesh};
 use super::parse::{Fault, RenderRecord, SceneRecord};
-use super::{RenderDefaults, SceneDescription};
+use super::{RenderDefaults, SceneDescription, transform};
 use crate::bundle::Bundle;
 use crate::medium::MediumId;
 use crate::texture::Image;
 use glam::DVec3;
 use std::collections::BTreeMap;
+use std::ops::Range;
 use std::sync::Arc;
 use toml::Spanned;
 
@@ -71,10 +72,7 @@ pub fn build(record: &SceneRecord, bundle: &Bundle) -> Result<SceneDescription, 
         camera,
         camera_medium,
         world_medium,
-        bounds: bounds::around(&parts.extents).map_err(|message| Fault {
-            span: None,
-            message,
-        })?,
+        bounds: bounds::around(&parts.extents),
         objects: parts.objects,
         materials: parts.materials.list,
         media: parts.media.list,
@@ -94,6 +92,22 @@ struct Parts<'a> {
     objects: Vec<crate::geometry::Object>,
     lights: Vec<crate::light::Light>,
     extents: Vec<bounds::Sphere>,
+}
+
+impl Parts<'_> {
+    /// Make sure that the scene's bounds hold a sphere.
+    fn grow(&mut self, extent: bounds::Sphere, place: Range<usize>) -> Result<(), Fault> {
+        let reach = extent.center.length() + extent.radius;
+        if reach.is_nan() || reach >= transform::LARGEST {
+            let message = format!(
+                "it reaches {reach:e} scene units from the camera; expected less than {:e}",
+                transform::LARGEST
+            );
+            return Err(Fault::new(place, message));
+        }
+        self.extents.push(extent);
+        Ok(())
+    }
 }
 
 /// The bundle's files, each decoded once.

@@ -8,12 +8,11 @@ use crate::geometry::{Boundary, Mesh, Object, Shape};
 use crate::light::{Light, LightKind};
 use crate::math::Rgb;
 use crate::scene::assets::mesh::RawMesh;
-use crate::scene::parse::{Fault, ShapeRecord, ShapeType, Step};
+use crate::scene::parse::{Fault, ShapeRecord, ShapeType};
 use crate::scene::transform;
 use glam::{DAffine3, DVec3};
 use std::f64::consts::PI;
 use std::sync::Arc;
-use toml::Spanned;
 
 /// A shape in its own space.
 enum Form {
@@ -61,12 +60,13 @@ impl Parts<'_> {
             _ => None,
         };
         for (i, steps) in transforms.get_ref().iter().enumerate() {
-            let map = composed(steps)? * own;
+            let map = transform::compose(steps.get_ref())? * own;
             let map = self.to_render_space(map, steps.span())?;
             let shape = match &mut shared {
                 Some(shared) => {
-                    self.extents.push(shared.extent(&map));
-                    shared.place(&map).ok_or_else(|| no_area(inner))?
+                    let (shape, extent) = shared.place(&map).ok_or_else(|| no_area(inner))?;
+                    self.grow(extent, steps.span())?;
+                    shape
                 }
                 None => self.placed(&surface, &map)?,
             };
@@ -166,9 +166,11 @@ impl Parts<'_> {
                 self.media.name(boundary.interior),
                 self.media.name(boundary.exterior),
             );
-            return Err(
-                Fault::new(place.map_or(record.kind.span(), Spanned::span), message).into(),
-            );
+            return Err(Fault::new(
+                place.map_or(record.kind.span(), toml::Spanned::span),
+                message,
+            )
+            .into());
         }
         Ok(Some(boundary))
     }
@@ -216,7 +218,7 @@ impl Parts<'_> {
                 (Shape::Mesh { mesh, placement }, extent)
             }
         };
-        self.extents.push(extent);
+        self.grow(extent, place(surface.record))?;
         Ok(shape)
     }
 
@@ -264,14 +266,13 @@ impl Parts<'_> {
     }
 }
 
-/// One mesh around the origin of its own space for all instances, and its mirror image for those that mirror.
+/// One mesh for all instances, and its mirror image for those that mirror. Both lie in the unit ball, where single
+/// precision is finest.
 struct SharedMesh<'a> {
     raw: &'a RawMesh,
     flip: bool,
     vertex_normals: bool,
-    center: DVec3,
-    /// Radius of a sphere around the mesh.
-    radius: f64,
+    unit_from_raw: DAffine3,
     upright: Option<Arc<Mesh>>,
     mirrored: Option<Arc<Mesh>>,
 }
@@ -279,41 +280,40 @@ struct SharedMesh<'a> {
 impl<'a> SharedMesh<'a> {
     fn new(raw: &'a RawMesh, record: &ShapeRecord) -> Self {
         let Sphere { center, radius } = Sphere::around(raw.positions.iter().copied());
+        let scale = if radius > 0.0 { 1.0 / radius } else { 1.0 };
         Self {
             raw,
             flip: flips(record),
             vertex_normals: keeps_normals(record),
-            center,
-            radius,
+            unit_from_raw: DAffine3::from_scale(DVec3::splat(scale))
+                * DAffine3::from_translation(-center),
             upright: None,
             mirrored: None,
         }
     }
 
-    /// The mesh under a map; `None` when it has no area.
-    fn place(&mut self, map: &DAffine3) -> Option<Shape> {
-        let mirrors = map.matrix3.determinant() < 0.0;
-        let (slot, mirror) = match mirrors {
-            true => (
-                &mut self.mirrored,
-                DAffine3::from_scale(DVec3::new(-1.0, 1.0, 1.0)),
-            ),
-            false => (&mut self.upright, DAffine3::IDENTITY),
+    /// The mesh under a map, and a sphere around it; `None` when it has no area.
+    fn place(&mut self, map: &DAffine3) -> Option<(Shape, Sphere)> {
+        let (slot, mirror) = match map.matrix3.determinant() < 0.0 {
+            true => (&mut self.mirrored, DVec3::new(-1.0, 1.0, 1.0)),
+            false => (&mut self.upright, DVec3::ONE),
         };
-        let (raw, flip, vertex_normals) = (self.raw, self.flip, self.vertex_normals);
-        let to_origin = mirror * DAffine3::from_translation(-self.center);
-        let mesh =
-            slot.get_or_insert_with(|| Arc::new(raw.to_mesh(&to_origin, flip, vertex_normals)));
-        (!mesh.triangles.is_empty()).then(|| Shape::Mesh {
+        let unit_from_raw = DAffine3::from_scale(mirror) * self.unit_from_raw;
+        let mesh = slot.get_or_insert_with(|| {
+            let mesh = self
+                .raw
+                .to_mesh(&unit_from_raw, self.flip, self.vertex_normals);
+            Arc::new(mesh)
+        });
+        let map = *map * unit_from_raw.inverse();
+        if mesh.triangles.is_empty() || !transform::is_invertible(&map) {
+            return None;
+        }
+        let shape = Shape::Mesh {
             mesh: mesh.clone(),
-            placement: placement(&(*map * to_origin.inverse())),
-        })
-    }
-
-    fn extent(&self, map: &DAffine3) -> Sphere {
-        let around = DAffine3::from_translation(self.center)
-            * DAffine3::from_scale(DVec3::splat(self.radius));
-        Sphere::of_unit_sphere(&(*map * around))
+            placement: placement(&map),
+        };
+        Some((shape, Sphere::of_unit_sphere(&map)))
     }
 }
 
@@ -325,13 +325,9 @@ fn own_map(record: &ShapeRecord) -> Result<DAffine3, Fault> {
     let radius = record.radius.as_ref().map_or(1.0, |r| r.get_ref().0);
     let ball = DAffine3::from_translation(center) * DAffine3::from_scale(DVec3::splat(radius));
     match &record.transform {
-        Some(steps) => Ok(composed(steps)? * ball),
+        Some(steps) => Ok(transform::compose(steps.get_ref())? * ball),
         None => Ok(ball),
     }
-}
-
-fn composed(steps: &Spanned<Vec<Step>>) -> Result<DAffine3, Fault> {
-    transform::compose(steps.get_ref()).map_err(|message| Fault::new(steps.span(), message))
 }
 
 fn place(record: &ShapeRecord) -> std::ops::Range<usize> {
@@ -367,7 +363,7 @@ fn placement(map: &DAffine3) -> Placement {
 }
 
 fn no_area(record: &ShapeRecord) -> Problem {
-    let message = "no triangle of the mesh has an area";
+    let message = "no triangle of the mesh has an area that single precision can tell from 0";
     match &record.file {
         Some(path) => asset_problem(path, message),
         None => Fault::new(place(record), message).into(),

@@ -268,12 +268,14 @@ impl Shape {
                 let (ns, curvature) = if mesh.normals.is_empty() {
                     (ng, 0.0)
                 } else {
+                    let place = |p| placement.render_from_object.transform_point3(p);
+                    let turn = |i: u32| placement.normal(mesh.normals[i as usize]);
                     let n =
-                        mesh.triangles[hit.primitive as usize].map(|i| mesh.normals[i as usize]);
-                    let local = n[0] * (1.0 - w.x - w.y) + n[1] * w.x + n[2] * w.y;
-                    let ns = placement.normal(local).normalize_or(ng);
+                        mesh.triangles[hit.primitive as usize].map(|i| turn(i).normalize_or_zero());
+                    let ns = n[0] * (1.0 - w.x - w.y) + n[1] * w.x + n[2] * w.y;
+                    let ns = ns.normalize_or(ng);
                     let ns = if ns.dot(ng) < 0.0 { -ns } else { ns };
-                    (ns, edge_curvature([a, b, c], n))
+                    (ns, edge_curvature([a, b, c].map(place), n))
                 };
                 let extent = a.abs().max(b.abs()).max(c.abs()).max_element();
                 let scale = if *placement == Placement::IDENTITY {

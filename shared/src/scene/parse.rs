@@ -385,9 +385,17 @@ impl Fault {
 
 impl From<toml::de::Error> for Fault {
     fn from(error: toml::de::Error) -> Self {
+        let mut message = error.message().replace('\n', ", ");
+        for (rust, word) in [
+            ("expected u32", "expected a whole number"),
+            ("expected u64", "expected a whole number"),
+            ("expected a boolean", "expected true or false"),
+        ] {
+            message = message.replace(rust, word);
+        }
         Self {
             span: error.span(),
-            message: error.message().replace('\n', ", "),
+            message,
         }
     }
 }

@@ -65,12 +65,12 @@ fn checked<R: Range, E: Error>(x: f64) -> Result<f64, E> {
     let single = x as f32;
     if !x.is_finite() || (single.is_finite() && !R::holds(single)) {
         Err(E::custom(format_args!(
-            "expected {}, found {x}",
+            "expected {}, found {x:?}",
             R::EXPECTED
         )))
     } else if !single.is_finite() {
         Err(E::custom(format_args!(
-            "{x} is too large for single precision"
+            "{x:?} is too large for single precision"
         )))
     } else {
         Ok(x)

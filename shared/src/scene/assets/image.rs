@@ -289,8 +289,9 @@ mod tests {
             ::png::BitDepth::Eight,
             &[1],
         );
-        for size in [0..good.len() - 13] {
-            assert!(message(&good[size]).contains("not a sound PNG"));
+        // What follows the pixels' own chunk (12 bytes of IEND, 4 of a checksum) is not needed.
+        for length in 0..good.len() - 16 {
+            assert!(read(&good[..length]).is_err(), "{length}");
         }
         let good = exr_with(64, 64, &[("Y", 1.0)]);
         assert!(message(&good[..good.len() / 2]).contains("not a sound OpenEXR"));

@@ -13,6 +13,7 @@ use super::assets::{Flaw, image, mesh::RawMesh};
 use super::parse::{Fault, RenderRecord, SceneRecord};
 use super::{RenderDefaults, SceneDescription, transform};
 use crate::bundle::Bundle;
+use crate::job::MAX_PASSES;
 use crate::medium::MediumId;
 use crate::texture::Image;
 use glam::DVec3;
@@ -97,16 +98,23 @@ struct Parts<'a> {
 impl Parts<'_> {
     /// Make sure that the scene's bounds hold a sphere.
     fn grow(&mut self, extent: bounds::Sphere, place: Range<usize>) -> Result<(), Fault> {
-        let reach = extent.center.length() + extent.radius;
-        if reach.is_nan() || reach >= transform::LARGEST {
-            let message = format!(
-                "it reaches {reach:e} scene units from the camera; expected less than {:e}",
-                transform::LARGEST
-            );
-            return Err(Fault::new(place, message));
-        }
+        check_reach(extent.center.length() + extent.radius, place)?;
         self.extents.push(extent);
         Ok(())
+    }
+}
+
+/// `reach`: how far from the camera a thing extends.
+fn check_reach(reach: f64, place: Range<usize>) -> Result<(), Fault> {
+    match reach < transform::LARGEST {
+        true => Ok(()),
+        false => Err(Fault::new(
+            place,
+            format!(
+                "it reaches {reach:.3e} scene units from the camera; expected less than {:e}",
+                transform::LARGEST
+            ),
+        )),
     }
 }
 
@@ -192,23 +200,18 @@ fn unknown_name<'n>(
 }
 
 fn defaults(record: &RenderRecord) -> Result<RenderDefaults, Fault> {
-    let at_least_one = |span| Fault::new(span, "expected at least 1, found 0");
     let standard = RenderDefaults::default();
-    if let Some(passes) = record.passes.as_ref().filter(|n| *n.get_ref() == 0) {
-        return Err(at_least_one(passes.span()));
-    }
-    if let Some(paths) = record.paths.as_ref().filter(|n| *n.get_ref() == 0) {
-        return Err(at_least_one(paths.span()));
-    }
+    let passes = match &record.passes {
+        Some(passes) => count(passes, MAX_PASSES)?,
+        None => standard.passes,
+    };
+    let paths_per_pass = match &record.paths {
+        Some(paths) => count(paths, u32::MAX)?,
+        None => standard.paths_per_pass,
+    };
     Ok(RenderDefaults {
-        passes: record
-            .passes
-            .as_ref()
-            .map_or(standard.passes, |n| *n.get_ref()),
-        paths_per_pass: record
-            .paths
-            .as_ref()
-            .map_or(standard.paths_per_pass, |n| *n.get_ref()),
+        passes,
+        paths_per_pass,
         alpha: record.alpha.map_or(standard.alpha, |alpha| alpha.0),
         schedule: record.schedule.unwrap_or(standard.schedule),
         seed: record.seed.unwrap_or(standard.seed),
@@ -217,4 +220,17 @@ fn defaults(record: &RenderRecord) -> Result<RenderDefaults, Fault> {
             .map_or(standard.exposure, |stops| stops.f32()),
         radius: record.radius.map(|radius| radius.f32()),
     })
+}
+
+fn count<T>(given: &Spanned<T>, most: T) -> Result<T, Fault>
+where
+    T: Copy + PartialOrd + From<u8> + std::fmt::Display,
+{
+    match *given.get_ref() {
+        n if n >= T::from(1) && n <= most => Ok(n),
+        n => Err(Fault::new(
+            given.span(),
+            format!("expected a whole number from 1 to {most}, found {n}"),
+        )),
+    }
 }

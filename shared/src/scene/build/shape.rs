@@ -12,6 +12,7 @@ use crate::scene::parse::{Fault, ShapeRecord, ShapeType};
 use crate::scene::transform;
 use glam::{DAffine3, DVec3};
 use std::f64::consts::PI;
+use std::ops::Range;
 use std::sync::Arc;
 
 /// A shape in its own space.
@@ -176,18 +177,16 @@ impl Parts<'_> {
     }
 
     /// A map to world space, moved to render space.
-    fn to_render_space(
-        &self,
-        map: DAffine3,
-        place: std::ops::Range<usize>,
-    ) -> Result<DAffine3, Fault> {
+    fn to_render_space(&self, map: DAffine3, place: Range<usize>) -> Result<DAffine3, Fault> {
         let map = DAffine3::from_translation(-self.render_origin) * map;
+        super::check_reach(map.translation.length(), place.clone())?;
         match transform::is_invertible(&map) {
             true => Ok(map),
             false => Err(Fault::new(
                 place,
-                "the shape's transform cannot be inverted: it makes the shape flat (for a rectangle or disc, leave the \
-                 third factor of `scale` at 1), or it is too large or too small for single precision",
+                "the shape's transform cannot be inverted: it makes the shape flat (for a \
+                 rectangle or disc, leave the third factor of `scale` at 1), or it is too large \
+                 or too small for single precision",
             )),
         }
     }
@@ -330,10 +329,14 @@ fn own_map(record: &ShapeRecord) -> Result<DAffine3, Fault> {
     }
 }
 
-fn place(record: &ShapeRecord) -> std::ops::Range<usize> {
+/// Where the file says how the shape is placed.
+fn place(record: &ShapeRecord) -> Range<usize> {
     let transform = record.transform.as_ref().map(|t| t.span());
+    let center = record.center.as_ref().map(|c| c.span());
+    let radius = record.radius.as_ref().map(|r| r.span());
     transform
-        .or(record.radius.as_ref().map(|r| r.span()))
+        .or(center)
+        .or(radius)
         .unwrap_or(record.kind.span())
 }
 

@@ -578,3 +578,31 @@ fn damage_does_not_panic() {
         }
     }
 }
+
+/// A box of walls that are instances gets the ball through its corners, whatever its walls are made of.
+#[test]
+fn bounds_are_tight() {
+    let walls = |shape: &str| {
+        load_with(
+            &format!(
+                "{VIEW}[[shapes]]\ntype = \"instances\"\nshape = {{ {shape} }}
+                transforms = [
+                    [{{ scale = [9, 3.5, 1] }}, {{ translate = [0, 0, -4] }}],
+                    [{{ scale = [9, 3.5, 1] }}, {{ translate = [0, 0, 14] }}],
+                ]"
+            ),
+            &octahedron(),
+        )
+    };
+    let diagonal = Vec3::new(9.0, 3.5, 9.0).length();
+    let scene = walls("type = \"rectangle\"");
+    assert!((scene.bounds.center - Vec3::ZERO).length() < 1e-5);
+    assert!(
+        (scene.bounds.radius / diagonal - 1.0).abs() < 2e-3,
+        "{}",
+        scene.bounds.radius
+    );
+    // A disc's box is that of the rectangle.
+    let scene = walls("type = \"disc\"");
+    assert!(scene.bounds.radius < 1.002 * diagonal);
+}

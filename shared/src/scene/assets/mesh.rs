@@ -38,7 +38,8 @@ impl RawMesh {
             return Err("the mesh is empty; expected at least one triangle".into());
         }
         let count = self.positions.len();
-        if let Some(i) = self.positions.iter().position(|p| !p.is_finite()) {
+        let unusable = |p: &DVec3| !p.as_vec3().is_finite();
+        if let Some(i) = self.positions.iter().position(unusable) {
             return Err(
                 format!("vertex {i} (from zero) has a position that is NaN or infinite").into(),
             );

@@ -1,58 +1,117 @@
 //! A sphere around everything.
 
+use crate::geometry::{Mesh, Object, Shape, accel};
 use crate::light::SceneBounds;
-use glam::{DAffine3, DVec3};
+use glam::{Affine3A, DVec3, Vec3};
+use std::collections::BTreeMap;
+use std::sync::Arc;
 
-/// A sphere around one thing.
-#[derive(Clone, Copy, Debug)]
-pub struct Sphere {
-    pub center: DVec3,
-    pub radius: f64,
+/// Instances of meshes with more vertices than this are bounded by the corners of the mesh's box.
+const MANY_VERTICES: usize = 256;
+
+/// Something around a shape, render space.
+enum Hull<'a> {
+    /// Points of object space.
+    Points(&'a [Vec3], Affine3A),
+    /// A box, and a ball around its centre.
+    Ball(DVec3, DVec3, f64),
 }
 
-impl Sphere {
-    pub fn point(center: DVec3) -> Self {
-        Self {
-            center,
-            radius: 0.0,
+impl Hull<'_> {
+    fn corners(&self) -> (DVec3, DVec3) {
+        match self {
+            Self::Points(points, map) => points
+                .iter()
+                .map(|p| map.transform_point3(*p).as_dvec3())
+                .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), p| {
+                    (low.min(p), high.max(p))
+                }),
+            Self::Ball(low, high, _) => (*low, *high),
         }
     }
 
-    /// Around the unit sphere under a map. The radius is the map's greatest stretch, which the row sums of its Gram
-    /// matrix bound (exactly, for similarities).
-    pub fn of_unit_sphere(map: &DAffine3) -> Self {
-        let gram = map.matrix3.transpose() * map.matrix3;
-        let sum = gram.x_axis.abs() + gram.y_axis.abs() + gram.z_axis.abs();
-        Self {
-            center: map.translation,
-            radius: sum.max_element().sqrt(),
+    /// Distance from a point within which all of it lies.
+    fn reach(&self, from: DVec3) -> f64 {
+        match self {
+            Self::Points(points, map) => points
+                .iter()
+                .map(|p| map.transform_point3(*p).as_dvec3().distance(from))
+                .fold(0.0, f64::max),
+            Self::Ball(low, high, radius) => {
+                let center = 0.5 * (*low + *high);
+                let farthest_corner = (from - center).abs() + 0.5 * (*high - *low);
+                (center.distance(from) + radius).min(farthest_corner.length())
+            }
         }
-    }
-
-    /// Around points: the centre is that of their box.
-    pub fn around(points: impl Iterator<Item = DVec3> + Clone) -> Self {
-        let (low, high) = points
-            .clone()
-            .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), p| {
-                (low.min(p), high.max(p))
-            });
-        let center = 0.5 * (low + high);
-        let radius = points.map(|p| p.distance(center)).fold(0.0, f64::max);
-        Self { center, radius }
     }
 }
 
-/// The sphere around all of them, a little larger than needed.
-pub fn around(extents: &[Sphere]) -> SceneBounds {
-    let corners = extents
+/// The sphere around all objects and points, a little larger than needed.
+pub fn around(objects: &[Object], points: &[DVec3]) -> SceneBounds {
+    let mut boxes = BTreeMap::new();
+    for object in objects {
+        if let Shape::Mesh { mesh, .. } = &object.shape
+            && mesh.positions.len() > MANY_VERTICES
+        {
+            boxes
+                .entry(Arc::as_ptr(mesh))
+                .or_insert_with(|| box_corners(mesh));
+        }
+    }
+    let hulls: Vec<Hull<'_>> = objects.iter().map(|o| hull(&o.shape, &boxes)).collect();
+
+    let corners = hulls.iter().map(Hull::corners);
+    let (low, high) = corners
+        .chain(points.iter().map(|p| (*p, *p)))
+        .reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))
+        .unwrap_or_default();
+    let center = (0.5 * (low + high)).as_vec3();
+    let from = center.as_dvec3();
+    let radius = hulls
         .iter()
-        .flat_map(|e| [e.center - e.radius, e.center + e.radius]);
-    let center = Sphere::around(corners).center.as_vec3();
-    let reach = |e: &Sphere| e.center.distance(center.as_dvec3()) + e.radius;
-    let radius = extents.iter().map(reach).fold(0.0, f64::max);
+        .map(|hull| hull.reach(from))
+        .chain(points.iter().map(|p| p.distance(from)))
+        .fold(0.0, f64::max);
     SceneBounds {
         center,
         // A scene that is one point still needs a size for lights from infinity.
         radius: if radius > 1e-15 { radius * 1.001 } else { 1.0 } as f32,
     }
+}
+
+fn hull<'a>(shape: &'a Shape, boxes: &'a BTreeMap<*const Mesh, [Vec3; 8]>) -> Hull<'a> {
+    match shape {
+        Shape::Mesh { mesh, placement } => {
+            let map = placement.render_from_object;
+            let corners = boxes.get(&Arc::as_ptr(mesh));
+            match corners.filter(|_| map != Affine3A::IDENTITY) {
+                Some(corners) => Hull::Points(corners, map),
+                None => Hull::Points(&mesh.positions, map),
+            }
+        }
+        Shape::Sphere { placement, .. } | Shape::Disc { placement, .. } => {
+            let (low, high) = accel::bounds(shape);
+            // The greatest stretch is bounded by the row sums of the Gram matrix (exactly, for similarities).
+            let m = placement.render_from_object.matrix3;
+            let gram = m.transpose() * m;
+            let sum = gram.x_axis.abs() + gram.y_axis.abs() + gram.z_axis.abs();
+            let stretch = f64::from(sum.max_element()).sqrt();
+            Hull::Ball(low.as_dvec3(), high.as_dvec3(), stretch)
+        }
+    }
+}
+
+fn box_corners(mesh: &Mesh) -> [Vec3; 8] {
+    let low = mesh.positions.iter().fold(Vec3::INFINITY, |a, p| a.min(*p));
+    let high = mesh
+        .positions
+        .iter()
+        .fold(Vec3::NEG_INFINITY, |a, p| a.max(*p));
+    std::array::from_fn(|i| {
+        let pick = |bit: usize, axis: usize| match i & bit {
+            0 => low[axis],
+            _ => high[axis],
+        };
+        Vec3::new(pick(1, 0), pick(2, 1), pick(4, 2))
+    })
 }

@@ -1,7 +1,6 @@
 //! Lights that are not surfaces.
 
-use super::bounds::Sphere;
-use super::{Parts, Problem, asset_problem, required};
+use super::{Parts, Problem, asset_problem, check_reach, required};
 use crate::light::{Environment, Light, LightKind};
 use crate::math::{Frame, Rgb};
 use crate::scene::parse::{Fault, LightRecord, LightType};
@@ -81,7 +80,8 @@ impl Parts<'_> {
         let position = required(&record.position, &record.kind, "position")?;
         let place = position.span();
         let position = position.get_ref().0 - self.render_origin;
-        self.grow(Sphere::point(position), place)?;
+        check_reach(position.length(), place)?;
+        self.points.push(position);
         Ok(position.as_vec3())
     }
 

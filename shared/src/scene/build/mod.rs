@@ -61,9 +61,8 @@ pub fn build(record: &SceneRecord, bundle: &Bundle) -> Result<SceneDescription, 
         assets,
         objects: Vec::new(),
         lights: Vec::new(),
-        extents: Vec::new(),
+        points: vec![DVec3::ZERO],
     };
-    parts.extents.push(bounds::Sphere::point(DVec3::ZERO));
     parts.add_lights(&record.lights)?;
     for (i, shape) in record.shapes.iter().enumerate() {
         let name = shape.name.clone().unwrap_or_else(|| format!("shapes[{i}]"));
@@ -73,7 +72,7 @@ pub fn build(record: &SceneRecord, bundle: &Bundle) -> Result<SceneDescription, 
         camera,
         camera_medium,
         world_medium,
-        bounds: bounds::around(&parts.extents),
+        bounds: bounds::around(&parts.objects, &parts.points),
         objects: parts.objects,
         materials: parts.materials.list,
         media: parts.media.list,
@@ -92,16 +91,8 @@ struct Parts<'a> {
     assets: Assets<'a>,
     objects: Vec<crate::geometry::Object>,
     lights: Vec<crate::light::Light>,
-    extents: Vec<bounds::Sphere>,
-}
-
-impl Parts<'_> {
-    /// Make sure that the scene's bounds hold a sphere.
-    fn grow(&mut self, extent: bounds::Sphere, place: Range<usize>) -> Result<(), Fault> {
-        check_reach(extent.center.length() + extent.radius, place)?;
-        self.extents.push(extent);
-        Ok(())
-    }
+    /// The camera and the lights that stand somewhere, render space.
+    points: Vec<DVec3>,
 }
 
 /// `reach`: how far from the camera a thing extends.

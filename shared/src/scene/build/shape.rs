@@ -1,10 +1,9 @@
 //! Shapes: placed, flipped, made of their materials, bounding their media, emitting.
 
-use super::bounds::Sphere;
-use super::{Parts, Problem, asset_problem, required};
+use super::{Parts, Problem, asset_problem, check_reach, required};
 use crate::bsdf::MaterialKind;
 use crate::geometry::shape::Placement;
-use crate::geometry::{Boundary, Mesh, Object, Shape};
+use crate::geometry::{Boundary, Mesh, Object, Shape, accel};
 use crate::light::{Light, LightKind};
 use crate::math::Rgb;
 use crate::scene::assets::mesh::RawMesh;
@@ -65,8 +64,8 @@ impl Parts<'_> {
             let map = self.to_render_space(map, steps.span())?;
             let shape = match &mut shared {
                 Some(shared) => {
-                    let (shape, extent) = shared.place(&map).ok_or_else(|| no_area(inner))?;
-                    self.grow(extent, steps.span())?;
+                    let shape = shared.place(&map).ok_or_else(|| no_area(inner))?;
+                    check_shape_reach(&shape, steps.span())?;
                     shape
                 }
                 None => self.placed(&surface, &map)?,
@@ -179,7 +178,7 @@ impl Parts<'_> {
     /// A map to world space, moved to render space.
     fn to_render_space(&self, map: DAffine3, place: Range<usize>) -> Result<DAffine3, Fault> {
         let map = DAffine3::from_translation(-self.render_origin) * map;
-        super::check_reach(map.translation.length(), place.clone())?;
+        check_reach(map.translation.length(), place.clone())?;
         match transform::is_invertible(&map) {
             true => Ok(map),
             false => Err(Fault::new(
@@ -192,32 +191,29 @@ impl Parts<'_> {
     }
 
     /// The shape at its place, as an object of its own.
-    fn placed(&mut self, surface: &Surface<'_>, map: &DAffine3) -> Result<Shape, Problem> {
+    fn placed(&self, surface: &Surface<'_>, map: &DAffine3) -> Result<Shape, Problem> {
         let flip = flips(surface.record);
-        let (shape, extent) = match &surface.form {
-            Form::Sphere => {
-                let placement = placement(map);
-                (
-                    Shape::Sphere { placement, flip },
-                    Sphere::of_unit_sphere(map),
-                )
-            }
-            Form::Disc => {
-                let placement = placement(map);
-                (Shape::Disc { placement, flip }, Sphere::of_unit_sphere(map))
-            }
+        let shape = match &surface.form {
+            Form::Sphere => Shape::Sphere {
+                placement: placement(map),
+                flip,
+            },
+            Form::Disc => Shape::Disc {
+                placement: placement(map),
+                flip,
+            },
             Form::Mesh(raw) => {
-                let mesh = raw.to_mesh(map, flip, keeps_normals(surface.record));
+                let mesh = Arc::new(raw.to_mesh(map, flip, keeps_normals(surface.record)));
                 if mesh.triangles.is_empty() {
                     return Err(no_area(surface.record));
                 }
-                let extent = Sphere::around(mesh.positions.iter().map(|p| p.as_dvec3()));
-                let placement = Placement::IDENTITY;
-                let mesh = Arc::new(mesh);
-                (Shape::Mesh { mesh, placement }, extent)
+                Shape::Mesh {
+                    mesh,
+                    placement: Placement::IDENTITY,
+                }
             }
         };
-        self.grow(extent, place(surface.record))?;
+        check_shape_reach(&shape, place(surface.record))?;
         Ok(shape)
     }
 
@@ -278,7 +274,17 @@ struct SharedMesh<'a> {
 
 impl<'a> SharedMesh<'a> {
     fn new(raw: &'a RawMesh, record: &ShapeRecord) -> Self {
-        let Sphere { center, radius } = Sphere::around(raw.positions.iter().copied());
+        let low = raw.positions.iter().fold(DVec3::INFINITY, |a, p| a.min(*p));
+        let high = raw
+            .positions
+            .iter()
+            .fold(DVec3::NEG_INFINITY, |a, p| a.max(*p));
+        let center = 0.5 * low + 0.5 * high;
+        let radius = raw
+            .positions
+            .iter()
+            .map(|p| p.distance(center))
+            .fold(0.0, f64::max);
         let scale = if radius > 0.0 { 1.0 / radius } else { 1.0 };
         Self {
             raw,
@@ -291,8 +297,8 @@ impl<'a> SharedMesh<'a> {
         }
     }
 
-    /// The mesh under a map, and a sphere around it; `None` when it has no area.
-    fn place(&mut self, map: &DAffine3) -> Option<(Shape, Sphere)> {
+    /// The mesh under a map; `None` when it has no area.
+    fn place(&mut self, map: &DAffine3) -> Option<Shape> {
         let (slot, mirror) = match map.matrix3.determinant() < 0.0 {
             true => (&mut self.mirrored, DVec3::new(-1.0, 1.0, 1.0)),
             false => (&mut self.upright, DVec3::ONE),
@@ -308,12 +314,37 @@ impl<'a> SharedMesh<'a> {
         if mesh.triangles.is_empty() || !transform::is_invertible(&map) {
             return None;
         }
-        let shape = Shape::Mesh {
+        Some(Shape::Mesh {
             mesh: mesh.clone(),
             placement: placement(&map),
-        };
-        Some((shape, Sphere::of_unit_sphere(&map)))
+        })
     }
+}
+
+/// Whether all of the shape is near enough to the camera.
+fn check_shape_reach(shape: &Shape, place: Range<usize>) -> Result<(), Fault> {
+    let reach = match shape {
+        Shape::Sphere { placement, .. }
+        | Shape::Disc { placement, .. }
+        | Shape::Mesh { placement, .. }
+            if *placement != Placement::IDENTITY =>
+        {
+            // In its own space it lies in the unit ball.
+            let map = &placement.render_from_object;
+            let m = &map.matrix3;
+            let lengths = [map.translation, m.x_axis, m.y_axis, m.z_axis];
+            lengths
+                .iter()
+                .map(|v| glam::Vec3::from(*v).as_dvec3().length())
+                .sum()
+        }
+        _ => {
+            let (low, high) = accel::bounds(shape);
+            let farthest = low.abs().max(high.abs());
+            farthest.as_dvec3().length()
+        }
+    };
+    check_reach(reach, place)
 }
 
 fn own_map(record: &ShapeRecord) -> Result<DAffine3, Fault> {

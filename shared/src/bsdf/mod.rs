@@ -448,3 +448,6 @@ fn sample_dielectric(eta: f32, wo: Vec3, u_lobe: f32, mode: TransportMode) -> Bs
         transmitted: true,
     }
 }
+
+#[cfg(test)]
+mod tests;

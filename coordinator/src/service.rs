@@ -167,8 +167,11 @@ impl FarmService for Service {
         request: Request<wire::LeaseRequest>,
     ) -> Result<Response<wire::LeaseReply>, Status> {
         let request = request.into_inner();
+        let worker = WorkerId(request.worker);
+        // A worker of the coordinator before, with another scene, shall hear that it is unknown, and register again.
+        self.farm.beat(worker, [])?;
         self.check_scene(SceneHash::from_wire(&request.scene, "scene")?)?;
-        let grant = self.farm.lease(WorkerId(request.worker)).await?;
+        let grant = self.farm.lease(worker).await?;
         Ok(Response::new(grant.into()))
     }
 
@@ -202,6 +205,10 @@ impl FarmService for Service {
                 return refuse(format!("more than the {} bytes announced", claim.size));
             }
             bytes.extend_from_slice(&data);
+        }
+        if (bytes.len() as u64) < claim.size {
+            let (found, announced) = (bytes.len(), claim.size);
+            return refuse(format!("{found} bytes of the {announced} announced"));
         }
         let permit = self.decoders.clone().acquire_owned().await;
         let farm = self.farm.clone();

@@ -8,6 +8,7 @@ use std::process::ExitCode;
 use std::time::Duration;
 use tokio::sync::watch;
 use tracing_subscriber::EnvFilter;
+use tracing_subscriber::filter::LevelFilter;
 use tracing_subscriber::fmt::MakeWriter;
 
 /// Options of a worker.
@@ -58,6 +59,11 @@ impl LogArgs {
         W: for<'a> MakeWriter<'a> + Send + Sync + 'static,
     {
         let filter = self.log.as_deref().unwrap_or(default);
+        // A bare level is meant for this program, not for the libraries below it.
+        let filter = match filter.parse::<LevelFilter>() {
+            Ok(level) => format!("warn,beamfarm={level}"),
+            Err(_) => filter.to_owned(),
+        };
         let filter = EnvFilter::try_new(filter).map_err(|error| format!("--log: {error}"))?;
         tracing_subscriber::fmt()
             .with_env_filter(filter)

@@ -13,6 +13,7 @@ use std::future::Future;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use tokio::net::TcpListener;
+use tokio::sync::oneshot;
 
 /// Why no more passes were taken.
 enum Stop {
@@ -38,13 +39,12 @@ pub async fn conduct(
 ) -> Result<(), Failure> {
     let started = Instant::now();
     let mut drain = signals::drain().map_err(Failure::io)?;
-    let ended = {
-        let farm = farm.clone();
-        async move {
-            farm.ended().await;
-        }
+    let (close, closed) = oneshot::channel::<()>();
+    let closed = async {
+        // Comes as an error: nothing is ever sent.
+        let _ = closed.await;
     };
-    let mut server = tokio::spawn(server::run(listener, farm.clone(), ended));
+    let mut server = tokio::spawn(server::run(listener, farm.clone(), closed));
     let time = async {
         match args.time {
             Some(time) => tokio::time::sleep(time).await,
@@ -81,6 +81,7 @@ pub async fn conduct(
         }
     };
     farm.stop();
+    drop(close);
     progress::clear();
 
     let elapsed = started.elapsed();

@@ -1,0 +1,382 @@
+//! The command as people and scripts run it: real processes, exit codes, what stands on stdout and stderr.
+
+#![allow(clippy::unwrap_used)]
+
+use std::io::{BufRead, BufReader};
+use std::path::Path;
+use std::process::{Child, ChildStderr, Command, Output, Stdio};
+use tempfile::TempDir;
+
+const SCENE: &str = r#"
+[image]
+width = 48
+height = 32
+[render]
+passes = 6
+paths = 400
+[camera]
+origin = [0.0, 1.0, 3.0]
+target = [0.0, 1.0, 0.0]
+fov = 50.0
+[world]
+medium = "fog"
+[media.fog]
+type = "homogeneous"
+sigma_a = 0.1
+sigma_s = 0.4
+[[shapes]]
+type = "sphere"
+center = [0, 1, 0]
+radius = 0.35
+[[lights]]
+type = "point"
+position = [0.5, 2, 0.5]
+power = 100.0
+"#;
+
+/// A folder with scene.toml in it.
+fn folder() -> TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("scene.toml"), SCENE).unwrap();
+    folder
+}
+
+fn beamfarm(folder: &Path, args: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_beamfarm"));
+    command.current_dir(folder).args(args);
+    // What the environment says must not change what is tested.
+    for name in ["RUST_LOG", "BEAMFARM_CONNECT", "BEAMFARM_CACHE"] {
+        command.env_remove(name);
+    }
+    command.env("XDG_CACHE_HOME", folder.join("cache"));
+    command.stdout(Stdio::piped()).stderr(Stdio::piped());
+    command
+}
+
+fn run(folder: &Path, args: &[&str]) -> Output {
+    beamfarm(folder, args).output().unwrap()
+}
+
+fn succeed(folder: &Path, args: &[&str]) -> String {
+    let output = run(folder, args);
+    let stderr = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.success(), "{args:?}: {stderr}");
+    String::from_utf8(output.stdout).unwrap()
+}
+
+/// Exit code and stderr of a command that must not succeed and must print nothing on stdout.
+fn fail(folder: &Path, args: &[&str]) -> (i32, String) {
+    let output = run(folder, args);
+    assert_eq!(String::from_utf8(output.stdout).unwrap(), "", "{args:?}");
+    let stderr = String::from_utf8(output.stderr).unwrap();
+    (output.status.code().unwrap(), stderr)
+}
+
+/// The line of stdout that begins with this word.
+fn line<'a>(stdout: &'a str, word: &str) -> &'a str {
+    let found = stdout.lines().find(|line| line.starts_with(word));
+    found.unwrap_or_else(|| panic!("no {word:?} in {stdout}"))
+}
+
+/// Read the log until a line holds this text, and return what follows it there.
+fn wait_for(log: &mut BufReader<ChildStderr>, text: &str) -> String {
+    let mut read = String::new();
+    for line in log.lines() {
+        let line = line.unwrap();
+        if let Some((_, rest)) = line.split_once(text) {
+            return rest.to_owned();
+        }
+        read.push_str(&line);
+        read.push('\n');
+    }
+    panic!("no {text:?} in the log:\n{read}");
+}
+
+fn spawn(mut command: Command) -> (Child, BufReader<ChildStderr>) {
+    let mut child = command.spawn().unwrap();
+    let log = BufReader::new(child.stderr.take().unwrap());
+    (child, log)
+}
+
+/// The rest of the log has to be read, or the process blocks.
+fn finish(child: Child, log: BufReader<ChildStderr>) -> (Output, String) {
+    let log = std::thread::spawn(move || std::io::read_to_string(log).unwrap());
+    let output = child.wait_with_output().unwrap();
+    (output, log.join().unwrap())
+}
+
+fn signal(name: &str, pid: &str) {
+    let status = Command::new("kill").args([name, pid]).status().unwrap();
+    assert!(status.success(), "kill {name} {pid}");
+}
+
+#[test]
+fn one_command_renders_and_the_crew_does_not_change_a_bit() {
+    let folder = folder();
+    let path = folder.path();
+    let first = succeed(path, &["render", "scene.toml"]);
+    assert!(path.join("scene.exr").exists() && path.join("scene.png").exists());
+    let pixels = line(&first, "pixels");
+    for (workers, threads) in [("1", "1"), ("2", "1"), ("4", "1"), ("1", "3")] {
+        let again = succeed(
+            path,
+            &[
+                "render",
+                "scene.toml",
+                "-o",
+                "b.exr",
+                "--workers",
+                workers,
+                "--threads",
+                threads,
+            ],
+        );
+        assert_eq!(line(&again, "pixels"), pixels, "{workers} x {threads}");
+    }
+    let compared = succeed(path, &["compare", "scene.exr", "b.exr"]);
+    assert!(compared.contains("identical"), "{compared}");
+}
+
+#[test]
+fn quiet_says_nothing() {
+    let folder = folder();
+    let stdout = succeed(
+        folder.path(),
+        &["render", "scene.toml", "--quiet", "--passes", "2"],
+    );
+    assert_eq!(stdout, "");
+    assert!(folder.path().join("scene.exr").exists());
+}
+
+#[test]
+fn a_killed_worker_does_not_change_a_bit() {
+    let folder = folder();
+    let path = folder.path();
+    let passes = "200";
+    let args = [
+        "render",
+        "scene.toml",
+        "--passes",
+        passes,
+        "--workers",
+        "2",
+        "--threads",
+        "1",
+    ];
+    let undisturbed = succeed(path, &args);
+    let mut command = beamfarm(path, &args);
+    command.args(["--log", "debug", "-o", "killed.exr"]);
+    let (child, mut log) = spawn(command);
+    let rest = wait_for(&mut log, "started worker process ");
+    let pid = rest.split(' ').next().unwrap().to_owned();
+    wait_for(&mut log, "pass 3 leased");
+    signal("-KILL", &pid);
+    let (output, log) = finish(child, log);
+    assert!(output.status.success(), "{log}");
+    assert!(
+        log.contains("was killed by signal 9; starting another one"),
+        "{log}"
+    );
+    let stdout = String::from_utf8(output.stdout).unwrap();
+    assert_eq!(line(&stdout, "pixels"), line(&undisturbed, "pixels"));
+}
+
+#[test]
+fn an_interrupted_job_writes_what_is_complete() {
+    let folder = folder();
+    let mut command = beamfarm(folder.path(), &["render", "scene.toml", "--time", "1h"]);
+    command.args(["--log", "debug"]);
+    let (child, mut log) = spawn(command);
+    wait_for(&mut log, "pass 0 from worker");
+    signal("-INT", &child.id().to_string());
+    let (output, log) = finish(child, log);
+    assert_eq!(output.status.code(), Some(0), "{log}");
+    let stdout = String::from_utf8(output.stdout).unwrap();
+    assert!(line(&stdout, "wrote").contains("scene.exr"));
+    assert!(folder.path().join("scene.exr").exists());
+}
+
+#[test]
+fn without_a_complete_pass_nothing_is_written() {
+    let folder = folder();
+    let output = run(folder.path(), &["render", "scene.toml", "--time", "0s"]);
+    assert_eq!(output.status.code(), Some(4));
+    assert!(!folder.path().join("scene.exr").exists());
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn workers_die_with_their_parent() {
+    let folder = folder();
+    let mut command = beamfarm(folder.path(), &["render", "scene.toml", "--time", "1h"]);
+    command.args(["--log", "info", "--workers", "1", "--threads", "1"]);
+    let (mut child, mut log) = spawn(command);
+    let rest = wait_for(&mut log, "started worker process ");
+    let worker = rest.split(' ').next().unwrap().to_owned();
+    assert!(Path::new("/proc").join(&worker).exists());
+    child.kill().unwrap();
+    child.wait().unwrap();
+    // Its end of the log closes when the worker is gone, and only then.
+    std::io::read_to_string(log).unwrap();
+}
+
+#[test]
+fn a_server_and_a_worker_make_the_same_picture() {
+    let folder = folder();
+    let path = folder.path();
+    let alone = succeed(path, &["render", "scene.toml"]);
+    let mut command = beamfarm(path, &["serve", "scene.toml", "--listen", "127.0.0.1:0"]);
+    command.args(["-o", "served.exr", "--log", "info"]);
+    let mut server = command.spawn().unwrap();
+    let mut stdout = BufReader::new(server.stdout.take().unwrap());
+    let mut first = String::new();
+    stdout.read_line(&mut first).unwrap();
+    let url = first
+        .trim()
+        .strip_prefix("listening on ")
+        .unwrap()
+        .to_owned();
+    let worker = run(path, &["worker", "--connect", &url, "--threads", "1"]);
+    let stderr = String::from_utf8(worker.stderr).unwrap();
+    assert_eq!(worker.status.code(), Some(0), "{stderr}");
+    assert_eq!(worker.stdout, b"");
+    let stdout = std::io::read_to_string(stdout).unwrap();
+    assert!(server.wait().unwrap().success());
+    assert_eq!(line(&stdout, "pixels"), line(&alone, "pixels"));
+    // The worker kept the scene for the next time.
+    assert!(
+        path.join("cache")
+            .join("beamfarm")
+            .read_dir()
+            .unwrap()
+            .count()
+            > 0
+    );
+}
+
+#[test]
+fn a_worker_without_a_coordinator_says_so() {
+    let folder = folder();
+    let args = [
+        "worker",
+        "--connect",
+        "127.0.0.1:1",
+        "--patience",
+        "0s",
+        "--threads",
+        "1",
+    ];
+    let (code, stderr) = fail(folder.path(), &args);
+    assert_eq!(code, 3);
+    assert!(stderr.contains("cannot reach the coordinator"), "{stderr}");
+}
+
+#[test]
+fn a_replayed_pass_has_the_pixels_of_the_farms() {
+    let folder = folder();
+    let path = folder.path();
+    let output = run(
+        path,
+        &["render", "scene.toml", "--seed", "5", "--log", "debug"],
+    );
+    let log = String::from_utf8(output.stderr).unwrap();
+    for pass in ["0", "3"] {
+        let of_pass = |l: &&str| l.contains(&format!("pass {pass} from worker"));
+        let logged = log.lines().find(of_pass).unwrap();
+        let logged = logged.split("pixels ").nth(1).unwrap().trim();
+        let args = [
+            "replay",
+            "scene.toml",
+            "--pass",
+            pass,
+            "--seed",
+            "5",
+            "-o",
+            "pass.exr",
+        ];
+        let replayed = succeed(path, &args);
+        assert!(
+            line(&replayed, "pass").ends_with(logged),
+            "{replayed} {logged}"
+        );
+        assert!(path.join("pass.exr").exists());
+    }
+}
+
+#[test]
+fn scenes_are_explained() {
+    let folder = folder();
+    let stdout = succeed(folder.path(), &["explain", "scene.toml"]);
+    assert!(line(&stdout, "scene ").len() > 64);
+}
+
+#[test]
+fn bad_scenes_are_named_by_file_and_line() {
+    let folder = folder();
+    let path = folder.path();
+    std::fs::create_dir(path.join("sub")).unwrap();
+    let bad = SCENE.replace("sigma_a = 0.1", "sigma_a = -0.1");
+    let number = 1 + bad.lines().position(|l| l.starts_with("sigma_a")).unwrap();
+    std::fs::write(path.join("sub/bad.toml"), bad).unwrap();
+    let expected = format!("sub/bad.toml:{number}: ");
+    for command in ["render", "serve", "explain"] {
+        let (code, stderr) = fail(path, &[command, "sub/bad.toml"]);
+        assert_eq!(code, 2);
+        assert!(stderr.starts_with(&expected), "{stderr}");
+        assert!(stderr.contains("sigma_a"), "{stderr}");
+    }
+    let (code, stderr) = fail(path, &["render", "missing.toml"]);
+    assert_eq!(code, 2);
+    assert!(stderr.starts_with("missing.toml"), "{stderr}");
+}
+
+#[test]
+fn wrong_usage_is_told_before_anything_is_rendered() {
+    let folder = folder();
+    let cases: [(&[&str], &str); 12] = [
+        (&[], "Usage"),
+        (&["rendr"], "render"),
+        (&["render"], "SCENE"),
+        (&["render", "scene.toml", "--passes", "0"], "--passes"),
+        (&["render", "scene.toml", "--passes", "-3"], "-3"),
+        (&["render", "scene.toml", "--paths", "0"], "--paths"),
+        (&["render", "scene.toml", "--workers", "0"], "--workers"),
+        (&["render", "scene.toml", "--alpha", "1"], "alpha is 1"),
+        (&["render", "scene.toml", "--alpha", "NaN"], "alpha is NaN"),
+        (&["render", "scene.toml", "--time", "soon"], "--time"),
+        (&["render", "scene.toml", "-o", "a.tiff"], "ends in .exr"),
+        (
+            &["render", "scene.toml", "-o", "no/where/a.exr"],
+            "no/where",
+        ),
+    ];
+    for (args, message) in cases {
+        let (code, stderr) = fail(folder.path(), args);
+        assert_eq!(code, 2, "{args:?}");
+        assert!(stderr.contains(message), "{args:?}: {stderr}");
+    }
+    let (code, stderr) = fail(folder.path(), &["compare", "scene.toml", "scene.toml"]);
+    assert_eq!(code, 2);
+    assert!(stderr.contains("scene.toml"), "{stderr}");
+}
+
+#[test]
+fn help_teaches() {
+    let folder = folder();
+    let help = succeed(folder.path(), &["--help"]);
+    for text in [
+        "Examples:",
+        "Exit codes:",
+        "render",
+        "serve",
+        "worker",
+        "replay",
+        "compare",
+        "explain",
+    ] {
+        assert!(help.contains(text), "{help}");
+    }
+    for command in ["render", "serve", "worker", "replay", "compare", "explain"] {
+        succeed(folder.path(), &[command, "--help"]);
+    }
+}

@@ -1,0 +1,324 @@
+//! A coordinator in this process, and a worker under a test's control.
+
+use beamfarm_coordinator::{End, Farm, JobSpec, Timing, server};
+use beamfarm_proto::wire::farm_client::FarmClient;
+use beamfarm_proto::wire::submit_request::Part;
+use beamfarm_proto::{FileHash, Grant, LeaseId, VERSION, WireHash, wire};
+use beamfarm_shared::bundle::Bundle;
+use beamfarm_shared::exr::{BlockMeta, encode_block};
+use beamfarm_shared::film::Film;
+use beamfarm_shared::job::{Block, JobSettings, PassStats, ScheduleKind};
+use beamfarm_shared::merge::Node;
+use beamfarm_shared::radius::Schedule;
+use beamfarm_shared::sampler::{Purpose, Sampler};
+use std::net::SocketAddr;
+use std::sync::Arc;
+use std::time::Duration;
+use tokio::net::TcpListener;
+use tokio::runtime::{Builder, Runtime};
+use tokio::sync::{mpsc, watch};
+use tokio::task::JoinHandle;
+use tokio_stream::wrappers::ReceiverStream;
+use tonic::transport::Channel;
+use tonic::{Status, Streaming};
+
+/// A small scene with a medium, glass and shadow.
+pub const SCENE: &str = r#"
+[image]
+width = 40
+height = 30
+[render]
+passes = 7
+paths = 500
+seed = 11
+[camera]
+origin = [0.0, 1.0, 3.0]
+target = [0.0, 1.0, 0.0]
+fov = 50.0
+[world]
+medium = "fog"
+[media.fog]
+type = "homogeneous"
+sigma_a = 0.1
+sigma_s = [0.3, 0.4, 0.5]
+[materials.glass]
+type = "dielectric"
+ior = 1.5
+[[shapes]]
+type = "sphere"
+center = [0, 1, 0]
+radius = 0.35
+material = "glass"
+[[shapes]]
+type = "rectangle"
+transform = [{ scale = 3.0 }, { translate = [0, 1, -2] }]
+[[lights]]
+type = "point"
+position = [0.5, 2, 0.5]
+power = 100.0
+"#;
+
+pub const WIDTH: u32 = 40;
+pub const HEIGHT: u32 = 30;
+
+/// Nothing in these tests takes this long. Where it is the length of a lease, only a broken connection can end one.
+pub const LONG: Duration = Duration::from_secs(3600);
+
+pub fn settings() -> JobSettings {
+    JobSettings {
+        seed: 11,
+        alpha: 0.7,
+        schedule: ScheduleKind::Pass,
+        paths_per_pass: 500,
+        reference_paths: 500,
+    }
+}
+
+pub fn spec(passes: u64) -> JobSpec {
+    let scene = "scene.toml".to_string();
+    let bytes = SCENE.as_bytes().to_vec();
+    JobSpec {
+        bundle: Bundle {
+            files: [(scene.clone(), bytes)].into(),
+            scene,
+        },
+        settings: settings(),
+        width: WIDTH,
+        height: HEIGHT,
+        passes,
+    }
+}
+
+pub fn free_port() -> std::net::TcpListener {
+    let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    listener.set_nonblocking(true).unwrap();
+    listener
+}
+
+/// A coordinator. Its server dies with it.
+pub struct Coordinator {
+    pub farm: Arc<Farm>,
+    pub address: SocketAddr,
+    /// All of the server: when it goes, connections break without a farewell, as when a process is killed.
+    server: Option<Runtime>,
+}
+
+impl Drop for Coordinator {
+    fn drop(&mut self) {
+        if let Some(server) = self.server.take() {
+            server.shutdown_background();
+        }
+    }
+}
+
+impl Coordinator {
+    pub async fn start(spec: JobSpec) -> Self {
+        let heartbeat = Duration::from_millis(50);
+        let lease = LONG;
+        Self::start_on(free_port(), spec, Timing { heartbeat, lease }).await
+    }
+
+    pub async fn start_on(listener: std::net::TcpListener, spec: JobSpec, timing: Timing) -> Self {
+        let address = listener.local_addr().unwrap();
+        let farm = Farm::new(spec, timing);
+        let serving = farm.clone();
+        let server = Builder::new_multi_thread()
+            .worker_threads(1)
+            .enable_all()
+            .build()
+            .unwrap();
+        server.spawn(async move {
+            let listener = TcpListener::from_std(listener).unwrap();
+            let ended = async {
+                serving.ended().await;
+            };
+            server::run(listener, serving.clone(), ended).await.unwrap();
+        });
+        Self {
+            farm,
+            address,
+            server: Some(server),
+        }
+    }
+
+    /// How the job ends. Failing is better than waiting forever.
+    pub async fn ended(&self) -> End {
+        let patience = Duration::from_secs(120);
+        tokio::time::timeout(patience, self.farm.ended())
+            .await
+            .unwrap()
+    }
+
+    pub fn url(&self) -> String {
+        format!("http://{}", self.address)
+    }
+
+    /// Start a worker of the library.
+    pub fn worker(&self, threads: usize) -> WorkerHandle {
+        start_worker(self.url(), threads, LONG)
+    }
+}
+
+pub type WorkerResult = Result<beamfarm_worker::Summary, beamfarm_worker::WorkerError>;
+
+/// A worker of the library.
+pub struct WorkerHandle {
+    pub drain: watch::Sender<bool>,
+    task: JoinHandle<WorkerResult>,
+}
+
+impl WorkerHandle {
+    pub async fn join(self) -> WorkerResult {
+        self.task.await.unwrap()
+    }
+}
+
+pub fn start_worker(url: String, threads: usize, patience: Duration) -> WorkerHandle {
+    let (drain, receiver) = watch::channel(false);
+    let config = beamfarm_worker::Config {
+        url,
+        threads,
+        name: "test".into(),
+        cache: None,
+        patience,
+    };
+    let task = tokio::spawn(beamfarm_worker::run(config, receiver));
+    WorkerHandle { drain, task }
+}
+
+/// A worker that does what the test says.
+pub struct RawWorker {
+    pub farm: FarmClient<Channel>,
+    pub id: u64,
+    pub scene: beamfarm_shared::job::SceneHash,
+}
+
+/// An open stream of heartbeats.
+pub type Attendance = (mpsc::Sender<wire::Heartbeat>, Streaming<wire::Notice>);
+
+impl RawWorker {
+    pub async fn register(coordinator: &Coordinator) -> Self {
+        let mut farm = FarmClient::connect(coordinator.url()).await.unwrap();
+        let request = wire::RegisterRequest {
+            version: VERSION.into(),
+            name: "raw".into(),
+            threads: 1,
+            ..Default::default()
+        };
+        let reply = farm.register(request).await.unwrap().into_inner();
+        Self {
+            farm,
+            id: reply.worker,
+            scene: coordinator.farm.job().scene,
+        }
+    }
+
+    pub async fn attend(&self) -> Attendance {
+        let (sender, beats) = mpsc::channel(4);
+        let beat = wire::Heartbeat {
+            worker: self.id,
+            leases: Vec::new(),
+        };
+        sender.try_send(beat).unwrap();
+        let notices = self
+            .farm
+            .clone()
+            .attend(ReceiverStream::new(beats))
+            .await
+            .unwrap();
+        (sender, notices.into_inner())
+    }
+
+    pub async fn grant(&self) -> Result<Grant, Status> {
+        let request = wire::LeaseRequest {
+            worker: self.id,
+            scene: self.scene.to_wire(),
+        };
+        let reply = self.farm.clone().lease(request).await?;
+        Ok(Grant::try_from(reply.into_inner()).unwrap())
+    }
+
+    /// Ask until there is a pass.
+    pub async fn lease(&self) -> (LeaseId, Block) {
+        loop {
+            match self.grant().await.unwrap() {
+                Grant::Lease(lease, block) => return (lease, block),
+                Grant::NotNow => {}
+                Grant::Done => panic!("the job is over"),
+            }
+        }
+    }
+
+    pub fn header(&self, (lease, block): (LeaseId, Block), bytes: &[u8]) -> wire::SubmitHeader {
+        wire::SubmitHeader {
+            worker: self.id,
+            lease: lease.0,
+            block: Some(block.into()),
+            size: bytes.len() as u64,
+            hash: FileHash::of(bytes).to_wire(),
+            stats: Some(PassStats::default().into()),
+        }
+    }
+
+    /// Deliver exactly this.
+    pub async fn send(&self, parts: Vec<Part>) -> Result<wire::SubmitReply, Status> {
+        let parts = parts
+            .into_iter()
+            .map(|part| wire::SubmitRequest { part: Some(part) });
+        let parts: Vec<_> = parts.collect();
+        let reply = self.farm.clone().submit(tokio_stream::iter(parts)).await?;
+        Ok(reply.into_inner())
+    }
+
+    /// Deliver these bytes, properly.
+    pub async fn submit(
+        &self,
+        leased: (LeaseId, Block),
+        bytes: Vec<u8>,
+    ) -> Result<wire::SubmitReply, Status> {
+        let header = self.header(leased, &bytes);
+        let mut parts = vec![Part::Header(header)];
+        // Chunks that end nowhere in particular.
+        parts.extend(
+            bytes
+                .chunks(1001)
+                .map(|chunk| Part::Data(chunk.to_vec().into())),
+        );
+        self.send(parts).await
+    }
+
+    /// Deliver the picture of [`film`].
+    pub async fn deliver(&self, leased: (LeaseId, Block)) -> Result<wire::SubmitReply, Status> {
+        let pass_index = leased.1.start();
+        let bytes = encode(
+            &Node::leaf(pass_index, film(pass_index)),
+            &self.meta(leased.1),
+        );
+        self.submit(leased, bytes).await
+    }
+
+    pub fn meta(&self, block: Block) -> BlockMeta {
+        BlockMeta {
+            scene: self.scene,
+            block,
+            seed: settings().seed,
+            alpha: settings().alpha,
+            radius_scale: Schedule::new(&settings()).scale(block.start()),
+            version: VERSION.into(),
+        }
+    }
+}
+
+pub fn encode(node: &Node, meta: &BlockMeta) -> Vec<u8> {
+    encode_block(node, meta).unwrap()
+}
+
+/// A picture for a pass that nobody has to render: noise, the same whenever it is asked for.
+pub fn film(pass_index: u64) -> Film {
+    let mut film = Film::new(WIDTH, HEIGHT);
+    for (i, pixel) in film.pixels.iter_mut().enumerate() {
+        let mut sampler = Sampler::new(3, pass_index, Purpose::Test, i as u64);
+        *pixel = [0; 3].map(|_| 10.0 * sampler.next_1d());
+    }
+    film
+}

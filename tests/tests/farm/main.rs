@@ -1,0 +1,8 @@
+//! The farm over real connections: a coordinator on a free port, workers of the library, and workers that misbehave.
+
+#![allow(clippy::unwrap_used)]
+
+mod calls;
+mod harness;
+mod submissions;
+mod workers;

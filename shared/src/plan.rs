@@ -19,6 +19,8 @@ pub struct Scene {
     pub(crate) camera_medium: MediumId,
     /// By light: medium that photons start in.
     light_media: Vec<MediumId>,
+    /// By light: the object that shadow rays to it pass through, because it cannot hide itself.
+    pub(crate) unshadowing: Vec<Option<u32>>,
     /// Indices of the environment lights.
     pub(crate) environments: Vec<usize>,
     /// By object: nothing but the boundary of a medium.
@@ -41,12 +43,20 @@ impl Scene {
             .iter()
             .map(|o| description.materials[o.material as usize].is_null())
             .collect();
+        let unshadowing = |light: &Light| match light.kind {
+            LightKind::Area { object, .. } => description.objects[object as usize]
+                .shape
+                .never_shadows_itself()
+                .then_some(object),
+            _ => None,
+        };
         let is_environment = |light: &Light| matches!(light.kind, LightKind::Environment(_));
         let mut scene = Self {
             geometry,
             selector,
             camera_medium: None,
             light_media: Vec::new(),
+            unshadowing: description.lights.iter().map(unshadowing).collect(),
             environments: (0..description.lights.len())
                 .filter(|&i| is_environment(&description.lights[i]))
                 .collect(),

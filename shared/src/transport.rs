@@ -186,8 +186,9 @@ impl CameraTracer<'_> {
         };
         let ray = x.hit.spawn_ray(direct.wi);
         let medium = x.medium_towards(scene, direct.wi);
-        // A little short of the light, so as not to meet the light itself.
-        match self.transmittance(ray, direct.distance * (1.0 - 1e-4), medium) {
+        // A little short of the light: ones that could hide themselves are looked for as well.
+        let length = direct.distance * (1.0 - 1e-4);
+        match self.transmittance(ray, length, medium, scene.unshadowing[choice.light]) {
             Some(tr) => f * direct.weight * tr * (wi.z.abs() * weight / choice.pmf),
             None => Rgb::ZERO,
         }
@@ -280,13 +281,20 @@ impl CameraTracer<'_> {
         radiance
     }
 
-    /// Transmittance of a shadow ray; `None` where a surface blocks it.
-    fn transmittance(&self, ray: Ray, length: f32, medium: MediumId) -> Option<Rgb> {
+    /// Transmittance of a shadow ray; `None` where a surface other than `light` blocks it.
+    fn transmittance(
+        &self,
+        ray: Ray,
+        length: f32,
+        medium: MediumId,
+        light: Option<u32>,
+    ) -> Option<Rgb> {
         let scene = self.scene;
         let is_null = |object: u32| scene.null_objects[object as usize];
+        let is_passed = |object: u32| is_null(object) || light == Some(object);
         if scene
             .geometry
-            .occluded(scene.objects(), &ray, length, is_null)
+            .occluded(scene.objects(), &ray, length, is_passed)
         {
             return None;
         }

@@ -32,6 +32,25 @@ impl Mesh {
         (b - a).cross(c - a).normalize_or_zero()
     }
 
+    /// Whether all vertices lie on or behind the planes of all triangles. Large meshes are not looked at.
+    pub fn is_convex(&self) -> bool {
+        const MAX_TRIANGLES: usize = 256;
+        let extent = self
+            .positions
+            .iter()
+            .fold(0.0, |max: f32, p| max.max(p.abs().max_element()));
+        let tolerance = 1e-5 * extent;
+        self.triangles.len() <= MAX_TRIANGLES
+            && (0..self.triangles.len() as u32).all(|triangle| {
+                let normal = self.normal(triangle);
+                let [corner, _, _] = self.corners(triangle);
+                self.triangles
+                    .iter()
+                    .flatten()
+                    .all(|&i| (self.positions[i as usize] - corner).dot(normal) <= tolerance)
+            })
+    }
+
     /// Running sums of the triangles' areas, in order; the last one is the mesh's area, object space.
     pub fn area_sums(&self) -> &[f64] {
         self.area_sums.get_or_init(|| {

@@ -236,6 +236,16 @@ impl Shape {
         }
     }
 
+    /// Whether no part of its outside hides another one from any point, as far as that can be told quickly: shadow rays
+    /// then need not look for the light that they go to, which they would meet a rounding early.
+    pub fn never_shadows_itself(&self) -> bool {
+        match self {
+            Self::Sphere { flip, .. } => !flip,
+            Self::Disc { .. } => true,
+            Self::Mesh { mesh, .. } => mesh.is_convex(),
+        }
+    }
+
     /// Everything about a hit. `origin` and `dir`: the ray in render space.
     pub(super) fn finish(&self, hit: RawHit, origin: Vec3, dir: Vec3) -> SurfaceHit {
         let (point, ng, ns, uv, curvature, scale) = match self {

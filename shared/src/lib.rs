@@ -1,6 +1,65 @@
 //! beamfarm's library: everything about images and passes that does not need a network.
 //!
-//! Data goes one way: scene, plan, pass, film, sum, image.
+//! Data goes one way: a scene file becomes a [`SceneDescription`](scene::SceneDescription), that a
+//! [`Scene`](plan::Scene) and a [`RenderPlan`](plan::RenderPlan); [`render_pass`](pass::render_pass) makes a
+//! [`Film`](film::Film) of one pass; the [`TreeSum`](merge::TreeSum) of passes gives the average, which [`exr`] and
+//! [`png`] write.
+//!
+//! | question                                   | module                                          |
+//! | ------------------------------------------ | ----------------------------------------------- |
+//! | where is a beam traced, stored, evaluated? | `beam::{trace, store, estimate}`                |
+//! | which estimator counts which light path?   | `transport`                                     |
+//! | what does a pass do?                       | `pass`                                          |
+//! | which stages does a scene need?            | `plan`                                          |
+//! | how does the radius shrink?                | [`radius`]                                      |
+//! | how are passes averaged?                   | [`merge`]                                       |
+//!
+//! The renderer is behind the feature `render`; without it the crate holds what a coordinator needs.
+#![cfg_attr(
+    feature = "render",
+    doc = r##"
+# Example
+
+```
+use beamfarm_shared::bundle::Bundle;
+use beamfarm_shared::merge::{Node, TreeSum};
+use beamfarm_shared::pass::render_pass;
+use beamfarm_shared::plan::{RenderPlan, Scene};
+use beamfarm_shared::scene::SceneDescription;
+
+let text = r#"
+[image]
+width = 32
+height = 24
+[camera]
+origin = [0, 0, 3]
+target = [0, 0, 0]
+fov = 40
+[[shapes]]
+type = "sphere"
+center = [0, 0, 0]
+radius = 1
+[[lights]]
+type = "point"
+position = [2, 2, 3]
+power = 100
+"#;
+let mut bundle = Bundle { scene: "ball.toml".into(), ..Bundle::default() };
+bundle.files.insert("ball.toml".into(), text.into());
+
+let scene = Scene::new(SceneDescription::load(&bundle)?);
+let plan = RenderPlan::new(&scene, scene.description().defaults.job_settings());
+let mut sum = TreeSum::new(32, 24);
+for pass_index in 0..4 {
+    let pass = render_pass(&scene, &plan, pass_index);
+    sum.insert(Node::leaf(pass_index, pass.film))?;
+}
+let image = sum.average().expect("four passes are complete");
+assert!(image.beauty.pixels[12 * 32 + 16][0] > 0.0);
+# Ok::<(), Box<dyn std::error::Error>>(())
+```
+"##
+)]
 
 pub mod atomic;
 pub mod bundle;

@@ -1,7 +1,6 @@
 //! Scenes from text, rendered in this process.
 
 use beamfarm_shared::bundle::Bundle;
-use beamfarm_shared::job::JobSettings;
 use beamfarm_shared::merge::{Average, Node, TreeSum};
 use beamfarm_shared::pass::render_pass;
 use beamfarm_shared::plan::{RenderPlan, Scene};
@@ -23,24 +22,12 @@ pub fn scene(toml: &str) -> Scene {
     }
 }
 
-/// The settings that a scene names for itself.
-pub fn settings(scene: &Scene) -> JobSettings {
-    let defaults = &scene.description().defaults;
-    JobSettings {
-        seed: defaults.seed,
-        alpha: defaults.alpha,
-        schedule: defaults.schedule,
-        paths_per_pass: defaults.paths_per_pass,
-        reference_paths: defaults.paths_per_pass,
-    }
-}
-
 /// Renders the scene's own number of passes.
 ///
 /// # Panics
 /// When a pass has a pixel that is not finite.
 pub fn average(scene: &Scene) -> Average {
-    let plan = RenderPlan::new(scene, settings(scene));
+    let plan = RenderPlan::new(scene, scene.description().defaults.job_settings());
     let camera = &scene.description().camera;
     let mut sum = TreeSum::new(camera.width, camera.height);
     for pass_index in 0..scene.description().defaults.passes {

@@ -3,7 +3,7 @@
 use beamfarm_shared::beam::trace::trace_photons;
 use beamfarm_shared::math::Rgb;
 use beamfarm_shared::plan::RenderPlan;
-use beamfarm_tests::render::{scene, settings};
+use beamfarm_tests::render::scene;
 use beamfarm_tests::{MeanEstimate, Suite};
 
 /// A lamp behind glass in a closed box of fog. The glass makes every photon that gets to a wall one that is stored (light
@@ -49,7 +49,7 @@ power = [10.0, 20.0, 30.0]
 #[test]
 fn what_is_emitted_is_absorbed() {
     let scene = scene(BOX);
-    let plan = RenderPlan::new(&scene, settings(&scene));
+    let plan = RenderPlan::new(&scene, scene.description().defaults.job_settings());
     let medium = scene.description().media[0];
     let sigma_t = medium.sigma_t();
     let absorbed_by_walls = Rgb::ONE - Rgb::new(0.8, 0.5, 0.2);

@@ -12,7 +12,7 @@ use crate::bundle::Bundle;
 use crate::camera::Camera;
 use crate::error::SceneError;
 use crate::geometry::Object;
-use crate::job::ScheduleKind;
+use crate::job::{JobSettings, ScheduleKind};
 use crate::light::{Light, SceneBounds};
 use crate::medium::{Homogeneous, MediumId};
 use build::Problem;
@@ -61,6 +61,19 @@ pub struct RenderDefaults {
     pub exposure: f32,
     /// Fixed base radius of beams and surface photons in scene units, in place of photon differentials.
     pub radius: Option<f32>,
+}
+
+impl RenderDefaults {
+    /// The settings of a job that overrides nothing.
+    pub fn job_settings(&self) -> JobSettings {
+        JobSettings {
+            seed: self.seed,
+            alpha: self.alpha,
+            schedule: self.schedule,
+            paths_per_pass: self.paths_per_pass,
+            reference_paths: self.paths_per_pass,
+        }
+    }
 }
 
 impl Default for RenderDefaults {

@@ -43,9 +43,8 @@ impl SettingsArgs {
         let settings = JobSettings {
             seed: self.seed.unwrap_or(defaults.seed),
             alpha: self.alpha.unwrap_or(defaults.alpha),
-            schedule: defaults.schedule,
             paths_per_pass: self.paths.unwrap_or(defaults.paths_per_pass),
-            reference_paths: defaults.paths_per_pass,
+            ..defaults.job_settings()
         };
         settings.check().map_err(Failure::usage)?;
         Ok(Loaded {

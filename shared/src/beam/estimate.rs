@@ -171,6 +171,7 @@ impl<'a> Group<'a> {
         out: &mut GroupRadiance,
     ) -> bool {
         let (p, b) = (beam.origin, beam.dir);
+        let [start, end] = beam.extent;
         let max_radius = beam.max_radius();
         let max_radius2 = max_radius * max_radius;
         let [ox, oy, oz] = &self.origin;
@@ -216,8 +217,8 @@ impl<'a> Group<'a> {
             let hit = (sin2[l] >= NEARLY_PARALLEL_SIN2)
                 & (t > 0.0)
                 & (t < self.length[l])
-                & (s > 0.0)
-                & (s < beam.length)
+                & (s > start)
+                & (s < end)
                 & (u2 < 1.0);
             let kernel = 0.75 * inv_radius * (1.0 - u2);
             let phase = if ISOTROPIC {
@@ -295,7 +296,8 @@ pub fn chord_estimate(
         return Rgb::ZERO;
     };
     // Both ends of the beam; cos is close to 1 or -1 here.
-    let (s0, s1) = (-along / cos, (beam.length - along) / cos);
+    let [start, end] = beam.extent;
+    let (s0, s1) = ((start - along) / cos, (end - along) / cos);
     let near = near.max(s0.min(s1)).max(0.0);
     let far = far.min(s0.max(s1)).min(length);
     if near >= far {
@@ -305,7 +307,7 @@ pub fn chord_estimate(
     let mut sum = Rgb::ZERO;
     for i in 0..CHORD_POINTS {
         let t = near + step * (i as f32 + u);
-        let s = (along + t * cos).clamp(0.0, beam.length);
+        let s = (along + t * cos).clamp(start, end);
         let radius = beam.radius_at(s);
         let x = (across + across_dir * t).length_squared() / (radius * radius);
         if x < 1.0 {

@@ -16,6 +16,10 @@ pub struct PhotonBeam {
     pub dir: Vec3,
     /// Length, scene units.
     pub length: f32,
+    /// Where the beam's kernel begins and ends, measured from `origin` along `dir`: [0, length], and beyond where the
+    /// beam starts or ends on a surface, so far that its whole width gets to that surface. What the kernel loses behind a
+    /// surface on one side of the beam it then gains before it on the other.
+    pub extent: [f32; 2],
     /// Flux at the start, W, before attenuation and scattering, divided by the number of emitted paths.
     pub power: Rgb,
     /// Kernel radius at the start, scene units.
@@ -35,6 +39,7 @@ impl PhotonBeam {
     /// The larger of the radii at the two ends.
     #[inline]
     pub fn max_radius(&self) -> f32 {
-        self.radius.max(self.radius_at(self.length))
+        let [start, end] = self.extent;
+        self.radius_at(start).max(self.radius_at(end))
     }
 }

@@ -38,12 +38,10 @@ impl BeamMap {
         let mut owners = Vec::with_capacity(pieces.capacity());
         for (i, beam) in beams.iter().enumerate() {
             let count = (beam.length / piece_length).ceil().clamp(1.0, 4096.0);
+            let [start, end] = beam.extent;
+            let at = |k: u32| start + (end - start) * (k as f32 / count);
             for k in 0..count as u32 {
-                pieces.push(Piece(piece_bounds(
-                    beam,
-                    beam.length * (k as f32 / count),
-                    beam.length * ((k + 1) as f32 / count),
-                )));
+                pieces.push(Piece(piece_bounds(beam, at(k), at(k + 1))));
                 owners.push(i as u32);
             }
         }

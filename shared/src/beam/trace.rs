@@ -85,6 +85,8 @@ struct Photon {
     power: Rgb,
     medium: MediumId,
     footprint: Footprint,
+    /// Normal of the surface that the ray starts on, if it does.
+    starts_on: Option<Vec3>,
     arrival: Arrival,
     depth: u32,
 }
@@ -98,9 +100,8 @@ impl Tracer<'_> {
         while photon.power.max_element() > 0.0 {
             let geometry = &self.scene.geometry;
             let hit = geometry.intersect(objects, &photon.ray, f32::INFINITY, |_| false);
-            let length = hit.as_ref().map_or(f32::INFINITY, |h| h.t);
             if let Some(id) = photon.medium
-                && self.fly(&mut photon, id, length, sampler, out)
+                && self.fly(&mut photon, id, hit.as_ref(), sampler, out)
             {
                 continue;
             }
@@ -133,36 +134,25 @@ impl Tracer<'_> {
             power: emission.power / paths,
             medium: self.scene.medium_of_light(choice.light),
             footprint: Footprint::new(emission.dir, radius, spread(emission.pdf_dir, paths)),
+            starts_on: emission.normal,
             arrival: Arrival::Direct,
             depth: 0,
         })
     }
 
-    /// Fly through a medium for at most `length`, leaving a beam. True: the photon was scattered before the end.
+    /// Fly through a medium to the next surface, leaving a beam. True: the photon was scattered on the way.
     fn fly(
         &self,
         photon: &mut Photon,
         id: u16,
-        length: f32,
+        hit: Option<&SurfaceHit>,
         sampler: &mut Sampler,
         out: &mut Photons,
     ) -> bool {
         let medium = &self.scene.media()[id as usize];
+        let length = hit.map_or(f32::INFINITY, |h| h.t);
         if medium.scatters() {
-            let length = length.min(medium.reach());
-            let end = photon.footprint.advanced(length);
-            let radii = &self.plan.radii;
-            let radius = radii.of(photon.footprint.radius()) * self.radius_scale;
-            let radius_end = radii.of(end.radius()) * self.radius_scale;
-            out.beams.push(PhotonBeam {
-                origin: photon.ray.origin,
-                dir: photon.ray.dir,
-                length,
-                power: photon.power,
-                radius,
-                radius_slope: (radius_end - radius) / length,
-                medium: id,
-            });
+            out.beams.push(self.beam(photon, id, length, hit));
         }
         let u = sampler.next_2d();
         let before = mean(photon.power);
@@ -185,10 +175,39 @@ impl Tracer<'_> {
                         origin: photon.ray.at(distance),
                         dir,
                     };
+                    photon.starts_on = None;
                     photon.arrival = Arrival::Scattered;
                 }
                 true
             }
+        }
+    }
+
+    /// The beam of a photon that flies over `length` (perhaps infinite) to `hit`.
+    fn beam(&self, photon: &Photon, id: u16, length: f32, hit: Option<&SurfaceHit>) -> PhotonBeam {
+        let reach = self.scene.media()[id as usize].reach();
+        let ends_on = hit.filter(|_| length < reach).map(|h| h.ng);
+        let length = length.min(reach);
+        let scaled =
+            |footprint: Footprint| self.plan.radii.of(footprint.radius()) * self.radius_scale;
+        let radius = scaled(photon.footprint);
+        let radius_end = scaled(photon.footprint.advanced(length));
+        let slope = (radius_end - radius) / length;
+        let beyond = |normal: Option<Vec3>, radius: f32| {
+            normal.map_or(0.0, |n| overhang(photon.ray.dir.dot(n), radius, slope))
+        };
+        PhotonBeam {
+            origin: photon.ray.origin,
+            dir: photon.ray.dir,
+            length,
+            extent: [
+                -beyond(photon.starts_on, radius),
+                length + beyond(ends_on, radius_end),
+            ],
+            power: photon.power,
+            radius,
+            radius_slope: slope,
+            medium: id,
         }
     }
 
@@ -205,6 +224,7 @@ impl Tracer<'_> {
         let material = self.scene.material(hit);
         if material.is_null() {
             photon.ray = hit.spawn_ray(dir);
+            photon.starts_on = Some(hit.ng);
             photon.medium = self.scene.medium_beyond(hit, dir, photon.medium);
             return;
         }
@@ -255,6 +275,7 @@ impl Tracer<'_> {
             Arrival::Surface
         };
         photon.ray = hit.spawn_ray(wi);
+        photon.starts_on = Some(hit.ng);
     }
 }
 
@@ -278,6 +299,22 @@ impl Photon {
         }
     }
 }
+
+/// How far beyond a surface a beam of `radius` reaches with some of its width, when it meets the surface at `cos`. Bounded
+/// for grazing angles and so that the cone keeps half of its radius.
+fn overhang(cos: f32, radius: f32, slope: f32) -> f32 {
+    let cos = cos.abs().max(0.05);
+    let length = radius * (1.0 - cos * cos).max(0.0).sqrt() / cos;
+    let limit = if slope == 0.0 {
+        f32::INFINITY
+    } else {
+        0.5 * radius / slope.abs()
+    };
+    length.min(MAX_OVERHANG * radius).min(limit)
+}
+
+/// Longest overhang in radii: beams that graze a surface must not reach far behind thin walls.
+const MAX_OVERHANG: f32 = 4.0;
 
 /// What interpolated normals cost a photon: paths from lights and paths from the camera then describe the same surface
 /// (Veach 1997, section 5.3). Zero where shading and geometric normal disagree about the side.

@@ -25,6 +25,7 @@ pub struct PassImage {
 /// Pixels along the side of a tile: neighbours whose straight segments look for beams together.
 const TILE: u32 = 8;
 const TILE_PIXELS: usize = (TILE * TILE) as usize;
+const _: () = assert!(TILE_PIXELS <= estimate::PACKET);
 
 /// Render a pass on the current rayon pool. The bits do not depend on the pool.
 pub fn render_pass(scene: &Scene, plan: &RenderPlan, pass_index: u64) -> PassImage {
@@ -156,15 +157,10 @@ impl CameraPass<'_> {
                 let bounds = Packet::new(packet.iter().map(|s| (s.ray, s.length)));
                 beams.candidates(&bounds, candidates);
                 let medium = &self.tracer.scene.media()[packet[0].medium as usize];
-                for group in packet.chunks(LANES) {
-                    let id = group[0].medium;
-                    let found = &candidates.found;
-                    let sum = estimate::gather(beams, id, medium, group, found, key);
-                    evaluations += sum.evaluations;
-                    for (lane, segment) in group.iter().enumerate() {
-                        let [r, g, b] = sum.radiance.map(|channel| channel[lane]);
-                        radiance[segment.pixel as usize] += segment.beta * Rgb::new(r, g, b);
-                    }
+                let sum = estimate::gather(beams, medium, packet, &candidates.found, key);
+                evaluations += sum.evaluations();
+                for (i, segment) in packet.iter().enumerate() {
+                    radiance[segment.pixel as usize] += segment.beta * sum.of(i);
                 }
             }
         }

@@ -195,7 +195,7 @@ pub struct KernelRadii {
 const OVERLAP: f32 = 1.5;
 /// Floor and ceiling of base radii as fractions of the scene's radius.
 const FLOOR: f32 = 5e-4;
-const CEILING: f32 = 6e-3;
+const CEILING: f32 = 1.6e-2;
 
 impl KernelRadii {
     /// The base radius for a footprint.

@@ -5,7 +5,7 @@
 //! independent of everything that the estimators do.
 
 use beamfarm_shared::beam::PhotonBeam;
-use beamfarm_shared::beam::estimate::{CameraSegment, LANES, gather};
+use beamfarm_shared::beam::estimate::{CameraSegment, PACKET, gather};
 use beamfarm_shared::beam::store::{BeamMap, Candidates, Packet};
 use beamfarm_shared::math::{Frame, Ray, Rgb, Vec3};
 use beamfarm_shared::medium::Homogeneous;
@@ -50,12 +50,13 @@ fn radiance(map: &BeamMap, medium: &Homogeneous, rays: &[Ray], length: f32, key:
         .collect();
     let mut found = Candidates::default();
     map.candidates(&Packet::new(rays.iter().map(|&r| (r, length))), &mut found);
-    let mut out = Vec::new();
-    for group in segments.chunks(LANES) {
-        let sum = gather(map, 0, medium, group, &found.found, key);
-        out.extend((0..group.len()).map(|l| Rgb::from(sum.radiance.map(|c| c[l]))));
-    }
-    out
+    segments
+        .chunks(PACKET)
+        .flat_map(|packet| {
+            let sum = gather(map, medium, packet, &found.found, key);
+            (0..packet.len()).map(move |i| sum.of(i))
+        })
+        .collect()
 }
 
 /// Angles between beam and rays: ordinary ones, around the change of estimator, and down to nearly parallel, both ways.

@@ -45,33 +45,53 @@ pub struct CameraSegment {
     pub straight: Option<u16>,
 }
 
-/// What is added for a group of segments, before their throughput.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct GroupRadiance {
-    /// Red, green, blue, by lane.
-    pub radiance: [[f32; LANES]; 3],
-    /// Pairs that contributed.
-    pub evaluations: u64,
+/// Segments that may be given to [`gather`] at once: neighbours, so that most beams matter to few of them or to all.
+pub const PACKET: usize = LANES * LANES;
+
+/// Radiance along the segments of a packet, before their throughput.
+#[derive(Clone, Debug, Default)]
+pub struct PacketRadiance {
+    groups: [GroupRadiance; LANES],
 }
 
-/// Sums the beams' radiance along up to [`LANES`] segments in one medium. `candidates` are indices into the map's beams;
-/// `key` addresses the random numbers of chords.
+#[derive(Clone, Copy, Debug, Default)]
+struct GroupRadiance {
+    /// Red, green, blue, by lane.
+    radiance: [Lanes; 3],
+    /// Pairs that contributed.
+    evaluations: u64,
+}
+
+impl PacketRadiance {
+    /// Radiance along one of the segments.
+    pub fn of(&self, segment: usize) -> Rgb {
+        let radiance = &self.groups[segment / LANES].radiance;
+        Rgb::from(radiance.map(|channel| channel[segment % LANES]))
+    }
+
+    /// Pairs of beam and segment that contributed.
+    pub fn evaluations(&self) -> u64 {
+        self.groups.iter().map(|group| group.evaluations).sum()
+    }
+}
+
+/// Sums the beams' radiance along up to [`PACKET`] segments in one medium, in the order of `candidates`, which are indices
+/// into the map's beams. `key` addresses the random numbers of chords.
 pub fn gather(
     map: &BeamMap,
-    medium_id: u16,
     medium: &Homogeneous,
     segments: &[CameraSegment],
     candidates: &[u32],
     key: u64,
-) -> GroupRadiance {
-    let group = Group::new(medium_id, medium, segments, key);
+) -> PacketRadiance {
+    let packet = SegmentPacket::new(medium, segments, key);
     let sigma_t = medium.sigma_t();
     let grey = sigma_t.x == sigma_t.y && sigma_t.y == sigma_t.z;
     match (grey, medium.phase == Phase::Isotropic) {
-        (true, true) => dispatch::<true, true>(map.beams(), &group, candidates),
-        (true, false) => dispatch::<true, false>(map.beams(), &group, candidates),
-        (false, true) => dispatch::<false, true>(map.beams(), &group, candidates),
-        (false, false) => dispatch::<false, false>(map.beams(), &group, candidates),
+        (true, true) => dispatch::<true, true>(map.beams(), &packet, candidates),
+        (true, false) => dispatch::<true, false>(map.beams(), &packet, candidates),
+        (false, true) => dispatch::<false, true>(map.beams(), &packet, candidates),
+        (false, false) => dispatch::<false, false>(map.beams(), &packet, candidates),
     }
 }
 
@@ -79,25 +99,135 @@ pub fn gather(
 /// operation is fused or reordered, so the bits are the same.
 fn dispatch<const GREY: bool, const ISOTROPIC: bool>(
     beams: &[PhotonBeam],
-    group: &Group,
+    packet: &SegmentPacket,
     candidates: &[u32],
-) -> GroupRadiance {
+) -> PacketRadiance {
     #[cfg(target_arch = "x86_64")]
     {
         #[target_feature(enable = "avx2")]
         fn avx2<const GREY: bool, const ISOTROPIC: bool>(
             beams: &[PhotonBeam],
-            group: &Group,
+            packet: &SegmentPacket,
             candidates: &[u32],
-        ) -> GroupRadiance {
-            group.sum::<GREY, ISOTROPIC>(beams, candidates)
+        ) -> PacketRadiance {
+            packet.sum::<GREY, ISOTROPIC>(beams, candidates)
         }
         if std::arch::is_x86_feature_detected!("avx2") {
             // SAFETY: the feature was just detected.
-            return unsafe { avx2::<GREY, ISOTROPIC>(beams, group, candidates) };
+            return unsafe { avx2::<GREY, ISOTROPIC>(beams, packet, candidates) };
         }
     }
-    group.sum::<GREY, ISOTROPIC>(beams, candidates)
+    packet.sum::<GREY, ISOTROPIC>(beams, candidates)
+}
+
+/// Groups of segments, and bounds of each group's lines: lane g of the bounds is group g.
+struct SegmentPacket<'a> {
+    groups: Vec<Group<'a>>,
+    medium_id: u16,
+    /// Middle of the origins and of the directions.
+    origin: [Lanes; 3],
+    dir: [Lanes; 3],
+    /// Half the range of the directions.
+    dir_range: [Lanes; 3],
+    dir_deviation: Lanes,
+    /// Minus infinity in unused lanes, so that nothing comes near them.
+    origin_deviation: Lanes,
+}
+
+impl<'a> SegmentPacket<'a> {
+    fn new(medium: &'a Homogeneous, segments: &'a [CameraSegment], key: u64) -> Self {
+        let mut packet = Self {
+            groups: Vec::with_capacity(LANES),
+            medium_id: segments[0].medium,
+            origin: [[0.0; LANES]; 3],
+            dir: [[0.0; LANES]; 3],
+            dir_range: [[0.0; LANES]; 3],
+            dir_deviation: [0.0; LANES],
+            origin_deviation: [f32::NEG_INFINITY; LANES],
+        };
+        for (g, group) in segments.chunks(LANES).take(LANES).enumerate() {
+            let range = |of: fn(&Ray) -> Vec3| {
+                let bounds = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+                let grow = |(min, max): (Vec3, Vec3), v: Vec3| (min.min(v), max.max(v));
+                let (min, max) = group.iter().map(|s| of(&s.ray)).fold(bounds, grow);
+                (0.5 * (min + max), 0.5 * (max - min))
+            };
+            let (origin, origin_range) = range(|ray| ray.origin);
+            let (dir, dir_range) = range(|ray| ray.dir);
+            for c in 0..3 {
+                packet.origin[c][g] = origin[c];
+                packet.dir[c][g] = dir[c];
+                packet.dir_range[c][g] = dir_range[c];
+            }
+            packet.dir_deviation[g] = dir_range.length();
+            packet.origin_deviation[g] = origin_range.length();
+            packet.groups.push(Group::new(medium, group, key));
+        }
+        packet
+    }
+
+    /// The groups, as bits, with a line that may come within the beam's radius of the beam's line: see
+    /// [`super::store::Packet`] for the same test of all of them.
+    #[inline(always)]
+    fn groups_near(&self, beam: &PhotonBeam) -> u32 {
+        let (p, b) = (beam.origin, beam.dir);
+        let radius = beam.max_radius();
+        let magnitude = p.abs().max_element();
+        let [ox, oy, oz] = &self.origin;
+        let [dx, dy, dz] = &self.dir;
+        let [hx, hy, hz] = &self.dir_range;
+        let mut near = [0u32; LANES];
+        for g in 0..LANES {
+            let (wx, wy, wz) = (p.x - ox[g], p.y - oy[g], p.z - oz[g]);
+            let mx = wy * b.z - wz * b.y;
+            let my = wz * b.x - wx * b.z;
+            let mz = wx * b.y - wy * b.x;
+            let (ax, ay, az) = (mx.abs(), my.abs(), mz.abs());
+            let least = (mx * dx[g] + my * dy[g] + mz * dz[g]).abs()
+                - (ax * hx[g] + ay * hy[g] + az * hz[g]);
+            let nx = dy[g] * b.z - dz[g] * b.y;
+            let ny = dz[g] * b.x - dx[g] * b.z;
+            let nz = dx[g] * b.y - dy[g] * b.x;
+            let sin = (nx * nx + ny * ny + nz * nz).sqrt() + self.dir_deviation[g];
+            let rounding = 1e-6 * (ax + ay + az + magnitude);
+            near[g] = (least <= (radius + self.origin_deviation[g]) * sin + rounding) as u32;
+        }
+        let mut bits = 0;
+        for (g, near) in near.into_iter().enumerate() {
+            bits |= near << g;
+        }
+        bits
+    }
+
+    #[inline(always)]
+    fn sum<const GREY: bool, const ISOTROPIC: bool>(
+        &self,
+        beams: &[PhotonBeam],
+        candidates: &[u32],
+    ) -> PacketRadiance {
+        let mut out = PacketRadiance::default();
+        for &index in candidates {
+            let beam = &beams[index as usize];
+            if beam.medium != self.medium_id {
+                continue;
+            }
+            let mut groups = if self.groups.len() == 1 {
+                1
+            } else {
+                self.groups_near(beam)
+            };
+            while groups != 0 {
+                let g = groups.trailing_zeros() as usize;
+                groups &= groups - 1;
+                let (group, sum) = (&self.groups[g], &mut out.groups[g]);
+                let near = group.add_beam::<GREY, ISOTROPIC>(beam, sum);
+                if near {
+                    group.add_chords(beam, index, sum);
+                }
+            }
+        }
+        out
+    }
 }
 
 type Lanes = [f32; LANES];
@@ -109,7 +239,6 @@ struct Group<'a> {
     /// Zero in unused lanes, so that nothing is found there.
     length: Lanes,
     segments: &'a [CameraSegment],
-    medium_id: u16,
     medium: &'a Homogeneous,
     sigma_t: Rgb,
     lobe: PhaseLobe,
@@ -117,12 +246,7 @@ struct Group<'a> {
 }
 
 impl<'a> Group<'a> {
-    fn new(
-        medium_id: u16,
-        medium: &'a Homogeneous,
-        segments: &'a [CameraSegment],
-        key: u64,
-    ) -> Self {
+    fn new(medium: &'a Homogeneous, segments: &'a [CameraSegment], key: u64) -> Self {
         let lane = |f: &dyn Fn(&CameraSegment) -> f32, unused: f32| {
             let mut lanes = [unused; LANES];
             for (lane, segment) in lanes.iter_mut().zip(segments) {
@@ -135,32 +259,11 @@ impl<'a> Group<'a> {
             dir: [0, 1, 2].map(|c| lane(&|s| s.ray.dir[c], if c == 0 { 1.0 } else { 0.0 })),
             length: lane(&|s| s.length, 0.0),
             segments,
-            medium_id,
             medium,
             sigma_t: medium.sigma_t(),
             lobe: medium.phase.lobe(),
             key,
         }
-    }
-
-    #[inline(always)]
-    fn sum<const GREY: bool, const ISOTROPIC: bool>(
-        &self,
-        beams: &[PhotonBeam],
-        candidates: &[u32],
-    ) -> GroupRadiance {
-        let mut out = GroupRadiance::default();
-        for &index in candidates {
-            let beam = &beams[index as usize];
-            if beam.medium != self.medium_id {
-                continue;
-            }
-            let near = self.add_beam::<GREY, ISOTROPIC>(beam, &mut out);
-            if near {
-                self.add_chords(beam, index, &mut out);
-            }
-        }
-        out
     }
 
     /// Adds one beam by the 1D estimate. True: some lane is nearly parallel to it.

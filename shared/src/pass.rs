@@ -40,7 +40,10 @@ pub fn render_pass(scene: &Scene, plan: &RenderPlan, pass_index: u64) -> PassIma
     stats.beams = photons.beams.len() as u64;
     stats.surface_photons = photons.surface.len() as u64;
     let (beams, surface) = rayon::join(
-        || plan.beams.then(|| BeamMap::new(photons.beams)),
+        || {
+            plan.beams
+                .then(|| BeamMap::new(photons.beams, scene.bounds()))
+        },
         || {
             plan.surface_photons
                 .then(|| SurfacePhotonMap::new(photons.surface))

@@ -7,11 +7,17 @@
 use beamfarm_shared::beam::PhotonBeam;
 use beamfarm_shared::beam::estimate::{CameraSegment, PACKET, gather};
 use beamfarm_shared::beam::store::{BeamMap, Candidates, Packet};
+use beamfarm_shared::light::SceneBounds;
 use beamfarm_shared::math::{Frame, Ray, Rgb, Vec3};
 use beamfarm_shared::medium::Homogeneous;
 use beamfarm_shared::phase::Phase;
 use beamfarm_shared::sampler::{Purpose, Sampler};
 use beamfarm_tests::{MeanEstimate, Suite};
+
+const AROUND: SceneBounds = SceneBounds {
+    center: Vec3::ZERO,
+    radius: 2.0,
+};
 
 fn medium(phase: Phase) -> Homogeneous {
     Homogeneous {
@@ -82,7 +88,7 @@ fn a_wall_of_rays_sees_what_the_beam_scatters() {
     // Significance 1e-3 for the whole suite.
     let mut suite = Suite::new(1e-3);
     let beam = slanted_beam();
-    let map = BeamMap::new(vec![beam]);
+    let map = BeamMap::new(vec![beam], &AROUND);
     for phase in [Phase::Isotropic, Phase::HenyeyGreenstein { g: 0.6 }] {
         let medium = medium(phase);
         for angle in ANGLES {
@@ -176,7 +182,7 @@ fn the_estimate_along_one_ray_is_the_blurred_line() {
         medium: 0,
     };
     let medium = medium(Phase::Isotropic);
-    let map = BeamMap::new(vec![beam]);
+    let map = BeamMap::new(vec![beam], &AROUND);
     for (u, kernel) in [(0.0, 7.5), (0.05, 5.625), (0.0999, 0.015), (0.11, 0.0)] {
         let ray = Ray {
             origin: Vec3::new(0.25, u, -2.0),

@@ -1,6 +1,7 @@
 //! The beams of a pass, laid out for evaluation, under an obvhs hierarchy of boxes around pieces of them.
 
 use super::PhotonBeam;
+use crate::light::SceneBounds;
 use crate::math::{Frame, Ray, Vec3};
 use glam::{BVec3A, Vec3A};
 use obvhs::aabb::Aabb;
@@ -8,7 +9,7 @@ use obvhs::bvh2::{Bvh2, builder::build_bvh2};
 use obvhs::{Boundable, BvhBuildParams};
 use std::time::Duration;
 
-/// Pieces per beam, on average: more make tighter boxes and a larger hierarchy. A beam's estimate is always evaluated
+/// Pieces per beam within the scene, on average: more make tighter boxes and a larger hierarchy. A beam's estimate is always evaluated
 /// once and over its whole length, so this changes nothing but time.
 const PIECES_PER_BEAM: f32 = 3.0;
 
@@ -29,20 +30,33 @@ impl Boundable for Piece {
 }
 
 impl BeamMap {
-    /// Build the map. Deterministic.
-    pub fn new(beams: Vec<PhotonBeam>) -> Self {
-        let total: f64 = beams.iter().map(|b| b.length as f64).sum();
+    /// Build the map. Deterministic. `around`: where the camera and all things are; in fog without end, beams go on far
+    /// beyond, and what is out there needs no small boxes.
+    pub fn new(beams: Vec<PhotonBeam>, around: &SceneBounds) -> Self {
+        let inside: Vec<[f32; 2]> = beams.iter().map(|b| range_within(b, around)).collect();
+        let total: f64 = inside.iter().map(|[s0, s1]| (s1 - s0) as f64).sum();
         let piece_length = (total / (beams.len() as f64 * PIECES_PER_BEAM as f64)) as f32;
         let mut pieces =
             Vec::with_capacity((beams.len() as f32 * (PIECES_PER_BEAM + 1.0)) as usize);
         let mut owners = Vec::with_capacity(pieces.capacity());
-        for (i, beam) in beams.iter().enumerate() {
-            let count = (beam.length / piece_length).ceil().clamp(1.0, 4096.0);
-            let [start, end] = beam.extent;
-            let at = |k: u32| start + (end - start) * (k as f32 / count);
-            for k in 0..count as u32 {
-                pieces.push(Piece(piece_bounds(beam, at(k), at(k + 1))));
+        for (i, (beam, &[s0, s1])) in beams.iter().zip(&inside).enumerate() {
+            let mut add = |from: f32, to: f32| {
+                pieces.push(Piece(piece_bounds(beam, from, to)));
                 owners.push(i as u32);
+            };
+            let [start, end] = beam.extent;
+            if start < s0 {
+                add(start, s0);
+            }
+            if s0 < s1 {
+                let count = ((s1 - s0) / piece_length).ceil().clamp(1.0, 4096.0);
+                let at = |k: u32| s0 + (s1 - s0) * (k as f32 / count);
+                for k in 0..count as u32 {
+                    add(at(k), at(k + 1));
+                }
+            }
+            if s1 < end {
+                add(s1, end);
             }
         }
         let bvh = build_bvh2(
@@ -98,6 +112,19 @@ impl BeamMap {
             .found
             .retain(|&i| packet.comes_near(&beams[i as usize]));
     }
+}
+
+/// The part of a beam's extent within a sphere; of no length when they do not meet.
+fn range_within(beam: &PhotonBeam, sphere: &SceneBounds) -> [f32; 2] {
+    let [start, end] = beam.extent;
+    let offset = beam.origin - sphere.center;
+    let nearest = -offset.dot(beam.dir);
+    let half2 = sphere.radius * sphere.radius - (offset + beam.dir * nearest).length_squared();
+    let half = half2.max(0.0).sqrt();
+    [
+        (nearest - half).clamp(start, end),
+        (nearest + half).clamp(start, end),
+    ]
 }
 
 /// A box around a beam from `s0` to `s1`, kernel included.

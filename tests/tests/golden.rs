@@ -1,0 +1,135 @@
+//! Hashes of small images. They change when the renderer computes something else: then look at the pictures, check the
+//! tests of estimators, and take the new hashes over in a commit that says why. They never change with the machine, the
+//! number of threads, or the build.
+
+use beamfarm_shared::exr::pixel_hash;
+use beamfarm_shared::pass::render_pass;
+use beamfarm_shared::plan::RenderPlan;
+use beamfarm_tests::render::{average, scene};
+
+const FOG: &str = r#"
+[image]
+width = 37
+height = 29
+[render]
+passes = 5
+paths = 700
+seed = 42
+[world]
+medium = "fog"
+[camera]
+origin = [0.1, 0.3, 2.8]
+target = [0.0, 0.0, 0.0]
+fov = 45.0
+aperture = 0.02
+[media.fog]
+type = "homogeneous"
+sigma_a = [0.05, 0.1, 0.2]
+sigma_s = [0.4, 0.3, 0.2]
+phase = { type = "hg", g = 0.6 }
+[media.amber]
+type = "homogeneous"
+sigma_t = [0.5, 1.0, 4.0]
+albedo = 0.8
+[materials.glass]
+type = "dielectric"
+ior = 1.5
+[materials.steel]
+type = "rough_conductor"
+alpha = 0.2
+preset = "chromium"
+[[shapes]]
+type = "cube"
+flip_normals = true
+transform = [{ scale = 3.0 }]
+[[shapes]]
+type = "sphere"
+center = [-0.5, 0.0, 0.0]
+radius = 0.5
+material = "glass"
+interior = "amber"
+[[shapes]]
+type = "disc"
+material = "steel"
+transform = [{ rotate = { axis = [1, 0, 0], angle = -80 } }, { translate = [0.4, -0.6, 0.0] }]
+[[lights]]
+type = "spot"
+position = [-1.0, 2.0, 0.5]
+target = [-0.4, 0.0, 0.0]
+intensity = 20.0
+[[shapes]]
+type = "sphere"
+center = [1.0, 1.0, -0.5]
+radius = 0.1
+emission = { power = [5, 4, 3] }
+"#;
+
+const SURFACES: &str = r#"
+[image]
+width = 40
+height = 24
+[render]
+passes = 5
+paths = 500
+seed = 7
+schedule = "beam"
+[camera]
+origin = [0.0, 1.0, 4.0]
+target = [0.0, 0.3, 0.0]
+fov = 40.0
+[materials.frosted]
+type = "rough_dielectric"
+ior = 1.5
+alpha = 0.15
+[materials.gold]
+type = "conductor"
+preset = "gold"
+[[shapes]]
+type = "rectangle"
+transform = [{ scale = 4.0 }, { rotate = { axis = [1, 0, 0], angle = -90 } }]
+[[shapes]]
+type = "sphere"
+center = [-0.6, 0.5, 0.0]
+radius = 0.5
+material = "frosted"
+[[shapes]]
+type = "sphere"
+center = [0.7, 0.5, 0.0]
+radius = 0.5
+material = "gold"
+[[lights]]
+type = "directional"
+direction = [0.3, -1.0, -0.4]
+irradiance = 2.0
+[[lights]]
+type = "environment"
+radiance = [0.2, 0.3, 0.5]
+"#;
+
+#[test]
+fn hashes_of_small_images() {
+    for (name, toml, expected) in [
+        ("fog", FOG, "FOG_HASH"),
+        ("surfaces", SURFACES, "SURFACES_HASH"),
+    ] {
+        let image = average(&scene(toml));
+        assert_eq!(pixel_hash(&image.beauty), expected, "{name}");
+    }
+}
+
+#[test]
+fn the_number_of_threads_changes_nothing() {
+    for toml in [FOG, SURFACES] {
+        let scene = scene(toml);
+        let plan = RenderPlan::new(&scene, scene.description().defaults.job_settings());
+        let hashes: Vec<String> = [1, 2, 3, 8]
+            .into_iter()
+            .map(|threads| {
+                let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+                let pool = pool.unwrap();
+                pixel_hash(&pool.install(|| render_pass(&scene, &plan, 3)).film)
+            })
+            .collect();
+        assert!(hashes.iter().all(|h| *h == hashes[0]), "{hashes:?}");
+    }
+}

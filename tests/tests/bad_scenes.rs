@@ -184,7 +184,7 @@ fn materials_are_checked() {
 [materials.x] | type = "conductor" | eta = [1, 0, 1] | k = [1, 0, 1]
     4: materials.x.type: eta and k are both 0 in one channel
 [materials.x] | type = "conductor" | preset = "unobtainium"
-    5: materials.x.preset: there is no metal "unobtainium"; expected one of aluminium, chromium, copper, gold, iridium, mercury, nickel, rhodium, silver, tungsten
+    5: materials.x.preset: there is no metal "unobtainium"; expected one of aluminium, beryllium, chromium, copper, gold, iridium, lithium, mercury, molybdenum, nickel, niobium, potassium, rhodium, silver, sodium, tantalum, titanium nitride, tungsten, vanadium
 [materials.x] | type = "null" | two_sided = true
     5: materials.x.two_sided: "null" does not take this field; it takes none
 "#,

@@ -1,7 +1,7 @@
 //! Materials and their names.
 
-use super::{Assets, Problem, asset_problem, metals, required, unknown_name};
-use crate::bsdf::{Material, MaterialKind};
+use super::{Assets, Problem, asset_problem, required, unknown_name};
+use crate::bsdf::{Material, MaterialKind, conductor_names, conductor_preset};
 use crate::math::Rgb;
 use crate::scene::parse::{Fault, MaterialRecord, MaterialType};
 use crate::scene::values::ColorOrImage;
@@ -159,8 +159,8 @@ fn relative_ior(record: &MaterialRecord) -> Result<f32, Fault> {
 
 fn metal(record: &MaterialRecord) -> Result<(Rgb, Rgb), Fault> {
     match (&record.preset, &record.eta, &record.k) {
-        (Some(preset), None, None) => metals::find(preset.get_ref()).ok_or_else(|| {
-            let known = metals::names().collect::<Vec<_>>().join(", ");
+        (Some(preset), None, None) => conductor_preset(preset.get_ref()).ok_or_else(|| {
+            let known = conductor_names().collect::<Vec<_>>().join(", ");
             Fault::new(
                 preset.span(),
                 format!(

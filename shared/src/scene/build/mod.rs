@@ -5,7 +5,6 @@ mod bounds;
 mod light;
 mod material;
 mod medium;
-mod metals;
 mod shape;
 mod view;
 

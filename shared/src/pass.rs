@@ -7,7 +7,6 @@ use crate::film::Film;
 use crate::job::PassStats;
 use crate::math::{Rgb, Vec2};
 use crate::plan::{RenderPlan, Scene};
-use crate::radius::Schedule;
 use crate::sampler::{Purpose, Sampler, mix64};
 use crate::surface::SurfacePhotonMap;
 use crate::transport::CameraTracer;
@@ -29,11 +28,10 @@ const _: () = assert!(TILE_PIXELS <= estimate::PACKET);
 
 /// Render a pass on the current rayon pool. The bits do not depend on the pool.
 pub fn render_pass(scene: &Scene, plan: &RenderPlan, pass_index: u64) -> PassImage {
-    let radius_scale = Schedule::new(&plan.settings).scale(pass_index) as f32;
     let mut stats = PassStats::default();
     let photons = if plan.beams || plan.surface_photons {
         stats.paths = plan.settings.paths_per_pass as u64;
-        trace_photons(scene, plan, pass_index, radius_scale)
+        trace_photons(scene, plan, pass_index)
     } else {
         Photons::default()
     };

@@ -191,17 +191,25 @@ pub struct KernelRadii {
     pub ceiling: f32,
 }
 
-/// Kernel radius over footprint radius: kernels of neighbouring photons overlap.
-const OVERLAP: f32 = 1.5;
+/// Kernel radius over footprint radius: kernels of neighbouring photons overlap, those of surfaces by more, because they
+/// average over fewer photons.
+const BEAM_OVERLAP: f32 = 1.5;
+const SURFACE_OVERLAP: f32 = 3.0;
 /// Floor and ceiling of base radii as fractions of the scene's radius.
 const FLOOR: f32 = 5e-4;
 const CEILING: f32 = 1.6e-2;
 
 impl KernelRadii {
-    /// The base radius for a footprint.
+    /// The base radius of a beam for its footprint.
     #[inline]
-    pub fn of(&self, footprint_radius: f32) -> f32 {
-        (footprint_radius * OVERLAP).clamp(self.floor, self.ceiling)
+    pub fn beam(&self, footprint_radius: f32) -> f32 {
+        (footprint_radius * BEAM_OVERLAP).clamp(self.floor, self.ceiling)
+    }
+
+    /// The base radius of a surface photon for its footprint.
+    #[inline]
+    pub fn surface(&self, footprint_radius: f32) -> f32 {
+        (footprint_radius * SURFACE_OVERLAP).clamp(self.floor, self.ceiling)
     }
 }
 

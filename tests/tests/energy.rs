@@ -55,7 +55,7 @@ fn what_is_emitted_is_absorbed() {
     let absorbed_by_walls = Rgb::ONE - Rgb::new(0.8, 0.5, 0.2);
     let mut total = [(); 3].map(|_| MeanEstimate::new());
     for pass in 0..300 {
-        let photons = trace_photons(&scene, &plan, pass, 1.0);
+        let photons = trace_photons(&scene, &plan, pass);
         assert!(!photons.beams.is_empty() && !photons.surface.is_empty());
         for c in 0..3 {
             let walls: f64 = photons.surface.iter().map(|p| p.power[c] as f64).sum();

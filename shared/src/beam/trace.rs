@@ -12,6 +12,7 @@ use crate::light::EmissionUniforms;
 use crate::math::{Frame, Ray, Rgb, Vec3, mean};
 use crate::medium::{Flight, MediumId};
 use crate::plan::{RenderPlan, Scene};
+use crate::radius::Schedule;
 use crate::sampler::{Purpose, Sampler};
 use crate::surface::{Arrival, SurfacePhoton};
 use rayon::prelude::*;
@@ -34,18 +35,15 @@ pub(crate) const ROULETTE_DEPTH: u32 = 24;
 /// Highest probability of going on beyond [`ROULETTE_DEPTH`].
 pub(crate) const MAX_SURVIVAL: f32 = 0.95;
 
-/// Trace the photon paths of a pass. `radius_scale` is the pass's R_i.
-pub fn trace_photons(
-    scene: &Scene,
-    plan: &RenderPlan,
-    pass_index: u64,
-    radius_scale: f32,
-) -> Photons {
+/// Trace the photon paths of a pass.
+pub fn trace_photons(scene: &Scene, plan: &RenderPlan, pass_index: u64) -> Photons {
+    let schedule = Schedule::new(&plan.settings);
     let paths = plan.settings.paths_per_pass;
     let tracer = Tracer {
         scene,
         plan,
-        radius_scale,
+        radius_scale: schedule.scale(pass_index) as f32,
+        surface_scale: schedule.surface_scale(pass_index) as f32,
         paths: paths as f32,
     };
     let chunks: Vec<Photons> = (0..paths.div_ceil(CHUNK))
@@ -75,6 +73,7 @@ struct Tracer<'a> {
     scene: &'a Scene,
     plan: &'a RenderPlan,
     radius_scale: f32,
+    surface_scale: f32,
     paths: f32,
 }
 
@@ -189,7 +188,7 @@ impl Tracer<'_> {
         let ends_on = hit.filter(|_| length < reach).map(|h| h.ng);
         let length = length.min(reach);
         let scaled =
-            |footprint: Footprint| self.plan.radii.of(footprint.radius()) * self.radius_scale;
+            |footprint: Footprint| self.plan.radii.beam(footprint.radius()) * self.radius_scale;
         let radius = scaled(photon.footprint);
         let radius_end = scaled(photon.footprint.advanced(length));
         let slope = (radius_end - radius) / length;
@@ -236,7 +235,7 @@ impl Tracer<'_> {
                 ng: hit.ng,
                 wi: wo,
                 power: photon.power,
-                radius: self.plan.radii.of(photon.footprint.radius()) * self.radius_scale.sqrt(),
+                radius: self.plan.radii.surface(photon.footprint.radius()) * self.surface_scale,
                 arrival: photon.arrival,
             });
         }

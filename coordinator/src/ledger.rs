@@ -254,7 +254,8 @@ impl Ledger {
         Ok(Accepted::New)
     }
 
-    /// The leased block cannot be rendered. After some attempts the job ends before it.
+    /// The leased block cannot be rendered. After some attempts the job ends before it. A lease fails at most once: what
+    /// is said about one that has ended changes nothing.
     pub fn fail(
         &mut self,
         worker: WorkerId,
@@ -263,6 +264,9 @@ impl Ledger {
         message: &str,
     ) -> Result<(), LedgerError> {
         self.check(worker, lease, block)?;
+        if !self.active.contains(&lease) {
+            return Ok(());
+        }
         self.release(lease);
         let attempts = self.failures.entry(block).or_default();
         *attempts += 1;

@@ -17,6 +17,10 @@ const PROBE_EVERY: Duration = Duration::from_secs(10);
 const PROBE_TIMEOUT: Duration = Duration::from_secs(20);
 /// Calls that one connection may have open. A worker needs about four.
 const CALLS_PER_CONNECTION: u32 = 64;
+/// Bytes that may be on their way to the coordinator, in one delivery and in one connection: at 100 ms of latency these
+/// let 40 MB/s and 160 MB/s through.
+const DELIVERY_WINDOW: u32 = 4 << 20;
+const CONNECTION_WINDOW: u32 = 16 << 20;
 /// Time for workers to hear that the job is over.
 const FAREWELL: Duration = Duration::from_secs(2);
 
@@ -34,6 +38,8 @@ pub async fn run(
         .tcp_nodelay(true)
         .http2_keepalive_interval(Some(PROBE_EVERY))
         .http2_keepalive_timeout(Some(PROBE_TIMEOUT))
+        .initial_stream_window_size(DELIVERY_WINDOW)
+        .initial_connection_window_size(CONNECTION_WINDOW)
         .max_concurrent_streams(CALLS_PER_CONNECTION)
         .add_service(service)
         .serve_with_incoming_shutdown(TcpListenerStream::new(listener), async move {

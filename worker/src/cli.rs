@@ -39,7 +39,7 @@ pub struct WorkerArgs {
     #[arg(long, value_name = "TIME", default_value = "60s", value_parser = humantime::parse_duration)]
     pub patience: Duration,
 
-    /// End when standard input does, and leave signals to the parent process
+    /// End when standard input does, and leave Ctrl-C to the parent process
     #[arg(long, hide = true)]
     pub with_parent: bool,
 }
@@ -111,16 +111,15 @@ pub fn main(args: WorkerArgs) -> ExitCode {
 
 async fn work(args: WorkerArgs) -> Result<Summary, WorkerError> {
     let internal = |error: std::io::Error| WorkerError::Internal(error.to_string());
-    let drain = signals::drain().map_err(internal)?;
-    // With a parent, Ctrl-C in a terminal reaches this process as well: the parent decides what follows.
     let drain = if args.with_parent {
+        signals::ignore_interrupt().map_err(internal)?;
         std::thread::Builder::new()
             .name("parent".into())
             .spawn(exit_with_parent)
             .map_err(internal)?;
         watch::channel(false).1
     } else {
-        drain
+        signals::drain().map_err(internal)?
     };
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let url = match args.connect.contains("://") {

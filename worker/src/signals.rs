@@ -19,6 +19,15 @@ pub fn drain() -> std::io::Result<watch::Receiver<bool>> {
     Ok(receiver)
 }
 
+/// Leave SIGINT to others: in a terminal Ctrl-C reaches a process's children as well, and the parent decides what
+/// follows. To be called inside a tokio runtime.
+pub fn ignore_interrupt() -> std::io::Result<()> {
+    // The handler stays for the life of the process, whether anybody listens or not.
+    #[cfg(unix)]
+    tokio::signal::unix::signal(tokio::signal::unix::SignalKind::interrupt())?;
+    Ok(())
+}
+
 #[cfg(unix)]
 struct Signals {
     interrupt: tokio::signal::unix::Signal,

@@ -9,6 +9,7 @@ use beamfarm_proto::VERSION;
 use beamfarm_shared::exr::{ImageMeta, pixel_hash};
 use beamfarm_shared::merge::Average;
 use beamfarm_worker::signals;
+use std::convert::Infallible;
 use std::future::Future;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -55,7 +56,7 @@ pub async fn conduct(
         if !args.quiet {
             progress::show(farm.clone(), args.time).await;
         }
-        std::future::pending::<()>().await
+        std::future::pending::<Infallible>().await
     };
     let broken = |what: &str, how: String| Stop::Broken(format!("{what}: {how}"));
     let stop = {
@@ -77,7 +78,7 @@ pub async fn conduct(
                 Ok(Err(error)) => broken("the server", error.to_string()),
                 Err(error) => broken("the server", error.to_string()),
             },
-            () = show => unreachable!("shows forever"),
+            never = show => match never {},
         }
     };
     farm.stop();

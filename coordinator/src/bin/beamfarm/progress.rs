@@ -11,6 +11,8 @@ use tokio::time::{Instant, MissedTickBehavior, interval};
 /// Time between redraws of the bar, and between lines.
 const REDRAW: Duration = Duration::from_millis(200);
 const LINE: Duration = Duration::from_secs(5);
+/// Time between lines as long as no pass is completed.
+const WITHOUT_NEWS: Duration = Duration::from_secs(60);
 /// Rates are means over this time.
 const WINDOW: Duration = Duration::from_secs(20);
 /// The error is estimated this often, or less often if that takes more than a twentieth of the time.
@@ -51,6 +53,7 @@ pub async fn show(farm: Arc<Farm>, time: Option<Duration>) {
     ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
     let mut meter = Meter::default();
     let mut error = ErrorEstimate::default();
+    let mut printed: Option<(Duration, u64)> = None;
     loop {
         ticks.tick().await;
         let progress = farm.progress();
@@ -65,8 +68,16 @@ pub async fn show(farm: Arc<Farm>, time: Option<Duration>) {
                 bar.set_position((fraction * 1000.0) as u64);
                 bar.set_message(line);
             }
-            None if elapsed >= LINE => println!("{line}"),
-            None => {}
+            None => {
+                // A server may wait for workers for days.
+                let news = printed.is_none_or(|(then, prefix)| {
+                    prefix != progress.prefix || elapsed - then >= WITHOUT_NEWS
+                });
+                if elapsed >= LINE && news {
+                    println!("{line}");
+                    printed = Some((elapsed, progress.prefix));
+                }
+            }
         }
     }
 }
@@ -189,7 +200,9 @@ impl ErrorEstimate {
     async fn update(&mut self, farm: &Arc<Farm>) -> Option<f64> {
         let now = Instant::now();
         let prefix = farm.progress().prefix;
-        if self.next.is_some_and(|next| now < next) || prefix == self.passes {
+        // One pass tells nothing about the error.
+        let due = self.next.is_none_or(|next| now >= next);
+        if !due || prefix < 2 || prefix == self.passes {
             return self.value;
         }
         let farm = farm.clone();

@@ -182,6 +182,23 @@ fn a_killed_worker_does_not_change_a_bit() {
 }
 
 #[test]
+fn workers_that_keep_dying_end_the_job() {
+    let folder = folder();
+    let mut command = beamfarm(folder.path(), &["render", "scene.toml", "--workers", "1"]);
+    // A pass that takes longer than its workers live.
+    command.args(["--paths", "50000000", "--log", "info"]);
+    let (child, mut log) = spawn(command);
+    for _ in 0..5 {
+        let rest = wait_for(&mut log, "started worker process ");
+        signal("-KILL", rest.split(' ').next().unwrap());
+    }
+    let (output, log) = finish(child, log);
+    assert_eq!(output.status.code(), Some(5), "{log}");
+    assert!(log.contains("5 workers died in a row"), "{log}");
+    assert!(!folder.path().join("scene.exr").exists());
+}
+
+#[test]
 fn an_interrupted_job_writes_what_is_complete() {
     let folder = folder();
     let mut command = beamfarm(folder.path(), &["render", "scene.toml", "--time", "1h"]);

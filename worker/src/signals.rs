@@ -24,7 +24,9 @@ pub fn drain() -> std::io::Result<watch::Receiver<bool>> {
 pub fn ignore_interrupt() -> std::io::Result<()> {
     // The handler stays for the life of the process, whether anybody listens or not.
     #[cfg(unix)]
-    tokio::signal::unix::signal(tokio::signal::unix::SignalKind::interrupt())?;
+    drop(tokio::signal::unix::signal(
+        tokio::signal::unix::SignalKind::interrupt(),
+    )?);
     Ok(())
 }
 

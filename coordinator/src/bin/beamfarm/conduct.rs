@@ -146,7 +146,10 @@ fn summarise(farm: &Farm, average: Option<&Average>, output: &Output, elapsed: D
         println!("pixels {}", pixel_hash(&average.beauty));
     }
     for (count, what) in [
-        (progress.lost_leases, "passes were lost and rendered again"),
+        (
+            progress.lost_leases,
+            "passes were lost and handed out again",
+        ),
         (progress.duplicates, "passes arrived twice, with equal bits"),
         (progress.failures, "attempts at a pass failed"),
         (progress.refused, "deliveries were refused"),

@@ -357,22 +357,23 @@ impl Average {
         }
     }
 
-    /// One number for the noise of the picture: the root mean square of the standard error over the mean magnitude of the
-    /// radiance, both over all pixels and channels.
+    /// One number for the noise of the picture: the root mean square, over all pixels and channels, of the standard error
+    /// relative to the radiance, where radiance below a tenth of the picture's mean magnitude counts as that tenth. A few
+    /// pixels that look into a lamp do not outweigh the rest, nor do black ones.
     ///
     /// Infinite for one pass and for a black picture. Depends on nothing but the bits of the average.
     pub fn relative_standard_error(&self) -> f64 {
-        let (mut squares, mut magnitude) = (0.0f64, 0.0f64);
-        for v in self.standard_error.pixels.iter().flatten() {
-            squares += f64::from(*v) * f64::from(*v);
-        }
-        for v in self.beauty.pixels.iter().flatten() {
-            magnitude += f64::from(v.abs());
-        }
-        if magnitude == 0.0 {
+        let values = || self.beauty.pixels.iter().flatten().map(|v| f64::from(*v));
+        let count = (3 * self.beauty.pixels.len()) as f64;
+        let mean = values().map(f64::abs).sum::<f64>() / count;
+        if mean == 0.0 {
             return f64::INFINITY;
         }
-        let count = (3 * self.beauty.pixels.len()) as f64;
-        (squares / count).sqrt() / (magnitude / count)
+        let errors = self.standard_error.pixels.iter().flatten();
+        let squares = errors.zip(values()).map(|(e, v)| {
+            let relative = f64::from(*e) / v.abs().max(0.1 * mean);
+            relative * relative
+        });
+        (squares.sum::<f64>() / count).sqrt()
     }
 }

@@ -166,8 +166,8 @@ impl<'a> SegmentPacket<'a> {
         packet
     }
 
-    /// The groups, as bits, with a line that may come within the beam's radius of the beam's line: see
-    /// [`super::store::Packet`] for the same test of all of them.
+    /// The groups, as bits, with a line that may come within the beam's radius of the beam's line. Two lines are
+    /// |moment . dir| / |dir x beam.dir| apart, with the moment of the beam around the origin of the other.
     #[inline(always)]
     fn groups_near(&self, beam: &PhotonBeam) -> u32 {
         let (p, b) = (beam.origin, beam.dir);
@@ -211,11 +211,7 @@ impl<'a> SegmentPacket<'a> {
             if beam.medium != self.medium_id {
                 continue;
             }
-            let mut groups = if self.groups.len() == 1 {
-                1
-            } else {
-                self.groups_near(beam)
-            };
+            let mut groups = self.groups_near(beam);
             while groups != 0 {
                 let g = groups.trailing_zeros() as usize;
                 groups &= groups - 1;

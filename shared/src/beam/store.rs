@@ -2,7 +2,7 @@
 
 use super::PhotonBeam;
 use crate::light::SceneBounds;
-use crate::math::{Frame, Ray, Vec3};
+use crate::math::{Ray, Vec3};
 use glam::{BVec3A, Vec3A};
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::{Bvh2, builder::build_bvh2};
@@ -62,7 +62,7 @@ impl BeamMap {
         let bvh = build_bvh2(
             &pieces,
             BvhBuildParams {
-                max_prims_per_leaf: 8,
+                max_prims_per_leaf: 16,
                 ..BvhBuildParams::very_fast_build()
             },
             &mut Duration::default(),
@@ -107,10 +107,6 @@ impl BeamMap {
             }
         }
         scratch.sort_and_deduplicate(self.beams.len());
-        let beams = &self.beams;
-        scratch
-            .found
-            .retain(|&i| packet.comes_near(&beams[i as usize]));
     }
 }
 
@@ -183,24 +179,15 @@ pub struct Packet {
     /// Axes along which the highest direction is positive: there the box's near side bounds the distance from below.
     max_forward: BVec3A,
     t_max: f32,
-    /// The middle of the directions, and two axes across it with the largest deviation along each.
-    center: Ray,
-    axes: [Vec3; 2],
-    deviations: [f32; 2],
-    /// Least component of a direction along the middle.
-    least_along: f32,
-    /// Largest deviation of a direction from the middle, and of an origin.
-    dir_deviation: f32,
-    origin_deviation: f32,
 }
 
 impl Packet {
     /// Bounds of rays, each with its length. At least one.
-    pub fn new(rays: impl Iterator<Item = (Ray, f32)> + Clone) -> Self {
+    pub fn new(rays: impl Iterator<Item = (Ray, f32)>) -> Self {
         let (mut origin_min, mut origin_max) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
         let (mut dir_min, mut dir_max) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
         let mut t_max: f32 = 0.0;
-        for (ray, t) in rays.clone() {
+        for (ray, t) in rays {
             origin_min = origin_min.min(ray.origin);
             origin_max = origin_max.max(ray.origin);
             dir_min = dir_min.min(ray.dir);
@@ -217,29 +204,7 @@ impl Packet {
         };
         let inverse = |d: Vec3| Vec3A::new(inverse(d.x), inverse(d.y), inverse(d.z));
         let (inv_dir_min, inv_dir_max) = (inverse(dir_min), inverse(dir_max));
-        let center = Ray {
-            origin: 0.5 * (origin_min + origin_max),
-            dir: (dir_min + dir_max).normalize_or(Vec3::X),
-        };
-        let frame = Frame::from_normal(center.dir);
-        let axes = [frame.s, frame.t];
-        let mut deviations = [0.0f32; 2];
-        let (mut dir_deviation, mut along) = (0.0f32, 0.0f32);
-        for (ray, _) in rays {
-            let change = ray.dir - center.dir;
-            for (deviation, axis) in deviations.iter_mut().zip(axes) {
-                *deviation = deviation.max(change.dot(axis).abs());
-            }
-            along = along.max(change.dot(center.dir).abs());
-            dir_deviation = dir_deviation.max(change.length());
-        }
         Self {
-            center,
-            least_along: (1.0 - along).max(0.0),
-            axes,
-            deviations,
-            dir_deviation,
-            origin_deviation: 0.5 * (origin_max - origin_min).length(),
             origin_min: origin_min.into(),
             origin_max: origin_max.into(),
             inv_dir_min,
@@ -248,19 +213,6 @@ impl Packet {
             max_forward: inv_dir_max.cmpgt(Vec3A::ZERO),
             t_max,
         }
-    }
-
-    /// Whether the line of any ray may come within a beam's radius of the beam's line. The two lines are
-    /// |moment . dir| / |dir x beam.dir| apart, with the moment of the beam around the ray's origin.
-    #[inline]
-    fn comes_near(&self, beam: &PhotonBeam) -> bool {
-        let moment = (beam.origin - self.center.origin).cross(beam.dir);
-        let least = moment.dot(self.center.dir).abs() * self.least_along
-            - moment.dot(self.axes[0]).abs() * self.deviations[0]
-            - moment.dot(self.axes[1]).abs() * self.deviations[1];
-        let sin = self.center.dir.cross(beam.dir).length() + self.dir_deviation;
-        let rounding = 1e-6 * (moment.abs().max_element() + beam.origin.abs().max_element());
-        least <= (beam.max_radius() + self.origin_deviation) * sin + rounding
     }
 
     /// Whether any ray may meet the box: on every axis, the interval of positions at some common distance t must

@@ -1,5 +1,6 @@
 //! Participating media. One file a kind; heterogeneous kinds have their place beside `homogeneous`.
 
+pub mod bricks;
 mod homogeneous;
 
 pub use homogeneous::{Flight, Homogeneous};

@@ -1,0 +1,342 @@
+//! Samples of a density on a sparse lattice, trilinear between them: bricks of 8 x 8 x 8 cells.
+
+use glam::{DAffine3, DVec3, IVec3, UVec3, Vec3};
+use std::collections::BTreeMap;
+
+/// Cells, and samples of its own, along a brick's side.
+pub const BRICK: usize = 8;
+/// Samples along the side of a stored brick: its own, and the first of the next brick, so that every cell has its
+/// eight corners in one place.
+const SIDE: usize = BRICK + 1;
+const STORED: usize = SIDE * SIDE * SIDE;
+/// Bricks of a lattice, empty ones included: 256 MiB of table.
+const MAX_BRICKS: u64 = 1 << 26;
+/// Largest index of a sample, so that single precision still has a few bits between two of them.
+const MAX_POSITION: i32 = 1 << 20;
+
+/// The 512 samples of a brick.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Core {
+    /// All the same.
+    Constant(f32),
+    /// x fastest: sample (x, y, z) is number x + 8 (y + 8 z).
+    Samples(Box<[f32; BRICK * BRICK * BRICK]>),
+}
+
+/// A density as a file or a recipe gives it, in its own index space: samples at integer positions.
+#[derive(Clone, Debug)]
+pub struct RawDensity {
+    /// By brick: the brick (i, j, k) holds the samples from (8i, 8j, 8k) on. Bricks that are not there are zero.
+    pub cores: BTreeMap<[i32; 3], Core>,
+    /// First and last sample: positions are clamped to the box between them before they are interpolated.
+    pub samples: [IVec3; 2],
+    /// Opposite corners of the box that the medium fills, index space. Outside of it the density is zero.
+    pub domain: [DVec3; 2],
+    /// Index space to the space that the scene places it in.
+    pub to_object: DAffine3,
+}
+
+/// Why samples cannot be used.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum DensityError {
+    /// Nothing there.
+    #[error("it holds no samples")]
+    Empty,
+    /// Too far apart.
+    #[error("it spans {0} bricks of 8 x 8 x 8 samples; at most {MAX_BRICKS} are supported")]
+    TooLarge(u64),
+    /// Positions that single precision cannot tell apart.
+    #[error("it has samples further than {MAX_POSITION} from its index space's origin")]
+    TooFar,
+    /// NaN or infinite.
+    #[error("its sample at {0} is not finite")]
+    NotFinite(IVec3),
+    /// The map to object space has no inverse.
+    #[error("its transform flattens it or is not finite")]
+    Flat,
+}
+
+/// Bricks laid out for look-ups. Positions are in sample space, whose origin is the first sample of the first brick.
+#[derive(Debug)]
+pub struct Bricks {
+    /// Bricks per axis.
+    count: UVec3,
+    /// By brick, x fastest: where its samples begin, in units of stored bricks. Equal bricks of one value are one.
+    table: Vec<u32>,
+    /// Stored bricks, x fastest.
+    values: Vec<f32>,
+    /// By brick: least and largest density within it.
+    ranges: Vec<[f32; 2]>,
+    /// Corners of the box that positions are clamped to.
+    clamp: [Vec3; 2],
+    /// Corners of the box outside of which the density is zero.
+    domain: [Vec3; 2],
+    /// Sample space to object space.
+    to_object: DAffine3,
+}
+
+impl Bricks {
+    /// Lay out samples. Negative ones count as zero: filters that make volumes leave some behind.
+    pub fn new(raw: &RawDensity) -> Result<Self, DensityError> {
+        let finite = |core: &Core| match core {
+            Core::Constant(value) => value.is_finite().then_some(()).ok_or(0),
+            Core::Samples(values) => match values.iter().position(|v| !v.is_finite()) {
+                Some(i) => Err(i as i32),
+                None => Ok(()),
+            },
+        };
+        for (key, core) in &raw.cores {
+            finite(core).map_err(|i| {
+                let brick = IVec3::from(*key) * BRICK as i32;
+                DensityError::NotFinite(brick + IVec3::new(i & 7, i >> 3 & 7, i >> 6))
+            })?;
+        }
+        if !raw.to_object.is_finite() || raw.to_object.matrix3.determinant() == 0.0 {
+            return Err(DensityError::Flat);
+        }
+        let [first, last] = raw.samples;
+        if first.cmpgt(last).any() {
+            return Err(DensityError::Empty);
+        }
+        if first.min_element() < -MAX_POSITION || last.max_element() > MAX_POSITION {
+            return Err(DensityError::TooFar);
+        }
+        let brick_of = |sample: IVec3| -> IVec3 { sample >> 3i32 };
+        let (low, high) = (brick_of(first), brick_of(last));
+        let count = (high.as_i64vec3() - low.as_i64vec3() + 1).as_u64vec3();
+        let total = count.x.saturating_mul(count.y).saturating_mul(count.z);
+        if total > MAX_BRICKS {
+            return Err(DensityError::TooLarge(total));
+        }
+        let origin = low * BRICK as i32;
+        let mut bricks = Self {
+            count: count.as_uvec3(),
+            table: Vec::with_capacity(total as usize),
+            values: Vec::new(),
+            ranges: Vec::with_capacity(total as usize),
+            clamp: raw.samples.map(|s| (s - origin).as_vec3()),
+            domain: raw.domain.map(|p| (p - origin.as_dvec3()).as_vec3()),
+            to_object: raw.to_object * DAffine3::from_translation(origin.as_dvec3()),
+        };
+        let mut constants = BTreeMap::new();
+        let mut buffer = [0.0f32; STORED];
+        for z in low.z..=high.z {
+            for y in low.y..=high.y {
+                for x in low.x..=high.x {
+                    let brick = IVec3::new(x, y, z);
+                    assemble(raw, brick, &mut buffer);
+                    let bounds = |(min, max): (f32, f32), v: &f32| (min.min(*v), max.max(*v));
+                    let (min, max) = buffer.iter().fold((f32::INFINITY, 0.0), bounds);
+                    bricks.ranges.push([min, max]);
+                    let next = (bricks.values.len() / STORED) as u32;
+                    let index = match min == max {
+                        true => *constants.entry(min.to_bits()).or_insert(next),
+                        false => next,
+                    };
+                    if index == next {
+                        bricks.values.extend_from_slice(&buffer);
+                    }
+                    bricks.table.push(index);
+                }
+            }
+        }
+        Ok(bricks)
+    }
+
+    /// Bricks per axis.
+    pub fn count(&self) -> UVec3 {
+        self.count
+    }
+
+    /// Least and largest density within a brick.
+    pub fn range(&self, brick: UVec3) -> [f32; 2] {
+        self.ranges[(brick.x + self.count.x * (brick.y + self.count.y * brick.z)) as usize]
+    }
+
+    /// The box outside of which the density is zero, sample space.
+    pub fn domain(&self) -> [Vec3; 2] {
+        self.domain
+    }
+
+    /// Sample space to object space.
+    pub fn to_object(&self) -> DAffine3 {
+        self.to_object
+    }
+
+    /// Bytes in memory.
+    pub fn bytes(&self) -> usize {
+        4 * (self.table.len() + self.values.len() + 2 * self.ranges.len())
+    }
+
+    /// Density at a position, sample space.
+    #[inline(always)]
+    pub fn density(&self, position: Vec3) -> f32 {
+        let [low, high] = self.domain;
+        let inside = (position.x >= low.x)
+            & (position.y >= low.y)
+            & (position.z >= low.z)
+            & (position.x <= high.x)
+            & (position.y <= high.y)
+            & (position.z <= high.z);
+        if inside {
+            self.interpolate(position)
+        } else {
+            0.0
+        }
+    }
+
+    /// Density at a position within the domain.
+    #[inline(always)]
+    fn interpolate(&self, position: Vec3) -> f32 {
+        // Clamped positions are not negative, so truncation is the floor, and the last of them are in the last brick.
+        let p = position.max(self.clamp[0]).min(self.clamp[1]);
+        let (x, y, z) = (p.x as u32, p.y as u32, p.z as u32);
+        let (fx, fy, fz) = (p.x - x as f32, p.y - y as f32, p.z - z as f32);
+        let brick = (x >> 3) + self.count.x * ((y >> 3) + self.count.y * (z >> 3));
+        let stored = self.table[brick as usize] as usize * STORED;
+        let corner = ((x & 7) + SIDE as u32 * ((y & 7) + SIDE as u32 * (z & 7))) as usize;
+        const FARTHEST: usize = 1 + SIDE + SIDE * SIDE;
+        let v = &self.values[stored + corner..stored + corner + FARTHEST + 1];
+        let edge = |i: usize| v[i] + (v[i + 1] - v[i]) * fx;
+        let face = |i: usize| {
+            let (a, b) = (edge(i), edge(i + SIDE));
+            a + (b - a) * fy
+        };
+        let (a, b) = (face(0), face(SIDE * SIDE));
+        a + (b - a) * fz
+    }
+}
+
+/// A brick with its share of the next bricks. Samples beyond the last one repeat it: they are never given weight.
+fn assemble(raw: &RawDensity, brick: IVec3, buffer: &mut [f32; STORED]) {
+    let last = raw.samples[1];
+    let neighbours: [Option<&Core>; 8] = std::array::from_fn(|i| {
+        let i = i as i32;
+        let at = brick + IVec3::new(i & 1, i >> 1 & 1, i >> 2);
+        raw.cores.get(&at.to_array())
+    });
+    if neighbours.iter().all(Option::is_none) {
+        buffer.fill(0.0);
+        return;
+    }
+    let mut out = buffer.iter_mut();
+    for z in 0..SIDE as i32 {
+        for y in 0..SIDE as i32 {
+            for x in 0..SIDE as i32 {
+                let at =
+                    (brick * BRICK as i32 + IVec3::new(x, y, z)).min(last) - brick * BRICK as i32;
+                let neighbour = (at.x >> 3 | (at.y >> 3) << 1 | (at.z >> 3) << 2) as usize;
+                let value = match neighbours[neighbour] {
+                    None => 0.0,
+                    Some(Core::Constant(value)) => *value,
+                    Some(Core::Samples(values)) => {
+                        values[((at.x & 7) + 8 * ((at.y & 7) + 8 * (at.z & 7))) as usize]
+                    }
+                };
+                if let Some(out) = out.next() {
+                    *out = value.max(0.0);
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sampler::{Purpose, Sampler};
+
+    fn value(x: i32, y: i32, z: i32) -> f32 {
+        ((x * 7 + y * 13 + z * 29) % 17).abs() as f32 * 0.25
+    }
+
+    fn dense(samples: [IVec3; 2]) -> RawDensity {
+        let mut cores = BTreeMap::new();
+        let (low, high) = (samples[0] >> 3i32, samples[1] >> 3i32);
+        for z in low.z..=high.z {
+            for y in low.y..=high.y {
+                for x in low.x..=high.x {
+                    let core = std::array::from_fn(|i| {
+                        let i = i as i32;
+                        value(x * 8 + (i & 7), y * 8 + (i >> 3 & 7), z * 8 + (i >> 6))
+                    });
+                    cores.insert([x, y, z], Core::Samples(Box::new(core)));
+                }
+            }
+        }
+        RawDensity {
+            cores,
+            samples,
+            domain: [samples[0].as_dvec3() - 0.5, samples[1].as_dvec3() + 0.5],
+            to_object: DAffine3::IDENTITY,
+        }
+    }
+
+    #[test]
+    fn positions_are_interpolated_between_eight_samples() {
+        let samples = [IVec3::new(-5, 2, -17), IVec3::new(13, 9, 4)];
+        let bricks = Bricks::new(&dense(samples)).unwrap();
+        let [low, high] = bricks.domain();
+        let origin = ((samples[0] >> 3i32) * 8).as_vec3();
+        let mut sampler = Sampler::new(1, 0, Purpose::Test, 0);
+        for _ in 0..20_000 {
+            let u = Vec3::new(sampler.next_1d(), sampler.next_1d(), sampler.next_1d());
+            let p = low + (high - low) * u;
+            let q = (p + origin)
+                .max(samples[0].as_vec3())
+                .min(samples[1].as_vec3());
+            let cell = q.floor().as_ivec3();
+            let f = q - q.floor();
+            let mut expected = 0.0;
+            for i in 0..8 {
+                let at = |a: i32, f: f32| if a == 1 { f } else { 1.0 - f };
+                let (a, b, c) = (i & 1, i >> 1 & 1, i >> 2);
+                let weight = at(a, f.x) * at(b, f.y) * at(c, f.z);
+                expected += weight * value(cell.x + a, cell.y + b, cell.z + c);
+            }
+            let got = bricks.density(p);
+            assert!((got - expected).abs() < 1e-4, "{got} not {expected} at {p}");
+            let brick = (p.max(Vec3::ZERO) / 8.0).as_uvec3().min(bricks.count() - 1);
+            let [min, max] = bricks.range(brick);
+            assert!(
+                got >= min - 1e-5 && got <= max + 1e-5,
+                "{got} outside {min}..{max}"
+            );
+            assert_eq!(bricks.density(high + 0.01), 0.0);
+        }
+    }
+
+    #[test]
+    fn bricks_of_one_value_are_stored_once() {
+        let mut raw =
+            dense([IVec3::ZERO, IVec3::new(799, 799, 799)].map(|p| p.min(IVec3::splat(7))));
+        raw.samples[1] = IVec3::splat(799);
+        raw.domain[1] = DVec3::splat(799.0);
+        raw.cores.clear();
+        raw.cores.insert([3, 4, 5], Core::Constant(2.0));
+        let bricks = Bricks::new(&raw).unwrap();
+        assert!(bricks.bytes() < 13_000_000, "{}", bricks.bytes());
+        assert_eq!(bricks.density(Vec3::new(27.5, 36.5, 45.5)), 2.0);
+        assert_eq!(bricks.density(Vec3::new(500.0, 36.5, 45.5)), 0.0);
+    }
+
+    #[test]
+    fn unusable_samples_are_refused() {
+        let sound = dense([IVec3::ZERO, IVec3::splat(9)]);
+        let mut raw = sound.clone();
+        raw.samples[1] = IVec3::splat(-1);
+        assert_eq!(Bricks::new(&raw).unwrap_err(), DensityError::Empty);
+        raw.samples = [IVec3::splat(-900_000), IVec3::splat(900_000)];
+        assert!(matches!(Bricks::new(&raw), Err(DensityError::TooLarge(_))));
+        raw.samples = [IVec3::MIN, IVec3::MAX];
+        assert_eq!(Bricks::new(&raw).unwrap_err(), DensityError::TooFar);
+        let mut raw = sound.clone();
+        raw.cores.insert([1, 0, 0], Core::Constant(f32::NAN));
+        let place = DensityError::NotFinite(IVec3::new(8, 0, 0));
+        assert_eq!(Bricks::new(&raw).unwrap_err(), place);
+        let mut raw = sound;
+        raw.to_object.matrix3.z_axis = DVec3::ZERO;
+        assert_eq!(Bricks::new(&raw).unwrap_err(), DensityError::Flat);
+    }
+}

@@ -1,6 +1,6 @@
 //! One pass: a pure function of the scene, the plan and the pass index.
 
-use crate::beam::estimate::{self, CameraSegment, LANES};
+use crate::beam::estimate::{self, CameraSegments, LANES};
 use crate::beam::store::{BeamMap, Candidates, Packet};
 use crate::beam::trace::{Photons, trace_photons};
 use crate::film::Film;
@@ -40,7 +40,7 @@ pub fn render_pass(scene: &Scene, plan: &RenderPlan, pass_index: u64) -> PassIma
     let (beams, surface) = rayon::join(
         || {
             plan.beams
-                .then(|| BeamMap::new(photons.beams, scene.bounds()))
+                .then(|| BeamMap::new(photons.beams, photons.steps, scene.bounds()))
         },
         || {
             plan.surface_photons
@@ -73,7 +73,7 @@ struct CameraPass<'a> {
 /// What a thread keeps from tile to tile.
 #[derive(Default)]
 struct Scratch {
-    segments: Vec<CameraSegment>,
+    camera: CameraSegments,
     candidates: Candidates,
 }
 
@@ -108,7 +108,7 @@ impl CameraPass<'_> {
         let scene = self.tracer.scene;
         let camera = &scene.description().camera;
         let mut radiance = [Rgb::ZERO; TILE_PIXELS];
-        scratch.segments.clear();
+        scratch.camera.clear();
         for (i, value) in radiance.iter_mut().enumerate() {
             let (x, y) = tile_pixel(i as u32);
             let (x, y) = (x0 + x, y0 + y);
@@ -120,7 +120,7 @@ impl CameraPass<'_> {
             let mut sampler = Sampler::new(seed, self.pass_index, Purpose::Camera, chunk);
             let image = Vec2::new(x as f32, y as f32) + sampler.next_2d();
             let ray = camera.ray(image, sampler.next_2d());
-            let segments = &mut scratch.segments;
+            let segments = &mut scratch.camera;
             *value = self.tracer.trace(ray, i as u16, &mut sampler, segments);
         }
         let evaluations = match self.beams {
@@ -140,10 +140,8 @@ impl CameraPass<'_> {
         scratch: &mut Scratch,
         radiance: &mut [Rgb; TILE_PIXELS],
     ) -> u64 {
-        let Scratch {
-            segments,
-            candidates,
-        } = scratch;
+        let Scratch { camera, candidates } = scratch;
+        let CameraSegments { segments, steps } = camera;
         let mut evaluations = 0;
         // Stable: within a run, in the order of pixels.
         segments.sort_by_key(|s| (s.medium, s.straight.unwrap_or(u16::MAX)));
@@ -158,7 +156,7 @@ impl CameraPass<'_> {
                 let bounds = Packet::new(packet.iter().map(|s| (s.ray, s.length)));
                 beams.candidates(&bounds, candidates);
                 let medium = &self.tracer.scene.media()[packet[0].medium as usize];
-                let sum = estimate::gather(beams, medium, packet, &candidates.found, key);
+                let sum = estimate::gather(beams, medium, packet, steps, &candidates.found, key);
                 evaluations += sum.evaluations();
                 for (i, segment) in packet.iter().enumerate() {
                     radiance[segment.pixel as usize] += segment.beta * sum.of(i);

@@ -5,7 +5,8 @@ use crate::geometry::{Geometry, Object, SurfaceHit, clearance};
 use crate::job::{JobSettings, ScheduleKind};
 use crate::light::{Light, LightKind, LightSelector, SceneBounds};
 use crate::math::{Ray, Rgb, Vec3};
-use crate::medium::{Homogeneous, MediumId};
+use crate::medium::{Medium, MediumId};
+use crate::sampler::Sampler;
 use crate::scene::SceneDescription;
 use std::fmt;
 
@@ -85,7 +86,7 @@ impl Scene {
     pub(crate) fn lights(&self) -> &[Light] {
         &self.description.lights
     }
-    pub(crate) fn media(&self) -> &[Homogeneous] {
+    pub(crate) fn media(&self) -> &[Medium] {
         &self.description.media
     }
     pub(crate) fn bounds(&self) -> &SceneBounds {
@@ -112,11 +113,17 @@ impl Scene {
         }
     }
 
-    /// Transmittance of a medium over a distance.
+    /// Transmittance of a medium along a ray over a distance.
     #[inline]
-    pub(crate) fn transmittance(&self, medium: MediumId, distance: f32) -> Rgb {
+    pub(crate) fn transmittance(
+        &self,
+        medium: MediumId,
+        ray: &Ray,
+        distance: f32,
+        sampler: &mut Sampler,
+    ) -> Rgb {
         match medium {
-            Some(id) => self.media()[id as usize].transmittance(distance),
+            Some(id) => self.media()[id as usize].transmittance(ray, distance, sampler),
             None => Rgb::ONE,
         }
     }
@@ -262,6 +269,14 @@ impl RenderPlan {
             if yes { if_yes } else { if_no.to_owned() }
         };
         let lens = description.camera.aperture > 0.0;
+        let mut tracked = Vec::new();
+        for medium in &description.media {
+            if let Medium::Heterogeneous(medium) = medium {
+                let samples = medium.bricks().count() * 8;
+                tracked.push(format!("{} in up to {samples} samples", medium.estimator));
+            }
+        }
+        let closed = description.media.len() - tracked.len();
         let explanation = vec![
             (
                 "photon paths",
@@ -287,11 +302,20 @@ impl RenderPlan {
             ),
             (
                 "transmittance in closed form",
-                !description.media.is_empty(),
+                closed > 0,
                 because(
-                    !description.media.is_empty(),
-                    "every medium is homogeneous".into(),
-                    "vacuum everywhere",
+                    closed > 0,
+                    format!("{closed} homogeneous medium/media"),
+                    "no homogeneous medium",
+                ),
+            ),
+            (
+                "transmittance by random walks",
+                !tracked.is_empty(),
+                because(
+                    !tracked.is_empty(),
+                    tracked.join("; "),
+                    "no heterogeneous medium",
                 ),
             ),
             (

@@ -16,7 +16,7 @@
 //! The last vertex before x decides, so every path is counted once. The BSDF sample of the direct light and the gather
 //! ray are one ray.
 
-use crate::beam::estimate::CameraSegment;
+use crate::beam::estimate::{CameraSegment, CameraSegments};
 use crate::beam::trace::{MAX_SURVIVAL, ROULETTE_DEPTH};
 use crate::bsdf::{Bsdf, TransportMode};
 use crate::geometry::SurfaceHit;
@@ -64,7 +64,7 @@ impl CameraTracer<'_> {
         ray: Ray,
         pixel: u16,
         sampler: &mut Sampler,
-        segments: &mut Vec<CameraSegment>,
+        out: &mut CameraSegments,
     ) -> Rgb {
         let scene = self.scene;
         let mut ray = ray;
@@ -81,16 +81,21 @@ impl CameraTracer<'_> {
                 let length = hit.as_ref().map_or(f32::INFINITY, |h| h.t);
                 let properties = &scene.media()[id as usize];
                 if properties.scatters() {
-                    segments.push(CameraSegment {
+                    let (stretch, transmittance) =
+                        properties.stretch(&ray, length, sampler, &mut out.steps);
+                    out.segments.extend(stretch.map(|stretch| CameraSegment {
                         ray,
-                        length: length.min(properties.reach()),
+                        length: stretch.range[1],
                         beta,
                         medium: id,
                         pixel,
                         straight,
-                    });
+                        steps: stretch.steps,
+                    }));
+                    beta *= transmittance;
+                } else {
+                    beta *= properties.transmittance(&ray, length, sampler);
                 }
-                beta *= properties.transmittance(length);
             }
             let Some(hit) = hit else {
                 return radiance + beta * scene.environment_radiance(ray.dir);
@@ -188,7 +193,8 @@ impl CameraTracer<'_> {
         let medium = x.medium_towards(scene, direct.wi);
         // A little short of the light: ones that could hide themselves are looked for as well.
         let length = direct.distance * (1.0 - 1e-4);
-        match self.transmittance(ray, length, medium, scene.unshadowing[choice.light]) {
+        let unshadowing = scene.unshadowing[choice.light];
+        match self.transmittance(ray, length, medium, unshadowing, sampler) {
             Some(tr) => f * direct.weight * tr * (wi.z.abs() * weight / choice.pmf),
             None => Rgb::ZERO,
         }
@@ -208,7 +214,8 @@ impl CameraTracer<'_> {
         if sample.wi.z * x.hit.ng.dot(wi) <= 0.0 {
             return Rgb::ZERO;
         }
-        let arrived = self.go_straight(x.hit.spawn_ray(wi), x.medium_towards(scene, wi));
+        let medium = x.medium_towards(scene, wi);
+        let arrived = self.go_straight(x.hit.spawn_ray(wi), medium, sampler);
         let throughput = sample.weight * arrived.transmittance;
         if throughput == Rgb::ZERO {
             return Rgb::ZERO;
@@ -288,6 +295,7 @@ impl CameraTracer<'_> {
         length: f32,
         medium: MediumId,
         light: Option<u32>,
+        sampler: &mut Sampler,
     ) -> Option<Rgb> {
         let scene = self.scene;
         let is_null = |object: u32| scene.null_objects[object as usize];
@@ -299,23 +307,23 @@ impl CameraTracer<'_> {
             return None;
         }
         if !scene.has_null || scene.media().is_empty() {
-            return Some(scene.transmittance(medium, length));
+            return Some(scene.transmittance(medium, &ray, length, sampler));
         }
         let (mut ray, mut left, mut medium, mut transmittance) = (ray, length, medium, Rgb::ONE);
         let geometry = &scene.geometry;
         while let Some(hit) =
             geometry.intersect(scene.objects(), &ray, left, |object| !is_null(object))
         {
-            transmittance *= scene.transmittance(medium, hit.t);
+            transmittance *= scene.transmittance(medium, &ray, hit.t, sampler);
             medium = scene.medium_beyond(&hit, ray.dir, medium);
             ray = hit.spawn_ray(ray.dir);
             left -= hit.t;
         }
-        Some(transmittance * scene.transmittance(medium, left))
+        Some(transmittance * scene.transmittance(medium, &ray, left, sampler))
     }
 
     /// Follow a ray through boundaries of media to the next surface.
-    fn go_straight(&self, ray: Ray, medium: MediumId) -> Arrived {
+    fn go_straight(&self, ray: Ray, medium: MediumId, sampler: &mut Sampler) -> Arrived {
         let scene = self.scene;
         let mut ray = ray;
         let mut arrived = Arrived {
@@ -329,7 +337,7 @@ impl CameraTracer<'_> {
                 .geometry
                 .intersect(scene.objects(), &ray, f32::INFINITY, |_| false);
             let length = hit.as_ref().map_or(f32::INFINITY, |h| h.t);
-            arrived.transmittance *= scene.transmittance(arrived.medium, length);
+            arrived.transmittance *= scene.transmittance(arrived.medium, &ray, length, sampler);
             arrived.distance += length;
             match hit {
                 Some(hit) if scene.material(&hit).is_null() => {

@@ -9,7 +9,8 @@ use beamfarm_shared::beam::estimate::{CameraSegment, PACKET, gather};
 use beamfarm_shared::beam::store::{BeamMap, Candidates, Packet};
 use beamfarm_shared::light::SceneBounds;
 use beamfarm_shared::math::{Frame, Ray, Rgb, Vec3};
-use beamfarm_shared::medium::Homogeneous;
+use beamfarm_shared::medium::transmittance::StepFunctions;
+use beamfarm_shared::medium::{Homogeneous, Medium};
 use beamfarm_shared::phase::Phase;
 use beamfarm_shared::sampler::{Purpose, Sampler};
 use beamfarm_tests::{MeanEstimate, Suite};
@@ -19,12 +20,12 @@ const AROUND: SceneBounds = SceneBounds {
     radius: 2.0,
 };
 
-fn medium(phase: Phase) -> Homogeneous {
-    Homogeneous {
+fn medium(phase: Phase) -> Medium {
+    Medium::Homogeneous(Homogeneous {
         sigma_a: Rgb::new(0.1, 0.0, 0.3),
         sigma_s: Rgb::new(0.4, 0.2, 0.05),
         phase,
-    }
+    })
 }
 
 fn slanted_beam() -> PhotonBeam {
@@ -37,11 +38,12 @@ fn slanted_beam() -> PhotonBeam {
         radius: 0.02,
         radius_slope: 0.015,
         medium: 0,
+        steps: 0,
     }
 }
 
 /// Radiance along rays, by way of the map: what a pass does.
-fn radiance(map: &BeamMap, medium: &Homogeneous, rays: &[Ray], length: f32, key: u64) -> Vec<Rgb> {
+fn radiance(map: &BeamMap, medium: &Medium, rays: &[Ray], length: f32, key: u64) -> Vec<Rgb> {
     let segments: Vec<CameraSegment> = rays
         .iter()
         .enumerate()
@@ -50,16 +52,18 @@ fn radiance(map: &BeamMap, medium: &Homogeneous, rays: &[Ray], length: f32, key:
             length,
             beta: Rgb::ONE,
             medium: 0,
+            steps: 0,
             pixel: i as u16,
             straight: Some(0),
         })
         .collect();
+    let steps = StepFunctions::default();
     let mut found = Candidates::default();
     map.candidates(&Packet::new(rays.iter().map(|&r| (r, length))), &mut found);
     segments
         .chunks(PACKET)
         .flat_map(|packet| {
-            let sum = gather(map, medium, packet, &found.found, key);
+            let sum = gather(map, medium, packet, &steps, &found.found, key);
             (0..packet.len()).map(move |i| sum.of(i))
         })
         .collect()
@@ -88,7 +92,7 @@ fn a_wall_of_rays_sees_what_the_beam_scatters() {
     // Significance 1e-3 for the whole suite.
     let mut suite = Suite::new(1e-3);
     let beam = slanted_beam();
-    let map = BeamMap::new(vec![beam], &AROUND);
+    let map = BeamMap::new(vec![beam], StepFunctions::default(), &AROUND);
     for phase in [Phase::Isotropic, Phase::HenyeyGreenstein { g: 0.6 }] {
         let medium = medium(phase);
         for angle in ANGLES {
@@ -105,7 +109,7 @@ fn a_wall_of_rays_sees_what_the_beam_scatters() {
 fn wall(
     map: &BeamMap,
     beam: &PhotonBeam,
-    medium: &Homogeneous,
+    medium: &Medium,
     angle: f64,
 ) -> ([MeanEstimate; 3], [f64; 3]) {
     const ROUNDS: u64 = 600;
@@ -149,7 +153,7 @@ fn wall(
     }
 
     let cos = beam.dir.dot(dir) as f64;
-    let phase = medium.phase.eval_directions(beam.dir, -dir) as f64;
+    let phase = medium.phase().eval_directions(beam.dir, -dir) as f64;
     let expected = [0, 1, 2].map(|c| {
         let sigma_t = medium.sigma_t()[c] as f64;
         let n = 20_000;
@@ -162,7 +166,7 @@ fn wall(
         sum / n as f64
             * beam.length as f64
             * phase
-            * medium.sigma_s[c] as f64
+            * medium.sigma_s()[c] as f64
             * beam.power[c] as f64
     });
     (estimate, expected)
@@ -180,9 +184,10 @@ fn the_estimate_along_one_ray_is_the_blurred_line() {
         radius: 0.1,
         radius_slope: 0.0,
         medium: 0,
+        steps: 0,
     };
     let medium = medium(Phase::Isotropic);
-    let map = BeamMap::new(vec![beam], &AROUND);
+    let map = BeamMap::new(vec![beam], StepFunctions::default(), &AROUND);
     for (u, kernel) in [(0.0, 7.5), (0.05, 5.625), (0.0999, 0.015), (0.11, 0.0)] {
         let ray = Ray {
             origin: Vec3::new(0.25, u, -2.0),
@@ -190,7 +195,7 @@ fn the_estimate_along_one_ray_is_the_blurred_line() {
         };
         let got = radiance(&map, &medium, &[ray], 4.0, 0)[0];
         for c in 0..3 {
-            let (sigma_t, sigma_s) = (medium.sigma_t()[c] as f64, medium.sigma_s[c] as f64);
+            let (sigma_t, sigma_s) = (medium.sigma_t()[c] as f64, medium.sigma_s()[c] as f64);
             let expected =
                 kernel * sigma_s / (4.0 * std::f64::consts::PI) * libm::exp(-sigma_t * 3.25);
             let tolerance = 1e-5 * expected + 1e-4 * sigma_s;

@@ -13,7 +13,9 @@
 use super::PhotonBeam;
 use super::store::BeamMap;
 use crate::math::{PI, Ray, Rgb, Vec3, exp_neg, exp_rgb_neg};
-use crate::medium::Homogeneous;
+use crate::medium::Medium;
+use crate::medium::bricks::Bricks;
+use crate::medium::transmittance::{StepFunction, StepFunctions};
 use crate::phase::{Phase, PhaseLobe};
 use crate::sampler::mix64;
 
@@ -43,6 +45,25 @@ pub struct CameraSegment {
     /// How many boundaries of media the path crossed straight on before this segment; `None`: it was reflected or
     /// refracted, so that neighbouring pixels' segments need not be near.
     pub straight: Option<u16>,
+    /// Number of the segment's transmittance among the [`CameraSegments`]' functions, in a heterogeneous medium.
+    pub steps: u32,
+}
+
+/// Segments of camera paths, and what is known along them.
+#[derive(Clone, Debug, Default)]
+pub struct CameraSegments {
+    /// The segments.
+    pub segments: Vec<CameraSegment>,
+    /// Transmittance along those in heterogeneous media.
+    pub steps: StepFunctions,
+}
+
+impl CameraSegments {
+    /// Forget all of them.
+    pub fn clear(&mut self) {
+        self.segments.clear();
+        self.steps.clear();
+    }
 }
 
 /// Segments that may be given to [`gather`] at once: neighbours, so that most beams matter to few of them or to all.
@@ -76,28 +97,37 @@ impl PacketRadiance {
 }
 
 /// Sums the beams' radiance along up to [`PACKET`] segments in one medium, in the order of `candidates`, which are indices
-/// into the map's beams. `key` addresses the random numbers of chords.
+/// into the map's beams. `steps`: transmittance along the segments, in a heterogeneous medium. `key` addresses the random
+/// numbers of chords.
 pub fn gather(
     map: &BeamMap,
-    medium: &Homogeneous,
+    medium: &Medium,
     segments: &[CameraSegment],
+    steps: &StepFunctions,
     candidates: &[u32],
     key: u64,
 ) -> PacketRadiance {
-    let packet = SegmentPacket::new(medium, segments, key);
+    let packet = SegmentPacket::new(medium, map.steps(), segments, steps, key);
     let sigma_t = medium.sigma_t();
     let grey = sigma_t.x == sigma_t.y && sigma_t.y == sigma_t.z;
-    match (grey, medium.phase == Phase::Isotropic) {
-        (true, true) => dispatch::<true, true>(map.beams(), &packet, candidates),
-        (true, false) => dispatch::<true, false>(map.beams(), &packet, candidates),
-        (false, true) => dispatch::<false, true>(map.beams(), &packet, candidates),
-        (false, false) => dispatch::<false, false>(map.beams(), &packet, candidates),
-    }
+    let isotropic = medium.phase() == Phase::Isotropic;
+    let varying = matches!(medium, Medium::Heterogeneous(_));
+    let sum = match (grey, isotropic, varying) {
+        (true, true, false) => dispatch::<true, true, false>,
+        (true, false, false) => dispatch::<true, false, false>,
+        (false, true, false) => dispatch::<false, true, false>,
+        (false, false, false) => dispatch::<false, false, false>,
+        (true, true, true) => dispatch::<true, true, true>,
+        (true, false, true) => dispatch::<true, false, true>,
+        (false, true, true) => dispatch::<false, true, true>,
+        (false, false, true) => dispatch::<false, false, true>,
+    };
+    sum(map.beams(), &packet, candidates)
 }
 
 /// The same code at the widest vectors that the machine has. Only the number of lanes per instruction differs: no
 /// operation is fused or reordered, so the bits are the same.
-fn dispatch<const GREY: bool, const ISOTROPIC: bool>(
+fn dispatch<const GREY: bool, const ISOTROPIC: bool, const VARYING: bool>(
     beams: &[PhotonBeam],
     packet: &SegmentPacket,
     candidates: &[u32],
@@ -105,19 +135,19 @@ fn dispatch<const GREY: bool, const ISOTROPIC: bool>(
     #[cfg(target_arch = "x86_64")]
     {
         #[target_feature(enable = "avx2")]
-        fn avx2<const GREY: bool, const ISOTROPIC: bool>(
+        fn avx2<const GREY: bool, const ISOTROPIC: bool, const VARYING: bool>(
             beams: &[PhotonBeam],
             packet: &SegmentPacket,
             candidates: &[u32],
         ) -> PacketRadiance {
-            packet.sum::<GREY, ISOTROPIC>(beams, candidates)
+            packet.sum::<GREY, ISOTROPIC, VARYING>(beams, candidates)
         }
         if std::arch::is_x86_feature_detected!("avx2") {
             // SAFETY: the feature was just detected.
-            return unsafe { avx2::<GREY, ISOTROPIC>(beams, packet, candidates) };
+            return unsafe { avx2::<GREY, ISOTROPIC, VARYING>(beams, packet, candidates) };
         }
     }
-    packet.sum::<GREY, ISOTROPIC>(beams, candidates)
+    packet.sum::<GREY, ISOTROPIC, VARYING>(beams, candidates)
 }
 
 /// Groups of segments, and bounds of each group's lines: lane g of the bounds is group g.
@@ -135,7 +165,13 @@ struct SegmentPacket<'a> {
 }
 
 impl<'a> SegmentPacket<'a> {
-    fn new(medium: &'a Homogeneous, segments: &'a [CameraSegment], key: u64) -> Self {
+    fn new(
+        medium: &'a Medium,
+        beam_steps: &'a StepFunctions,
+        segments: &'a [CameraSegment],
+        steps: &'a StepFunctions,
+        key: u64,
+    ) -> Self {
         let mut packet = Self {
             groups: Vec::with_capacity(LANES),
             medium_id: segments[0].medium,
@@ -161,7 +197,9 @@ impl<'a> SegmentPacket<'a> {
             }
             packet.dir_deviation[g] = dir_range.length();
             packet.origin_deviation[g] = origin_range.length();
-            packet.groups.push(Group::new(medium, group, key));
+            packet
+                .groups
+                .push(Group::new(medium, beam_steps, group, steps, key));
         }
         packet
     }
@@ -200,7 +238,7 @@ impl<'a> SegmentPacket<'a> {
     }
 
     #[inline(always)]
-    fn sum<const GREY: bool, const ISOTROPIC: bool>(
+    fn sum<const GREY: bool, const ISOTROPIC: bool, const VARYING: bool>(
         &self,
         beams: &[PhotonBeam],
         candidates: &[u32],
@@ -216,7 +254,7 @@ impl<'a> SegmentPacket<'a> {
                 let g = groups.trailing_zeros() as usize;
                 groups &= groups - 1;
                 let (group, sum) = (&self.groups[g], &mut out.groups[g]);
-                let near = group.add_beam::<GREY, ISOTROPIC>(beam, sum);
+                let near = group.add_beam::<GREY, ISOTROPIC, VARYING>(beam, sum);
                 if near {
                     group.add_chords(beam, index, sum);
                 }
@@ -235,14 +273,35 @@ struct Group<'a> {
     /// Zero in unused lanes, so that nothing is found there.
     length: Lanes,
     segments: &'a [CameraSegment],
-    medium: &'a Homogeneous,
+    sigma_s: Rgb,
     sigma_t: Rgb,
+    phase: Phase,
     lobe: PhaseLobe,
+    /// In a heterogeneous medium.
+    varying: Option<Varying<'a>>,
     key: u64,
 }
 
+/// What differs from place to place.
+struct Varying<'a> {
+    bricks: &'a Bricks,
+    /// The segments in the samples' space.
+    origin: [Lanes; 3],
+    dir: [Lanes; 3],
+    /// Transmittance along the segments.
+    segments: [StepFunction<'a>; LANES],
+    /// Transmittance along the beams.
+    beams: &'a StepFunctions,
+}
+
 impl<'a> Group<'a> {
-    fn new(medium: &'a Homogeneous, segments: &'a [CameraSegment], key: u64) -> Self {
+    fn new(
+        medium: &'a Medium,
+        beam_steps: &'a StepFunctions,
+        segments: &'a [CameraSegment],
+        steps: &'a StepFunctions,
+        key: u64,
+    ) -> Self {
         let lane = |f: &dyn Fn(&CameraSegment) -> f32, unused: f32| {
             let mut lanes = [unused; LANES];
             for (lane, segment) in lanes.iter_mut().zip(segments) {
@@ -255,16 +314,36 @@ impl<'a> Group<'a> {
             dir: [0, 1, 2].map(|c| lane(&|s| s.ray.dir[c], if c == 0 { 1.0 } else { 0.0 })),
             length: lane(&|s| s.length, 0.0),
             segments,
-            medium,
+            sigma_s: medium.sigma_s(),
             sigma_t: medium.sigma_t(),
-            lobe: medium.phase.lobe(),
+            phase: medium.phase(),
+            lobe: medium.phase().lobe(),
+            varying: match medium {
+                Medium::Homogeneous(_) => None,
+                Medium::Heterogeneous(medium) => {
+                    let map = medium.to_samples();
+                    let origin = |s: &CameraSegment, c| map.transform_point3(s.ray.origin)[c];
+                    let dir = |s: &CameraSegment, c| map.transform_vector3(s.ray.dir)[c];
+                    Some(Varying {
+                        bricks: medium.bricks(),
+                        origin: [0, 1, 2].map(|c| lane(&|s| origin(s, c), 0.0)),
+                        dir: [0, 1, 2].map(|c| lane(&|s| dir(s, c), 0.0)),
+                        segments: std::array::from_fn(|l| {
+                            segments
+                                .get(l)
+                                .map_or(StepFunction::EMPTY, |s| steps.get(s.steps))
+                        }),
+                        beams: beam_steps,
+                    })
+                }
+            },
             key,
         }
     }
 
     /// Adds one beam by the 1D estimate. True: some lane is nearly parallel to it.
     #[inline(always)]
-    fn add_beam<const GREY: bool, const ISOTROPIC: bool>(
+    fn add_beam<const GREY: bool, const ISOTROPIC: bool, const VARYING: bool>(
         &self,
         beam: &PhotonBeam,
         out: &mut GroupRadiance,
@@ -295,9 +374,10 @@ impl<'a> Group<'a> {
             return near != 0;
         }
 
-        let power = beam.power * self.medium.sigma_s;
+        let power = beam.power * self.sigma_s;
         let mut value = [0.0; LANES];
         let mut depth = [0.0; LANES];
+        let (mut along_segment, mut along_beam) = ([0.0; LANES], [0.0; LANES]);
         let mut count = 0u32;
         for l in 0..LANES {
             let (wx, wy, wz) = (p.x - ox[l], p.y - oy[l], p.z - oz[l]);
@@ -330,12 +410,37 @@ impl<'a> Group<'a> {
             let v = kernel * phase * inv_sin2.sqrt();
             value[l] = if hit { v } else { 0.0 };
             depth[l] = if hit { t + s } else { 0.0 };
+            if VARYING {
+                along_segment[l] = t;
+                along_beam[l] = s;
+            }
             count += hit as u32;
         }
         if count == 0 {
             return near != 0;
         }
         out.evaluations += count as u64;
+        let mut transmitted = [[1.0; LANES]; 3];
+        if VARYING && let Some(varying) = &self.varying {
+            let beam = varying.beams.get(beam.steps);
+            for l in 0..LANES {
+                if value[l] == 0.0 {
+                    continue;
+                }
+                let (t, s) = (along_segment[l], along_beam[l]);
+                value[l] *= varying.density(l, t);
+                let (tr_segment, decayed_segment) = varying.segments[l].step_at(t);
+                let (tr_beam, decayed_beam) = beam.step_at(s);
+                depth[l] = decayed_segment + decayed_beam;
+                if GREY {
+                    value[l] *= tr_segment.x * tr_beam.x;
+                } else {
+                    for c in 0..3 {
+                        transmitted[c][l] = tr_segment[c] * tr_beam[c];
+                    }
+                }
+            }
+        }
         if GREY {
             for l in 0..LANES {
                 let v = value[l] * exp_neg(-self.sigma_t.x * depth[l]);
@@ -346,7 +451,10 @@ impl<'a> Group<'a> {
         } else {
             for c in 0..3 {
                 for l in 0..LANES {
-                    let tr = exp_neg(-self.sigma_t[c] * depth[l]);
+                    let mut tr = exp_neg(-self.sigma_t[c] * depth[l]);
+                    if VARYING {
+                        tr *= transmitted[c][l];
+                    }
                     out.radiance[c][l] += value[l] * tr * power[c];
                 }
             }
@@ -365,7 +473,7 @@ impl<'a> Group<'a> {
             }
             let u = mix64(self.key ^ mix64(((index as u64) << 32) | segment.pixel as u64));
             let u = (u >> 40) as f32 * (1.0 / (1u32 << 24) as f32);
-            let value = chord_estimate(beam, &segment.ray, segment.length, self.medium, u);
+            let value = self.chord_estimate(beam, l, u);
             if value != Rgb::ZERO {
                 out.evaluations += 1;
                 for c in 0..3 {
@@ -374,48 +482,64 @@ impl<'a> Group<'a> {
             }
         }
     }
+
+    /// Radiance of one beam, blurred over discs across it, along a segment. `u` in [0, 1) places the stratified points.
+    fn chord_estimate(&self, beam: &PhotonBeam, lane: usize, u: f32) -> Rgb {
+        let segment = &self.segments[lane];
+        let ray = &segment.ray;
+        // In the beam's frame the ray is at distance |across + t across_dir| from the axis, at s = along + t cos.
+        let cos = ray.dir.dot(beam.dir);
+        let offset = ray.origin - beam.origin;
+        let along = offset.dot(beam.dir);
+        let across = offset - beam.dir * along;
+        let across_dir = ray.dir - beam.dir * cos;
+        let radius = beam.max_radius();
+        let Some((near, far)) = cylinder_range(across, across_dir, radius) else {
+            return Rgb::ZERO;
+        };
+        // Both ends of the beam; cos is close to 1 or -1 here.
+        let [start, end] = beam.extent;
+        let (s0, s1) = ((start - along) / cos, (end - along) / cos);
+        let near = near.max(s0.min(s1)).max(0.0);
+        let far = far.min(s0.max(s1)).min(segment.length);
+        if near >= far {
+            return Rgb::ZERO;
+        }
+        let step = (far - near) / CHORD_POINTS as f32;
+        let mut sum = Rgb::ZERO;
+        for i in 0..CHORD_POINTS {
+            let t = near + step * (i as f32 + u);
+            let s = (along + t * cos).clamp(start, end);
+            let radius = beam.radius_at(s);
+            let x = (across + across_dir * t).length_squared() / (radius * radius);
+            if x < 1.0 {
+                let kernel = 2.0 / (PI * radius * radius) * (1.0 - x);
+                sum += self.attenuation(beam, lane, t, s) * kernel;
+            }
+        }
+        let phase = self.phase.eval_directions(beam.dir, -ray.dir);
+        sum * beam.power * self.sigma_s * (phase * step)
+    }
+
+    /// Density and transmittance for a point at `t` along a segment and `s` along a beam.
+    fn attenuation(&self, beam: &PhotonBeam, lane: usize, t: f32, s: f32) -> Rgb {
+        let Some(varying) = &self.varying else {
+            return exp_rgb_neg(self.sigma_t * -(t + s));
+        };
+        let (tr_segment, decayed_segment) = varying.segments[lane].step_at(t);
+        let (tr_beam, decayed_beam) = varying.beams.get(beam.steps).step_at(s);
+        let decayed = exp_rgb_neg(self.sigma_t * -(decayed_segment + decayed_beam));
+        tr_segment * tr_beam * decayed * varying.density(lane, t)
+    }
 }
 
-/// Radiance of one beam, blurred over discs across it, along a segment. `u` in [0, 1) places the stratified points.
-pub fn chord_estimate(
-    beam: &PhotonBeam,
-    ray: &Ray,
-    length: f32,
-    medium: &Homogeneous,
-    u: f32,
-) -> Rgb {
-    // In the beam's frame the ray is at distance |across + t across_dir| from the axis, at s = along + t cos.
-    let cos = ray.dir.dot(beam.dir);
-    let offset = ray.origin - beam.origin;
-    let along = offset.dot(beam.dir);
-    let across = offset - beam.dir * along;
-    let across_dir = ray.dir - beam.dir * cos;
-    let radius = beam.max_radius();
-    let Some((near, far)) = cylinder_range(across, across_dir, radius) else {
-        return Rgb::ZERO;
-    };
-    // Both ends of the beam; cos is close to 1 or -1 here.
-    let [start, end] = beam.extent;
-    let (s0, s1) = ((start - along) / cos, (end - along) / cos);
-    let near = near.max(s0.min(s1)).max(0.0);
-    let far = far.min(s0.max(s1)).min(length);
-    if near >= far {
-        return Rgb::ZERO;
+impl Varying<'_> {
+    /// Density along one of the segments.
+    #[inline(always)]
+    fn density(&self, lane: usize, t: f32) -> f32 {
+        let at = |c: usize| self.origin[c][lane] + self.dir[c][lane] * t;
+        self.bricks.density(Vec3::new(at(0), at(1), at(2)))
     }
-    let step = (far - near) / CHORD_POINTS as f32;
-    let mut sum = Rgb::ZERO;
-    for i in 0..CHORD_POINTS {
-        let t = near + step * (i as f32 + u);
-        let s = (along + t * cos).clamp(start, end);
-        let radius = beam.radius_at(s);
-        let x = (across + across_dir * t).length_squared() / (radius * radius);
-        if x < 1.0 {
-            let kernel = 2.0 / (PI * radius * radius) * (1.0 - x);
-            sum += exp_rgb_neg(medium.sigma_t() * -(t + s)) * kernel;
-        }
-    }
-    let phase = medium.phase.eval_directions(beam.dir, -ray.dir);
-    sum * beam.power * medium.sigma_s * (phase * step)
 }
 
 /// Where a line is within `radius` of the axis.

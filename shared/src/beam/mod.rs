@@ -28,6 +28,8 @@ pub struct PhotonBeam {
     pub radius_slope: f32,
     /// Index into the scene's media.
     pub medium: u16,
+    /// Number of the beam's transmittance among the pass's step functions, in a heterogeneous medium.
+    pub steps: u32,
 }
 
 impl PhotonBeam {

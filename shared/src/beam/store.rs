@@ -3,6 +3,7 @@
 use super::PhotonBeam;
 use crate::light::SceneBounds;
 use crate::math::{Ray, Vec3};
+use crate::medium::transmittance::StepFunctions;
 use glam::{BVec3A, Vec3A};
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::{Bvh2, builder::build_bvh2};
@@ -16,6 +17,7 @@ const PIECES_PER_BEAM: f32 = 3.0;
 /// The beams of one pass.
 pub struct BeamMap {
     beams: Vec<PhotonBeam>,
+    steps: StepFunctions,
     /// By position in the hierarchy's leaves: the piece's beam.
     piece_beam: Vec<u32>,
     bvh: Bvh2,
@@ -30,9 +32,9 @@ impl Boundable for Piece {
 }
 
 impl BeamMap {
-    /// Build the map. Deterministic. `around`: where the camera and all things are; in fog without end, beams go on far
+    /// Build the map. Deterministic. `steps`: transmittance along the beams in heterogeneous media. `around`: where the camera and all things are; in fog without end, beams go on far
     /// beyond, and what is out there needs no small boxes.
-    pub fn new(beams: Vec<PhotonBeam>, around: &SceneBounds) -> Self {
+    pub fn new(beams: Vec<PhotonBeam>, steps: StepFunctions, around: &SceneBounds) -> Self {
         let inside: Vec<[f32; 2]> = beams.iter().map(|b| range_within(b, around)).collect();
         let total: f64 = inside.iter().map(|[s0, s1]| (s1 - s0) as f64).sum();
         let piece_length = (total / (beams.len() as f64 * PIECES_PER_BEAM as f64)) as f32;
@@ -70,6 +72,7 @@ impl BeamMap {
         let order = &bvh.primitive_indices;
         Self {
             beams,
+            steps,
             piece_beam: order.iter().map(|&i| owners[i as usize]).collect(),
             bvh,
         }
@@ -78,6 +81,11 @@ impl BeamMap {
     /// The beams, in the order that they were traced in.
     pub fn beams(&self) -> &[PhotonBeam] {
         &self.beams
+    }
+
+    /// Transmittance along the beams in heterogeneous media.
+    pub fn steps(&self) -> &StepFunctions {
+        &self.steps
     }
 
     /// Indices of all beams that may come within their radius of any ray of the packet (and some that do not), each

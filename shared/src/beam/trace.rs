@@ -10,7 +10,8 @@ use crate::footprint::{Footprint, spread};
 use crate::geometry::SurfaceHit;
 use crate::light::EmissionUniforms;
 use crate::math::{Frame, Ray, Rgb, Vec3, mean};
-use crate::medium::{Flight, MediumId};
+use crate::medium::transmittance::StepFunctions;
+use crate::medium::{Flight, MediumId, Stretch};
 use crate::plan::{RenderPlan, Scene};
 use crate::radius::Schedule;
 use crate::sampler::{Purpose, Sampler};
@@ -22,6 +23,8 @@ use rayon::prelude::*;
 pub struct Photons {
     /// Beams, in the order of paths.
     pub beams: Vec<PhotonBeam>,
+    /// Transmittance along the beams in heterogeneous media.
+    pub steps: StepFunctions,
     /// Surface photons, in the order of paths.
     pub surface: Vec<SurfacePhoton>,
 }
@@ -61,8 +64,13 @@ pub fn trace_photons(scene: &Scene, plan: &RenderPlan, pass_index: u64) -> Photo
     let mut joined = Photons {
         beams: Vec::with_capacity(chunks.iter().map(|c| c.beams.len()).sum()),
         surface: Vec::with_capacity(chunks.iter().map(|c| c.surface.len()).sum()),
+        steps: StepFunctions::default(),
     };
-    for chunk in chunks {
+    for mut chunk in chunks {
+        let before = joined.steps.append(&chunk.steps);
+        for beam in &mut chunk.beams {
+            beam.steps += before;
+        }
         joined.beams.extend(chunk.beams);
         joined.surface.extend(chunk.surface);
     }
@@ -151,11 +159,13 @@ impl Tracer<'_> {
         let medium = &self.scene.media()[id as usize];
         let length = hit.map_or(f32::INFINITY, |h| h.t);
         if medium.scatters() {
-            out.beams.push(self.beam(photon, id, length, hit));
+            let (stretch, _) = medium.stretch(&photon.ray, length, sampler, &mut out.steps);
+            if let Some(stretch) = stretch {
+                out.beams.push(self.beam(photon, id, stretch, hit));
+            }
         }
-        let u = sampler.next_2d();
         let before = mean(photon.power);
-        match medium.sample_flight(photon.power, length, u.into()) {
+        match medium.sample_flight(&photon.ray, length, photon.power, sampler) {
             Flight::Passed { weight } => {
                 photon.power *= weight;
                 false
@@ -164,8 +174,8 @@ impl Tracer<'_> {
                 photon.power *= weight;
                 if photon.survives(before, sampler) {
                     let old = photon.ray.dir;
-                    let dir = medium.phase.sample(old, sampler.next_2d());
-                    let pdf = medium.phase.pdf(old.dot(dir));
+                    let dir = medium.phase().sample(old, sampler.next_2d());
+                    let pdf = medium.phase().pdf(old.dot(dir));
                     photon.footprint = photon
                         .footprint
                         .advanced(distance)
@@ -182,11 +192,15 @@ impl Tracer<'_> {
         }
     }
 
-    /// The beam of a photon that flies over `length` (perhaps infinite) to `hit`.
-    fn beam(&self, photon: &Photon, id: u16, length: f32, hit: Option<&SurfaceHit>) -> PhotonBeam {
-        let reach = self.scene.media()[id as usize].reach();
-        let ends_on = hit.filter(|_| length < reach).map(|h| h.ng);
-        let length = length.min(reach);
+    /// The beam of a photon that flies to `hit`, over the stretch of its way that can be seen.
+    fn beam(
+        &self,
+        photon: &Photon,
+        id: u16,
+        stretch: Stretch,
+        hit: Option<&SurfaceHit>,
+    ) -> PhotonBeam {
+        let [start, length] = stretch.range;
         let scaled =
             |footprint: Footprint| self.plan.radii.beam(footprint.radius()) * self.radius_scale;
         let radius = scaled(photon.footprint);
@@ -195,18 +209,23 @@ impl Tracer<'_> {
         let beyond = |normal: Option<Vec3>, radius: f32| {
             normal.map_or(0.0, |n| overhang(photon.ray.dir.dot(n), radius, slope))
         };
+        let ends_on = hit.filter(|h| length == h.t).map(|h| h.ng);
+        let before = if start == 0.0 {
+            beyond(photon.starts_on, radius)
+        } else {
+            // Where it enters the medium's box, its whole width does.
+            start.min(BOX_MARGIN * radius)
+        };
         PhotonBeam {
             origin: photon.ray.origin,
             dir: photon.ray.dir,
             length,
-            extent: [
-                -beyond(photon.starts_on, radius),
-                length + beyond(ends_on, radius_end),
-            ],
+            extent: [start - before, length + beyond(ends_on, radius_end)],
             power: photon.power,
             radius,
             radius_slope: slope,
             medium: id,
+            steps: stretch.steps,
         }
     }
 
@@ -312,6 +331,8 @@ fn overhang(cos: f32, radius: f32, slope: f32) -> f32 {
     length.min(MAX_OVERHANG * radius).min(limit)
 }
 
+/// How far in radii a beam reaches out of the box that a heterogeneous medium fills.
+const BOX_MARGIN: f32 = 2.0;
 /// Longest overhang in radii: beams that graze a surface must not reach far behind thin walls.
 const MAX_OVERHANG: f32 = 4.0;
 

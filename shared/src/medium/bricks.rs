@@ -36,6 +36,17 @@ pub struct RawDensity {
     pub to_object: DAffine3,
 }
 
+/// What is known of a density throughout a region.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Range {
+    /// It is nowhere lower.
+    pub minorant: f32,
+    /// It is nowhere higher.
+    pub majorant: f32,
+    /// It is about this on average: never outside the bounds.
+    pub mean: f32,
+}
+
 /// Why samples cannot be used.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -66,8 +77,8 @@ pub struct Bricks {
     table: Vec<u32>,
     /// Stored bricks, x fastest.
     values: Vec<f32>,
-    /// By brick: least and largest density within it.
-    ranges: Vec<[f32; 2]>,
+    /// By brick.
+    ranges: Vec<Range>,
     /// Corners of the box that positions are clamped to.
     clamp: [Vec3; 2],
     /// Corners of the box outside of which the density is zero.
@@ -128,7 +139,12 @@ impl Bricks {
                     assemble(raw, brick, &mut buffer);
                     let bounds = |(min, max): (f32, f32), v: &f32| (min.min(*v), max.max(*v));
                     let (min, max) = buffer.iter().fold((f32::INFINITY, 0.0), bounds);
-                    bricks.ranges.push([min, max]);
+                    let sum: f64 = buffer.iter().map(|v| *v as f64).sum();
+                    bricks.ranges.push(Range {
+                        minorant: min,
+                        majorant: max,
+                        mean: ((sum / STORED as f64) as f32).clamp(min, max),
+                    });
                     let next = (bricks.values.len() / STORED) as u32;
                     let index = match min == max {
                         true => *constants.entry(min.to_bits()).or_insert(next),
@@ -149,9 +165,17 @@ impl Bricks {
         self.count
     }
 
-    /// Least and largest density within a brick.
-    pub fn range(&self, brick: UVec3) -> [f32; 2] {
+    /// Bounds of the density within a brick.
+    pub fn range(&self, brick: UVec3) -> Range {
         self.ranges[(brick.x + self.count.x * (brick.y + self.count.y * brick.z)) as usize]
+    }
+
+    /// The largest density.
+    pub fn max(&self) -> f32 {
+        self.ranges
+            .iter()
+            .map(|range| range.majorant)
+            .fold(0.0, f32::max)
     }
 
     /// The box outside of which the density is zero, sample space.
@@ -166,7 +190,7 @@ impl Bricks {
 
     /// Bytes in memory.
     pub fn bytes(&self) -> usize {
-        4 * (self.table.len() + self.values.len() + 2 * self.ranges.len())
+        size_of_val(&self.table[..]) + size_of_val(&self.values[..]) + size_of_val(&self.ranges[..])
     }
 
     /// Density at a position, sample space.
@@ -298,7 +322,11 @@ mod tests {
             let got = bricks.density(p);
             assert!((got - expected).abs() < 1e-4, "{got} not {expected} at {p}");
             let brick = (p.max(Vec3::ZERO) / 8.0).as_uvec3().min(bricks.count() - 1);
-            let [min, max] = bricks.range(brick);
+            let Range {
+                minorant: min,
+                majorant: max,
+                ..
+            } = bricks.range(brick);
             assert!(
                 got >= min - 1e-5 && got <= max + 1e-5,
                 "{got} outside {min}..{max}"
@@ -316,7 +344,7 @@ mod tests {
         raw.cores.clear();
         raw.cores.insert([3, 4, 5], Core::Constant(2.0));
         let bricks = Bricks::new(&raw).unwrap();
-        assert!(bricks.bytes() < 13_000_000, "{}", bricks.bytes());
+        assert!(bricks.bytes() < 17_000_000, "{}", bricks.bytes());
         assert_eq!(bricks.density(Vec3::new(27.5, 36.5, 45.5)), 2.0);
         assert_eq!(bricks.density(Vec3::new(500.0, 36.5, 45.5)), 0.0);
     }

@@ -14,7 +14,7 @@ use crate::error::SceneError;
 use crate::geometry::Object;
 use crate::job::{JobSettings, ScheduleKind};
 use crate::light::{Light, SceneBounds};
-use crate::medium::{Homogeneous, MediumId};
+use crate::medium::{Medium, MediumId};
 use build::Problem;
 use parse::{Fault, SceneRecord};
 use std::collections::BTreeMap;
@@ -35,7 +35,7 @@ pub struct SceneDescription {
     /// Materials.
     pub materials: Vec<Material>,
     /// Media.
-    pub media: Vec<Homogeneous>,
+    pub media: Vec<Medium>,
     /// Lights; those of emitting objects among them.
     pub lights: Vec<Light>,
     /// A sphere around all objects, positioned lights, and the camera.

@@ -90,12 +90,81 @@ pub struct MediumRecord {
     pub albedo: Option<Spanned<Color<Unit>>>,
     #[serde(default)]
     pub phase: PhaseRecord,
+    pub density: Option<Spanned<DensityRecord>>,
+    pub scale: Option<Spanned<Number<NonNegative>>>,
+    pub transform: Option<Spanned<Steps>>,
+    pub transmittance: Option<Spanned<EstimatorRecord>>,
 }
 
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum MediumKind {
     Homogeneous,
+    Heterogeneous,
+}
+
+impl MediumKind {
+    /// Fields that every medium takes.
+    pub const ALL: &[&str] = &["sigma_a", "sigma_s", "sigma_t", "albedo", "phase"];
+
+    /// As the scene file writes it, and the fields of this kind alone.
+    pub fn takes(self) -> (&'static str, &'static [&'static str]) {
+        match self {
+            Self::Homogeneous => ("homogeneous", &[]),
+            Self::Heterogeneous => (
+                "heterogeneous",
+                &["density", "scale", "transform", "transmittance"],
+            ),
+        }
+    }
+}
+
+/// A volume file, or a recipe.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DensityRecord {
+    pub file: Option<Spanned<String>>,
+    pub grid: Option<Spanned<String>>,
+    pub min: Option<Spanned<Vector>>,
+    pub max: Option<Spanned<Vector>>,
+    pub voxel: Option<Spanned<Number<Positive>>>,
+    pub height: Option<Spanned<HeightRecord>>,
+    pub blobs: Option<Spanned<Vec<BlobRecord>>>,
+    pub noise: Option<Spanned<NoiseRecord>>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct HeightRecord {
+    pub base: Option<Number<Finite>>,
+    pub scale: Number<Positive>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BlobRecord {
+    pub center: Vector,
+    pub radius: Number<Positive>,
+    pub density: Option<Number<NonNegative>>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct NoiseRecord {
+    pub size: Number<Positive>,
+    pub octaves: Option<Spanned<u32>>,
+    pub gain: Option<Number<Unit>>,
+    pub contrast: Option<Number<NonNegative>>,
+    pub seed: Option<u32>,
+}
+
+/// `"ratio_tracking"`, `"residual_ratio_tracking"` or `{ free_flights = n }`.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum EstimatorRecord {
+    RatioTracking,
+    ResidualRatioTracking,
+    FreeFlights(u16),
 }
 
 /// `"isotropic"`, `{ type = "isotropic" }` or `{ type = "hg", g = 0.7 }`.
@@ -447,6 +516,27 @@ impl MaterialRecord {
     }
 }
 
+impl MediumRecord {
+    fn check(&self) -> Result<(), Fault> {
+        let (name, takes) = self.kind.get_ref().takes();
+        let given = given!(self, density, scale, transform, transmittance);
+        only_takes(name, takes, MediumKind::ALL, &given)
+    }
+}
+
+impl DensityRecord {
+    fn check(&self) -> Result<(), Fault> {
+        let given = given!(self, grid, min, max, voxel, height, blobs, noise);
+        match self.file {
+            Some(_) => only_takes("density of a file", &["grid"], &["file"], &given),
+            None => {
+                let takes = ["min", "max", "voxel", "height", "blobs", "noise"];
+                only_takes("density without a file", &takes, &[], &given)
+            }
+        }
+    }
+}
+
 impl ShapeRecord {
     fn check(&self) -> Result<(), Fault> {
         let (name, takes) = self.kind.get_ref().takes();
@@ -489,6 +579,12 @@ impl SceneRecord {
             .materials
             .values()
             .try_for_each(MaterialRecord::check)?;
+        for medium in record.media.values() {
+            medium.check()?;
+            if let Some(density) = &medium.density {
+                density.get_ref().check()?;
+            }
+        }
         record.shapes.iter().try_for_each(ShapeRecord::check)?;
         record.lights.iter().try_for_each(LightRecord::check)?;
         Ok(record)
@@ -508,6 +604,12 @@ impl SceneRecord {
             None => s.file.as_ref(),
         });
         let images = self.lights.iter().filter_map(|l| l.image.as_ref());
-        textures.chain(meshes).chain(images).collect()
+        let densities = self.media.values().filter_map(|m| m.density.as_ref());
+        let volumes = densities.filter_map(|d| d.get_ref().file.as_ref());
+        textures
+            .chain(meshes)
+            .chain(images)
+            .chain(volumes)
+            .collect()
     }
 }

@@ -4,6 +4,7 @@ pub mod image;
 pub mod mesh;
 mod obj;
 mod ply;
+pub mod volume;
 
 /// What is wrong with an asset.
 #[derive(Debug)]

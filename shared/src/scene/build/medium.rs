@@ -1,41 +1,66 @@
 //! Media and their names.
 
-use super::unknown_name;
+use super::{Assets, Problem, check_reach, required, unknown_name};
 use crate::math::Rgb;
-use crate::medium::{Homogeneous, MediumId};
+use crate::medium::bricks::Bricks;
+use crate::medium::procedural::{Blob, Height, Noise, Recipe};
+use crate::medium::transmittance::Estimator;
+use crate::medium::{Density, Heterogeneous, Homogeneous, Medium, MediumId};
 use crate::phase::Phase;
-use crate::scene::parse::{Fault, MediumKind, MediumRecord, PhaseRecord};
+use crate::scene::parse::{
+    DensityRecord, EstimatorRecord, Fault, MediumKind, MediumRecord, PhaseRecord,
+};
+use crate::scene::transform;
+use glam::{DAffine3, DVec3};
 use std::collections::BTreeMap;
+use std::sync::Arc;
 use toml::Spanned;
 
 /// The scene's media, in the order of their names.
 pub struct Media {
-    pub list: Vec<Homogeneous>,
+    pub list: Vec<Medium>,
     names: Vec<String>,
+    /// By medium: corners of the box that it fills, render space; none when it has no bounds.
+    corners: Vec<Vec<DVec3>>,
 }
 
 impl Media {
-    pub fn new(records: &BTreeMap<Spanned<String>, MediumRecord>) -> Result<Self, Fault> {
+    pub fn new(
+        records: &BTreeMap<Spanned<String>, MediumRecord>,
+        render_origin: DVec3,
+        assets: &mut Assets,
+    ) -> Result<Self, Problem> {
         let mut media = Self {
             list: Vec::new(),
             names: Vec::new(),
+            corners: Vec::new(),
         };
         for (name, record) in records {
+            let refuse = |message: &str| Err(Fault::new(name.span(), message).into());
             if name.get_ref() == "none" {
-                return Err(Fault::new(
-                    name.span(),
-                    "the name \"none\" stands for vacuum; choose another",
-                ));
+                return refuse("the name \"none\" stands for vacuum; choose another");
             }
             if media.list.len() == usize::from(u16::MAX) {
-                return Err(Fault::new(name.span(), "more than 65535 media"));
+                return refuse("more than 65535 media");
             }
-            media.list.push(match record.kind.get_ref() {
-                MediumKind::Homogeneous => homogeneous(record)?,
-            });
+            let (medium, corners) = match record.kind.get_ref() {
+                MediumKind::Homogeneous => (Medium::Homogeneous(homogeneous(record)?), Vec::new()),
+                MediumKind::Heterogeneous => {
+                    let (medium, corners) = heterogeneous(record, render_origin, assets)?;
+                    (Medium::Heterogeneous(medium), corners)
+                }
+            };
+            media.list.push(medium);
+            media.corners.push(corners);
             media.names.push(name.get_ref().clone());
         }
         Ok(media)
+    }
+
+    /// Corners of the box that a medium fills, render space.
+    pub fn corners(&self, medium: MediumId) -> impl Iterator<Item = DVec3> {
+        let corners = medium.and_then(|index| self.corners.get(usize::from(index)));
+        corners.into_iter().flatten().copied()
     }
 
     /// The medium of a name; "none" is vacuum.
@@ -68,6 +93,23 @@ impl Media {
 }
 
 fn homogeneous(record: &MediumRecord) -> Result<Homogeneous, Fault> {
+    let [sigma_a, sigma_s] = coefficients(record, 1.0)?;
+    Ok(Homogeneous {
+        sigma_a,
+        sigma_s,
+        phase: phase(record),
+    })
+}
+
+fn phase(record: &MediumRecord) -> Phase {
+    match record.phase {
+        PhaseRecord::Isotropic => Phase::Isotropic,
+        PhaseRecord::HenyeyGreenstein(g) => Phase::HenyeyGreenstein { g: g.f32() },
+    }
+}
+
+/// Absorption and scattering, times `scale`.
+fn coefficients(record: &MediumRecord, scale: f64) -> Result<[Rgb; 2], Fault> {
     let (sigma_a, sigma_s) = match (
         &record.sigma_a,
         &record.sigma_s,
@@ -96,20 +138,140 @@ fn homogeneous(record: &MediumRecord) -> Result<Homogeneous, Fault> {
             ));
         }
     };
-    let single = |sigma: [f64; 3]| Rgb::from_array(sigma.map(|x| x as f32));
-    let medium = Homogeneous {
-        sigma_a: single(sigma_a),
-        sigma_s: single(sigma_s),
-        phase: match record.phase {
-            PhaseRecord::Isotropic => Phase::Isotropic,
-            PhaseRecord::HenyeyGreenstein(g) => Phase::HenyeyGreenstein { g: g.f32() },
-        },
-    };
-    if !medium.sigma_t().is_finite() {
+    let single = |sigma: [f64; 3]| Rgb::from_array(sigma.map(|x| (x * scale) as f32));
+    let (sigma_a, sigma_s) = (single(sigma_a), single(sigma_s));
+    if !(sigma_a + sigma_s).is_finite() {
         return Err(Fault::new(
             record.kind.span(),
             "its extinction is too large for single precision",
         ));
     }
-    Ok(medium)
+    Ok([sigma_a, sigma_s])
 }
+
+/// A heterogeneous medium and the corners of its box, render space.
+fn heterogeneous(
+    record: &MediumRecord,
+    render_origin: DVec3,
+    assets: &mut Assets,
+) -> Result<(Heterogeneous, Vec<DVec3>), Problem> {
+    let place = required(&record.density, &record.kind, "density")?;
+    let density = match &place.get_ref().file {
+        Some(path) => {
+            let grid = place.get_ref().grid.as_ref();
+            assets.density(path, grid.map(|name| name.get_ref().as_str()))?
+        }
+        None => {
+            let raw = recipe(place)?
+                .sample()
+                .map_err(|message| Fault::new(place.span(), message))?;
+            let bricks = Bricks::new(&raw).map_err(|e| Fault::new(place.span(), e.to_string()))?;
+            Arc::new(Density::new(bricks))
+        }
+    };
+    let to_world = match &record.transform {
+        Some(steps) => transform::compose(steps.get_ref())?,
+        None => DAffine3::IDENTITY,
+    };
+    let to_render = DAffine3::from_translation(-render_origin) * to_world;
+    let from_samples = to_render * density.bricks.to_object();
+    let inverse = from_samples.inverse();
+    if !from_samples.is_finite() || !inverse.is_finite() {
+        let span = record.transform.as_ref().map_or(place.span(), |t| t.span());
+        return Err(Fault::new(span, "it flattens the density's box, or reaches too far").into());
+    }
+    let [low, high] = density.bricks.domain().map(|p| p.as_dvec3());
+    let corners: Vec<DVec3> = (0..8)
+        .map(|i| DVec3::new((i & 1) as f64, (i >> 1 & 1) as f64, (i >> 2) as f64))
+        .map(|side| from_samples.transform_point3(low + (high - low) * side))
+        .collect();
+    let reach = corners.iter().map(|p| p.length()).fold(0.0, f64::max);
+    check_reach(reach, place.span())?;
+    let scale = record.scale.as_ref().map_or(1.0, |scale| scale.get_ref().0);
+    let estimator = match &record.transmittance {
+        None => Estimator::DEFAULT,
+        Some(given) => match *given.get_ref() {
+            EstimatorRecord::RatioTracking => Estimator::RatioTracking,
+            EstimatorRecord::ResidualRatioTracking => Estimator::ResidualRatioTracking,
+            EstimatorRecord::FreeFlights(0) => {
+                let message = "expected at least one free flight";
+                return Err(Fault::new(given.span(), message).into());
+            }
+            EstimatorRecord::FreeFlights(distances) => Estimator::FreeFlight { distances },
+        },
+    };
+    let medium = Heterogeneous::new(
+        coefficients(record, scale)?,
+        phase(record),
+        estimator,
+        density,
+        to_render,
+    );
+    let top = medium.sigma_t().max_element() * medium.bricks().max();
+    if !top.is_finite() {
+        let message = "its extinction is too large for single precision";
+        return Err(Fault::new(record.kind.span(), message).into());
+    }
+    Ok((medium, corners))
+}
+
+/// The density that a record describes without a file.
+fn recipe(place: &Spanned<DensityRecord>) -> Result<Recipe, Fault> {
+    let record = place.get_ref();
+    let (Some(min), Some(max)) = (&record.min, &record.max) else {
+        return Err(Fault::new(
+            place.span(),
+            "a density is given by `file`, or by `min` and `max`, the corners of its box, and what makes it vary: `height`, `blobs`, `noise`",
+        ));
+    };
+    let corners = [min.get_ref().0, max.get_ref().0];
+    let voxel = match &record.voxel {
+        Some(voxel) => voxel.get_ref().0,
+        None => (corners[1] - corners[0]).max_element() / DEFAULT_SAMPLES,
+    };
+    let noise = match &record.noise {
+        None => None,
+        Some(noise) => {
+            let noise = noise.get_ref();
+            let octaves = noise.octaves.as_ref();
+            if let Some(octaves) = octaves
+                && !(1..=MAX_OCTAVES).contains(octaves.get_ref())
+            {
+                let message = format!(
+                    "expected 1 to {MAX_OCTAVES} octaves, found {}",
+                    octaves.get_ref()
+                );
+                return Err(Fault::new(octaves.span(), message));
+            }
+            Some(Noise {
+                size: noise.size.0,
+                octaves: octaves.map_or(4, |octaves| *octaves.get_ref()),
+                gain: noise.gain.map_or(0.5, |gain| gain.0),
+                contrast: noise.contrast.map_or(1.0, |contrast| contrast.0),
+                seed: noise.seed.unwrap_or(0),
+            })
+        }
+    };
+    Ok(Recipe {
+        corners,
+        voxel,
+        height: record.height.as_ref().map(|height| Height {
+            base: height.get_ref().base.map_or(0.0, |base| base.0),
+            scale: height.get_ref().scale.0,
+        }),
+        blobs: record.blobs.as_ref().map_or(Vec::new(), |blobs| {
+            let blob = |b: &crate::scene::parse::BlobRecord| Blob {
+                center: b.center.0,
+                radius: b.radius.0,
+                density: b.density.map_or(1.0, |density| density.0),
+            };
+            blobs.get_ref().iter().map(blob).collect()
+        }),
+        noise,
+    })
+}
+
+/// Samples along the longest side of a box whose scene does not say how far they are apart.
+const DEFAULT_SAMPLES: f64 = 64.0;
+/// Octaves of noise, at most.
+const MAX_OCTAVES: u32 = 12;

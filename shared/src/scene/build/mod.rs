@@ -8,12 +8,13 @@ mod medium;
 mod shape;
 mod view;
 
-use super::assets::{Flaw, image, mesh::RawMesh};
+use super::assets::{Flaw, image, mesh::RawMesh, volume};
 use super::parse::{Fault, RenderRecord, SceneRecord};
 use super::{RenderDefaults, SceneDescription, transform};
 use crate::bundle::Bundle;
 use crate::job::MAX_PASSES;
-use crate::medium::MediumId;
+use crate::medium::bricks::Bricks;
+use crate::medium::{Density, MediumId};
 use crate::texture::Image;
 use glam::DVec3;
 use std::collections::BTreeMap;
@@ -43,9 +44,10 @@ impl From<Fault> for Problem {
 
 /// Build the scene of a record, with the assets of a bundle.
 pub fn build(record: &SceneRecord, bundle: &Bundle) -> Result<SceneDescription, Problem> {
-    let media = medium::Media::new(&record.media)?;
-    let world_medium = media.resolve_or(record.world.medium.as_ref(), None)?;
     let mut assets = Assets::new(bundle);
+    let render_origin = record.camera.origin.0;
+    let media = medium::Media::new(&record.media, render_origin, &mut assets)?;
+    let world_medium = media.resolve_or(record.world.medium.as_ref(), None)?;
     let materials = material::Materials::new(&record.materials, &mut assets)?;
     let camera = view::camera(&record.image, &record.camera)?;
     let camera_medium = match &record.camera.medium {
@@ -53,14 +55,15 @@ pub fn build(record: &SceneRecord, bundle: &Bundle) -> Result<SceneDescription, 
         None => None,
     };
     let mut parts = Parts {
-        render_origin: record.camera.origin.0,
+        render_origin,
         world_medium,
-        media,
         materials,
         assets,
         objects: Vec::new(),
         lights: Vec::new(),
-        points: vec![DVec3::ZERO],
+        // Light from far away has to be sent to all of the space that scatters it.
+        points: media.corners(world_medium).chain([DVec3::ZERO]).collect(),
+        media,
     };
     parts.add_lights(&record.lights)?;
     for (i, shape) in record.shapes.iter().enumerate() {
@@ -90,7 +93,7 @@ struct Parts<'a> {
     assets: Assets<'a>,
     objects: Vec<crate::geometry::Object>,
     lights: Vec<crate::light::Light>,
-    /// The camera and the lights that stand somewhere, render space.
+    /// The camera, the lights that stand somewhere, and the corners of what fills the world, render space.
     points: Vec<DVec3>,
 }
 
@@ -113,6 +116,8 @@ struct Assets<'a> {
     bundle: &'a Bundle,
     images: BTreeMap<String, Arc<Image>>,
     meshes: BTreeMap<String, Arc<RawMesh>>,
+    /// By file and grid.
+    densities: BTreeMap<(String, Option<String>), Arc<Density>>,
 }
 
 impl<'a> Assets<'a> {
@@ -121,36 +126,59 @@ impl<'a> Assets<'a> {
             bundle,
             images: BTreeMap::new(),
             meshes: BTreeMap::new(),
+            densities: BTreeMap::new(),
         }
     }
 
     fn image(&mut self, path: &Spanned<String>) -> Result<Arc<Image>, Problem> {
-        load(&mut self.images, self.bundle, path, |_, bytes| {
+        let key = path.get_ref().clone();
+        load(&mut self.images, key, self.bundle, path, |_, bytes| {
             image::read(bytes)
         })
     }
 
+    fn density(
+        &mut self,
+        path: &Spanned<String>,
+        grid: Option<&str>,
+    ) -> Result<Arc<Density>, Problem> {
+        let key = (path.get_ref().clone(), grid.map(str::to_owned));
+        load(
+            &mut self.densities,
+            key,
+            self.bundle,
+            path,
+            |name, bytes| {
+                let raw = volume::read(name, bytes, grid)?;
+                let bricks = Bricks::new(&raw).map_err(|e| e.to_string())?;
+                Ok(Density::new(bricks))
+            },
+        )
+    }
+
     fn mesh(&mut self, path: &Spanned<String>) -> Result<Arc<RawMesh>, Problem> {
-        load(&mut self.meshes, self.bundle, path, RawMesh::read)
+        let key = path.get_ref().clone();
+        load(&mut self.meshes, key, self.bundle, path, RawMesh::read)
     }
 }
 
-fn load<T>(
-    loaded: &mut BTreeMap<String, Arc<T>>,
+fn load<K: Ord, T>(
+    loaded: &mut BTreeMap<K, Arc<T>>,
+    key: K,
     bundle: &Bundle,
     path: &Spanned<String>,
     read: impl Fn(&str, &[u8]) -> Result<T, Flaw>,
 ) -> Result<Arc<T>, Problem> {
-    let name = path.get_ref();
-    if let Some(asset) = loaded.get(name) {
+    if let Some(asset) = loaded.get(&key) {
         return Ok(asset.clone());
     }
+    let name = path.get_ref();
     let bytes = bundle
         .files
         .get(name)
         .ok_or_else(|| Fault::new(path.span(), format!("the bundle lacks the file \"{name}\"")))?;
     let asset = Arc::new(read(name, bytes).map_err(|flaw| asset_problem(path, flaw))?);
-    loaded.insert(name.clone(), asset.clone());
+    loaded.insert(key, asset.clone());
     Ok(asset)
 }
 

@@ -1,0 +1,181 @@
+//! Bounds of a density on a coarse grid, and the stretches into which they cut a ray.
+
+use super::bricks::{BRICK, Bricks, Range};
+use crate::math::Vec3;
+use glam::UVec3;
+
+/// Cells along the longest side, at most: more would take longer to walk through than they save.
+const MAX_CELLS: u32 = 32;
+
+/// Least and largest density per cell of a grid over sample space.
+#[derive(Debug)]
+pub struct MajorantGrid {
+    /// Side of a cell, in samples.
+    cell: f32,
+    /// Cells per axis.
+    count: UVec3,
+    /// By cell, x fastest.
+    ranges: Vec<Range>,
+    /// Corners of the box that the medium fills.
+    domain: [Vec3; 2],
+}
+
+/// A stretch of a ray within which the density keeps to these bounds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Span {
+    /// Distance along the ray where it begins.
+    pub start: f32,
+    /// Where it ends.
+    pub end: f32,
+    /// Bounds of the density.
+    pub density: Range,
+}
+
+impl MajorantGrid {
+    /// Bounds of cells of one or more bricks.
+    pub fn new(bricks: &Bricks) -> Self {
+        let per_cell = bricks.count().max_element().div_ceil(MAX_CELLS);
+        let count = (bricks.count() + per_cell - 1) / per_cell;
+        let nothing = Range {
+            minorant: f32::INFINITY,
+            majorant: 0.0,
+            mean: 0.0,
+        };
+        let mut ranges = vec![nothing; count.element_product() as usize];
+        let mut bricks_within = vec![0u32; ranges.len()];
+        for z in 0..bricks.count().z {
+            for y in 0..bricks.count().y {
+                for x in 0..bricks.count().x {
+                    let brick = UVec3::new(x, y, z);
+                    let inner = bricks.range(brick);
+                    let cell = flat(brick / per_cell, count);
+                    let range = &mut ranges[cell];
+                    range.minorant = range.minorant.min(inner.minorant);
+                    range.majorant = range.majorant.max(inner.majorant);
+                    range.mean += inner.mean;
+                    bricks_within[cell] += 1;
+                }
+            }
+        }
+        for (range, bricks) in ranges.iter_mut().zip(bricks_within) {
+            range.mean = (range.mean / bricks as f32).clamp(range.minorant, range.majorant);
+        }
+        Self {
+            cell: (per_cell as usize * BRICK) as f32,
+            count,
+            ranges,
+            domain: bricks.domain(),
+        }
+    }
+
+    /// Where a ray of sample space (whose direction need not have unit length) is within the domain, between the
+    /// distances 0 and `length`.
+    pub fn clip(&self, origin: Vec3, dir: Vec3, length: f32) -> Option<[f32; 2]> {
+        let (mut start, mut end) = (0.0f32, length);
+        for axis in 0..3 {
+            let (low, high) = (self.domain[0][axis], self.domain[1][axis]);
+            let (o, d) = (origin[axis], dir[axis]);
+            if d == 0.0 {
+                if o < low || o > high {
+                    return None;
+                }
+                continue;
+            }
+            let (a, b) = ((low - o) / d, (high - o) / d);
+            start = start.max(a.min(b));
+            end = end.min(a.max(b));
+        }
+        (start < end && end.is_finite()).then_some([start, end])
+    }
+
+    /// The spans of a ray of sample space between two distances within the domain (Amanatides, Woo 1987).
+    pub fn spans(&self, origin: Vec3, dir: Vec3, range: [f32; 2]) -> Spans<'_> {
+        let position = (origin + dir * range[0]) / self.cell;
+        let last = self.count - 1;
+        // Conversion to unsigned numbers saturates, and the domain may begin half a sample before the first cell.
+        let cell = UVec3::new(position.x as u32, position.y as u32, position.z as u32).min(last);
+        let mut next = Vec3::INFINITY;
+        let mut step = Vec3::INFINITY;
+        for axis in 0..3 {
+            let d = dir[axis];
+            if d != 0.0 {
+                let plane = cell[axis] + (d > 0.0) as u32;
+                next[axis] = (plane as f32 * self.cell - origin[axis]) / d;
+                step[axis] = self.cell / d.abs();
+            }
+        }
+        Spans {
+            grid: self,
+            cell,
+            forward: [dir.x > 0.0, dir.y > 0.0, dir.z > 0.0],
+            next,
+            step,
+            at: range[0],
+            end: range[1],
+        }
+    }
+}
+
+fn flat(cell: UVec3, count: UVec3) -> usize {
+    (cell.x + count.x * (cell.y + count.y * cell.z)) as usize
+}
+
+/// Iterator over the spans of a ray.
+#[derive(Clone, Debug)]
+pub struct Spans<'a> {
+    grid: &'a MajorantGrid,
+    cell: UVec3,
+    forward: [bool; 3],
+    /// By axis: distance to the next plane between cells.
+    next: Vec3,
+    /// By axis: distance from plane to plane.
+    step: Vec3,
+    at: f32,
+    end: f32,
+}
+
+impl Iterator for Spans<'_> {
+    type Item = Span;
+
+    #[inline]
+    fn next(&mut self) -> Option<Span> {
+        if self.at >= self.end {
+            return None;
+        }
+        let density = self.grid.ranges[flat(self.cell, self.grid.count)];
+        let next = self.next;
+        let axis = if next.x <= next.y && next.x <= next.z {
+            0
+        } else if next.y <= next.z {
+            1
+        } else {
+            2
+        };
+        let start = self.at;
+        let mut end = next[axis].clamp(start, self.end);
+        // Out of the grid, the last cell goes on to the end of the domain.
+        let cell = self.cell[axis];
+        let leaves = match self.forward[axis] {
+            true => cell + 1 >= self.grid.count[axis],
+            false => cell == 0,
+        };
+        if leaves {
+            self.next[axis] = f32::INFINITY;
+            if !(self.next.min_element() < self.end) {
+                end = self.end;
+            }
+        } else {
+            self.cell[axis] = match self.forward[axis] {
+                true => cell + 1,
+                false => cell - 1,
+            };
+            self.next[axis] += self.step[axis];
+        }
+        self.at = end;
+        Some(Span {
+            start,
+            end,
+            density,
+        })
+    }
+}

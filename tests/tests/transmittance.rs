@@ -1,0 +1,438 @@
+//! The estimators of transmittance against closed forms and quadrature.
+
+use beamfarm_shared::math::{Ray, Rgb, Vec3};
+use beamfarm_shared::medium::bricks::{Bricks, Range};
+use beamfarm_shared::medium::majorant::Span;
+use beamfarm_shared::medium::procedural::{Blob, Height, Noise, Recipe};
+use beamfarm_shared::medium::transmittance::{Estimator, StepFunctions};
+use beamfarm_shared::medium::{Density, Flight, Heterogeneous};
+use beamfarm_shared::phase::Phase;
+use beamfarm_shared::sampler::{Purpose, Sampler};
+use beamfarm_tests::{MeanEstimate, Suite};
+use glam::{DAffine3, DVec3};
+use rayon::prelude::*;
+use std::sync::Arc;
+
+const LENGTH: f64 = 2.0;
+/// Extinction at density 1.
+const SIGMA_T: Rgb = Rgb::new(1.0, 0.6, 0.25);
+
+/// A density along [0, LENGTH], and its integral from 0.
+#[derive(Clone, Copy, Debug)]
+enum Profile {
+    Homogeneous,
+    Step,
+    Exponential,
+    Gaussian,
+}
+
+const PROFILES: [Profile; 4] = [
+    Profile::Homogeneous,
+    Profile::Step,
+    Profile::Exponential,
+    Profile::Gaussian,
+];
+
+impl Profile {
+    fn density(self, t: f64) -> f64 {
+        match self {
+            Self::Homogeneous => 1.5,
+            Self::Step => [0.3, 2.5][(t >= 1.1) as usize],
+            Self::Exponential => 0.2 * libm::exp(1.4 * t),
+            Self::Gaussian => 3.0 * libm::exp(-8.0 * (t - 0.9) * (t - 0.9)),
+        }
+    }
+
+    fn depth(self, t: f64) -> f64 {
+        match self {
+            Self::Homogeneous => 1.5 * t,
+            Self::Step => 0.3 * t + 2.2 * (t - 1.1).max(0.0),
+            Self::Exponential => 0.2 / 1.4 * (libm::exp(1.4 * t) - 1.0),
+            Self::Gaussian => {
+                let scale = 3.0 * libm::sqrt(std::f64::consts::PI / 8.0) / 2.0;
+                let at = |t: f64| libm::erf(libm::sqrt(8.0) * (t - 0.9));
+                scale * (at(t) - at(0.0))
+            }
+        }
+    }
+
+    /// Least and largest density of a stretch: the profiles rise, or rise and fall around 0.9.
+    fn range(self, start: f64, end: f64) -> [f64; 2] {
+        let (a, b) = (self.density(start), self.density(end));
+        let inner = if start < 0.9 && 0.9 < end {
+            self.density(0.9)
+        } else {
+            a
+        };
+        [a.min(b), a.max(b).max(inner)]
+    }
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Bounds {
+    Tight,
+    TenTimesLoose,
+    PerCell,
+}
+
+/// A profile walked from one of its ends.
+#[derive(Clone, Copy, Debug)]
+struct Way {
+    profile: Profile,
+    backward: bool,
+    bounds: Bounds,
+    estimator: Estimator,
+}
+
+impl Way {
+    fn from_start(&self, t: f64) -> f64 {
+        if self.backward { LENGTH - t } else { t }
+    }
+
+    fn transmittance(&self, t: f64) -> [f64; 3] {
+        let depth = (self.profile.depth(self.from_start(t))
+            - self.profile.depth(self.from_start(0.0)))
+        .abs();
+        [0, 1, 2].map(|c| libm::exp(-depth * SIGMA_T[c] as f64))
+    }
+
+    fn spans(&self) -> Vec<Span> {
+        let cells = if matches!(self.bounds, Bounds::PerCell) {
+            13
+        } else {
+            1
+        };
+        let at = |i: usize| LENGTH * i as f64 / cells as f64;
+        (0..cells)
+            .map(|i| {
+                let (a, b) = (self.from_start(at(i)), self.from_start(at(i + 1)));
+                let [low, high] = self.profile.range(a.min(b), a.max(b));
+                let depth = self.profile.depth(a) - self.profile.depth(b);
+                let mean = (depth / (a - b)).clamp(low, high);
+                let [low, high] = match self.bounds {
+                    Bounds::TenTimesLoose => [0.1 * low, 10.0 * high],
+                    _ => [low, high],
+                };
+                Span {
+                    start: at(i) as f32,
+                    end: at(i + 1) as f32,
+                    density: Range {
+                        minorant: low as f32,
+                        majorant: high as f32,
+                        mean: mean as f32,
+                    },
+                }
+            })
+            .collect()
+    }
+
+    /// One function of the distance, as it is cached.
+    fn walk(&self, spans: &[Span], sampler: &mut Sampler, steps: &mut StepFunctions) -> u32 {
+        let number = steps.begin();
+        let density = |t: f32| self.profile.density(self.from_start(t as f64)) as f32;
+        self.estimator.walk(
+            spans.iter().copied(),
+            density,
+            SIGMA_T,
+            sampler,
+            |t, step| {
+                steps.push(t, step);
+            },
+        );
+        number
+    }
+}
+
+const ESTIMATORS: [Estimator; 3] = [
+    Estimator::FreeFlight { distances: 4 },
+    Estimator::RatioTracking,
+    Estimator::ResidualRatioTracking,
+];
+
+fn ways() -> Vec<Way> {
+    let mut ways = Vec::new();
+    for profile in PROFILES {
+        for estimator in ESTIMATORS {
+            for bounds in [Bounds::Tight, Bounds::TenTimesLoose, Bounds::PerCell] {
+                for backward in [false, true] {
+                    ways.push(Way {
+                        profile,
+                        backward,
+                        bounds,
+                        estimator,
+                    });
+                }
+            }
+        }
+    }
+    ways
+}
+
+/// Batches of 2048 repetitions, and distances that are looked at.
+const BATCHES: usize = 24;
+const REPETITIONS: usize = 2048;
+const DISTANCES: usize = 12;
+
+#[test]
+fn profiles_are_met_at_every_distance_and_the_error_falls_as_one_over_root_n() {
+    let failures: Vec<String> = ways()
+        .par_iter()
+        .enumerate()
+        .flat_map_iter(|(i, way)| check(i as u64, way))
+        .collect();
+    assert!(failures.is_empty(), "{}", failures.join("\n"));
+}
+
+/// What is wrong with a way, if anything is.
+fn check(index: u64, way: &Way) -> Vec<String> {
+    let spans = way.spans();
+    let distance = |k: usize| LENGTH * (k as f64 + 0.7) / DISTANCES as f64;
+    // By distance and channel.
+    let expected: Vec<f64> = (0..DISTANCES)
+        .flat_map(|k| way.transmittance(distance(k).min(LENGTH)))
+        .collect();
+    let n = BATCHES * REPETITIONS;
+    let mut values = vec![Vec::with_capacity(n); expected.len()];
+    let mut steps = StepFunctions::default();
+    for repetition in 0..n {
+        let mut sampler = Sampler::new(17, index, Purpose::Test, repetition as u64);
+        steps.clear();
+        let number = way.walk(&spans, &mut sampler, &mut steps);
+        let function = steps.get(number);
+        for k in 0..DISTANCES {
+            let value = function.at(distance(k).min(LENGTH) as f32, SIGMA_T);
+            for c in 0..3 {
+                values[3 * k + c].push(value[c] as f64);
+            }
+        }
+    }
+    let mut failures = Vec::new();
+    for (place, (values, &expected)) in values.iter().zip(&expected).enumerate() {
+        // Where next to nothing is met, means of 2048 are as far from normal as single ones.
+        if expected > 0.99 {
+            continue;
+        }
+        let all: MeanEstimate = values.iter().copied().collect();
+        let sigma = all.variance().sqrt();
+        // Rounding in single precision, where there is hardly any variance.
+        let rounding = 3e-7;
+        let mut fail = |what: String| {
+            let (k, c) = (place / 3, place % 3);
+            failures.push(format!("{way:?} at {}, channel {c}: {what}", distance(k)));
+        };
+        for count in [1, 16, REPETITIONS] {
+            let errors: Vec<f64> = values
+                .chunks_exact(count)
+                .map(|group| group.iter().sum::<f64>() / count as f64 - expected)
+                .collect();
+            // The first mean of 2048 is within 4 standard errors. Few repetitions are not distributed normally, and more
+            // of them may be off: Chebyshev's inequality allows one in sixteen.
+            let bound = 4.0 * sigma / (count as f64).sqrt() + rounding;
+            let outside = errors.iter().filter(|e| e.abs() > bound).count();
+            let first_is = count == REPETITIONS && errors[0].abs() > bound;
+            if first_is || outside > errors.len() / 16 {
+                fail(format!(
+                    "{outside} of {} means of {count} are further than {bound} from {expected}",
+                    errors.len()
+                ));
+            }
+            // Their squared error is sigma^2 / n on average.
+            let squares: MeanEstimate = errors.iter().map(|error| error * error).collect();
+            let predicted = all.variance() / count as f64;
+            let bound = 4.0 * squares.std_error() + rounding * rounding + 1e-9 * predicted;
+            // With few groups their spread is itself uncertain: a chi-square of 24 degrees is far from normal.
+            let bound = bound.max(if count == REPETITIONS {
+                1.3 * predicted
+            } else {
+                0.0
+            });
+            if (squares.mean() - predicted).abs() > bound {
+                fail(format!(
+                    "squared error of {count}: {} not {predicted}",
+                    squares.mean()
+                ));
+            }
+        }
+        if (all.mean() - expected).abs() > 4.0 * all.std_error() + rounding {
+            fail(format!(
+                "{} +- {} not {expected}",
+                all.mean(),
+                all.std_error()
+            ));
+        }
+    }
+    failures
+}
+
+/// A lumpy density in a box that is turned, stretched and moved.
+fn lumps(estimator: Estimator) -> Heterogeneous {
+    let recipe = Recipe {
+        corners: [DVec3::new(-1.0, 0.0, -1.0), DVec3::new(1.0, 1.5, 1.2)],
+        voxel: 0.07,
+        height: Some(Height {
+            base: 0.3,
+            scale: 0.8,
+        }),
+        blobs: vec![
+            Blob {
+                center: DVec3::new(0.2, 0.4, 0.1),
+                radius: 0.3,
+                density: 4.0,
+            },
+            Blob {
+                center: DVec3::new(-0.6, 0.9, -0.5),
+                radius: 0.5,
+                density: 1.5,
+            },
+        ],
+        noise: Some(Noise {
+            size: 0.5,
+            octaves: 3,
+            gain: 0.6,
+            contrast: 3.0,
+            seed: 5,
+        }),
+    };
+    let bricks = Bricks::new(&recipe.sample().unwrap()).unwrap();
+    let to_render = DAffine3::from_translation(DVec3::new(3.0, -2.0, 1.0))
+        * DAffine3::from_axis_angle(DVec3::new(1.0, 2.0, 0.5).normalize(), 0.8)
+        * DAffine3::from_scale(DVec3::new(1.0, 1.6, 0.7));
+    Heterogeneous::new(
+        [Rgb::new(0.5, 0.2, 0.0), Rgb::new(1.5, 1.0, 0.4)],
+        Phase::Isotropic,
+        estimator,
+        Arc::new(Density::new(bricks)),
+        to_render,
+    )
+}
+
+/// Rays through the box: from outside, from within, past it, and one along an axis of space.
+fn rays() -> Vec<(Ray, f32)> {
+    let middle = Vec3::new(3.0, -1.0, 1.0);
+    let mut sampler = Sampler::new(3, 0, Purpose::Test, 0);
+    let mut rays: Vec<(Ray, f32)> = (0..12)
+        .map(|i| {
+            let mut around = |r: f32| {
+                let u = Vec3::new(sampler.next_1d(), sampler.next_1d(), sampler.next_1d());
+                middle + (u - 0.5) * r
+            };
+            let origin = around(if i % 2 == 0 { 8.0 } else { 1.0 });
+            let dir = (around(1.2) - origin).normalize();
+            let length = [f32::INFINITY, 4.0, 1.1][i % 3];
+            (Ray { origin, dir }, length)
+        })
+        .collect();
+    let dir = Vec3::Y;
+    rays.push((
+        Ray {
+            origin: middle - dir * 5.0,
+            dir,
+        },
+        100.0,
+    ));
+    let origin = middle + Vec3::X * 50.0;
+    rays.push((Ray { origin, dir }, 100.0));
+    rays
+}
+
+/// Optical depth at density 1 by quadrature in small steps.
+fn depth(medium: &Heterogeneous, ray: &Ray, length: f32) -> f64 {
+    let Some(track) = medium.track(ray, length) else {
+        return 0.0;
+    };
+    let [start, end] = track.range.map(|t| t as f64);
+    let n = 40_000;
+    let step = (end - start) / n as f64;
+    let density = |i: u32| medium.density(ray.at((start + step * (i as f64 + 0.5)) as f32)) as f64;
+    (0..n).map(density).sum::<f64>() * step
+}
+
+#[test]
+fn grids_transmit_what_quadrature_says() {
+    // Significance 1e-3 for the whole suite.
+    let mut suite = Suite::new(1e-3);
+    for estimator in ESTIMATORS {
+        let medium = lumps(estimator);
+        for (i, (ray, length)) in rays().into_iter().enumerate() {
+            let depth = depth(&medium, &ray, length);
+            let mut means = [(); 3].map(|_| MeanEstimate::new());
+            let mut steps = StepFunctions::default();
+            for round in 0..20_000 {
+                let mut sampler = Sampler::new(5, i as u64, Purpose::Test, round);
+                let value = medium.transmittance(&ray, length, &mut sampler);
+                // What is cached is the same estimate, at its end.
+                if let Some(track) = medium.track(&ray, length).filter(|_| round % 64 == 0) {
+                    let mut sampler = Sampler::new(5, i as u64, Purpose::Test, round);
+                    let number = medium.walk(&track, &mut sampler, &mut steps);
+                    assert_eq!(steps.get(number).last(), value);
+                }
+                for c in 0..3 {
+                    means[c].add(value[c] as f64);
+                }
+            }
+            for c in 0..3 {
+                let expected = libm::exp(-depth * medium.sigma_t()[c] as f64);
+                suite.mean(
+                    format!("{estimator}, ray {i}, channel {c}"),
+                    &means[c],
+                    expected,
+                );
+            }
+        }
+    }
+    suite.finish();
+}
+
+#[test]
+fn flights_scatter_where_and_as_much_as_they_should() {
+    let mut suite = Suite::new(1e-3);
+    let medium = lumps(Estimator::DEFAULT);
+    let power = Rgb::new(1.0, 3.0, 0.5);
+    for (i, (ray, length)) in rays().into_iter().enumerate() {
+        let Some(track) = medium.track(&ray, length) else {
+            continue;
+        };
+        let [start, end] = track.range;
+        let edges = [0.3, 0.6, 1.0].map(|f| start + (end - start) * f);
+        // By third of the way and channel, and what passed.
+        let mut means = vec![MeanEstimate::new(); 12];
+        for round in 0..20_000 {
+            let mut sampler = Sampler::new(6, i as u64, Purpose::Test, round);
+            let (place, weight) = match medium.sample_flight(&track, power, &mut sampler) {
+                Flight::Scattered { distance, weight } => {
+                    assert!(distance >= start && distance <= end);
+                    let third = edges.iter().position(|e| distance <= *e).unwrap();
+                    (third, weight)
+                }
+                Flight::Passed { weight } => (3, weight),
+            };
+            for (k, mean) in means.iter_mut().enumerate() {
+                mean.add(if k / 3 == place {
+                    weight[k % 3] as f64
+                } else {
+                    0.0
+                });
+            }
+        }
+        let mut before = 0.0;
+        for (third, edge) in edges.into_iter().enumerate() {
+            let after = depth(&medium, &ray, edge);
+            for c in 0..3 {
+                let (sigma_t, sigma_s) = (medium.sigma_t()[c] as f64, medium.sigma_s[c] as f64);
+                let lost = libm::exp(-before * sigma_t) - libm::exp(-after * sigma_t);
+                let name = format!("ray {i}, third {third}, channel {c}");
+                suite.mean(name, &means[3 * third + c], lost * sigma_s / sigma_t);
+            }
+            before = after;
+        }
+        for c in 0..3 {
+            let passed = libm::exp(-before * medium.sigma_t()[c] as f64);
+            suite.mean(
+                format!("ray {i}, passed, channel {c}"),
+                &means[9 + c],
+                passed,
+            );
+        }
+    }
+    suite.finish();
+}

@@ -5,15 +5,19 @@
 //! independent of everything that the estimators do.
 
 use beamfarm_shared::beam::PhotonBeam;
-use beamfarm_shared::beam::estimate::{CameraSegment, PACKET, gather};
+use beamfarm_shared::beam::estimate::{CameraSegment, CameraSegments, PACKET, gather};
 use beamfarm_shared::beam::store::{BeamMap, Candidates, Packet};
 use beamfarm_shared::light::SceneBounds;
 use beamfarm_shared::math::{Frame, Ray, Rgb, Vec3};
-use beamfarm_shared::medium::transmittance::StepFunctions;
-use beamfarm_shared::medium::{Homogeneous, Medium};
+use beamfarm_shared::medium::bricks::Bricks;
+use beamfarm_shared::medium::procedural::{Blob, Height, Recipe};
+use beamfarm_shared::medium::transmittance::{Estimator, StepFunctions};
+use beamfarm_shared::medium::{Density, Heterogeneous, Homogeneous, Medium};
 use beamfarm_shared::phase::Phase;
 use beamfarm_shared::sampler::{Purpose, Sampler};
 use beamfarm_tests::{MeanEstimate, Suite};
+use glam::{DAffine3, DVec3};
+use std::sync::Arc;
 
 const AROUND: SceneBounds = SceneBounds {
     center: Vec3::ZERO,
@@ -42,31 +46,81 @@ fn slanted_beam() -> PhotonBeam {
     }
 }
 
+/// A cloud around the beam, and thin fog about it. Its density varies little over the beam's width.
+fn cloud(phase: Phase, estimator: Estimator) -> Medium {
+    let recipe = Recipe {
+        corners: [DVec3::splat(-3.0), DVec3::splat(4.0)],
+        voxel: 0.1,
+        height: Some(Height {
+            base: -1.0,
+            scale: 4.0,
+        }),
+        blobs: vec![
+            Blob {
+                center: DVec3::new(0.6, 0.3, 0.5),
+                radius: 0.5,
+                density: 2.0,
+            },
+            Blob {
+                center: DVec3::ZERO,
+                radius: 10.0,
+                density: 0.3,
+            },
+        ],
+        noise: None,
+    };
+    let bricks = Bricks::new(&recipe.sample().unwrap()).unwrap();
+    Medium::Heterogeneous(Heterogeneous::new(
+        [Rgb::new(0.1, 0.0, 0.3), Rgb::new(0.4, 0.2, 0.05)],
+        phase,
+        estimator,
+        Arc::new(Density::new(bricks)),
+        DAffine3::IDENTITY,
+    ))
+}
+
 /// Radiance along rays, by way of the map: what a pass does.
 fn radiance(map: &BeamMap, medium: &Medium, rays: &[Ray], length: f32, key: u64) -> Vec<Rgb> {
-    let segments: Vec<CameraSegment> = rays
-        .iter()
-        .enumerate()
-        .map(|(i, &ray)| CameraSegment {
-            ray,
-            length,
+    let mut camera = CameraSegments::default();
+    let mut sampler = Sampler::new(8, 0, Purpose::Test, key);
+    for (i, ray) in rays.iter().enumerate() {
+        let (stretch, _) = medium.stretch(ray, length, &mut sampler, &mut camera.steps);
+        let stretch = stretch.unwrap();
+        camera.segments.push(CameraSegment {
+            ray: *ray,
+            length: stretch.range[1],
             beta: Rgb::ONE,
             medium: 0,
-            steps: 0,
+            steps: stretch.steps,
             pixel: i as u16,
             straight: Some(0),
-        })
-        .collect();
-    let steps = StepFunctions::default();
+        });
+    }
     let mut found = Candidates::default();
     map.candidates(&Packet::new(rays.iter().map(|&r| (r, length))), &mut found);
-    segments
+    camera
+        .segments
         .chunks(PACKET)
         .flat_map(|packet| {
-            let sum = gather(map, medium, packet, &steps, &found.found, key);
+            let sum = gather(map, medium, packet, &camera.steps, &found.found, key);
             (0..packet.len()).map(move |i| sum.of(i))
         })
         .collect()
+}
+
+/// The beam's map. In a heterogeneous medium every number gives another estimate of the transmittance along it.
+fn map_of(beam: &PhotonBeam, medium: &Medium, number: u64) -> BeamMap {
+    let mut steps = StepFunctions::default();
+    let mut sampler = Sampler::new(9, 0, Purpose::Test, number);
+    let ray = Ray {
+        origin: beam.origin,
+        dir: beam.dir,
+    };
+    // Not the first of the functions, so that numbers are looked at.
+    for _ in 0..2 {
+        let _ = medium.stretch(&ray, beam.length, &mut sampler, &mut steps);
+    }
+    BeamMap::new(vec![*beam], steps, &AROUND)
 }
 
 /// Angles between beam and rays: ordinary ones, around the change of estimator, and down to nearly parallel, both ways.
@@ -92,11 +146,10 @@ fn a_wall_of_rays_sees_what_the_beam_scatters() {
     // Significance 1e-3 for the whole suite.
     let mut suite = Suite::new(1e-3);
     let beam = slanted_beam();
-    let map = BeamMap::new(vec![beam], StepFunctions::default(), &AROUND);
     for phase in [Phase::Isotropic, Phase::HenyeyGreenstein { g: 0.6 }] {
         let medium = medium(phase);
         for angle in ANGLES {
-            let (estimate, expected) = wall(&map, &beam, &medium, angle);
+            let (estimate, expected) = wall(&beam, &medium, angle);
             for c in 0..3 {
                 let name = format!("{phase:?} at {angle} rad, channel {c}");
                 suite.mean(name, &estimate[c], expected[c]);
@@ -106,12 +159,57 @@ fn a_wall_of_rays_sees_what_the_beam_scatters() {
     suite.finish();
 }
 
-fn wall(
-    map: &BeamMap,
-    beam: &PhotonBeam,
-    medium: &Medium,
-    angle: f64,
-) -> ([MeanEstimate; 3], [f64; 3]) {
+#[test]
+fn a_wall_of_rays_sees_what_the_beam_scatters_in_a_cloud() {
+    // Significance 1e-3 for the whole suite.
+    let mut suite = Suite::new(1e-3);
+    let beam = PhotonBeam {
+        radius: 0.01,
+        radius_slope: 0.002,
+        steps: 1,
+        ..slanted_beam()
+    };
+    let estimators = [
+        (Estimator::RatioTracking, Phase::Isotropic),
+        (
+            Estimator::ResidualRatioTracking,
+            Phase::HenyeyGreenstein { g: 0.6 },
+        ),
+        (Estimator::FreeFlight { distances: 30 }, Phase::Isotropic),
+    ];
+    for (estimator, phase) in estimators {
+        let medium = cloud(phase, estimator);
+        for angle in [1.2, 0.5, 0.05, 0.0, 3.0] {
+            let (estimate, expected) = wall(&beam, &medium, angle);
+            for c in 0..3 {
+                let name = format!("{estimator} at {angle} rad, channel {c}");
+                suite.mean(name, &estimate[c], expected[c]);
+            }
+        }
+    }
+    suite.finish();
+}
+
+/// Transmittance at each of `n` distances of a ray, in the middles of equal steps, and density there.
+fn along(medium: &Medium, ray: &Ray, length: f64, n: usize) -> Vec<([f64; 3], f64)> {
+    let mut depth = 0.0;
+    let step = length / n as f64;
+    (0..n)
+        .map(|i| {
+            let at = ray.at(((i as f64 + 0.5) * step) as f32);
+            let density = match medium {
+                Medium::Homogeneous(_) => 1.0,
+                Medium::Heterogeneous(medium) => medium.density(at) as f64,
+            };
+            depth += density * step;
+            let until = depth - 0.5 * density * step;
+            let tr = |c: usize| libm::exp(-until * medium.sigma_t()[c] as f64);
+            ([0, 1, 2].map(tr), density)
+        })
+        .collect()
+}
+
+fn wall(beam: &PhotonBeam, medium: &Medium, angle: f64) -> ([MeanEstimate; 3], [f64; 3]) {
     const ROUNDS: u64 = 600;
     let around = Frame::from_normal(beam.dir);
     let (sin, cos) = (libm::sin(angle) as f32, libm::cos(angle) as f32);
@@ -143,7 +241,7 @@ fn wall(
                 }
             })
             .collect();
-        let sum: Rgb = radiance(map, medium, &rays, length, round)
+        let sum: Rgb = radiance(&map_of(beam, medium, round), medium, &rays, length, round)
             .into_iter()
             .sum();
         assert!(sum.is_finite());
@@ -154,21 +252,33 @@ fn wall(
 
     let cos = beam.dir.dot(dir) as f64;
     let phase = medium.phase().eval_directions(beam.dir, -dir) as f64;
-    let expected = [0, 1, 2].map(|c| {
-        let sigma_t = medium.sigma_t()[c] as f64;
-        let n = 20_000;
-        let mut sum = 0.0;
-        for i in 0..n {
-            let s = (i as f64 + 0.5) / n as f64 * beam.length as f64;
-            let t = before as f64 + (s - 0.5 * beam.length as f64) * cos;
-            sum += libm::exp(-sigma_t * (s + t));
+    let n = 400;
+    let ray = Ray {
+        origin: beam.origin,
+        dir: beam.dir,
+    };
+    let mut expected = [0.0; 3];
+    for (i, (tr_beam, density)) in along(medium, &ray, beam.length as f64, n)
+        .into_iter()
+        .enumerate()
+    {
+        let s = (i as f64 + 0.5) / n as f64 * beam.length as f64;
+        let t = before as f64 + (s - 0.5 * beam.length as f64) * cos;
+        let seen = Ray {
+            origin: ray.at(s as f32) - dir * t as f32,
+            dir,
+        };
+        let end = along(medium, &seen, t, n)[n - 1];
+        for c in 0..3 {
+            expected[c] += tr_beam[c] * end.0[c] * density;
         }
-        sum / n as f64
-            * beam.length as f64
+    }
+    for c in 0..3 {
+        expected[c] *= beam.length as f64 / n as f64
             * phase
             * medium.sigma_s()[c] as f64
-            * beam.power[c] as f64
-    });
+            * beam.power[c] as f64;
+    }
     (estimate, expected)
 }
 
@@ -187,7 +297,7 @@ fn the_estimate_along_one_ray_is_the_blurred_line() {
         steps: 0,
     };
     let medium = medium(Phase::Isotropic);
-    let map = BeamMap::new(vec![beam], StepFunctions::default(), &AROUND);
+    let map = map_of(&beam, &medium, 0);
     for (u, kernel) in [(0.0, 7.5), (0.05, 5.625), (0.0999, 0.015), (0.11, 0.0)] {
         let ray = Ray {
             origin: Vec3::new(0.25, u, -2.0),

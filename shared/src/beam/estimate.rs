@@ -12,15 +12,18 @@
 
 use super::PhotonBeam;
 use super::store::BeamMap;
+use super::varying::Varying;
 use crate::math::{PI, Ray, Rgb, Vec3, exp_neg, exp_rgb_neg};
 use crate::medium::Medium;
-use crate::medium::bricks::Bricks;
-use crate::medium::transmittance::{StepFunction, StepFunctions};
+use crate::medium::transmittance::StepFunctions;
 use crate::phase::{Phase, PhaseLobe};
 use crate::sampler::mix64;
 
 /// Segments that are evaluated side by side.
 pub const LANES: usize = 8;
+
+/// A value for each of them.
+pub(super) type Lanes = [f32; LANES];
 
 /// Below this sine of the angle between beam and segment the chord is integrated.
 const NEARLY_PARALLEL_SIN: f32 = 0.1;
@@ -264,8 +267,6 @@ impl<'a> SegmentPacket<'a> {
     }
 }
 
-type Lanes = [f32; LANES];
-
 /// Segments side by side, and what is constant over them.
 struct Group<'a> {
     origin: [Lanes; 3],
@@ -280,18 +281,6 @@ struct Group<'a> {
     /// In a heterogeneous medium.
     varying: Option<Varying<'a>>,
     key: u64,
-}
-
-/// What differs from place to place.
-struct Varying<'a> {
-    bricks: &'a Bricks,
-    /// The segments in the samples' space.
-    origin: [Lanes; 3],
-    dir: [Lanes; 3],
-    /// Transmittance along the segments.
-    segments: [StepFunction<'a>; LANES],
-    /// Transmittance along the beams.
-    beams: &'a StepFunctions,
 }
 
 impl<'a> Group<'a> {
@@ -321,20 +310,7 @@ impl<'a> Group<'a> {
             varying: match medium {
                 Medium::Homogeneous(_) => None,
                 Medium::Heterogeneous(medium) => {
-                    let map = medium.to_samples();
-                    let origin = |s: &CameraSegment, c| map.transform_point3(s.ray.origin)[c];
-                    let dir = |s: &CameraSegment, c| map.transform_vector3(s.ray.dir)[c];
-                    Some(Varying {
-                        bricks: medium.bricks(),
-                        origin: [0, 1, 2].map(|c| lane(&|s| origin(s, c), 0.0)),
-                        dir: [0, 1, 2].map(|c| lane(&|s| dir(s, c), 0.0)),
-                        segments: std::array::from_fn(|l| {
-                            segments
-                                .get(l)
-                                .map_or(StepFunction::EMPTY, |s| steps.get(s.steps))
-                        }),
-                        beams: beam_steps,
-                    })
+                    Some(Varying::new(medium, segments, steps, beam_steps))
                 }
             },
             key,
@@ -422,24 +398,13 @@ impl<'a> Group<'a> {
         out.evaluations += count as u64;
         let mut transmitted = [[1.0; LANES]; 3];
         if VARYING && let Some(varying) = &self.varying {
-            let beam = varying.beams.get(beam.steps);
+            let hits = value.map(|v| v > 0.0);
+            let at = varying.attenuation::<GREY>(beam, &hits, &along_segment, &along_beam);
             for l in 0..LANES {
-                if value[l] == 0.0 {
-                    continue;
-                }
-                let (t, s) = (along_segment[l], along_beam[l]);
-                value[l] *= varying.density(l, t);
-                let (tr_segment, decayed_segment) = varying.segments[l].step_at(t);
-                let (tr_beam, decayed_beam) = beam.step_at(s);
-                depth[l] = decayed_segment + decayed_beam;
-                if GREY {
-                    value[l] *= tr_segment.x * tr_beam.x;
-                } else {
-                    for c in 0..3 {
-                        transmitted[c][l] = tr_segment[c] * tr_beam[c];
-                    }
-                }
+                let v = value[l] * at.density[l];
+                value[l] = if GREY { v * at.transmitted[0][l] } else { v };
             }
+            (transmitted, depth) = (at.transmitted, at.depth);
         }
         if GREY {
             for l in 0..LANES {
@@ -523,22 +488,10 @@ impl<'a> Group<'a> {
 
     /// Density and transmittance for a point at `t` along a segment and `s` along a beam.
     fn attenuation(&self, beam: &PhotonBeam, lane: usize, t: f32, s: f32) -> Rgb {
-        let Some(varying) = &self.varying else {
-            return exp_rgb_neg(self.sigma_t * -(t + s));
-        };
-        let (tr_segment, decayed_segment) = varying.segments[lane].step_at(t);
-        let (tr_beam, decayed_beam) = varying.beams.get(beam.steps).step_at(s);
-        let decayed = exp_rgb_neg(self.sigma_t * -(decayed_segment + decayed_beam));
-        tr_segment * tr_beam * decayed * varying.density(lane, t)
-    }
-}
-
-impl Varying<'_> {
-    /// Density along one of the segments.
-    #[inline(always)]
-    fn density(&self, lane: usize, t: f32) -> f32 {
-        let at = |c: usize| self.origin[c][lane] + self.dir[c][lane] * t;
-        self.bricks.density(Vec3::new(at(0), at(1), at(2)))
+        match &self.varying {
+            None => exp_rgb_neg(self.sigma_t * -(t + s)),
+            Some(varying) => varying.attenuation_at(beam, lane, t, s),
+        }
     }
 }
 

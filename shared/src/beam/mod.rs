@@ -3,6 +3,7 @@
 pub mod estimate;
 pub mod store;
 pub mod trace;
+mod varying;
 
 use crate::math::{Rgb, Vec3};
 

@@ -9,6 +9,8 @@ pub const BRICK: usize = 8;
 /// eight corners in one place.
 const SIDE: usize = BRICK + 1;
 const STORED: usize = SIDE * SIDE * SIDE;
+/// How far the last of a cell's corners is stored behind the first.
+const FARTHEST_CORNER: usize = 1 + SIDE + SIDE * SIDE;
 /// Bricks of a lattice, empty ones included: 256 MiB of table.
 const MAX_BRICKS: u64 = 1 << 26;
 /// Largest index of a sample, so that single precision still has a few bits between two of them.
@@ -196,39 +198,56 @@ impl Bricks {
     /// Density at a position, sample space.
     #[inline(always)]
     pub fn density(&self, position: Vec3) -> f32 {
-        let [low, high] = self.domain;
-        let inside = (position.x >= low.x)
-            & (position.y >= low.y)
-            & (position.z >= low.z)
-            & (position.x <= high.x)
-            & (position.y <= high.y)
-            & (position.z <= high.z);
-        if inside {
-            self.interpolate(position)
-        } else {
-            0.0
-        }
+        self.densities(&position.to_array().map(|x| [x]))[0]
     }
 
-    /// Density at a position within the domain.
+    /// Densities at positions side by side, sample space: x, y and z of each. Zero where they are not finite.
     #[inline(always)]
-    fn interpolate(&self, position: Vec3) -> f32 {
-        // Clamped positions are not negative, so truncation is the floor, and the last of them are in the last brick.
-        let p = position.max(self.clamp[0]).min(self.clamp[1]);
-        let (x, y, z) = (p.x as u32, p.y as u32, p.z as u32);
-        let (fx, fy, fz) = (p.x - x as f32, p.y - y as f32, p.z - z as f32);
-        let brick = (x >> 3) + self.count.x * ((y >> 3) + self.count.y * (z >> 3));
-        let stored = self.table[brick as usize] as usize * STORED;
-        let corner = ((x & 7) + SIDE as u32 * ((y & 7) + SIDE as u32 * (z & 7))) as usize;
-        const FARTHEST: usize = 1 + SIDE + SIDE * SIDE;
-        let v = &self.values[stored + corner..stored + corner + FARTHEST + 1];
-        let edge = |i: usize| v[i] + (v[i + 1] - v[i]) * fx;
-        let face = |i: usize| {
-            let (a, b) = (edge(i), edge(i + SIDE));
-            a + (b - a) * fy
-        };
-        let (a, b) = (face(0), face(SIDE * SIDE));
-        a + (b - a) * fz
+    pub fn densities<const N: usize>(&self, positions: &[[f32; N]; 3]) -> [f32; N] {
+        // Adding 1.5 * 2^23 rounds to an integer; less a half before, to the one below, or to one that is just reached,
+        // with a weight of 1 for the next.
+        const ROUND: f32 = 12_582_912.0;
+        let mut outside = [0u32; N];
+        let mut cell = [[0u32; N]; 3];
+        let mut weight = [[0.0f32; N]; 3];
+        for axis in 0..3 {
+            let (low, high) = (self.domain[0][axis], self.domain[1][axis]);
+            let (first, last) = (self.clamp[0][axis], self.clamp[1][axis]);
+            for l in 0..N {
+                let x = positions[axis][l];
+                outside[l] |= !((x >= low) & (x <= high)) as u32;
+                let x = if x > first { x } else { first };
+                let x = if x < last { x } else { last };
+                let shifted = (x - 0.5) + ROUND;
+                cell[axis][l] = shifted.to_bits() & 0x3f_ffff;
+                weight[axis][l] = x - (shifted - ROUND);
+            }
+        }
+        let mut brick = [0u32; N];
+        let mut corner = [0u32; N];
+        for l in 0..N {
+            let [x, y, z] = [cell[0][l], cell[1][l], cell[2][l]];
+            brick[l] = (x >> 3) + self.count.x * ((y >> 3) + self.count.y * (z >> 3));
+            corner[l] = (x & 7) + SIDE as u32 * ((y & 7) + SIDE as u32 * (z & 7));
+        }
+        let mut corners = [[0.0f32; N]; 8];
+        for l in 0..N {
+            let first = self.table[brick[l] as usize] as usize * STORED + corner[l] as usize;
+            let v = &self.values[first..first + FARTHEST_CORNER + 1];
+            for (i, value) in corners.iter_mut().enumerate() {
+                value[l] = v[(i & 1) + SIDE * (i >> 1 & 1) + SIDE * SIDE * (i >> 2)];
+            }
+        }
+        let mut out = [0.0; N];
+        for l in 0..N {
+            let edge =
+                |i: usize| corners[i][l] + (corners[i + 1][l] - corners[i][l]) * weight[0][l];
+            let [a, b, c, d] = [edge(0), edge(2), edge(4), edge(6)];
+            let (near, far) = (a + (b - a) * weight[1][l], c + (d - c) * weight[1][l]);
+            let density = near + (far - near) * weight[2][l];
+            out[l] = if outside[l] == 0 { density } else { 0.0 };
+        }
+        out
     }
 }
 

@@ -282,7 +282,7 @@ impl StepFunctions {
     /// Begin a function, which is 1 up to its first step. Its number is returned.
     pub fn begin(&mut self) -> u32 {
         self.first.push(self.steps.len() as u32);
-        self.push(f32::NEG_INFINITY, Step::NONE);
+        self.push(f32::MIN, Step::NONE);
         self.first.len() as u32 - 1
     }
 
@@ -334,7 +334,7 @@ impl Step {
 /// One of the functions.
 #[derive(Clone, Copy, Debug)]
 pub struct StepFunction<'a> {
-    /// Distances of the steps, increasing; the first is minus infinity.
+    /// Distances of the steps, increasing; the first is before all distances.
     distances: &'a [f32],
     steps: &'a [Step],
 }
@@ -342,7 +342,7 @@ pub struct StepFunction<'a> {
 impl StepFunction<'_> {
     /// 1 everywhere.
     pub const EMPTY: Self = StepFunction {
-        distances: &[f32::NEG_INFINITY],
+        distances: &[f32::MIN],
         steps: &[Step::NONE],
     };
 
@@ -351,6 +351,7 @@ impl StepFunction<'_> {
     pub fn step_at(&self, distance: f32) -> (Rgb, f32) {
         let after = self.distances.partition_point(|d| *d <= distance);
         let Step { value, decay } = self.steps[after.max(1) - 1];
+        // The first step, infinitely long ago, does not decay.
         let since = match decay > 0.0 {
             true => decay * (distance - self.distances[after.max(1) - 1]),
             false => 0.0,
@@ -380,6 +381,21 @@ impl StepFunction<'_> {
             (Some(step), Some(distance)) if step.value == Rgb::ZERO => Some(*distance),
             _ => None,
         }
+    }
+
+    /// The steps that lie between two distances, after the last one up to the first of them.
+    #[inline(always)]
+    pub fn between(&self, from: f32, to: f32) -> impl Iterator<Item = (&f32, &Step)> {
+        let first = self.distances.partition_point(|d| *d <= from).max(1) - 1;
+        let end = first + self.distances[first..].partition_point(|d| *d <= to);
+        self.distances[first..end]
+            .iter()
+            .zip(&self.steps[first..end])
+    }
+
+    /// The n-th step.
+    pub fn step(&self, n: usize) -> Option<(f32, Step)> {
+        Some((*self.distances.get(n + 1)?, *self.steps.get(n + 1)?))
     }
 
     /// Number of steps.

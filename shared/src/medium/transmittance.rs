@@ -21,8 +21,11 @@ pub enum Estimator {
     },
     /// One walk at the majorant's rate, multiplied by the share of null collisions at every event.
     RatioTracking,
-    /// The mean density of each span in closed form, and what is left of it by ratio tracking.
+    /// The mean density of each span's surroundings in closed form, and what is left of it by ratio tracking.
     ResidualRatioTracking,
+    /// The ray's own mean density over each span in closed form, so that the transmittance is exact at the knots between
+    /// spans; between two of them, residual ratio tracking that starts anew at each.
+    ExactKnots,
 }
 
 impl fmt::Display for Estimator {
@@ -31,6 +34,7 @@ impl fmt::Display for Estimator {
             Self::FreeFlight { distances } => write!(f, "{distances} free flights"),
             Self::RatioTracking => f.write_str("ratio tracking"),
             Self::ResidualRatioTracking => f.write_str("residual ratio tracking"),
+            Self::ExactKnots => f.write_str("residual ratio tracking between exact knots"),
         }
     }
 }
@@ -53,12 +57,13 @@ const OPAQUE: f32 = 1.5e-8;
 
 impl Estimator {
     /// What a medium has whose scene does not say.
-    pub const DEFAULT: Self = Self::RatioTracking;
+    pub const DEFAULT: Self = Self::ExactKnots;
 
     /// One estimate. Calls `step(distance, step)` in the order of distances; before the first the transmittance is 1, and
     /// after the last it does not change any more.
     ///
-    /// `spans`: consecutive stretches of the ray with bounds of the density; `density`: the density at a distance;
+    /// `spans`: consecutive stretches of the ray with bounds of the density, and its mean, which has to be the ray's own
+    /// for exact knots and may be any value between the bounds for the others; `density`: the density at a distance;
     /// `sigma_t`: extinction at density 1, RGB, per scene unit.
     pub fn walk(
         self,
@@ -76,6 +81,7 @@ impl Estimator {
             Self::ResidualRatioTracking => {
                 residual_tracking(spans, density, sigma_t, sampler, step)
             }
+            Self::ExactKnots => knotted_tracking(spans, density, sigma_t, sampler, step),
         }
     }
 }
@@ -199,6 +205,59 @@ fn residual_tracking(
     }
     if decay != 0.0 {
         value = decayed(value, decay, end - at);
+        step(end, Step { value, decay: 0.0 });
+    }
+}
+
+fn knotted_tracking(
+    spans: impl Iterator<Item = Span>,
+    density: impl Fn(f32) -> f32,
+    sigma_t: Rgb,
+    sampler: &mut Sampler,
+    mut step: impl FnMut(f32, Step),
+) {
+    let top = sigma_t.max_element();
+    let transmitted = |depth: f32| exp_rgb_neg(sigma_t * -depth);
+    // Density times length up to the span, exactly; and the decay that the last step goes on with.
+    let (mut depth, mut decay, mut end) = (0.0, 0.0, 0.0);
+    let (mut count, mut strayed) = (0, false);
+    for span in spans {
+        let Range {
+            minorant,
+            majorant,
+            mean: control,
+        } = span.density;
+        if strayed || control != decay {
+            let mut value = transmitted(depth);
+            if value.max_element() < OPAQUE {
+                value = Rgb::ZERO;
+            }
+            decay = control;
+            step(span.start, Step { value, decay });
+            if value == Rgb::ZERO {
+                return;
+            }
+            strayed = false;
+        }
+        // Factor on the exponential by which the control decays from the knot.
+        let mut factor = Rgb::ONE;
+        let rate = (majorant - control).max(control - minorant) * top;
+        let range = [span.start, span.end];
+        Events::new(sampler).within(range, rate, sampler, |t, sampler| {
+            let residual = density(t) - control;
+            factor *= (Rgb::ONE - sigma_t * (residual / rate)).max(Rgb::ZERO);
+            factor *= roulette(factor, count, sampler);
+            count += 1;
+            strayed = true;
+            let value = factor * transmitted(depth + control * (t - span.start));
+            step(t, Step { value, decay });
+            factor != Rgb::ZERO
+        });
+        depth += control * (span.end - span.start);
+        end = span.end;
+    }
+    if strayed || decay != 0.0 {
+        let value = transmitted(depth);
         step(end, Step { value, decay: 0.0 });
     }
 }

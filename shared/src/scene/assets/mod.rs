@@ -1,9 +1,14 @@
-//! Files that a scene names: meshes and images. Nothing that their headers claim is believed before the bytes are there.
+//! Files that a scene names: meshes, images and volumes. Nothing that their headers claim is believed before the bytes are there.
 
 pub mod image;
 pub mod mesh;
 mod obj;
 mod ply;
+#[cfg_attr(
+    not(test),
+    expect(dead_code, reason = "the scene format names volumes next")
+)]
+pub mod volume;
 
 /// What is wrong with an asset.
 #[derive(Debug)]

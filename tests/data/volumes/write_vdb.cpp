@@ -110,6 +110,18 @@ static void writeOne(const std::string& name, uint32_t compression, const typena
     expectFile<GridT>(name);
 }
 
+// The transform with just this kind of map, which only a file gives: OpenVDB's constructors choose among some kinds.
+static math::Transform::Ptr exactly(const math::MapBase& map)
+{
+    std::stringstream stream;
+    io::setCurrentVersion(stream);
+    writeString(stream, map.type());
+    map.write(stream);
+    auto transform = math::Transform::createLinearTransform();
+    transform->read(stream);
+    return transform;
+}
+
 // Leaves whose inactive values are of every kind that the format tells apart.
 static FloatGrid::Ptr inactive()
 {
@@ -172,8 +184,7 @@ int main()
     // OpenVDB does not zip fog volumes.
     grid = ball<FloatGrid>(Coord(-40, 12, 10), 8, false);
     grid->setGridClass(GRID_UNKNOWN);
-    grid->setTransform(std::make_shared<math::Transform>(
-        math::MapBase::Ptr(new math::TranslationMap(Vec3d(1.5, -2.25, 1e3)))));
+    grid->setTransform(exactly(math::TranslationMap(Vec3d(1.5, -2.25, 1e3))));
     writeOne<FloatGrid>("zip", COMPRESS_ZIP | COMPRESS_ACTIVE_MASK, grid);
     grid = ball<FloatGrid>(Coord(12), 6, true);
     grid->setGridClass(GRID_UNKNOWN);
@@ -189,8 +200,7 @@ int main()
 
     grid = ball<FloatGrid>(Coord(10, 9, 8), 7, true);
     grid->setSaveFloatAsHalf(true);
-    grid->setTransform(std::make_shared<math::Transform>(
-        math::MapBase::Ptr(new math::ScaleTranslateMap(Vec3d(0.5, 0.25, 3), Vec3d(-1, -2, -4)))));
+    grid->setTransform(exactly(math::ScaleTranslateMap(Vec3d(0.5, 0.25, 3), Vec3d(-1, -2, -4))));
     writeOne<FloatGrid>("half", COMPRESS_BLOSC | COMPRESS_ACTIVE_MASK, grid);
     grid = ball<FloatGrid>(Coord(8, 8, 8), 5, true);
     grid->setGridClass(GRID_UNKNOWN);
@@ -211,8 +221,7 @@ int main()
     grid->tree().addTile(1, Coord(40, 16, 8), 0.75f, false);
     grid->tree().addTile(1, Coord(-640, 16, 8), 0.0f, true);
     grid->tree().addTile(2, Coord(-256, 128, 0), 2.0f, true);
-    auto rotation = math::UnitaryMap(Vec3d(1, 2, 3), 0.7);
-    grid->setTransform(std::make_shared<math::Transform>(rotation.copy()));
+    grid->setTransform(exactly(math::UnitaryMap(Vec3d(1, 2, 3), 0.7)));
     writeOne<FloatGrid>("tiles", COMPRESS_BLOSC | COMPRESS_ACTIVE_MASK, grid);
 
     grid = ball<FloatGrid>(Coord(7, 8, 9), 5, true);

@@ -31,7 +31,7 @@ impl<'a> Bytes<'a> {
             .filter(|o| *o <= self.all.len());
         self.at = inside.ok_or_else(|| {
             format!(
-                "{what} is said to be at byte {offset}, but the file has {} bytes",
+                "{what} should be at byte {offset}, but the file has {} bytes",
                 self.all.len()
             )
         })?;

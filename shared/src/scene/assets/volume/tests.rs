@@ -279,22 +279,22 @@ fn claims_are_not_believed() {
         (
             positions,
             &terabytes,
-            "its header is said to be at byte 4398046511104",
+            "its header should be at byte 4398046511104",
         ),
         (
             positions + 8,
             &terabytes,
-            "its leaves' values is said to be at byte",
+            "its leaves' values should be at byte",
         ),
         (
             positions + 8,
             &u64::MAX.to_le_bytes(),
-            "is said to be at byte 18446744073709551615",
+            "should be at byte 18446744073709551615",
         ),
         (
             positions + 16,
             &terabytes,
-            "the end of the grid \"density\" is said to be at byte",
+            "the end of the grid \"density\" should be at byte",
         ),
         (
             positions + 16,
@@ -363,6 +363,14 @@ fn claims_are_not_believed() {
     for (at, patch, reason) in cases {
         let message = message(vdb(&patched(&bytes, &[(*at, patch)])));
         assert!(message.contains(reason), "{message}, not {reason}");
+    }
+
+    let bytes = file("affine.vdb");
+    let last = after(&bytes, "AffineMap") + 15 * 8;
+    for number in [0.0, 1.001, f64::NAN] {
+        let message = message(vdb(&patched(&bytes, &[(last, &number.to_le_bytes())])));
+        let reason = format!("row 3 (from zero) of its matrix ends with {number}; expected 1");
+        assert!(message.contains(&reason), "{message}");
     }
 
     let bytes = file("grid.vol");

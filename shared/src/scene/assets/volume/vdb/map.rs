@@ -29,8 +29,13 @@ pub fn read(bytes: &mut Bytes) -> Result<DAffine3, Flaw> {
             for (i, row) in rows.iter_mut().enumerate() {
                 *row = vector(bytes)?;
                 let last = bytes.f64(WHAT)?;
-                if last != [0.0, 0.0, 0.0, 1.0][i] {
-                    return Err("its transform is no affine map: its matrix has a last column other than 0, 0, 0, 1".into());
+                let expected = [0.0, 0.0, 0.0, 1.0][i];
+                // As near as OpenVDB asks for.
+                if !(expected - 1e-8..=expected + 1e-8).contains(&last) {
+                    return Err(format!(
+                        "its transform is no affine map: row {i} (from zero) of its matrix ends with {last}; expected {expected}"
+                    )
+                    .into());
                 }
             }
             let [x, y, z, translation] = rows;

@@ -1,4 +1,5 @@
-//! Files that a scene names: meshes and images. Nothing that their headers claim is believed before the bytes are there.
+//! Files that a scene names: meshes, images and volumes. Nothing that their headers claim is believed before the bytes
+//! are there.
 
 pub mod image;
 pub mod mesh;

@@ -351,31 +351,42 @@ impl<'a> Group<'a> {
         }
 
         let power = beam.power * self.sigma_s;
-        let mut value = [0.0; LANES];
-        let mut depth = [0.0; LANES];
+        // Plain loops over floats and whole numbers, one after another: this is what becomes vector code.
         let (mut along_segment, mut along_beam) = ([0.0; LANES], [0.0; LANES]);
-        let mut count = 0u32;
+        let (mut inv_sin2, mut inv_radius) = ([0.0; LANES], [0.0; LANES]);
         for l in 0..LANES {
             let (wx, wy, wz) = (p.x - ox[l], p.y - oy[l], p.z - oz[l]);
-            let inv_sin2 = 1.0 / sin2[l];
-            let t = ((wy * b.z - wz * b.y) * nx[l]
+            inv_sin2[l] = 1.0 / sin2[l];
+            along_segment[l] = ((wy * b.z - wz * b.y) * nx[l]
                 + (wz * b.x - wx * b.z) * ny[l]
                 + (wx * b.y - wy * b.x) * nz[l])
-                * inv_sin2;
-            let s = ((wy * dz[l] - wz * dy[l]) * nx[l]
+                * inv_sin2[l];
+            along_beam[l] = ((wy * dz[l] - wz * dy[l]) * nx[l]
                 + (wz * dx[l] - wx * dz[l]) * ny[l]
                 + (wx * dy[l] - wy * dx[l]) * nz[l])
-                * inv_sin2;
-            let radius = beam.radius + beam.radius_slope * s;
-            let inv_radius = 1.0 / radius;
-            let u2 = offset[l] * offset[l] * inv_sin2 * (inv_radius * inv_radius);
-            let hit = (sin2[l] >= NEARLY_PARALLEL_SIN2)
-                & (t > 0.0)
-                & (t < self.length[l])
-                & (s > start)
-                & (s < end)
-                & (u2 < 1.0);
-            let kernel = 0.75 * inv_radius * (1.0 - u2);
+                * inv_sin2[l];
+            inv_radius[l] = 1.0 / (beam.radius + beam.radius_slope * along_beam[l]);
+        }
+        let mut u2 = [0.0; LANES];
+        let mut hit = [0u32; LANES];
+        for l in 0..LANES {
+            u2[l] = offset[l] * offset[l] * inv_sin2[l] * (inv_radius[l] * inv_radius[l]);
+            let (t, s) = (along_segment[l], along_beam[l]);
+            hit[l] = (sin2[l] >= NEARLY_PARALLEL_SIN2) as u32
+                & (t > 0.0) as u32
+                & (t < self.length[l]) as u32
+                & (s > start) as u32
+                & (s < end) as u32
+                & (u2[l] < 1.0) as u32;
+        }
+        let count: u32 = hit.iter().sum();
+        if count == 0 {
+            return near != 0;
+        }
+        let mut value = [0.0; LANES];
+        let mut depth = [0.0; LANES];
+        for l in 0..LANES {
+            let kernel = 0.75 * inv_radius[l] * (1.0 - u2[l]);
             let phase = if ISOTROPIC {
                 1.0 / (4.0 * PI)
             } else {
@@ -383,23 +394,18 @@ impl<'a> Group<'a> {
                 let cos = -(b.x * dx[l] + b.y * dy[l] + b.z * dz[l]);
                 self.lobe.eval(cos)
             };
-            let v = kernel * phase * inv_sin2.sqrt();
-            value[l] = if hit { v } else { 0.0 };
-            depth[l] = if hit { t + s } else { 0.0 };
-            if VARYING {
-                along_segment[l] = t;
-                along_beam[l] = s;
-            }
-            count += hit as u32;
-        }
-        if count == 0 {
-            return near != 0;
+            let v = kernel * phase * inv_sin2[l].sqrt();
+            value[l] = if hit[l] != 0 { v } else { 0.0 };
+            depth[l] = if hit[l] != 0 {
+                along_segment[l] + along_beam[l]
+            } else {
+                0.0
+            };
         }
         out.evaluations += count as u64;
         let mut transmitted = [[1.0; LANES]; 3];
         if VARYING && let Some(varying) = &self.varying {
-            let hits = value.map(|v| v > 0.0);
-            let at = varying.attenuation::<GREY>(beam, &hits, &along_segment, &along_beam);
+            let at = varying.attenuation::<GREY>(beam, &hit, &along_segment, &along_beam);
             for l in 0..LANES {
                 let v = value[l] * at.density[l];
                 value[l] = if GREY { v * at.transmitted[0][l] } else { v };

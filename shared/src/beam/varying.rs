@@ -5,10 +5,10 @@ use super::estimate::{CameraSegment, LANES, Lanes};
 use crate::math::{Rgb, Vec3, exp_rgb_neg};
 use crate::medium::Heterogeneous;
 use crate::medium::bricks::Bricks;
-use crate::medium::transmittance::{Step, StepFunction, StepFunctions};
+use crate::medium::transmittance::{StepFunction, StepFunctions};
 
 /// Segments with more steps than this are looked up by bisection, one by one; the others all at once.
-const FEW_STEPS: usize = 16;
+const FEW_STEPS: usize = 64;
 
 /// Segments of a group in a heterogeneous medium.
 pub(super) struct Varying<'a> {
@@ -19,18 +19,10 @@ pub(super) struct Varying<'a> {
     dir: [Lanes; 3],
     /// Transmittance along the segments.
     segments: [StepFunction<'a>; LANES],
-    /// The same, step by step, when no segment has many.
-    lanes: Vec<StepLanes>,
+    /// Distances of their steps: the n-th of each, infinite in lanes that have none. Empty when a segment has many.
+    distances: Vec<Lanes>,
     /// Transmittance along the beams.
     beams: &'a StepFunctions,
-}
-
-/// The n-th steps of eight functions; infinitely far in lanes that have none.
-#[derive(Clone, Copy)]
-struct StepLanes {
-    distance: Lanes,
-    value: [Lanes; 3],
-    decay: Lanes,
 }
 
 /// Density and transmittance at points of eight segments and one beam.
@@ -39,7 +31,7 @@ pub(super) struct Attenuation {
     pub density: Lanes,
     /// Product of the two values, by channel.
     pub transmitted: [Lanes; 3],
-    /// Density times length that both have decayed by since: exp(-sigma_t depth) is left to be multiplied.
+    /// Density times length of both that is in closed form: exp(-sigma_t depth) is left to be multiplied.
     pub depth: Lanes,
 }
 
@@ -65,8 +57,9 @@ impl<'a> Varying<'a> {
             segments[l] = steps.get(segment.steps);
         }
         let most = segments.iter().map(StepFunction::steps).max().unwrap_or(0);
-        let lanes = match most <= FEW_STEPS {
-            true => (0..most).map(|n| StepLanes::new(&segments, n)).collect(),
+        let nth = |n: usize| segments.map(|f| f.distance(n).unwrap_or(f32::INFINITY));
+        let distances = match most <= FEW_STEPS {
+            true => (0..most).map(nth).collect(),
             false => Vec::new(),
         };
         Self {
@@ -75,18 +68,18 @@ impl<'a> Varying<'a> {
             origin,
             dir,
             segments,
-            lanes,
+            distances,
             beams,
         }
     }
 
-    /// At distances `t` along the segments and `s` along the beam, which are finite where `hit`. With `GREY` the red
+    /// At distances `t` along the segments and `s` along the beam, where `hit` is 1. With `GREY` the red
     /// channel stands for all.
     #[inline(always)]
     pub fn attenuation<const GREY: bool>(
         &self,
         beam: &PhotonBeam,
-        hit: &[bool; LANES],
+        hit: &[u32; LANES],
         t: &Lanes,
         s: &Lanes,
     ) -> Attenuation {
@@ -94,7 +87,7 @@ impl<'a> Varying<'a> {
         let mut points = [[0.0; LANES]; 3];
         for c in 0..3 {
             for l in 0..LANES {
-                let t = if hit[l] { t[l] } else { 0.0 };
+                let t = if hit[l] != 0 { t[l] } else { 0.0 };
                 points[c][l] = self.origin[c][l] + self.dir[c][l] * t;
             }
         }
@@ -108,7 +101,7 @@ impl<'a> Varying<'a> {
         let function = self.beams.get(beam.steps);
         let (mut nearest, mut farthest) = (f32::INFINITY, f32::NEG_INFINITY);
         for l in 0..LANES {
-            let (near, far) = if hit[l] {
+            let (near, far) = if hit[l] != 0 {
                 (s[l], s[l])
             } else {
                 (f32::INFINITY, f32::NEG_INFINITY)
@@ -117,40 +110,38 @@ impl<'a> Varying<'a> {
             farthest = if far > farthest { far } else { farthest };
         }
         for (distance, step) in function.between(nearest, farthest) {
-            step_over::<GREY>(
-                &mut out,
-                s,
-                &[*distance; LANES],
-                &step.value.to_array().map(|v| [v; LANES]),
-                &[step.decay; LANES],
-            );
-        }
-
-        let mut along = Attenuation {
-            density: [0.0; LANES],
-            transmitted: [[1.0; LANES]; 3],
-            depth: [0.0; LANES],
-        };
-        if self.lanes.is_empty() {
+            let value = step.value.to_array();
             for l in 0..LANES {
-                if hit[l] {
-                    let (value, depth) = self.segments[l].step_at(t[l]);
-                    for c in 0..channels {
-                        along.transmitted[c][l] = value[c];
-                    }
-                    along.depth[l] = depth;
+                let beyond = s[l] >= *distance;
+                let depth = step.depth + step.decay * (s[l] - distance);
+                out.depth[l] = if beyond { depth } else { out.depth[l] };
+                for c in 0..channels {
+                    let before = out.transmitted[c][l];
+                    out.transmitted[c][l] = if beyond { value[c] } else { before };
                 }
             }
-        } else {
-            for step in &self.lanes {
-                step_over::<GREY>(&mut along, t, &step.distance, &step.value, &step.decay);
+        }
+
+        // Along the segments: counted or bisected.
+        let mut reached = [0u32; LANES];
+        for distance in &self.distances {
+            for l in 0..LANES {
+                reached[l] = reached[l].wrapping_add((t[l] >= distance[l]) as u32);
             }
         }
         for l in 0..LANES {
-            for c in 0..channels {
-                out.transmitted[c][l] *= along.transmitted[c][l];
+            if hit[l] == 0 {
+                continue;
             }
-            out.depth[l] += along.depth[l];
+            let function = &self.segments[l];
+            let (value, depth) = match self.distances.is_empty() {
+                true => function.step_at(t[l]),
+                false => function.after(reached[l] as usize, t[l]),
+            };
+            for c in 0..channels {
+                out.transmitted[c][l] *= value[c];
+            }
+            out.depth[l] += depth;
         }
         out
     }
@@ -163,58 +154,5 @@ impl<'a> Varying<'a> {
         let (tr_beam, decayed_beam) = self.beams.get(beam.steps).step_at(s);
         let decayed = exp_rgb_neg(self.sigma_t * -(decayed_segment + decayed_beam));
         tr_segment * tr_beam * decayed * density
-    }
-}
-
-/// Takes the lanes over a step that are beyond it.
-#[inline(always)]
-fn step_over<const GREY: bool>(
-    out: &mut Attenuation,
-    at: &Lanes,
-    distance: &Lanes,
-    value: &[Lanes; 3],
-    decay: &Lanes,
-) {
-    for l in 0..LANES {
-        let beyond = at[l] >= distance[l];
-        let depth = decay[l] * (at[l] - distance[l]);
-        out.depth[l] = if beyond { depth } else { out.depth[l] };
-        out.transmitted[0][l] = if beyond {
-            value[0][l]
-        } else {
-            out.transmitted[0][l]
-        };
-        if !GREY {
-            out.transmitted[1][l] = if beyond {
-                value[1][l]
-            } else {
-                out.transmitted[1][l]
-            };
-            out.transmitted[2][l] = if beyond {
-                value[2][l]
-            } else {
-                out.transmitted[2][l]
-            };
-        }
-    }
-}
-
-impl StepLanes {
-    fn new(functions: &[StepFunction; LANES], n: usize) -> Self {
-        let mut lanes = Self {
-            distance: [f32::INFINITY; LANES],
-            value: [[1.0; LANES]; 3],
-            decay: [0.0; LANES],
-        };
-        for (l, function) in functions.iter().enumerate() {
-            if let Some((distance, Step { value, decay })) = function.step(n) {
-                lanes.distance[l] = distance;
-                for c in 0..3 {
-                    lanes.value[c][l] = value[c];
-                }
-                lanes.decay[l] = decay;
-            }
-        }
-        lanes
     }
 }

@@ -49,6 +49,40 @@ pub struct Range {
     pub mean: f32,
 }
 
+impl Range {
+    /// Of samples, and of all between them.
+    fn of(samples: &[f32]) -> Self {
+        let minorant = samples.iter().copied().fold(f32::INFINITY, f32::min);
+        let majorant = samples.iter().copied().fold(0.0, f32::max);
+        let sum: f64 = samples.iter().map(|v| *v as f64).sum();
+        Self {
+            minorant,
+            majorant,
+            mean: ((sum / samples.len() as f64) as f32).clamp(minorant, majorant),
+        }
+    }
+
+    /// The most that the density may be away from its mean.
+    pub fn deviation(&self) -> f32 {
+        (self.majorant - self.mean).max(self.mean - self.minorant)
+    }
+
+    /// Of regions of one size together.
+    pub fn join(regions: &[Self]) -> Self {
+        let minorant = regions
+            .iter()
+            .map(|r| r.minorant)
+            .fold(f32::INFINITY, f32::min);
+        let majorant = regions.iter().map(|r| r.majorant).fold(0.0, f32::max);
+        let sum: f64 = regions.iter().map(|r| r.mean as f64).sum();
+        Self {
+            minorant,
+            majorant,
+            mean: ((sum / regions.len() as f64) as f32).clamp(minorant, majorant),
+        }
+    }
+}
+
 /// Why samples cannot be used.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -139,14 +173,9 @@ impl Bricks {
                 for x in low.x..=high.x {
                     let brick = IVec3::new(x, y, z);
                     assemble(raw, brick, &mut buffer);
-                    let bounds = |(min, max): (f32, f32), v: &f32| (min.min(*v), max.max(*v));
-                    let (min, max) = buffer.iter().fold((f32::INFINITY, 0.0), bounds);
-                    let sum: f64 = buffer.iter().map(|v| *v as f64).sum();
-                    bricks.ranges.push(Range {
-                        minorant: min,
-                        majorant: max,
-                        mean: ((sum / STORED as f64) as f32).clamp(min, max),
-                    });
+                    let range = Range::of(&buffer);
+                    bricks.ranges.push(range);
+                    let (min, max) = (range.minorant, range.majorant);
                     let next = (bricks.values.len() / STORED) as u32;
                     let index = match min == max {
                         true => *constants.entry(min.to_bits()).or_insert(next),
@@ -170,6 +199,25 @@ impl Bricks {
     /// Bounds of the density within a brick.
     pub fn range(&self, brick: UVec3) -> Range {
         self.ranges[(brick.x + self.count.x * (brick.y + self.count.y * brick.z)) as usize]
+    }
+
+    /// Bounds of the density within an eighth of a brick: `half` counts halves of a brick's side along each axis.
+    pub fn range_of_half(&self, half: UVec3) -> Range {
+        const HALF: u32 = BRICK as u32 / 2;
+        let brick = half / 2;
+        let brick = brick.x + self.count.x * (brick.y + self.count.y * brick.z);
+        let stored = self.table[brick as usize] as usize * STORED;
+        let first = (half % 2) * HALF;
+        let mut values = Vec::with_capacity((HALF as usize + 1).pow(3));
+        for z in first.z..=first.z + HALF {
+            for y in first.y..=first.y + HALF {
+                for x in first.x..=first.x + HALF {
+                    let at = x as usize + SIDE * (y as usize + SIDE * z as usize);
+                    values.push(self.values[stored + at]);
+                }
+            }
+        }
+        Range::of(&values)
     }
 
     /// The largest density.

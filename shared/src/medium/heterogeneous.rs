@@ -1,10 +1,10 @@
 //! A medium whose density varies from place to place.
 
 use super::Flight;
-use super::bricks::{Bricks, Range};
-use super::majorant::{MajorantGrid, Span, Spans};
+use super::bricks::Bricks;
+use super::majorant::{MajorantGrid, Spans};
 use super::transmittance::{Estimator, Events, Step, StepFunctions};
-use crate::math::{Ray, Rgb, Vec3, exp_rgb_neg};
+use crate::math::{Ray, Rgb, Vec3};
 use crate::phase::Phase;
 use crate::sampler::Sampler;
 use glam::{Affine3A, DAffine3};
@@ -28,6 +28,12 @@ impl Density {
         }
     }
 }
+
+/// What is kept of a ray is looked up by many: where residual tracking would look at the density less often than this along
+/// a ray, it looks more often.
+const FEW_EVENTS: f32 = 4.0;
+/// But no more than so many times as often.
+const MOST_OFTEN: f32 = 64.0;
 
 /// A heterogeneous medium: coefficients of one colour times a density.
 #[derive(Clone, Debug)]
@@ -68,111 +74,6 @@ impl Track<'_> {
         self.density
             .majorants
             .spans(self.origin, self.dir, self.range)
-    }
-
-    /// The same with the ray's own mean density in each.
-    pub fn exact_spans(&self) -> impl Iterator<Item = Span> + Clone {
-        self.spans().map(|mut span| {
-            let Range {
-                minorant, majorant, ..
-            } = span.density;
-            if minorant < majorant {
-                let mean = self.integral([span.start, span.end]) / (span.end - span.start);
-                span.density.mean = if mean.is_finite() {
-                    mean.clamp(minorant, majorant)
-                } else {
-                    minorant
-                };
-            } else {
-                span.density.mean = majorant;
-            }
-            span
-        })
-    }
-
-    /// Density integrated over a range of distances within the medium's box. Along a ray the trilinear density is a cubic
-    /// between two planes of samples, and Gauss's rule with two points integrates cubics exactly.
-    fn integral(&self, range: [f32; 2]) -> f32 {
-        const POINT: f32 = 0.288_675_13;
-        let mut sum = 0.0;
-        let mut points = [[0.0; LANES]; 3];
-        let mut weights = [0.0; LANES];
-        let mut used = 0;
-        let mut planes = Planes::new(self.origin, self.dir, range);
-        while let Some([start, end]) = planes.next() {
-            let (middle, length) = (0.5 * (start + end), end - start);
-            for offset in [-POINT, POINT] {
-                let at = self.origin + self.dir * (middle + length * offset);
-                for axis in 0..3 {
-                    points[axis][used] = at[axis];
-                }
-                weights[used] = 0.5 * length;
-                used += 1;
-            }
-            if used == LANES {
-                sum += self.weighted(&points, &weights);
-                weights = [0.0; LANES];
-                used = 0;
-            }
-        }
-        if used > 0 {
-            sum += self.weighted(&points, &weights);
-        }
-        sum
-    }
-
-    fn weighted(&self, points: &[[f32; LANES]; 3], weights: &[f32; LANES]) -> f32 {
-        let densities = self.density.bricks.densities(points);
-        (0..LANES).map(|l| densities[l] * weights[l]).sum()
-    }
-}
-
-/// Points that are looked up at once.
-const LANES: usize = 8;
-
-/// The stretches of a ray of sample space between planes of samples.
-struct Planes {
-    next: Vec3,
-    step: Vec3,
-    at: f32,
-    end: f32,
-}
-
-impl Planes {
-    fn new(origin: Vec3, dir: Vec3, [start, end]: [f32; 2]) -> Self {
-        let from = origin + dir * start;
-        let (mut next, mut step) = (Vec3::INFINITY, Vec3::INFINITY);
-        for axis in 0..3 {
-            let d = dir[axis];
-            if d != 0.0 {
-                let plane = if d > 0.0 {
-                    from[axis].floor() + 1.0
-                } else {
-                    from[axis].ceil() - 1.0
-                };
-                next[axis] = (plane - origin[axis]) / d;
-                step[axis] = 1.0 / d.abs();
-            }
-        }
-        Self {
-            next,
-            step,
-            at: start,
-            end,
-        }
-    }
-
-    #[inline]
-    fn next(&mut self) -> Option<[f32; 2]> {
-        if self.at >= self.end {
-            return None;
-        }
-        let start = self.at;
-        let nearest = self.next.min_element();
-        self.at = nearest.clamp(start, self.end);
-        let passed = self.next.cmple(Vec3::splat(nearest));
-        self.next += Vec3::select(passed, self.step, Vec3::ZERO);
-        Some([start, self.at])
     }
 }
 
@@ -237,32 +138,31 @@ impl Heterogeneous {
         let Some(track) = self.track(ray, length) else {
             return Rgb::ONE;
         };
-        if self.estimator == Estimator::ExactKnots {
-            // The last knot.
-            let depth = |span: Span| span.density.mean * (span.end - span.start);
-            let depth: f32 = track.exact_spans().map(depth).sum();
-            return exp_rgb_neg(self.sigma_t() * -depth);
-        }
-        let mut last = Rgb::ONE;
-        self.walk_with(&track, sampler, |_, step| last = step.value);
-        last
+        let mut last = Step::NONE;
+        self.walk_with(&track, 1.0, sampler, |_, step| last = step);
+        last.transmittance(self.sigma_t())
     }
 
-    fn walk_with(&self, track: &Track, sampler: &mut Sampler, step: impl FnMut(f32, Step)) {
+    fn walk_with(
+        &self,
+        track: &Track,
+        often: f32,
+        sampler: &mut Sampler,
+        step: impl FnMut(f32, Step),
+    ) {
         let density = |t| track.density(t);
-        let (sigma_t, estimator) = (self.sigma_t(), self.estimator);
-        match estimator {
-            Estimator::ExactKnots => {
-                estimator.walk(track.exact_spans(), density, sigma_t, sampler, step)
-            }
-            _ => estimator.walk(track.spans(), density, sigma_t, sampler, step),
-        }
+        let (sigma_t, spans) = (self.sigma_t(), track.spans());
+        self.estimator
+            .walk(spans, density, sigma_t, often, sampler, step);
     }
 
     /// One estimate of the transmittance at all distances along a track, kept in `steps` under the number returned.
     pub fn walk(&self, track: &Track, sampler: &mut Sampler, steps: &mut StepFunctions) -> u32 {
         let number = steps.begin();
-        self.walk_with(track, sampler, |t, step| steps.push(t, step));
+        let length = track.range[1] - track.range[0];
+        let expected = length * self.density.majorants.deviation() * self.sigma_t().max_element();
+        let often = (FEW_EVENTS / expected).clamp(1.0, MOST_OFTEN);
+        self.walk_with(track, often, sampler, |t, step| steps.push(t, step));
         number
     }
 

@@ -1,5 +1,6 @@
 //! A medium of constant density: every transmittance in closed form.
 
+use super::transmittance::OPAQUE_DEPTH;
 use crate::math::{Rgb, Vec3, exp_neg, ln};
 use crate::phase::Phase;
 
@@ -31,9 +32,6 @@ pub enum Flight {
     },
 }
 
-/// Beyond this optical depth nothing is stored or looked for: e^-18 = 1.5e-8 is below the rounding of what is added to.
-const OPAQUE_DEPTH: f32 = 18.0;
-
 impl Homogeneous {
     /// Extinction, RGB, per scene unit.
     #[inline]
@@ -54,7 +52,7 @@ impl Homogeneous {
         Rgb::new(one(sigma_t.x), one(sigma_t.y), one(sigma_t.z))
     }
 
-    /// Distance beyond which no channel that scatters lets anything through.
+    /// Distance beyond which no channel that scatters lets anything through that counts.
     pub fn reach(&self) -> f32 {
         let sigma_t = self.sigma_t();
         let mut smallest = f32::INFINITY;

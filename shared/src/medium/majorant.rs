@@ -5,7 +5,7 @@ use crate::math::Vec3;
 use glam::UVec3;
 
 /// Cells along the longest side, at most: more would take longer to walk through than they save.
-const MAX_CELLS: u32 = 32;
+const MAX_CELLS: u32 = 16;
 
 /// Least and largest density per cell of a grid over sample space.
 #[derive(Debug)]
@@ -18,6 +18,8 @@ pub struct MajorantGrid {
     ranges: Vec<Range>,
     /// Corners of the box that the medium fills.
     domain: [Vec3; 2],
+    /// Mean over all cells of how far the density may be from the cell's mean.
+    deviation: f32,
 }
 
 /// A stretch of a ray within which the density keeps to these bounds.
@@ -32,40 +34,48 @@ pub struct Span {
 }
 
 impl MajorantGrid {
-    /// Bounds of cells of one or more bricks.
+    /// Bounds of cells of half a brick's side, or of one or more bricks.
     pub fn new(bricks: &Bricks) -> Self {
-        let per_cell = bricks.count().max_element().div_ceil(MAX_CELLS);
+        let longest = bricks.count().max_element();
+        if 2 * longest <= MAX_CELLS {
+            return Self::of(bricks, BRICK as u32 / 2, bricks.count() * 2, |cell| {
+                bricks.range_of_half(cell)
+            });
+        }
+        let per_cell = longest.div_ceil(MAX_CELLS);
         let count = (bricks.count() + per_cell - 1) / per_cell;
-        let nothing = Range {
-            minorant: f32::INFINITY,
-            majorant: 0.0,
-            mean: 0.0,
-        };
-        let mut ranges = vec![nothing; count.element_product() as usize];
-        let mut bricks_within = vec![0u32; ranges.len()];
-        for z in 0..bricks.count().z {
-            for y in 0..bricks.count().y {
-                for x in 0..bricks.count().x {
-                    let brick = UVec3::new(x, y, z);
-                    let inner = bricks.range(brick);
-                    let cell = flat(brick / per_cell, count);
-                    let range = &mut ranges[cell];
-                    range.minorant = range.minorant.min(inner.minorant);
-                    range.majorant = range.majorant.max(inner.majorant);
-                    range.mean += inner.mean;
-                    bricks_within[cell] += 1;
+        Self::of(bricks, per_cell * BRICK as u32, count, |cell| {
+            let first = cell * per_cell;
+            let end = (first + per_cell).min(bricks.count());
+            let mut within = Vec::new();
+            for z in first.z..end.z {
+                for y in first.y..end.y {
+                    for x in first.x..end.x {
+                        within.push(bricks.range(UVec3::new(x, y, z)));
+                    }
                 }
             }
-        }
-        for (range, bricks) in ranges.iter_mut().zip(bricks_within) {
-            range.mean = (range.mean / bricks as f32).clamp(range.minorant, range.majorant);
-        }
+            Range::join(&within)
+        })
+    }
+
+    fn of(bricks: &Bricks, cell: u32, count: UVec3, range: impl Fn(UVec3) -> Range) -> Self {
+        let at = |i: u32| UVec3::new(i % count.x, i / count.x % count.y, i / (count.x * count.y));
+        let cells = count.element_product();
+        let ranges: Vec<Range> = (0..cells).map(|i| range(at(i))).collect();
+        let deviations = ranges.iter().map(|range| range.deviation() as f64);
         Self {
-            cell: (per_cell as usize * BRICK) as f32,
+            cell: cell as f32,
             count,
+            deviation: (deviations.sum::<f64>() / cells as f64) as f32,
             ranges,
             domain: bricks.domain(),
         }
+    }
+
+    /// Mean over all cells of how far the density may be from the cell's mean.
+    pub fn deviation(&self) -> f32 {
+        self.deviation
     }
 
     /// Where a ray of sample space (whose direction need not have unit length) is within the domain, between the

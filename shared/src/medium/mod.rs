@@ -104,7 +104,7 @@ impl Medium {
                     range: [start, function.end().unwrap_or(end)],
                     steps: number,
                 };
-                (Some(stretch), function.last())
+                (Some(stretch), function.last(medium.sigma_t()))
             }
         }
     }

@@ -5,9 +5,8 @@
 //! *Residual ratio tracking for estimating attenuation in participating media*; free-flight distances: Jarosz et al.
 //! 2011, *Progressive photon beams*). Ray marching is not, and no shrinking radius would mend it.
 
-use super::bricks::Range;
 use super::majorant::Span;
-use crate::math::{Rgb, exp_rgb_neg, ln};
+use crate::math::{Rgb, exp_neg, exp_rgb_neg, ln};
 use crate::sampler::Sampler;
 use std::fmt;
 
@@ -21,11 +20,8 @@ pub enum Estimator {
     },
     /// One walk at the majorant's rate, multiplied by the share of null collisions at every event.
     RatioTracking,
-    /// The mean density of each span's surroundings in closed form, and what is left of it by ratio tracking.
+    /// The mean density around each span in closed form, and what is left of it by ratio tracking.
     ResidualRatioTracking,
-    /// The ray's own mean density over each span in closed form, so that the transmittance is exact at the knots between
-    /// spans; between two of them, residual ratio tracking that starts anew at each.
-    ExactKnots,
 }
 
 impl fmt::Display for Estimator {
@@ -34,7 +30,6 @@ impl fmt::Display for Estimator {
             Self::FreeFlight { distances } => write!(f, "{distances} free flights"),
             Self::RatioTracking => f.write_str("ratio tracking"),
             Self::ResidualRatioTracking => f.write_str("residual ratio tracking"),
-            Self::ExactKnots => f.write_str("residual ratio tracking between exact knots"),
         }
     }
 }
@@ -42,9 +37,11 @@ impl fmt::Display for Estimator {
 /// Where a function of the distance takes a step, and how it goes on from there.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Step {
-    /// Transmittance at the step.
+    /// Transmittance at the step, but for the next two.
     pub value: Rgb,
-    /// Density by which it decays from there; 0 but for residual ratio tracking.
+    /// Density times length of what is in closed form, up to the step.
+    pub depth: f32,
+    /// Density of what is in closed form from there. Both are 0 but for residual ratio tracking.
     pub decay: f32,
 }
 
@@ -52,24 +49,25 @@ pub struct Step {
 const ROULETTE_BELOW: f32 = 1.0 / 16.0;
 /// From this many steps on, a walk goes on with one chance in sixteen at every further one: memory is bounded.
 const MANY_STEPS: u32 = 1024;
-/// Transmittance that counts as none: below the rounding of what it is added to.
-const OPAQUE: f32 = 1.5e-8;
+/// Optical depth that counts as opaque: e^-18 = 1.5e-8 is below the rounding of what is added to.
+pub(super) const OPAQUE_DEPTH: f32 = 18.0;
 
 impl Estimator {
     /// What a medium has whose scene does not say.
-    pub const DEFAULT: Self = Self::ExactKnots;
+    pub const DEFAULT: Self = Self::ResidualRatioTracking;
 
     /// One estimate. Calls `step(distance, step)` in the order of distances; before the first the transmittance is 1, and
     /// after the last it does not change any more.
     ///
-    /// `spans`: consecutive stretches of the ray with bounds of the density, and its mean, which has to be the ray's own
-    /// for exact knots and may be any value between the bounds for the others; `density`: the density at a distance;
-    /// `sigma_t`: extinction at density 1, RGB, per scene unit.
+    /// `spans`: consecutive stretches of the ray with bounds of the density; `density`: the density at a distance;
+    /// `sigma_t`: extinction at density 1, RGB, per scene unit. `often`, at least 1: how many times as often as it has to
+    /// residual tracking looks at the density; the variance falls in proportion.
     pub fn walk(
         self,
         spans: impl Iterator<Item = Span> + Clone,
         density: impl Fn(f32) -> f32,
         sigma_t: Rgb,
+        often: f32,
         sampler: &mut Sampler,
         step: impl FnMut(f32, Step),
     ) {
@@ -79,9 +77,8 @@ impl Estimator {
             }
             Self::RatioTracking => ratio_tracking(spans, density, sigma_t, sampler, step),
             Self::ResidualRatioTracking => {
-                residual_tracking(spans, density, sigma_t, sampler, step)
+                residual_tracking(spans, density, sigma_t, often, sampler, step)
             }
-            Self::ExactKnots => knotted_tracking(spans, density, sigma_t, sampler, step),
         }
     }
 }
@@ -148,7 +145,13 @@ fn ratio_tracking(
                 value *= (Rgb::ONE - sigma_t * (rho / rate)).max(Rgb::ZERO);
                 value *= roulette(value, count, sampler);
                 count += 1;
-                step(t, Step { value, decay: 0.0 });
+                step(
+                    t,
+                    Step {
+                        value,
+                        ..Step::NONE
+                    },
+                );
             }
             value != Rgb::ZERO
         });
@@ -162,103 +165,48 @@ fn residual_tracking(
     spans: impl Iterator<Item = Span>,
     density: impl Fn(f32) -> f32,
     sigma_t: Rgb,
+    often: f32,
     sampler: &mut Sampler,
     mut step: impl FnMut(f32, Step),
 ) {
-    let top = sigma_t.max_element();
+    let (top, least) = (sigma_t.max_element(), sigma_t.min_element());
     let mut events = Events::new(sampler);
-    // `value` at the distance `at`, from where on it decays by `decay`.
-    let (mut value, mut at, mut decay) = (Rgb::ONE, 0.0, 0.0);
+    // `now` at the distance `at`.
+    let (mut now, mut at) = (Step::NONE, 0.0);
     let (mut count, mut end) = (0, 0.0);
-    let decayed =
-        |value: Rgb, decay: f32, distance: f32| value * exp_rgb_neg(sigma_t * -(decay * distance));
     for span in spans {
         let control = span.density.mean;
-        if control != decay {
-            (value, at, decay) = (decayed(value, decay, span.start - at), span.start, control);
-            if value.max_element() < OPAQUE {
-                value = Rgb::ZERO;
+        if control != now.decay {
+            now.depth += now.decay * (span.start - at);
+            (now.decay, at) = (control, span.start);
+            if now.depth * least > OPAQUE_DEPTH {
+                now.value = Rgb::ZERO;
             }
-            step(at, Step { value, decay });
-            if value == Rgb::ZERO {
+            step(at, now);
+            if now.value == Rgb::ZERO {
                 return;
             }
         }
-        let Range {
-            minorant, majorant, ..
-        } = span.density;
-        let rate = (majorant - control).max(control - minorant) * top;
+        let rate = span.density.deviation() * top * often;
         let goes_on = events.within([span.start, span.end], rate, sampler, |t, sampler| {
             let residual = density(t) - control;
-            value = decayed(value, decay, t - at);
-            value *= (Rgb::ONE - sigma_t * (residual / rate)).max(Rgb::ZERO);
-            value *= roulette(value, count, sampler);
-            count += 1;
+            now.depth += now.decay * (t - at);
             at = t;
-            step(at, Step { value, decay });
-            value != Rgb::ZERO
+            now.value *= (Rgb::ONE - sigma_t * (residual / rate)).max(Rgb::ZERO);
+            let decayed = now.value * exp_neg(-least * now.depth);
+            now.value *= roulette(decayed, count, sampler);
+            count += 1;
+            step(at, now);
+            now.value != Rgb::ZERO
         });
         if !goes_on {
             return;
         }
         end = span.end;
     }
-    if decay != 0.0 {
-        value = decayed(value, decay, end - at);
-        step(end, Step { value, decay: 0.0 });
-    }
-}
-
-fn knotted_tracking(
-    spans: impl Iterator<Item = Span>,
-    density: impl Fn(f32) -> f32,
-    sigma_t: Rgb,
-    sampler: &mut Sampler,
-    mut step: impl FnMut(f32, Step),
-) {
-    let top = sigma_t.max_element();
-    let transmitted = |depth: f32| exp_rgb_neg(sigma_t * -depth);
-    // Density times length up to the span, exactly; and the decay that the last step goes on with.
-    let (mut depth, mut decay, mut end) = (0.0, 0.0, 0.0);
-    let (mut count, mut strayed) = (0, false);
-    for span in spans {
-        let Range {
-            minorant,
-            majorant,
-            mean: control,
-        } = span.density;
-        if strayed || control != decay {
-            let mut value = transmitted(depth);
-            if value.max_element() < OPAQUE {
-                value = Rgb::ZERO;
-            }
-            decay = control;
-            step(span.start, Step { value, decay });
-            if value == Rgb::ZERO {
-                return;
-            }
-            strayed = false;
-        }
-        // Factor on the exponential by which the control decays from the knot.
-        let mut factor = Rgb::ONE;
-        let rate = (majorant - control).max(control - minorant) * top;
-        let range = [span.start, span.end];
-        Events::new(sampler).within(range, rate, sampler, |t, sampler| {
-            let residual = density(t) - control;
-            factor *= (Rgb::ONE - sigma_t * (residual / rate)).max(Rgb::ZERO);
-            factor *= roulette(factor, count, sampler);
-            count += 1;
-            strayed = true;
-            let value = factor * transmitted(depth + control * (t - span.start));
-            step(t, Step { value, decay });
-            factor != Rgb::ZERO
-        });
-        depth += control * (span.end - span.start);
-        end = span.end;
-    }
-    if strayed || decay != 0.0 {
-        let value = transmitted(depth);
-        step(end, Step { value, decay: 0.0 });
+    if now.decay != 0.0 {
+        now.depth += now.decay * (end - at);
+        step(end, Step { decay: 0.0, ..now });
     }
 }
 
@@ -301,7 +249,13 @@ fn free_flights(
     for (t, channels) in ends {
         gone += channels;
         let value = (Rgb::splat(distances as f32) - gone) / distances as f32;
-        step(t, Step { value, decay: 0.0 });
+        step(
+            t,
+            Step {
+                value,
+                ..Step::NONE
+            },
+        );
     }
 }
 
@@ -383,9 +337,19 @@ impl StepFunctions {
 }
 
 impl Step {
+    /// Transmittance at the step. `sigma_t`: extinction at density 1.
+    pub fn transmittance(&self, sigma_t: Rgb) -> Rgb {
+        if self.depth > 0.0 {
+            self.value * exp_rgb_neg(sigma_t * -self.depth)
+        } else {
+            self.value
+        }
+    }
+
     /// Where nothing has been met.
     pub const NONE: Self = Self {
         value: Rgb::ONE,
+        depth: 0.0,
         decay: 0.0,
     };
 }
@@ -405,17 +369,19 @@ impl StepFunction<'_> {
         steps: &[Step::NONE],
     };
 
-    /// The last step up to a distance, and the density times length that it has decayed by since.
+    /// The value of the last step up to a distance, and the density times length that is in closed form.
     #[inline(always)]
     pub fn step_at(&self, distance: f32) -> (Rgb, f32) {
         let after = self.distances.partition_point(|d| *d <= distance);
-        let Step { value, decay } = self.steps[after.max(1) - 1];
-        // The first step, infinitely long ago, does not decay.
-        let since = match decay > 0.0 {
-            true => decay * (distance - self.distances[after.max(1) - 1]),
-            false => 0.0,
-        };
-        (value, since)
+        self.after(after.max(1) - 1, distance)
+    }
+
+    /// The same at a distance beyond the n-th step, counted from 1; 0 is before the first.
+    #[inline(always)]
+    pub fn after(&self, n: usize, distance: f32) -> (Rgb, f32) {
+        let step = &self.steps[n];
+        let depth = step.depth + step.decay * (distance - self.distances[n]);
+        (step.value, depth)
     }
 
     /// Transmittance from the start to a distance. `sigma_t`: extinction at density 1.
@@ -430,8 +396,10 @@ impl StepFunction<'_> {
     }
 
     /// Transmittance over the whole of what was walked.
-    pub fn last(&self) -> Rgb {
-        self.steps.last().map_or(Rgb::ONE, |step| step.value)
+    pub fn last(&self, sigma_t: Rgb) -> Rgb {
+        self.steps
+            .last()
+            .map_or(Rgb::ONE, |step| step.transmittance(sigma_t))
     }
 
     /// Distance from where on nothing is transmitted, if there is one.
@@ -446,15 +414,15 @@ impl StepFunction<'_> {
     #[inline(always)]
     pub fn between(&self, from: f32, to: f32) -> impl Iterator<Item = (&f32, &Step)> {
         let first = self.distances.partition_point(|d| *d <= from).max(1) - 1;
-        let end = first + self.distances[first..].partition_point(|d| *d <= to);
-        self.distances[first..end]
-            .iter()
-            .zip(&self.steps[first..end])
+        // Mostly none: a search would take longer.
+        let reached = move |(distance, _): &(&f32, &Step)| **distance <= to;
+        let rest = self.distances[first..].iter().zip(&self.steps[first..]);
+        rest.take_while(reached)
     }
 
-    /// The n-th step.
-    pub fn step(&self, n: usize) -> Option<(f32, Step)> {
-        Some((*self.distances.get(n + 1)?, *self.steps.get(n + 1)?))
+    /// Distance of a step, counted from 0.
+    pub fn distance(&self, n: usize) -> Option<f32> {
+        self.distances.get(n + 1).copied()
     }
 
     /// Number of steps.

@@ -158,13 +158,12 @@ pub struct NoiseRecord {
     pub seed: Option<u32>,
 }
 
-/// `"exact_knots"`, `"ratio_tracking"`, `"residual_ratio_tracking"` or `{ free_flights = n }`.
+/// `"ratio_tracking"`, `"residual_ratio_tracking"` or `{ free_flights = n }`.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum EstimatorRecord {
     RatioTracking,
     ResidualRatioTracking,
-    ExactKnots,
     FreeFlights(u16),
 }
 

@@ -193,7 +193,6 @@ fn heterogeneous(
         Some(given) => match *given.get_ref() {
             EstimatorRecord::RatioTracking => Estimator::RatioTracking,
             EstimatorRecord::ResidualRatioTracking => Estimator::ResidualRatioTracking,
-            EstimatorRecord::ExactKnots => Estimator::ExactKnots,
             EstimatorRecord::FreeFlights(0) => {
                 let message = "expected at least one free flight";
                 return Err(Fault::new(given.span(), message).into());

@@ -167,6 +167,11 @@ impl Bricks {
         self.count
     }
 
+    /// Samples per axis, from the first to the last.
+    pub fn samples(&self) -> UVec3 {
+        (self.clamp[1] - self.clamp[0]).as_uvec3() + 1
+    }
+
     /// Bounds of the density within a brick.
     pub fn range(&self, brick: UVec3) -> Range {
         self.ranges[(brick.x + self.count.x * (brick.y + self.count.y * brick.z)) as usize]

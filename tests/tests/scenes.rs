@@ -206,11 +206,11 @@ fn every_field_of_the_format_is_read() {
         (scene.camera.aperture, scene.camera.focus_distance),
         (0.1, 3.0)
     );
-    assert_eq!(scene.media[0].sigma_s, Rgb::new(0.75, 1.5, 3.0));
-    assert_eq!(scene.media[0].sigma_a, Rgb::new(0.25, 0.5, 1.0));
-    assert_eq!(scene.media[0].phase, Phase::Isotropic);
-    assert_eq!(scene.media[1].sigma_s, Rgb::splat(0.4));
-    assert_eq!(scene.media[1].phase, Phase::HenyeyGreenstein { g: 0.7 });
+    assert_eq!(scene.media[0].sigma_s(), Rgb::new(0.75, 1.5, 3.0));
+    assert_eq!(scene.media[0].sigma_t(), Rgb::new(1.0, 2.0, 4.0));
+    assert_eq!(scene.media[0].phase(), Phase::Isotropic);
+    assert_eq!(scene.media[1].sigma_s(), Rgb::splat(0.4));
+    assert_eq!(scene.media[1].phase(), Phase::HenyeyGreenstein { g: 0.7 });
     for (medium, scattered) in [(2, 0.4), (3, 1.8)] {
         assert!(matches!(scene.media[medium], Medium::Heterogeneous(_)));
         assert!(

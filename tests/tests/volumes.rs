@@ -1,12 +1,14 @@
 //! Heterogeneous media of scenes are what the format says: densities in their places, and defaults.
 
 use beamfarm_shared::bundle::Bundle;
-use beamfarm_shared::math::{Rgb, Vec3};
+use beamfarm_shared::math::Rgb;
 use beamfarm_shared::medium::transmittance::Estimator;
 use beamfarm_shared::medium::{Heterogeneous, Medium};
+use beamfarm_shared::pass::render_pass;
 use beamfarm_shared::phase::Phase;
 use beamfarm_shared::plan::{RenderPlan, Scene};
 use beamfarm_shared::scene::{SceneDescription, read_bundle};
+use beamfarm_tests::{MeanEstimate, Suite};
 use glam::DVec3;
 
 /// The camera stands at (0, 0, 5).
@@ -16,7 +18,7 @@ camera = { origin = [0, 0, 5], target = [0, 0, 0], fov = 90 }
 
 fn volume(name: &str) -> Vec<u8> {
     let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/data/volumes");
-    std::fs::read(format!("{folder}/{name}")).unwrap()
+    std::fs::read(format!("{folder}/{name}")).expect("a volume")
 }
 
 fn load(text: &str, volumes: &[&str]) -> SceneDescription {
@@ -33,11 +35,13 @@ fn load(text: &str, volumes: &[&str]) -> SceneDescription {
 }
 
 fn heterogeneous(scene: &SceneDescription) -> Vec<&Heterogeneous> {
-    let medium = |medium| match medium {
-        &Medium::Heterogeneous(ref medium) => medium,
-        other => panic!("{other:?}"),
-    };
-    scene.media.iter().map(medium).collect()
+    let media = scene.media.iter();
+    media
+        .map(|medium| match medium {
+            Medium::Heterogeneous(medium) => medium,
+            other => panic!("{other:?}"),
+        })
+        .collect()
 }
 
 /// The medium with this density, of these further fields.
@@ -363,6 +367,41 @@ fn plans_say_how_transmittance_is_found() {
         let plan = RenderPlan::new(&scene, settings).to_string();
         assert!(plan.contains(expected), "{plan}");
     }
+}
+
+/// Light from infinitely far away reaches the world's medium, which ends at its box, as it does the interior of a shape around it.
+#[test]
+fn light_from_infinity_reaches_a_bounded_world_medium() {
+    let mut suite = Suite::new(0.01);
+    for light in [
+        "type = \"directional\"\ndirection = [1, -2, -0.5]\nirradiance = 2",
+        "type = \"environment\"\nradiance = 0.5",
+    ] {
+        let world = "[world]\nmedium = \"mist\"\n";
+        let shape = "[materials.boundary]\ntype = \"null\"\n[[shapes]]\ntype = \"cube\"\nmaterial = \"boundary\"
+            interior = \"mist\"\ntransform = [{ scale = 1.5 }]\n";
+        let [world, shape] = [world, shape].map(|place| {
+            let text = format!(
+                "[render]\npaths = 1000\nradius = 0.2\n[media.mist]\ntype = \"heterogeneous\"\nsigma_a = 0.2\nsigma_s = 0.6
+                density = {{ min = [-1, -1, -1], max = [1, 1, 1], noise = {{ size = 1 }} }}\n{place}[[lights]]\n{light}\n"
+            );
+            let scene = Scene::new(load(&text, &[]));
+            let settings = scene.description().defaults.job_settings();
+            let plan = RenderPlan::new(&scene, settings);
+            let mean = |pass| {
+                let pixels = render_pass(&scene, &plan, pass).film.pixels;
+                pixels.iter().map(|p| f64::from(p[1])).sum::<f64>() / pixels.len() as f64
+            };
+            (0..400).map(mean).collect::<MeanEstimate>()
+        });
+        assert!(
+            world.mean() > 20.0 * world.std_error(),
+            "{world:?} {shape:?}"
+        );
+        let name = format!("{light}: {} and {}", world.mean(), shape.mean());
+        suite.p_value(name, world.p_value_same(&shape));
+    }
+    suite.finish();
 }
 
 /// The examples of scenes/README.md are what the reader takes.

@@ -106,7 +106,7 @@ impl Recipe {
     pub fn sample(&self) -> Result<RawDensity, RecipeError> {
         let [low, high] = self.corners;
         let size = high - low;
-        if !(size.min_element() > 0.0) {
+        if !size.cmpgt(DVec3::ZERO).all() {
             return Err(RecipeError::Corners {
                 min: low,
                 max: high,
@@ -124,7 +124,7 @@ impl Recipe {
         if let Some(noise) = &self.noise {
             let farthest = low.abs().max(high.abs()).max_element();
             let least = farthest * libm::exp2(noise.octaves as f64) / MAX_CELLS;
-            if !(noise.size >= least) {
+            if noise.size < least {
                 return Err(RecipeError::Noise {
                     size: noise.size,
                     octaves: noise.octaves,

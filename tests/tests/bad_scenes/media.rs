@@ -180,7 +180,7 @@ density = { min = [0, 0, 0], max = [1, 1, 1], blobs = [{ center = [0, 0, 0], rad
 
 fn volume(name: &str) -> Vec<u8> {
     let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/data/volumes");
-    std::fs::read(format!("{folder}/{name}")).unwrap()
+    std::fs::read(format!("{folder}/{name}")).expect("a volume")
 }
 
 /// A scene with a cloud; line 7 is `density`.

@@ -265,6 +265,7 @@ impl RenderPlan {
                 ceiling: extent * CEILING,
             },
         };
+        let lit_or = |otherwise| if lit { otherwise } else { "no light" };
         let because = |yes: bool, if_yes: String, if_no: &str| {
             if yes { if_yes } else { if_no.to_owned() }
         };
@@ -272,8 +273,11 @@ impl RenderPlan {
         let mut tracked = Vec::new();
         for medium in &description.media {
             if let Medium::Heterogeneous(medium) = medium {
-                let samples = medium.bricks().count() * 8;
-                tracked.push(format!("{} in up to {samples} samples", medium.estimator));
+                let [x, y, z] = medium.bricks().samples().to_array();
+                tracked.push(format!(
+                    "{} in a box of {x} x {y} x {z} samples",
+                    medium.estimator
+                ));
             }
         }
         let closed = description.media.len() - tracked.len();
@@ -297,7 +301,7 @@ impl RenderPlan {
                 because(
                     beams,
                     format!("{scattering} scattering medium/media"),
-                    "no medium scatters light",
+                    lit_or("no medium scatters light"),
                 ),
             ),
             (
@@ -333,7 +337,7 @@ impl RenderPlan {
                 because(
                     surface_photons,
                     format!("{surfaces} object(s) that are not specular"),
-                    "every object is specular",
+                    lit_or("every object is specular"),
                 ),
             ),
             (
@@ -344,7 +348,12 @@ impl RenderPlan {
                     format!(
                         "caustics of {specular} specular object(s), light scattered by {scattering} medium/media"
                     ),
-                    "no specular object and no scattering medium: gather rays find all indirect light",
+                    match surface_photons {
+                        true => {
+                            "no specular object and no scattering medium: gather rays find all indirect light"
+                        }
+                        false => "no surface photons",
+                    },
                 ),
             ),
             (
@@ -353,7 +362,7 @@ impl RenderPlan {
                 because(
                     surface_photons,
                     "light and BSDF sampling, balanced".into(),
-                    "no surface to light directly",
+                    lit_or("no surface to light directly"),
                 ),
             ),
             (

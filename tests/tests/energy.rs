@@ -66,7 +66,7 @@ fn what_is_emitted_is_absorbed() {
                 .iter()
                 .map(|b| b.power[c] as f64 * -libm::expm1(-(sigma_t[c] * b.length) as f64))
                 .sum();
-            let share = (medium.sigma_a[c] / sigma_t[c]) as f64;
+            let share = ((sigma_t[c] - medium.sigma_s()[c]) / sigma_t[c]) as f64;
             total[c].add(walls * absorbed_by_walls[c] as f64 + lost * share);
         }
     }

@@ -6,6 +6,7 @@ use beamfarm_shared::geometry::accel::{Geometry, bounds};
 use beamfarm_shared::geometry::{Boundary, Shape, SurfaceHit};
 use beamfarm_shared::light::LightKind;
 use beamfarm_shared::math::{PI, Ray, Rgb, Vec2, Vec3};
+use beamfarm_shared::medium::Medium;
 use beamfarm_shared::phase::Phase;
 use beamfarm_shared::sampler::{Purpose, Sampler};
 use beamfarm_shared::scene::{SceneDescription, read_bundle};
@@ -51,6 +52,13 @@ fn octahedron() -> [(&'static str, Vec<u8>); 1] {
     [("octahedron.obj", OCTAHEDRON.as_bytes().to_vec())]
 }
 
+/// What `EVERY_FIELD` names.
+fn every_file() -> [(&'static str, Vec<u8>); 2] {
+    let [octahedron] = octahedron();
+    let volume = include_bytes!("../data/volumes/several.vdb").to_vec();
+    [octahedron, ("several.vdb", volume)]
+}
+
 /// Every field of the format, in places that are valid together.
 const EVERY_FIELD: &str = r#"
 [image]
@@ -84,6 +92,26 @@ type = "homogeneous"
 sigma_a = [0.1, 0.1, 0.1]
 sigma_s = 0.4
 phase = { type = "hg", g = 0.7 }
+[media.haze]
+type = "heterogeneous"
+sigma_a = 0.1
+sigma_s = 0.4
+transmittance = "ratio_tracking"
+[media.haze.density]
+min = [-1.0, 0.0, -1.0]
+max = [1.0, 1.0, 1.0]
+voxel = 0.5
+height = { base = 0.25, scale = 0.5 }
+blobs = [ { center = [0, 0.5, 0], radius = 1, density = 2 } ]
+noise = { size = 0.5, octaves = 2, gain = 0.6, contrast = 2.0, seed = 3 }
+[media.smoke]
+type = "heterogeneous"
+sigma_t = 1.0
+albedo = 0.9
+density = { file = "several.vdb", grid = "heat[1]" }
+scale = 2.0
+transform = [ { scale = 0.5 }, { translate = [0, 1, 0] } ]
+transmittance = { free_flights = 8 }
 [materials.a_diffuse]
 type = "diffuse"
 reflectance = [0.1, 0.2, 0.3]
@@ -164,7 +192,7 @@ beam_width = 10
 
 #[test]
 fn every_field_of_the_format_is_read() {
-    let scene = load_with(EVERY_FIELD, &octahedron());
+    let scene = load_with(EVERY_FIELD, &every_file());
     let d = scene.defaults;
     assert_eq!(
         (d.passes, d.paths_per_pass, d.alpha, d.seed),
@@ -178,11 +206,20 @@ fn every_field_of_the_format_is_read() {
         (scene.camera.aperture, scene.camera.focus_distance),
         (0.1, 3.0)
     );
-    assert_eq!(scene.media[0].sigma_s, Rgb::new(0.75, 1.5, 3.0));
-    assert_eq!(scene.media[0].sigma_a, Rgb::new(0.25, 0.5, 1.0));
-    assert_eq!(scene.media[0].phase, Phase::Isotropic);
-    assert_eq!(scene.media[1].sigma_s, Rgb::splat(0.4));
-    assert_eq!(scene.media[1].phase, Phase::HenyeyGreenstein { g: 0.7 });
+    assert_eq!(scene.media[0].sigma_s(), Rgb::new(0.75, 1.5, 3.0));
+    assert_eq!(scene.media[0].sigma_t(), Rgb::new(1.0, 2.0, 4.0));
+    assert_eq!(scene.media[0].phase(), Phase::Isotropic);
+    assert_eq!(scene.media[1].sigma_s(), Rgb::splat(0.4));
+    assert_eq!(scene.media[1].phase(), Phase::HenyeyGreenstein { g: 0.7 });
+    for (medium, scattered) in [(2, 0.4), (3, 1.8)] {
+        assert!(matches!(scene.media[medium], Medium::Heterogeneous(_)));
+        assert!(
+            (scene.media[medium].sigma_s() - scattered)
+                .abs()
+                .max_element()
+                < 1e-6
+        );
+    }
     assert!(matches!(scene.materials[1].kind, MaterialKind::Dielectric { eta } if eta == 1.25));
     let two_sided: Vec<bool> = scene.materials.iter().map(|m| m.two_sided).collect();
     // The last two stand for shapes without a material: black and grey.
@@ -570,7 +607,7 @@ fn damage_does_not_panic() {
                 _ => words[at] = numbers[below(numbers.len())],
             }
         }
-        let mut files: BTreeMap<_, _> = octahedron().map(|(n, b)| (n.to_string(), b)).into();
+        let mut files: BTreeMap<_, _> = every_file().map(|(n, b)| (n.to_string(), b)).into();
         files.insert("scene.toml".to_string(), words.concat().into_bytes());
         let scene = "scene.toml".to_string();
         if let Err(error) = SceneDescription::load(&Bundle { scene, files }) {

@@ -5,7 +5,7 @@ use super::estimate::{CameraSegment, LANES, Lanes};
 use crate::math::{Rgb, Vec3, exp_rgb_neg};
 use crate::medium::Heterogeneous;
 use crate::medium::bricks::Bricks;
-use crate::medium::transmittance::{StepFunction, StepFunctions};
+use crate::medium::transmittance::{Step, StepFunction, StepFunctions};
 
 /// Segments with more steps than this are looked up by bisection, one by one; the others all at once.
 const FEW_STEPS: usize = 64;
@@ -19,8 +19,8 @@ pub(super) struct Varying<'a> {
     dir: [Lanes; 3],
     /// Transmittance along the segments.
     segments: [StepFunction<'a>; LANES],
-    /// Distances of their steps: the n-th of each, infinite in lanes that have none. Empty when a segment has many.
-    distances: Vec<Lanes>,
+    /// The same, step by step, when no segment has many.
+    lanes: Vec<StepLanes>,
     /// Transmittance along the beams.
     beams: &'a StepFunctions,
 }
@@ -57,9 +57,8 @@ impl<'a> Varying<'a> {
             segments[l] = steps.get(segment.steps);
         }
         let most = segments.iter().map(StepFunction::steps).max().unwrap_or(0);
-        let nth = |n: usize| segments.map(|f| f.distance(n).unwrap_or(f32::INFINITY));
-        let distances = match most <= FEW_STEPS {
-            true => (0..most).map(nth).collect(),
+        let lanes = match most <= FEW_STEPS {
+            true => (0..most).map(|n| StepLanes::new(&segments, n)).collect(),
             false => Vec::new(),
         };
         Self {
@@ -68,7 +67,7 @@ impl<'a> Varying<'a> {
             origin,
             dir,
             segments,
-            distances,
+            lanes,
             beams,
         }
     }
@@ -97,51 +96,60 @@ impl<'a> Varying<'a> {
             depth: [0.0; LANES],
         };
 
+        // Along the segments, step by step up to the farthest, or bisected.
+        if self.lanes.is_empty() {
+            for l in 0..LANES {
+                if hit[l] != 0 {
+                    let (value, depth) = self.segments[l].step_at(t[l]);
+                    for c in 0..channels {
+                        out.transmitted[c][l] = value[c];
+                    }
+                    out.depth[l] = depth;
+                }
+            }
+        }
+        let mut along = Linear::default();
+        for step in &self.lanes {
+            let mut beyond = [0u32; LANES];
+            for l in 0..LANES {
+                beyond[l] = (t[l] >= step.distance[l]) as u32 & hit[l];
+            }
+            if beyond == [0; LANES] {
+                break;
+            }
+            along.select(&beyond, &step.depth);
+            for c in 0..channels {
+                select(&mut out.transmitted[c], &beyond, &step.value[c]);
+            }
+        }
+        along.add_at(t, &mut out.depth);
+
         // Along the beam, neighbouring segments mostly meet the same step.
         let function = self.beams.get(beam.steps);
         let (mut nearest, mut farthest) = (f32::INFINITY, f32::NEG_INFINITY);
         for l in 0..LANES {
-            let (near, far) = if hit[l] != 0 {
-                (s[l], s[l])
-            } else {
-                (f32::INFINITY, f32::NEG_INFINITY)
-            };
+            let near = if hit[l] != 0 { s[l] } else { f32::INFINITY };
+            let far = if hit[l] != 0 { s[l] } else { f32::NEG_INFINITY };
             nearest = if near < nearest { near } else { nearest };
             farthest = if far > farthest { far } else { farthest };
         }
+        let mut along = Linear::default();
+        let mut transmitted = [[1.0; LANES]; 3];
         for (distance, step) in function.between(nearest, farthest) {
-            let value = step.value.to_array();
+            let mut beyond = [0u32; LANES];
             for l in 0..LANES {
-                let beyond = s[l] >= *distance;
-                let depth = step.depth + step.decay * (s[l] - distance);
-                out.depth[l] = if beyond { depth } else { out.depth[l] };
-                for c in 0..channels {
-                    let before = out.transmitted[c][l];
-                    out.transmitted[c][l] = if beyond { value[c] } else { before };
-                }
+                beyond[l] = (s[l] >= *distance) as u32;
             }
-        }
-
-        // Along the segments: counted or bisected.
-        let mut reached = [0u32; LANES];
-        for distance in &self.distances {
-            for l in 0..LANES {
-                reached[l] = reached[l].wrapping_add((t[l] >= distance[l]) as u32);
-            }
-        }
-        for l in 0..LANES {
-            if hit[l] == 0 {
-                continue;
-            }
-            let function = &self.segments[l];
-            let (value, depth) = match self.distances.is_empty() {
-                true => function.step_at(t[l]),
-                false => function.after(reached[l] as usize, t[l]),
-            };
+            along.select(&beyond, &Linear::new(*distance, step).spread());
             for c in 0..channels {
-                out.transmitted[c][l] *= value[c];
+                select(&mut transmitted[c], &beyond, &[step.value[c]; LANES]);
             }
-            out.depth[l] += depth;
+        }
+        along.add_at(s, &mut out.depth);
+        for c in 0..channels {
+            for l in 0..LANES {
+                out.transmitted[c][l] *= transmitted[c][l];
+            }
         }
         out
     }
@@ -154,5 +162,80 @@ impl<'a> Varying<'a> {
         let (tr_beam, decayed_beam) = self.beams.get(beam.steps).step_at(s);
         let decayed = exp_rgb_neg(self.sigma_t * -(decayed_segment + decayed_beam));
         tr_segment * tr_beam * decayed * density
+    }
+}
+
+/// The n-th steps of eight functions; infinitely far in lanes that have none.
+struct StepLanes {
+    distance: Lanes,
+    value: [Lanes; 3],
+    depth: Linear<Lanes>,
+}
+
+impl StepLanes {
+    fn new(functions: &[StepFunction; LANES], n: usize) -> Self {
+        let mut lanes = Self {
+            distance: [f32::INFINITY; LANES],
+            value: [[1.0; LANES]; 3],
+            depth: Linear::default(),
+        };
+        for (l, function) in functions.iter().enumerate() {
+            if let Some((distance, step)) = function.step(n) {
+                lanes.distance[l] = distance;
+                for c in 0..3 {
+                    lanes.value[c][l] = step.value[c];
+                }
+                let depth = Linear::new(distance, &step);
+                (lanes.depth.offset[l], lanes.depth.slope[l]) = (depth.offset, depth.slope);
+            }
+        }
+        lanes
+    }
+}
+
+/// Density times length that is in closed form, as a function of the distance.
+#[derive(Clone, Copy, Default)]
+struct Linear<T> {
+    offset: T,
+    slope: T,
+}
+
+impl Linear<f32> {
+    #[inline(always)]
+    fn new(distance: f32, step: &Step) -> Self {
+        Self {
+            offset: step.depth - step.decay * distance,
+            slope: step.decay,
+        }
+    }
+
+    #[inline(always)]
+    fn spread(self) -> Linear<Lanes> {
+        Linear {
+            offset: [self.offset; LANES],
+            slope: [self.slope; LANES],
+        }
+    }
+}
+
+impl Linear<Lanes> {
+    #[inline(always)]
+    fn select(&mut self, which: &[u32; LANES], other: &Self) {
+        select(&mut self.offset, which, &other.offset);
+        select(&mut self.slope, which, &other.slope);
+    }
+
+    #[inline(always)]
+    fn add_at(&self, distance: &Lanes, sum: &mut Lanes) {
+        for l in 0..LANES {
+            sum[l] += self.offset[l] + self.slope[l] * distance[l];
+        }
+    }
+}
+
+#[inline(always)]
+fn select(lanes: &mut Lanes, which: &[u32; LANES], other: &Lanes) {
+    for l in 0..LANES {
+        lanes[l] = if which[l] != 0 { other[l] } else { lanes[l] };
     }
 }

@@ -196,6 +196,11 @@ impl Bricks {
         self.count
     }
 
+    /// Samples per axis, from the first to the last.
+    pub fn samples(&self) -> UVec3 {
+        (self.clamp[1] - self.clamp[0]).as_uvec3() + 1
+    }
+
     /// Bounds of the density within a brick.
     pub fn range(&self, brick: UVec3) -> Range {
         self.ranges[(brick.x + self.count.x * (brick.y + self.count.y * brick.z)) as usize]
@@ -279,11 +284,23 @@ impl Bricks {
             corner[l] = (x & 7) + SIDE as u32 * ((y & 7) + SIDE as u32 * (z & 7));
         }
         let mut corners = [[0.0f32; N]; 8];
+        let mut first = [0usize; N];
         for l in 0..N {
-            let first = self.table[brick[l] as usize] as usize * STORED + corner[l] as usize;
-            let v = &self.values[first..first + FARTHEST_CORNER + 1];
+            first[l] = self.table[brick[l] as usize] as usize * STORED + corner[l] as usize;
+        }
+        let offset = |i: usize| (i & 1) + SIDE * (i >> 1 & 1) + SIDE * SIDE * (i >> 2);
+        if first == [first[0]; N] {
+            // Neighbours are often in one cell.
+            let v = &self.values[first[0]..first[0] + FARTHEST_CORNER + 1];
             for (i, value) in corners.iter_mut().enumerate() {
-                value[l] = v[(i & 1) + SIDE * (i >> 1 & 1) + SIDE * SIDE * (i >> 2)];
+                *value = [v[offset(i)]; N];
+            }
+        } else {
+            for l in 0..N {
+                let v = &self.values[first[l]..first[l] + FARTHEST_CORNER + 1];
+                for (i, value) in corners.iter_mut().enumerate() {
+                    value[l] = v[offset(i)];
+                }
             }
         }
         let mut out = [0.0; N];

@@ -57,38 +57,79 @@ pub struct Noise {
     pub seed: u32,
 }
 
-/// Samples of a recipe, at most: 1 GiB of them.
+/// Samples of a recipe, those that fill up the last bricks among them, at most: 1 GiB.
 const MAX_SAMPLES: f64 = 268_435_456.0;
-/// Cells of noise along an axis, at most.
+/// Samples along an axis, at most.
+const MAX_ALONG: f64 = 1_048_576.0;
+/// Cells of the finest noise from the origin to the farthest corner, at most.
 const MAX_CELLS: f64 = 1e6;
 
+/// Why a recipe cannot be sampled.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum RecipeError {
+    /// Its box has no inside.
+    #[error("expected more than `min`, {min}, on every axis, found {max}")]
+    Corners {
+        /// One corner.
+        min: DVec3,
+        /// The other.
+        max: DVec3,
+    },
+    /// More samples than fit into memory.
+    #[error(
+        "{:.3e} x {:.3e} x {:.3e} samples at a distance of {voxel}; expected at most {MAX_ALONG} along an axis and, in bricks of \
+         8 x 8 x 8, {MAX_SAMPLES} in all", count.x, count.y, count.z
+    )]
+    Samples {
+        /// Samples along each axis.
+        count: DVec3,
+        /// Their distance.
+        voxel: f64,
+    },
+    /// Clumps too small for the box.
+    #[error(
+        "expected at least {least:.3e}, for {octaves} octaves in a box that reaches as far as this one, found {size}"
+    )]
+    Noise {
+        /// Size of the largest clumps.
+        size: f64,
+        /// Octaves.
+        octaves: u32,
+        /// Smallest size that is supported.
+        least: f64,
+    },
+}
+
 impl Recipe {
-    /// Sample the recipe. Deterministic. The error says what is wrong with it.
-    pub fn sample(&self) -> Result<RawDensity, String> {
+    /// Sample the recipe. Deterministic.
+    pub fn sample(&self) -> Result<RawDensity, RecipeError> {
         let [low, high] = self.corners;
         let size = high - low;
-        if !(size.min_element() > 0.0) {
-            return Err(format!(
-                "`max` {high} must be above `min` {low} on every axis"
-            ));
+        if !size.cmpgt(DVec3::ZERO).all() {
+            return Err(RecipeError::Corners {
+                min: low,
+                max: high,
+            });
         }
         // Samples in the middle of voxels, which fill the box.
         let count = (size / self.voxel).round().max(DVec3::ONE);
-        if !(count.element_product() <= MAX_SAMPLES) {
-            return Err(format!(
-                "the box holds {:.3e} samples at a distance of {}; at most {MAX_SAMPLES:.3e} are supported",
-                count.element_product(),
-                self.voxel
-            ));
+        let filled_up = (count / BRICK as f64).ceil() * BRICK as f64;
+        if !(count.max_element() <= MAX_ALONG && filled_up.element_product() <= MAX_SAMPLES) {
+            return Err(RecipeError::Samples {
+                count,
+                voxel: self.voxel,
+            });
         }
         if let Some(noise) = &self.noise {
-            let farthest = low.abs().max(high.abs()).max_element() / noise.size;
-            if farthest * libm::exp2(noise.octaves as f64) > MAX_CELLS {
-                return Err(format!(
-                    "the box reaches over {farthest:.3e} sizes of its noise; with {} octaves at most {:.3e} are supported",
-                    noise.octaves,
-                    MAX_CELLS / libm::exp2(noise.octaves as f64)
-                ));
+            let farthest = low.abs().max(high.abs()).max_element();
+            let least = farthest * libm::exp2(noise.octaves as f64) / MAX_CELLS;
+            if noise.size < least {
+                return Err(RecipeError::Noise {
+                    size: noise.size,
+                    octaves: noise.octaves,
+                    least,
+                });
             }
         }
         let step = size / count;

@@ -372,13 +372,7 @@ impl StepFunction<'_> {
     /// The value of the last step up to a distance, and the density times length that is in closed form.
     #[inline(always)]
     pub fn step_at(&self, distance: f32) -> (Rgb, f32) {
-        let after = self.distances.partition_point(|d| *d <= distance);
-        self.after(after.max(1) - 1, distance)
-    }
-
-    /// The same at a distance beyond the n-th step, counted from 1; 0 is before the first.
-    #[inline(always)]
-    pub fn after(&self, n: usize, distance: f32) -> (Rgb, f32) {
+        let n = self.distances.partition_point(|d| *d <= distance).max(1) - 1;
         let step = &self.steps[n];
         let depth = step.depth + step.decay * (distance - self.distances[n]);
         (step.value, depth)
@@ -420,9 +414,9 @@ impl StepFunction<'_> {
         rest.take_while(reached)
     }
 
-    /// Distance of a step, counted from 0.
-    pub fn distance(&self, n: usize) -> Option<f32> {
-        self.distances.get(n + 1).copied()
+    /// A step, counted from 0, and where it is taken.
+    pub fn step(&self, n: usize) -> Option<(f32, Step)> {
+        Some((*self.distances.get(n + 1)?, *self.steps.get(n + 1)?))
     }
 
     /// Number of steps.

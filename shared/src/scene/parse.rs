@@ -2,6 +2,7 @@
 
 use super::values::*;
 use crate::job::ScheduleKind;
+use crate::medium::transmittance::Estimator;
 use serde::de::{MapAccess, SeqAccess, Visitor, value::MapAccessDeserializer};
 use serde::{Deserialize, Deserializer};
 use std::collections::BTreeMap;
@@ -151,7 +152,7 @@ pub struct BlobRecord {
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct NoiseRecord {
-    pub size: Number<Positive>,
+    pub size: Spanned<Number<Positive>>,
     pub octaves: Option<Spanned<u32>>,
     pub gain: Option<Number<Unit>>,
     pub contrast: Option<Number<NonNegative>>,
@@ -159,12 +160,50 @@ pub struct NoiseRecord {
 }
 
 /// `"ratio_tracking"`, `"residual_ratio_tracking"` or `{ free_flights = n }`.
-#[derive(Clone, Copy, Debug, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum EstimatorRecord {
-    RatioTracking,
-    ResidualRatioTracking,
-    FreeFlights(u16),
+#[derive(Clone, Copy, Debug)]
+pub struct EstimatorRecord(pub Estimator);
+
+impl<'de> Deserialize<'de> for EstimatorRecord {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        const EXPECTED: &str = "\"ratio_tracking\", \"residual_ratio_tracking\" \
+            or { free_flights = number from 1 to 65535 }";
+
+        #[derive(Deserialize)]
+        #[serde(deny_unknown_fields)]
+        struct Table {
+            free_flights: i64,
+        }
+        struct EstimatorVisitor;
+        impl<'de> Visitor<'de> for EstimatorVisitor {
+            type Value = EstimatorRecord;
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str(EXPECTED)
+            }
+            fn visit_str<E: serde::de::Error>(self, name: &str) -> Result<Self::Value, E> {
+                match name {
+                    "ratio_tracking" => Ok(EstimatorRecord(Estimator::RatioTracking)),
+                    "residual_ratio_tracking" => {
+                        Ok(EstimatorRecord(Estimator::ResidualRatioTracking))
+                    }
+                    _ => Err(E::custom(format_args!(
+                        "expected {EXPECTED}, found \"{name}\""
+                    ))),
+                }
+            }
+            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Self::Value, A::Error> {
+                let table = Table::deserialize(MapAccessDeserializer::new(map))?;
+                let flights = table.free_flights;
+                match u16::try_from(flights) {
+                    Ok(distances @ 1..) => Ok(EstimatorRecord(Estimator::FreeFlight { distances })),
+                    _ => Err(serde::de::Error::custom(format_args!(
+                        "expected 1 to {} free flights, found {flights}",
+                        u16::MAX
+                    ))),
+                }
+            }
+        }
+        deserializer.deserialize_any(EstimatorVisitor)
+    }
 }
 
 /// `"isotropic"`, `{ type = "isotropic" }` or `{ type = "hg", g = 0.7 }`.
@@ -457,6 +496,7 @@ impl From<toml::de::Error> for Fault {
         let mut message = error.message().replace('\n', ", ");
         for (rust, word) in [
             ("expected u32", "expected a whole number"),
+            ("expected i64", "expected a whole number"),
             ("expected u64", "expected a whole number"),
             ("expected a boolean", "expected true or false"),
         ] {
@@ -527,13 +567,24 @@ impl MediumRecord {
 impl DensityRecord {
     fn check(&self) -> Result<(), Fault> {
         let given = given!(self, grid, min, max, voxel, height, blobs, noise);
-        match self.file {
-            Some(_) => only_takes("density of a file", &["grid"], &["file"], &given),
-            None => {
-                let takes = ["min", "max", "voxel", "height", "blobs", "noise"];
-                only_takes("density without a file", &takes, &[], &given)
+        let (takes, message): (&[&str], _) = match self.file {
+            Some(_) => (
+                &["grid"],
+                "a density takes only `grid` beside `file`; `min`, `max` and the rest describe one without a file",
+            ),
+            None => (
+                &["min", "max", "voxel", "height", "blobs", "noise"],
+                "it names one of the grids of a `file`, and this density has none",
+            ),
+        };
+        for (field, span) in given {
+            if let Some(span) = span
+                && !takes.contains(&field)
+            {
+                return Err(Fault::new(span, message));
             }
         }
+        Ok(())
     }
 }
 

@@ -3,6 +3,7 @@
 use super::{Parts, Problem, asset_problem, check_reach, required};
 use crate::light::{Environment, Light, LightKind};
 use crate::math::{Frame, Rgb};
+use crate::medium::Medium;
 use crate::scene::parse::{Fault, LightRecord, LightType};
 use crate::scene::transform;
 use glam::DVec3;
@@ -39,7 +40,8 @@ impl Parts<'_> {
             kind.get_ref(),
             LightType::Directional | LightType::Environment
         );
-        if from_infinity && self.world_medium.is_some() {
+        let world = self.world_medium.map(|m| &self.media.list[usize::from(m)]);
+        if from_infinity && matches!(world, Some(Medium::Homogeneous(_))) {
             return Err(Fault::new(
                 kind.span(),
                 "light from infinitely far away would be absorbed by the world's medium, which has no end; bound the \

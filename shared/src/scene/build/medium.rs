@@ -2,13 +2,13 @@
 
 use super::{Assets, Problem, check_reach, required, unknown_name};
 use crate::math::Rgb;
-use crate::medium::bricks::Bricks;
-use crate::medium::procedural::{Blob, Height, Noise, Recipe};
+use crate::medium::bricks::{Bricks, DensityError};
+use crate::medium::procedural::{Blob, Height, Noise, Recipe, RecipeError};
 use crate::medium::transmittance::Estimator;
 use crate::medium::{Density, Heterogeneous, Homogeneous, Medium, MediumId};
 use crate::phase::Phase;
 use crate::scene::parse::{
-    DensityRecord, EstimatorRecord, Fault, MediumKind, MediumRecord, PhaseRecord,
+    BlobRecord, DensityRecord, Fault, MediumKind, MediumRecord, PhaseRecord,
 };
 use crate::scene::transform;
 use glam::{DAffine3, DVec3};
@@ -164,8 +164,16 @@ fn heterogeneous(
         None => {
             let raw = recipe(place)?
                 .sample()
-                .map_err(|message| Fault::new(place.span(), message))?;
-            let bricks = Bricks::new(&raw).map_err(|e| Fault::new(place.span(), e.to_string()))?;
+                .map_err(|error| recipe_fault(place, &error))?;
+            let bricks = Bricks::new(&raw).map_err(|error| {
+                let message = match error {
+                    DensityError::NotFinite(_) => {
+                        "somewhere it is too large for single precision".to_string()
+                    }
+                    error => error.to_string(),
+                };
+                Fault::new(place.span(), message)
+            })?;
             Arc::new(Density::new(bricks))
         }
     };
@@ -175,30 +183,23 @@ fn heterogeneous(
     };
     let to_render = DAffine3::from_translation(-render_origin) * to_world;
     let from_samples = to_render * density.bricks.to_object();
-    let inverse = from_samples.inverse();
-    if !from_samples.is_finite() || !inverse.is_finite() {
-        let span = record.transform.as_ref().map_or(place.span(), |t| t.span());
-        return Err(Fault::new(span, "it flattens the density's box, or reaches too far").into());
-    }
     let [low, high] = density.bricks.domain().map(|p| p.as_dvec3());
     let corners: Vec<DVec3> = (0..8)
         .map(|i| DVec3::new((i & 1) as f64, (i >> 1 & 1) as f64, (i >> 2) as f64))
         .map(|side| from_samples.transform_point3(low + (high - low) * side))
         .collect();
     let reach = corners.iter().map(|p| p.length()).fold(0.0, f64::max);
-    check_reach(reach, place.span())?;
+    let placed_by = record.transform.as_ref().map_or(place.span(), |t| t.span());
+    check_reach(reach, placed_by.clone())?;
+    if !transform::is_invertible(&from_samples) {
+        let message = "the density's transform cannot be inverted: it makes the density flat, or its samples are too far \
+            apart or too close together for single precision";
+        return Err(Fault::new(placed_by, message).into());
+    }
     let scale = record.scale.as_ref().map_or(1.0, |scale| scale.get_ref().0);
     let estimator = match &record.transmittance {
         None => Estimator::DEFAULT,
-        Some(given) => match *given.get_ref() {
-            EstimatorRecord::RatioTracking => Estimator::RatioTracking,
-            EstimatorRecord::ResidualRatioTracking => Estimator::ResidualRatioTracking,
-            EstimatorRecord::FreeFlights(0) => {
-                let message = "expected at least one free flight";
-                return Err(Fault::new(given.span(), message).into());
-            }
-            EstimatorRecord::FreeFlights(distances) => Estimator::FreeFlight { distances },
-        },
+        Some(given) => given.get_ref().0,
     };
     let medium = Heterogeneous::new(
         coefficients(record, scale)?,
@@ -207,9 +208,11 @@ fn heterogeneous(
         density,
         to_render,
     );
-    let top = medium.sigma_t().max_element() * medium.bricks().max();
-    if !top.is_finite() {
-        let message = "its extinction is too large for single precision";
+    let densest = medium.bricks().max();
+    if !(medium.sigma_t().max_element() * densest).is_finite() {
+        let message = format!(
+            "its extinction is too large for single precision where it is densest, at a density of {densest:.3e}"
+        );
         return Err(Fault::new(record.kind.span(), message).into());
     }
     Ok((medium, corners))
@@ -218,11 +221,17 @@ fn heterogeneous(
 /// The density that a record describes without a file.
 fn recipe(place: &Spanned<DensityRecord>) -> Result<Recipe, Fault> {
     let record = place.get_ref();
-    let (Some(min), Some(max)) = (&record.min, &record.max) else {
-        return Err(Fault::new(
-            place.span(),
-            "a density is given by `file`, or by `min` and `max`, the corners of its box, and what makes it vary: `height`, `blobs`, `noise`",
-        ));
+    let (min, max) = match (&record.min, &record.max) {
+        (Some(min), Some(max)) => (min, max),
+        (Some(one), None) | (None, Some(one)) => {
+            let message = "the box of a density takes both corners, `min` and `max`";
+            return Err(Fault::new(one.span(), message));
+        }
+        (None, None) => {
+            let message = "a density is given by `file`, or by `min` and `max`, the corners of its box, and what makes it \
+                vary within: `height`, `blobs`, `noise`";
+            return Err(Fault::new(place.span(), message));
+        }
     };
     let corners = [min.get_ref().0, max.get_ref().0];
     let voxel = match &record.voxel {
@@ -244,7 +253,7 @@ fn recipe(place: &Spanned<DensityRecord>) -> Result<Recipe, Fault> {
                 return Err(Fault::new(octaves.span(), message));
             }
             Some(Noise {
-                size: noise.size.0,
+                size: noise.size.get_ref().0,
                 octaves: octaves.map_or(4, |octaves| *octaves.get_ref()),
                 gain: noise.gain.map_or(0.5, |gain| gain.0),
                 contrast: noise.contrast.map_or(1.0, |contrast| contrast.0),
@@ -260,7 +269,7 @@ fn recipe(place: &Spanned<DensityRecord>) -> Result<Recipe, Fault> {
             scale: height.get_ref().scale.0,
         }),
         blobs: record.blobs.as_ref().map_or(Vec::new(), |blobs| {
-            let blob = |b: &crate::scene::parse::BlobRecord| Blob {
+            let blob = |b: &BlobRecord| Blob {
                 center: b.center.0,
                 radius: b.radius.0,
                 density: b.density.map_or(1.0, |density| density.0),
@@ -269,6 +278,17 @@ fn recipe(place: &Spanned<DensityRecord>) -> Result<Recipe, Fault> {
         }),
         noise,
     })
+}
+
+/// A recipe's error at the field that it is about.
+fn recipe_fault(place: &Spanned<DensityRecord>, error: &RecipeError) -> Fault {
+    let record = place.get_ref();
+    let span = match error {
+        RecipeError::Corners { .. } => record.max.as_ref().map(|max| max.span()),
+        RecipeError::Samples { .. } => record.voxel.as_ref().map(|voxel| voxel.span()),
+        RecipeError::Noise { .. } => record.noise.as_ref().map(|n| n.get_ref().size.span()),
+    };
+    Fault::new(span.unwrap_or(place.span()), error.to_string())
 }
 
 /// Samples along the longest side of a box whose scene does not say how far they are apart.

@@ -1,5 +1,7 @@
 //! Scenes that cannot be rendered are refused with the file, the line, the field, and what was expected.
 
+mod media;
+
 use beamfarm_shared::bundle::Bundle;
 use beamfarm_shared::error::SceneError;
 use beamfarm_shared::scene::{SceneDescription, read_bundle};
@@ -119,38 +121,6 @@ fn transforms_are_checked() {
     6: shapes[0].transforms[1]: the shape's transform cannot be inverted: it makes the shape flat (for a rectangle or disc, leave the third factor of `scale` at 1), or it is too large or too small for single precision
 [[shapes]] | type = "instances" | shape = { type = "sphere" } | transforms = [] | material = "x"
     7: shapes[0].material: "instances" does not take this field; expected one of shape, transforms
-"#,
-    );
-}
-
-#[test]
-fn media_are_checked() {
-    refused(
-        r#"
-[media.fog] | type = "homogeneous" | sigma_a = -0.1 | sigma_s = 1
-    5: media.fog.sigma_a: expected a number that is not negative, found -0.1
-[media.fog] | type = "homogeneous" | sigma_a = [0.1, -0.1, 0.1] | sigma_s = 1
-    5: media.fog.sigma_a[1]: expected a number that is not negative, found -0.1
-[media.fog] | type = "homogeneous" | sigma_a = nan | sigma_s = 1
-    5: media.fog.sigma_a: expected a number that is not negative, found NaN
-[media.fog] | type = "homogeneous" | sigma_a = 3e38 | sigma_s = 3e38
-    4: media.fog.type: its extinction is too large for single precision
-[media.fog] | type = "homogeneous" | sigma_a = 0.1 | albedo = 1
-    5: media.fog.sigma_a: a medium is given by `sigma_a` and `sigma_s`, or by `sigma_t` and `albedo`: both of a pair, and never mixed
-[media.fog] | type = "homogeneous" | sigma_s = 0.1
-    5: media.fog.sigma_s: a medium is given by `sigma_a` and `sigma_s`, or by `sigma_t` and `albedo`: both of a pair, and never mixed
-[media.fog] | type = "homogeneous" | sigma_t = 0.1 | albedo = 1.5
-    6: media.fog.albedo: expected a number from 0 to 1, found 1.5
-[media.fog] | type = "homogeneous" | sigma_t = 0.1 | albedo = 1 | phase = { type = "hg", g = 0.999999999 }
-    7: media.fog.phase.g: expected a number between -1 and 1, both excluded, found 0.999999999
-[media.fog] | type = "homogeneous" | sigma_t = 0.1 | albedo = 1 | phase = "rayleigh"
-    7: media.fog.phase: expected "isotropic" or { type = "hg", g = mean cosine }, found "rayleigh"
-[media.fog] | type = "homogeneous" | sigma_t = 0.1 | albedo = 1 | phase = { type = "hg" }
-    7: media.fog.phase: expected "isotropic" or { type = "hg", g = mean cosine }
-[media.fog] | type = "grid"
-    4: media.fog.type: unknown variant `grid`, expected `homogeneous`
-[media.none] | type = "homogeneous" | sigma_t = 0.1 | albedo = 1
-    3: media.none: the name "none" stands for vacuum; choose another
 "#,
     );
 }

@@ -1,10 +1,10 @@
 //! A plain path tracer for a room full of a medium given on a grid: what the renderer's images are compared with.
 //!
 //! It is slow and simple, in double precision, one colour channel at a time, and shares no code with the renderer:
-//! distances by delta tracking under the grid's largest density, direct light from a point on the lamp at every vertex,
-//! the optical depth towards it in closed form.
+//! distances by delta tracking under the grid's largest density, direct light from the lamp at every vertex, the optical
+//! depth towards it in closed form.
 
-use crate::MeanEstimate;
+use beamfarm_shared::film::Film;
 use glam::{DAffine3, DVec2, DVec3};
 use rand_core::Rng;
 use rand_pcg::Pcg64;
@@ -173,33 +173,23 @@ pub struct Room {
 }
 
 impl Room {
-    /// Means over blocks of `side` x `side` pixels, RGB, row by row; `rounds` paths through each pixel.
-    pub fn block_means(&self, side: usize, rounds: u64, seed: u64) -> Vec<[MeanEstimate; 3]> {
-        let columns = self.camera.size / side;
-        (0..columns * columns)
-            .into_par_iter()
-            .map(|block| {
-                let corner = DVec2::new((block % columns) as f64, (block / columns) as f64);
-                let mut random = Random(Pcg64::new(seed.into(), block as u128));
-                let mut means = [MeanEstimate::new(); 3];
-                for _ in 0..rounds {
-                    let mut sum = [0.0; 3];
-                    for i in 0..side * side {
-                        let pixel =
-                            corner * side as f64 + DVec2::new((i % side) as f64, (i / side) as f64);
-                        for (c, sum) in sum.iter_mut().enumerate() {
-                            let image = pixel + DVec2::new(random.next(), random.next());
-                            let dir = self.camera.direction(image);
-                            *sum += self.radiance(self.camera.origin, dir, c, &mut random);
-                        }
-                    }
-                    for (mean, sum) in means.iter_mut().zip(sum) {
-                        mean.add(sum / (side * side) as f64);
-                    }
+    /// Independent images, one path through each pixel in each.
+    pub fn images(&self, count: u64, seed: u64) -> Vec<Film> {
+        let image = |number| {
+            let size = self.camera.size;
+            let mut film = Film::new(size as u32, size as u32);
+            let mut random = Random(Pcg64::new(seed.into(), number));
+            for (i, pixel) in film.pixels.iter_mut().enumerate() {
+                let corner = DVec2::new((i % size) as f64, (i / size) as f64);
+                for (c, value) in pixel.iter_mut().enumerate() {
+                    let image = corner + DVec2::new(random.next(), random.next());
+                    let dir = self.camera.direction(image);
+                    *value = self.radiance(self.camera.origin, dir, c, &mut random) as f32;
                 }
-                means
-            })
-            .collect()
+            }
+            film
+        };
+        (0..u128::from(count)).into_par_iter().map(image).collect()
     }
 
     /// One estimate of the radiance that a point sees in a direction, in one channel.
@@ -289,7 +279,7 @@ impl Room {
         }
     }
 
-    /// Light of the lamp that a vertex sends on, for one point of the lamp, uniform by area.
+    /// Light of the lamp that a vertex sends on, for one direction in the cone that the lamp fills, uniform by solid angle.
     fn direct(
         &self,
         vertex: DVec3,
@@ -297,19 +287,19 @@ impl Room {
         c: usize,
         random: &mut Random,
     ) -> f64 {
-        let normal = random.on_sphere();
-        let on_lamp = self.lamp.center + normal * self.lamp.radius;
-        let distance = (on_lamp - vertex).length();
-        let dir = (on_lamp - vertex) / distance;
-        // The lamp and the room are convex: a point of the lamp that faces the vertex is seen by it.
-        let cos = -normal.dot(dir);
-        if cos <= 0.0 {
+        let to_lamp = self.lamp.center - vertex;
+        let (distance, axis) = (to_lamp.length(), to_lamp.normalize());
+        let sin_max = (self.lamp.radius / distance).min(1.0);
+        // 1 - cos, without cancellation.
+        let height = sin_max * sin_max / (1.0 + (1.0 - sin_max * sin_max).sqrt());
+        let dir = around(axis, 1.0 - height * random.next(), random);
+        let (t, hit) = self.nearest(vertex, dir);
+        // Past the lamp by rounding, at its rim.
+        if hit.is_some() {
             return 0.0;
         }
-        let area = 4.0 * PI * self.lamp.radius * self.lamp.radius;
-        self.lamp.radiance[c] * scattering(dir) * cos / (distance * distance)
-            * area
-            * self.transmittance(vertex, on_lamp, c)
+        let transmittance = self.transmittance(vertex, vertex + dir * t, c);
+        self.lamp.radiance[c] * scattering(dir) * TAU * height * transmittance
     }
 
     /// From a point to another, in one channel.
@@ -332,11 +322,15 @@ impl Room {
         let g = self.g;
         let ratio = (1.0 - g * g) / (1.0 - g + 2.0 * g * random.next());
         let cos = ((1.0 + g * g - ratio * ratio) / (2.0 * g)).clamp(-1.0, 1.0);
-        // Around the old direction: whichever way a random direction leans.
-        let lean = random.on_sphere();
-        let across = (lean - dir * lean.dot(dir)).normalize();
-        (dir * cos + across * (1.0 - cos * cos).sqrt()).normalize()
+        around(dir, cos, random)
     }
+}
+
+/// A direction at a given cosine to an axis, uniform around it: the way that a random direction leans.
+fn around(axis: DVec3, cos: f64, random: &mut Random) -> DVec3 {
+    let lean = random.on_sphere();
+    let across = (lean - axis * lean.dot(axis)).normalize();
+    (axis * cos + across * (1.0 - cos * cos).sqrt()).normalize()
 }
 
 struct Random(Pcg64);

@@ -2,6 +2,7 @@
 
 use crate::MeanEstimate;
 use beamfarm_shared::bundle::Bundle;
+use beamfarm_shared::film::Film;
 use beamfarm_shared::merge::{Average, Node, TreeSum};
 use beamfarm_shared::pass::render_pass;
 use beamfarm_shared::plan::{RenderPlan, Scene};
@@ -53,25 +54,53 @@ pub fn average(scene: &Scene) -> Average {
     average
 }
 
-/// Means over blocks of `side` x `side` pixels, RGB, row by row, one value a pass. A pass is one draw, and what the block's
-/// pixels share of it is in the block's mean: the standard errors are those of blocks, not of pixels.
-pub fn block_means(scene: &Scene, side: usize) -> Vec<[MeanEstimate; 3]> {
-    let plan = RenderPlan::new(scene, scene.description().defaults.job_settings());
-    let camera = &scene.description().camera;
-    let (width, height) = (camera.width as usize, camera.height as usize);
-    let columns = width / side;
-    let mut blocks = vec![[MeanEstimate::new(); 3]; columns * (height / side)];
-    for pass_index in 0..scene.description().defaults.passes {
-        let film = render_pass(scene, &plan, pass_index).film;
-        for (index, block) in blocks.iter_mut().enumerate() {
-            let (x0, y0) = (index % columns * side, index / columns * side);
-            for (c, mean) in block.iter_mut().enumerate() {
+/// Means over blocks of pixels, RGB, of independent images of one scene. What an image's pixels share of its draw is in its
+/// block's mean: the standard errors are those of blocks, not of pixels.
+#[derive(Clone, Debug)]
+pub struct Blocks {
+    side: usize,
+    /// Row by row; one value an image.
+    pub blocks: Vec<[MeanEstimate; 3]>,
+    /// Means over all blocks.
+    pub whole: [MeanEstimate; 3],
+}
+
+impl Blocks {
+    /// Blocks of `side` x `side` pixels, of images whose sides are multiples of it.
+    pub fn new(images: impl Iterator<Item = Film>, side: usize) -> Self {
+        let mut means = Self {
+            side,
+            blocks: Vec::new(),
+            whole: [MeanEstimate::new(); 3],
+        };
+        images.for_each(|film| means.add(&film));
+        means
+    }
+
+    fn add(&mut self, film: &Film) {
+        let (side, width) = (self.side, film.width as usize);
+        let columns = width / side;
+        let count = columns * (film.height as usize / side);
+        self.blocks.resize(count, [MeanEstimate::new(); 3]);
+        for c in 0..3 {
+            let mut total = 0.0;
+            for (index, block) in self.blocks.iter_mut().enumerate() {
+                let (x0, y0) = (index % columns * side, index / columns * side);
                 let row = |y: usize| &film.pixels[y * width + x0..][..side];
-                let pixels = (y0..y0 + side).flat_map(row);
-                let sum: f64 = pixels.map(|p| f64::from(p[c])).sum();
-                mean.add(sum / (side * side) as f64);
+                let sum: f64 = (y0..y0 + side).flat_map(row).map(|p| f64::from(p[c])).sum();
+                let mean = sum / (side * side) as f64;
+                block[c].add(mean);
+                total += mean / count as f64;
             }
+            self.whole[c].add(total);
         }
     }
-    blocks
+}
+
+/// Means over blocks of `side` x `side` pixels of the scene's passes.
+pub fn blocks(scene: &Scene, side: usize) -> Blocks {
+    let plan = RenderPlan::new(scene, scene.description().defaults.job_settings());
+    let passes = 0..scene.description().defaults.passes;
+    let images = passes.map(|pass_index| render_pass(scene, &plan, pass_index).film);
+    Blocks::new(images, side)
 }

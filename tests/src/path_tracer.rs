@@ -266,11 +266,13 @@ impl Room {
         random: &mut Random,
     ) -> Option<f64> {
         let majorant = (self.sigma_s[c] + self.sigma_a[c]) * self.grid.max;
+        if majorant == 0.0 {
+            return None;
+        }
         let mut t = 0.0;
         loop {
             t -= libm::log(1.0 - random.next()) / majorant;
-            // Also where there is nothing to collide with, and t infinite or NaN.
-            if !(t < end) {
+            if t >= end {
                 return None;
             }
             if random.next() * self.grid.max < self.grid.density(origin + dir * t) {
@@ -347,5 +349,84 @@ impl Random {
         let (sin, cos) = libm::sincos(TAU * self.next());
         let r = (1.0 - z * z).sqrt();
         DVec3::new(r * cos, r * sin, z)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{MeanEstimate, Suite};
+
+    fn grid() -> Grid {
+        let to_world = DAffine3::from_rotation_z(0.4) * DAffine3::from_scale(DVec3::splat(2.0));
+        let samples = vec![0.0, 3.0, 1.0, 0.5, 2.0, 0.0, 0.0, 4.0, 1.0, 1.5, 0.0, 2.5];
+        Grid::new([3, 2, 2], samples, to_world)
+    }
+
+    #[test]
+    fn density_at_samples_between_them_and_beyond_the_border() {
+        let grid = grid();
+        let at = |x, y, z| grid.in_cells(DVec3::new(x, y, z));
+        assert_eq!(at(1.5, 0.5, 0.5), 3.0);
+        assert_eq!(at(1.5, 1.5, 1.5), 0.0);
+        assert_eq!(at(1.0, 0.5, 0.5), 1.5);
+        assert_eq!(at(0.5, 1.0, 1.5), 0.5 * (0.0 + 1.5));
+        assert_eq!(at(2.9, 0.1, 0.0), 1.0);
+        assert_eq!(at(3.1, 0.1, 0.0), 0.0);
+    }
+
+    #[test]
+    fn depth_is_the_sum_of_many_densities() {
+        let grid = grid();
+        let (from, to) = (DVec3::new(-1.0, 0.3, 0.1), DVec3::new(1.5, 1.9, 1.8));
+        let n = 100_000;
+        let at = |i: u32| grid.density(from + (to - from) * ((f64::from(i) + 0.5) / f64::from(n)));
+        let sum = (0..n).map(at).sum::<f64>() * (to - from).length() / f64::from(n);
+        assert!((grid.depth(from, to) - sum).abs() < 1e-4 * sum);
+        assert!(sum > 0.5);
+    }
+
+    /// Significance 1e-3.
+    #[test]
+    fn scattering_follows_the_phase_function() {
+        let lamp = Lamp {
+            center: DVec3::ZERO,
+            radius: 0.1,
+            radiance: [1.0; 3],
+        };
+        let camera = Camera {
+            origin: DVec3::Z,
+            target: DVec3::ZERO,
+            fov: 60.0,
+            size: 1,
+        };
+        let mut suite = Suite::new(1e-3);
+        for g in [-0.3, 0.0, 0.6] {
+            let room = Room {
+                walls: [[0.5; 3]; 6],
+                sigma_a: [1.0; 3],
+                sigma_s: [1.0; 3],
+                g,
+                grid: grid(),
+                lamp,
+                camera,
+            };
+            let dir = DVec3::new(0.6, 0.0, -0.8);
+            let mut random = Random(Pcg64::new(1, 2));
+            let cosines: Vec<f64> = (0..20_000)
+                .map(|_| dir.dot(room.scattered(dir, &mut random)))
+                .collect();
+            // Its mean cosine, and the share below -1/2 by quadrature of what `phase` says.
+            let mean: MeanEstimate = cosines.iter().copied().collect();
+            suite.mean(format!("mean cosine {g}"), &mean, g);
+            let back: MeanEstimate = cosines
+                .iter()
+                .map(|cos| f64::from(u8::from(*cos < -0.5)))
+                .collect();
+            let cos = |i: i32| -1.0 + (f64::from(i) + 0.5) * 5e-4;
+            let share: f64 = (0..1000).map(|i| TAU * room.phase(cos(i)) * 5e-4).sum();
+            suite.mean(format!("backwards {g}"), &back, share);
+        }
+        suite.finish();
     }
 }

@@ -24,6 +24,9 @@ pub struct Grid {
 
 impl Grid {
     /// `samples`: at the cells' centres, x fastest; `to_world`: from the unit cube that the grid fills.
+    ///
+    /// # Panics
+    /// When the number of samples is not the resolution's.
     pub fn new(resolution: [usize; 3], samples: Vec<f32>, to_world: DAffine3) -> Self {
         assert_eq!(samples.len(), resolution.iter().product());
         let cells = DVec3::from_array(resolution.map(|n| n as f64));

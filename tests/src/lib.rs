@@ -4,6 +4,8 @@
 //! goes on passing; when it is changed, the significance says what to expect of the new draw.
 
 pub mod chi2;
+pub mod furnace;
+pub mod path_tracer;
 pub mod quadrature;
 pub mod render;
 pub mod suite;

@@ -1,6 +1,8 @@
 //! Scenes from text, rendered in this process.
 
+use crate::MeanEstimate;
 use beamfarm_shared::bundle::Bundle;
+use beamfarm_shared::film::Film;
 use beamfarm_shared::merge::{Average, Node, TreeSum};
 use beamfarm_shared::pass::render_pass;
 use beamfarm_shared::plan::{RenderPlan, Scene};
@@ -11,10 +13,21 @@ use beamfarm_shared::scene::SceneDescription;
 /// # Panics
 /// When the text is not a valid scene.
 pub fn scene(toml: &str) -> Scene {
+    scene_with(toml, &[])
+}
+
+/// A scene with assets, by name.
+///
+/// # Panics
+/// When the text is not a valid scene.
+pub fn scene_with(toml: &str, assets: &[(&str, &[u8])]) -> Scene {
     let mut bundle = Bundle {
         scene: "test.toml".into(),
         ..Bundle::default()
     };
+    for (name, bytes) in assets {
+        bundle.files.insert((*name).into(), bytes.to_vec());
+    }
     bundle.files.insert("test.toml".into(), toml.into());
     match SceneDescription::load(&bundle) {
         Ok(description) => Scene::new(description),
@@ -39,4 +52,55 @@ pub fn average(scene: &Scene) -> Average {
         panic!("no passes");
     };
     average
+}
+
+/// Means over blocks of pixels, RGB, of independent images of one scene. What an image's pixels share of its draw is in its
+/// block's mean: the standard errors are those of blocks, not of pixels.
+#[derive(Clone, Debug)]
+pub struct Blocks {
+    side: usize,
+    /// Row by row; one value an image.
+    pub blocks: Vec<[MeanEstimate; 3]>,
+    /// Means over all blocks.
+    pub whole: [MeanEstimate; 3],
+}
+
+impl Blocks {
+    /// Blocks of `side` x `side` pixels, of images whose sides are multiples of it.
+    pub fn new(images: impl Iterator<Item = Film>, side: usize) -> Self {
+        let mut means = Self {
+            side,
+            blocks: Vec::new(),
+            whole: [MeanEstimate::new(); 3],
+        };
+        images.for_each(|film| means.add(&film));
+        means
+    }
+
+    fn add(&mut self, film: &Film) {
+        let (side, width) = (self.side, film.width as usize);
+        let columns = width / side;
+        let count = columns * (film.height as usize / side);
+        self.blocks.resize(count, [MeanEstimate::new(); 3]);
+        for c in 0..3 {
+            let mut total = 0.0;
+            for (index, block) in self.blocks.iter_mut().enumerate() {
+                let (x0, y0) = (index % columns * side, index / columns * side);
+                let row = |y: usize| &film.pixels[y * width + x0..][..side];
+                let sum: f64 = (y0..y0 + side).flat_map(row).map(|p| f64::from(p[c])).sum();
+                let mean = sum / (side * side) as f64;
+                block[c].add(mean);
+                total += mean / count as f64;
+            }
+            self.whole[c].add(total);
+        }
+    }
+}
+
+/// Means over blocks of `side` x `side` pixels of the scene's passes.
+pub fn blocks(scene: &Scene, side: usize) -> Blocks {
+    let plan = RenderPlan::new(scene, scene.description().defaults.job_settings());
+    let passes = 0..scene.description().defaults.passes;
+    let images = passes.map(|pass_index| render_pass(scene, &plan, pass_index).film);
+    Blocks::new(images, side)
 }

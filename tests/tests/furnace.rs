@@ -3,88 +3,7 @@
 //! Kernels lose a little light where they reach beyond an edge or a boundary, in proportion to their radius: the scenes
 //! name a small fixed radius, and the bounds below allow for what it costs.
 
-use beamfarm_tests::render::{average, scene};
-
-/// Walls that reflect `rho` and emit the rest: a closed box whose inside has radiance 1.
-fn closed_box(rho: f32, rest: &str) -> String {
-    format!(
-        r#"
-[image]
-width = 32
-height = 32
-[render]
-passes = 24
-paths = 20000
-radius = 0.01
-seed = 3
-[camera]
-origin = [0.1, 0.2, 0.9]
-target = [0.0, 0.1, 0.0]
-fov = 70.0
-[materials.wall]
-type = "diffuse"
-reflectance = {rho}
-[[shapes]]
-type = "cube"
-flip_normals = true
-material = "wall"
-emission = {{ radiance = {} }}
-{rest}
-"#,
-        1.0 - rho
-    )
-}
-
-/// A sky of radiance 1 around things that absorb nothing.
-fn under_the_sky(rest: &str) -> String {
-    format!(
-        r#"
-[image]
-width = 32
-height = 32
-[render]
-passes = 24
-paths = 20000
-radius = 0.01
-seed = 5
-[camera]
-origin = [0.0, 0.0, 4.0]
-target = [0.0, 0.0, 0.0]
-fov = 40.0
-[[lights]]
-type = "environment"
-radiance = 1.0
-{rest}
-"#
-    )
-}
-
-/// The image's mean is 1 within five standard errors and the kernels' loss; so is the mean of every quarter of rows.
-fn is_one(name: &str, toml: &str, bias: f64) {
-    let scene = scene(toml);
-    let image = average(&scene);
-    let rows = image.beauty.height as usize / 4;
-    let width = image.beauty.width as usize;
-    for (quarter, (pixels, errors)) in image
-        .beauty
-        .pixels
-        .chunks(rows * width)
-        .zip(image.standard_error.pixels.chunks(rows * width))
-        .enumerate()
-    {
-        for c in 0..3 {
-            let n = pixels.len() as f64;
-            let mean = pixels.iter().map(|p| p[c] as f64).sum::<f64>() / n;
-            // Pixels of a pass share its photons, so their errors may all be of one sign.
-            let error = errors.iter().map(|p| p[c] as f64).sum::<f64>() / n;
-            let bound = bias + 5.0 * error / (n / 64.0).sqrt().max(1.0);
-            assert!(
-                (mean - 1.0).abs() < bound,
-                "{name}: channel {c} of quarter {quarter} is {mean}, bound {bound}"
-            );
-        }
-    }
-}
+use beamfarm_tests::furnace::{closed_box, is_one, under_the_sky};
 
 const GLASS: &str = r#"
 [materials.glass]
@@ -99,7 +18,7 @@ material = "glass"
 
 #[test]
 fn closed_box_of_diffuse_walls() {
-    is_one("walls", &closed_box(0.6, ""), 0.004);
+    is_one("walls", &closed_box(0.6, ""), &[], 0.004);
 }
 
 #[test]
@@ -116,6 +35,7 @@ material = "silver"
     is_one(
         "glass and mirror",
         &closed_box(0.5, &format!("{GLASS}{mirror}")),
+        &[],
         0.006,
     );
 }
@@ -131,10 +51,11 @@ sigma_a = 0.0
 sigma_s = [0.5, 1.0, 0.2]
 phase = { type = "hg", g = 0.5 }
 "#;
-    is_one("fog", &closed_box(0.5, fog), 0.012);
+    is_one("fog", &closed_box(0.5, fog), &[], 0.012);
     is_one(
         "fog and glass",
         &closed_box(0.5, &format!("{GLASS}{fog}")),
+        &[],
         0.015,
     );
 }
@@ -159,7 +80,7 @@ center = [0.6, 0.0, 0.0]
 radius = 0.5
 material = "frosted"
 "#;
-    is_one("white and glass", &under_the_sky(white), 0.006);
+    is_one("white and glass", &under_the_sky(white), &[], 0.006);
 }
 
 #[test]
@@ -178,5 +99,5 @@ radius = 1.0
 material = "boundary"
 interior = "cloud"
 "#;
-    is_one("cloud", &under_the_sky(cloud), 0.02);
+    is_one("cloud", &under_the_sky(cloud), &[], 0.02);
 }

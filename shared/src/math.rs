@@ -85,6 +85,18 @@ pub fn powf(x: f32, y: f32) -> f32 {
 pub fn exp_rgb(x: Rgb) -> Rgb {
     Rgb::new(exp(x.x), exp(x.y), exp(x.z))
 }
+/// Asks for what is about to be read, where the machine can be asked. Changes nothing but time.
+#[inline(always)]
+pub fn prefetch<T>(what: &T) {
+    #[cfg(target_arch = "x86_64")]
+    {
+        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+        // SAFETY: a prefetch reads nothing that the program sees, and the reference is valid anyhow.
+        unsafe { _mm_prefetch::<_MM_HINT_T0>(std::ptr::from_ref(what).cast()) };
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = what;
+}
 /// Mean of the three channels: the scalar that probabilities are made of.
 #[inline]
 pub fn mean(c: Rgb) -> f32 {

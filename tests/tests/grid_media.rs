@@ -19,8 +19,7 @@ const RESOLUTION: [usize; 3] = [6, 5, 7];
 const SIGMA_A: [f64; 3] = [0.1, 0.4, 0.02];
 const SIGMA_S: [f64; 3] = [0.5, 0.3, 0.9];
 const G: f64 = 0.4;
-const ESTIMATORS: [&str; 4] = [
-    "\"exact_knots\"",
+const ESTIMATORS: [&str; 3] = [
     "\"ratio_tracking\"",
     "\"residual_ratio_tracking\"",
     "{ free_flights = 8 }",

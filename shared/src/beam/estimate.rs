@@ -13,7 +13,7 @@
 use super::PhotonBeam;
 use super::store::BeamMap;
 use super::varying::Varying;
-use crate::math::{PI, Ray, Rgb, Vec3, exp_neg, exp_rgb_neg};
+use crate::math::{PI, Ray, Rgb, Vec3, exp_neg, exp_rgb_neg, prefetch};
 use crate::medium::Medium;
 use crate::medium::transmittance::StepFunctions;
 use crate::phase::{Phase, PhaseLobe};
@@ -28,6 +28,10 @@ pub(super) type Lanes = [f32; LANES];
 /// Below this sine of the angle between beam and segment the chord is integrated.
 const NEARLY_PARALLEL_SIN: f32 = 0.1;
 const NEARLY_PARALLEL_SIN2: f32 = NEARLY_PARALLEL_SIN * NEARLY_PARALLEL_SIN;
+
+/// How many candidates ahead a beam is fetched from memory, and what is known along it.
+const FETCH_BEAM: usize = 8;
+const FETCH_STEPS: usize = 4;
 
 /// Strata of a chord.
 const CHORD_POINTS: u32 = 4;
@@ -156,6 +160,8 @@ fn dispatch<const GREY: bool, const ISOTROPIC: bool, const VARYING: bool>(
 /// Groups of segments, and bounds of each group's lines: lane g of the bounds is group g.
 struct SegmentPacket<'a> {
     groups: Vec<Group<'a>>,
+    /// Transmittance along the beams.
+    beam_steps: &'a StepFunctions,
     medium_id: u16,
     /// Middle of the origins and of the directions.
     origin: [Lanes; 3],
@@ -177,6 +183,7 @@ impl<'a> SegmentPacket<'a> {
     ) -> Self {
         let mut packet = Self {
             groups: Vec::with_capacity(LANES),
+            beam_steps,
             medium_id: segments[0].medium,
             origin: [[0.0; LANES]; 3],
             dir: [[0.0; LANES]; 3],
@@ -247,7 +254,14 @@ impl<'a> SegmentPacket<'a> {
         candidates: &[u32],
     ) -> PacketRadiance {
         let mut out = PacketRadiance::default();
-        for &index in candidates {
+        for (i, &index) in candidates.iter().enumerate() {
+            // Candidates lie scattered in memory.
+            if let Some(&next) = candidates.get(i + FETCH_BEAM) {
+                prefetch(&beams[next as usize]);
+            }
+            if VARYING && let Some(&next) = candidates.get(i + FETCH_STEPS) {
+                self.beam_steps.prefetch(beams[next as usize].steps);
+            }
             let beam = &beams[index as usize];
             if beam.medium != self.medium_id {
                 continue;

@@ -96,7 +96,7 @@ impl<'a> Varying<'a> {
             depth: [0.0; LANES],
         };
 
-        // Along the segments, step by step up to the farthest, or bisected.
+        // Along the segments, step by step or bisected.
         if self.lanes.is_empty() {
             for l in 0..LANES {
                 if hit[l] != 0 {
@@ -112,10 +112,7 @@ impl<'a> Varying<'a> {
         for step in &self.lanes {
             let mut beyond = [0u32; LANES];
             for l in 0..LANES {
-                beyond[l] = (t[l] >= step.distance[l]) as u32 & hit[l];
-            }
-            if beyond == [0; LANES] {
-                break;
+                beyond[l] = mask(t[l] >= step.distance[l]);
             }
             along.select(&beyond, &step.depth);
             for c in 0..channels {
@@ -138,7 +135,7 @@ impl<'a> Varying<'a> {
         for (distance, step) in function.between(nearest, farthest) {
             let mut beyond = [0u32; LANES];
             for l in 0..LANES {
-                beyond[l] = (s[l] >= *distance) as u32;
+                beyond[l] = mask(s[l] >= *distance);
             }
             along.select(&beyond, &Linear::new(*distance, step).spread());
             for c in 0..channels {
@@ -233,9 +230,16 @@ impl Linear<Lanes> {
     }
 }
 
+/// All bits set where it is true: unlike a branch, what becomes vector code.
+#[inline(always)]
+fn mask(is: bool) -> u32 {
+    (is as u32).wrapping_neg()
+}
+
 #[inline(always)]
 fn select(lanes: &mut Lanes, which: &[u32; LANES], other: &Lanes) {
     for l in 0..LANES {
-        lanes[l] = if which[l] != 0 { other[l] } else { lanes[l] };
+        let bits = (other[l].to_bits() & which[l]) | (lanes[l].to_bits() & !which[l]);
+        lanes[l] = f32::from_bits(bits);
     }
 }

@@ -267,11 +267,12 @@ impl<'a> SegmentPacket<'a> {
                 continue;
             }
             let mut groups = self.groups_near(beam);
+            let mut step = 0;
             while groups != 0 {
                 let g = groups.trailing_zeros() as usize;
                 groups &= groups - 1;
                 let (group, sum) = (&self.groups[g], &mut out.groups[g]);
-                let near = group.add_beam::<GREY, ISOTROPIC, VARYING>(beam, sum);
+                let near = group.add_beam::<GREY, ISOTROPIC, VARYING>(beam, &mut step, sum);
                 if near {
                     group.add_chords(beam, index, sum);
                 }
@@ -331,11 +332,12 @@ impl<'a> Group<'a> {
         }
     }
 
-    /// Adds one beam by the 1D estimate. True: some lane is nearly parallel to it.
+    /// Adds one beam by the 1D estimate. `step`: which of its steps was met before. True: some lane is nearly parallel to it.
     #[inline(always)]
     fn add_beam<const GREY: bool, const ISOTROPIC: bool, const VARYING: bool>(
         &self,
         beam: &PhotonBeam,
+        step: &mut usize,
         out: &mut GroupRadiance,
     ) -> bool {
         let (p, b) = (beam.origin, beam.dir);
@@ -419,7 +421,7 @@ impl<'a> Group<'a> {
         out.evaluations += count as u64;
         let mut transmitted = [[1.0; LANES]; 3];
         if VARYING && let Some(varying) = &self.varying {
-            let at = varying.attenuation::<GREY>(beam, &hit, &along_segment, &along_beam);
+            let at = varying.attenuation::<GREY>(beam, &hit, &along_segment, &along_beam, step);
             for l in 0..LANES {
                 let v = value[l] * at.density[l];
                 value[l] = if GREY { v * at.transmitted[0][l] } else { v };

@@ -73,7 +73,7 @@ impl<'a> Varying<'a> {
     }
 
     /// At distances `t` along the segments and `s` along the beam, where `hit` is 1. With `GREY` the red
-    /// channel stands for all.
+    /// channel stands for all. `near`: which of the beam's steps the segments before met.
     #[inline(always)]
     pub fn attenuation<const GREY: bool>(
         &self,
@@ -81,6 +81,7 @@ impl<'a> Varying<'a> {
         hit: &[u32; LANES],
         t: &Lanes,
         s: &Lanes,
+        near: &mut usize,
     ) -> Attenuation {
         let channels = if GREY { 1 } else { 3 };
         let mut points = [[0.0; LANES]; 3];
@@ -132,7 +133,7 @@ impl<'a> Varying<'a> {
         }
         let mut along = Linear::default();
         let mut transmitted = [[1.0; LANES]; 3];
-        for (distance, step) in function.between(nearest, farthest) {
+        for (distance, step) in function.between(nearest, farthest, near) {
             let mut beyond = [0u32; LANES];
             for l in 0..LANES {
                 beyond[l] = mask(s[l] >= *distance);

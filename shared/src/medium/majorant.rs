@@ -5,7 +5,7 @@ use crate::math::Vec3;
 use glam::UVec3;
 
 /// Cells along the longest side, at most: more would take longer to walk through than they save.
-const MAX_CELLS: u32 = 16;
+const MAX_CELLS: u32 = 8;
 
 /// Least and largest density per cell of a grid over sample space.
 #[derive(Debug)]

@@ -420,13 +420,22 @@ impl StepFunction<'_> {
         }
     }
 
-    /// The steps that lie between two distances, after the last one up to the first of them.
+    /// The steps that lie between two distances, after the last one up to the first of them. `near` is where they were
+    /// found before, and now.
     #[inline(always)]
-    pub fn between(&self, from: f32, to: f32) -> impl Iterator<Item = (&f32, &Step)> {
-        let first = self.distances.partition_point(|d| *d <= from).max(1) - 1;
+    pub fn between(
+        &self,
+        from: f32,
+        to: f32,
+        near: &mut usize,
+    ) -> impl Iterator<Item = (&f32, &Step)> {
+        let is_before = |n: usize| self.distances.get(n).is_some_and(|d| *d <= from);
+        if !is_before(*near) || is_before(*near + 1) {
+            *near = self.distances.partition_point(|d| *d <= from).max(1) - 1;
+        }
         // Mostly none: a search would take longer.
         let reached = move |(distance, _): &(&f32, &Step)| **distance <= to;
-        let rest = self.distances[first..].iter().zip(&self.steps[first..]);
+        let rest = self.distances[*near..].iter().zip(&self.steps[*near..]);
         rest.take_while(reached)
     }
 

@@ -124,13 +124,22 @@ impl<'a> Varying<'a> {
 
         // Along the beam, neighbouring segments mostly meet the same step.
         let function = self.beams.get(beam.steps);
-        let (mut nearest, mut farthest) = (f32::INFINITY, f32::NEG_INFINITY);
+        let (mut nearest, mut farthest) = ([f32::INFINITY; LANES], [f32::NEG_INFINITY; LANES]);
         for l in 0..LANES {
-            let near = if hit[l] != 0 { s[l] } else { f32::INFINITY };
-            let far = if hit[l] != 0 { s[l] } else { f32::NEG_INFINITY };
-            nearest = if near < nearest { near } else { nearest };
-            farthest = if far > farthest { far } else { farthest };
+            let hit = mask(hit[l] != 0);
+            nearest[l] = f32::from_bits((s[l].to_bits() & hit) | (nearest[l].to_bits() & !hit));
+            farthest[l] = f32::from_bits((s[l].to_bits() & hit) | (farthest[l].to_bits() & !hit));
         }
+        // By halves, which is what becomes vector code.
+        for half in [4, 2, 1] {
+            for l in 0..half {
+                let (a, b) = (nearest[l], nearest[l + half]);
+                nearest[l] = if a < b { a } else { b };
+                let (a, b) = (farthest[l], farthest[l + half]);
+                farthest[l] = if a > b { a } else { b };
+            }
+        }
+        let (nearest, farthest) = (nearest[0], farthest[0]);
         let mut along = Linear::default();
         let mut transmitted = [[1.0; LANES]; 3];
         for (distance, step) in function.between(nearest, farthest, near) {

@@ -13,6 +13,8 @@ const STORED: usize = SIDE * SIDE * SIDE;
 const FARTHEST_CORNER: usize = 1 + SIDE + SIDE * SIDE;
 /// Bricks of a lattice, empty ones included: 256 MiB of table.
 const MAX_BRICKS: u64 = 1 << 26;
+/// Stored samples, at most, so that every one has a number: 16 GiB of them.
+const MAX_VALUES: usize = u32::MAX as usize - STORED;
 /// Largest index of a sample, so that single precision still has a few bits between two of them.
 const MAX_POSITION: i32 = 1 << 20;
 
@@ -109,7 +111,7 @@ pub enum DensityError {
 pub struct Bricks {
     /// Bricks per axis.
     count: UVec3,
-    /// By brick, x fastest: where its samples begin, in units of stored bricks. Equal bricks of one value are one.
+    /// By brick, x fastest: where its samples begin. Equal bricks of one value are one.
     table: Vec<u32>,
     /// Stored bricks, x fastest.
     values: Vec<f32>,
@@ -176,12 +178,15 @@ impl Bricks {
                     let range = Range::of(&buffer);
                     bricks.ranges.push(range);
                     let (min, max) = (range.minorant, range.majorant);
-                    let next = (bricks.values.len() / STORED) as u32;
+                    let next = bricks.values.len() as u32;
                     let index = match min == max {
                         true => *constants.entry(min.to_bits()).or_insert(next),
                         false => next,
                     };
                     if index == next {
+                        if bricks.values.len() > MAX_VALUES {
+                            return Err(DensityError::TooLarge(total));
+                        }
                         bricks.values.extend_from_slice(&buffer);
                     }
                     bricks.table.push(index);
@@ -211,7 +216,7 @@ impl Bricks {
         const HALF: u32 = BRICK as u32 / 2;
         let brick = half / 2;
         let brick = brick.x + self.count.x * (brick.y + self.count.y * brick.z);
-        let stored = self.table[brick as usize] as usize * STORED;
+        let stored = self.table[brick as usize] as usize;
         let first = (half % 2) * HALF;
         let mut values = Vec::with_capacity((HALF as usize + 1).pow(3));
         for z in first.z..=first.z + HALF {
@@ -280,24 +285,30 @@ impl Bricks {
         let mut corner = [0u32; N];
         for l in 0..N {
             let [x, y, z] = [cell[0][l], cell[1][l], cell[2][l]];
-            brick[l] = (x >> 3) + self.count.x * ((y >> 3) + self.count.y * (z >> 3));
-            corner[l] = (x & 7) + SIDE as u32 * ((y & 7) + SIDE as u32 * (z & 7));
+            let row = (z >> 3).wrapping_mul(self.count.y).wrapping_add(y >> 3);
+            brick[l] = row.wrapping_mul(self.count.x).wrapping_add(x >> 3);
+            let row = (z & 7).wrapping_mul(SIDE as u32).wrapping_add(y & 7);
+            corner[l] = row.wrapping_mul(SIDE as u32).wrapping_add(x & 7);
         }
         let mut corners = [[0.0f32; N]; 8];
-        let mut first = [0usize; N];
+        let mut first = [0u32; N];
+        let mut differ = 0;
         for l in 0..N {
-            first[l] = self.table[brick[l] as usize] as usize * STORED + corner[l] as usize;
+            first[l] = self.table[brick[l] as usize].wrapping_add(corner[l]);
+        }
+        for l in 0..N {
+            differ |= first[l] ^ first[0];
         }
         let offset = |i: usize| (i & 1) + SIDE * (i >> 1 & 1) + SIDE * SIDE * (i >> 2);
-        if first == [first[0]; N] {
+        if differ == 0 {
             // Neighbours are often in one cell.
-            let v = &self.values[first[0]..first[0] + FARTHEST_CORNER + 1];
+            let v = &self.values[first[0] as usize..][..FARTHEST_CORNER + 1];
             for (i, value) in corners.iter_mut().enumerate() {
                 *value = [v[offset(i)]; N];
             }
         } else {
             for l in 0..N {
-                let v = &self.values[first[l]..first[l] + FARTHEST_CORNER + 1];
+                let v = &self.values[first[l] as usize..][..FARTHEST_CORNER + 1];
                 for (i, value) in corners.iter_mut().enumerate() {
                     value[l] = v[offset(i)];
                 }

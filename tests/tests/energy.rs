@@ -50,7 +50,7 @@ power = [10.0, 20.0, 30.0]
 fn what_is_emitted_is_absorbed() {
     let scene = scene(BOX);
     let plan = RenderPlan::new(&scene, scene.description().defaults.job_settings());
-    let medium = scene.description().media[0];
+    let medium = &scene.description().media[0];
     let sigma_t = medium.sigma_t();
     let absorbed_by_walls = Rgb::ONE - Rgb::new(0.8, 0.5, 0.2);
     let mut total = [(); 3].map(|_| MeanEstimate::new());

@@ -10,6 +10,9 @@
 //! Both are exact integrals of the same radiance in the limit of thin beams, and each pair of directions belongs to just
 //! one of them, so nothing is lost or counted twice.
 
+// Loops over lanes by number are what becomes vector code.
+#![allow(clippy::needless_range_loop)]
+
 use super::PhotonBeam;
 use super::store::BeamMap;
 use super::varying::Varying;

@@ -1,5 +1,8 @@
 //! What a heterogeneous medium adds to the estimate: density and transmittance, for eight segments side by side.
 
+// Loops over lanes by number are what becomes vector code.
+#![allow(clippy::needless_range_loop)]
+
 use super::PhotonBeam;
 use super::estimate::{CameraSegment, LANES, Lanes};
 use crate::math::{Rgb, Vec3, exp_rgb_neg};

@@ -171,7 +171,7 @@ impl Iterator for Spans<'_> {
         };
         if leaves {
             self.next[axis] = f32::INFINITY;
-            if !(self.next.min_element() < self.end) {
+            if self.next.min_element() >= self.end {
                 end = self.end;
             }
         } else {

@@ -69,7 +69,8 @@ fn cloud(phase: Phase, estimator: Estimator) -> Medium {
         ],
         noise: None,
     };
-    let bricks = Bricks::new(&recipe.sample().unwrap()).unwrap();
+    let raw = recipe.sample().expect("a recipe within limits");
+    let bricks = Bricks::new(&raw).expect("samples within limits");
     Medium::Heterogeneous(Heterogeneous::new(
         [Rgb::new(0.1, 0.0, 0.3), Rgb::new(0.4, 0.2, 0.05)],
         phase,
@@ -85,7 +86,7 @@ fn radiance(map: &BeamMap, medium: &Medium, rays: &[Ray], length: f32, key: u64)
     let mut sampler = Sampler::new(8, 0, Purpose::Test, key);
     for (i, ray) in rays.iter().enumerate() {
         let (stretch, _) = medium.stretch(ray, length, &mut sampler, &mut camera.steps);
-        let stretch = stretch.unwrap();
+        let stretch = stretch.expect("a ray through the medium");
         camera.segments.push(CameraSegment {
             ray: *ray,
             length: stretch.range[1],

@@ -85,14 +85,12 @@ struct Way {
 }
 
 impl Way {
-    fn from_start(&self, t: f64) -> f64 {
+    fn place(&self, t: f64) -> f64 {
         if self.backward { LENGTH - t } else { t }
     }
 
     fn transmittance(&self, t: f64) -> [f64; 3] {
-        let depth = (self.profile.depth(self.from_start(t))
-            - self.profile.depth(self.from_start(0.0)))
-        .abs();
+        let depth = (self.profile.depth(self.place(t)) - self.profile.depth(self.place(0.0))).abs();
         [0, 1, 2].map(|c| libm::exp(-depth * SIGMA_T[c] as f64))
     }
 
@@ -105,7 +103,7 @@ impl Way {
         let at = |i: usize| LENGTH * i as f64 / cells as f64;
         (0..cells)
             .map(|i| {
-                let (a, b) = (self.from_start(at(i)), self.from_start(at(i + 1)));
+                let (a, b) = (self.place(at(i)), self.place(at(i + 1)));
                 let [low, high] = self.profile.range(a.min(b), a.max(b));
                 let depth = self.profile.depth(a) - self.profile.depth(b);
                 let mean = (depth / (a - b)).clamp(low, high);
@@ -129,7 +127,7 @@ impl Way {
     /// One function of the distance, as it is cached.
     fn walk(&self, spans: &[Span], sampler: &mut Sampler, steps: &mut StepFunctions) -> u32 {
         let number = steps.begin();
-        let density = |t: f32| self.profile.density(self.from_start(t as f64)) as f32;
+        let density = |t: f32| self.profile.density(self.place(t as f64)) as f32;
         let spans = spans.iter().copied();
         let push = |t, step| steps.push(t, step);
         self.estimator
@@ -288,7 +286,8 @@ fn lumps(estimator: Estimator) -> Heterogeneous {
             seed: 5,
         }),
     };
-    let bricks = Bricks::new(&recipe.sample().unwrap()).unwrap();
+    let raw = recipe.sample().expect("a recipe within limits");
+    let bricks = Bricks::new(&raw).expect("samples within limits");
     let to_render = DAffine3::from_translation(DVec3::new(3.0, -2.0, 1.0))
         * DAffine3::from_axis_angle(DVec3::new(1.0, 2.0, 0.5).normalize(), 0.8)
         * DAffine3::from_scale(DVec3::new(1.0, 1.6, 0.7));
@@ -399,7 +398,7 @@ fn flights_scatter_where_and_as_much_as_they_should() {
             let (place, weight) = match medium.sample_flight(&track, power, &mut sampler) {
                 Flight::Scattered { distance, weight } => {
                     assert!(distance >= start && distance <= end);
-                    let third = edges.iter().position(|e| distance <= *e).unwrap();
+                    let third = edges.iter().position(|e| distance <= *e).unwrap_or(2);
                     (third, weight)
                 }
                 Flight::Passed { weight } => (3, weight),

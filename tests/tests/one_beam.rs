@@ -274,11 +274,9 @@ fn wall(beam: &PhotonBeam, medium: &Medium, angle: f64) -> ([MeanEstimate; 3], [
             expected[c] += tr_beam[c] * end.0[c] * density;
         }
     }
-    for c in 0..3 {
-        expected[c] *= beam.length as f64 / n as f64
-            * phase
-            * medium.sigma_s()[c] as f64
-            * beam.power[c] as f64;
+    for (c, expected) in expected.iter_mut().enumerate() {
+        let step = beam.length as f64 / n as f64;
+        *expected *= step * phase * medium.sigma_s()[c] as f64 * beam.power[c] as f64;
     }
     (estimate, expected)
 }

@@ -189,6 +189,7 @@ impl From<PassStats> for wire::PassStats {
         Self {
             paths: stats.paths,
             beams: stats.beams,
+            beam_bytes: stats.beam_bytes,
             surface_photons: stats.surface_photons,
             beam_evaluations: stats.beam_evaluations,
             non_finite: stats.non_finite,
@@ -201,6 +202,7 @@ impl From<wire::PassStats> for PassStats {
         Self {
             paths: stats.paths,
             beams: stats.beams,
+            beam_bytes: stats.beam_bytes,
             surface_photons: stats.surface_photons,
             beam_evaluations: stats.beam_evaluations,
             non_finite: stats.non_finite,

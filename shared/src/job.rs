@@ -177,6 +177,8 @@ pub struct PassStats {
     pub paths: u64,
     /// Photon beams stored.
     pub beams: u64,
+    /// Bytes that the beams and the transmittance along them took.
+    pub beam_bytes: u64,
     /// Surface photons stored.
     pub surface_photons: u64,
     /// Beam and camera segment pairs whose kernel and radiometry were evaluated.
@@ -185,10 +187,18 @@ pub struct PassStats {
     pub non_finite: u64,
 }
 
+impl PassStats {
+    /// Memory that a beam takes on average, with the transmittance along it. NaN without beams.
+    pub fn bytes_per_beam(&self) -> f64 {
+        self.beam_bytes as f64 / self.beams as f64
+    }
+}
+
 impl std::ops::AddAssign for PassStats {
     fn add_assign(&mut self, o: Self) {
         self.paths += o.paths;
         self.beams += o.beams;
+        self.beam_bytes += o.beam_bytes;
         self.surface_photons += o.surface_photons;
         self.beam_evaluations += o.beam_evaluations;
         self.non_finite += o.non_finite;

@@ -36,6 +36,7 @@ pub fn render_pass(scene: &Scene, plan: &RenderPlan, pass_index: u64) -> PassIma
         Photons::default()
     };
     stats.beams = photons.beams.len() as u64;
+    stats.beam_bytes = (size_of_val(&photons.beams[..]) + photons.steps.bytes()) as u64;
     stats.surface_photons = photons.surface.len() as u64;
     let (beams, surface) = rayon::join(
         || {

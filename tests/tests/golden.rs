@@ -8,6 +8,7 @@ use beamfarm_shared::plan::RenderPlan;
 use beamfarm_tests::render::{average, scene};
 
 const FOG_HASH: &str = "6cfb48203ce95bc60153a1a99fb78e352130c2f12800f4cd7e2bdbf6aba07b4e";
+const SMOKE_HASH: &str = "591826623e2b419c3aff7003d1e4666b26c6efd365a239a43edadea7a744f553";
 const SURFACES_HASH: &str = "ee7005c2319e575a8d71aa65ae246f0255b5f4f56a2bb11ec4a6981464076b72";
 
 const FOG: &str = r#"
@@ -67,6 +68,63 @@ radius = 0.1
 emission = { power = [5, 4, 3] }
 "#;
 
+const SMOKE: &str = r#"
+[image]
+width = 36
+height = 26
+[render]
+passes = 4
+paths = 600
+seed = 43
+[camera]
+origin = [0.1, 0.6, 3.4]
+target = [0.0, 0.4, 0.0]
+fov = 45.0
+[media.smoke]
+type = "heterogeneous"
+sigma_a = [0.2, 0.4, 0.3]
+sigma_s = [2.0, 1.5, 1.0]
+phase = { type = "hg", g = 0.4 }
+[media.smoke.density]
+min = [-1.2, 0, -1.2]
+max = [1.2, 1.6, 1.2]
+voxel = 0.08
+height = { scale = 0.9 }
+blobs = [{ center = [0, 0.5, 0], radius = 0.5, density = 2 }]
+noise = { size = 0.6, contrast = 3 }
+[media.veil]
+type = "heterogeneous"
+sigma_a = 0.0
+sigma_s = 0.4
+transmittance = "ratio_tracking"
+density = { min = [0.6, 0.7, -0.3], max = [1.1, 1.3, 0.3], noise = { size = 0.3 } }
+[materials.boundary]
+type = "null"
+[[shapes]]
+type = "rectangle"
+transform = [{ scale = 3.0 }, { rotate = { axis = [1, 0, 0], angle = -90 } }]
+[[shapes]]
+type = "cube"
+material = "boundary"
+interior = "smoke"
+transform = [{ scale = [1.2, 0.8, 1.2] }, { translate = [0, 0.801, 0] }]
+[[shapes]]
+type = "sphere"
+center = [0.85, 1.0, 0.0]
+radius = 0.25
+material = "boundary"
+interior = "veil"
+exterior = "smoke"
+[[lights]]
+type = "spot"
+position = [-1.5, 2.5, 0.8]
+target = [0.0, 0.3, 0.0]
+intensity = 30.0
+[[lights]]
+type = "environment"
+radiance = [0.05, 0.06, 0.08]
+"#;
+
 const SURFACES: &str = r#"
 [image]
 width = 40
@@ -113,14 +171,22 @@ radiance = [0.2, 0.3, 0.5]
 fn hashes_of_small_images() {
     let hash = |toml| pixel_hash(&average(&scene(toml)).beauty);
     assert_eq!(
-        [("fog", hash(FOG)), ("surfaces", hash(SURFACES))],
-        [("fog", FOG_HASH.into()), ("surfaces", SURFACES_HASH.into())]
+        [
+            ("fog", hash(FOG)),
+            ("smoke", hash(SMOKE)),
+            ("surfaces", hash(SURFACES))
+        ],
+        [
+            ("fog", FOG_HASH.into()),
+            ("smoke", SMOKE_HASH.into()),
+            ("surfaces", SURFACES_HASH.into())
+        ]
     );
 }
 
 #[test]
 fn the_number_of_threads_changes_nothing() {
-    for toml in [FOG, SURFACES] {
+    for toml in [FOG, SMOKE, SURFACES] {
         let scene = scene(toml);
         let plan = RenderPlan::new(&scene, scene.description().defaults.job_settings());
         let hashes: Vec<String> = [1, 2, 3, 8]

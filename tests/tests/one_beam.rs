@@ -12,7 +12,7 @@ use beamfarm_shared::math::{Frame, Ray, Rgb, Vec3};
 use beamfarm_shared::medium::bricks::Bricks;
 use beamfarm_shared::medium::procedural::{Blob, Height, Recipe};
 use beamfarm_shared::medium::transmittance::{Estimator, StepFunctions};
-use beamfarm_shared::medium::{Density, Heterogeneous, Homogeneous, Medium};
+use beamfarm_shared::medium::{Heterogeneous, Homogeneous, Medium};
 use beamfarm_shared::phase::Phase;
 use beamfarm_shared::sampler::{Purpose, Sampler};
 use beamfarm_tests::{MeanEstimate, Suite};
@@ -75,7 +75,7 @@ fn cloud(phase: Phase, estimator: Estimator) -> Medium {
         [Rgb::new(0.1, 0.0, 0.3), Rgb::new(0.4, 0.2, 0.05)],
         phase,
         estimator,
-        Arc::new(Density::new(bricks)),
+        Arc::new(bricks),
         DAffine3::IDENTITY,
     ))
 }

@@ -5,7 +5,7 @@ use beamfarm_shared::medium::bricks::{Bricks, Range};
 use beamfarm_shared::medium::majorant::Span;
 use beamfarm_shared::medium::procedural::{Blob, Height, Noise, Recipe};
 use beamfarm_shared::medium::transmittance::{Estimator, StepFunctions};
-use beamfarm_shared::medium::{Density, Flight, Heterogeneous};
+use beamfarm_shared::medium::{Flight, Heterogeneous};
 use beamfarm_shared::phase::Phase;
 use beamfarm_shared::sampler::{Purpose, Sampler};
 use beamfarm_tests::{MeanEstimate, Suite};
@@ -295,7 +295,7 @@ fn lumps(estimator: Estimator) -> Heterogeneous {
         [Rgb::new(0.5, 0.2, 0.0), Rgb::new(1.5, 1.0, 0.4)],
         Phase::Isotropic,
         estimator,
-        Arc::new(Density::new(bricks)),
+        Arc::new(bricks),
         to_render,
     )
 }

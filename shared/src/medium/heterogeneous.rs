@@ -7,27 +7,8 @@ use super::transmittance::{Estimator, Events, Step, StepFunctions};
 use crate::math::{Ray, Rgb, Vec3};
 use crate::phase::Phase;
 use crate::sampler::Sampler;
-use glam::{Affine3A, DAffine3};
+use glam::{Affine3A, DAffine3, DVec3};
 use std::sync::Arc;
-
-/// A density with its bounds: what media of one file share.
-#[derive(Debug)]
-pub struct Density {
-    /// The samples.
-    pub bricks: Bricks,
-    /// Bounds.
-    pub majorants: MajorantGrid,
-}
-
-impl Density {
-    /// Find the bounds of a density.
-    pub fn new(bricks: Bricks) -> Self {
-        Self {
-            majorants: MajorantGrid::new(&bricks),
-            bricks,
-        }
-    }
-}
 
 /// What is kept of a ray is looked up by many: where residual tracking would look at the density less often than this along
 /// a ray, it looks more often.
@@ -46,14 +27,16 @@ pub struct Heterogeneous {
     pub phase: Phase,
     /// How transmittance is estimated.
     pub estimator: Estimator,
-    density: Arc<Density>,
+    /// The samples, which media of one file share.
+    bricks: Arc<Bricks>,
+    majorants: Arc<MajorantGrid>,
     /// Render space to sample space.
     to_samples: Affine3A,
 }
 
 /// A ray through the density, in sample space. Distances are those of render space.
 pub struct Track<'a> {
-    density: &'a Density,
+    medium: &'a Heterogeneous,
     origin: Vec3,
     dir: Vec3,
     /// Where the ray is in the medium's box.
@@ -64,16 +47,14 @@ impl Track<'_> {
     /// Density at a distance.
     #[inline(always)]
     pub fn density(&self, distance: f32) -> f32 {
-        self.density
-            .bricks
-            .density(self.origin + self.dir * distance)
+        let position = self.origin + self.dir * distance;
+        self.medium.bricks.density(position)
     }
 
     /// Stretches with bounds of the density.
     pub fn spans(&self) -> Spans<'_> {
-        self.density
-            .majorants
-            .spans(self.origin, self.dir, self.range)
+        let majorants = &self.medium.majorants;
+        majorants.spans(self.origin, self.dir, self.range)
     }
 }
 
@@ -83,17 +64,23 @@ impl Heterogeneous {
         [sigma_a, sigma_s]: [Rgb; 2],
         phase: Phase,
         estimator: Estimator,
-        density: Arc<Density>,
+        bricks: Arc<Bricks>,
         to_render: DAffine3,
     ) -> Self {
-        let to_samples = (to_render * density.bricks.to_object()).inverse();
+        let from_samples = to_render * bricks.to_object();
+        let axes = [DVec3::X, DVec3::Y, DVec3::Z];
+        let spacing = axes.map(|axis| from_samples.transform_vector3(axis).length());
+        let densest = (sigma_a + sigma_s).max_element() * bricks.max();
+        let free_path = 1.0 / (densest * spacing.into_iter().fold(0.0, f64::max) as f32);
+        let majorants = MajorantGrid::new(&bricks, free_path);
         Self {
             sigma_a,
             sigma_s,
             phase,
             estimator,
-            density,
-            to_samples: to_samples.as_affine3a(),
+            bricks,
+            majorants: Arc::new(majorants),
+            to_samples: from_samples.inverse().as_affine3a(),
         }
     }
 
@@ -105,7 +92,7 @@ impl Heterogeneous {
 
     /// The samples.
     pub fn bricks(&self) -> &Bricks {
-        &self.density.bricks
+        &self.bricks
     }
 
     /// Render space to the samples' space.
@@ -115,18 +102,17 @@ impl Heterogeneous {
 
     /// Density at a point of render space.
     pub fn density(&self, point: Vec3) -> f32 {
-        self.density
-            .bricks
-            .density(self.to_samples.transform_point3(point))
+        let position = self.to_samples.transform_point3(point);
+        self.bricks.density(position)
     }
 
     /// The part of a ray within the medium's box, up to `length`, which may be infinite.
     pub fn track(&self, ray: &Ray, length: f32) -> Option<Track<'_>> {
         let origin = self.to_samples.transform_point3(ray.origin);
         let dir = self.to_samples.transform_vector3(ray.dir);
-        let range = self.density.majorants.clip(origin, dir, length)?;
+        let range = self.majorants.clip(origin, dir, length)?;
         Some(Track {
-            density: &self.density,
+            medium: self,
             origin,
             dir,
             range,
@@ -160,7 +146,7 @@ impl Heterogeneous {
     pub fn walk(&self, track: &Track, sampler: &mut Sampler, steps: &mut StepFunctions) -> u32 {
         let number = steps.begin();
         let length = track.range[1] - track.range[0];
-        let expected = length * self.density.majorants.deviation() * self.sigma_t().max_element();
+        let expected = length * self.majorants.deviation() * self.sigma_t().max_element();
         let often = (FEW_EVENTS / expected).clamp(1.0, MOST_OFTEN);
         self.walk_with(track, often, sampler, |t, step| steps.push(t, step));
         number

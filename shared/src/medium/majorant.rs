@@ -4,8 +4,9 @@ use super::bricks::{BRICK, Bricks, Range};
 use crate::math::Vec3;
 use glam::UVec3;
 
-/// Cells along the longest side, at most: more would take longer to walk through than they save.
-const MAX_CELLS: u32 = 8;
+/// Cells along the longest side, at most and at least.
+const MAX_CELLS: u32 = 64;
+const FEWEST_CELLS: u32 = 8;
 
 /// Least and largest density per cell of a grid over sample space.
 #[derive(Debug)]
@@ -34,15 +35,18 @@ pub struct Span {
 }
 
 impl MajorantGrid {
-    /// Bounds of cells of half a brick's side, or of one or more bricks.
-    pub fn new(bricks: &Bricks) -> Self {
+    /// Bounds of cells of half a brick's side, or of one or more bricks. `free_path`: in samples, where the medium is
+    /// densest; the cells are about as large, because smaller ones take longer to walk through than they save.
+    pub fn new(bricks: &Bricks, free_path: f32) -> Self {
         let longest = bricks.count().max_element();
-        if 2 * longest <= MAX_CELLS {
+        let brick = BRICK as f32;
+        if free_path < brick && 2 * longest <= MAX_CELLS {
             return Self::of(bricks, BRICK as u32 / 2, bricks.count() * 2, |cell| {
                 bricks.range_of_half(cell)
             });
         }
-        let per_cell = longest.div_ceil(MAX_CELLS);
+        let wanted = (free_path / brick).min(longest.div_ceil(FEWEST_CELLS) as f32);
+        let per_cell = (wanted as u32).max(longest.div_ceil(MAX_CELLS)).max(1);
         let count = (bricks.count() + per_cell - 1) / per_cell;
         Self::of(bricks, per_cell * BRICK as u32, count, |cell| {
             let first = cell * per_cell;

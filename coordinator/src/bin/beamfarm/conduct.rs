@@ -139,6 +139,9 @@ fn summarise(farm: &Farm, average: Option<&Average>, output: &Output, elapsed: D
             si(progress.stats.beams as f64 / seconds),
             progress.registered,
         );
+        if progress.stats.beams > 0 {
+            println!("{:.0} bytes a beam", progress.stats.bytes_per_beam());
+        }
         let error = average.relative_standard_error();
         if error.is_finite() {
             println!("relative standard error {:.2} %", 100.0 * error);

@@ -64,6 +64,9 @@ pub fn main(args: ReplayArgs) -> Result<(), Failure> {
         "{seconds:.3} s, {} photon paths, {} beams, {} surface photons, {} beam evaluations",
         stats.paths, stats.beams, stats.surface_photons, stats.beam_evaluations
     );
+    if stats.beams > 0 {
+        println!("{:.0} bytes a beam", stats.bytes_per_beam());
+    }
     let bad = image.film.non_finite().max(stats.non_finite);
     if bad > 0 {
         return Err(Failure::job(format!("{bad} pixel values are not finite")));

@@ -5,7 +5,7 @@ use crate::math::Rgb;
 use crate::medium::bricks::{Bricks, DensityError};
 use crate::medium::procedural::{Blob, Height, Noise, Recipe, RecipeError};
 use crate::medium::transmittance::Estimator;
-use crate::medium::{Density, Heterogeneous, Homogeneous, Medium, MediumId};
+use crate::medium::{Heterogeneous, Homogeneous, Medium, MediumId};
 use crate::phase::Phase;
 use crate::scene::parse::{
     BlobRecord, DensityRecord, Fault, MediumKind, MediumRecord, PhaseRecord,
@@ -174,7 +174,7 @@ fn heterogeneous(
                 };
                 Fault::new(place.span(), message)
             })?;
-            Arc::new(Density::new(bricks))
+            Arc::new(bricks)
         }
     };
     let to_world = match &record.transform {
@@ -182,8 +182,8 @@ fn heterogeneous(
         None => DAffine3::IDENTITY,
     };
     let to_render = DAffine3::from_translation(-render_origin) * to_world;
-    let from_samples = to_render * density.bricks.to_object();
-    let [low, high] = density.bricks.domain().map(|p| p.as_dvec3());
+    let from_samples = to_render * density.to_object();
+    let [low, high] = density.domain().map(|p| p.as_dvec3());
     let corners: Vec<DVec3> = (0..8)
         .map(|i| DVec3::new((i & 1) as f64, (i >> 1 & 1) as f64, (i >> 2) as f64))
         .map(|side| from_samples.transform_point3(low + (high - low) * side))

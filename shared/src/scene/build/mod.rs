@@ -13,8 +13,8 @@ use super::parse::{Fault, RenderRecord, SceneRecord};
 use super::{RenderDefaults, SceneDescription, transform};
 use crate::bundle::Bundle;
 use crate::job::MAX_PASSES;
+use crate::medium::MediumId;
 use crate::medium::bricks::Bricks;
-use crate::medium::{Density, MediumId};
 use crate::texture::Image;
 use glam::DVec3;
 use std::collections::BTreeMap;
@@ -117,7 +117,7 @@ struct Assets<'a> {
     images: BTreeMap<String, Arc<Image>>,
     meshes: BTreeMap<String, Arc<RawMesh>>,
     /// By file and grid.
-    densities: BTreeMap<(String, Option<String>), Arc<Density>>,
+    densities: BTreeMap<(String, Option<String>), Arc<Bricks>>,
 }
 
 impl<'a> Assets<'a> {
@@ -141,7 +141,7 @@ impl<'a> Assets<'a> {
         &mut self,
         path: &Spanned<String>,
         grid: Option<&str>,
-    ) -> Result<Arc<Density>, Problem> {
+    ) -> Result<Arc<Bricks>, Problem> {
         let key = (path.get_ref().clone(), grid.map(str::to_owned));
         load(
             &mut self.densities,
@@ -151,7 +151,7 @@ impl<'a> Assets<'a> {
             |name, bytes| {
                 let raw = volume::read(name, bytes, grid)?;
                 let bricks = Bricks::new(&raw).map_err(|e| e.to_string())?;
-                Ok(Density::new(bricks))
+                Ok(bricks)
             },
         )
     }

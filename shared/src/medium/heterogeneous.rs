@@ -145,11 +145,16 @@ impl Heterogeneous {
     /// One estimate of the transmittance at all distances along a track, kept in `steps` under the number returned.
     pub fn walk(&self, track: &Track, sampler: &mut Sampler, steps: &mut StepFunctions) -> u32 {
         let number = steps.begin();
-        let length = track.range[1] - track.range[0];
-        let expected = length * self.majorants.deviation() * self.sigma_t().max_element();
-        let often = (FEW_EVENTS / expected).clamp(1.0, MOST_OFTEN);
+        let often = self.often(track);
         self.walk_with(track, often, sampler, |t, step| steps.push(t, step));
         number
+    }
+
+    /// How many times as often as it has to residual tracking looks at the density along a track that is kept.
+    pub fn often(&self, track: &Track) -> f32 {
+        let length = track.range[1] - track.range[0];
+        let expected = length * self.majorants.deviation() * self.sigma_t().max_element();
+        (FEW_EVENTS / expected).clamp(1.0, MOST_OFTEN)
     }
 
     /// Sample where a photon of flux `power` scatters along a track: delta tracking at the rate of the largest channel.

@@ -1,0 +1,226 @@
+//! How long beams take to be gathered along packets of camera segments, and transmittance to be walked:
+//! `cargo bench -p beamfarm-shared --features render --bench gather`.
+
+// What criterion's macros make has no docs.
+#![allow(missing_docs)]
+
+use beamfarm_shared::beam::PhotonBeam;
+use beamfarm_shared::beam::estimate::{CameraSegment, CameraSegments, PACKET, gather};
+use beamfarm_shared::beam::store::{BeamMap, Candidates, Packet};
+use beamfarm_shared::light::SceneBounds;
+use beamfarm_shared::math::{Ray, Rgb, Vec3};
+use beamfarm_shared::medium::bricks::Bricks;
+use beamfarm_shared::medium::procedural::{Noise, Recipe};
+use beamfarm_shared::medium::transmittance::{Estimator, StepFunctions};
+use beamfarm_shared::medium::{Heterogeneous, Homogeneous, Medium};
+use beamfarm_shared::phase::Phase;
+use beamfarm_shared::sampler::{Purpose, Sampler};
+use beamfarm_shared::warp::uniform_sphere;
+use criterion::{Criterion, Throughput, criterion_group, criterion_main};
+use glam::{DAffine3, DVec3};
+use std::hint::black_box;
+use std::sync::Arc;
+use std::time::Duration;
+
+const BEAMS: usize = 4096;
+/// Packets of the camera, along each side of the picture.
+const PACKETS: usize = 4;
+/// Pixels of a packet, along each side.
+const SIDE: usize = 8;
+/// Extinction and scattering at density 1: grey.
+const SIGMA: Rgb = Rgb::splat(0.5);
+
+/// A cube of twice the side of the one that the beams start in, so that all of every beam and segment is in the medium.
+fn density(noise: Option<Noise>) -> Arc<Bricks> {
+    let recipe = Recipe {
+        corners: [DVec3::splat(-2.0), DVec3::splat(2.0)],
+        voxel: 1.0 / 32.0,
+        height: None,
+        blobs: Vec::new(),
+        noise,
+    };
+    let raw = recipe.sample().expect("a recipe within limits");
+    Arc::new(Bricks::new(&raw).expect("samples within limits"))
+}
+
+fn lumps() -> Arc<Bricks> {
+    density(Some(Noise {
+        size: 0.5,
+        octaves: 3,
+        gain: 0.6,
+        contrast: 3.0,
+        seed: 5,
+    }))
+}
+
+fn heterogeneous(density: &Arc<Bricks>, phase: Phase, estimator: Estimator) -> Heterogeneous {
+    Heterogeneous::new(
+        [Rgb::ZERO, SIGMA],
+        phase,
+        estimator,
+        density.clone(),
+        DAffine3::IDENTITY,
+    )
+}
+
+fn beams(medium: &Medium) -> BeamMap {
+    let mut steps = StepFunctions::default();
+    let beam = |i: usize| {
+        let mut sampler = Sampler::new(1, 0, Purpose::Test, i as u64);
+        let u = Vec3::new(sampler.next_1d(), sampler.next_1d(), sampler.next_1d());
+        let ray = Ray {
+            origin: 2.0 * u - 1.0,
+            dir: uniform_sphere(sampler.next_2d()),
+        };
+        let (stretch, _) = medium.stretch(&ray, 1.0, &mut sampler, &mut steps);
+        let stretch = stretch.expect("a beam within the medium");
+        PhotonBeam {
+            origin: ray.origin,
+            dir: ray.dir,
+            length: 1.0,
+            extent: stretch.range,
+            power: Rgb::splat(1.0 / BEAMS as f32),
+            radius: 0.02,
+            radius_slope: 0.0,
+            medium: 0,
+            steps: stretch.steps,
+        }
+    };
+    let beams = (0..BEAMS).map(beam).collect();
+    let around = SceneBounds {
+        center: Vec3::ZERO,
+        radius: 4.0,
+    };
+    BeamMap::new(beams, steps, &around)
+}
+
+/// A packet of the camera, and the beams that may matter to it.
+struct Neighbours {
+    camera: CameraSegments,
+    candidates: Vec<u32>,
+}
+
+fn packets(map: &BeamMap, medium: &Medium) -> Vec<Neighbours> {
+    let packet = |i: usize| {
+        let corner = [i % PACKETS * SIDE, i / PACKETS * SIDE];
+        let mut camera = CameraSegments::default();
+        let mut sampler = Sampler::new(2, 0, Purpose::Test, i as u64);
+        for pixel in 0..PACKET {
+            let at = |k: usize| {
+                let within = [pixel % SIDE, pixel / SIDE][k];
+                (corner[k] + within) as f32 / (PACKETS * SIDE) as f32 - 0.5
+            };
+            let ray = Ray {
+                origin: Vec3::new(0.0, 0.0, -2.0),
+                dir: Vec3::new(at(0), at(1), 2.0).normalize(),
+            };
+            let (stretch, _) = medium.stretch(&ray, 3.8, &mut sampler, &mut camera.steps);
+            let stretch = stretch.expect("a ray through the medium");
+            camera.segments.push(CameraSegment {
+                ray,
+                length: stretch.range[1],
+                beta: Rgb::ONE,
+                medium: 0,
+                pixel: pixel as u16,
+                straight: Some(0),
+                steps: stretch.steps,
+            });
+        }
+        let mut found = Candidates::default();
+        let rays = camera.segments.iter().map(|s| (s.ray, s.length));
+        map.candidates(&Packet::new(rays), &mut found);
+        Neighbours {
+            camera,
+            candidates: found.found,
+        }
+    };
+    (0..PACKETS * PACKETS).map(packet).collect()
+}
+
+/// Per pair of beam and segment that contributes.
+fn gathering(criterion: &mut Criterion) {
+    let mut group = criterion.benchmark_group("gather");
+    let (constant, lumps) = (density(None), lumps());
+    let phases = [
+        ("isotropic", Phase::Isotropic),
+        ("g 0.6", Phase::HenyeyGreenstein { g: 0.6 }),
+    ];
+    for (phase_name, phase) in phases {
+        let homogeneous = Medium::Homogeneous(Homogeneous {
+            sigma_a: Rgb::ZERO,
+            sigma_s: SIGMA,
+            phase,
+        });
+        let varying = |density: &Arc<Bricks>| {
+            Medium::Heterogeneous(heterogeneous(density, phase, Estimator::DEFAULT))
+        };
+        let media = [
+            ("homogeneous", homogeneous),
+            ("constant density", varying(&constant)),
+            ("lumps", varying(&lumps)),
+        ];
+        for (medium_name, medium) in &media {
+            let map = beams(medium);
+            let packets = packets(&map, medium);
+            let all = || -> u64 {
+                packets
+                    .iter()
+                    .map(|p| {
+                        let segments = &p.camera.segments;
+                        gather(&map, medium, segments, &p.camera.steps, &p.candidates, 0)
+                    })
+                    .map(|sum| black_box(sum).evaluations())
+                    .sum()
+            };
+            group.throughput(Throughput::Elements(all()));
+            group.bench_function(format!("{medium_name}, {phase_name}"), |b| b.iter(all));
+        }
+    }
+    group.finish();
+}
+
+/// Per function of the distance that is kept.
+fn walking(criterion: &mut Criterion) {
+    const RAYS: usize = 64;
+    let mut group = criterion.benchmark_group("walk");
+    group.throughput(Throughput::Elements(RAYS as u64));
+    let lumps = lumps();
+    let rays: Vec<Ray> = (0..RAYS)
+        .map(|i| Ray {
+            origin: Vec3::ZERO,
+            dir: uniform_sphere(Sampler::new(3, 0, Purpose::Test, i as u64).next_2d()),
+        })
+        .collect();
+    let estimators = [
+        Estimator::FreeFlight { distances: 1 },
+        Estimator::FreeFlight { distances: 16 },
+        Estimator::RatioTracking,
+        Estimator::ResidualRatioTracking,
+    ];
+    for estimator in estimators {
+        let medium = heterogeneous(&lumps, Phase::Isotropic, estimator);
+        let mut sampler = Sampler::new(4, 0, Purpose::Test, 0);
+        let mut steps = StepFunctions::default();
+        group.bench_function(estimator.to_string(), |b| {
+            b.iter(|| {
+                steps.clear();
+                for ray in &rays {
+                    if let Some(track) = medium.track(ray, 10.0) {
+                        black_box(medium.walk(&track, &mut sampler, &mut steps));
+                    }
+                }
+            });
+        });
+    }
+    group.finish();
+}
+
+criterion_group! {
+    name = benches;
+    config = Criterion::default()
+        .sample_size(50)
+        .warm_up_time(Duration::from_millis(500))
+        .measurement_time(Duration::from_secs(2));
+    targets = gathering, walking
+}
+criterion_main!(benches);

@@ -34,7 +34,7 @@ const NEARLY_PARALLEL_SIN2: f32 = NEARLY_PARALLEL_SIN * NEARLY_PARALLEL_SIN;
 
 /// How many candidates ahead a beam is fetched from memory, and what is known along it.
 const FETCH_BEAM: usize = 8;
-const FETCH_STEPS: usize = 4;
+const FETCH_STEPS: usize = 3;
 
 /// Strata of a chord.
 const CHORD_POINTS: u32 = 4;
@@ -257,26 +257,39 @@ impl<'a> SegmentPacket<'a> {
         candidates: &[u32],
     ) -> PacketRadiance {
         let mut out = PacketRadiance::default();
+        // First which of them matter, then what they add: both loops know what they will read next.
+        let mut near = Vec::with_capacity(candidates.len());
         for (i, &index) in candidates.iter().enumerate() {
             // Candidates lie scattered in memory.
             if let Some(&next) = candidates.get(i + FETCH_BEAM) {
                 prefetch(&beams[next as usize]);
             }
-            if VARYING && let Some(&next) = candidates.get(i + FETCH_STEPS) {
-                self.beam_steps.prefetch(beams[next as usize].steps);
+            let beam = &beams[index as usize];
+            if beam.medium == self.medium_id {
+                let groups = self.groups_near(beam);
+                if groups != 0 {
+                    near.push((index, groups, beam.steps));
+                }
+            }
+        }
+        for (i, &(index, groups, _)) in near.iter().enumerate() {
+            if let Some(&(next, _, steps)) = near.get(i + FETCH_BEAM) {
+                prefetch(&beams[next as usize]);
+                if VARYING {
+                    self.beam_steps.prefetch_number(steps);
+                }
+            }
+            if VARYING && let Some(&(_, _, steps)) = near.get(i + FETCH_STEPS) {
+                self.beam_steps.prefetch(steps);
             }
             let beam = &beams[index as usize];
-            if beam.medium != self.medium_id {
-                continue;
-            }
-            let mut groups = self.groups_near(beam);
-            let mut step = 0;
+            let (mut groups, mut step) = (groups, 0);
             while groups != 0 {
                 let g = groups.trailing_zeros() as usize;
                 groups &= groups - 1;
                 let (group, sum) = (&self.groups[g], &mut out.groups[g]);
-                let near = group.add_beam::<GREY, ISOTROPIC, VARYING>(beam, &mut step, sum);
-                if near {
+                let parallel = group.add_beam::<GREY, ISOTROPIC, VARYING>(beam, &mut step, sum);
+                if parallel {
                     group.add_chords(beam, index, sum);
                 }
             }

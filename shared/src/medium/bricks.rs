@@ -51,6 +51,9 @@ pub struct Range {
     pub mean: f32,
 }
 
+/// Share of the largest deviation from the mean that is small beside it.
+const NEAR_MEAN: f32 = 0.3;
+
 impl Range {
     /// Of samples, and of all between them.
     fn of(samples: &[f32]) -> Self {
@@ -64,9 +67,16 @@ impl Range {
         }
     }
 
-    /// The most that the density may be away from its mean.
-    pub fn deviation(&self) -> f32 {
-        (self.majorant - self.mean).max(self.mean - self.minorant)
+    /// The most that the density may be away from a value between its bounds.
+    pub fn deviation_from(&self, value: f32) -> f32 {
+        (self.majorant - value).max(value - self.minorant)
+    }
+
+    /// Whether a value is between the bounds and close to the mean in proportion to how far they are apart.
+    pub fn is_near_mean(&self, value: f32) -> bool {
+        (value - self.mean).abs() <= NEAR_MEAN * self.deviation_from(self.mean)
+            && value >= self.minorant
+            && value <= self.majorant
     }
 
     /// Of regions of one size together.

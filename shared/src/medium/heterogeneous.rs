@@ -12,7 +12,7 @@ use std::sync::Arc;
 
 /// What is kept of a ray is looked up by many: where residual tracking would look at the density less often than this along
 /// a ray, it looks more often.
-const FEW_EVENTS: f32 = 4.0;
+const FEW_EVENTS: f32 = 3.0;
 /// But no more than so many times as often.
 const MOST_OFTEN: f32 = 64.0;
 

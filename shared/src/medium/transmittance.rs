@@ -175,7 +175,12 @@ fn residual_tracking(
     let (mut now, mut at) = (Step::NONE, 0.0);
     let (mut count, mut end) = (0, 0.0);
     for span in spans {
-        let control = span.density.mean;
+        // Where the density before would do about as well as the span's mean, there is no step.
+        let control = if span.density.is_near_mean(now.decay) {
+            now.decay
+        } else {
+            span.density.mean
+        };
         if control != now.decay {
             now.depth += now.decay * (span.start - at);
             (now.decay, at) = (control, span.start);
@@ -187,7 +192,7 @@ fn residual_tracking(
                 return;
             }
         }
-        let rate = span.density.deviation() * top * often;
+        let rate = span.density.deviation_from(control) * top * often;
         let goes_on = events.within([span.start, span.end], rate, sampler, |t, sampler| {
             let residual = density(t) - control;
             now.depth += now.decay * (t - at);
@@ -316,6 +321,14 @@ impl StepFunctions {
         StepFunction {
             distances: &self.distances[first..end],
             steps: &self.steps[first..end],
+        }
+    }
+
+    /// Ask for where one of the functions is, ahead of [`StepFunctions::prefetch`].
+    #[inline(always)]
+    pub fn prefetch_number(&self, number: u32) {
+        if let Some(first) = self.first.get(number as usize) {
+            prefetch(first);
         }
     }
 

@@ -8,7 +8,7 @@ use beamfarm_shared::plan::RenderPlan;
 use beamfarm_tests::render::{average, scene};
 
 const FOG_HASH: &str = "6cfb48203ce95bc60153a1a99fb78e352130c2f12800f4cd7e2bdbf6aba07b4e";
-const SMOKE_HASH: &str = "591826623e2b419c3aff7003d1e4666b26c6efd365a239a43edadea7a744f553";
+const SMOKE_HASH: &str = "a99287e24b5f5f3f72648e73566008e0e940c597b7e8b802dbc1a4a7d7942c22";
 const SURFACES_HASH: &str = "ee7005c2319e575a8d71aa65ae246f0255b5f4f56a2bb11ec4a6981464076b72";
 
 const FOG: &str = r#"

@@ -1,0 +1,223 @@
+//! Media: coefficients, densities, phase functions.
+
+use super::transform::Steps;
+use super::{Fault, given, only_takes};
+use crate::medium::transmittance::Estimator;
+use crate::scene::values::*;
+use serde::de::value::MapAccessDeserializer;
+use serde::de::{MapAccess, Visitor};
+use serde::{Deserialize, Deserializer};
+use std::fmt;
+use toml::Spanned;
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MediumRecord {
+    #[serde(rename = "type")]
+    pub kind: Spanned<MediumKind>,
+    pub sigma_a: Option<Spanned<Color<NonNegative>>>,
+    pub sigma_s: Option<Spanned<Color<NonNegative>>>,
+    pub sigma_t: Option<Spanned<Color<NonNegative>>>,
+    pub albedo: Option<Spanned<Color<Unit>>>,
+    #[serde(default)]
+    pub phase: PhaseRecord,
+    pub density: Option<Spanned<DensityRecord>>,
+    pub scale: Option<Spanned<Number<NonNegative>>>,
+    pub transform: Option<Spanned<Steps>>,
+    pub transmittance: Option<Spanned<EstimatorRecord>>,
+}
+
+impl MediumRecord {
+    pub fn check(&self) -> Result<(), Fault> {
+        let (name, takes) = self.kind.get_ref().takes();
+        let given = given!(self, density, scale, transform, transmittance);
+        only_takes(name, takes, MediumKind::ALL, &given)
+    }
+}
+
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum MediumKind {
+    Homogeneous,
+    Heterogeneous,
+}
+
+impl MediumKind {
+    /// Fields that every medium takes.
+    pub const ALL: &[&str] = &["sigma_a", "sigma_s", "sigma_t", "albedo", "phase"];
+
+    /// As the scene file writes it, and the fields of this kind alone.
+    pub fn takes(self) -> (&'static str, &'static [&'static str]) {
+        match self {
+            Self::Homogeneous => ("homogeneous", &[]),
+            Self::Heterogeneous => (
+                "heterogeneous",
+                &["density", "scale", "transform", "transmittance"],
+            ),
+        }
+    }
+}
+
+/// A volume file, or a recipe.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DensityRecord {
+    pub file: Option<Spanned<String>>,
+    pub grid: Option<Spanned<String>>,
+    pub min: Option<Spanned<Vector>>,
+    pub max: Option<Spanned<Vector>>,
+    pub voxel: Option<Spanned<Number<Positive>>>,
+    pub height: Option<Spanned<HeightRecord>>,
+    pub blobs: Option<Spanned<Vec<BlobRecord>>>,
+    pub noise: Option<Spanned<NoiseRecord>>,
+}
+
+impl DensityRecord {
+    pub fn check(&self) -> Result<(), Fault> {
+        let given = given!(self, grid, min, max, voxel, height, blobs, noise);
+        let (takes, message): (&[&str], _) = match self.file {
+            Some(_) => (
+                &["grid"],
+                "a density takes only `grid` beside `file`; `min`, `max` and the rest describe one without a file",
+            ),
+            None => (
+                &["min", "max", "voxel", "height", "blobs", "noise"],
+                "it names one of the grids of a `file`, and this density has none",
+            ),
+        };
+        for (field, span) in given {
+            if let Some(span) = span
+                && !takes.contains(&field)
+            {
+                return Err(Fault::new(span, message));
+            }
+        }
+        Ok(())
+    }
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct HeightRecord {
+    pub base: Option<Number<Finite>>,
+    pub scale: Number<Positive>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BlobRecord {
+    pub center: Vector,
+    pub radius: Number<Positive>,
+    pub density: Option<Number<NonNegative>>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct NoiseRecord {
+    pub size: Spanned<Number<Positive>>,
+    pub octaves: Option<Spanned<u32>>,
+    pub gain: Option<Number<Unit>>,
+    pub contrast: Option<Number<NonNegative>>,
+    pub seed: Option<u32>,
+}
+
+#[derive(Clone, Copy, Debug)]
+pub struct EstimatorRecord(pub Estimator);
+
+impl<'de> Deserialize<'de> for EstimatorRecord {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        const EXPECTED: &str = "\"ratio_tracking\", \"residual_ratio_tracking\" \
+            or { free_flights = number from 1 to 65535 }";
+
+        #[derive(Deserialize)]
+        #[serde(deny_unknown_fields)]
+        struct Table {
+            free_flights: i64,
+        }
+        struct EstimatorVisitor;
+        impl<'de> Visitor<'de> for EstimatorVisitor {
+            type Value = EstimatorRecord;
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str(EXPECTED)
+            }
+            fn visit_str<E: serde::de::Error>(self, name: &str) -> Result<Self::Value, E> {
+                match name {
+                    "ratio_tracking" => Ok(EstimatorRecord(Estimator::RatioTracking)),
+                    "residual_ratio_tracking" => {
+                        Ok(EstimatorRecord(Estimator::ResidualRatioTracking))
+                    }
+                    _ => Err(E::custom(format_args!(
+                        "expected {EXPECTED}, found \"{name}\""
+                    ))),
+                }
+            }
+            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Self::Value, A::Error> {
+                let table = Table::deserialize(MapAccessDeserializer::new(map))?;
+                let flights = table.free_flights;
+                match u16::try_from(flights) {
+                    Ok(distances @ 1..) => Ok(EstimatorRecord(Estimator::FreeFlight { distances })),
+                    _ => Err(serde::de::Error::custom(format_args!(
+                        "expected 1 to {} free flights, found {flights}",
+                        u16::MAX
+                    ))),
+                }
+            }
+        }
+        deserializer.deserialize_any(EstimatorVisitor)
+    }
+}
+
+/// `"isotropic"`, `{ type = "isotropic" }` or `{ type = "hg", g = 0.7 }`.
+#[derive(Clone, Copy, Debug, Default)]
+pub enum PhaseRecord {
+    #[default]
+    Isotropic,
+    HenyeyGreenstein(Number<MeanCosine>),
+}
+
+impl<'de> Deserialize<'de> for PhaseRecord {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        const EXPECTED: &str = "\"isotropic\" or { type = \"hg\", g = mean cosine }";
+
+        #[derive(Deserialize)]
+        #[serde(rename_all = "snake_case")]
+        enum Kind {
+            Isotropic,
+            Hg,
+        }
+        #[derive(Deserialize)]
+        #[serde(deny_unknown_fields)]
+        struct Table {
+            #[serde(rename = "type")]
+            kind: Kind,
+            g: Option<Number<MeanCosine>>,
+        }
+        struct PhaseVisitor;
+        impl<'de> Visitor<'de> for PhaseVisitor {
+            type Value = PhaseRecord;
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str(EXPECTED)
+            }
+            fn visit_str<E: serde::de::Error>(self, name: &str) -> Result<Self::Value, E> {
+                if name == "isotropic" {
+                    Ok(PhaseRecord::Isotropic)
+                } else {
+                    Err(E::custom(format_args!(
+                        "expected {EXPECTED}, found \"{name}\""
+                    )))
+                }
+            }
+            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Self::Value, A::Error> {
+                let table = Table::deserialize(MapAccessDeserializer::new(map))?;
+                match (table.kind, table.g) {
+                    (Kind::Isotropic, None) => Ok(PhaseRecord::Isotropic),
+                    (Kind::Hg, Some(g)) => Ok(PhaseRecord::HenyeyGreenstein(g)),
+                    _ => Err(serde::de::Error::custom(format_args!(
+                        "expected {EXPECTED}"
+                    ))),
+                }
+            }
+        }
+        deserializer.deserialize_any(PhaseVisitor)
+    }
+}

@@ -1,0 +1,167 @@
+//! The scene file's records: its TOML as serde reads it, names not yet resolved.
+
+mod camera;
+mod light;
+mod material;
+mod medium;
+mod shape;
+mod transform;
+
+pub use camera::*;
+pub use light::*;
+pub use material::*;
+pub use medium::*;
+pub use shape::*;
+pub use transform::*;
+
+use super::values::*;
+use crate::job::ScheduleKind;
+use serde::Deserialize;
+use std::collections::BTreeMap;
+use std::ops::Range as Span;
+use toml::Spanned;
+
+/// A whole scene file.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SceneRecord {
+    pub image: ImageRecord,
+    #[serde(default)]
+    pub render: RenderRecord,
+    #[serde(default)]
+    pub world: WorldRecord,
+    pub camera: CameraRecord,
+    #[serde(default)]
+    pub media: BTreeMap<Spanned<String>, MediumRecord>,
+    #[serde(default)]
+    pub materials: BTreeMap<Spanned<String>, MaterialRecord>,
+    #[serde(default)]
+    pub shapes: Vec<ShapeRecord>,
+    #[serde(default)]
+    pub lights: Vec<LightRecord>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RenderRecord {
+    pub passes: Option<Spanned<u64>>,
+    pub paths: Option<Spanned<u32>>,
+    pub alpha: Option<Number<OpenUnit>>,
+    pub schedule: Option<ScheduleKind>,
+    pub seed: Option<u64>,
+    pub exposure: Option<Number<Finite>>,
+    pub radius: Option<Number<Positive>>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct WorldRecord {
+    pub medium: Option<Spanned<String>>,
+}
+
+impl SceneRecord {
+    /// Read a scene file's text.
+    pub fn parse(text: &str) -> Result<Self, Fault> {
+        let record: Self = toml::from_str(text)?;
+        record
+            .materials
+            .values()
+            .try_for_each(MaterialRecord::check)?;
+        for medium in record.media.values() {
+            medium.check()?;
+            if let Some(density) = &medium.density {
+                density.get_ref().check()?;
+            }
+        }
+        record.shapes.iter().try_for_each(ShapeRecord::check)?;
+        record.lights.iter().try_for_each(LightRecord::check)?;
+        Ok(record)
+    }
+
+    /// Paths of the files that the scene names, with where it does.
+    pub fn assets(&self) -> Vec<&Spanned<String>> {
+        let textures =
+            self.materials
+                .values()
+                .filter_map(|m| match m.reflectance.as_ref()?.get_ref() {
+                    ColorOrImage::Image(path) => Some(path),
+                    ColorOrImage::Color(_) => None,
+                });
+        let meshes = self.shapes.iter().filter_map(|s| match &s.shape {
+            Some(inner) => inner.get_ref().file.as_ref(),
+            None => s.file.as_ref(),
+        });
+        let images = self.lights.iter().filter_map(|l| l.image.as_ref());
+        let densities = self.media.values().filter_map(|m| m.density.as_ref());
+        let volumes = densities.filter_map(|d| d.get_ref().file.as_ref());
+        textures
+            .chain(meshes)
+            .chain(images)
+            .chain(volumes)
+            .collect()
+    }
+}
+
+/// Something wrong at a place of the scene file.
+#[derive(Debug)]
+pub struct Fault {
+    pub span: Option<Span<usize>>,
+    pub message: String,
+}
+
+impl Fault {
+    pub fn new(span: Span<usize>, message: impl Into<String>) -> Self {
+        Self {
+            span: Some(span),
+            message: message.into(),
+        }
+    }
+}
+
+impl From<toml::de::Error> for Fault {
+    fn from(error: toml::de::Error) -> Self {
+        let mut message = error.message().replace('\n', ", ");
+        for (rust, word) in [
+            ("expected u32", "expected a whole number"),
+            ("expected i64", "expected a whole number"),
+            ("expected u64", "expected a whole number"),
+            ("expected a boolean", "expected true or false"),
+        ] {
+            message = message.replace(rust, word);
+        }
+        Self {
+            span: error.span(),
+            message,
+        }
+    }
+}
+
+/// The fields of a record that the file gives, with their places.
+macro_rules! given {
+    ($record:ident, $($field:ident),*) => {
+        [$((stringify!($field), $record.$field.as_ref().map(|f| f.span()))),*]
+    };
+}
+use given;
+
+fn only_takes(
+    name: &str,
+    takes: &[&str],
+    common: &[&str],
+    given: &[(&str, Option<Span<usize>>)],
+) -> Result<(), Fault> {
+    for (field, span) in given {
+        if let Some(span) = span
+            && !takes.contains(field)
+            && !common.contains(field)
+        {
+            let expected = match [takes, common].concat() {
+                fields if fields.is_empty() => "it takes none".to_string(),
+                fields => format!("expected one of {}", fields.join(", ")),
+            };
+            let message = format!("\"{name}\" does not take this field; {expected}");
+            return Err(Fault::new(span.clone(), message));
+        }
+    }
+    Ok(())
+}

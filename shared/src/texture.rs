@@ -1,14 +1,57 @@
-//! Reflectance that is one colour or an image.
+//! Values over a surface: one colour, an image, a checkerboard.
 
 use crate::math::{Rgb, Vec2};
+use glam::Affine2;
+use serde::Deserialize;
+use std::sync::Arc;
 
 /// An RGB value per surface point.
 #[derive(Clone, Debug)]
 pub enum Texture {
     /// The same everywhere.
     Constant(Rgb),
-    /// An image over the unit square of UV, repeated, bilinear. v runs upwards: the first row is v = 1.
-    Image(std::sync::Arc<Image>),
+    /// An image over the unit square of UV. v runs upwards: the first row is v = 1.
+    Image {
+        /// Its pixels.
+        image: Arc<Image>,
+        /// What lies between them.
+        filter: TextureFilter,
+        /// What lies outside of the unit square.
+        wrap: Wrap,
+        /// Applied to the surface's coordinates first; the identity most of the time.
+        image_from_uv: Affine2,
+    },
+    /// Squares with sides of 1/2.
+    Checkerboard {
+        /// The first where both coordinates are in the lower or both in the upper halves of their unit intervals.
+        colors: [Rgb; 2],
+        /// Applied to the surface's coordinates first.
+        squares_from_uv: Affine2,
+    },
+}
+
+/// How an image is interpolated.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum TextureFilter {
+    /// Linearly between the centres of pixels.
+    #[default]
+    Bilinear,
+    /// Not at all.
+    Nearest,
+}
+
+/// How an image goes on beyond its edges.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Wrap {
+    /// From the other edge.
+    #[default]
+    Repeat,
+    /// Mirrored at each edge.
+    Mirror,
+    /// With the pixels at its edge.
+    Clamp,
 }
 
 /// Linear RGB pixels, row by row from the top left.
@@ -23,49 +66,118 @@ pub struct Image {
 }
 
 impl Texture {
-    /// The value at `uv`.
+    /// The value at `uv`. Finite colours and pixels give finite values for any finite `uv`.
+    #[inline]
     pub fn eval(&self, uv: Vec2) -> Rgb {
         match self {
             Self::Constant(c) => *c,
-            Self::Image(image) => image.bilinear(uv),
+            Self::Image {
+                image,
+                filter,
+                wrap,
+                image_from_uv,
+            } => image.eval(transform(image_from_uv, uv), *filter, *wrap),
+            Self::Checkerboard {
+                colors,
+                squares_from_uv,
+            } => {
+                let uv = transform(squares_from_uv, uv);
+                let upper = |t: f32| t - t.floor() > 0.5;
+                colors[usize::from(upper(uv.x) != upper(uv.y))]
+            }
         }
     }
 }
 
+/// From here on single precision has no fractions.
+const NO_FRACTIONS: Vec2 = Vec2::splat(8_388_608.0);
+
+fn transform(map: &Affine2, uv: Vec2) -> Vec2 {
+    let uv = map.transform_point2(uv);
+    // Overflow becomes a number, and so does the difference of two.
+    uv.max(-NO_FRACTIONS).min(NO_FRACTIONS)
+}
+
 impl Image {
-    /// Bilinear look-up with repetition; pixel centres at (i + 1/2) / width. Finite pixels give finite values for any finite
-    /// `uv`, far from the unit square at the precision that single precision leaves.
+    /// The value at `uv`, pixel centres at (i + 1/2) / width, v upwards. Far from the unit square it has the precision that
+    /// single precision leaves.
     #[inline]
-    pub fn bilinear(&self, uv: Vec2) -> Rgb {
-        let (x0, x1, fx) = neighbours(uv.x, self.width);
+    pub fn eval(&self, uv: Vec2, filter: TextureFilter, wrap: Wrap) -> Rgb {
         // Rows count from the top, v from the bottom.
-        let (y0, y1, fy) = neighbours(1.0 - (uv.y - uv.y.floor()), self.height);
-        let row0 = y0 * self.width as usize;
-        let row1 = y1 * self.width as usize;
-        let top = self.pixels[row0 + x0] * (1.0 - fx) + self.pixels[row0 + x1] * fx;
-        let bottom = self.pixels[row1 + x0] * (1.0 - fx) + self.pixels[row1 + x1] * fx;
-        top * (1.0 - fy) + bottom * fy
+        let (x, y) = match wrap {
+            Wrap::Repeat => (fraction(uv.x), 1.0 - fraction(uv.y)),
+            Wrap::Mirror => (mirrored(uv.x), 1.0 - mirrored(uv.y)),
+            Wrap::Clamp => (uv.x.clamp(0.0, 1.0), 1.0 - uv.y.clamp(0.0, 1.0)),
+        };
+        let repeats = wrap == Wrap::Repeat;
+        match filter {
+            TextureFilter::Bilinear => self.bilinear(
+                neighbours(x, self.width, repeats),
+                neighbours(y, self.height, repeats),
+            ),
+            TextureFilter::Nearest => {
+                let nearest = |t: f32, n: u32| ((t * n as f32) as usize).min(n as usize - 1);
+                self.pixels[nearest(y, self.height) * self.width as usize + nearest(x, self.width)]
+            }
+        }
+    }
+
+    #[inline]
+    fn bilinear(&self, x: Neighbours, y: Neighbours) -> Rgb {
+        let row0 = y.first * self.width as usize;
+        let row1 = y.second * self.width as usize;
+        let mix = |a: usize, b: usize, t: f32| self.pixels[a] * (1.0 - t) + self.pixels[b] * t;
+        let top = mix(row0 + x.first, row0 + x.second, x.fraction);
+        let bottom = mix(row1 + x.first, row1 + x.second, x.fraction);
+        top * (1.0 - y.fraction) + bottom * y.fraction
     }
 }
 
-/// The two pixels of a row of `n` whose centres enclose the coordinate `t`, and how far it is from the first to the second.
+/// In [0, 1]: rounding may take it up to 1.
 #[inline]
-fn neighbours(t: f32, n: u32) -> (usize, usize, f32) {
-    // The fraction may round up to 1, hence `x` is in [-1/2, n - 1/2].
-    let x = (t - t.floor()) * n as f32 - 0.5;
-    let first = x.floor();
-    let fraction = x - first;
+fn fraction(t: f32) -> f32 {
+    t - t.floor()
+}
+
+/// The triangle wave that is t on [0, 1].
+#[inline]
+fn mirrored(t: f32) -> f32 {
+    let within = 2.0 * fraction(0.5 * t);
+    if within > 1.0 { 2.0 - within } else { within }
+}
+
+/// Two pixels of a row whose centres enclose a coordinate, and how far it is from the first to the second.
+struct Neighbours {
+    first: usize,
+    second: usize,
+    fraction: f32,
+}
+
+/// The neighbours of `t`, in [0, 1], in a row of `n`. Beyond the first and the last pixel is the other one, or itself.
+#[inline]
+fn neighbours(t: f32, n: u32, repeats: bool) -> Neighbours {
+    // In [-1/2, n - 1/2].
+    let x = t * n as f32 - 0.5;
+    let floor = x.floor();
     let last = n as usize - 1;
-    if first < 0.0 {
-        return (last, 0, fraction);
+    let (first, second) = if floor < 0.0 {
+        (if repeats { last } else { 0 }, 0)
+    } else {
+        let first = (floor as usize).min(last);
+        let beyond = if repeats { 0 } else { last };
+        (first, if first == last { beyond } else { first + 1 })
+    };
+    Neighbours {
+        first,
+        second,
+        fraction: x - floor,
     }
-    let first = (first as usize).min(last);
-    (first, if first == last { 0 } else { first + 1 }, fraction)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::math::PI;
 
     /// 3 x 2 pixels, numbered row by row from the top left.
     fn image() -> Image {
@@ -76,6 +188,11 @@ mod tests {
         }
     }
 
+    fn bilinear(image: &Image, u: f32, v: f32) -> f32 {
+        let uv = Vec2::new(u, v);
+        image.eval(uv, TextureFilter::Bilinear, Wrap::Repeat).x
+    }
+
     #[test]
     fn pixel_centres_give_the_pixels_and_v_runs_upwards() {
         let image = image();
@@ -83,7 +200,7 @@ mod tests {
             for x in 0..3 {
                 let uv = Vec2::new((x as f32 + 0.5) / 3.0, 1.0 - (y as f32 + 0.5) / 2.0);
                 for shift in [Vec2::ZERO, Vec2::new(-2.0, 5.0), Vec2::new(7.0, -1.0)] {
-                    let value = image.bilinear(uv + shift).x;
+                    let value = bilinear(&image, uv.x + shift.x, uv.y + shift.y);
                     assert!(
                         (value - (3 * y + x) as f32).abs() < 1e-5,
                         "{x} {y}: {value}"
@@ -96,7 +213,7 @@ mod tests {
     #[test]
     fn between_centres_it_is_linear_and_wraps() {
         let image = image();
-        let value = |u, v| image.bilinear(Vec2::new(u, v)).x;
+        let value = |u, v| bilinear(&image, u, v);
         assert!((value(1.0 / 3.0, 0.75) - 0.5).abs() < 1e-6);
         assert!((value(0.0, 0.75) - 1.0).abs() < 1e-6, "pixels 2 and 0");
         assert!((value(0.5, 0.5) - 2.5).abs() < 1e-6, "pixels 1 and 4");
@@ -126,9 +243,107 @@ mod tests {
         ];
         for u in values {
             for v in values {
-                let value = image().bilinear(Vec2::new(u, v)).x;
-                assert!((0.0..=5.0).contains(&value));
-                assert_eq!(single.bilinear(Vec2::new(u, v)), Rgb::ONE);
+                for filter in [TextureFilter::Bilinear, TextureFilter::Nearest] {
+                    for wrap in [Wrap::Repeat, Wrap::Mirror, Wrap::Clamp] {
+                        for image_from_uv in [
+                            Affine2::IDENTITY,
+                            Affine2::from_cols_array(&[1e30, -1e30, 1e30, 1e30, 1e30, 0.0]),
+                        ] {
+                            let texture = |image: &Image| Texture::Image {
+                                image: Arc::new(image.clone()),
+                                filter,
+                                wrap,
+                                image_from_uv,
+                            };
+                            let value = texture(&image()).eval(Vec2::new(u, v)).x;
+                            assert!((0.0..=5.0).contains(&value));
+                            assert_eq!(texture(&single).eval(Vec2::new(u, v)), Rgb::ONE);
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    /// Where [`MITSUBA`] was evaluated.
+    const POINTS: [(f32, f32); 10] = [
+        (0.1, 0.1),
+        (0.5, 0.2),
+        (0.9, 0.9),
+        (0.05, 0.6),
+        (-0.2, 0.3),
+        (1.1, 1.3),
+        (-1.4, -0.6),
+        (2.3, -1.2),
+        (0.5, 0.55),
+        (0.33, 0.45),
+    ];
+
+    /// Mitsuba 3.9.1's `bitmap` at [`POINTS`]: `raw`, and the pixels of [`image`] over 8 with the lower row first, since its v
+    /// runs down the rows.
+    #[rustfmt::skip]
+    const MITSUBA: [(TextureFilter, Wrap, [f32; 10]); 6] = [
+        (TextureFilter::Bilinear, Wrap::Repeat,
+            [0.3125, 0.4625, 0.3125, 0.2, 0.575, 0.3875, 0.425, 0.0875, 0.275, 0.28625]),
+        (TextureFilter::Bilinear, Wrap::Mirror,
+            [0.375, 0.5, 0.25, 0.1125, 0.35, 0.2875, 0.275, 0.05, 0.275, 0.28625]),
+        (TextureFilter::Bilinear, Wrap::Clamp,
+            [0.375, 0.5, 0.25, 0.1125, 0.3375, 0.25, 0.375, 0.625, 0.275, 0.28625]),
+        (TextureFilter::Nearest, Wrap::Repeat,
+            [0.375, 0.5, 0.25, 0.0, 0.625, 0.375, 0.5, 0.0, 0.125, 0.375]),
+        (TextureFilter::Nearest, Wrap::Mirror,
+            [0.375, 0.5, 0.25, 0.0, 0.375, 0.25, 0.125, 0.0, 0.125, 0.375]),
+        (TextureFilter::Nearest, Wrap::Clamp,
+            [0.375, 0.5, 0.25, 0.0, 0.375, 0.25, 0.375, 0.625, 0.125, 0.375]),
+    ];
+
+    /// The same, repeated and bilinear, with `to_uv` = [`turned`].
+    #[rustfmt::skip]
+    const MITSUBA_TURNED: [f32; 10] = [0.366058, 0.277692, 0.344518, 0.375842, 0.404279, 0.387597, 0.296539, 0.236444,
+        0.081178, 0.349366];
+
+    /// Mitsuba 3.9.1's `checkerboard` of 0.25 and 0.75, plain and [`turned`].
+    const MITSUBA_SQUARES: [[f32; 10]; 2] = [
+        [0.25, 0.25, 0.25, 0.75, 0.75, 0.25, 0.75, 0.75, 0.75, 0.25],
+        [0.25, 0.25, 0.75, 0.25, 0.75, 0.25, 0.25, 0.75, 0.75, 0.25],
+    ];
+
+    /// Scaled by (2, 3), turned by 30 degrees, moved by (0.3, -0.2).
+    fn turned() -> Affine2 {
+        Affine2::from_scale_angle_translation(Vec2::ONE, PI / 6.0, Vec2::new(0.3, -0.2))
+            * Affine2::from_scale(Vec2::new(2.0, 3.0))
+    }
+
+    #[test]
+    fn look_ups_agree_with_mitsuba() {
+        let (filter, wrap) = Default::default();
+        let turned_row = (filter, wrap, turned(), MITSUBA_TURNED);
+        let rows = MITSUBA.map(|(filter, wrap, values)| (filter, wrap, Affine2::IDENTITY, values));
+        for (filter, wrap, image_from_uv, values) in rows.into_iter().chain([turned_row]) {
+            let texture = Texture::Image {
+                image: Arc::new(image()),
+                filter,
+                wrap,
+                image_from_uv,
+            };
+            for ((u, v), expected) in POINTS.into_iter().zip(values) {
+                let value = texture.eval(Vec2::new(u, v)).x / 8.0;
+                assert!(
+                    (value - expected).abs() < 2e-6,
+                    "{filter:?} {wrap:?} at {u} {v}: {value}, not {expected}"
+                );
+            }
+        }
+        for (map, values) in [Affine2::IDENTITY, turned()]
+            .into_iter()
+            .zip(MITSUBA_SQUARES)
+        {
+            let texture = Texture::Checkerboard {
+                colors: [Rgb::splat(0.25), Rgb::splat(0.75)],
+                squares_from_uv: map,
+            };
+            for ((u, v), expected) in POINTS.into_iter().zip(values) {
+                assert_eq!(texture.eval(Vec2::new(u, v)).x, expected, "{u} {v}");
             }
         }
     }

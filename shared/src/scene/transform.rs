@@ -1,6 +1,7 @@
 //! Transforms of the scene file, in double precision.
 
-use super::parse::{Fault, LookAtRecord, RotateRecord, StepRecord, Steps};
+use super::parse::{Fault, LookAtRecord, RotateRecord, StepRecord, Steps, UvStepRecord, UvSteps};
+use super::values::{Finite, Number};
 use glam::{DAffine3, DMat3, DVec3};
 
 /// The steps' product: the first step is applied first.
@@ -11,6 +12,55 @@ pub fn compose(steps: &Steps) -> Result<DAffine3, Fault> {
         total = map * total;
     }
     Ok(total)
+}
+
+/// The product of steps that keep to the plane of x and y: u and v.
+pub fn compose_uv(steps: &UvSteps) -> Result<DAffine3, Fault> {
+    let mut total = DAffine3::IDENTITY;
+    for step in steps.get_ref() {
+        let map = uv_matrix(step.get_ref()).map_err(|message| Fault::new(step.span(), message))?;
+        total = map * total;
+    }
+    Ok(total)
+}
+
+fn uv_matrix(step: &UvStepRecord) -> Result<DAffine3, &'static str> {
+    let maps = [
+        step.scale.map(|factors| match factors.0 {
+            DVec3 { x, y, z } if z == 1.0 || (x == y && y == z) => {
+                Ok(DAffine3::from_scale(DVec3::new(x, y, 1.0)))
+            }
+            _ => Err("texture coordinates are scaled by one number or by [u, v, 1]"),
+        }),
+        step.rotate.as_ref().map(|record| match record.axis.0 {
+            DVec3 { x: 0.0, y: 0.0, .. } => rotate(record),
+            _ => Err("texture coordinates are rotated around the axis [0, 0, 1]"),
+        }),
+        step.translate.map(|by| match by.0.z {
+            0.0 => Ok(DAffine3::from_translation(by.0)),
+            _ => Err("texture coordinates are moved by [u, v, 0]"),
+        }),
+        step.matrix.as_ref().map(|rows| {
+            let rows: Vec<&[Number<Finite>]> = rows.iter().map(Vec::as_slice).collect();
+            let [[a, b, c], [d, e, f], [g, h, i]] = rows[..] else {
+                return Err("expected three rows of three numbers as `matrix`");
+            };
+            if [g, h, i].map(|x| x.0) != [0.0, 0.0, 1.0] {
+                return Err("expected [0, 0, 1] as the last row of `matrix`");
+            }
+            Ok(DAffine3::from_cols(
+                DVec3::new(a.0, d.0, 0.0),
+                DVec3::new(b.0, e.0, 0.0),
+                DVec3::Z,
+                DVec3::new(c.0, f.0, 0.0),
+            ))
+        }),
+    ];
+    let mut given = maps.into_iter().flatten();
+    match (given.next(), given.next()) {
+        (Some(map), None) => map,
+        _ => Err("expected exactly one of scale, rotate, translate, matrix in a step"),
+    }
 }
 
 fn matrix(step: &StepRecord) -> Result<DAffine3, &'static str> {

@@ -2,11 +2,10 @@
 
 use crate::math::Rgb;
 use glam::DVec3;
-use serde::de::{Error, MapAccess, SeqAccess, Visitor, value::MapAccessDeserializer};
+use serde::de::{Error, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 use std::fmt;
 use std::marker::PhantomData;
-use toml::Spanned;
 
 /// What a number may be.
 pub trait Range {
@@ -166,62 +165,28 @@ impl<R> Color<R> {
 
 impl<'de, R: Range> Deserialize<'de> for Color<R> {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        match deserializer.deserialize_any(ColorVisitor::<R, false>(PhantomData))? {
-            ColorOrImage::Color(color) => Ok(color),
-            ColorOrImage::Image(_) => Err(D::Error::custom("expected a number or three of them")),
-        }
+        deserializer.deserialize_any(ColorVisitor(PhantomData))
     }
 }
 
-/// A colour or the image that gives it.
-#[derive(Clone, Debug)]
-pub enum ColorOrImage<R> {
-    /// The same everywhere.
-    Color(Color<R>),
-    /// Path of an image, relative to the scene file.
-    Image(Spanned<String>),
-}
+/// Reads a [`Color`].
+pub struct ColorVisitor<R>(pub PhantomData<R>);
 
-impl<'de, R: Range> Deserialize<'de> for ColorOrImage<R> {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        deserializer.deserialize_any(ColorVisitor::<R, true>(PhantomData))
-    }
-}
-
-struct ColorVisitor<R, const IMAGES: bool>(PhantomData<R>);
-
-impl<'de, R: Range, const IMAGES: bool> Visitor<'de> for ColorVisitor<R, IMAGES> {
-    type Value = ColorOrImage<R>;
+impl<'de, R: Range> Visitor<'de> for ColorVisitor<R> {
+    type Value = Color<R>;
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}, or three of them in brackets", R::EXPECTED)?;
-        f.write_str(if IMAGES {
-            ", or { image = \"file\" }"
-        } else {
-            ""
-        })
+        write!(f, "{}, or three of them in brackets", R::EXPECTED)
     }
     fn visit_f64<E: Error>(self, x: f64) -> Result<Self::Value, E> {
         let x = checked::<R, E>(x)?;
-        Ok(ColorOrImage::Color(Color([x; 3], PhantomData)))
+        Ok(Color([x; 3], PhantomData))
     }
     fn visit_i64<E: Error>(self, x: i64) -> Result<Self::Value, E> {
         self.visit_f64(x as f64)
     }
     fn visit_seq<A: SeqAccess<'de>>(self, seq: A) -> Result<Self::Value, A::Error> {
         let values = triple::<R, A>(seq, "one number, or three in brackets")?;
-        Ok(ColorOrImage::Color(Color(values, PhantomData)))
-    }
-    fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Self::Value, A::Error> {
-        #[derive(Deserialize)]
-        #[serde(deny_unknown_fields)]
-        struct ImageRecord {
-            image: Spanned<String>,
-        }
-        if !IMAGES {
-            return Err(A::Error::invalid_type(serde::de::Unexpected::Map, &self));
-        }
-        let record = ImageRecord::deserialize(MapAccessDeserializer::new(map))?;
-        Ok(ColorOrImage::Image(record.image))
+        Ok(Color(values, PhantomData))
     }
 }

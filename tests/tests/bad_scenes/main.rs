@@ -1,6 +1,7 @@
 //! Scenes that cannot be rendered are refused with the file, the line, the field, and what was expected.
 
 mod media;
+mod textures;
 
 use beamfarm_shared::bundle::Bundle;
 use beamfarm_shared::error::SceneError;
@@ -134,9 +135,9 @@ fn materials_are_checked() {
 [materials.x] | type = "diffuse" | reflectance = [0.5, 0.5, 1.5]
     5: materials.x.reflectance[2]: expected a number from 0 to 1, found 1.5
 [materials.x] | type = "diffuse" | reflectance = "red"
-    5: materials.x.reflectance: invalid type: string "red", expected a number from 0 to 1, or three of them in brackets, or { image = "file" }
+    5: materials.x.reflectance: invalid type: string "red", expected a number from 0 to 1, or three of them in brackets, or { image = "file" }, or { checkerboard = [color, color] }
 [materials.x] | type = "diffuse" | reflectance = { file = "a.png" }
-    5: materials.x.reflectance.file: unknown field `file`, expected `image`
+    5: materials.x.reflectance.file: unknown field `file`, expected one of `image`, `checkerboard`, `raw`, `filter`, `wrap`, `uv`
 [materials.x] | type = "diffuse" | ior = 2
     5: materials.x.ior: "diffuse" does not take this field; expected one of reflectance, two_sided
 [materials.x] | type = "dielectric"

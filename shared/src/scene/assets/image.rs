@@ -1,4 +1,4 @@
-//! Images: PNG (sRGB) and OpenEXR (linear), decoded to linear RGB.
+//! Images: PNG (sRGB or as they are) and OpenEXR (linear), decoded to linear RGB.
 
 use super::Flaw;
 use crate::math::Rgb;
@@ -13,10 +13,19 @@ const MAX_PIXELS: usize = 1 << 27;
 /// Decoded bytes per byte of the file at most. Deflate reaches 1032; the other methods of EXR stay below it.
 const MAX_EXPANSION: usize = 2048;
 
+/// What the numbers of a PNG mean. Those of an OpenEXR image are linear.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Encoding {
+    /// sRGB (IEC 61966-2-1), whatever the file says of its gamma.
+    Srgb,
+    /// Themselves, 1 the largest.
+    Raw,
+}
+
 /// Read a PNG or EXR image; its first bytes tell which.
-pub fn read(bytes: &[u8]) -> Result<Image, Flaw> {
+pub fn read(bytes: &[u8], encoding: Encoding) -> Result<Image, Flaw> {
     let image = if bytes.starts_with(b"\x89PNG") {
-        read_png(bytes)?
+        read_png(bytes, encoding)?
     } else if bytes.starts_with(b"\x76\x2f\x31\x01") {
         read_exr(bytes)?
     } else {
@@ -54,9 +63,8 @@ fn check_claim(decoded_bytes: usize, file: &[u8]) -> Result<(), Flaw> {
     }
 }
 
-/// Grey, RGB or palette, 1 to 16 bits a channel, alpha ignored. All values are taken as sRGB (IEC 61966-2-1),
-/// whatever the file says of its gamma.
-fn read_png(bytes: &[u8]) -> Result<Image, Flaw> {
+/// Grey, RGB or palette, 1 to 16 bits a channel, alpha ignored.
+fn read_png(bytes: &[u8], encoding: Encoding) -> Result<Image, Flaw> {
     let message = |e: ::png::DecodingError| Flaw::from(format!("not a sound PNG: {e}"));
     let mut decoder = ::png::Decoder::new(Cursor::new(bytes));
     let header = decoder.read_header_info().map_err(message)?;
@@ -77,7 +85,11 @@ fn read_png(bytes: &[u8]) -> Result<Image, Flaw> {
         _ => (1, 255),
     };
     let linear: Vec<f32> = (0..=levels)
-        .map(|v| linear_from_srgb(f64::from(v) / f64::from(levels)))
+        .map(|v| f64::from(v) / f64::from(levels))
+        .map(|v| match encoding {
+            Encoding::Srgb => linear_from_srgb(v),
+            Encoding::Raw => v as f32,
+        })
         .collect();
     let sample = |p: &[u8], i: usize| match bytes_per_sample {
         2 => linear[usize::from(u16::from_be_bytes([p[2 * i], p[2 * i + 1]]))],
@@ -159,6 +171,10 @@ fn read_exr(bytes: &[u8]) -> Result<Image, Flaw> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn read(bytes: &[u8]) -> Result<Image, Flaw> {
+        super::read(bytes, Encoding::Srgb)
+    }
 
     fn png(
         width: u32,
@@ -256,6 +272,22 @@ mod tests {
                 "{color:?} {depth:?}"
             );
             assert_eq!(image.pixels[1], Rgb::ZERO, "{color:?} {depth:?}");
+            let raw = super::read(&png(2, 1, color, depth, &data), Encoding::Raw).unwrap();
+            let is_half = |c: f32, raw: f32| {
+                if c == half {
+                    (raw - 0.502).abs() < 1e-3
+                } else {
+                    raw == c
+                }
+            };
+            let pairs = expected
+                .to_array()
+                .into_iter()
+                .zip(raw.pixels[0].to_array());
+            assert!(
+                pairs.into_iter().all(|(c, raw)| is_half(c, raw)),
+                "{color:?} {depth:?}"
+            );
         }
     }
 

@@ -4,6 +4,7 @@ use super::{Parts, Problem, asset_problem, check_reach, required};
 use crate::light::{Environment, Light, LightKind};
 use crate::math::{Frame, Rgb};
 use crate::medium::Medium;
+use crate::scene::assets::image::Encoding;
 use crate::scene::parse::{Fault, LightRecord, LightType};
 use crate::scene::transform;
 use glam::DVec3;
@@ -135,7 +136,7 @@ impl Parts<'_> {
                 (radiance != Rgb::ZERO).then(|| Environment::new(None, radiance, render_from_env))
             }
             (None, Some(path), scale) => {
-                let image = self.assets.image(path)?;
+                let image = self.assets.image(path, Encoding::Srgb)?;
                 if image.width < 2 || image.height < 3 {
                     let flaw = format!(
                         "{} x {} pixels; expected at least 2 x 3",

@@ -1,10 +1,10 @@
 //! Materials and their names.
 
-use super::{Assets, Problem, asset_problem, required, unknown_name};
+use super::texture::texture;
+use super::{Assets, Problem, required, unknown_name};
 use crate::bsdf::{Material, MaterialKind, conductor_names, conductor_preset};
 use crate::math::Rgb;
 use crate::scene::parse::{Fault, MaterialRecord, MaterialType};
-use crate::scene::values::ColorOrImage;
 use crate::texture::Texture;
 use std::collections::BTreeMap;
 use toml::Spanned;
@@ -66,20 +66,9 @@ impl Materials {
 }
 
 fn material(record: &MaterialRecord, assets: &mut Assets<'_>) -> Result<Material, Problem> {
-    let mut reflectance = |default: f32| match record.reflectance.as_ref().map(|r| r.get_ref()) {
+    let mut reflectance = |default: f32| match &record.reflectance {
         None => Ok(Texture::Constant(Rgb::splat(default))),
-        Some(ColorOrImage::Color(color)) => Ok(Texture::Constant(color.rgb())),
-        Some(ColorOrImage::Image(path)) => {
-            let image = assets.image(path)?;
-            if let Some(i) = image.pixels.iter().position(|p| p.max_element() > 1.0) {
-                let (x, y) = (i as u32 % image.width, i as u32 / image.width);
-                let flaw = format!(
-                    "the pixel in column {x}, row {y} (from zero) reflects more than 1; expected 0 to 1"
-                );
-                return Err(asset_problem(path, flaw));
-            }
-            Ok(Texture::Image(image))
-        }
+        Some(given) => texture(given.get_ref(), assets),
     };
     let two_sided = |default| record.two_sided.as_ref().map_or(default, |b| *b.get_ref());
     let (kind, two_sided) = match record.kind.get_ref() {

@@ -6,9 +6,11 @@ mod light;
 mod material;
 mod medium;
 mod shape;
+mod texture;
 mod view;
 
-use super::assets::{Flaw, image, mesh::RawMesh, volume};
+use super::assets::image::{self, Encoding};
+use super::assets::{Flaw, mesh::RawMesh, volume};
 use super::parse::{Fault, RenderRecord, SceneRecord};
 use super::{RenderDefaults, SceneDescription, transform};
 use crate::bundle::Bundle;
@@ -114,7 +116,7 @@ fn check_reach(reach: f64, place: Range<usize>) -> Result<(), Fault> {
 /// The bundle's files, each decoded once.
 struct Assets<'a> {
     bundle: &'a Bundle,
-    images: BTreeMap<String, Arc<Image>>,
+    images: BTreeMap<(String, Encoding), Arc<Image>>,
     meshes: BTreeMap<String, Arc<RawMesh>>,
     /// By file and grid.
     densities: BTreeMap<(String, Option<String>), Arc<Bricks>>,
@@ -130,10 +132,10 @@ impl<'a> Assets<'a> {
         }
     }
 
-    fn image(&mut self, path: &Spanned<String>) -> Result<Arc<Image>, Problem> {
-        let key = path.get_ref().clone();
+    fn image(&mut self, path: &Spanned<String>, encoding: Encoding) -> Result<Arc<Image>, Problem> {
+        let key = (path.get_ref().clone(), encoding);
         load(&mut self.images, key, self.bundle, path, |_, bytes| {
-            image::read(bytes)
+            image::read(bytes, encoding)
         })
     }
 

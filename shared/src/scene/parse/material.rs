@@ -1,6 +1,6 @@
 //! Materials.
 
-use super::{Fault, given, only_takes};
+use super::{Fault, TextureRecord, given, only_takes};
 use crate::scene::values::*;
 use serde::Deserialize;
 use toml::Spanned;
@@ -11,7 +11,7 @@ use toml::Spanned;
 pub struct MaterialRecord {
     #[serde(rename = "type")]
     pub kind: Spanned<MaterialType>,
-    pub reflectance: Option<Spanned<ColorOrImage<Unit>>>,
+    pub reflectance: Option<Spanned<TextureRecord<Unit>>>,
     pub two_sided: Option<Spanned<bool>>,
     pub ior: Option<Spanned<Number<Positive>>>,
     pub exterior_ior: Option<Spanned<Number<Positive>>>,
@@ -36,6 +36,12 @@ impl MaterialRecord {
             preset
         );
         only_takes(name, takes, &[], &given)
+    }
+
+    /// The files of its textures.
+    pub fn files(&self) -> impl Iterator<Item = &Spanned<String>> {
+        let reflectance = self.reflectance.as_ref();
+        reflectance.and_then(|r| r.get_ref().file()).into_iter()
     }
 }
 

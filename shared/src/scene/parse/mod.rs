@@ -5,6 +5,7 @@ mod light;
 mod material;
 mod medium;
 mod shape;
+mod texture;
 mod transform;
 
 pub use camera::*;
@@ -12,6 +13,7 @@ pub use light::*;
 pub use material::*;
 pub use medium::*;
 pub use shape::*;
+pub use texture::*;
 pub use transform::*;
 
 use super::values::*;
@@ -80,13 +82,7 @@ impl SceneRecord {
 
     /// Paths of the files that the scene names, with where it does.
     pub fn assets(&self) -> Vec<&Spanned<String>> {
-        let textures =
-            self.materials
-                .values()
-                .filter_map(|m| match m.reflectance.as_ref()?.get_ref() {
-                    ColorOrImage::Image(path) => Some(path),
-                    ColorOrImage::Color(_) => None,
-                });
+        let textures = self.materials.values().flat_map(MaterialRecord::files);
         let meshes = self.shapes.iter().filter_map(|s| match &s.shape {
             Some(inner) => inner.get_ref().file.as_ref(),
             None => s.file.as_ref(),

@@ -41,7 +41,7 @@ pub struct StepRecord {
     pub look_at: Option<LookAtRecord>,
 }
 
-#[derive(Debug, Deserialize)]
+#[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RotateRecord {
     pub axis: Vector,

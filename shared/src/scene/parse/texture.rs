@@ -1,0 +1,121 @@
+//! Colours that may be textures.
+
+use super::transform::RotateRecord;
+use crate::scene::values::*;
+use crate::texture::{TextureFilter, Wrap};
+use serde::de::value::MapAccessDeserializer;
+use serde::de::{Error, MapAccess, SeqAccess, Visitor};
+use serde::{Deserialize, Deserializer};
+use std::fmt;
+use std::marker::PhantomData;
+use toml::Spanned;
+
+/// A colour, `{ image = "file", ... }` or `{ checkerboard = [colour, colour], ... }`.
+#[derive(Clone, Debug)]
+pub enum TextureRecord<R> {
+    /// The same everywhere.
+    Color(Color<R>),
+    Image(ImageTextureRecord),
+    Checkerboard {
+        colors: [Color<R>; 2],
+        uv: Option<UvSteps>,
+    },
+}
+
+#[derive(Clone, Debug)]
+pub struct ImageTextureRecord {
+    /// Path, relative to the scene file.
+    pub file: Spanned<String>,
+    pub raw: bool,
+    pub filter: TextureFilter,
+    pub wrap: Wrap,
+    pub uv: Option<UvSteps>,
+}
+
+impl<R> TextureRecord<R> {
+    /// The file that it names.
+    pub fn file(&self) -> Option<&Spanned<String>> {
+        match self {
+            Self::Image(image) => Some(&image.file),
+            Self::Color(_) | Self::Checkerboard { .. } => None,
+        }
+    }
+}
+
+/// A transform of texture coordinates: steps, applied in order.
+pub type UvSteps = Spanned<Vec<Spanned<UvStepRecord>>>;
+
+/// One step of it: exactly one of the fields.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct UvStepRecord {
+    pub scale: Option<Factors>,
+    pub rotate: Option<RotateRecord>,
+    pub translate: Option<Vector>,
+    /// Three rows of three.
+    pub matrix: Option<Vec<Vec<Number<Finite>>>>,
+}
+
+impl<'de, R: Range> Deserialize<'de> for TextureRecord<R> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_any(TextureVisitor(ColorVisitor(PhantomData)))
+    }
+}
+
+struct TextureVisitor<R>(ColorVisitor<R>);
+
+impl<'de, R: Range> Visitor<'de> for TextureVisitor<R> {
+    type Value = TextureRecord<R>;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.expecting(f)?;
+        f.write_str(", or { image = \"file\" }, or { checkerboard = [color, color] }")
+    }
+    fn visit_f64<E: Error>(self, x: f64) -> Result<Self::Value, E> {
+        self.0.visit_f64(x).map(TextureRecord::Color)
+    }
+    fn visit_i64<E: Error>(self, x: i64) -> Result<Self::Value, E> {
+        self.0.visit_i64(x).map(TextureRecord::Color)
+    }
+    fn visit_seq<A: SeqAccess<'de>>(self, seq: A) -> Result<Self::Value, A::Error> {
+        self.0.visit_seq(seq).map(TextureRecord::Color)
+    }
+    fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Self::Value, A::Error> {
+        #[derive(Deserialize)]
+        #[serde(deny_unknown_fields, bound = "R: Range")]
+        struct Table<R> {
+            image: Option<Spanned<String>>,
+            checkerboard: Option<Vec<Color<R>>>,
+            raw: Option<bool>,
+            filter: Option<TextureFilter>,
+            wrap: Option<Wrap>,
+            uv: Option<UvSteps>,
+        }
+        let table = Table::<R>::deserialize(MapAccessDeserializer::new(map))?;
+        match (table.image, table.checkerboard) {
+            (Some(file), None) => Ok(TextureRecord::Image(ImageTextureRecord {
+                file,
+                raw: table.raw.unwrap_or_default(),
+                filter: table.filter.unwrap_or_default(),
+                wrap: table.wrap.unwrap_or_default(),
+                uv: table.uv,
+            })),
+            (None, Some(colors)) => {
+                if table.raw.is_some() || table.filter.is_some() || table.wrap.is_some() {
+                    return Err(A::Error::custom(
+                        "a checkerboard takes only `uv`; `raw`, `filter` and `wrap` are for an `image`",
+                    ));
+                }
+                let uv = table.uv;
+                let colors = <[Color<R>; 2]>::try_from(colors).map_err(|colors| {
+                    let count = colors.len();
+                    A::Error::custom(format_args!("a checkerboard has 2 colors, found {count}"))
+                })?;
+                Ok(TextureRecord::Checkerboard { colors, uv })
+            }
+            _ => Err(A::Error::custom(
+                "a texture is given by `image` or by `checkerboard`: one of the two ways",
+            )),
+        }
+    }
+}

@@ -1,0 +1,62 @@
+//! Textures.
+
+use super::{VIEW, error_of, refused};
+
+#[test]
+fn textures_are_checked() {
+    refused(
+        r#"
+[materials.x] | type = "diffuse" | reflectance = {}
+    5: materials.x.reflectance: a texture is given by `image` or by `checkerboard`: one of the two ways
+[materials.x] | type = "diffuse" | reflectance = { image = "a.png", checkerboard = [0, 1] }
+    5: materials.x.reflectance: a texture is given by `image` or by `checkerboard`: one of the two ways
+[materials.x] | type = "diffuse" | reflectance = { checkerboard = [0, 2] }
+    5: materials.x.reflectance.checkerboard[1]: expected a number from 0 to 1, found 2.0
+[materials.x] | type = "diffuse" | reflectance = { checkerboard = [0, 1, 0] }
+    5: materials.x.reflectance: a checkerboard has 2 colors, found 3
+[materials.x] | type = "diffuse" | reflectance = { checkerboard = [0, 1], wrap = "clamp" }
+    5: materials.x.reflectance: a checkerboard takes only `uv`; `raw`, `filter` and `wrap` are for an `image`
+[materials.x] | type = "diffuse" | reflectance = { image = "a.png", raw = 1 }
+    5: materials.x.reflectance.raw: invalid type: integer `1`, expected true or false
+[materials.x] | type = "diffuse" | reflectance = { image = "a.png", filter = "trilinear" }
+    5: materials.x.reflectance.filter: unknown variant `trilinear`, expected `bilinear` or `nearest`
+[materials.x] | type = "diffuse" | reflectance = { image = "a.png", wrap = "black" }
+    5: materials.x.reflectance.wrap: unknown variant `black`, expected one of `repeat`, `mirror`, `clamp`
+[materials.x] | type = "diffuse" | reflectance = { checkerboard = [0, 1], uv = [{ scale = [1, 2, 3] }] }
+    5: materials.x.reflectance.uv[0]: texture coordinates are scaled by one number or by [u, v, 1]
+[materials.x] | type = "diffuse" | reflectance = { checkerboard = [0, 1], uv = [{ rotate = { axis = [0, 1, 1], angle = 3 } }] }
+    5: materials.x.reflectance.uv[0]: texture coordinates are rotated around the axis [0, 0, 1]
+[materials.x] | type = "diffuse" | reflectance = { checkerboard = [0, 1], uv = [{ translate = [1, 2, 3] }] }
+    5: materials.x.reflectance.uv[0]: texture coordinates are moved by [u, v, 0]
+[materials.x] | type = "diffuse" | reflectance = { checkerboard = [0, 1], uv = [{ scale = 2, translate = [1, 2, 0] }] }
+    5: materials.x.reflectance.uv[0]: expected exactly one of scale, rotate, translate, matrix in a step
+[materials.x] | type = "diffuse" | reflectance = { checkerboard = [0, 1], uv = [{ matrix = [[1, 0, 0], [0, 1, 0], [0, 1, 1]] }] }
+    5: materials.x.reflectance.uv[0]: expected [0, 0, 1] as the last row of `matrix`
+[materials.x] | type = "diffuse" | reflectance = { checkerboard = [0, 1], uv = [{ matrix = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]] }] }
+    5: materials.x.reflectance.uv[0]: expected three rows of three numbers as `matrix`
+[materials.x] | type = "diffuse" | reflectance = { checkerboard = [0, 1], uv = [{ scale = 1e20 }, { scale = 1e20 }] }
+    5: materials.x.reflectance.uv: the numbers of this transform are too large for single precision
+"#,
+    );
+}
+
+/// Reflectances of images too.
+#[test]
+fn pixels_are_checked() {
+    let file = tempfile::Builder::new().suffix(".exr").tempfile().unwrap();
+    let pixel = |x, _| {
+        if x == 1 {
+            (0.5, 1.5, 0.5)
+        } else {
+            (0.5, 0.5, 0.5)
+        }
+    };
+    exr::prelude::write_rgb_file(file.path(), 2, 1, pixel).unwrap();
+    let texture =
+        "[materials.x]\ntype = \"diffuse\"\nreflectance = { image = \"a.exr\", raw = true }";
+    let assets = [("a.exr", std::fs::read(file.path()).unwrap())];
+    assert_eq!(
+        error_of(&format!("{VIEW}{texture}"), &assets).to_string(),
+        "a.exr: the pixel in column 1, row 0 (from zero) is [0.5, 1.5, 0.5]; expected a number from 0 to 1 in each channel"
+    );
+}

@@ -3,7 +3,7 @@
 use crate::ledger::PixelHash;
 use beamfarm_proto::{FileHash, Job, LeaseId, VERSION, WireError, WireHash, WorkerId, wire};
 use beamfarm_shared::error::ImageError;
-use beamfarm_shared::exr::{decode_block, pixel_hash};
+use beamfarm_shared::exr::{decode_block, node_hash, pixel_hash};
 use beamfarm_shared::job::{Block, PassStats};
 use beamfarm_shared::merge::Node;
 use beamfarm_shared::radius::Schedule;
@@ -53,17 +53,27 @@ pub enum Flaw {
     Pixels(String),
 }
 
-/// The block in these bytes, if it is what the claim says and belongs to the job, and the hash of its pixels.
+/// A block that may count.
+pub struct Examined {
+    /// The block.
+    pub node: Node,
+    /// Hash of its radiance, for people.
+    pub pixels: String,
+    /// Hash of all of it: equal when the bits are.
+    pub hash: PixelHash,
+}
+
+/// The block in these bytes, if it is what the claim says and belongs to the job.
 pub fn examine(
     job: &Job,
     schedule: &Schedule,
     claim: &Claim,
     bytes: &[u8],
-) -> Result<(Node, PixelHash), Flaw> {
+) -> Result<Examined, Flaw> {
     if FileHash::of(bytes) != claim.hash {
         return Err(Flaw::Damaged);
     }
-    let (node, meta) = match decode_block(bytes, job.width, job.height) {
+    let (node, meta) = match decode_block(bytes, job.width, job.height, &job.layers) {
         Ok(decoded) => decoded,
         Err(error @ ImageError::Merge(_)) => return Err(Flaw::Pixels(error.to_string())),
         Err(error) => return Err(Flaw::Foreign(error.to_string())),
@@ -99,7 +109,9 @@ pub fn examine(
         let count = claim.stats.non_finite;
         return Err(Flaw::Pixels(format!("{count} pixel values are not finite")));
     }
-    let pixels = blake3::Hash::from_hex(pixel_hash(&node.sum))
-        .map_err(|error| Flaw::Foreign(error.to_string()))?;
-    Ok((node, *pixels.as_bytes()))
+    Ok(Examined {
+        pixels: pixel_hash(&node.sum),
+        hash: node_hash(&node),
+        node,
+    })
 }

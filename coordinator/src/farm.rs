@@ -2,12 +2,13 @@
 //!
 //! Locks are held for the length of a look-up or of an addition of images, and never across an `.await`.
 
-use crate::examine::{Claim, Flaw, examine};
+use crate::examine::{Claim, Examined, Flaw, examine};
 use crate::ledger::{Accepted, Failure, Ledger, LedgerError, PixelHash, Rules};
 use beamfarm_proto::bytes::Bytes;
 use beamfarm_proto::{FileHash, Grant, Job, LeaseId, Manifest, WorkerId};
 use beamfarm_shared::bundle::Bundle;
 use beamfarm_shared::job::{Block, JobSettings, PassStats};
+use beamfarm_shared::layer::Layer;
 use beamfarm_shared::merge::{Average, TreeSum};
 use beamfarm_shared::radius::Schedule;
 use std::collections::BTreeMap;
@@ -35,6 +36,8 @@ pub struct JobSpec {
     pub width: u32,
     /// Rows.
     pub height: u32,
+    /// Layers that passes have beside their radiance.
+    pub layers: Vec<Layer>,
     /// Number of passes.
     pub passes: u64,
 }
@@ -123,6 +126,7 @@ impl Farm {
             settings: spec.settings,
             width: spec.width,
             height: spec.height,
+            layers: spec.layers,
         };
         let files = spec.bundle.files.into_values().map(Bytes::from);
         let rules = Rules {
@@ -135,7 +139,7 @@ impl Farm {
         let first_worker = RandomState::new().build_hasher().finish() >> 32;
         Arc::new(Self {
             schedule: Schedule::new(&job.settings),
-            sum: Mutex::new(TreeSum::new(job.width, job.height)),
+            sum: Mutex::new(TreeSum::new(job.width, job.height).with_layers(job.layers.len())),
             job,
             files: files.map(|bytes| (FileHash::of(&bytes), bytes)).collect(),
             timing,
@@ -176,7 +180,7 @@ impl Farm {
         self.sum().average()
     }
 
-    /// Hash of the pixels of a pass that is there: [`beamfarm_shared::exr::pixel_hash`] as bytes.
+    /// Hash of the pixels of a pass that is there, its layers among them: [`beamfarm_shared::exr::node_hash`].
     pub fn pixel_hash(&self, pass_index: u64) -> Option<PixelHash> {
         self.books().ledger.pixel_hash(pass_index)
     }
@@ -271,7 +275,8 @@ impl Farm {
     /// Look a delivered block over and add it to the sum. Takes milliseconds: not for a thread that serves others.
     /// Returns whether it was there before.
     pub(crate) fn submit(&self, claim: &Claim, bytes: &[u8]) -> Result<Accepted, Refusal> {
-        let (node, pixels) = match examine(&self.job, &self.schedule, claim, bytes) {
+        let Examined { node, pixels, hash } = match examine(&self.job, &self.schedule, claim, bytes)
+        {
             Ok(examined) => examined,
             Err(flaw) => {
                 self.reject(claim, &flaw);
@@ -282,7 +287,7 @@ impl Farm {
             let mut books = self.books();
             let accepted = books
                 .ledger
-                .accept(claim.worker, claim.lease, claim.block, pixels);
+                .accept(claim.worker, claim.lease, claim.block, hash);
             match accepted {
                 Ok(Accepted::New) => books.progress.stats += claim.stats,
                 Ok(Accepted::Duplicate) => books.progress.duplicates += 1,
@@ -295,9 +300,7 @@ impl Farm {
         let accepted = accepted.inspect_err(|error| error!("{error}"))?;
         debug!(
             "{} from worker {}: {accepted:?}, pixels {}",
-            claim.block,
-            claim.worker.0,
-            blake3::Hash::from_bytes(pixels)
+            claim.block, claim.worker.0, pixels
         );
         if accepted == Accepted::New {
             let mut sum = self.sum();

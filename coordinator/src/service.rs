@@ -192,7 +192,7 @@ impl FarmService for Service {
             Err(Status::from(Refusal::Flaw(flaw)))
         };
         let job = self.farm.job();
-        let limit = encoded_size(job.width, job.height) as u64;
+        let limit = encoded_size(job.width, job.height, &job.layers) as u64;
         if claim.size > limit {
             return refuse(format!("{} bytes; expected at most {limit}", claim.size));
         }

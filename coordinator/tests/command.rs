@@ -397,3 +397,39 @@ fn help_teaches() {
         succeed(folder.path(), &[command, "--help"]);
     }
 }
+
+#[test]
+fn layers_stand_beside_the_same_beauty() {
+    let folder = folder();
+    let folder = folder.path();
+    let plain = succeed(folder, &["render", "scene.toml", "-o", "plain.exr"]);
+    let layered = succeed(
+        folder,
+        &[
+            "render",
+            "scene.toml",
+            "-o",
+            "all.exr",
+            "--aov",
+            "all",
+            "--workers",
+            "2",
+        ],
+    );
+    assert_eq!(line(&plain, "pixels"), line(&layered, "pixels"));
+    let channels = |file: &str| {
+        let image = exr::image::read::read_first_flat_layer_from_file(folder.join(file)).unwrap();
+        let list = &image.layer_data.channel_data.list;
+        list.iter().map(|c| c.name.to_string()).collect::<Vec<_>>()
+    };
+    assert_eq!(channels("plain.exr"), ["B", "G", "R"]);
+    #[rustfmt::skip]
+    let expected = [
+        "B", "G", "R", "albedo.B", "albedo.G", "albedo.R", "beam_density.Y", "depth.Z", "direct.B", "direct.G", "direct.R",
+        "light_lights[0].B", "light_lights[0].G", "light_lights[0].R", "normal.X", "normal.Y", "normal.Z",
+        "stderr.B", "stderr.G", "stderr.R", "surface.B", "surface.G", "surface.R", "volume.B", "volume.G", "volume.R",
+    ];
+    assert_eq!(channels("all.exr"), expected);
+    let (code, message) = fail(folder, &["render", "scene.toml", "--aov", "deep"]);
+    assert!(code == 2 && message.contains("beam_density"), "{message}");
+}

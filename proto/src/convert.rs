@@ -3,6 +3,7 @@
 use crate::domain::{FileEntry, FileHash, Grant, Job, LeaseId, Manifest};
 use crate::wire;
 use beamfarm_shared::job::{Block, JobSettings, MAX_PASSES, PassStats, SceneHash, ScheduleKind};
+use beamfarm_shared::layer::{self, Layer};
 use prost::bytes::Bytes;
 
 /// A message that says something impossible.
@@ -71,6 +72,7 @@ impl From<&Job> for wire::Job {
             settings: Some(job.settings.into()),
             width: job.width,
             height: job.height,
+            layers: job.layers.iter().map(Layer::to_string).collect(),
         }
     }
 }
@@ -78,7 +80,9 @@ impl From<&Job> for wire::Job {
 impl TryFrom<wire::Job> for Job {
     type Error = WireError;
     fn try_from(job: wire::Job) -> Result<Self, WireError> {
+        let layers = layer::parse_all(job.layers.iter().map(String::as_str));
         Ok(Self {
+            layers: layers.map_err(|error| WireError::new("job.layers", error.to_string()))?,
             scene: SceneHash::from_wire(&job.scene, "job.scene")?,
             manifest: require(job.manifest, "job.manifest")?.try_into()?,
             settings: require(job.settings, "job.settings")?.try_into()?,
@@ -245,6 +249,7 @@ impl TryFrom<wire::LeaseReply> for Grant {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use beamfarm_shared::layer::LightGroup;
 
     fn settings() -> JobSettings {
         JobSettings {
@@ -272,6 +277,7 @@ mod tests {
             settings: settings(),
             width: 3,
             height: 4,
+            layers: vec![Layer::Volume, Layer::Light(LightGroup::named("key"))],
         };
         assert_eq!(Job::try_from(wire::Job::from(&job)), Ok(job));
     }

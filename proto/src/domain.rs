@@ -2,6 +2,7 @@
 
 use beamfarm_shared::bundle::Bundle;
 use beamfarm_shared::job::{Block, JobSettings, SceneHash};
+use beamfarm_shared::layer::Layer;
 use std::fmt;
 
 /// A worker's number at one coordinator.
@@ -82,6 +83,8 @@ pub struct Job {
     pub width: u32,
     /// Rows.
     pub height: u32,
+    /// Layers beside radiance.
+    pub layers: Vec<Layer>,
 }
 
 /// The answer to a worker that asks for work.

@@ -83,6 +83,7 @@ fn beams(medium: &Medium) -> BeamMap {
             radius: 0.02,
             radius_slope: 0.0,
             medium: 0,
+            group: 0,
             steps: stretch.steps,
         }
     };

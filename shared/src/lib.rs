@@ -67,6 +67,7 @@ pub mod error;
 pub mod exr;
 pub mod film;
 pub mod job;
+pub mod layer;
 pub mod merge;
 pub mod metrics;
 pub mod png;
@@ -88,6 +89,8 @@ pub mod light;
 pub mod math;
 #[cfg(feature = "render")]
 pub mod medium;
+#[cfg(feature = "render")]
+pub mod parts;
 #[cfg(feature = "render")]
 pub mod pass;
 #[cfg(feature = "render")]

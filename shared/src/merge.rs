@@ -36,6 +36,16 @@ pub enum MergeError {
         /// Width and height of the block's images.
         found: [u32; 2],
     },
+    /// The image has another number of layers than the job's.
+    #[error("{block}: expected {expected} layers, found {found}")]
+    Layers {
+        /// The block that was refused.
+        block: Block,
+        /// Layers of the job.
+        expected: usize,
+        /// Layers of the block.
+        found: usize,
+    },
     /// The image holds values that no average may see.
     #[error(
         "{block}: {count} values are NaN, infinite or out of range, first at x = {}, y = {}",
@@ -44,7 +54,7 @@ pub enum MergeError {
     NonFinite {
         /// The block that was refused.
         block: Block,
-        /// Number of such channel values, in the sum and in the squared differences.
+        /// Number of such channel values, in the sum, the squared differences and the layers.
         count: u64,
         /// Column and row of the first such pixel.
         first: [u32; 2],
@@ -74,6 +84,8 @@ pub struct Node {
     pub sum: Film,
     /// Sum over neighbouring leaves of the squared difference of their radiance; black for a leaf.
     pub squared_difference: Film,
+    /// Sums of the layers that the job has beside radiance, in the job's order.
+    pub layers: Vec<Film>,
 }
 
 impl Node {
@@ -83,7 +95,13 @@ impl Node {
             block: Block::leaf(pass_index),
             squared_difference: Film::new(film.width, film.height),
             sum: film,
+            layers: Vec::new(),
         }
+    }
+
+    /// The same node with these layers.
+    pub fn with_layers(self, layers: Vec<Film>) -> Self {
+        Self { layers, ..self }
     }
 
     /// The parent of two siblings, given in the order of their passes.
@@ -106,12 +124,14 @@ impl Node {
                 right: right.block,
             });
         }
-        left.check_size(left.sum.width, left.sum.height)?;
-        right.check_size(left.sum.width, left.sum.height)?;
+        let count = left.layers.len();
+        left.check_shape(left.sum.width, left.sum.height, count)?;
+        right.check_shape(left.sum.width, left.sum.height, count)?;
 
         let Self {
             mut sum,
             mut squared_difference,
+            mut layers,
             ..
         } = left;
         if block.level == 1 {
@@ -127,19 +147,23 @@ impl Node {
             add_saturating(&mut squared_difference, &right.squared_difference);
         }
         add(&mut sum, &right.sum);
+        for (layer, right) in layers.iter_mut().zip(&right.layers) {
+            add(layer, right);
+        }
         Ok(Self {
             block,
             sum,
             squared_difference,
+            layers,
         })
     }
 
-    /// Refuse another size, NaN, infinities and magnitudes beyond [`MAX_RADIANCE`] a pass.
-    pub fn check(&self, width: u32, height: u32) -> Result<(), MergeError> {
+    /// Refuse another size or number of layers, NaN, infinities and magnitudes beyond [`MAX_RADIANCE`] a pass.
+    pub fn check(&self, width: u32, height: u32, layers: usize) -> Result<(), MergeError> {
         if !self.block.is_valid() {
             return Err(MergeError::OutOfRange { block: self.block });
         }
-        self.check_size(width, height)?;
+        self.check_shape(width, height, layers)?;
         // Exact: a power of two times an f32. Rounding is monotonic, so sums of values in range stay within it.
         let limit = MAX_RADIANCE * self.block.len() as f32;
         let mut count = 0;
@@ -156,7 +180,9 @@ impl Node {
                 .iter()
                 .filter(|v| v.is_finite() && **v >= 0.0)
                 .count();
-            let bad = (sum.len() - good_sums) + (difference.len() - good_differences);
+            let layers = self.layers.iter().map(|layer| &layer.pixels[i]);
+            let bad_layers = layers.flatten().filter(|v| !(v.abs() <= limit)).count();
+            let bad = (sum.len() - good_sums) + (difference.len() - good_differences) + bad_layers;
             if bad > 0 {
                 count += bad as u64;
                 first.get_or_insert([i as u32 % width, i as u32 / width]);
@@ -172,8 +198,18 @@ impl Node {
         }
     }
 
-    fn check_size(&self, width: u32, height: u32) -> Result<(), MergeError> {
-        for film in [&self.sum, &self.squared_difference] {
+    fn check_shape(&self, width: u32, height: u32, layers: usize) -> Result<(), MergeError> {
+        if self.layers.len() != layers {
+            return Err(MergeError::Layers {
+                block: self.block,
+                expected: layers,
+                found: self.layers.len(),
+            });
+        }
+        for film in [&self.sum, &self.squared_difference]
+            .into_iter()
+            .chain(&self.layers)
+        {
             let pixels = u64::from(film.width) * u64::from(film.height);
             if [film.width, film.height] != [width, height] || film.pixels.len() as u64 != pixels {
                 return Err(MergeError::Size {
@@ -207,6 +243,7 @@ fn add_saturating(into: &mut Film, other: &Film) {
 pub struct TreeSum {
     width: u32,
     height: u32,
+    layers: usize,
     /// By first pass. Disjoint; no two are siblings.
     nodes: BTreeMap<u64, Node>,
 }
@@ -217,13 +254,19 @@ impl TreeSum {
         Self {
             width,
             height,
+            layers: 0,
             nodes: BTreeMap::new(),
         }
     }
 
+    /// The same, of passes that have so many layers beside their radiance.
+    pub fn with_layers(self, layers: usize) -> Self {
+        Self { layers, ..self }
+    }
+
     /// Take a block in. On an error nothing has changed.
     pub fn insert(&mut self, node: Node) -> Result<(), MergeError> {
-        node.check(self.width, self.height)?;
+        node.check(self.width, self.height, self.layers)?;
         if let Some(pass_index) = self.first_overlap(node.block) {
             return Err(MergeError::Overlap {
                 block: node.block,
@@ -299,7 +342,7 @@ impl TreeSum {
         if passes > MAX_PASSES {
             return None;
         }
-        let mut total: Option<(Film, Film)> = None;
+        let mut total: Option<Node> = None;
         let mut rest = passes;
         while rest > 0 {
             let level = rest.trailing_zeros();
@@ -308,14 +351,17 @@ impl TreeSum {
                 .nodes
                 .get(&rest)
                 .filter(|node| node.block.level == level)?;
-            let (mut sum, mut difference) = (node.sum.clone(), node.squared_difference.clone());
-            if let Some((right_sum, right_difference)) = &total {
-                add(&mut sum, right_sum);
-                add_saturating(&mut difference, right_difference);
+            let mut node = node.clone();
+            if let Some(right) = &total {
+                add(&mut node.sum, &right.sum);
+                add_saturating(&mut node.squared_difference, &right.squared_difference);
+                for (layer, right) in node.layers.iter_mut().zip(&right.layers) {
+                    add(layer, right);
+                }
             }
-            total = Some((sum, difference));
+            total = Some(node);
         }
-        total.map(|(sum, difference)| Average::new(passes, sum, difference))
+        total.map(|total| Average::new(passes, total))
     }
 }
 
@@ -328,21 +374,31 @@ pub struct Average {
     pub beauty: Film,
     /// Standard error of the mean, per pixel and channel. Infinite for one pass, of which nothing can be said.
     pub standard_error: Film,
+    /// Means of the layers, in the job's order.
+    pub layers: Vec<Film>,
 }
 
 impl Average {
-    /// From the sum of `passes` passes and of the squared differences of neighbours among them.
+    /// From the sums over `passes` passes, whose blocks do not matter any more.
     ///
     /// Passes are not identically distributed (their variance grows with the index), but neighbours nearly are: the
     /// squared difference of passes 2k and 2k + 1 has the mean Var[2k] + Var[2k + 1]. Their sum D over an even number N of
     /// passes estimates the variance of the sum, and the standard error of the mean is sqrt(D) / N. An odd last pass has
     /// no neighbour; it is taken to vary as the others do on average, D * N / (N - 1). Its variance is at most 2 - alpha
     /// times theirs, so the variance of the mean comes out too small by a fraction of (1 - alpha) / N at most.
-    fn new(passes: u64, mut sum: Film, mut difference: Film) -> Self {
+    fn new(passes: u64, total: Node) -> Self {
+        let Node {
+            mut sum,
+            squared_difference: mut difference,
+            mut layers,
+            ..
+        } = total;
         let n = passes as f64;
         let pairs = passes - passes % 2;
-        for pixel in &mut sum.pixels {
-            *pixel = pixel.map(|v| (f64::from(v) / n) as f32);
+        for film in layers.iter_mut().chain([&mut sum]) {
+            for pixel in &mut film.pixels {
+                *pixel = pixel.map(|v| (f64::from(v) / n) as f32);
+            }
         }
         for pixel in &mut difference.pixels {
             *pixel = pixel.map(|d| match pairs {
@@ -354,6 +410,7 @@ impl Average {
             passes,
             beauty: sum,
             standard_error: difference,
+            layers,
         }
     }
 

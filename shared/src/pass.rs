@@ -6,6 +6,7 @@ use crate::beam::trace::{Photons, trace_photons};
 use crate::film::Film;
 use crate::job::PassStats;
 use crate::math::{Rgb, Vec2};
+use crate::parts::{Parts, Recorder};
 use crate::plan::{RenderPlan, Scene};
 use crate::sampler::{Purpose, Sampler, mix64};
 use crate::surface::SurfacePhotonMap;
@@ -17,6 +18,8 @@ use rayon::prelude::*;
 pub struct PassImage {
     /// Radiance.
     pub film: Film,
+    /// What the plan has beside it, in its order.
+    pub layers: Vec<Film>,
     /// Counters.
     pub stats: PassStats,
 }
@@ -58,10 +61,14 @@ pub fn render_pass(scene: &Scene, plan: &RenderPlan, pass_index: u64) -> PassIma
         pass_index,
         chord_key: mix64(mix64(plan.settings.seed) ^ mix64(pass_index) ^ Purpose::Chords as u64),
     };
-    let (film, evaluations) = camera.render();
+    let (film, layers, evaluations) = camera.render();
     stats.beam_evaluations = evaluations;
-    stats.non_finite = film.non_finite();
-    PassImage { film, stats }
+    stats.non_finite = layers.iter().chain([&film]).map(Film::non_finite).sum();
+    PassImage {
+        film,
+        layers,
+        stats,
+    }
 }
 
 struct CameraPass<'a> {
@@ -76,40 +83,61 @@ struct CameraPass<'a> {
 struct Scratch {
     camera: CameraSegments,
     candidates: Candidates,
+    /// By pixel, when the plan has layers.
+    parts: Vec<Parts>,
+    /// Candidates of one group of lights.
+    of_group: Vec<u32>,
+}
+
+/// The pixels of a tile in the order of [`tile_pixel`].
+struct Tile {
+    radiance: [Rgb; TILE_PIXELS],
+    layers: Vec<[[f32; 3]; TILE_PIXELS]>,
+    evaluations: u64,
 }
 
 impl CameraPass<'_> {
-    fn render(&self) -> (Film, u64) {
+    /// Radiance, layers, and the number of beam evaluations.
+    fn render(&self) -> (Film, Vec<Film>, u64) {
         let camera = &self.tracer.scene.description().camera;
         let mut film = Film::new(camera.width, camera.height);
+        let mut layers = vec![film.clone(); self.tracer.plan.layers.layers.len()];
         let columns = camera.width.div_ceil(TILE);
         let rows = camera.height.div_ceil(TILE);
-        let tiles: Vec<(Vec<[f32; 3]>, u64)> = (0..columns * rows)
+        let tiles: Vec<Tile> = (0..columns * rows)
             .into_par_iter()
             .map_init(Scratch::default, |scratch, tile| {
                 self.tile(tile % columns * TILE, tile / columns * TILE, scratch)
             })
             .collect();
         let mut evaluations = 0;
-        for (index, (pixels, count)) in tiles.into_iter().enumerate() {
-            evaluations += count;
+        for (index, tile) in tiles.into_iter().enumerate() {
+            evaluations += tile.evaluations;
             let (x0, y0) = (index as u32 % columns * TILE, index as u32 / columns * TILE);
-            for (i, pixel) in pixels.into_iter().enumerate() {
+            for (i, radiance) in tile.radiance.into_iter().enumerate() {
                 let (x, y) = tile_pixel(i as u32);
                 if x0 + x < camera.width && y0 + y < camera.height {
-                    film.pixels[((y0 + y) * camera.width + x0 + x) as usize] = pixel;
+                    let at = ((y0 + y) * camera.width + x0 + x) as usize;
+                    film.pixels[at] = radiance.to_array();
+                    for (layer, pixels) in layers.iter_mut().zip(&tile.layers) {
+                        layer.pixels[at] = pixels[i];
+                    }
                 }
             }
         }
-        (film, evaluations)
+        (film, layers, evaluations)
     }
 
-    /// The pixels of a tile in the order of [`tile_pixel`], and the number of beam evaluations.
-    fn tile(&self, x0: u32, y0: u32, scratch: &mut Scratch) -> (Vec<[f32; 3]>, u64) {
+    fn tile(&self, x0: u32, y0: u32, scratch: &mut Scratch) -> Tile {
         let scene = self.tracer.scene;
         let camera = &scene.description().camera;
         let mut radiance = [Rgb::ZERO; TILE_PIXELS];
         scratch.camera.clear();
+        let plan = &self.tracer.plan.layers;
+        scratch.parts.clear();
+        if !plan.layers.is_empty() {
+            scratch.parts.resize(TILE_PIXELS, Parts::new(plan.groups()));
+        }
         for (i, value) in radiance.iter_mut().enumerate() {
             let (x, y) = tile_pixel(i as u32);
             let (x, y) = (x0 + x, y0 + y);
@@ -122,7 +150,10 @@ impl CameraPass<'_> {
             let image = Vec2::new(x as f32, y as f32) + sampler.next_2d();
             let ray = camera.ray(image, sampler.next_2d());
             let segments = &mut scratch.camera;
-            *value = self.tracer.trace(ray, i as u16, &mut sampler, segments);
+            let mut record = Recorder::new(plan, scratch.parts.get_mut(i));
+            *value = self
+                .tracer
+                .trace(ray, i as u16, &mut sampler, segments, &mut record);
         }
         let evaluations = match self.beams {
             Some(beams) => {
@@ -131,7 +162,16 @@ impl CameraPass<'_> {
             }
             None => 0,
         };
-        (radiance.iter().map(|c| c.to_array()).collect(), evaluations)
+        let parts = &scratch.parts;
+        let values = |(number, layer)| {
+            let group = plan.group_of_layer(number);
+            std::array::from_fn(|i| parts[i].value(layer, group))
+        };
+        Tile {
+            radiance,
+            layers: plan.layers.iter().enumerate().map(values).collect(),
+            evaluations,
+        }
     }
 
     fn gather_beams(
@@ -141,7 +181,12 @@ impl CameraPass<'_> {
         scratch: &mut Scratch,
         radiance: &mut [Rgb; TILE_PIXELS],
     ) -> u64 {
-        let Scratch { camera, candidates } = scratch;
+        let Scratch {
+            camera,
+            candidates,
+            parts,
+            of_group,
+        } = scratch;
         let CameraSegments { segments, steps } = camera;
         let mut evaluations = 0;
         // Stable: within a run, in the order of pixels.
@@ -160,7 +205,22 @@ impl CameraPass<'_> {
                 let sum = estimate::gather(beams, medium, packet, steps, &candidates.found, key);
                 evaluations += sum.evaluations();
                 for (i, segment) in packet.iter().enumerate() {
-                    radiance[segment.pixel as usize] += segment.beta * sum.of(i);
+                    let scattered = segment.beta * sum.of(i);
+                    radiance[segment.pixel as usize] += scattered;
+                    if let Some(parts) = parts.get_mut(segment.pixel as usize) {
+                        parts.volume += scattered;
+                        parts.beams += sum.beams_of(i);
+                    }
+                }
+                for group in 0..self.tracer.plan.layers.groups() {
+                    let is_of_group =
+                        |i: &&u32| usize::from(beams.beams()[**i as usize].group) == group;
+                    of_group.clear();
+                    of_group.extend(candidates.found.iter().filter(is_of_group));
+                    let sum = estimate::gather(beams, medium, packet, steps, of_group, key);
+                    for (i, segment) in packet.iter().enumerate() {
+                        parts[segment.pixel as usize].groups[group] += segment.beta * sum.of(i);
+                    }
                 }
             }
         }

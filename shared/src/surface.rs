@@ -35,6 +35,8 @@ pub struct SurfacePhoton {
     pub radius: f32,
     /// Its last scattering.
     pub arrival: Arrival,
+    /// Group of the light that it comes from, see [`crate::plan::LayerPlan::group`].
+    pub group: u16,
 }
 
 impl Boundable for SurfacePhoton {
@@ -110,6 +112,7 @@ mod tests {
             power: Rgb::ONE,
             radius: 0.25,
             arrival: Arrival::Specular,
+            group: 0,
         };
         let map = SurfacePhotonMap::new(vec![photon]);
         let n = 400;

@@ -20,9 +20,10 @@ use crate::beam::estimate::{CameraSegment, CameraSegments};
 use crate::beam::trace::{MAX_SURVIVAL, ROULETTE_DEPTH};
 use crate::bsdf::{Bsdf, TransportMode};
 use crate::geometry::SurfaceHit;
-use crate::light::LightHit;
-use crate::math::{Frame, Ray, Rgb, Vec3};
+use crate::light::{LightChoice, LightHit};
+use crate::math::{Frame, Ray, Rgb, Vec2, Vec3};
 use crate::medium::MediumId;
+use crate::parts::{Part, Recorder};
 use crate::plan::{RenderPlan, Scene};
 use crate::sampler::Sampler;
 use crate::surface::{Arrival, SurfacePhotonMap};
@@ -65,6 +66,7 @@ impl CameraTracer<'_> {
         pixel: u16,
         sampler: &mut Sampler,
         out: &mut CameraSegments,
+        record: &mut Recorder<'_>,
     ) -> Rgb {
         let scene = self.scene;
         let mut ray = ray;
@@ -98,9 +100,19 @@ impl CameraTracer<'_> {
                 }
             }
             let Some(hit) = hit else {
+                if record.is_on() {
+                    for &light in &scene.environments {
+                        let environment = scene.environment(light, ray.dir);
+                        record.add(Part::Direct, light, beta * environment);
+                    }
+                }
                 return radiance + beta * scene.environment_radiance(ray.dir);
             };
-            radiance += beta * scene.emitted(&hit, ray.dir);
+            let emitted = beta * scene.emitted(&hit, ray.dir);
+            radiance += emitted;
+            if let Some(light) = scene.objects()[hit.object as usize].light {
+                record.add(Part::Direct, light as usize, emitted);
+            }
             let material = scene.material(&hit);
             if material.is_null() {
                 medium = scene.medium_beyond(&hit, ray.dir, medium);
@@ -117,8 +129,13 @@ impl CameraTracer<'_> {
                 hit: &hit,
                 medium,
             };
+            record.first_surface(|| {
+                let camera = &scene.description().camera;
+                let depth = (hit.point - camera.position).dot(camera.frame.n);
+                (depth, hit.ns, vertex.bsdf.albedo())
+            });
             if !material.is_specular() {
-                return radiance + beta * self.scattered(&vertex, sampler);
+                return radiance + beta * self.scattered(&vertex, sampler, beta, record);
             }
             let u_lobe = sampler.next_1d();
             let mode = TransportMode::Radiance;
@@ -151,27 +168,51 @@ impl CameraTracer<'_> {
         }
     }
 
-    /// Radiance that leaves x towards the camera path, its own emission apart.
-    fn scattered(&self, x: &Vertex, sampler: &mut Sampler) -> Rgb {
+    /// Radiance that leaves x towards the camera path, its own emission apart. `beta`: throughput from the film to x, for
+    /// the record.
+    fn scattered(
+        &self,
+        x: &Vertex,
+        sampler: &mut Sampler,
+        beta: Rgb,
+        record: &mut Recorder<'_>,
+    ) -> Rgb {
         if x.bsdf.is_black() {
             return Rgb::ZERO;
         }
-        let mut radiance = self.light_sample(x, sampler, true);
-        radiance += self.gather_ray(x, sampler);
+        let (mut radiance, light) = self.light_sample(x, sampler, true);
+        record.add(Part::Direct, light, beta * radiance);
+        radiance += self.gather_ray(x, sampler, beta, record);
         if self.plan.photons_at_first_surface {
-            radiance += self.photon_radiance(x, |arrival| arrival != Arrival::Surface);
+            let counts = |arrival| arrival != Arrival::Surface;
+            radiance += self.photon_radiance(x, counts, beta, record);
         }
         radiance
     }
 
-    /// Direct light by sampling a light; `balanced`: weighted against BSDF sampling, which is done as well.
-    fn light_sample(&self, x: &Vertex, sampler: &mut Sampler, balanced: bool) -> Rgb {
-        let scene = self.scene;
-        let choice = scene.selector.sample(sampler.next_1d());
+    /// Direct light by sampling a light, and which; `balanced`: weighted against BSDF sampling, which is done as well.
+    fn light_sample(&self, x: &Vertex, sampler: &mut Sampler, balanced: bool) -> (Rgb, usize) {
+        let choice = self.scene.selector.sample(sampler.next_1d());
         let (u, u_primitive) = (sampler.next_2d(), sampler.next_1d());
-        let Some(choice) = choice else {
-            return Rgb::ZERO;
-        };
+        match choice {
+            Some(choice) => {
+                let radiance = self.light_towards(x, choice, (u, u_primitive), sampler, balanced);
+                (radiance, choice.light)
+            }
+            None => (Rgb::ZERO, 0),
+        }
+    }
+
+    /// Direct light of a chosen light, over the probability of the choice.
+    fn light_towards(
+        &self,
+        x: &Vertex,
+        choice: LightChoice,
+        (u, u_primitive): (Vec2, f32),
+        sampler: &mut Sampler,
+        balanced: bool,
+    ) -> Rgb {
+        let scene = self.scene;
         let light = &scene.lights()[choice.light];
         let Some(direct) = light.sample_direct(scene.objects(), x.hit.point, u, u_primitive) else {
             return Rgb::ZERO;
@@ -202,7 +243,13 @@ impl CameraTracer<'_> {
 
     /// The ray sampled by the BSDF at x: direct light where it meets a light, indirect light where it meets a surface
     /// that is not specular. (What comes from specular surfaces and media is in the photons at x.)
-    fn gather_ray(&self, x: &Vertex, sampler: &mut Sampler) -> Rgb {
+    fn gather_ray(
+        &self,
+        x: &Vertex,
+        sampler: &mut Sampler,
+        beta: Rgb,
+        record: &mut Recorder<'_>,
+    ) -> Rgb {
         let scene = self.scene;
         let u_lobe = sampler.next_1d();
         let mode = TransportMode::Radiance;
@@ -220,6 +267,7 @@ impl CameraTracer<'_> {
         if throughput == Rgb::ZERO {
             return Rgb::ZERO;
         }
+        let beta = beta * throughput;
         let balanced = |light: usize, hit: Option<LightHit>| {
             let pdf = scene.lights()[light].pdf_direct(scene.objects(), x.hit.point, wi, hit);
             power_heuristic(sample.pdf, pdf * scene.selector.pmf(light))
@@ -227,7 +275,9 @@ impl CameraTracer<'_> {
         let Some(hit) = arrived.hit else {
             let mut radiance = Rgb::ZERO;
             for &light in &scene.environments {
-                radiance += scene.environment(light, wi) * balanced(light, None);
+                let environment = scene.environment(light, wi) * balanced(light, None);
+                radiance += environment;
+                record.add(Part::Direct, light, beta * environment);
             }
             return throughput * radiance;
         };
@@ -239,7 +289,9 @@ impl CameraTracer<'_> {
                     normal: hit.ng,
                     distance: arrived.distance,
                 };
-                radiance += emitted * balanced(light as usize, Some(at));
+                let emitted = emitted * balanced(light as usize, Some(at));
+                radiance += emitted;
+                record.add(Part::Direct, light as usize, beta * emitted);
             }
         }
         let material = scene.material(&hit);
@@ -254,15 +306,23 @@ impl CameraTracer<'_> {
                 medium: arrived.medium,
             };
             if !y.bsdf.is_black() {
-                radiance += self.light_sample(&y, sampler, false);
-                radiance += self.photon_radiance(&y, |_| true);
+                let (direct, light) = self.light_sample(&y, sampler, false);
+                radiance += direct;
+                record.add(Part::Surface, light, beta * direct);
+                radiance += self.photon_radiance(&y, |_| true, beta, record);
             }
         }
         throughput * radiance
     }
 
     /// Density estimate over the surface photons around a point.
-    fn photon_radiance(&self, x: &Vertex, counts: impl Fn(Arrival) -> bool) -> Rgb {
+    fn photon_radiance(
+        &self,
+        x: &Vertex,
+        counts: impl Fn(Arrival) -> bool,
+        beta: Rgb,
+        record: &mut Recorder<'_>,
+    ) -> Rgb {
         let mut radiance = Rgb::ZERO;
         let Some(photons) = self.photons else {
             return radiance;
@@ -283,7 +343,9 @@ impl CameraTracer<'_> {
             } else {
                 (wi.z / cos_g).min(MAX_COSINE_RATIO)
             };
-            radiance += f * photon.power * (kernel * cosines);
+            let reflected = f * photon.power * (kernel * cosines);
+            radiance += reflected;
+            record.add_of_group(Part::Surface, photon.group, beta * reflected);
         });
         radiance
     }

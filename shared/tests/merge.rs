@@ -368,7 +368,7 @@ fn the_brightest_passes_stay_finite() {
         }
     });
     let node = sum.nodes().next().unwrap();
-    node.check(1, 1).unwrap();
+    node.check(1, 1, 0).unwrap();
     assert_eq!(node.squared_difference.pixels[0], [f32::MAX; 3]);
     let sum = sum_of(7, |_| MAX_RADIANCE);
     assert_eq!(sum.average().unwrap().beauty.pixels[0], [MAX_RADIANCE; 3]);

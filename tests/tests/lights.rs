@@ -1,6 +1,7 @@
 //! Lights: what they emit, and how they are sampled, against closed forms and against each other.
 
 use beamfarm_shared::geometry::{Geometry, Mesh, Object, Placement, Shape, bounds};
+use beamfarm_shared::layer::LightGroup;
 use beamfarm_shared::light::{
     DirectSample, EmissionSample, EmissionUniforms, Environment, Light, LightHit, LightKind,
     LightSelector, SceneBounds,
@@ -27,7 +28,7 @@ fn light(kind: LightKind) -> Light {
     Light {
         name: String::new(),
         kind,
-        medium: None,
+        group: LightGroup::named(""),
     }
 }
 

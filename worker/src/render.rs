@@ -1,8 +1,8 @@
 //! The rendering threads.
 
 use crate::run::WorkerError;
+use beamfarm_proto::Job;
 use beamfarm_shared::bundle::Bundle;
-use beamfarm_shared::job::JobSettings;
 use beamfarm_shared::pass::{PassImage, render_pass};
 use beamfarm_shared::plan::{RenderPlan, Scene};
 use beamfarm_shared::scene::SceneDescription;
@@ -35,12 +35,9 @@ impl Renderer {
     }
 
     /// Read a scene and build what rendering it needs. The image must have the size that the job says.
-    pub async fn prepare(
-        &self,
-        bundle: Bundle,
-        settings: JobSettings,
-        (width, height): (u32, u32),
-    ) -> Result<Arc<Prepared>, WorkerError> {
+    pub async fn prepare(&self, bundle: Bundle, job: &Job) -> Result<Arc<Prepared>, WorkerError> {
+        let (settings, layers) = (job.settings, job.layers.clone());
+        let (width, height) = (job.width, job.height);
         let prepare = move || {
             let description = SceneDescription::load(&bundle)?;
             let camera = &description.camera;
@@ -52,7 +49,9 @@ impl Renderer {
                 return Err(WorkerError::Refused(message));
             }
             let scene = Scene::new(description);
-            let plan = RenderPlan::new(&scene, settings);
+            let plan = RenderPlan::new(&scene, settings)
+                .with_layers(&scene, &layers)
+                .map_err(|error| WorkerError::Refused(error.to_string()))?;
             Ok(Arc::new(Prepared { scene, plan }))
         };
         match self.run(prepare).await {
@@ -71,7 +70,7 @@ impl Renderer {
         let image = self
             .run(move || render_pass(&prepared.scene, &prepared.plan, pass_index))
             .await?;
-        let bad = image.film.non_finite().max(image.stats.non_finite);
+        let bad = image.stats.non_finite;
         if bad > 0 {
             return Err(format!("{bad} pixel values are not finite"));
         }

@@ -115,8 +115,7 @@ pub async fn run(config: Config, drain: watch::Receiver<bool>) -> Result<Summary
             Some((known, prepared)) if known == job => prepared.clone(),
             _ => {
                 let bundle = fetch(&client, &cache, job).await.map_err(fail)?;
-                let size = (job.width, job.height);
-                let prepared = renderer.prepare(bundle, job.settings, size).await?;
+                let prepared = renderer.prepare(bundle, job).await?;
                 loaded = Some((job.clone(), prepared.clone()));
                 prepared
             }
@@ -356,9 +355,10 @@ async fn encode(
         radius_scale: Schedule::new(&job.settings).scale(block.start()),
         version: VERSION.into(),
     };
+    let layers = job.layers.clone();
     let encoded = tokio::task::spawn_blocking(move || {
-        let node = Node::leaf(block.start(), image.film);
-        encode_block(&node, &meta).map(|bytes| (bytes, image.stats))
+        let node = Node::leaf(block.start(), image.film).with_layers(image.layers);
+        encode_block(&node, &meta, &layers).map(|bytes| (bytes, image.stats))
     });
     match encoded.await {
         Ok(encoded) => encoded.map_err(|error| error.to_string()),

@@ -89,8 +89,8 @@ pub struct PacketRadiance {
 struct GroupRadiance {
     /// Red, green, blue, by lane.
     radiance: [Lanes; 3],
-    /// Pairs that contributed.
-    evaluations: u64,
+    /// Beams that contributed, by lane.
+    evaluations: [u32; LANES],
 }
 
 impl PacketRadiance {
@@ -100,9 +100,15 @@ impl PacketRadiance {
         Rgb::from(radiance.map(|channel| channel[segment % LANES]))
     }
 
+    /// Beams that contributed to one of the segments.
+    pub fn beams_of(&self, segment: usize) -> u32 {
+        self.groups[segment / LANES].evaluations[segment % LANES]
+    }
+
     /// Pairs of beam and segment that contributed.
     pub fn evaluations(&self) -> u64 {
-        self.groups.iter().map(|group| group.evaluations).sum()
+        let lanes = self.groups.iter().flat_map(|group| group.evaluations);
+        lanes.map(u64::from).sum()
     }
 }
 
@@ -434,7 +440,9 @@ impl<'a> Group<'a> {
                 0.0
             };
         }
-        out.evaluations += count as u64;
+        for l in 0..LANES {
+            out.evaluations[l] = out.evaluations[l].wrapping_add(hit[l]);
+        }
         let mut transmitted = [[1.0; LANES]; 3];
         if VARYING && let Some(varying) = &self.varying {
             let at = varying.attenuation::<GREY>(beam, &hit, &along_segment, &along_beam, step);
@@ -478,7 +486,7 @@ impl<'a> Group<'a> {
             let u = (u >> 40) as f32 * (1.0 / (1u32 << 24) as f32);
             let value = self.chord_estimate(beam, l, u);
             if value != Rgb::ZERO {
-                out.evaluations += 1;
+                out.evaluations[l] += 1;
                 for c in 0..3 {
                     out.radiance[c][l] += value[c];
                 }

@@ -95,6 +95,8 @@ struct Photon {
     /// Normal of the surface that the ray starts on, if it does.
     starts_on: Option<Vec3>,
     arrival: Arrival,
+    /// Group of its light.
+    group: u16,
     depth: u32,
 }
 
@@ -143,6 +145,7 @@ impl Tracer<'_> {
             footprint: Footprint::new(emission.dir, radius, spread(emission.pdf_dir, paths)),
             starts_on: emission.normal,
             arrival: Arrival::Direct,
+            group: self.plan.layers.group(choice.light),
             depth: 0,
         })
     }
@@ -225,6 +228,7 @@ impl Tracer<'_> {
             radius,
             radius_slope: slope,
             medium: id,
+            group: photon.group,
             steps: stretch.steps,
         }
     }
@@ -256,6 +260,7 @@ impl Tracer<'_> {
                 power: photon.power,
                 radius: self.plan.radii.surface(photon.footprint.radius()) * self.surface_scale,
                 arrival: photon.arrival,
+                group: photon.group,
             });
         }
         let frame = Frame::from_normal(hit.ns);

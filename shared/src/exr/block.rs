@@ -10,6 +10,7 @@ use super::header::{self, attributes, float_channels, text};
 use crate::error::ImageError;
 use crate::film::Film;
 use crate::job::{Block, SceneHash};
+use crate::layer::Layer;
 use crate::merge::Node;
 use exr::meta::BlockDescription;
 use exr::meta::attribute::{AttributeValue, Compression, LineOrder};
@@ -40,37 +41,62 @@ const ALPHA: &str = "beamfarmAlpha";
 const RADIUS_SCALE: &str = "beamfarmRadiusScale";
 const VERSION: &str = "beamfarmVersion";
 
-/// Sum of radiance in B, G, R; EXR wants channels in the order of their names.
-const LEAF_CHANNELS: [&str; 3] = ["B", "G", "R"];
-/// For more than one pass, with the sum of squared differences of neighbouring passes.
-const NODE_CHANNELS: [&str; 6] = ["B", "G", "R", "variance.B", "variance.G", "variance.R"];
-/// RGB indices in the order of the channels.
-const BGR: [usize; 3] = [2, 1, 0];
 /// Row number and byte count in front of each row.
 const ROW_PREFIX: usize = 8;
 
-fn channels(block: Block) -> &'static [&'static str] {
-    match block.level {
-        0 => &LEAF_CHANNELS,
-        _ => &NODE_CHANNELS,
-    }
+/// A channel, and where its values are.
+struct Channel {
+    name: String,
+    /// 0: the sum, 1: the squared differences, from 2 on the layers.
+    film: usize,
+    /// Of a pixel's three values.
+    component: usize,
 }
 
-fn row_bytes(width: u32, block: Block) -> usize {
-    4 * width as usize * channels(block).len()
+/// The channels of a block image in the order of their names, as EXR wants them.
+fn channels(block: Block, layers: &[Layer]) -> Vec<Channel> {
+    let mut channels = Vec::new();
+    let mut add = |film: usize, prefix: &str, names: &[&str]| {
+        channels.extend(names.iter().enumerate().map(|(component, name)| Channel {
+            name: format!("{prefix}{name}"),
+            film,
+            component,
+        }));
+    };
+    add(0, "", &["R", "G", "B"]);
+    if block.level > 0 {
+        add(1, "variance.", &["R", "G", "B"]);
+    }
+    for (i, layer) in layers.iter().enumerate() {
+        add(2 + i, &format!("{layer}."), layer.channels());
+    }
+    channels.sort_by(|a, b| a.name.cmp(&b.name));
+    channels
+}
+
+fn row_bytes(width: u32, channels: &[Channel]) -> usize {
+    4 * width as usize * channels.len()
 }
 
 /// A block image's size in bytes is at most this. For limits on messages; take the size from the job, not from a message.
-pub fn encoded_size(width: u32, height: u32) -> usize {
-    let row = ROW_PREFIX + 8 + row_bytes(width, Block { level: 1, index: 0 });
-    (height as usize).saturating_mul(row).saturating_add(2048)
+pub fn encoded_size(width: u32, height: u32, layers: &[Layer]) -> usize {
+    let channels = channels(Block { level: 1, index: 0 }, layers);
+    let names: usize = channels.iter().map(|channel| channel.name.len() + 17).sum();
+    let row = ROW_PREFIX + 8 + row_bytes(width, &channels);
+    (height as usize)
+        .saturating_mul(row)
+        .saturating_add(2048 + names)
 }
 
 /// A block as an OpenEXR file: float32, uncompressed, the bits as they are.
 ///
 /// Channels R, G, B hold the sum of the block's passes; variance.R, .G, .B, for more than one pass, the sum of squared
-/// differences of neighbours. Equal arguments give equal bytes.
-pub fn encode_block(node: &Node, meta: &BlockMeta) -> Result<Vec<u8>, ImageError> {
+/// differences of neighbours; the others the sums of the layers. Equal arguments give equal bytes.
+pub fn encode_block(
+    node: &Node,
+    meta: &BlockMeta,
+    layers: &[Layer],
+) -> Result<Vec<u8>, ImageError> {
     if node.block != meta.block {
         return Err(ImageError::Encode {
             field: "block",
@@ -81,30 +107,35 @@ pub fn encode_block(node: &Node, meta: &BlockMeta) -> Result<Vec<u8>, ImageError
         });
     }
     let (width, height) = (node.sum.width, node.sum.height);
-    node.check(width, height)?;
-    let mut bytes = encode_header(width, height, meta)?;
-    let row_bytes = row_bytes(width, meta.block);
+    node.check(width, height, layers.len())?;
+    let channels = channels(meta.block, layers);
+    let mut bytes = encode_header(width, height, meta, &channels)?;
+    let row_bytes = row_bytes(width, &channels);
     bytes.reserve_exact(height as usize * (ROW_PREFIX + row_bytes));
-    let films = [&node.sum, &node.squared_difference];
+    let films: Vec<&Film> = [&node.sum, &node.squared_difference]
+        .into_iter()
+        .chain(&node.layers)
+        .collect();
     for y in 0..height as usize {
         bytes.extend_from_slice(&(y as u32).to_le_bytes());
         bytes.extend_from_slice(&(row_bytes as u32).to_le_bytes());
         let row = y * width as usize..(y + 1) * width as usize;
-        for film in &films[..channels(meta.block).len() / 3] {
-            for c in BGR {
-                bytes.extend(
-                    film.pixels[row.clone()]
-                        .iter()
-                        .flat_map(|pixel| pixel[c].to_le_bytes()),
-                );
-            }
+        for channel in &channels {
+            let pixels = &films[channel.film].pixels[row.clone()];
+            let samples = pixels.iter().map(|pixel| pixel[channel.component]);
+            bytes.extend(samples.flat_map(f32::to_le_bytes));
         }
     }
     Ok(bytes)
 }
 
 /// Header and table of row offsets.
-fn encode_header(width: u32, height: u32, meta: &BlockMeta) -> Result<Vec<u8>, ImageError> {
+fn encode_header(
+    width: u32,
+    height: u32,
+    meta: &BlockMeta,
+    channels: &[Channel],
+) -> Result<Vec<u8>, ImageError> {
     let fits = |n: u32| n > 0 && n <= 1 << 20;
     if !fits(width) || !fits(height) {
         return Err(ImageError::Encode {
@@ -129,7 +160,7 @@ fn encode_header(width: u32, height: u32, meta: &BlockMeta) -> Result<Vec<u8>, I
         ..LayerAttributes::default()
     };
     let header = Header {
-        channels: float_channels(channels(meta.block)),
+        channels: float_channels(channels.iter().map(|channel| channel.name.as_str())),
         compression: Compression::Uncompressed,
         blocks: BlockDescription::ScanLines,
         line_order: LineOrder::Increasing,
@@ -143,14 +174,14 @@ fn encode_header(width: u32, height: u32, meta: &BlockMeta) -> Result<Vec<u8>, I
     };
     let mut bytes = header::encode(&header)?;
     let first_row = bytes.len() + 8 * height as usize;
-    let stride = ROW_PREFIX + row_bytes(width, meta.block);
+    let stride = ROW_PREFIX + row_bytes(width, channels);
     for y in 0..height as usize {
         bytes.extend_from_slice(&((first_row + y * stride) as u64).to_le_bytes());
     }
     Ok(bytes)
 }
 
-/// Read what [`encode_block`] wrote, for images of this size. The bytes need not be trusted.
+/// Read what [`encode_block`] wrote, for images of this size and these layers. The bytes need not be trusted.
 ///
 /// Refuses everything else: another size, other channels or types, compression, unknown attributes, bytes missing or too
 /// many, and values that [`Node::check`] refuses. Whether the metadata are those of the job is the caller's to compare.
@@ -158,8 +189,9 @@ pub fn decode_block(
     bytes: &[u8],
     width: u32,
     height: u32,
+    layers: &[Layer],
 ) -> Result<(Node, BlockMeta), ImageError> {
-    let limit = encoded_size(width, height);
+    let limit = encoded_size(width, height, layers);
     if bytes.len() > limit {
         return Err(ImageError::Block {
             field: "size",
@@ -167,17 +199,19 @@ pub fn decode_block(
         });
     }
     let meta = decode_meta(bytes)?;
-    let expected = encode_header(width, height, &meta)?;
+    let channels = channels(meta.block, layers);
+    let expected = encode_header(width, height, &meta, &channels)?;
     let Some(rows) = bytes.strip_prefix(&expected[..]) else {
         return Err(ImageError::Block {
             field: "header",
             message: format!(
-                "not that of an uncompressed float image of {width} x {height} pixels, {}",
+                "not that of an uncompressed float image of {width} x {height} pixels and {} layers, {}",
+                layers.len(),
                 meta.block
             ),
         });
     };
-    let row_bytes = row_bytes(width, meta.block);
+    let row_bytes = row_bytes(width, &channels);
     let stride = ROW_PREFIX + row_bytes;
     if rows.len() != height as usize * stride {
         return Err(ImageError::Block {
@@ -190,9 +224,7 @@ pub fn decode_block(
         });
     }
 
-    let mut sum = Film::new(width, height);
-    let mut squared_difference = Film::new(width, height);
-    let films = [&mut sum, &mut squared_difference];
+    let mut films = vec![Film::new(width, height); 2 + layers.len()];
     for (y, row) in rows.chunks_exact(stride).enumerate() {
         let (prefix, samples) = row.split_at(ROW_PREFIX);
         if prefix[..4] != (y as u32).to_le_bytes()
@@ -203,20 +235,29 @@ pub fn decode_block(
                 message: format!("row {y} is not where it is expected"),
             });
         }
-        for (i, channel) in samples.chunks_exact(4 * width as usize).enumerate() {
+        for (channel, samples) in channels
+            .iter()
+            .zip(samples.chunks_exact(4 * width as usize))
+        {
             let start = y * width as usize;
-            let pixels = &mut films[i / 3].pixels[start..start + width as usize];
-            for (pixel, sample) in pixels.iter_mut().zip(channel.as_chunks().0) {
-                pixel[BGR[i % 3]] = f32::from_le_bytes(*sample);
+            let pixels = &mut films[channel.film].pixels[start..start + width as usize];
+            for (pixel, sample) in pixels.iter_mut().zip(samples.as_chunks().0) {
+                pixel[channel.component] = f32::from_le_bytes(*sample);
             }
         }
     }
+    let layers = films.split_off(2);
+    let [sum, squared_difference] = films.try_into().map_err(|_| ImageError::Block {
+        field: "channels",
+        message: "none".into(),
+    })?;
     let node = Node {
         block: meta.block,
         sum,
         squared_difference,
+        layers,
     };
-    node.check(width, height)?;
+    node.check(width, height, node.layers.len())?;
     Ok((node, meta))
 }
 
@@ -292,8 +333,17 @@ mod tests {
         film
     }
 
+    fn layers() -> [Layer; 2] {
+        [Layer::Depth, Layer::Albedo]
+    }
+
     fn node(level: u32) -> Node {
-        let leaf = |i: u64| Node::leaf(12 + i, film(5, 4, i as u32));
+        let leaf = |i: u64| {
+            let mut depth = film(5, 4, 100 + i as u32);
+            depth.pixels.iter_mut().for_each(|p| *p = [p[0], 0.0, 0.0]);
+            let layers = vec![depth, film(5, 4, 200 + i as u32)];
+            Node::leaf(12 + i, film(5, 4, i as u32)).with_layers(layers)
+        };
         match level {
             0 => leaf(0),
             1 => Node::join(leaf(0), leaf(1)).unwrap(),
@@ -317,7 +367,7 @@ mod tests {
 
     fn encoded(level: u32) -> Vec<u8> {
         let node = node(level);
-        encode_block(&node, &meta(node.block)).unwrap()
+        encode_block(&node, &meta(node.block), &layers()).unwrap()
     }
 
     #[test]
@@ -326,9 +376,9 @@ mod tests {
             let mut node = node(level);
             node.sum.pixels[0] = [-0.0, f32::from_bits(1), f32::MIN_POSITIVE];
             let meta = meta(node.block);
-            let bytes = encode_block(&node, &meta).unwrap();
-            assert!(bytes.len() <= encoded_size(5, 4));
-            let (decoded, decoded_meta) = decode_block(&bytes, 5, 4).unwrap();
+            let bytes = encode_block(&node, &meta, &layers()).unwrap();
+            assert!(bytes.len() <= encoded_size(5, 4, &layers()));
+            let (decoded, decoded_meta) = decode_block(&bytes, 5, 4, &layers()).unwrap();
             assert_eq!(decoded_meta, meta);
             assert_eq!(decoded.block, node.block);
             let bits = |film: &Film| {
@@ -343,7 +393,11 @@ mod tests {
                 bits(&decoded.squared_difference),
                 bits(&node.squared_difference)
             );
-            assert_eq!(encode_block(&decoded, &decoded_meta).unwrap(), bytes);
+            assert_eq!(decoded.layers, node.layers);
+            assert_eq!(
+                encode_block(&decoded, &decoded_meta, &layers()).unwrap(),
+                bytes
+            );
         }
     }
 
@@ -351,7 +405,7 @@ mod tests {
     #[test]
     fn other_readers_agree() {
         let node = node(2);
-        let bytes = encode_block(&node, &meta(node.block)).unwrap();
+        let bytes = encode_block(&node, &meta(node.block), &layers()).unwrap();
         let reader = exr::image::read::read()
             .no_deep_data()
             .largest_resolution_level()
@@ -367,17 +421,20 @@ mod tests {
         for channel in &image.layer_data.channel_data.list {
             let name = channel.name.to_string();
             let (prefix, colour) = name.split_at(name.len() - 1);
-            let film = if prefix.is_empty() {
-                &node.sum
-            } else {
-                &node.squared_difference
+            let film = match prefix {
+                "" => &node.sum,
+                "variance." => &node.squared_difference,
+                "depth." => &node.layers[0],
+                _ => &node.layers[1],
             };
-            let c = "RGB".find(colour).unwrap();
+            let c = "RGB".find(colour).unwrap_or(0);
             let expected = film.pixels.iter().map(|pixel| pixel[c]).collect();
             assert_eq!(channel.sample_data, FlatSamples::F32(expected), "{name}");
             names.push(name);
         }
-        assert_eq!(names, NODE_CHANNELS);
+        #[rustfmt::skip]
+        let expected = ["B", "G", "R", "albedo.B", "albedo.G", "albedo.R", "depth.Z", "variance.B", "variance.G", "variance.R"];
+        assert_eq!(names, expected);
         let seed = &image.layer_data.attributes.other[&exr::prelude::Text::from(SEED)];
         assert_eq!(*seed, AttributeValue::Text("18446744073709551614".into()));
     }
@@ -386,19 +443,22 @@ mod tests {
     #[test]
     fn a_changed_byte_is_noticed_outside_of_values() {
         let bytes = encoded(1);
-        let (node, meta) = decode_block(&bytes, 5, 4).unwrap();
-        let pixels = 4 * (ROW_PREFIX + row_bytes(5, node.block));
+        let (node, meta) = decode_block(&bytes, 5, 4, &layers()).unwrap();
+        let pixels = 4 * (ROW_PREFIX + row_bytes(5, &channels(node.block, &layers())));
         for i in 0..bytes.len() {
             for flip in [1, 0x80, 0xff] {
                 let mut changed = bytes.clone();
                 changed[i] ^= flip;
                 let in_header = i < bytes.len() - pixels;
-                if let Ok((other, other_meta)) = decode_block(&changed, 5, 4) {
+                if let Ok((other, other_meta)) = decode_block(&changed, 5, 4, &layers()) {
                     assert!(
                         in_header == (other_meta != meta) && in_header == (other == node),
                         "byte {i}"
                     );
-                    assert_eq!(encode_block(&other, &other_meta).unwrap(), changed);
+                    assert_eq!(
+                        encode_block(&other, &other_meta, &layers()).unwrap(),
+                        changed
+                    );
                 }
             }
         }
@@ -408,11 +468,14 @@ mod tests {
     fn a_cut_or_grown_file_is_refused() {
         let bytes = encoded(1);
         for len in 0..bytes.len() {
-            assert!(decode_block(&bytes[..len], 5, 4).is_err(), "{len} bytes");
+            assert!(
+                decode_block(&bytes[..len], 5, 4, &layers()).is_err(),
+                "{len} bytes"
+            );
         }
         let grown = [&bytes[..], &[0]].concat();
-        assert!(decode_block(&grown, 5, 4).is_err());
-        assert!(decode_block(&vec![0; 1 << 20], 5, 4).is_err());
+        assert!(decode_block(&grown, 5, 4, &layers()).is_err());
+        assert!(decode_block(&vec![0; 1 << 20], 5, 4, &layers()).is_err());
     }
 
     #[test]
@@ -427,7 +490,9 @@ mod tests {
             (0, 4),
             (u32::MAX, 1),
         ] {
-            let error = decode_block(&bytes, width, height).unwrap_err().to_string();
+            let error = decode_block(&bytes, width, height, &layers())
+                .unwrap_err()
+                .to_string();
             assert!(
                 error.contains("header") || error.contains("size"),
                 "{error}"
@@ -438,13 +503,15 @@ mod tests {
     #[test]
     fn values_that_are_not_finite_are_refused() {
         let bytes = encoded(0);
-        let pixels = 4 * (ROW_PREFIX + row_bytes(5, Block::leaf(0)));
+        let pixels = 4 * (ROW_PREFIX + row_bytes(5, &channels(Block::leaf(0), &layers())));
         // Row 2, channel G, column 3.
-        let at = bytes.len() - pixels + 2 * (ROW_PREFIX + 60) + ROW_PREFIX + 20 + 4 * 3;
+        let at = bytes.len() - pixels + 2 * (ROW_PREFIX + 140) + ROW_PREFIX + 20 + 4 * 3;
         for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, f32::MAX] {
             let mut changed = bytes.clone();
             changed[at..at + 4].copy_from_slice(&bad.to_le_bytes());
-            let error = decode_block(&changed, 5, 4).unwrap_err().to_string();
+            let error = decode_block(&changed, 5, 4, &layers())
+                .unwrap_err()
+                .to_string();
             assert_eq!(
                 error,
                 "pass 12: 1 values are NaN, infinite or out of range, first at x = 3, y = 2"
@@ -454,7 +521,7 @@ mod tests {
 
     #[test]
     fn metadata_of_another_block_are_refused() {
-        let error = encode_block(&node(0), &meta(Block::leaf(13))).unwrap_err();
+        let error = encode_block(&node(0), &meta(Block::leaf(13)), &layers()).unwrap_err();
         assert_eq!(
             error.to_string(),
             "cannot encode block: metadata says pass 13, the image holds pass 12"

@@ -5,8 +5,9 @@ use exr::meta::attribute::{AttributeValue, ChannelDescription, ChannelList, Samp
 use exr::meta::header::Header;
 use std::collections::HashMap;
 
-/// Longest header that is looked at, in bytes. Those written here take about one kilobyte.
-const MAX_HEADER: usize = 16 * 1024;
+/// Longest header that is looked at, in bytes. Those written here take about one kilobyte, and up to three hundred bytes a
+/// layer.
+const MAX_HEADER: usize = 128 * 1024;
 /// Magic number and version field.
 const PREAMBLE: usize = 8;
 
@@ -37,9 +38,9 @@ pub(super) fn attributes(
 }
 
 /// Channels of f32 under these names, which must be sorted.
-pub(super) fn float_channels(names: &[&str]) -> ChannelList {
-    let channel = |name: &&str| ChannelDescription::named(*name, SampleType::F32);
-    ChannelList::new(names.iter().map(channel).collect())
+pub(super) fn float_channels<'a>(names: impl Iterator<Item = &'a str>) -> ChannelList {
+    let channel = |name| ChannelDescription::named(name, SampleType::F32);
+    ChannelList::new(names.map(channel).collect())
 }
 
 /// Bytes of a file with this header and no pixels, attributes in the order of their names.

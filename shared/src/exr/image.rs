@@ -5,7 +5,8 @@ use crate::atomic;
 use crate::error::ImageError;
 use crate::film::Film;
 use crate::job::{JobSettings, SceneHash};
-use crate::merge::Average;
+use crate::layer;
+use crate::merge::{Average, Node};
 use exr::image::write::WritableImage;
 use exr::image::{AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer};
 use exr::meta::attribute::{AttributeValue, Compression, LineOrder};
@@ -15,7 +16,7 @@ use std::io::Cursor;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
-/// What a final image says about itself, beside its number of passes and its error.
+/// What a final image says about itself, beside its number of passes and its error, and what it holds.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ImageMeta {
     /// The scene.
@@ -26,9 +27,14 @@ pub struct ImageMeta {
     pub render_seconds: f64,
     /// Version of the program.
     pub version: String,
+    /// Names of the average's layers.
+    pub layers: Vec<layer::Layer>,
+    /// Whether the standard error is written as well.
+    pub standard_error: bool,
 }
 
-/// Write the final image: R, G, B the mean radiance, stderr.R, .G, .B its standard error, float32, lossless ZIP.
+/// Write the final image: R, G, B the mean radiance; when asked for, stderr.R, .G, .B its standard error, and the layers;
+/// float32, lossless ZIP.
 ///
 /// Apart from the attribute `beamfarmRenderSeconds` the file is the same bytes whenever the average and the job are.
 pub fn write_image(path: &Path, average: &Average, meta: &ImageMeta) -> Result<(), ImageError> {
@@ -38,26 +44,35 @@ pub fn write_image(path: &Path, average: &Average, meta: &ImageMeta) -> Result<(
 fn encode_image(average: &Average, meta: &ImageMeta) -> Result<Vec<u8>, ImageError> {
     let beauty = &average.beauty;
     let size = Vec2(beauty.width as usize, beauty.height as usize);
-    let films = [("", beauty), ("stderr.", &average.standard_error)];
-    if size.area() == 0
-        || films
-            .iter()
-            .any(|(_, film)| film.pixels.len() != size.area())
-    {
+    const RGB: &[&str] = &["R", "G", "B"];
+    let mut films = vec![(String::new(), RGB, beauty)];
+    if meta.standard_error {
+        films.push(("stderr.".into(), RGB, &average.standard_error));
+    }
+    for (layer, film) in meta.layers.iter().zip(&average.layers) {
+        films.push((format!("{layer}."), layer.channels(), film));
+    }
+    let bad_size = |(_, _, film): &(String, &[&str], &Film)| film.pixels.len() != size.area();
+    if size.area() == 0 || films.iter().any(bad_size) || meta.layers.len() != average.layers.len() {
         return Err(ImageError::Encode {
             field: "size",
-            message: format!("{} x {} pixels", size.0, size.1),
+            message: format!(
+                "{} x {} pixels, {} layers",
+                size.0,
+                size.1,
+                average.layers.len()
+            ),
         });
     }
-    let channel = |prefix: &str, film: &Film, c: usize| {
-        let samples = film.pixels.iter().map(|pixel| pixel[c]).collect();
-        AnyChannel::new(
-            format!("{prefix}{}", ["R", "G", "B"][c]).as_str(),
-            FlatSamples::F32(samples),
-        )
-    };
-    let each = |(prefix, film)| (0..3).map(move |c| channel(prefix, film, c));
-    let channels = AnyChannels::sort(films.into_iter().flat_map(each).collect());
+    let mut channels = Vec::new();
+    for (prefix, names, film) in films {
+        for (c, name) in names.iter().enumerate() {
+            let samples = film.pixels.iter().map(|pixel| pixel[c]).collect();
+            let name = format!("{prefix}{name}");
+            channels.push(AnyChannel::new(name.as_str(), FlatSamples::F32(samples)));
+        }
+    }
+    let channels = AnyChannels::sort(channels.into_iter().collect());
 
     let settings = &meta.settings;
     let number = |n: u64| text("number", &n.to_string());
@@ -181,7 +196,24 @@ fn decode_rgb_trusting(bytes: &[u8]) -> Result<Film, String> {
 /// BLAKE3, in hexadecimal, of width, height and the pixels' bits, all little-endian. Equal for equal pictures, whatever
 /// file they are in.
 pub fn pixel_hash(film: &Film) -> String {
+    hash_of([film]).to_string()
+}
+
+/// The same over the sum of a block and its layers, one after another: for a block without layers, the bytes of its
+/// [`pixel_hash`].
+pub fn node_hash(node: &Node) -> [u8; 32] {
+    *hash_of([&node.sum].into_iter().chain(&node.layers)).as_bytes()
+}
+
+fn hash_of<'a>(films: impl IntoIterator<Item = &'a Film>) -> blake3::Hash {
     let mut hasher = blake3::Hasher::new();
+    films
+        .into_iter()
+        .for_each(|film| add_to_hash(film, &mut hasher));
+    hasher.finalize()
+}
+
+fn add_to_hash(film: &Film, hasher: &mut blake3::Hasher) {
     hasher.update(&film.width.to_le_bytes());
     hasher.update(&film.height.to_le_bytes());
     let mut row = Vec::new();
@@ -195,23 +227,24 @@ pub fn pixel_hash(film: &Film) -> String {
         );
         hasher.update(&row);
     }
-    hasher.finalize().to_string()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::job::ScheduleKind;
-    use crate::merge::{Node, TreeSum};
+    use crate::merge::TreeSum;
 
     fn average() -> Average {
-        let mut sum = TreeSum::new(7, 5);
+        let mut sum = TreeSum::new(7, 5).with_layers(2);
         for pass in 0..3u32 {
             let mut film = Film::new(7, 5);
             for (i, value) in film.pixels.iter_mut().flatten().enumerate() {
                 *value = 1.0 / (i as u32 * 7 + pass * 3 + 1) as f32;
             }
-            sum.insert(Node::leaf(pass.into(), film)).unwrap();
+            let layers = vec![film.clone(), film.clone()];
+            let leaf = Node::leaf(pass.into(), film).with_layers(layers);
+            sum.insert(leaf).unwrap();
         }
         sum.average().unwrap()
     }
@@ -228,6 +261,8 @@ mod tests {
             },
             render_seconds: 1.5,
             version: "0.1.0".into(),
+            layers: vec![layer::Layer::Depth, layer::Layer::Normal],
+            standard_error: true,
         }
     }
 
@@ -246,14 +281,19 @@ mod tests {
             .iter()
             .map(|channel| channel.name.to_string())
             .collect();
-        assert_eq!(names, ["B", "G", "R", "stderr.B", "stderr.G", "stderr.R"]);
+        #[rustfmt::skip]
+        let expected =
+            ["B", "G", "R", "depth.Z", "normal.X", "normal.Y", "normal.Z", "stderr.B", "stderr.G", "stderr.R"];
+        assert_eq!(names, expected);
         let red: Vec<f32> = average
             .standard_error
             .pixels
             .iter()
             .map(|pixel| pixel[0])
             .collect();
-        assert_eq!(channels[5].sample_data, FlatSamples::F32(red));
+        assert_eq!(channels[9].sample_data, FlatSamples::F32(red));
+        let depth = average.layers[0].pixels.iter().map(|pixel| pixel[0]);
+        assert_eq!(channels[3].sample_data, FlatSamples::F32(depth.collect()));
 
         let attributes = &image.layer_data.attributes;
         assert_eq!(attributes.software_name, Some("beamfarm 0.1.0".into()));

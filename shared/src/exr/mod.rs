@@ -5,4 +5,4 @@ mod header;
 mod image;
 
 pub use block::{BlockMeta, decode_block, encode_block, encoded_size};
-pub use image::{ImageMeta, decode_rgb, pixel_hash, read_rgb, write_image};
+pub use image::{ImageMeta, decode_rgb, node_hash, pixel_hash, read_rgb, write_image};

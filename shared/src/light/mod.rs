@@ -11,18 +11,18 @@ pub use environment::{Environment, EnvironmentSample};
 pub use selector::{LightChoice, LightSelector};
 
 use crate::geometry::Object;
+use crate::layer::LightGroup;
 use crate::math::{Frame, PI, Rgb, Vec2, Vec3};
-use crate::medium::MediumId;
 
-/// A light and the medium that its emission starts in.
+/// A light.
 #[derive(Clone, Debug)]
 pub struct Light {
     /// Name in the scene file, for messages.
     pub name: String,
     /// The kind and its parameters.
     pub kind: LightKind,
-    /// Medium around a point or spot light.
-    pub medium: MediumId,
+    /// The lights that share a layer with this one.
+    pub group: LightGroup,
 }
 
 /// The kinds of lights. All values linear RGB.

@@ -85,6 +85,7 @@ pub fn spec(passes: u64) -> JobSpec {
         settings: settings(),
         width: WIDTH,
         height: HEIGHT,
+        layers: Vec::new(),
         passes,
     }
 }
@@ -310,7 +311,7 @@ impl RawWorker {
 }
 
 pub fn encode(node: &Node, meta: &BlockMeta) -> Vec<u8> {
-    encode_block(node, meta).unwrap()
+    encode_block(node, meta, &[]).unwrap()
 }
 
 /// A picture for a pass that nobody has to render: noise, the same whenever it is asked for.

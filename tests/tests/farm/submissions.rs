@@ -83,7 +83,7 @@ async fn rubbish() {
 
 #[tokio::test]
 async fn more_than_a_picture_can_hold() {
-    let size = encoded_size(WIDTH, HEIGHT) + 1;
+    let size = encoded_size(WIDTH, HEIGHT, &[]) + 1;
     refused(Code::InvalidArgument, "bytes", |_, _| vec![0; size]).await;
 }
 

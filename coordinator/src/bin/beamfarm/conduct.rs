@@ -113,6 +113,8 @@ async fn write(
                 settings: farm.job().settings,
                 render_seconds: elapsed.as_secs_f64(),
                 version: VERSION.into(),
+                layers: farm.job().layers.clone(),
+                standard_error: output.standard_error,
             };
             output.write(average, &meta, exposure)?;
         }

@@ -15,7 +15,9 @@ pub fn main(args: ExplainArgs) -> Result<(), Failure> {
     let loaded = args.settings.load()?;
     let hash = loaded.bundle.hash();
     let scene = Scene::new(loaded.description);
-    let plan = RenderPlan::new(&scene, loaded.settings);
+    let plan = RenderPlan::new(&scene, loaded.settings)
+        .with_layers(&scene, &loaded.layers)
+        .map_err(Failure::usage)?;
     println!("scene {hash}");
     print!("{plan}");
     Ok(())

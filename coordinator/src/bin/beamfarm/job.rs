@@ -5,8 +5,10 @@ use beamfarm_coordinator::JobSpec;
 use beamfarm_shared::bundle::Bundle;
 use beamfarm_shared::error::SceneError;
 use beamfarm_shared::job::{JobSettings, MAX_PASSES};
+use beamfarm_shared::layer::{Layer, MAX_LAYERS};
+use beamfarm_shared::plan::light_layers;
 use beamfarm_shared::scene::{RenderDefaults, SceneDescription, read_bundle};
-use clap::Args;
+use clap::{Args, ValueEnum};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -27,6 +29,58 @@ pub struct SettingsArgs {
     /// How quickly radii shrink, between 0 and 1: small values remove blur sooner, large ones noise [default: the scene's]
     #[arg(long, value_name = "A")]
     pub alpha: Option<f64>,
+
+    /// Layers to render as well, into the same EXR. Repeat it, or separate them by commas
+    #[arg(long, value_name = "LAYER", value_enum, value_delimiter = ',')]
+    pub aov: Vec<Aov>,
+}
+
+/// What `--aov` takes.
+#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+#[value(rename_all = "snake_case")]
+pub enum Aov {
+    /// Z: distance of the first surface along the camera's axis, scene units; 0 where there is none
+    Depth,
+    /// X, Y, Z: its shading normal, world space
+    Normal,
+    /// R, G, B: its reflectance
+    Albedo,
+    /// R, G, B: lights that are seen, and surfaces that are lit straight by lights
+    Direct,
+    /// R, G, B: all other light of surfaces. The beauty is direct + surface + volume
+    Surface,
+    /// R, G, B: light that media scatter towards the camera
+    Volume,
+    /// light_NAME.R, G, B for each group of lights: what comes from it. The beauty is their sum
+    Lights,
+    /// R, G, B: standard error of the beauty
+    Stderr,
+    /// Y: photon beams that a pass finds in the pixel
+    BeamDensity,
+    /// All of them
+    All,
+}
+
+impl Aov {
+    fn all(asked: &[Self]) -> Vec<Self> {
+        let wanted = |aov: &Self| asked.contains(aov) || asked.contains(&Self::All);
+        let kinds = Self::value_variants().iter().copied();
+        kinds.filter(wanted).collect()
+    }
+
+    fn layers(self, description: &SceneDescription) -> Vec<Layer> {
+        match self {
+            Self::Depth => vec![Layer::Depth],
+            Self::Normal => vec![Layer::Normal],
+            Self::Albedo => vec![Layer::Albedo],
+            Self::Direct => vec![Layer::Direct],
+            Self::Surface => vec![Layer::Surface],
+            Self::Volume => vec![Layer::Volume],
+            Self::Lights => light_layers(description),
+            Self::BeamDensity => vec![Layer::BeamDensity],
+            Self::Stderr | Self::All => Vec::new(),
+        }
+    }
 }
 
 impl SettingsArgs {
@@ -47,7 +101,21 @@ impl SettingsArgs {
             ..defaults.job_settings()
         };
         settings.check().map_err(Failure::usage)?;
+        let aovs = Aov::all(&self.aov);
+        let layers: Vec<Layer> = aovs
+            .iter()
+            .flat_map(|aov| aov.layers(&description))
+            .collect();
+        if layers.len() > MAX_LAYERS {
+            return Err(Failure::usage(format!(
+                "--aov lights: the scene has so many lights that there would be {} layers; expected at most {MAX_LAYERS}. \
+                 Give lights that belong together the same `group`",
+                layers.len()
+            )));
+        }
         Ok(Loaded {
+            layers,
+            standard_error: aovs.contains(&Aov::Stderr),
             bundle,
             description,
             defaults,
@@ -62,6 +130,10 @@ pub struct Loaded {
     pub description: SceneDescription,
     pub defaults: RenderDefaults,
     pub settings: JobSettings,
+    /// Layers that were asked for.
+    pub layers: Vec<Layer>,
+    /// Whether the standard error was asked for.
+    pub standard_error: bool,
 }
 
 /// A job: its settings, when it ends, and where its image goes.
@@ -113,6 +185,7 @@ impl JobArgs {
             settings: loaded.settings,
             width: camera.width,
             height: camera.height,
+            layers: loaded.layers,
             passes,
             bundle: loaded.bundle,
         }

@@ -13,12 +13,14 @@ use std::path::{Path, PathBuf};
 pub struct Output {
     pub exr: PathBuf,
     pub png: PathBuf,
+    /// Whether the EXR gets the standard error.
+    pub standard_error: bool,
 }
 
 impl Output {
     /// The files that were asked for, or those named after the scene. Checks that they can be written, so that nobody
     /// learns after a night that they cannot.
-    pub fn new(asked: Option<&Path>, scene: &Path) -> Result<Self, Failure> {
+    pub fn new(asked: Option<&Path>, scene: &Path, standard_error: bool) -> Result<Self, Failure> {
         let exr = match asked {
             Some(path) => path.to_owned(),
             None => {
@@ -42,7 +44,11 @@ impl Output {
             return Err(Failure::usage(message));
         }
         let png = exr.with_extension("png");
-        Ok(Self { exr, png })
+        Ok(Self {
+            exr,
+            png,
+            standard_error,
+        })
     }
 
     /// Write both.

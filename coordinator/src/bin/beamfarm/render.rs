@@ -36,7 +36,11 @@ pub struct RenderArgs {
 pub fn main(args: RenderArgs, log: Option<&str>) -> Result<(), Failure> {
     let loaded = args.job.settings.load()?;
     let exposure = args.job.exposure(&loaded)?;
-    let output = Output::new(args.job.output.as_deref(), &args.job.settings.scene)?;
+    let output = Output::new(
+        args.job.output.as_deref(),
+        &args.job.settings.scene,
+        loaded.standard_error,
+    )?;
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let (workers, threads) = local::split(
         args.workers.map(usize::from),

@@ -8,7 +8,7 @@ use beamfarm_shared::exr::{BlockMeta, encode_block, pixel_hash};
 use beamfarm_shared::job::{Block, MAX_PASSES};
 use beamfarm_shared::merge::Node;
 use beamfarm_shared::pass::render_pass;
-use beamfarm_shared::plan::{RenderPlan, Scene};
+use beamfarm_shared::plan::{NoSuchGroup, RenderPlan, Scene};
 use beamfarm_shared::radius::Schedule;
 use clap::Args;
 use std::path::PathBuf;
@@ -42,22 +42,27 @@ pub struct ReplayArgs {
 
 pub fn main(args: ReplayArgs) -> Result<(), Failure> {
     let loaded = args.settings.load()?;
+    if loaded.standard_error {
+        let message = "--aov stderr: one pass tells nothing about its error";
+        return Err(Failure::usage(message));
+    }
     let output = match &args.output {
-        Some(path) => Some(Output::new(Some(path), &args.settings.scene)?),
+        Some(path) => Some(Output::new(Some(path), &args.settings.scene, false)?),
         None => None,
     };
     // Zero threads stand for one per core.
     let threads = args.threads.map_or(0, usize::from);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
     let pool = pool.map_err(Failure::io)?;
-    let (settings, hash) = (loaded.settings, loaded.bundle.hash());
-    let (image, seconds) = pool.install(|| {
+    let (settings, layers, hash) = (loaded.settings, loaded.layers, loaded.bundle.hash());
+    let rendered = pool.install(|| {
         let scene = Scene::new(loaded.description);
-        let plan = RenderPlan::new(&scene, settings);
+        let plan = RenderPlan::new(&scene, settings).with_layers(&scene, &layers)?;
         let begun = Instant::now();
         let image = render_pass(&scene, &plan, args.pass);
-        (image, begun.elapsed().as_secs_f64())
+        Ok::<_, NoSuchGroup>((image, begun.elapsed().as_secs_f64()))
     });
+    let (image, seconds) = rendered.map_err(Failure::usage)?;
     println!("pass {} pixels {}", args.pass, pixel_hash(&image.film));
     let stats = image.stats;
     println!(
@@ -67,7 +72,7 @@ pub fn main(args: ReplayArgs) -> Result<(), Failure> {
     if stats.beams > 0 {
         println!("{:.0} bytes a beam", stats.bytes_per_beam());
     }
-    let bad = image.film.non_finite().max(stats.non_finite);
+    let bad = stats.non_finite;
     if bad > 0 {
         return Err(Failure::job(format!("{bad} pixel values are not finite")));
     }
@@ -80,7 +85,8 @@ pub fn main(args: ReplayArgs) -> Result<(), Failure> {
             radius_scale: Schedule::new(&settings).scale(args.pass),
             version: VERSION.into(),
         };
-        let bytes = encode_block(&Node::leaf(args.pass, image.film), &meta)?;
+        let node = Node::leaf(args.pass, image.film).with_layers(image.layers);
+        let bytes = encode_block(&node, &meta, &layers)?;
         std::fs::write(&output.exr, bytes)
             .map_err(|error| Failure::io(format!("{}: {error}", output.exr.display())))?;
     }

@@ -31,7 +31,11 @@ pub struct ServeArgs {
 pub fn main(args: ServeArgs) -> Result<(), Failure> {
     let loaded = args.job.settings.load()?;
     let exposure = args.job.exposure(&loaded)?;
-    let output = Output::new(args.job.output.as_deref(), &args.job.settings.scene)?;
+    let output = Output::new(
+        args.job.output.as_deref(),
+        &args.job.settings.scene,
+        loaded.standard_error,
+    )?;
     let spec = args.job.spec(loaded);
     let runtime = tokio::runtime::Runtime::new().map_err(Failure::io)?;
     runtime.block_on(async {

@@ -1,6 +1,7 @@
 //! Lights that are not surfaces.
 
 use super::{Parts, Problem, asset_problem, check_reach, required};
+use crate::layer::LightGroup;
 use crate::light::{Environment, Light, LightKind};
 use crate::math::{Frame, Rgb};
 use crate::medium::Medium;
@@ -22,13 +23,12 @@ impl Parts<'_> {
         for (i, record) in records.iter().enumerate() {
             // A light that is turned off is no light.
             if let Some(kind) = self.light_kind(record)? {
+                let name = record.name.clone();
+                let name = name.unwrap_or_else(|| format!("lights[{i}]"));
                 self.lights.push(Light {
-                    name: record
-                        .name
-                        .clone()
-                        .unwrap_or_else(|| format!("lights[{i}]")),
+                    group: LightGroup::named(record.group.as_deref().unwrap_or(&name)),
+                    name,
                     kind,
-                    medium: self.world_medium,
                 });
             }
         }

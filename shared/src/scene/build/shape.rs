@@ -4,6 +4,7 @@ use super::{Parts, Problem, asset_problem, check_reach, required};
 use crate::bsdf::MaterialKind;
 use crate::geometry::shape::Placement;
 use crate::geometry::{Boundary, Mesh, Object, Shape, accel};
+use crate::layer::LightGroup;
 use crate::light::{Light, LightKind};
 use crate::math::Rgb;
 use crate::scene::assets::mesh::RawMesh;
@@ -249,13 +250,14 @@ impl Parts<'_> {
         if radiance == Rgb::ZERO {
             return Ok(None);
         }
+        let group = emission.get_ref().group.as_deref().unwrap_or(name);
         self.lights.push(Light {
             name: name.to_string(),
+            group: LightGroup::named(group),
             kind: LightKind::Area {
                 object: self.objects.len() as u32,
                 radiance,
             },
-            medium: surface.boundary.map_or(self.world_medium, |b| b.exterior),
         });
         Ok(Some((self.lights.len() - 1) as u32))
     }

@@ -10,6 +10,7 @@ use toml::Spanned;
 #[serde(deny_unknown_fields)]
 pub struct LightRecord {
     pub name: Option<String>,
+    pub group: Option<String>,
     #[serde(rename = "type")]
     pub kind: Spanned<LightType>,
     pub position: Option<Spanned<Vector>>,

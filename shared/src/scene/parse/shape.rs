@@ -91,4 +91,5 @@ impl ShapeType {
 pub struct EmissionRecord {
     pub radiance: Option<Color<NonNegative>>,
     pub power: Option<Color<NonNegative>>,
+    pub group: Option<String>,
 }

@@ -1,0 +1,110 @@
+//! What a camera path adds to the layers that were asked for, beside its radiance.
+
+use crate::layer::Layer;
+use crate::math::{Rgb, Vec3};
+use crate::plan::LayerPlan;
+
+/// One pixel's values of all layers in one pass.
+#[derive(Clone, Debug, Default)]
+pub struct Parts {
+    /// Distance of the first surface along the camera's axis, its shading normal, and its albedo.
+    pub first: Option<(f32, Vec3, Rgb)>,
+    /// See [`Layer::Direct`].
+    pub direct: Rgb,
+    /// See [`Layer::Surface`].
+    pub surface: Rgb,
+    /// See [`Layer::Volume`].
+    pub volume: Rgb,
+    /// By group of lights.
+    pub groups: Vec<Rgb>,
+    /// Photon beams that contributed.
+    pub beams: u32,
+}
+
+impl Parts {
+    /// Nothing yet, for so many groups.
+    pub fn new(groups: usize) -> Self {
+        Self {
+            groups: vec![Rgb::ZERO; groups],
+            ..Self::default()
+        }
+    }
+
+    /// The value of a layer; of a group's, with the group's number.
+    pub fn value(&self, layer: &Layer, group: Option<usize>) -> [f32; 3] {
+        let first =
+            |value: fn(&(f32, Vec3, Rgb)) -> Vec3| self.first.as_ref().map_or(Vec3::ZERO, value);
+        let value = match layer {
+            Layer::Depth => first(|f| Vec3::new(f.0, 0.0, 0.0)),
+            Layer::Normal => first(|f| f.1),
+            Layer::Albedo => first(|f| f.2),
+            Layer::Direct => self.direct,
+            Layer::Surface => self.surface,
+            Layer::Volume => self.volume,
+            Layer::Light(_) => group
+                .and_then(|g| self.groups.get(g))
+                .copied()
+                .unwrap_or_default(),
+            Layer::BeamDensity => Vec3::new(self.beams as f32, 0.0, 0.0),
+        };
+        value.to_array()
+    }
+}
+
+/// Which way light came to a surface that sends it to the camera.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Part {
+    /// Straight from a light.
+    Direct,
+    /// From another surface or a medium.
+    Surface,
+}
+
+/// Notes what a path adds where; without layers, nothing.
+pub struct Recorder<'a> {
+    plan: &'a LayerPlan,
+    parts: Option<&'a mut Parts>,
+}
+
+impl<'a> Recorder<'a> {
+    /// Into these parts, if there are any.
+    pub fn new(plan: &'a LayerPlan, parts: Option<&'a mut Parts>) -> Self {
+        Self { plan, parts }
+    }
+
+    /// Whether anything is noted.
+    #[inline]
+    pub fn is_on(&self) -> bool {
+        self.parts.is_some()
+    }
+
+    /// Radiance at the film that comes from a light.
+    #[inline]
+    pub fn add(&mut self, part: Part, light: usize, radiance: Rgb) {
+        if self.is_on() {
+            self.add_of_group(part, self.plan.group(light), radiance);
+        }
+    }
+
+    /// Radiance at the film that comes from a group of lights, as [`LayerPlan::group`] numbers them.
+    #[inline]
+    pub fn add_of_group(&mut self, part: Part, group: u16, radiance: Rgb) {
+        if let Some(parts) = &mut self.parts {
+            match part {
+                Part::Direct => parts.direct += radiance,
+                Part::Surface => parts.surface += radiance,
+            }
+            if let Some(sum) = parts.groups.get_mut(usize::from(group)) {
+                *sum += radiance;
+            }
+        }
+    }
+
+    /// The first surface that the path meets: later ones do not count.
+    #[inline]
+    pub fn first_surface(&mut self, surface: impl FnOnce() -> (f32, Vec3, Rgb)) {
+        if let Some(parts) = &mut self.parts {
+            parts.first.get_or_insert_with(surface);
+        }
+    }
+}

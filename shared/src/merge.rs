@@ -181,8 +181,10 @@ impl Node {
                 .filter(|v| v.is_finite() && **v >= 0.0)
                 .count();
             let layers = self.layers.iter().map(|layer| &layer.pixels[i]);
-            let bad_layers = layers.flatten().filter(|v| !(v.abs() <= limit)).count();
-            let bad = (sum.len() - good_sums) + (difference.len() - good_differences) + bad_layers;
+            let good_layers = layers.flatten().filter(|v| v.abs() <= limit).count();
+            let bad = (sum.len() - good_sums)
+                + (difference.len() - good_differences)
+                + (sum.len() * self.layers.len() - good_layers);
             if bad > 0 {
                 count += bad as u64;
                 first.get_or_insert([i as u32 % width, i as u32 / width]);

@@ -2,6 +2,7 @@
 
 use crate::domain::{FileEntry, FileHash, Grant, Job, LeaseId, Manifest};
 use crate::wire;
+use beamfarm_shared::bundle::{MAX_BYTES, MAX_FILES, check_key};
 use beamfarm_shared::job::{Block, JobSettings, MAX_PASSES, PassStats, SceneHash, ScheduleKind};
 use beamfarm_shared::layer::{self, Layer};
 use prost::bytes::Bytes;
@@ -109,25 +110,48 @@ impl From<&Manifest> for wire::Manifest {
 impl TryFrom<wire::Manifest> for Manifest {
     type Error = WireError;
     fn try_from(manifest: wire::Manifest) -> Result<Self, WireError> {
-        let entry = |file: wire::FileEntry| {
-            Ok(FileEntry {
+        let wrong = |message: String| WireError::new("manifest.files", message);
+        if manifest.files.len() > MAX_FILES {
+            let count = manifest.files.len();
+            return Err(wrong(format!(
+                "{count} files; expected at most {MAX_FILES}"
+            )));
+        }
+        let mut files: Vec<FileEntry> = Vec::with_capacity(manifest.files.len());
+        let mut room = MAX_BYTES;
+        for file in manifest.files {
+            check_key(&file.path).map_err(wrong)?;
+            let path = &file.path;
+            if files.last().is_some_and(|last| last.path >= *path) {
+                return Err(wrong(format!(
+                    "expected ascending paths, each once, found {path:?} after {:?}",
+                    files.last().map(|last| &*last.path).unwrap_or_default()
+                )));
+            }
+            room = room.checked_sub(file.size).ok_or_else(|| {
+                wrong(format!(
+                    "with {path:?} of {} bytes they take more than {MAX_BYTES}",
+                    file.size
+                ))
+            })?;
+            files.push(FileEntry {
                 hash: FileHash::from_wire(&file.hash, "manifest.files.hash")?,
                 path: file.path,
                 size: file.size,
-            })
-        };
-        let files: Vec<FileEntry> = manifest
-            .files
-            .into_iter()
-            .map(entry)
-            .collect::<Result<_, _>>()?;
-        if !files.is_sorted_by(|a, b| a.path < b.path) {
-            return Err(WireError::new("manifest.files", "expected ascending paths"));
+            });
         }
-        Ok(Self {
-            scene: manifest.scene,
-            files,
-        })
+        let scene = manifest.scene;
+        if files
+            .binary_search_by(|file| file.path.cmp(&scene))
+            .is_err()
+        {
+            let shown: String = scene.chars().take(100).collect();
+            return Err(WireError::new(
+                "manifest.scene",
+                format!("{shown:?} is not among the files"),
+            ));
+        }
+        Ok(Self { scene, files })
     }
 }
 
@@ -329,18 +353,73 @@ mod tests {
     }
 
     #[test]
-    fn manifests_are_sorted() {
-        let file = |path: &str| wire::FileEntry {
+    fn manifests_are_checked() {
+        let file = |(path, size): (&str, u64)| wire::FileEntry {
             path: path.into(),
             hash: Bytes::from_static(&[0; 32]),
-            size: 0,
+            size,
         };
-        let manifest = |paths: [&str; 2]| wire::Manifest {
-            scene: "a".into(),
-            files: paths.map(file).to_vec(),
+        let convert = |scene: &str, files: &[(&str, u64)]| {
+            let manifest = wire::Manifest {
+                scene: scene.into(),
+                files: files.iter().copied().map(file).collect(),
+            };
+            Manifest::try_from(manifest).map_err(|error| error.to_string())
         };
-        assert!(Manifest::try_from(manifest(["a", "b"])).is_ok());
-        assert!(Manifest::try_from(manifest(["b", "a"])).is_err());
-        assert!(Manifest::try_from(manifest(["a", "a"])).is_err());
+        assert!(convert("a", &[("a", 0), ("b", MAX_BYTES)]).is_ok());
+        let path = "manifest.files: the path";
+        let ascending = "manifest.files: expected ascending paths, each once";
+        for (scene, files, expected) in [
+            (
+                "a",
+                &[("b", 0), ("a", 0)][..],
+                format!("{ascending}, found \"a\" after \"b\""),
+            ),
+            (
+                "a",
+                &[("a", 0), ("a", 0)],
+                format!("{ascending}, found \"a\" after \"a\""),
+            ),
+            (
+                "a",
+                &[("../b", 0), ("a", 0)],
+                format!("{path} \"../b\" has the component `..`"),
+            ),
+            (
+                "a",
+                &[("/b", 0), ("a", 0)],
+                format!("{path} \"/b\" is absolute"),
+            ),
+            (
+                "a",
+                &[("a", 1), ("b", MAX_BYTES)],
+                format!(
+                    "manifest.files: with \"b\" of {MAX_BYTES} bytes they take more than {MAX_BYTES}"
+                ),
+            ),
+            (
+                "a",
+                &[("a", u64::MAX), ("b", u64::MAX)],
+                format!(
+                    "manifest.files: with \"a\" of {} bytes they take more than {MAX_BYTES}",
+                    u64::MAX
+                ),
+            ),
+            (
+                "c",
+                &[("a", 0), ("b", 0)],
+                "manifest.scene: \"c\" is not among the files".into(),
+            ),
+            (
+                "c",
+                &[],
+                "manifest.scene: \"c\" is not among the files".into(),
+            ),
+        ] {
+            assert_eq!(convert(scene, files), Err(expected));
+        }
+        let many = vec![("a", 0); MAX_FILES + 1];
+        let error = convert("a", &many).unwrap_err();
+        assert_eq!(error, "manifest.files: 16385 files; expected at most 16384");
     }
 }

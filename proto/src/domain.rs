@@ -39,7 +39,7 @@ impl fmt::Debug for FileHash {
 /// A file of a bundle, without its bytes.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FileEntry {
-    /// The path as the scene file writes it.
+    /// Its key in the bundle: a relative path that stays below its folder.
     pub path: String,
     /// Hash of its bytes.
     pub hash: FileHash,
@@ -50,7 +50,7 @@ pub struct FileEntry {
 /// The files of a bundle, without their bytes.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Manifest {
-    /// Path of the scene file.
+    /// Key of the scene file.
     pub scene: String,
     /// In order of their paths.
     pub files: Vec<FileEntry>,

@@ -1,10 +1,12 @@
-//! Statistics for tests of random code: chi-square tests of samplers against their densities, z-tests of estimates.
+//! Statistics for tests of random code: chi-square tests of samplers against their densities, z-tests of estimates; and the
+//! readers that are fuzzed.
 //!
 //! A test states its significance: how often it would fail if all were right. Seeds are fixed, so that a test that passes
 //! goes on passing; when it is changed, the significance says what to expect of the new draw.
 
 pub mod chi2;
 pub mod furnace;
+pub mod fuzz;
 pub mod path_tracer;
 pub mod quadrature;
 pub mod render;

@@ -141,27 +141,22 @@ pub fn read_rgb(path: &Path) -> Result<Film, ImageError> {
 
 /// Pixels of the largest image that is read.
 const MAX_PIXELS: usize = 1 << 27;
+/// Decoded bytes per byte of the file at most. Deflate reaches 1032; the other methods of EXR stay below it.
+const MAX_EXPANSION: usize = 2048;
 
-/// [`read_rgb`] from memory; the error says what is wrong with the bytes. They need not be trusted.
-pub fn decode_rgb(bytes: &[u8]) -> Result<Film, String> {
-    // The B44 decoder of exr 1.74 subtracts below zero in a broken file, which is a panic where overflow is checked.
-    let read = catch_unwind(AssertUnwindSafe(|| decode_rgb_trusting(bytes)));
-    read.unwrap_or_else(|_| Err("not a sound OpenEXR file".into()))
-}
-
-fn decode_rgb_trusting(bytes: &[u8]) -> Result<Film, String> {
-    let meta =
-        exr::meta::MetaData::read_from_buffered(bytes, false).map_err(|error| error.to_string())?;
+/// Whether a file that need not be trusted can hold the pixels that it claims, in a form whose decoder is safe to run.
+pub(crate) fn check_claims(bytes: &[u8], pedantic: bool) -> Result<(), String> {
+    let meta = exr::meta::MetaData::read_from_buffered(bytes, pedantic)
+        .map_err(|error| error.to_string())?;
+    let mut claimed = 0usize;
     for header in &meta.headers {
         let Vec2(width, height) = header.layer_size;
-        if width
-            .checked_mul(height)
-            .is_none_or(|pixels| pixels > MAX_PIXELS)
-        {
+        let pixels = width.checked_mul(height).filter(|n| *n <= MAX_PIXELS);
+        let Some(pixels) = pixels else {
             return Err(format!(
                 "{width} x {height} pixels; expected at most {MAX_PIXELS}"
             ));
-        }
+        };
         // The DWA decoder of exr 1.74 allocates what a chunk says it needs; a broken one would end the process.
         if matches!(
             header.compression,
@@ -169,7 +164,28 @@ fn decode_rgb_trusting(bytes: &[u8]) -> Result<Film, String> {
         ) {
             return Err("DWA compression; expected none, RLE, ZIP, PIZ, PXR24 or B44".into());
         }
+        claimed = claimed.saturating_add(pixels.saturating_mul(header.channels.bytes_per_pixel));
     }
+    match claimed > bytes.len().saturating_mul(MAX_EXPANSION) {
+        true => Err("the file is too short for the pixels that its header claims".into()),
+        false => Ok(()),
+    }
+}
+
+/// Run a decoder of the `exr` crate. The B44 decoder of exr 1.74 subtracts below zero in a broken file, which is a panic
+/// where overflow is checked.
+pub(crate) fn without_panic<T>(decode: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
+    let read = catch_unwind(AssertUnwindSafe(decode));
+    read.unwrap_or_else(|_| Err("not a sound OpenEXR file".into()))
+}
+
+/// [`read_rgb`] from memory; the error says what is wrong with the bytes. They need not be trusted.
+pub fn decode_rgb(bytes: &[u8]) -> Result<Film, String> {
+    check_claims(bytes, false)?;
+    without_panic(|| decode_rgb_trusting(bytes))
+}
+
+fn decode_rgb_trusting(bytes: &[u8]) -> Result<Film, String> {
     let create = |size: Vec2<usize>, _: &_| Film::new(size.0 as u32, size.1 as u32);
     let set = |film: &mut Film, at: Vec2<usize>, (r, g, b): (f32, f32, f32)| {
         let i = at.1 * film.width as usize + at.0;

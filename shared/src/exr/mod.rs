@@ -6,3 +6,5 @@ mod image;
 
 pub use block::{BlockMeta, decode_block, encode_block, encoded_size};
 pub use image::{ImageMeta, decode_rgb, node_hash, pixel_hash, read_rgb, write_image};
+#[cfg(feature = "render")]
+pub(crate) use image::{check_claims, without_panic};

@@ -171,22 +171,45 @@ impl Bricks {
         let origin = low * BRICK as i32;
         let mut bricks = Self {
             count: count.as_uvec3(),
-            table: Vec::with_capacity(total as usize),
+            table: Vec::new(),
             values: Vec::new(),
             ranges: Vec::with_capacity(total as usize),
             clamp: raw.samples.map(|s| (s - origin).as_vec3()),
             domain: raw.domain.map(|p| (p - origin.as_dvec3()).as_vec3()),
             to_object: raw.to_object * DAffine3::from_translation(origin.as_dvec3()),
         };
+        // Until a brick has its samples, its entry of the table says where its core is.
+        let cores: Vec<&Core> = raw.cores.values().collect();
+        bricks.table.resize(total as usize, u32::MAX);
+        for (i, key) in raw.cores.keys().enumerate() {
+            let brick = IVec3::from(*key);
+            if brick.cmpge(low).all() && brick.cmple(high).all() {
+                let at = bricks.number((brick - low).as_uvec3());
+                bricks.table[at] = i as u32;
+            }
+        }
         let mut constants = BTreeMap::new();
         let mut buffer = [0.0f32; STORED];
         for z in low.z..=high.z {
             for y in low.y..=high.y {
                 for x in low.x..=high.x {
                     let brick = IVec3::new(x, y, z);
-                    assemble(raw, brick, &mut buffer);
-                    let range = Range::of(&buffer);
-                    bricks.ranges.push(range);
+                    // The core, and those that follow it along the axes: none of them has its samples yet.
+                    let neighbours: [Option<&Core>; 8] = std::array::from_fn(|i| {
+                        let i = i as i32;
+                        let at = brick + IVec3::new(i & 1, i >> 1 & 1, i >> 2);
+                        let inside = at.cmple(high).all();
+                        let at = inside.then(|| bricks.number((at - low).as_uvec3()))?;
+                        cores.get(bricks.table[at] as usize).copied()
+                    });
+                    let uniform = uniform(neighbours);
+                    let range = match uniform {
+                        Some(value) => Range::of(&[value]),
+                        None => {
+                            assemble(raw.samples[1], neighbours, brick, &mut buffer);
+                            Range::of(&buffer)
+                        }
+                    };
                     let (min, max) = (range.minorant, range.majorant);
                     let next = bricks.values.len() as u32;
                     let index = match min == max {
@@ -197,9 +220,14 @@ impl Bricks {
                         if bricks.values.len() > MAX_VALUES {
                             return Err(DensityError::TooLarge(total));
                         }
+                        if let Some(value) = uniform {
+                            buffer.fill(value);
+                        }
                         bricks.values.extend_from_slice(&buffer);
                     }
-                    bricks.table.push(index);
+                    let at = bricks.ranges.len();
+                    bricks.table[at] = index;
+                    bricks.ranges.push(range);
                 }
             }
         }
@@ -218,15 +246,19 @@ impl Bricks {
 
     /// Bounds of the density within a brick.
     pub fn range(&self, brick: UVec3) -> Range {
-        self.ranges[(brick.x + self.count.x * (brick.y + self.count.y * brick.z)) as usize]
+        self.ranges[self.number(brick)]
+    }
+
+    /// A brick's place in the table.
+    fn number(&self, brick: UVec3) -> usize {
+        (brick.x + self.count.x * (brick.y + self.count.y * brick.z)) as usize
     }
 
     /// Bounds of the density within an eighth of a brick: `half` counts halves of a brick's side along each axis.
     pub fn range_of_half(&self, half: UVec3) -> Range {
         const HALF: u32 = BRICK as u32 / 2;
         let brick = half / 2;
-        let brick = brick.x + self.count.x * (brick.y + self.count.y * brick.z);
-        let stored = self.table[brick as usize] as usize;
+        let stored = self.table[self.number(brick)] as usize;
         let first = (half % 2) * HALF;
         let mut values = Vec::with_capacity((HALF as usize + 1).pow(3));
         for z in first.z..=first.z + HALF {
@@ -337,18 +369,22 @@ impl Bricks {
     }
 }
 
+/// The density throughout a brick whose cores are of one value, which takes no look at its samples.
+fn uniform(neighbours: [Option<&Core>; 8]) -> Option<f32> {
+    let constant = |core: Option<&Core>| match core {
+        None => Some(0.0),
+        Some(Core::Constant(value)) => Some(value.max(0.0)),
+        Some(Core::Samples(_)) => None,
+    };
+    let value = constant(neighbours[0])?;
+    neighbours
+        .into_iter()
+        .all(|core| constant(core) == Some(value))
+        .then_some(value)
+}
+
 /// A brick with its share of the next bricks. Samples beyond the last one repeat it: they are never given weight.
-fn assemble(raw: &RawDensity, brick: IVec3, buffer: &mut [f32; STORED]) {
-    let last = raw.samples[1];
-    let neighbours: [Option<&Core>; 8] = std::array::from_fn(|i| {
-        let i = i as i32;
-        let at = brick + IVec3::new(i & 1, i >> 1 & 1, i >> 2);
-        raw.cores.get(&at.to_array())
-    });
-    if neighbours.iter().all(Option::is_none) {
-        buffer.fill(0.0);
-        return;
-    }
+fn assemble(last: IVec3, neighbours: [Option<&Core>; 8], brick: IVec3, buffer: &mut [f32; STORED]) {
     let mut out = buffer.iter_mut();
     for z in 0..SIDE as i32 {
         for y in 0..SIDE as i32 {

@@ -8,7 +8,7 @@ mod transform;
 mod values;
 
 use crate::bsdf::Material;
-use crate::bundle::Bundle;
+use crate::bundle::{self, Bundle};
 use crate::camera::Camera;
 use crate::error::SceneError;
 use crate::geometry::Object;
@@ -126,26 +126,36 @@ pub fn read_bundle(path: &Path) -> Result<Bundle, SceneError> {
     let name = name
         .to_str()
         .ok_or_else(|| unreadable("the file's name is not UTF-8".to_string()))?;
-    let bytes = read_file(path).map_err(unreadable)?;
+    let bytes = read_file(path, bundle::MAX_BYTES).map_err(unreadable)?;
     let text = text_of(path, &bytes)?;
     let record = SceneRecord::parse(text).map_err(|fault| source::locate(path, text, &fault))?;
     let folder = path.parent().unwrap_or(Path::new(""));
-    let mut files = BTreeMap::new();
+    let scene = bundle::key(name);
+    let mut room = bundle::MAX_BYTES.saturating_sub(bytes.len() as u64);
+    let mut files = BTreeMap::from([(scene.clone(), bytes.clone())]);
     for asset in record.assets() {
-        let key = asset.get_ref();
-        if !files.contains_key(key) {
-            let bytes = read_file(&folder.join(key)).map_err(|reason| {
-                let fault = Fault::new(asset.span(), format!("the file \"{key}\": {reason}"));
-                source::locate(path, text, &fault)
-            })?;
-            files.insert(key.clone(), bytes);
+        let written = asset.get_ref();
+        let key = bundle::key(written);
+        if files.contains_key(&key) {
+            continue;
         }
+        let fault = |reason: String| {
+            let fault = Fault::new(asset.span(), reason);
+            source::locate(path, text, &fault)
+        };
+        bundle::check_key(&key).map_err(fault)?;
+        if files.len() == bundle::MAX_FILES {
+            return Err(fault(format!(
+                "the scene names more files than the {} that it may have",
+                bundle::MAX_FILES
+            )));
+        }
+        let bytes = read_file(&folder.join(written), room)
+            .map_err(|reason| fault(format!("the file \"{written}\": {reason}")))?;
+        room -= bytes.len() as u64;
+        files.insert(key, bytes);
     }
-    files.insert(name.to_string(), bytes);
-    Ok(Bundle {
-        scene: name.to_string(),
-        files,
-    })
+    Ok(Bundle { scene, files })
 }
 
 fn text_of<'a>(file: &Path, bytes: &'a [u8]) -> Result<&'a str, SceneError> {
@@ -156,10 +166,15 @@ fn text_of<'a>(file: &Path, bytes: &'a [u8]) -> Result<&'a str, SceneError> {
     })
 }
 
-fn read_file(path: &Path) -> Result<Vec<u8>, String> {
+/// A file of at most `room` bytes.
+fn read_file(path: &Path, room: u64) -> Result<Vec<u8>, String> {
     // A device or a pipe might never end.
     match std::fs::metadata(path) {
         Ok(metadata) if !metadata.is_file() => Err("not a file".to_string()),
+        Ok(metadata) if metadata.len() > room => Err(format!(
+            "with it the scene's files take more than {} bytes",
+            bundle::MAX_BYTES
+        )),
         Ok(_) => std::fs::read(path).map_err(|e| e.to_string()),
         Err(e) => Err(e.to_string()),
     }

@@ -1,5 +1,6 @@
 //! Scenes that cannot be rendered are refused with the file, the line, the field, and what was expected.
 
+mod hostile;
 mod media;
 mod textures;
 
@@ -171,7 +172,7 @@ fn lights_and_emission_are_checked() {
 [[shapes]] | type = "sphere" | emission = {}
     5: shapes[0].emission: emission is given by `radiance` (W/(m^2 sr)) or by `power` (W): exactly one of them
 [[shapes]] | type = "sphere" | emission = { radience = 1 }
-    5: shapes[0].emission.radience: unknown field `radience`, expected `radiance` or `power`
+    5: shapes[0].emission.radience: unknown field `radience`, expected one of `radiance`, `power`, `group`
 [[shapes]] | type = "sphere" | emission = { power = -1 }
     5: shapes[0].emission.power: expected a number that is not negative, found -1.0
 [[shapes]] | type = "sphere" | radius = 1e-12 | emission = { power = 1e30 }

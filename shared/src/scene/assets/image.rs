@@ -1,6 +1,7 @@
 //! Images: PNG (sRGB or as they are) and OpenEXR (linear), decoded to linear RGB.
 
 use super::Flaw;
+use crate::exr::{check_claims, without_panic};
 use crate::math::Rgb;
 use crate::texture::Image;
 use ::exr::prelude::{self as exr, ReadChannels, ReadLayers};
@@ -120,24 +121,21 @@ fn linear_from_srgb(v: f64) -> f32 {
 
 /// The channels R, G and B, or Y alone, of the first layer that has them; the data window is the image.
 fn read_exr(bytes: &[u8]) -> Result<Image, Flaw> {
-    let message = |e: exr::Error| Flaw::from(format!("not a sound OpenEXR image: {e}"));
-    let meta = exr::MetaData::read_from_buffered(Cursor::new(bytes), true).map_err(message)?;
-    let mut claimed = 0usize;
-    for header in &meta.headers {
-        let count = pixel_count(header.layer_size.width(), header.layer_size.height())?;
-        claimed = claimed.saturating_add(count.saturating_mul(header.channels.bytes_per_pixel));
-    }
-    check_claim(claimed, bytes)?;
-    let image = exr::read()
-        .no_deep_data()
-        .largest_resolution_level()
-        .all_channels()
-        .all_layers()
-        .all_attributes()
-        .pedantic()
-        .non_parallel()
-        .from_buffered(Cursor::new(bytes))
-        .map_err(message)?;
+    let message = |e: String| Flaw::from(format!("not a sound OpenEXR image: {e}"));
+    check_claims(bytes, true).map_err(message)?;
+    let decode = || {
+        exr::read()
+            .no_deep_data()
+            .largest_resolution_level()
+            .all_channels()
+            .all_layers()
+            .all_attributes()
+            .pedantic()
+            .non_parallel()
+            .from_buffered(Cursor::new(bytes))
+            .map_err(|e| e.to_string())
+    };
+    let image = without_panic(decode).map_err(message)?;
     for layer in &image.layer_data {
         let find = |name: &str| {
             layer
@@ -152,6 +150,7 @@ fn read_exr(bytes: &[u8]) -> Result<Image, Flaw> {
             _ => continue,
         };
         let (width, height) = (layer.size.width(), layer.size.height());
+        pixel_count(width, height)?;
         if channels.iter().any(|c| c.sampling != exr::Vec2(1, 1)) {
             return Err("channels of reduced resolution are not supported".into());
         }

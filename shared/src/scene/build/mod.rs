@@ -13,7 +13,7 @@ use super::assets::image::{self, Encoding};
 use super::assets::{Flaw, mesh::RawMesh, volume};
 use super::parse::{Fault, RenderRecord, SceneRecord};
 use super::{RenderDefaults, SceneDescription, transform};
-use crate::bundle::Bundle;
+use crate::bundle::{self, Bundle};
 use crate::job::MAX_PASSES;
 use crate::medium::MediumId;
 use crate::medium::bricks::Bricks;
@@ -133,7 +133,7 @@ impl<'a> Assets<'a> {
     }
 
     fn image(&mut self, path: &Spanned<String>, encoding: Encoding) -> Result<Arc<Image>, Problem> {
-        let key = (path.get_ref().clone(), encoding);
+        let key = (bundle::key(path.get_ref()), encoding);
         load(&mut self.images, key, self.bundle, path, |_, bytes| {
             image::read(bytes, encoding)
         })
@@ -144,7 +144,7 @@ impl<'a> Assets<'a> {
         path: &Spanned<String>,
         grid: Option<&str>,
     ) -> Result<Arc<Bricks>, Problem> {
-        let key = (path.get_ref().clone(), grid.map(str::to_owned));
+        let key = (bundle::key(path.get_ref()), grid.map(str::to_owned));
         load(
             &mut self.densities,
             key,
@@ -159,7 +159,7 @@ impl<'a> Assets<'a> {
     }
 
     fn mesh(&mut self, path: &Spanned<String>) -> Result<Arc<RawMesh>, Problem> {
-        let key = path.get_ref().clone();
+        let key = bundle::key(path.get_ref());
         load(&mut self.meshes, key, self.bundle, path, RawMesh::read)
     }
 }
@@ -177,7 +177,7 @@ fn load<K: Ord, T>(
     let name = path.get_ref();
     let bytes = bundle
         .files
-        .get(name)
+        .get(&bundle::key(name))
         .ok_or_else(|| Fault::new(path.span(), format!("the bundle lacks the file \"{name}\"")))?;
     let asset = Arc::new(read(name, bytes).map_err(|flaw| asset_problem(path, flaw))?);
     loaded.insert(key, asset.clone());

@@ -2,6 +2,7 @@
 
 mod assets;
 mod build;
+mod mitsuba;
 mod parse;
 mod source;
 mod transform;
@@ -16,6 +17,7 @@ use crate::job::{JobSettings, ScheduleKind};
 use crate::light::{Light, SceneBounds};
 use crate::medium::{Medium, MediumId};
 use build::Problem;
+pub use mitsuba::{ImportOptions, Imported, Origin, import};
 use parse::{Fault, SceneRecord};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -113,24 +115,110 @@ impl SceneDescription {
     }
 }
 
+/// A scene file with every asset that it names, native or Mitsuba's XML.
+#[derive(Clone, Debug)]
+pub struct SceneFile {
+    /// The native scene and its assets.
+    pub bundle: Bundle,
+    /// What was replaced of an XML scene, each with its file and line.
+    pub notes: Vec<String>,
+    /// What is not supported of an XML scene and was left out, each with its file and line.
+    pub left_out: Vec<String>,
+    folder: PathBuf,
+    origin: Option<Origin>,
+}
+
+impl SceneFile {
+    /// Read a scene; Mitsuba's if the file's name ends in `.xml`.
+    pub fn read(path: &Path, options: &ImportOptions) -> Result<Self, SceneError> {
+        Self::read_for(path, path.parent().unwrap_or(Path::new("")), options)
+    }
+
+    /// As [`Self::read`]. An XML scene becomes a native one that names its assets relative to `folder`.
+    pub fn read_for(
+        path: &Path,
+        folder: &Path,
+        options: &ImportOptions,
+    ) -> Result<Self, SceneError> {
+        let unreadable = |reason: String| SceneError {
+            file: path.to_path_buf(),
+            line: None,
+            message: reason,
+        };
+        let name = path
+            .file_name()
+            .ok_or_else(|| unreadable("not the name of a file".to_string()))?;
+        let name = name
+            .to_str()
+            .ok_or_else(|| unreadable("the file's name is not UTF-8".to_string()))?;
+        if !is_mitsuba(path) {
+            let folder = path.parent().unwrap_or(Path::new(""));
+            let bytes = read_file(path, bundle::MAX_BYTES).map_err(unreadable)?;
+            let bundle = with_assets(name.to_string(), bytes, path, folder)?;
+            return Ok(Self {
+                bundle,
+                notes: Vec::new(),
+                left_out: Vec::new(),
+                folder: folder.to_path_buf(),
+                origin: None,
+            });
+        }
+        let imported = import(path, folder, options)?;
+        let origin = imported.origin().clone();
+        let native = Path::new(name).with_extension("toml");
+        let native = native.to_string_lossy().into_owned();
+        let bundle = with_assets(native, imported.text.into_bytes(), path, folder)
+            .map_err(|error| origin.relocate(error))?;
+        Ok(Self {
+            bundle,
+            notes: imported.notes,
+            left_out: imported.left_out,
+            folder: folder.to_path_buf(),
+            origin: Some(origin),
+        })
+    }
+
+    /// The native scene file's text.
+    pub fn text(&self) -> &[u8] {
+        self.bundle
+            .files
+            .get(&self.bundle.scene)
+            .map_or(&[], Vec::as_slice)
+    }
+
+    /// Parse and validate the scene. Errors name files as [`Self::read`] was given them.
+    pub fn load(&self) -> Result<SceneDescription, SceneError> {
+        SceneDescription::load(&self.bundle).map_err(|error| match &self.origin {
+            Some(origin) if error.file == Path::new(&self.bundle.scene) => origin.relocate(error),
+            _ => SceneError {
+                file: self.folder.join(&error.file),
+                ..error
+            },
+        })
+    }
+}
+
+/// Whether a scene file is Mitsuba's, by its name.
+pub fn is_mitsuba(path: &Path) -> bool {
+    path.extension()
+        .is_some_and(|ending| ending.eq_ignore_ascii_case("xml"))
+}
+
 /// Read a scene file and every asset that it names into a bundle.
 pub fn read_bundle(path: &Path) -> Result<Bundle, SceneError> {
-    let unreadable = |reason: String| SceneError {
-        file: path.to_path_buf(),
-        line: None,
-        message: reason,
-    };
-    let name = path
-        .file_name()
-        .ok_or_else(|| unreadable("not the name of a file".to_string()))?;
-    let name = name
-        .to_str()
-        .ok_or_else(|| unreadable("the file's name is not UTF-8".to_string()))?;
-    let bytes = read_file(path, bundle::MAX_BYTES).map_err(unreadable)?;
+    SceneFile::read(path, &ImportOptions::default()).map(|file| file.bundle)
+}
+
+/// A bundle of a native scene file and its assets, which lie in `folder`. Errors name `path`.
+fn with_assets(
+    name: String,
+    bytes: Vec<u8>,
+    path: &Path,
+    folder: &Path,
+) -> Result<Bundle, SceneError> {
     let text = text_of(path, &bytes)?;
     let record = SceneRecord::parse(text).map_err(|fault| source::locate(path, text, &fault))?;
-    let folder = path.parent().unwrap_or(Path::new(""));
-    let scene = bundle::key(name);
+    let scene = bundle::key(&name);
     let mut room = bundle::MAX_BYTES.saturating_sub(bytes.len() as u64);
     let mut files = BTreeMap::from([(scene.clone(), bytes.clone())]);
     for asset in record.assets() {

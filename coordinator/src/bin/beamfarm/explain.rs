@@ -13,6 +13,7 @@ pub struct ExplainArgs {
 
 pub fn main(args: ExplainArgs) -> Result<(), Failure> {
     let loaded = args.settings.load()?;
+    loaded.announce();
     let hash = loaded.bundle.hash();
     let scene = Scene::new(loaded.description);
     let plan = RenderPlan::new(&scene, loaded.settings)

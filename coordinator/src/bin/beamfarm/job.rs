@@ -3,11 +3,12 @@
 use crate::failure::Failure;
 use beamfarm_coordinator::JobSpec;
 use beamfarm_shared::bundle::Bundle;
-use beamfarm_shared::error::SceneError;
 use beamfarm_shared::job::{JobSettings, MAX_PASSES};
 use beamfarm_shared::layer::{Layer, MAX_LAYERS};
 use beamfarm_shared::plan::light_layers;
-use beamfarm_shared::scene::{RenderDefaults, SceneDescription, read_bundle};
+use beamfarm_shared::scene::{
+    ImportOptions, RenderDefaults, SceneDescription, SceneFile, is_mitsuba,
+};
 use clap::{Args, ValueEnum};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -15,8 +16,11 @@ use std::time::Duration;
 /// What passes depend on beside the scene.
 #[derive(Args, Clone, Debug)]
 pub struct SettingsArgs {
-    /// Scene file (TOML)
+    /// Scene file: TOML, or Mitsuba 3's XML if its name ends in .xml
     pub scene: PathBuf,
+
+    #[command(flatten)]
+    pub import: ImportArgs,
 
     /// Photon paths that each pass emits [default: the scene's]
     #[arg(long, value_name = "M", value_parser = clap::value_parser!(u32).range(1..))]
@@ -86,13 +90,8 @@ impl Aov {
 impl SettingsArgs {
     /// Read the scene.
     pub fn load(&self) -> Result<Loaded, Failure> {
-        let bundle = read_bundle(&self.scene)?;
-        // Its errors name files relative to the scene's folder.
-        let folder = self.scene.parent().unwrap_or(Path::new(""));
-        let description = SceneDescription::load(&bundle).map_err(|error| SceneError {
-            file: folder.join(&error.file),
-            ..error
-        })?;
+        let file = SceneFile::read(&self.scene, &self.import.options(&self.scene)?)?;
+        let description = file.load()?;
         let defaults = description.defaults;
         let settings = JobSettings {
             seed: self.seed.unwrap_or(defaults.seed),
@@ -116,7 +115,9 @@ impl SettingsArgs {
         Ok(Loaded {
             layers,
             standard_error: aovs.contains(&Aov::Stderr),
-            bundle,
+            bundle: file.bundle,
+            notes: file.notes,
+            left_out: file.left_out,
             description,
             defaults,
             settings,
@@ -134,6 +135,64 @@ pub struct Loaded {
     pub layers: Vec<Layer>,
     /// Whether the standard error was asked for.
     pub standard_error: bool,
+    /// What was replaced of a Mitsuba scene.
+    notes: Vec<String>,
+    /// What was left out of a Mitsuba scene.
+    left_out: Vec<String>,
+}
+
+impl Loaded {
+    /// Say on stderr what became of a Mitsuba scene. Returns what was left out, for the summary.
+    pub fn announce(&self) -> Vec<String> {
+        announce(&self.notes, &self.left_out);
+        self.left_out.clone()
+    }
+}
+
+/// Say on stderr what became of a Mitsuba scene.
+pub fn announce(notes: &[String], left_out: &[String]) {
+    for note in notes {
+        eprintln!("note: {note}");
+    }
+    for part in left_out {
+        eprintln!("left out: {part}");
+    }
+}
+
+/// How a Mitsuba scene is read.
+#[derive(Args, Clone, Debug)]
+pub struct ImportArgs {
+    /// Value of a parameter that a Mitsuba scene writes as $NAME, in place of its default; may be repeated
+    #[arg(short = 'D', value_name = "NAME=VALUE", value_parser = parameter)]
+    parameters: Vec<(String, String)>,
+
+    /// Leave out the parts of a Mitsuba scene that are not supported, and say which, instead of failing
+    #[arg(long)]
+    skip_unsupported: bool,
+}
+
+fn parameter(text: &str) -> Result<(String, String), String> {
+    match text.split_once('=') {
+        Some((name, value)) if !name.is_empty() => Ok((name.to_owned(), value.to_owned())),
+        _ => Err("expected NAME=VALUE".to_owned()),
+    }
+}
+
+impl ImportArgs {
+    /// What the importer is told about a scene.
+    pub fn options(&self, scene: &Path) -> Result<ImportOptions, Failure> {
+        if !is_mitsuba(scene) && (self.skip_unsupported || !self.parameters.is_empty()) {
+            let message = format!(
+                "{}: -D and --skip-unsupported are for Mitsuba scenes, whose names end in .xml",
+                scene.display()
+            );
+            return Err(Failure::usage(message));
+        }
+        Ok(ImportOptions {
+            parameters: self.parameters.clone(),
+            skip_unsupported: self.skip_unsupported,
+        })
+    }
 }
 
 /// A job: its settings, when it ends, and where its image goes.

@@ -2,6 +2,7 @@
 
 mod compare;
 mod conduct;
+mod convert;
 mod explain;
 mod failure;
 mod job;
@@ -61,6 +62,9 @@ enum Command {
     /// Print how far an image is from a reference
     #[command(after_help = compare::MEANING)]
     Compare(compare::CompareArgs),
+    /// Write a scene of Mitsuba 3 in the native form
+    #[command(after_help = convert::EXAMPLES)]
+    Convert(convert::ConvertArgs),
     /// Print which stages of rendering a scene needs, with the reason for each
     Explain(explain::ExplainArgs),
 }
@@ -89,6 +93,7 @@ fn main() -> ExitCode {
         Command::Worker(args) => return cli::main(args),
         Command::Replay(args) => replay::main(args),
         Command::Compare(args) => compare::main(args),
+        Command::Convert(args) => convert::main(args),
         Command::Explain(args) => explain::main(args),
     };
     match done {

@@ -16,6 +16,7 @@ Examples:
   beamfarm render scene.toml --time 60s             as many passes as a minute allows
   beamfarm render scene.toml --passes 1000 -o a.exr
   beamfarm render scene.toml --workers 1 --threads 8
+  beamfarm render scene.xml -D spp=256              a scene of Mitsuba 3, with a value for its $spp
 
 SIGINT (Ctrl-C) writes the passes that are complete; a second one kills.";
 
@@ -47,6 +48,10 @@ pub fn main(args: RenderArgs, log: Option<&str>) -> Result<(), Failure> {
         args.threads.map(usize::from),
         cores,
     );
+    let left_out = match args.job.quiet {
+        true => Vec::new(),
+        false => loaded.announce(),
+    };
     let spec = args.job.spec(loaded);
     let runtime = tokio::runtime::Runtime::new().map_err(Failure::io)?;
     runtime.block_on(async {
@@ -63,5 +68,9 @@ pub fn main(args: RenderArgs, log: Option<&str>) -> Result<(), Failure> {
         };
         let crew = local::run(crew, farm.clone());
         conduct(&args.job, &output, exposure, farm, listener, crew).await
-    })
+    })?;
+    for part in left_out {
+        println!("left out: {part}");
+    }
+    Ok(())
 }

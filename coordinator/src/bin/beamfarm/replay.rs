@@ -46,6 +46,7 @@ pub fn main(args: ReplayArgs) -> Result<(), Failure> {
         let message = "--aov stderr: one pass tells nothing about its error";
         return Err(Failure::usage(message));
     }
+    loaded.announce();
     let output = match &args.output {
         Some(path) => Some(Output::new(Some(path), &args.settings.scene, false)?),
         None => None,

@@ -36,6 +36,10 @@ pub fn main(args: ServeArgs) -> Result<(), Failure> {
         &args.job.settings.scene,
         loaded.standard_error,
     )?;
+    let left_out = match args.job.quiet {
+        true => Vec::new(),
+        false => loaded.announce(),
+    };
     let spec = args.job.spec(loaded);
     let runtime = tokio::runtime::Runtime::new().map_err(Failure::io)?;
     runtime.block_on(async {
@@ -49,5 +53,9 @@ pub fn main(args: ServeArgs) -> Result<(), Failure> {
         let farm = Farm::new(spec, Timing::default());
         let crew = std::future::pending();
         conduct(&args.job, &output, exposure, farm, listener, crew).await
-    })
+    })?;
+    for part in left_out {
+        println!("left out: {part}");
+    }
+    Ok(())
 }

@@ -1,0 +1,66 @@
+//! `beamfarm convert`: Mitsuba's scenes in the native form.
+
+use crate::failure::Failure;
+use crate::job::{ImportArgs, announce};
+use beamfarm_shared::atomic;
+use beamfarm_shared::scene::{SceneFile, is_mitsuba};
+use clap::Args;
+use std::ffi::OsStr;
+use std::path::{Path, PathBuf};
+
+pub const EXAMPLES: &str = "\
+Examples:
+  beamfarm convert scene.xml scene.toml
+  beamfarm convert scene.xml scene.toml -D spp=256 -D resx=1920
+  beamfarm convert scene.xml scene.toml --skip-unsupported
+
+Reads scenes of Mitsuba 3. Names come from ids; meshes, images and volumes stay where they are, and the
+new file names them relative to its own folder. An existing file is replaced. What Mitsuba decides and
+this program does not (the integrator, the sampler) is noted on stderr. What is not supported is an
+error that names plugin, parameter, file and line, all of them at once; --skip-unsupported leaves it out.
+
+`render`, `serve`, `replay` and `explain` read the XML directly and give the same pixels.";
+
+#[derive(Args)]
+pub struct ConvertArgs {
+    /// Mitsuba scene (.xml)
+    scene: PathBuf,
+
+    /// Where to write the native scene (.toml)
+    output: PathBuf,
+
+    #[command(flatten)]
+    import: ImportArgs,
+}
+
+pub fn main(args: ConvertArgs) -> Result<(), Failure> {
+    if !is_mitsuba(&args.scene) {
+        let message = format!(
+            "{}: expected a Mitsuba scene, whose name ends in .xml",
+            args.scene.display()
+        );
+        return Err(Failure::usage(message));
+    }
+    if args.output.extension() != Some(OsStr::new("toml")) {
+        let message = format!(
+            "{}: expected a name that ends in .toml",
+            args.output.display()
+        );
+        return Err(Failure::usage(message));
+    }
+    let folder = args.output.parent().unwrap_or(Path::new(""));
+    if !folder.as_os_str().is_empty() && !folder.is_dir() {
+        return Err(Failure::usage(format!(
+            "{}: no such folder",
+            folder.display()
+        )));
+    }
+    let options = args.import.options(&args.scene)?;
+    let file = SceneFile::read_for(&args.scene, folder, &options)?;
+    // A file that cannot be rendered is of no use.
+    file.load()?;
+    atomic::write_file(&args.output, file.text())?;
+    announce(&file.notes, &file.left_out);
+    println!("wrote {}", args.output.display());
+    Ok(())
+}

@@ -1,0 +1,522 @@
+//! BSDFs.
+
+use super::value::Value;
+use super::write::{Section, Toml};
+use super::xml::{Content, Id, Kind};
+use super::{Converter, Place, cie, named, unique};
+use std::collections::{BTreeMap, BTreeSet};
+
+/// The materials that were converted.
+pub struct Materials {
+    pub sections: Vec<Section>,
+    names: BTreeSet<String>,
+    /// By BSDF, and whether its textures stand on their heads.
+    done: BTreeMap<(Id, bool), Option<Material>>,
+    /// Whether there is a texture within a BSDF.
+    textured: BTreeMap<Id, bool>,
+}
+
+impl Materials {
+    pub fn new(ids: impl Iterator<Item = String>) -> Self {
+        Self {
+            sections: Vec::new(),
+            names: ids.collect(),
+            done: BTreeMap::new(),
+            textured: BTreeMap::new(),
+        }
+    }
+}
+
+/// A converted BSDF.
+#[derive(Clone, Debug)]
+pub struct Material {
+    pub name: String,
+    /// Whether light goes through, so that it can be the boundary of a medium.
+    pub transmits: bool,
+}
+
+/// What the BSDFs around a BSDF make of it.
+#[derive(Default)]
+struct Around {
+    two_sided: Option<Place>,
+    fields: Vec<(&'static str, Toml, Place)>,
+}
+
+impl Converter<'_> {
+    /// The material of a BSDF, converted once. `hint`: a name for it if it has no id. `turned`: it is for a shape whose v
+    /// runs opposite to Mitsuba's.
+    pub fn material(&mut self, id: Id, hint: Option<&str>, turned: bool) -> Option<Material> {
+        // Most materials do not care about UVs.
+        let turned = turned && self.has_texture(id);
+        if let Some(done) = self.materials.done.get(&(id, turned)) {
+            return done.clone();
+        }
+        let object = &self.objects.list[id];
+        let name = match (&object.id, hint) {
+            (Some(own), _) if !turned => own.clone(),
+            (Some(own), _) => unique(&mut self.materials.names, &format!("{own}-turned")),
+            (None, Some(hint)) => unique(&mut self.materials.names, hint),
+            (None, None) => unique(&mut self.materials.names, &object.plugin),
+        };
+        let mut section = Section::named("materials", &name, object.place);
+        let material = self
+            .bsdf(id, Around::default(), turned, &mut section)
+            .map(|transmits| Material { name, transmits });
+        if material.is_some() {
+            self.materials.sections.push(section);
+        }
+        self.materials.done.insert((id, turned), material.clone());
+        material
+    }
+
+    fn has_texture(&mut self, id: Id) -> bool {
+        if let Some(known) = self.materials.textured.get(&id) {
+            return *known;
+        }
+        let objects = self.objects;
+        let textured = objects.list[id].members.iter().any(|member| {
+            matches!(member.content, Content::Object(inner)
+                if objects.list[inner].kind == Kind::Texture || self.has_texture(inner))
+        });
+        self.materials.textured.insert(id, textured);
+        textured
+    }
+
+    /// Write a BSDF into a material; whether it transmits. `None` if it is not supported.
+    fn bsdf(
+        &mut self,
+        id: Id,
+        mut around: Around,
+        turned: bool,
+        section: &mut Section,
+    ) -> Option<bool> {
+        let object = &self.objects.list[id];
+        let place = object.place;
+        match object.plugin.as_str() {
+            "twosided" => {
+                let nested = self.nested(id, Kind::Bsdf);
+                self.finish(id);
+                if let [(_, first), (member, second)] = nested[..]
+                    && first != second
+                {
+                    let message = "bsdf \"twosided\": two different BSDFs for the two sides are not supported; the first is \
+                        taken for both";
+                    self.log.unsupported(member.place, message);
+                }
+                around.two_sided = Some(place);
+                self.inside(
+                    id,
+                    nested.first().map(|(_, inner)| *inner),
+                    around,
+                    turned,
+                    section,
+                )
+            }
+            "mask" => {
+                let opacity = match self.member(id, "opacity") {
+                    Some(_) => self.textured(id, "opacity", cie::Kind::Factor, turned),
+                    None => Some(Toml::Float(0.5)),
+                };
+                if let Some(Toml::Array(_)) = opacity {
+                    let message =
+                        "bsdf \"mask\": an opacity that differs by colour is not supported";
+                    self.log.unsupported(place, message);
+                } else if let Some(opacity) = opacity {
+                    around.fields.push(("opacity", opacity, place));
+                }
+                self.only_inside(id, around, turned, section)
+            }
+            "bumpmap" => {
+                let textures = self.nested(id, Kind::Texture);
+                let scale = self.float(id, "scale").unwrap_or(1.0);
+                if let [(_, texture)] = textures[..]
+                    && let Some(mut fields) = self.texture(texture, turned)
+                {
+                    fields.push(("scale", Toml::Float(scale)));
+                    around.fields.push(("bump", Toml::Table(fields), place));
+                } else if textures.len() != 1 {
+                    let message = "bsdf \"bumpmap\": expected exactly one nested texture";
+                    self.log.invalid(Some(place), message);
+                }
+                self.only_inside(id, around, turned, section)
+            }
+            "normalmap" => {
+                match self.member(id, "normalmap") {
+                    Some(member) => {
+                        if let Some(map @ Toml::Table(_)) =
+                            self.textured_member(id, member, cie::Kind::Factor, turned)
+                        {
+                            around.fields.push(("normal_map", map, place));
+                        }
+                    }
+                    None => {
+                        let message = "bsdf \"normalmap\": the texture \"normalmap\" is missing";
+                        self.log.invalid(Some(place), message);
+                    }
+                }
+                self.only_inside(id, around, turned, section)
+            }
+            _ => {
+                let kind = self.plain(id, turned, section)?;
+                self.finish(id);
+                self.finish_material(&kind, around, section);
+                Some(kind.transmits)
+            }
+        }
+    }
+
+    /// The one BSDF within another.
+    fn only_inside(
+        &mut self,
+        id: Id,
+        around: Around,
+        turned: bool,
+        section: &mut Section,
+    ) -> Option<bool> {
+        let nested = self.nested(id, Kind::Bsdf);
+        self.finish(id);
+        if nested.len() > 1 {
+            let message = format!(
+                "{}: expected one nested BSDF, found {}",
+                self.title(id),
+                nested.len()
+            );
+            self.log.invalid(Some(self.objects.list[id].place), message);
+        }
+        self.inside(
+            id,
+            nested.first().map(|(_, inner)| *inner),
+            around,
+            turned,
+            section,
+        )
+    }
+
+    fn inside(
+        &mut self,
+        id: Id,
+        inner: Option<Id>,
+        around: Around,
+        turned: bool,
+        section: &mut Section,
+    ) -> Option<bool> {
+        match inner {
+            Some(inner) => self.bsdf(inner, around, turned, section),
+            None => {
+                let message = format!("{}: the nested BSDF is missing", self.title(id));
+                self.log.fatal(Some(self.objects.list[id].place), message)
+            }
+        }
+    }
+
+    fn finish_material(&mut self, kind: &Plain, around: Around, section: &mut Section) {
+        match (around.two_sided, kind.two_sided) {
+            (Some(place), Some(_)) => section.set("two_sided", Toml::Boolean(true), place),
+            (Some(place), None) => {
+                let message =
+                    "bsdf \"twosided\": only materials without a transmission can be nested";
+                self.log.invalid(Some(place), message);
+            }
+            // Here conductors have two sides unless told otherwise, in Mitsuba they have one.
+            (None, Some(true)) => section.set("two_sided", Toml::Boolean(false), kind.place),
+            (None, _) => {}
+        }
+        for (i, (key, value, place)) in around.fields.iter().enumerate() {
+            if around.fields[..i].iter().any(|(before, ..)| before == key) {
+                let message =
+                    format!("a material takes one {key}; this is the second around the same BSDF");
+                self.log.unsupported(*place, message);
+            } else if kind.null {
+                let message = format!("a bsdf \"null\" takes no {key}");
+                self.log.unsupported(*place, message);
+            } else {
+                section.set(key, value.clone(), *place);
+            }
+        }
+    }
+
+    /// Write a BSDF that contains no other.
+    fn plain(&mut self, id: Id, turned: bool, section: &mut Section) -> Option<Plain> {
+        let object = &self.objects.list[id];
+        let place = object.place;
+        let one_sided = Plain {
+            place,
+            transmits: false,
+            two_sided: Some(false),
+            null: false,
+        };
+        let through = Plain {
+            transmits: true,
+            two_sided: None,
+            ..one_sided
+        };
+        let metal = Plain {
+            two_sided: Some(true),
+            ..one_sided
+        };
+        let set =
+            |section: &mut Section, kind: &str| section.set("type", Toml::string(kind), place);
+        Some(match object.plugin.as_str() {
+            "diffuse" => {
+                set(section, "diffuse");
+                self.field(id, "reflectance", "reflectance", turned, section);
+                one_sided
+            }
+            "dielectric" | "thindielectric" | "roughdielectric" => {
+                let kind = match object.plugin.as_str() {
+                    "dielectric" => "dielectric",
+                    "thindielectric" => "thin_dielectric",
+                    _ => "rough_dielectric",
+                };
+                set(section, kind);
+                self.iors(id, "bk7", section);
+                if kind == "rough_dielectric" {
+                    self.roughness(id, section);
+                }
+                for name in ["specular_reflectance", "specular_transmittance"] {
+                    self.factor(id, name, section);
+                }
+                Plain {
+                    // A thin sheet lets light through, but has no inside.
+                    transmits: kind != "thin_dielectric",
+                    ..through
+                }
+            }
+            "conductor" | "roughconductor" => {
+                let rough = object.plugin == "roughconductor";
+                let fresnel = self.conductor(id);
+                match (rough, fresnel) {
+                    (false, None) => set(section, "mirror"),
+                    _ => {
+                        let kind = if rough {
+                            "rough_conductor"
+                        } else {
+                            "conductor"
+                        };
+                        set(section, kind);
+                        // Without Fresnel: all is reflected.
+                        let (eta, k) = fresnel.unwrap_or(([0.0; 3], [1.0; 3]));
+                        section.set("eta", Toml::color(eta), place);
+                        section.set("k", Toml::color(k), place);
+                    }
+                }
+                if rough {
+                    self.roughness(id, section);
+                }
+                self.field(id, "specular_reflectance", "reflectance", turned, section);
+                metal
+            }
+            "plastic" | "roughplastic" => {
+                let rough = object.plugin == "roughplastic";
+                set(section, if rough { "rough_plastic" } else { "plastic" });
+                self.field(id, "diffuse_reflectance", "reflectance", turned, section);
+                self.iors(id, "polypropylene", section);
+                if rough {
+                    self.roughness(id, section);
+                }
+                if self.boolean(id, "nonlinear") == Some(true) {
+                    section.set("nonlinear", Toml::Boolean(true), place);
+                }
+                self.factor(id, "specular_reflectance", section);
+                one_sided
+            }
+            "principled" => {
+                set(section, "principled");
+                self.field(id, "base_color", "base_color", turned, section);
+                self.field(id, "metallic", "metallic", turned, section);
+                self.field(id, "roughness", "roughness", turned, section);
+                if let Some(eta) = self.float(id, "eta") {
+                    section.set("ior", Toml::Float(eta), place);
+                }
+                if let Some(specular) = self.float(id, "specular") {
+                    section.set("specular", Toml::Float(specular), place);
+                }
+                self.unset_lobes(id);
+                self.ignore(
+                    id,
+                    &[
+                        "main_specular_sampling_rate",
+                        "clearcoat_sampling_rate",
+                        "diffuse_reflectance_sampling_rate",
+                    ],
+                );
+                one_sided
+            }
+            "null" => {
+                set(section, "null");
+                Plain {
+                    null: true,
+                    ..through
+                }
+            }
+            _ => {
+                self.unsupported_plugin(id);
+                return None;
+            }
+        })
+    }
+
+    /// A colour or texture between 0 and 1.
+    fn field(
+        &mut self,
+        id: Id,
+        name: &str,
+        field: &'static str,
+        turned: bool,
+        section: &mut Section,
+    ) {
+        if let Some(member) = self.member(id, name)
+            && let Some(value) = self.textured_member(id, member, cie::Kind::Factor, turned)
+        {
+            section.set(field, value, member.place);
+        }
+    }
+
+    /// A colour between 0 and 1, of the same name in both formats, which is 1 where it is not given.
+    fn factor(&mut self, id: Id, name: &'static str, section: &mut Section) {
+        if let Some(member) = self.member(id, name)
+            && let Some(color) = self.color(id, name, cie::Kind::Factor)
+            && color != [1.0; 3]
+        {
+            section.set(name, Toml::color(color), member.place);
+        }
+    }
+
+    /// Indices of refraction; by default of a named material in air.
+    fn iors(&mut self, id: Id, inside: &str, section: &mut Section) {
+        for (name, field, default) in [
+            ("int_ior", "ior", inside),
+            ("ext_ior", "exterior_ior", "air"),
+        ] {
+            let place = self
+                .member(id, name)
+                .map_or(self.objects.list[id].place, |m| m.place);
+            if let Some(ior) = self.ior(id, name, default) {
+                section.set(field, Toml::Float(ior), place);
+            }
+        }
+    }
+
+    fn ior(&mut self, id: Id, name: &str, default: &str) -> Option<f64> {
+        let Some(member) = self.member(id, name) else {
+            return named::ior(default);
+        };
+        let Content::Value(Value::String(known)) = &member.content else {
+            let ior = self.float(id, name)?;
+            if ior > 0.0 {
+                return Some(ior);
+            }
+            self.wrong(
+                id,
+                member,
+                &format!("expected an index of refraction above 0, found {ior}"),
+            );
+            return None;
+        };
+        let ior = named::ior(known);
+        if ior.is_none() {
+            let names: Vec<_> = named::iors().collect();
+            let message = format!(
+                "no index of refraction is known for \"{known}\"; expected one of {}",
+                names.join(", ")
+            );
+            self.wrong(id, member, &message);
+        }
+        ior
+    }
+
+    /// eta and k; `None` for a perfect mirror.
+    fn conductor(&mut self, id: Id) -> Option<([f64; 3], [f64; 3])> {
+        let material = self.string(id, "material");
+        let given = ["eta", "k"].map(|name| self.member(id, name));
+        match (material, given) {
+            (None | Some("none"), [None, None]) => None,
+            (None | Some("none"), _) => {
+                let eta = self.color(id, "eta", cie::Kind::Unbounded);
+                let k = self.color(id, "k", cie::Kind::Unbounded);
+                if let [Some(one), None] | [None, Some(one)] = given {
+                    self.wrong(id, one, "expected both of eta and k");
+                }
+                Some((eta.unwrap_or([0.0; 3]), k.unwrap_or([1.0; 3])))
+            }
+            (Some(name), given) => {
+                let member = self.member(id, "material");
+                if let Some(one) = given.into_iter().flatten().next() {
+                    self.wrong(id, one, "expected a material, or eta and k, not both");
+                }
+                let found = named::conductor(name);
+                if let (None, Some(member)) = (found, member) {
+                    let names: Vec<_> = named::conductors().collect();
+                    let message = format!(
+                        "no conductor \"{name}\" is known; expected none, {}",
+                        names.join(", ")
+                    );
+                    self.wrong(id, member, &message);
+                }
+                found
+            }
+        }
+    }
+
+    fn roughness(&mut self, id: Id, section: &mut Section) {
+        let place = self.objects.list[id].place;
+        let alpha = match (self.member(id, "alpha_u"), self.member(id, "alpha_v")) {
+            (None, None) => match self.member(id, "alpha") {
+                Some(_) => self.float(id, "alpha"),
+                None => Some(0.1),
+            },
+            (Some(member), Some(_)) => {
+                let (u, v) = (self.float(id, "alpha_u"), self.float(id, "alpha_v"));
+                if u != v {
+                    self.unsupported(
+                        id,
+                        member,
+                        "a roughness that differs by direction is not supported",
+                    );
+                }
+                u
+            }
+            (Some(member), None) | (None, Some(member)) => {
+                self.wrong(id, member, "expected both of alpha_u and alpha_v");
+                None
+            }
+        };
+        section.set("alpha", Toml::Float(alpha.unwrap_or(0.1)), place);
+        if self.word(id, "distribution", &["beckmann", "ggx"]) != Some("ggx") {
+            section.set("distribution", Toml::string("beckmann"), place);
+        }
+        // How directions are drawn, not how many.
+        self.ignore(id, &["sample_visible"]);
+    }
+
+    /// The lobes of `principled` that are not supported, unless they are turned off.
+    fn unset_lobes(&mut self, id: Id) {
+        for name in [
+            "anisotropic",
+            "spec_trans",
+            "spec_tint",
+            "sheen",
+            "sheen_tint",
+            "flatness",
+            "clearcoat",
+            "clearcoat_gloss",
+        ] {
+            if let Some(member) = self.member(id, name)
+                && let Some(value) = self.float(id, name)
+                && value != 0.0
+            {
+                self.unsupported(id, member, "this lobe is not supported; expected 0");
+            }
+        }
+    }
+}
+
+/// A BSDF that contains no other.
+#[derive(Clone, Copy)]
+struct Plain {
+    place: Place,
+    transmits: bool,
+    /// Whether it has two sides here by default; `None` if the question does not arise.
+    two_sided: Option<bool>,
+    null: bool,
+}

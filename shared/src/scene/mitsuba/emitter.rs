@@ -1,0 +1,147 @@
+//! Emitters that are not surfaces.
+
+use super::transform::{self, Step};
+use super::write::{Section, Toml};
+use super::xml::{Id, Kind};
+use super::{Converter, cie};
+use glam::DVec3;
+
+impl Converter<'_> {
+    /// A light, if the emitter is supported.
+    pub fn emitter(&mut self, id: Id) -> Option<Section> {
+        let object = &self.objects.list[id];
+        let place = object.place;
+        let mut light = Section::item("lights", place);
+        if let Some(name) = &object.id {
+            light.set("name", Toml::string(name), place);
+        }
+        let kind = match object.plugin.as_str() {
+            "point" => "point",
+            "spot" => "spot",
+            "directional" => "directional",
+            "constant" | "envmap" => "environment",
+            "area" => {
+                let message = "an emitter \"area\" belongs within a <shape>";
+                self.log.invalid(Some(place), message);
+                return None;
+            }
+            _ => {
+                self.unsupported_plugin(id);
+                return None;
+            }
+        };
+        light.set("type", Toml::string(kind), place);
+        match object.plugin.as_str() {
+            "point" => {
+                let position = match self.position(id, "position") {
+                    Some(position) => position,
+                    None => transform::compose(self.transform(id, "to_world"))
+                        .translation
+                        .into(),
+                };
+                light.set("position", Toml::numbers(&position), place);
+                self.emission(id, "intensity", &mut light);
+            }
+            "spot" => self.spot(id, &mut light),
+            "directional" => {
+                let direction = match self.position(id, "direction") {
+                    Some(direction) => direction,
+                    None => {
+                        let map = transform::compose(self.transform(id, "to_world"));
+                        (map.matrix3 * DVec3::Z).into()
+                    }
+                };
+                light.set("direction", Toml::numbers(&direction), place);
+                self.emission(id, "irradiance", &mut light);
+            }
+            "constant" => self.emission(id, "radiance", &mut light),
+            _ => self.envmap(id, &mut light),
+        }
+        self.sampling(id);
+        self.finish(id);
+        Some(light)
+    }
+
+    /// What concerns Mitsuba's sampling only. The medium is found by looking around.
+    pub fn sampling(&mut self, id: Id) {
+        self.ignore(id, &["sampling_weight"]);
+        self.nested(id, Kind::Medium);
+    }
+
+    /// A colour of emission, white of 1 where there is none.
+    pub fn emission(&mut self, id: Id, name: &'static str, light: &mut Section) {
+        let place = self
+            .member(id, name)
+            .map_or(self.objects.list[id].place, |m| m.place);
+        let color = match self.member(id, name) {
+            Some(_) => self.color(id, name, cie::Kind::Emission),
+            None => Some([1.0; 3]),
+        };
+        if let Some(color) = color {
+            light.set(name, Toml::color(color), place);
+        }
+    }
+
+    /// A vector that stands in for `to_world`.
+    fn position(&mut self, id: Id, name: &str) -> Option<[f64; 3]> {
+        let member = self.member(id, name)?;
+        if self.member(id, "to_world").is_some() {
+            let message = format!("expected {name} or to_world, not both");
+            self.wrong(id, member, &message);
+        }
+        self.vector(id, name)
+    }
+
+    fn spot(&mut self, id: Id, light: &mut Section) {
+        let steps = self.transform(id, "to_world");
+        let place = self
+            .member(id, "to_world")
+            .map_or(self.objects.list[id].place, |m| m.place);
+        let (position, target) = match steps {
+            [Step::LookAt { origin, target, .. }] => (*origin, *target),
+            steps => {
+                let map = transform::compose(steps);
+                let target = map.translation + map.matrix3 * DVec3::Z;
+                (map.translation.into(), target.into())
+            }
+        };
+        light.set("position", Toml::numbers(&position), place);
+        light.set("target", Toml::numbers(&target), place);
+        self.emission(id, "intensity", light);
+        for name in ["cutoff_angle", "beam_width"] {
+            if let Some(member) = self.member(id, name)
+                && let Some(angle) = self.float(id, name)
+            {
+                light.set(name, Toml::Float(angle), member.place);
+            }
+        }
+    }
+
+    fn envmap(&mut self, id: Id, light: &mut Section) {
+        let place = self
+            .member(id, "filename")
+            .map_or(self.objects.list[id].place, |m| m.place);
+        if let Some((image, _)) = self.asset(id, "filename") {
+            light.set("image", image, place);
+        }
+        if let Some(member) = self.member(id, "scale")
+            && let Some(scale) = self.float(id, "scale")
+        {
+            light.set("scale", Toml::Float(scale), member.place);
+        }
+        let steps = self.transform(id, "to_world");
+        let place = self.member(id, "to_world").map_or(place, |m| m.place);
+        match steps {
+            [] => {}
+            [
+                Step::Rotate {
+                    axis: [0.0, y, 0.0],
+                    degrees,
+                },
+            ] => {
+                light.set("rotate_y", Toml::Float(degrees * y.signum()), place);
+            }
+            steps => light.set("transform", transform::write(steps), place),
+        }
+    }
+}

@@ -1,0 +1,299 @@
+//! Media.
+
+use super::transform::{self, Step};
+use super::value::Value;
+use super::write::{Section, Toml};
+use super::xml::{Content, Id, Kind, Member};
+use super::{Converter, cie, property, unique};
+use std::collections::BTreeSet;
+use std::io::Read;
+use std::path::Path;
+
+/// An extinction or albedo.
+enum Coefficient {
+    Constant([f64; 3]),
+    Grid(Id),
+}
+
+impl Converter<'_> {
+    /// The name of a medium, converted once.
+    pub fn medium(&mut self, id: Id, hint: Option<&str>) -> Option<String> {
+        if let Some(name) = self.media.get(&id) {
+            return Some(name.clone());
+        }
+        let object = &self.objects.list[id];
+        let name = match (object.id.as_deref(), hint) {
+            (Some("none"), _) => unique(&mut self.media_names, "none"),
+            (Some(own), _) => own.to_string(),
+            (None, hint) => unique(&mut self.media_names, hint.unwrap_or("medium")),
+        };
+        let mut section = Section::named("media", &name, object.place);
+        match object.plugin.as_str() {
+            "homogeneous" | "heterogeneous" => self.coefficients(id, &mut section),
+            _ => {
+                self.unsupported_plugin(id);
+                return None;
+            }
+        }
+        let phases = self.nested(id, Kind::Phase);
+        if let Some((member, phase)) = phases.first()
+            && let Some(phase) = self.phase(*phase)
+        {
+            section.set("phase", phase, member.place);
+        }
+        if let Some((member, _)) = phases.get(1) {
+            let message = format!("{}: expected one phase function", self.title(id));
+            self.log.invalid(Some(member.place), message);
+        }
+        // How Mitsuba samples.
+        self.ignore(
+            id,
+            &[
+                "sample_emitters",
+                "has_spectral_extinction",
+                "majorant_resolution_factor",
+            ],
+        );
+        self.finish(id);
+        self.media_sections.push(section);
+        self.media.insert(id, name.clone());
+        Some(name)
+    }
+
+    fn coefficients(&mut self, id: Id, section: &mut Section) {
+        let place = self.objects.list[id].place;
+        let scale = self.float(id, "scale").unwrap_or(1.0);
+        if scale < 0.0
+            && let Some(member) = self.member(id, "scale")
+        {
+            self.wrong(
+                id,
+                member,
+                &format!("expected a number that is not negative, found {scale}"),
+            );
+        }
+        // Mitsuba 3.9 takes sigma_t and albedo only; the other pair is common in older scenes.
+        let pair = ["sigma_s", "sigma_a"].map(|name| self.member(id, name));
+        if let [Some(sigma_s), Some(sigma_a)] = pair {
+            section.set("type", Toml::string("homogeneous"), place);
+            for (name, member) in [("sigma_s", sigma_s), ("sigma_a", sigma_a)] {
+                if let Some(color) = self.color(id, name, cie::Kind::Unbounded) {
+                    section.set(name, Toml::color(color.map(|c| c * scale)), member.place);
+                }
+            }
+            for name in ["sigma_t", "albedo"] {
+                if let Some(member) = self.member(id, name) {
+                    self.wrong(
+                        id,
+                        member,
+                        "expected sigma_s and sigma_a, or sigma_t and albedo, never mixed",
+                    );
+                }
+            }
+            return;
+        }
+        if let Some(one) = pair.into_iter().flatten().next() {
+            self.wrong(id, one, "expected both of sigma_s and sigma_a");
+            return;
+        }
+        let albedo_place = self.member(id, "albedo").map_or(place, |m| m.place);
+        let albedo = match self.coefficient(id, "albedo", 0.75) {
+            Some(Coefficient::Constant(albedo)) => albedo,
+            Some(Coefficient::Grid(_)) => {
+                let message = format!(
+                    "{}: an albedo that varies in space is not supported",
+                    self.title(id)
+                );
+                self.log.unsupported(albedo_place, message);
+                [0.75; 3]
+            }
+            None => [0.75; 3],
+        };
+        if albedo.iter().any(|c| !(0.0..=1.0).contains(c))
+            && let Some(member) = self.member(id, "albedo")
+        {
+            self.wrong(
+                id,
+                member,
+                &format!("expected numbers from 0 to 1, found {albedo:?}"),
+            );
+        }
+        let place_t = self.member(id, "sigma_t").map_or(place, |m| m.place);
+        match self.coefficient(id, "sigma_t", 1.0) {
+            Some(Coefficient::Constant(sigma_t)) => {
+                section.set("type", Toml::string("homogeneous"), place);
+                section.set("sigma_t", Toml::color(sigma_t.map(|c| c * scale)), place_t);
+                section.set("albedo", Toml::color(albedo), albedo_place);
+            }
+            Some(Coefficient::Grid(grid)) => {
+                section.set("type", Toml::string("heterogeneous"), place);
+                section.set("sigma_t", Toml::Float(1.0), place_t);
+                section.set("albedo", Toml::color(albedo), albedo_place);
+                if scale != 1.0 {
+                    let place = self.member(id, "scale").map_or(place, |m| m.place);
+                    section.set("scale", Toml::Float(scale), place);
+                }
+                self.grid(grid, section);
+            }
+            None => {}
+        }
+    }
+
+    /// A number, a colour, or a volume.
+    fn coefficient(&mut self, id: Id, name: &str, default: f64) -> Option<Coefficient> {
+        let Some(member) = self.member(id, name) else {
+            return Some(Coefficient::Constant([default; 3]));
+        };
+        let color = match &member.content {
+            Content::Value(value) => self.constant(id, member, value)?,
+            Content::Object(volume) => {
+                let volume = *volume;
+                match self.objects.list[volume].plugin.as_str() {
+                    "gridvolume" => return Some(Coefficient::Grid(volume)),
+                    "constvolume" => {
+                        let value = self.color(volume, "value", cie::Kind::Unbounded);
+                        self.ignore(volume, &["to_world"]);
+                        self.finish(volume);
+                        value.or_else(|| {
+                            let message = "volume \"constvolume\": the parameter \"value\" is missing or wrong";
+                            self.log.fatal(Some(self.objects.list[volume].place), message)
+                        })?
+                    }
+                    _ => match self.spectrum(volume, cie::Kind::Factor) {
+                        Some(color) => color?,
+                        None => {
+                            self.unsupported_plugin(volume);
+                            return None;
+                        }
+                    },
+                }
+            }
+        };
+        Some(Coefficient::Constant(color))
+    }
+
+    fn constant(&mut self, id: Id, member: &Member, value: &Value) -> Option<[f64; 3]> {
+        let Some(color) = property::color(value, cie::Kind::Factor) else {
+            let message = format!("expected a colour or a volume, found {}", value.describe());
+            self.wrong(id, member, &message);
+            return None;
+        };
+        if matches!(value, Value::Rgb(_)) && color.iter().any(|c| !(0.0..=1.0).contains(c)) {
+            let message = format!(
+                "Mitsuba takes an <rgb> from 0 to 1 here, found {color:?}; put the rest into <float name=\"scale\">"
+            );
+            self.wrong(id, member, &message);
+            return None;
+        }
+        self.in_range(id, member, color, cie::Kind::Unbounded)
+    }
+
+    /// A file of densities at its place.
+    fn grid(&mut self, id: Id, section: &mut Section) {
+        let place = self.objects.list[id].place;
+        let file = self.member(id, "filename").map_or(place, |m| m.place);
+        let asset = self.asset(id, "filename");
+        if self.word(id, "filter_type", &["trilinear", "nearest"]) == Some("nearest")
+            && let Some(member) = self.member(id, "filter_type")
+        {
+            self.unsupported(
+                id,
+                member,
+                "densities without interpolation are not supported",
+            );
+        }
+        // Nothing is looked up outside of the grid, and numbers are numbers.
+        self.ignore(id, &["wrap_mode", "raw", "accel"]);
+        let mut steps = Vec::new();
+        if self.boolean(id, "use_grid_bbox") == Some(true)
+            && let Some((_, path)) = &asset
+        {
+            match bounding_box(path) {
+                Ok([low, high]) => {
+                    steps.push(Step::Scale(std::array::from_fn(|i| high[i] - low[i])));
+                    steps.push(Step::Translate(low));
+                }
+                Err(reason) => {
+                    let message = format!("volume \"gridvolume\": {}: {reason}", path.display());
+                    self.log.invalid(Some(file), message);
+                }
+            }
+        }
+        if let Some((asset, _)) = asset {
+            section.set("density", Toml::table([("file", asset)]), file);
+        }
+        steps.extend_from_slice(self.transform(id, "to_world"));
+        if !steps.is_empty() {
+            let place = self.member(id, "to_world").map_or(place, |m| m.place);
+            section.set("transform", transform::write(&steps), place);
+        }
+        self.finish(id);
+    }
+
+    /// The medium outside of all shapes: what lies outside of some shape and inside of none; if that does not decide, what
+    /// the sensor stands in.
+    pub fn world_medium(&self, scene: Id) -> Option<Id> {
+        let objects = &self.objects.list;
+        let named = |shape: Id, name: &str| {
+            let members = objects[shape].members.iter();
+            members
+                .filter(|m| m.name.as_deref() == Some(name))
+                .find_map(|m| match m.content {
+                    Content::Object(id) if objects[id].kind == Kind::Medium => Some(id),
+                    _ => None,
+                })
+        };
+        let inner = |owner: Id, kind: Kind| {
+            let mut members = objects[owner].members.iter();
+            members.find_map(move |m| match m.content {
+                Content::Object(id) if objects[id].kind == kind => Some(id),
+                _ => None,
+            })
+        };
+        let sensor = inner(scene, Kind::Sensor).and_then(|sensor| inner(sensor, Kind::Medium));
+        let mut inside = BTreeSet::new();
+        let mut outside = BTreeSet::new();
+        for (id, object) in objects.iter().enumerate() {
+            if object.kind == Kind::Shape {
+                let sides = ["interior", "exterior"].map(|name| named(id, name));
+                if sides != [None, None] {
+                    inside.insert(sides[0]);
+                    outside.insert(sides[1]);
+                }
+            }
+        }
+        let mut worlds = outside.difference(&inside);
+        match (worlds.next(), worlds.next()) {
+            (Some(world), None) => *world,
+            _ => sensor,
+        }
+    }
+}
+
+/// The box that a .vol file names for itself.
+fn bounding_box(path: &Path) -> Result<[[f64; 3]; 2], String> {
+    // "VOL", version, encoding, resolution, channels, box.
+    let mut header = [0; 48];
+    let file = std::fs::File::open(path).map_err(|e| e.to_string())?;
+    let mut file = file.take(header.len() as u64);
+    file.read_exact(&mut header).map_err(|e| e.to_string())?;
+    if !header.starts_with(b"VOL") {
+        return Err("not a Mitsuba volume: it does not begin with \"VOL\"".to_string());
+    }
+    let (numbers, _) = header[24..].as_chunks::<4>();
+    let number = |i: usize| f64::from(f32::from_le_bytes(numbers[i]));
+    let corners = [
+        [number(0), number(1), number(2)],
+        [number(3), number(4), number(5)],
+    ];
+    if (0..3).all(|i| {
+        corners[0][i] < corners[1][i] && corners[0][i].is_finite() && corners[1][i].is_finite()
+    }) {
+        Ok(corners)
+    } else {
+        Err(format!(
+            "its bounding box from {:?} to {:?} is empty",
+            corners[0], corners[1]
+        ))
+    }
+}

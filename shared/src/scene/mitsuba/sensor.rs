@@ -1,0 +1,307 @@
+//! The sensor, its film and its sampler.
+
+use super::transform::{self, Step};
+use super::write::{Section, Toml};
+use super::xml::{Id, Kind};
+use super::{Converter, Place};
+use glam::DVec3;
+
+/// The parts of the native scene that a sensor becomes.
+pub struct View {
+    pub image: Section,
+    pub render: Section,
+    pub camera: Section,
+}
+
+impl Converter<'_> {
+    pub fn sensor(&mut self, id: Id) -> View {
+        let object = &self.objects.list[id];
+        let place = object.place;
+        let mut view = View {
+            image: Section::table("image", place),
+            render: Section::table("render", place),
+            camera: Section::table("camera", place),
+        };
+        let thin_lens = object.plugin == "thinlens";
+        if !thin_lens && object.plugin != "perspective" {
+            self.unsupported_plugin(id);
+        }
+        let films = self.nested(id, Kind::Film);
+        let (width, height) = match films.first() {
+            Some((_, film)) => self.film(*film, &mut view.image),
+            None => self.film_size(None, &mut view.image, place),
+        };
+        for (_, sampler) in self.nested(id, Kind::Sampler) {
+            if let Some((count, place)) = self.sampler(sampler) {
+                view.render.set("passes", Toml::Integer(count), place);
+            }
+        }
+        self.placement(id, &mut view.camera);
+        self.field_of_view(id, width as f64 / height as f64, &mut view.camera);
+        if thin_lens {
+            self.lens(id, &mut view.camera);
+        } else {
+            let x = self.float(id, "principal_point_offset_x").unwrap_or(0.0);
+            let y = self.float(id, "principal_point_offset_y").unwrap_or(0.0);
+            if (x, y) != (0.0, 0.0) {
+                let place = self
+                    .member(id, "principal_point_offset_x")
+                    .map_or(place, |m| m.place);
+                view.camera
+                    .set("principal_point", Toml::numbers(&[x, y]), place);
+            }
+        }
+        // Here nothing is cut off, and nothing moves.
+        self.ignore(
+            id,
+            &["near_clip", "far_clip", "shutter_open", "shutter_close"],
+        );
+        let media = self.nested(id, Kind::Medium);
+        if let Some((member, medium)) = media.first() {
+            if let Some(name) = self.medium(*medium, None) {
+                view.camera.set("medium", Toml::String(name), member.place);
+            }
+        } else if self.objects.list.iter().any(|o| o.kind == Kind::Medium) {
+            // Mitsuba believes the file and does not look around.
+            view.camera.set("medium", Toml::string("none"), place);
+        }
+        self.finish(id);
+        view
+    }
+
+    /// The number of samples, which becomes the number of passes.
+    pub fn sampler(&mut self, id: Id) -> Option<(i64, Place)> {
+        let object = &self.objects.list[id];
+        let message = format!(
+            "the sampler \"{}\" is replaced; its sample_count is the default number of passes",
+            object.plugin
+        );
+        self.log.note(object.place, message);
+        let member = self.member(id, "sample_count");
+        let count = self.integer(id, "sample_count");
+        if let (Some(member), Some(count)) = (member, count)
+            && count < 1
+        {
+            self.wrong(id, member, &format!("expected at least 1, found {count}"));
+        }
+        member.and_then(|member| Some((count?, member.place)))
+    }
+
+    /// The image's size in pixels, which is written together with the film.
+    fn film(&mut self, id: Id, image: &mut Section) -> (i64, i64) {
+        let object = &self.objects.list[id];
+        if object.plugin != "hdrfilm" {
+            self.unsupported_plugin(id);
+        }
+        let size = self.film_size(Some(id), image, object.place);
+        let filters = self.nested(id, Kind::Filter);
+        match filters.first() {
+            Some((_, filter)) => self.filter(*filter, image),
+            None => image.set("filter", Toml::string("gaussian"), object.place),
+        }
+        if self.boolean(id, "sample_border") == Some(true)
+            && let Some(member) = self.member(id, "sample_border")
+        {
+            self.unsupported(
+                id,
+                member,
+                "samples beyond the image's border are not supported",
+            );
+        }
+        // How the image is kept.
+        self.ignore(
+            id,
+            &[
+                "file_format",
+                "pixel_format",
+                "component_format",
+                "banner",
+                "compensate",
+            ],
+        );
+        self.finish(id);
+        size
+    }
+
+    fn film_size(&mut self, film: Option<Id>, image: &mut Section, place: Place) -> (i64, i64) {
+        let mut whole = |name: &str, least: i64| -> Option<(i64, Place)> {
+            let id = film?;
+            let member = self.member(id, name)?;
+            let value = self.integer(id, name)?;
+            if (least..=1 << 20).contains(&value) {
+                return Some((value, member.place));
+            }
+            self.wrong(
+                id,
+                member,
+                &format!("expected at least {least} and not millions, found {value}"),
+            );
+            None
+        };
+        let (width, height) = (whole("width", 1), whole("height", 1));
+        let offset = [whole("crop_offset_x", 0), whole("crop_offset_y", 0)];
+        let crop = [whole("crop_width", 1), whole("crop_height", 1)];
+        let width = width.unwrap_or((768, place));
+        let height = height.unwrap_or((576, place));
+        image.set("width", Toml::Integer(width.0), width.1);
+        image.set("height", Toml::Integer(height.0), height.1);
+        if let Some((_, place)) = offset.iter().chain(&crop).flatten().next() {
+            let [x, y] = offset.map(|n| n.map_or(0, |n| n.0));
+            let w = crop[0].map_or(width.0, |n| n.0);
+            let h = crop[1].map_or(height.0, |n| n.0);
+            if x + w > width.0 || y + h > height.0 {
+                let message = format!(
+                    "film \"hdrfilm\": the crop window of {w} x {h} pixels at {x}, {y} does not fit into {} x {}",
+                    width.0, height.0
+                );
+                self.log.invalid(Some(*place), message);
+            } else if (x, y, w, h) != (0, 0, width.0, height.0) {
+                let crop = Toml::table([
+                    ("x", Toml::Integer(x)),
+                    ("y", Toml::Integer(y)),
+                    ("width", Toml::Integer(w)),
+                    ("height", Toml::Integer(h)),
+                ]);
+                image.set("crop", crop, *place);
+            }
+        }
+        (width.0, height.0)
+    }
+
+    fn filter(&mut self, id: Id, image: &mut Section) {
+        let object = &self.objects.list[id];
+        let (name, parameter) = match object.plugin.as_str() {
+            "box" => {
+                self.finish(id);
+                // The native default.
+                return;
+            }
+            "tent" => ("tent", "radius"),
+            "gaussian" => ("gaussian", "stddev"),
+            _ => return self.unsupported_plugin(id),
+        };
+        let filter = match self.float(id, parameter) {
+            None => Toml::string(name),
+            Some(size) => {
+                Toml::table([("type", Toml::string(name)), (parameter, Toml::Float(size))])
+            }
+        };
+        image.set("filter", filter, object.place);
+        self.finish(id);
+    }
+
+    /// Origin, target and up.
+    fn placement(&mut self, id: Id, camera: &mut Section) {
+        let steps = self.transform(id, "to_world");
+        let place = self
+            .member(id, "to_world")
+            .map_or(self.objects.list[id].place, |m| m.place);
+        let mut set = |name, v: &[f64; 3]| camera.set(name, Toml::numbers(v), place);
+        if let [Step::LookAt { origin, target, up }] = steps {
+            set("origin", origin);
+            set("target", target);
+            set("up", up);
+            return;
+        }
+        let map = transform::compose(steps);
+        let m = map.matrix3;
+        let gram = m.transpose() * m;
+        let apart = (gram - glam::DMat3::IDENTITY).to_cols_array();
+        // As strict as Mitsuba about lengths, and about angles as well.
+        if apart.iter().any(|x| x.is_nan() || x.abs() > 1e-3) {
+            let message = format!(
+                "{}: to_world: a sensor's transform must not scale or shear",
+                self.title(id)
+            );
+            self.log.invalid(Some(place), message);
+            return;
+        }
+        let origin = map.translation;
+        set("origin", &origin.into());
+        set("target", &(origin + m * DVec3::Z).into());
+        set("up", &(m * DVec3::Y).into());
+        if m.determinant() < 0.0 {
+            camera.set("flip_x", Toml::Boolean(true), place);
+        }
+    }
+
+    fn field_of_view(&mut self, id: Id, aspect: f64, camera: &mut Section) {
+        const AXES: [&str; 5] = ["x", "y", "diagonal", "smaller", "larger"];
+        let place = self.objects.list[id].place;
+        let fov = self.member(id, "fov");
+        let focal_length = self.member(id, "focal_length");
+        let (degrees, axis, place) = match (fov, focal_length) {
+            (Some(member), None) => {
+                let axis = self.word(id, "fov_axis", &AXES).unwrap_or("x");
+                let Some(degrees) = self.float(id, "fov") else {
+                    return;
+                };
+                (degrees, axis, member.place)
+            }
+            (None, member) => {
+                let text = self.string(id, "focal_length").unwrap_or("50mm");
+                let number = text.trim().trim_end_matches("mm").trim().parse::<f64>();
+                let millimetres = match number {
+                    Ok(length) if length > 0.0 && length.is_finite() => length,
+                    _ => {
+                        if let Some(member) = member {
+                            let message =
+                                format!("expected a length such as 50mm, found \"{text}\"");
+                            self.wrong(id, member, &message);
+                        }
+                        return;
+                    }
+                };
+                // The diagonal of 36 x 24 mm.
+                let half = libm::atan(f64::hypot(36.0, 24.0) / (2.0 * millimetres));
+                (
+                    2.0 * half.to_degrees(),
+                    "diagonal",
+                    member.map_or(place, |m| m.place),
+                )
+            }
+            (Some(_), Some(member)) => {
+                return self.wrong(id, member, "expected fov or focal_length, not both");
+            }
+        };
+        if !(degrees > 0.0 && degrees < 180.0) {
+            let message = format!(
+                "{}: fov: expected an angle between 0 and 180 degrees, found {degrees}",
+                self.title(id)
+            );
+            return self.log.invalid(Some(place), message);
+        }
+        let (degrees, axis) = match axis {
+            "diagonal" => {
+                let diagonal = libm::tan(0.5 * degrees.to_radians());
+                let half_width = diagonal / (1.0 + 1.0 / (aspect * aspect)).sqrt();
+                (2.0 * libm::atan(half_width).to_degrees(), "x")
+            }
+            axis => (degrees, axis),
+        };
+        camera.set("fov", Toml::Float(degrees), place);
+        if axis != "x" {
+            let place = self.member(id, "fov_axis").map_or(place, |m| m.place);
+            camera.set("fov_axis", Toml::string(axis), place);
+        }
+    }
+
+    fn lens(&mut self, id: Id, camera: &mut Section) {
+        let place = self.objects.list[id].place;
+        let aperture = self.member(id, "aperture_radius");
+        match (aperture, self.float(id, "aperture_radius")) {
+            (Some(member), Some(radius)) => {
+                camera.set("aperture", Toml::Float(radius), member.place)
+            }
+            (Some(_), None) => {}
+            (None, _) => {
+                let message = "sensor \"thinlens\": the parameter \"aperture_radius\" is missing";
+                self.log.invalid(Some(place), message);
+            }
+        }
+        let far = self.float(id, "far_clip").unwrap_or(1e4);
+        let distance = self.float(id, "focus_distance").unwrap_or(far);
+        let place = self.member(id, "focus_distance").map_or(place, |m| m.place);
+        camera.set("focus_distance", Toml::Float(distance), place);
+    }
+}

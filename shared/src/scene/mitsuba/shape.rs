@@ -1,0 +1,274 @@
+//! Shapes, and groups of them with their instances.
+
+use super::write::{Section, Toml};
+use super::xml::{Content, Id, Kind};
+use super::{Converter, Place, transform};
+use std::collections::BTreeMap;
+
+impl Converter<'_> {
+    /// A shape that stands by itself; groups and instances wait for [`Self::shape_groups`].
+    pub fn shape(&mut self, id: Id, shapes: &mut Vec<Section>) {
+        match self.objects.list[id].plugin.as_str() {
+            "shapegroup" | "instance" => {}
+            _ => shapes.extend(self.surface(
+                id,
+                Section::item("shapes", self.objects.list[id].place),
+                true,
+            )),
+        }
+    }
+
+    /// One record of instances for each member of each group that has any.
+    pub fn shape_groups(&mut self, scene: Id, shapes: &mut Vec<Section>) {
+        let objects = self.objects;
+        let mut instances: BTreeMap<Id, Vec<(Toml, Place)>> = BTreeMap::new();
+        let mut order = Vec::new();
+        for member in &objects.list[scene].members {
+            let Content::Object(id) = member.content else {
+                continue;
+            };
+            let object = &objects.list[id];
+            if object.kind != Kind::Shape {
+                continue;
+            }
+            if object.plugin == "shapegroup" {
+                order.push(id);
+            } else if object.plugin == "instance" {
+                let groups = self.nested(id, Kind::Shape);
+                let steps = transform::write(self.transform(id, "to_world"));
+                self.finish(id);
+                match groups[..] {
+                    [(_, group)] if objects.list[group].plugin == "shapegroup" => {
+                        if !instances.contains_key(&group) && !order.contains(&group) {
+                            order.push(group);
+                        }
+                        instances
+                            .entry(group)
+                            .or_default()
+                            .push((steps, object.place));
+                    }
+                    _ => {
+                        let message =
+                            "shape \"instance\": expected one reference to a shape \"shapegroup\"";
+                        self.log.invalid(Some(object.place), message);
+                    }
+                }
+            }
+        }
+        for group in order {
+            let place = objects.list[group].place;
+            let members = self.nested(group, Kind::Shape);
+            self.finish(group);
+            for (_, member) in members {
+                let inner = &objects.list[member];
+                if matches!(inner.plugin.as_str(), "shapegroup" | "instance") {
+                    let message = "shape \"shapegroup\": groups within groups are not supported";
+                    self.log.unsupported(inner.place, message);
+                    continue;
+                }
+                if let Some((_, emitter)) = self.nested(member, Kind::Emitter).first() {
+                    let message = "shape \"shapegroup\": emitters within it are not supported (nor are they in Mitsuba)";
+                    self.log.unsupported(objects.list[*emitter].place, message);
+                }
+                // Said even where nobody needs the shape.
+                let shape = self.surface(member, Section::item("shape", inner.place), false);
+                let Some(transforms) = instances.get(&group) else {
+                    continue;
+                };
+                let Some(shape) = shape else {
+                    continue;
+                };
+                let mut section = Section::item("shapes", inner.place);
+                if let Some(name) = inner.id.as_ref().or(objects.list[group].id.as_ref()) {
+                    section.set("name", Toml::string(name), inner.place);
+                }
+                section.set("type", Toml::string("instances"), place);
+                section.set("shape", shape.into_inline(), inner.place);
+                section.set_lines("transforms", transforms.clone(), place);
+                shapes.push(section);
+            }
+        }
+    }
+
+    /// A shape with its material, media and emission, written into a section.
+    fn surface(&mut self, id: Id, mut shape: Section, named: bool) -> Option<Section> {
+        let object = &self.objects.list[id];
+        let place = object.place;
+        if named && let Some(name) = &object.id {
+            shape.set("name", Toml::string(name), place);
+        }
+        let kind = match object.plugin.as_str() {
+            "sphere" => "sphere",
+            "rectangle" => "rectangle",
+            "cube" => "cube",
+            "disk" => "disc",
+            "cylinder" => "cylinder",
+            "ply" | "obj" => "mesh",
+            _ => {
+                self.unsupported_plugin(id);
+                // What is within may have its own mistakes.
+                self.bounds_and_material(id, &mut shape, false);
+                return None;
+            }
+        };
+        shape.set("type", Toml::string(kind), place);
+        let mut turned = false;
+        match kind {
+            "sphere" => {
+                if let Some(center) = self.vector(id, "center") {
+                    shape.set("center", Toml::numbers(&center), place);
+                }
+                self.radius(id, &mut shape);
+            }
+            "cylinder" => {
+                for name in ["p0", "p1"] {
+                    if let Some(point) = self.vector(id, name) {
+                        shape.set(name, Toml::numbers(&point), place);
+                    }
+                }
+                self.radius(id, &mut shape);
+            }
+            "mesh" => {
+                let file = self.member(id, "filename").map_or(place, |m| m.place);
+                if let Some((asset, _)) = self.asset(id, "filename") {
+                    shape.set("file", asset, file);
+                }
+                if let Some(member) = self.member(id, "face_normals")
+                    && self.boolean(id, "face_normals") == Some(true)
+                {
+                    shape.set("face_normals", Toml::Boolean(true), member.place);
+                }
+                // Mitsuba turns the v of OBJ files around unless told otherwise.
+                let default = object.plugin == "obj";
+                turned = self.boolean(id, "flip_tex_coords").unwrap_or(default);
+            }
+            _ => {}
+        }
+        let steps = self.transform(id, "to_world");
+        let steps_place = self.member(id, "to_world").map_or(place, |m| m.place);
+        let flip_place = self
+            .member(id, "flip_normals")
+            .map_or(steps_place, |m| m.place);
+        let mut flip = self.boolean(id, "flip_normals").unwrap_or(false);
+        if kind == "sphere" {
+            let m = transform::compose(steps).matrix3;
+            // Mitsuba turns a sphere inside out when it mirrors it.
+            flip ^= m.determinant() < 0.0;
+            let lengths = [m.x_axis.length(), m.y_axis.length(), m.z_axis.length()];
+            if lengths
+                .iter()
+                .any(|l| (l - lengths[0]).abs() > 1e-5 * lengths[0])
+            {
+                let message = "shape \"sphere\": its to_world makes it an ellipsoid, which Mitsuba would render as a sphere";
+                self.log.note(steps_place, message);
+            }
+        }
+        if flip {
+            shape.set("flip_normals", Toml::Boolean(true), flip_place);
+        }
+        if !steps.is_empty() {
+            shape.set("transform", transform::write(steps), steps_place);
+        }
+        self.bounds_and_material(id, &mut shape, turned);
+        Some(shape)
+    }
+
+    fn radius(&mut self, id: Id, shape: &mut Section) {
+        if let Some(member) = self.member(id, "radius")
+            && let Some(radius) = self.float(id, "radius")
+        {
+            shape.set("radius", Toml::Float(radius), member.place);
+        }
+    }
+
+    fn bounds_and_material(&mut self, id: Id, shape: &mut Section, turned: bool) {
+        let object = &self.objects.list[id];
+        let place = object.place;
+        let bsdfs = self.nested(id, Kind::Bsdf);
+        if let Some((member, _)) = bsdfs.get(1) {
+            let message = format!("{}: expected one BSDF", self.title(id));
+            self.log.invalid(Some(member.place), message);
+        }
+        let mut transmits = false;
+        if let Some((member, bsdf)) = bsdfs.first()
+            && let Some(material) = self.material(*bsdf, object.id.as_deref(), turned)
+        {
+            transmits = material.transmits;
+            shape.set("material", Toml::String(material.name), member.place);
+        }
+        for (member, emitter) in self.nested(id, Kind::Emitter) {
+            self.area_light(emitter, shape, member.place);
+        }
+        self.boundary(id, transmits, shape);
+        // Only Mitsuba's differentiable integrators ask for it.
+        self.ignore(id, &["silhouette_sampling_weight"]);
+        self.finish(id);
+        let _ = place;
+    }
+
+    fn area_light(&mut self, id: Id, shape: &mut Section, place: Place) {
+        if self.objects.list[id].plugin != "area" {
+            return self.unsupported_plugin(id);
+        }
+        let mut emission = Section::table("emission", place);
+        self.emission(id, "radiance", &mut emission);
+        self.sampling(id);
+        self.finish(id);
+        if !emission.is_empty() {
+            shape.set("emission", emission.into_inline(), place);
+        }
+    }
+
+    /// The media on both sides, said for every surface that light goes through: Mitsuba's defaults are others.
+    fn boundary(&mut self, id: Id, transmits: bool, shape: &mut Section) {
+        let own = self.objects.list[id].place;
+        let members = ["interior", "exterior"].map(|name| {
+            let member = self.member(id, name)?;
+            match member.content {
+                Content::Object(medium) if self.objects.list[medium].kind == Kind::Medium => {
+                    Some((member, medium))
+                }
+                _ => {
+                    self.wrong(id, member, "expected a medium");
+                    None
+                }
+            }
+        });
+        let world = self.world.and_then(|world| self.medium(world, None));
+        let bounds = members.iter().any(Option::is_some);
+        for (i, field) in ["interior", "exterior"].into_iter().enumerate() {
+            let (name, place) = match members[i] {
+                Some((member, medium)) => {
+                    let name = self.medium(medium, Some(field));
+                    (name, member.place)
+                }
+                // A surface without media changes nothing.
+                None if !bounds => (world.clone(), own),
+                None => (None, own),
+            };
+            if !transmits {
+                if members[i].is_some() && field == "interior" {
+                    let message = format!(
+                        "{}: no light gets into it, its interior medium is left out",
+                        self.title(id)
+                    );
+                    self.log.note(place, message);
+                }
+                continue;
+            }
+            // The native defaults: nothing inside, the world outside.
+            let default = if field == "interior" {
+                None
+            } else {
+                world.clone()
+            };
+            if name != default {
+                shape.set(
+                    field,
+                    Toml::String(name.unwrap_or_else(|| "none".to_string())),
+                    place,
+                );
+            }
+        }
+    }
+}

@@ -1,0 +1,142 @@
+//! Textures: an image, a chequerboard, or one colour.
+
+use super::transform::{self, Step};
+use super::write::Toml;
+use super::xml::{Content, Id, Member};
+use super::{Converter, cie, property};
+
+/// The step that turns v around, where images and native UVs run in opposite directions.
+const TURN: [Step; 2] = [
+    Step::Scale([1.0, -1.0, 1.0]),
+    Step::Translate([0.0, 1.0, 0.0]),
+];
+
+impl Converter<'_> {
+    /// A colour or a texture of a material. `turned`: the shape's v runs opposite to Mitsuba's.
+    pub fn textured(
+        &mut self,
+        object: Id,
+        name: &str,
+        kind: cie::Kind,
+        turned: bool,
+    ) -> Option<Toml> {
+        let member = self.member(object, name)?;
+        self.textured_member(object, member, kind, turned)
+    }
+
+    /// As [`Self::textured`], of a member that is known.
+    pub fn textured_member(
+        &mut self,
+        object: Id,
+        member: &Member,
+        kind: cie::Kind,
+        turned: bool,
+    ) -> Option<Toml> {
+        match &member.content {
+            Content::Value(value) => match property::color(value, kind) {
+                Some(color) => self.in_range(object, member, color, kind).map(Toml::color),
+                None => {
+                    let found = value.describe();
+                    self.wrong(
+                        object,
+                        member,
+                        &format!("expected a colour or a texture, found {found}"),
+                    );
+                    None
+                }
+            },
+            Content::Object(id) => match self.spectrum(*id, kind) {
+                Some(color) => self.in_range(object, member, color?, kind).map(Toml::color),
+                None => self.texture(*id, turned).map(Toml::Table),
+            },
+        }
+    }
+
+    /// A texture as the fields of a table.
+    pub fn texture(&mut self, id: Id, turned: bool) -> Option<Vec<(&'static str, Toml)>> {
+        match self.objects.list[id].plugin.as_str() {
+            "bitmap" => {
+                let image = self.asset(id, "filename");
+                let mut fields = vec![("image", image?.0)];
+                if self.boolean(id, "raw") == Some(true) {
+                    fields.push(("raw", Toml::Boolean(true)));
+                }
+                if self.word(id, "filter_type", &["bilinear", "nearest"]) == Some("nearest") {
+                    fields.push(("filter", Toml::string("nearest")));
+                }
+                match self.word(id, "wrap_mode", &["repeat", "mirror", "clamp"]) {
+                    Some("repeat") | None => {}
+                    Some(wrap) => fields.push(("wrap", Toml::string(wrap))),
+                }
+                // How the image is kept, not what is in it.
+                self.ignore(id, &["accel", "format"]);
+                // Images have v downwards in Mitsuba and upwards here.
+                self.uv_map(id, turned, true, &mut fields);
+                self.finish(id);
+                Some(fields)
+            }
+            "checkerboard" => {
+                let mut color =
+                    |name: &str, default: f64| match self.color(id, name, cie::Kind::Factor) {
+                        Some(color) => Toml::color(color),
+                        None => Toml::Float(default),
+                    };
+                let colors = vec![color("color0", 0.4), color("color1", 0.2)];
+                let mut fields = vec![("checkerboard", Toml::Array(colors))];
+                self.uv_map(id, turned, false, &mut fields);
+                self.finish(id);
+                Some(fields)
+            }
+            _ => {
+                self.unsupported_plugin(id);
+                None
+            }
+        }
+    }
+
+    /// The map of UVs: first around for the shape's sake, then `to_uv`, then around for the image's sake.
+    fn uv_map(
+        &mut self,
+        id: Id,
+        turned: bool,
+        image: bool,
+        fields: &mut Vec<(&'static str, Toml)>,
+    ) {
+        let steps = self.transform(id, "to_uv");
+        if steps.is_empty() {
+            // Twice around is not at all.
+            if turned != image {
+                fields.push(("uv", transform::write(&TURN)));
+            }
+            return;
+        }
+        let planar = |step: &Step| match step {
+            Step::Translate(_) | Step::Scale(_) => true,
+            Step::Rotate { axis, .. } => axis[0] == 0.0 && axis[1] == 0.0,
+            Step::LookAt { .. } | Step::Matrix(_) => false,
+        };
+        let mut uv = match turned {
+            true => written(&TURN),
+            false => Vec::new(),
+        };
+        if steps.iter().all(planar) {
+            uv.extend(written(steps));
+        } else {
+            let m = transform::flat(steps);
+            let row = |i: usize| Toml::numbers(&m.row(i).to_array());
+            let rows = Toml::Array(vec![row(0), row(1), row(2)]);
+            uv.push(Toml::table([("matrix", rows)]));
+        }
+        if image {
+            uv.extend(written(&TURN));
+        }
+        fields.push(("uv", Toml::Array(uv)));
+    }
+}
+
+fn written(steps: &[Step]) -> Vec<Toml> {
+    match transform::write(steps) {
+        Toml::Array(steps) => steps,
+        other => vec![other],
+    }
+}

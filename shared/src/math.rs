@@ -80,6 +80,49 @@ pub fn atan2(y: f32, x: f32) -> f32 {
 pub fn powf(x: f32, y: f32) -> f32 {
     libm::powf(x, y)
 }
+/// The error function.
+#[inline]
+pub fn erf(x: f32) -> f32 {
+    libm::erff(x)
+}
+/// `1 - erf(x)`.
+#[inline]
+pub fn erfc(x: f32) -> f32 {
+    libm::erfcf(x)
+}
+/// The inverse of [`erf`] for |x| < 1. Giles 2012, Approximating the erfinv function: relative error below 1e-6.
+pub fn erf_inv(x: f32) -> f32 {
+    let horner = |coefficients: [f32; 9], w: f32| coefficients.iter().fold(0.0, |p, c| p * w + c);
+    let w = -ln((1.0 - x) * (1.0 + x));
+    let p = if w < 5.0 {
+        let central = [
+            2.810_226_4e-8,
+            3.432_739_4e-7,
+            -3.523_387_7e-6,
+            -4.391_506_5e-6,
+            2.185_808_7e-4,
+            -1.253_725e-3,
+            -4.177_681_6e-3,
+            0.246_640_73,
+            1.501_409_4,
+        ];
+        horner(central, w - 2.5)
+    } else {
+        let tail = [
+            -2.002_142_6e-4,
+            1.009_505_6e-4,
+            1.349_343_2e-3,
+            -3.673_428_4e-3,
+            5.739_507_7e-3,
+            -7.622_461_3e-3,
+            9.438_870_5e-3,
+            1.001_674,
+            2.832_976_8,
+        ];
+        horner(tail, w.sqrt() - 3.0)
+    };
+    p * x
+}
 /// `e^x` per channel.
 #[inline]
 pub fn exp_rgb(x: Rgb) -> Rgb {
@@ -164,6 +207,18 @@ impl Frame {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn erf_inv_inverts_erf() {
+        for i in 1..20_000 {
+            let x = i as f32 / 10_000.0 - 1.0;
+            let y = f64::from(erf_inv(x));
+            // The error of x that y's makes: erf' = 2 / sqrt(pi) e^(-y^2).
+            let slope = std::f64::consts::FRAC_2_SQRT_PI * libm::exp(-y * y);
+            let error = (libm::erf(y) - f64::from(x)) / slope;
+            assert!(error.abs() <= 2e-6 * y.abs(), "{x}: {y}, off by {error}");
+        }
+    }
 
     #[test]
     fn exp_neg_agrees_with_double_precision() {

@@ -250,7 +250,7 @@ impl RenderPlan {
                 .count()
         };
         let scattering = description.media.iter().filter(|m| m.scatters()).count();
-        let specular = used(&|m| m.is_specular() && !m.is_null());
+        let specular = used(&|m| m.has_delta() && !m.is_null());
         let surfaces = used(&|m| !m.is_specular());
         let boundaries = used(&|m| m.is_null());
         let lit = !description.lights.is_empty();

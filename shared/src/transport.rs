@@ -15,6 +15,11 @@
 //!
 //! The last vertex before x decides, so every path is counted once. The BSDF sample of the direct light and the gather
 //! ray are one ray.
+//!
+//! A surface with a delta lobe beside others (a smooth coat over a diffuse base) is S for light that takes the delta lobe and
+//! D for all other light. Where a camera path meets one it chooses: on through the delta lobe, or to end there with the other
+//! lobes alone. Photons that meet it are stored for the other lobes and bounce off by any; a gather ray's D has its other
+//! lobes alone, as what its delta lobe sends to x is in x's photons.
 
 use crate::beam::estimate::{CameraSegment, CameraSegments};
 use crate::beam::trace::{MAX_SURVIVAL, ROULETTE_DEPTH};
@@ -41,7 +46,7 @@ pub struct CameraTracer<'a> {
 /// A surface point from which light is asked for.
 struct Vertex<'a> {
     hit: &'a SurfaceHit,
-    bsdf: Bsdf,
+    bsdf: Bsdf<'a>,
     frame: Frame,
     wo: Vec3,
     local_wo: Vec3,
@@ -121,7 +126,7 @@ impl CameraTracer<'_> {
                 continue;
             }
             let frame = Frame::from_normal(hit.ns);
-            let vertex = Vertex {
+            let mut vertex = Vertex {
                 bsdf: material.bsdf(hit.uv),
                 frame,
                 wo: -ray.dir,
@@ -134,10 +139,19 @@ impl CameraTracer<'_> {
                 let depth = (hit.point - camera.position).dot(camera.frame.n);
                 (depth, hit.ns, vertex.bsdf.albedo())
             });
+            let mut u_lobe = None;
             if !material.is_specular() {
-                return radiance + beta * self.scattered(&vertex, sampler, beta, record);
+                let p = vertex.bsdf.delta_probability(vertex.local_wo);
+                if p > 0.0 {
+                    u_lobe = Some(sampler.next_1d());
+                }
+                if u_lobe.is_none_or(|u| u >= p) {
+                    vertex.bsdf = vertex.bsdf.without_delta();
+                    let beta = beta / (1.0 - p);
+                    return radiance + beta * self.scattered(&vertex, sampler, beta, record);
+                }
             }
-            let u_lobe = sampler.next_1d();
+            let u_lobe = u_lobe.unwrap_or_else(|| sampler.next_1d());
             let mode = TransportMode::Radiance;
             let sample = vertex
                 .bsdf

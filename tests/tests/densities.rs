@@ -1,7 +1,9 @@
 //! Every sampler of directions on surfaces and in media against its density: chi-square, fixed seeds, one significance for
 //! each test function.
 
-use beamfarm_shared::bsdf::{Bsdf, TransportMode, conductor_preset};
+use beamfarm_shared::bsdf::{
+    Bsdf, Dielectric, Distribution, RoughDielectric, TransportMode, conductor_preset,
+};
 use beamfarm_shared::math::{Rgb, Vec2, Vec3};
 use beamfarm_shared::phase::Phase;
 use beamfarm_shared::sampler::{Purpose, Sampler};
@@ -98,7 +100,7 @@ fn phase_functions_are_sampled_exactly() {
     suite.finish();
 }
 
-fn rough_bsdfs() -> Vec<(String, Bsdf)> {
+fn rough_bsdfs() -> Vec<(String, Bsdf<'static>)> {
     let (eta, k) = conductor_preset("gold").expect("a preset");
     let mut bsdfs = vec![];
     for two_sided in [false, true] {
@@ -113,6 +115,7 @@ fn rough_bsdfs() -> Vec<(String, Bsdf)> {
         bsdfs.push((
             format!("conductor 0.3, two-sided {two_sided}"),
             Bsdf::RoughConductor {
+                distribution: Distribution::Ggx,
                 alpha: 0.3,
                 eta,
                 k,
@@ -125,6 +128,7 @@ fn rough_bsdfs() -> Vec<(String, Bsdf)> {
         bsdfs.push((
             format!("conductor {alpha}"),
             Bsdf::RoughConductor {
+                distribution: Distribution::Ggx,
                 alpha,
                 eta,
                 k,
@@ -144,10 +148,20 @@ fn rough_bsdfs() -> Vec<(String, Bsdf)> {
     ] {
         bsdfs.push((
             format!("dielectric {alpha}, eta {eta}"),
-            Bsdf::RoughDielectric { alpha, eta },
+            Bsdf::RoughDielectric(rough_dielectric(alpha, eta)),
         ));
     }
     bsdfs
+}
+
+fn rough_dielectric(alpha: f32, eta: f32) -> RoughDielectric {
+    RoughDielectric {
+        distribution: Distribution::Ggx,
+        alpha,
+        eta,
+        reflectance: Rgb::ONE,
+        transmittance: Rgb::ONE,
+    }
 }
 
 fn incidences() -> impl Iterator<Item = (f32, Vec3)> {
@@ -243,7 +257,7 @@ fn sample_weights_are_value_times_cosine_over_density() {
 fn weight_tolerance(bsdf: &Bsdf) -> f32 {
     match *bsdf {
         Bsdf::RoughConductor { alpha, .. } => 1e-4 + 1e-6 / alpha,
-        Bsdf::RoughDielectric { alpha, eta } => 1e-4 + 2e-6 / (alpha * (eta - 1.0).abs().min(1.0)),
+        Bsdf::RoughDielectric(b) => 1e-4 + 2e-6 / (b.alpha * (b.eta - 1.0).abs().min(1.0)),
         _ => 1e-5,
     }
 }
@@ -252,7 +266,11 @@ fn weight_tolerance(bsdf: &Bsdf) -> f32 {
 #[test]
 fn delta_lobes_are_chosen_with_their_probabilities() {
     let mut suite = Suite::new(SIGNIFICANCE);
-    let bsdf = Bsdf::Dielectric { eta: 1.5 };
+    let bsdf = Bsdf::Dielectric(Dielectric {
+        eta: 1.5,
+        reflectance: Rgb::ONE,
+        transmittance: Rgb::ONE,
+    });
     for (degrees, wo) in incidences() {
         let mut rng = Sampler::new(3, 0, Purpose::Test, 1);
         let mut observed = [0u64; 2];

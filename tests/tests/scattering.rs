@@ -1,6 +1,8 @@
 //! Physics of surfaces and phase functions: energy, reciprocity, mean cosines, and agreement with Mitsuba 3.
 
-use beamfarm_shared::bsdf::{Bsdf, TransportMode, fresnel_dielectric};
+use beamfarm_shared::bsdf::{
+    Bsdf, Distribution, RoughDielectric, TransportMode, fresnel_dielectric,
+};
 use beamfarm_shared::math::{Rgb, Vec3};
 use beamfarm_shared::phase::Phase;
 use beamfarm_shared::sampler::{Purpose, Sampler};
@@ -19,9 +21,20 @@ fn direction(degrees: f32) -> Vec3 {
     Vec3::new(0.8 * sin, 0.6 * sin, cos)
 }
 
+fn rough_dielectric(alpha: f32, eta: f32) -> Bsdf<'static> {
+    Bsdf::RoughDielectric(RoughDielectric {
+        distribution: Distribution::Ggx,
+        alpha,
+        eta,
+        reflectance: Rgb::ONE,
+        transmittance: Rgb::ONE,
+    })
+}
+
 /// A conductor that reflects everything: what is lost is lost by the microfacets.
-fn white_conductor(alpha: f32) -> Bsdf {
+fn white_conductor(alpha: f32) -> Bsdf<'static> {
     Bsdf::RoughConductor {
+        distribution: Distribution::Ggx,
         alpha,
         eta: Rgb::ZERO,
         k: Rgb::splat(1e6),
@@ -30,7 +43,7 @@ fn white_conductor(alpha: f32) -> Bsdf {
     }
 }
 
-fn scattering_bsdfs() -> Vec<(String, Bsdf)> {
+fn scattering_bsdfs() -> Vec<(String, Bsdf<'static>)> {
     let mut bsdfs = vec![(
         "diffuse".to_owned(),
         Bsdf::Diffuse {
@@ -43,7 +56,7 @@ fn scattering_bsdfs() -> Vec<(String, Bsdf)> {
         for eta in [1.5, 1.0 / 1.5, 2.4] {
             bsdfs.push((
                 format!("dielectric {alpha}, eta {eta}"),
-                Bsdf::RoughDielectric { alpha, eta },
+                rough_dielectric(alpha, eta),
             ));
         }
     }
@@ -104,13 +117,7 @@ fn sampling_and_values_agree_on_the_albedo() {
 fn furnace_never_gains_and_smooth_surfaces_lose_nothing() {
     let mut bsdfs = scattering_bsdfs();
     bsdfs.push(("smooth conductor".to_owned(), white_conductor(1e-3)));
-    bsdfs.push((
-        "smooth dielectric".to_owned(),
-        Bsdf::RoughDielectric {
-            alpha: 1e-3,
-            eta: 1.5,
-        },
-    ));
+    bsdfs.push(("smooth dielectric".to_owned(), rough_dielectric(1e-3, 1.5)));
     for (name, bsdf) in bsdfs {
         for degrees in [1.0, 30.0, 60.0, 80.0, 100.0, 150.0] {
             let albedo = albedo_by_sampling(&bsdf, direction(degrees), TransportMode::Flux, 5);
@@ -133,7 +140,7 @@ fn values_are_reciprocal() {
     let mut rng = rng(0);
     for (name, bsdf) in scattering_bsdfs() {
         let eta = match bsdf {
-            Bsdf::RoughDielectric { eta, .. } => eta,
+            Bsdf::RoughDielectric(b) => b.eta,
             _ => 1.0,
         };
         let mut seen = 0;
@@ -162,10 +169,7 @@ fn values_are_reciprocal() {
 /// The share of reflected light of a boundary that is all but smooth is Fresnel's.
 #[test]
 fn nearly_smooth_boundaries_reflect_as_smooth_ones() {
-    let bsdf = Bsdf::RoughDielectric {
-        alpha: 1e-3,
-        eta: 1.5,
-    };
+    let bsdf = rough_dielectric(1e-3, 1.5);
     let mut suite = Suite::new(SIGNIFICANCE);
     for (i, degrees) in [0.0, 45.0, 70.0, 165.0, 145.0].into_iter().enumerate() {
         let wo = direction(degrees);
@@ -223,13 +227,14 @@ fn rough_surfaces_are_those_of_mitsuba() {
         let numbers: Vec<f32> = columns[5..].iter().map(|c| c.parse().expect(row)).collect();
         let bsdf = match columns[0] {
             "conductor" => Bsdf::RoughConductor {
+                distribution: Distribution::Ggx,
                 alpha,
                 eta: Rgb::splat(eta),
                 k: Rgb::splat(k),
                 reflectance: Rgb::ONE,
                 two_sided: false,
             },
-            _ => Bsdf::RoughDielectric { alpha, eta },
+            _ => rough_dielectric(alpha, eta),
         };
         let mode = match columns[4] {
             "radiance" => TransportMode::Radiance,

@@ -141,6 +141,33 @@ alpha = 0.2
 type = "mirror"
 [materials.h_null]
 type = "null"
+[materials.i_pane]
+type = "thin_dielectric"
+ior = 1.5
+specular_reflectance = 0.9
+specular_transmittance = [0.9, 0.8, 0.7]
+[materials.j_plastic]
+type = "plastic"
+reflectance = 0.4
+ior = 1.6
+exterior_ior = 1.1
+nonlinear = true
+two_sided = true
+[materials.k_plastic]
+type = "rough_plastic"
+alpha = 0.2
+distribution = "beckmann"
+specular_reflectance = 0.8
+[materials.l_principled]
+type = "principled"
+base_color = [0.8, 0.4, 0.1]
+metallic = 0.2
+roughness = 0.3
+specular = 0.6
+[materials.m_principled]
+type = "principled"
+ior = 1.6
+exterior_ior = 1.2
 [[shapes]]
 name = "ball"
 type = "sphere"
@@ -220,14 +247,15 @@ fn every_field_of_the_format_is_read() {
                 < 1e-6
         );
     }
-    assert!(matches!(scene.materials[1].kind, MaterialKind::Dielectric { eta } if eta == 1.25));
+    assert!(matches!(scene.materials[1].kind, MaterialKind::Dielectric { eta, .. } if eta == 1.25));
     let two_sided: Vec<bool> = scene.materials.iter().map(|m| m.two_sided).collect();
     // The last two stand for shapes without a material: black and grey.
     assert_eq!(
         two_sided[..8],
         [true, true, true, false, true, true, true, true]
     );
-    assert_eq!(two_sided[8..], [false, false]);
+    assert_eq!(two_sided[8..13], [true, true, false, false, false]);
+    assert_eq!(two_sided[13..], [false, false]);
     let names: Vec<&str> = scene.objects.iter().map(|o| o.name.as_str()).collect();
     let expected = [
         "ball",

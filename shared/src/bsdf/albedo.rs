@@ -3,9 +3,9 @@
 use super::{Bsdf, fresnel_conductor};
 use crate::math::Rgb;
 
-impl Bsdf {
-    /// The share of light that the surface sends on, about: exact for diffuse surfaces, for mirrors and metals that of light
-    /// from straight above, 1 for clear dielectrics.
+impl Bsdf<'_> {
+    /// The share of light that the surface sends on, about: exact for diffuse surfaces, for mirrors, metals and coated
+    /// surfaces that of light from straight above, 1 for clear dielectrics.
     pub fn albedo(&self) -> Rgb {
         match *self {
             Self::Black => Rgb::ZERO,
@@ -22,7 +22,12 @@ impl Bsdf {
                 reflectance,
                 ..
             } => reflectance * fresnel_conductor(1.0, eta, k),
-            Self::Dielectric { .. } | Self::RoughDielectric { .. } | Self::Null => Rgb::ONE,
+            Self::Dielectric(b) | Self::ThinDielectric(b) => b.transmittance,
+            Self::RoughDielectric(b) => b.transmittance,
+            Self::Plastic(b) => b.albedo(),
+            Self::RoughPlastic(b) => b.albedo(),
+            Self::Principled(b) => b.albedo(),
+            Self::Null => Rgb::ONE,
         }
     }
 }

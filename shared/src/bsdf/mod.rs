@@ -4,82 +4,29 @@
 //! hold no cosine.
 
 mod albedo;
+mod beckmann;
+mod dielectric;
 mod fresnel;
 mod ggx;
+mod material;
+mod microfacet;
+mod plastic;
 mod presets;
+mod principled;
 mod rough_dielectric;
 
+pub use dielectric::Dielectric;
 pub use fresnel::{fresnel_conductor, fresnel_dielectric};
+pub use material::{Material, MaterialKind, Tint};
+pub use microfacet::Distribution;
+pub use plastic::{Coat, Plastic, RoughCoat, RoughPlastic};
 pub use presets::{conductor_names, conductor_preset};
+pub use principled::Principled;
+pub use rough_dielectric::RoughDielectric;
 
 use crate::math::{Rgb, Vec2, Vec3};
-use crate::texture::Texture;
 use crate::warp;
-use ggx::Ggx;
-use rough_dielectric::{MIN_CONTRAST, RoughDielectric, radiance_scale};
-
-/// Roughness below this would cost single precision its digits.
-const MIN_ALPHA: f32 = 1e-3;
-/// Largest part of a complex index of refraction; from here on a conductor is a mirror, and squares stay finite.
-const MAX_INDEX: Rgb = Rgb::splat(1e6);
-
-/// What a surface is made of, as the scene says it.
-#[derive(Clone, Debug)]
-pub struct Material {
-    /// The kind and its parameters.
-    pub kind: MaterialKind,
-    /// Reflects on both sides (diffuse, mirror and conductors; dielectrics and null have two sides by nature).
-    pub two_sided: bool,
-}
-
-/// The kinds of surfaces. Inside is the side that the geometric normal points away from.
-#[derive(Clone, Debug)]
-pub enum MaterialKind {
-    /// Lambertian.
-    Diffuse {
-        /// Albedo in [0, 1].
-        reflectance: Texture,
-    },
-    /// Smooth dielectric boundary.
-    Dielectric {
-        /// Index of refraction inside over the one outside.
-        eta: f32,
-    },
-    /// Smooth conductor (a perfect mirror where `k` is infinite is `Mirror`).
-    Conductor {
-        /// Real part of the index of refraction.
-        eta: Rgb,
-        /// Imaginary part.
-        k: Rgb,
-        /// Factor on the reflection.
-        reflectance: Texture,
-    },
-    /// Mirror without Fresnel.
-    Mirror {
-        /// Factor on the reflection.
-        reflectance: Texture,
-    },
-    /// GGX microfacet conductor.
-    RoughConductor {
-        /// GGX roughness (not squared again), at least 1e-3 (less counts as that).
-        alpha: f32,
-        /// Real part of the index of refraction.
-        eta: Rgb,
-        /// Imaginary part.
-        k: Rgb,
-        /// Factor on the reflection.
-        reflectance: Texture,
-    },
-    /// GGX microfacet dielectric boundary. With indices within 1e-4 of each other it is `Null`.
-    RoughDielectric {
-        /// GGX roughness (not squared again), at least 1e-3 (less counts as that).
-        alpha: f32,
-        /// Index of refraction inside over the one outside.
-        eta: f32,
-    },
-    /// Nothing: the boundary of a medium, index-matched.
-    Null,
-}
+use microfacet::Facets;
 
 /// Which quantity a path carries. Radiance is compressed by refraction (divided by eta^2 of the step into the denser
 /// side, times it on the way out); flux is not.
@@ -98,13 +45,15 @@ pub enum TransportMode {
     missing_docs,
     reason = "the fields are those of MaterialKind, with textures looked up"
 )]
-pub enum Bsdf {
+pub enum Bsdf<'a> {
     /// Absorbs everything.
     Black,
     /// Lambertian.
     Diffuse { reflectance: Rgb, two_sided: bool },
     /// Smooth dielectric boundary.
-    Dielectric { eta: f32 },
+    Dielectric(Dielectric),
+    /// Thin sheet of a dielectric.
+    ThinDielectric(Dielectric),
     /// Smooth conductor.
     Conductor {
         eta: Rgb,
@@ -114,16 +63,23 @@ pub enum Bsdf {
     },
     /// Mirror without Fresnel.
     Mirror { reflectance: Rgb, two_sided: bool },
-    /// GGX microfacet conductor.
+    /// Microfacet conductor.
     RoughConductor {
+        distribution: Distribution,
         alpha: f32,
         eta: Rgb,
         k: Rgb,
         reflectance: Rgb,
         two_sided: bool,
     },
-    /// GGX microfacet dielectric boundary, not index-matched.
-    RoughDielectric { alpha: f32, eta: f32 },
+    /// Microfacet dielectric boundary, not index-matched.
+    RoughDielectric(RoughDielectric),
+    /// Smooth coat over a diffuse base.
+    Plastic(Plastic),
+    /// Rough coat over a diffuse base.
+    RoughPlastic(RoughPlastic<'a>),
+    /// Burley's model.
+    Principled(Principled),
     /// Lets everything through.
     Null,
 }
@@ -143,96 +99,23 @@ pub struct BsdfSample {
     pub transmitted: bool,
 }
 
-impl Material {
-    /// The scattering at a hit with these texture coordinates.
+impl Bsdf<'_> {
+    /// Probability of sampling a delta lobe where there are others as well: 0 where there are only delta lobes or none.
     #[inline]
-    pub fn bsdf(&self, uv: Vec2) -> Bsdf {
-        let two_sided = self.two_sided;
-        match &self.kind {
-            MaterialKind::Diffuse { reflectance } => {
-                let reflectance = reflectance.eval(uv);
-                if reflectance == Rgb::ZERO {
-                    return Bsdf::Black;
-                }
-                Bsdf::Diffuse {
-                    reflectance,
-                    two_sided,
-                }
-            }
-            MaterialKind::Dielectric { eta } => Bsdf::Dielectric { eta: *eta },
-            MaterialKind::Conductor {
-                eta,
-                k,
-                reflectance,
-            } => Bsdf::Conductor {
-                eta: eta.min(MAX_INDEX),
-                k: k.min(MAX_INDEX),
-                reflectance: reflectance.eval(uv),
-                two_sided,
-            },
-            MaterialKind::Mirror { reflectance } => Bsdf::Mirror {
-                reflectance: reflectance.eval(uv),
-                two_sided,
-            },
-            MaterialKind::RoughConductor {
-                alpha,
-                eta,
-                k,
-                reflectance,
-            } => Bsdf::RoughConductor {
-                alpha: alpha.max(MIN_ALPHA),
-                eta: eta.min(MAX_INDEX),
-                k: k.min(MAX_INDEX),
-                reflectance: reflectance.eval(uv),
-                two_sided,
-            },
-            MaterialKind::RoughDielectric { eta, .. } if index_matched(*eta) => Bsdf::Null,
-            MaterialKind::RoughDielectric { alpha, eta } => Bsdf::RoughDielectric {
-                alpha: alpha.max(MIN_ALPHA),
-                eta: *eta,
-            },
-            MaterialKind::Null => Bsdf::Null,
+    pub fn delta_probability(&self, wo: Vec3) -> f32 {
+        match self {
+            Self::Plastic(b) => b.mirror_probability(wo),
+            _ => 0.0,
         }
     }
-
-    /// Nothing but the boundary of a medium.
-    pub fn is_null(&self) -> bool {
-        matches!(self.kind, MaterialKind::Null)
-    }
-    /// Index of refraction on the side that a ray comes from over the one that it goes to. 1 for anything but dielectrics.
-    pub fn eta_of_crossing(&self, from_inside: bool) -> f32 {
-        match self.kind {
-            MaterialKind::Dielectric { eta } | MaterialKind::RoughDielectric { eta, .. } => {
-                if from_inside {
-                    eta
-                } else {
-                    1.0 / eta
-                }
-            }
-            _ => 1.0,
-        }
-    }
-    /// True where no light is scattered except in discrete directions: camera paths go on through such a surface.
+    /// The same without the delta lobe that other lobes stand beside.
     #[inline]
-    pub fn is_specular(&self) -> bool {
-        match self.kind {
-            MaterialKind::Dielectric { .. }
-            | MaterialKind::Conductor { .. }
-            | MaterialKind::Mirror { .. }
-            | MaterialKind::Null => true,
-            MaterialKind::RoughDielectric { eta, .. } => index_matched(eta),
-            MaterialKind::Diffuse { .. } | MaterialKind::RoughConductor { .. } => false,
+    pub fn without_delta(self) -> Self {
+        match self {
+            Self::Plastic(b) => Self::Plastic(b.without_mirror()),
+            other => other,
         }
     }
-}
-
-/// A rough boundary that does not scatter, for want of a difference between its sides.
-#[inline]
-fn index_matched(eta: f32) -> bool {
-    (eta - 1.0).abs() < MIN_CONTRAST
-}
-
-impl Bsdf {
     /// Scatters nothing.
     pub fn is_black(&self) -> bool {
         matches!(self, Self::Black)
@@ -253,6 +136,7 @@ impl Bsdf {
                 }
             }
             Self::RoughConductor {
+                distribution,
                 alpha,
                 eta,
                 k,
@@ -263,18 +147,21 @@ impl Bsdf {
                     return Rgb::ZERO;
                 }
                 // Walter et al. 2007, eq. 20: F D G / (4 cos cos), with the cosines of G and the denominator cancelled.
-                let ggx = Ggx { alpha };
+                let facets = Facets {
+                    distribution,
+                    alpha,
+                };
                 let m = half_vector(wo, wi);
-                let d = ggx.density(m) / (ggx.extent(wo) * ggx.extent(wi));
+                let d = facets.density(m) / (facets.extent(wo) * facets.extent(wi));
                 reflectance * fresnel_conductor(wo.dot(m).abs(), eta, k) * d
             }
-            Self::RoughDielectric { alpha, eta } => RoughDielectric {
-                ggx: Ggx { alpha },
-                eta,
-            }
-            .eval(wo, wi, mode),
+            Self::RoughDielectric(b) => b.eval(wo, wi, mode),
+            Self::Plastic(b) => b.eval(wo, wi),
+            Self::RoughPlastic(b) => b.eval(wo, wi),
+            Self::Principled(b) => b.eval(wo, wi),
             Self::Black
-            | Self::Dielectric { .. }
+            | Self::Dielectric(_)
+            | Self::ThinDielectric(_)
             | Self::Conductor { .. }
             | Self::Mirror { .. }
             | Self::Null => Rgb::ZERO,
@@ -294,21 +181,27 @@ impl Bsdf {
                 }
             }
             Self::RoughConductor {
-                alpha, two_sided, ..
+                distribution,
+                alpha,
+                two_sided,
+                ..
             } => {
                 if !reflects(wo, wi, two_sided) {
                     return 0.0;
                 }
-                let ggx = Ggx { alpha };
-                ggx.density(half_vector(wo, wi)) / (2.0 * ggx.extent(wo))
+                let facets = Facets {
+                    distribution,
+                    alpha,
+                };
+                facets.density(half_vector(wo, wi)) / (2.0 * facets.extent(wo))
             }
-            Self::RoughDielectric { alpha, eta } => RoughDielectric {
-                ggx: Ggx { alpha },
-                eta,
-            }
-            .pdf(wo, wi),
+            Self::RoughDielectric(b) => b.pdf(wo, wi),
+            Self::Plastic(b) => b.pdf(wo, wi),
+            Self::RoughPlastic(b) => b.pdf(wo, wi),
+            Self::Principled(b) => b.pdf(wo, wi),
             Self::Black
-            | Self::Dielectric { .. }
+            | Self::Dielectric(_)
+            | Self::ThinDielectric(_)
             | Self::Conductor { .. }
             | Self::Mirror { .. }
             | Self::Null => 0.0,
@@ -341,7 +234,8 @@ impl Bsdf {
                     transmitted: false,
                 })
             }
-            Self::Dielectric { eta } => Some(sample_dielectric(eta, wo, u_lobe, mode)),
+            Self::Dielectric(b) => Some(b.sample_boundary(wo, u_lobe, mode)),
+            Self::ThinDielectric(b) => Some(b.sample_sheet(wo, u_lobe)),
             Self::Conductor {
                 eta,
                 k,
@@ -360,6 +254,7 @@ impl Bsdf {
                 Some(mirrored(wo, reflectance, 1.0))
             }
             Self::RoughConductor {
+                distribution,
                 alpha,
                 eta,
                 k,
@@ -368,24 +263,26 @@ impl Bsdf {
             } => {
                 let sign = lit_side(wo, two_sided)?;
                 let wo = wo * sign;
-                let ggx = Ggx { alpha };
-                let m = ggx.sample_visible(wo, u);
+                let facets = Facets {
+                    distribution,
+                    alpha,
+                };
+                let m = facets.sample_visible(wo, u);
                 let cos_o = wo.dot(m);
                 let wi = (m * (2.0 * cos_o) - wo).normalize();
                 // Light that would need a second bounce among the facets is lost.
                 (cos_o > 0.0 && wi.z > 0.0).then(|| BsdfSample {
                     wi: wi * sign,
-                    weight: reflectance * fresnel_conductor(cos_o, eta, k) * ggx.g1(wi),
-                    pdf: ggx.density(m) / (2.0 * ggx.extent(wo)),
+                    weight: reflectance * fresnel_conductor(cos_o, eta, k) * facets.g1(wi),
+                    pdf: facets.density(m) / (2.0 * facets.extent(wo)),
                     delta: false,
                     transmitted: false,
                 })
             }
-            Self::RoughDielectric { alpha, eta } => RoughDielectric {
-                ggx: Ggx { alpha },
-                eta,
-            }
-            .sample(wo, u_lobe, u, mode),
+            Self::RoughDielectric(b) => b.sample(wo, u_lobe, u, mode),
+            Self::Plastic(b) => b.sample(wo, u_lobe, u),
+            Self::RoughPlastic(b) => b.sample(wo, u_lobe, u),
+            Self::Principled(b) => b.sample(wo, u_lobe, u),
             Self::Null => Some(BsdfSample {
                 wi: -wo,
                 weight: Rgb::ONE,
@@ -430,23 +327,6 @@ fn mirrored(wo: Vec3, weight: Rgb, pdf: f32) -> BsdfSample {
         pdf,
         delta: true,
         transmitted: false,
-    }
-}
-
-#[inline]
-fn sample_dielectric(eta: f32, wo: Vec3, u_lobe: f32, mode: TransportMode) -> BsdfSample {
-    let eta = if wo.z > 0.0 { eta } else { 1.0 / eta };
-    let (reflectance, cos_t) = fresnel_dielectric(wo.z.abs().min(1.0), eta);
-    if u_lobe < reflectance {
-        return mirrored(wo, Rgb::ONE, reflectance);
-    }
-    let z = if wo.z > 0.0 { -cos_t } else { cos_t };
-    BsdfSample {
-        wi: Vec3::new(-wo.x / eta, -wo.y / eta, z).normalize(),
-        weight: Rgb::splat(radiance_scale(eta, mode)),
-        pdf: 1.0 - reflectance,
-        delta: true,
-        transmitted: true,
     }
 }
 

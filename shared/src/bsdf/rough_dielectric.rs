@@ -1,8 +1,9 @@
 //! Rough boundary between dielectrics: Walter et al. 2007 with visible normals (Heitz & d'Eon 2014).
 
+use super::dielectric::radiance_scale;
 use super::fresnel::fresnel_dielectric;
-use super::ggx::Ggx;
-use super::{BsdfSample, TransportMode};
+use super::microfacet::Facets;
+use super::{BsdfSample, Distribution, TransportMode};
 use crate::math::{Rgb, Vec2, Vec3};
 
 /// Indices of refraction nearer to each other than this do not scatter: light goes on within 1e-4 rad, and half vectors
@@ -10,11 +11,18 @@ use crate::math::{Rgb, Vec2, Vec3};
 pub(super) const MIN_CONTRAST: f32 = 1e-4;
 
 /// A rough dielectric boundary.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct RoughDielectric {
-    pub ggx: Ggx,
-    /// Index of refraction inside over the one outside.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RoughDielectric {
+    /// Distribution of its microfacets.
+    pub distribution: Distribution,
+    /// Roughness, at least 1e-3.
+    pub alpha: f32,
+    /// Index of refraction inside over the one outside, not 1.
     pub eta: f32,
+    /// Factor on the reflection.
+    pub reflectance: Rgb,
+    /// Factor on the transmission.
+    pub transmittance: Rgb,
 }
 
 /// Two directions and the microfacet that takes one to the other. Seen from `wo`'s side: all of it is turned so that
@@ -42,6 +50,13 @@ impl Facet {
 }
 
 impl RoughDielectric {
+    fn facets(&self) -> Facets {
+        Facets {
+            distribution: self.distribution,
+            alpha: self.alpha,
+        }
+    }
+
     /// The relative index seen from the side of `wo`, and the sign that turns it up.
     #[inline]
     fn side(&self, wo: Vec3) -> (f32, f32) {
@@ -91,28 +106,30 @@ impl RoughDielectric {
 
     /// Walter et al. 2007, eq. 20 and 21, with the cosines of G and of the denominators cancelled.
     #[inline]
-    pub fn eval(&self, wo: Vec3, wi: Vec3, mode: TransportMode) -> Rgb {
+    pub(super) fn eval(&self, wo: Vec3, wi: Vec3, mode: TransportMode) -> Rgb {
         let Some(f) = self.facet(wo, wi) else {
             return Rgb::ZERO;
         };
-        let d = self.ggx.density(f.m) / (self.ggx.extent(f.wo) * self.ggx.extent(f.wi));
-        Rgb::splat(if f.reflection {
-            f.reflectance * d
+        let d =
+            self.facets().density(f.m) / (self.facets().extent(f.wo) * self.facets().extent(f.wi));
+        if f.reflection {
+            self.reflectance * (f.reflectance * d)
         } else {
             let scale = radiance_scale(f.eta, mode);
-            4.0 * scale * (1.0 - f.reflectance) * d * f.cos_o * f.refraction_jacobian()
-        })
+            self.transmittance
+                * (4.0 * scale * (1.0 - f.reflectance) * d * f.cos_o * f.refraction_jacobian())
+        }
     }
 
     #[inline]
-    pub fn pdf(&self, wo: Vec3, wi: Vec3) -> f32 {
+    pub(super) fn pdf(&self, wo: Vec3, wi: Vec3) -> f32 {
         self.facet(wo, wi).map_or(0.0, |f| self.facet_pdf(&f))
     }
 
     /// Density of the visible normal, times the probability of its lobe, times the Jacobian of wi over m.
     #[inline]
     fn facet_pdf(&self, f: &Facet) -> f32 {
-        let d = self.ggx.density(f.m) / self.ggx.extent(f.wo);
+        let d = self.facets().density(f.m) / self.facets().extent(f.wo);
         if f.reflection {
             0.5 * f.reflectance * d
         } else {
@@ -121,7 +138,7 @@ impl RoughDielectric {
     }
 
     #[inline]
-    pub fn sample(
+    pub(super) fn sample(
         &self,
         wo: Vec3,
         u_lobe: f32,
@@ -133,7 +150,7 @@ impl RoughDielectric {
         if wo.z <= 0.0 {
             return None;
         }
-        let m = self.ggx.sample_visible(wo, u);
+        let m = self.facets().sample_visible(wo, u);
         let cos_o = wo.dot(m);
         if cos_o <= 0.0 {
             return None;
@@ -150,10 +167,10 @@ impl RoughDielectric {
         if (wi.z > 0.0) != reflection || wi.z == 0.0 {
             return None;
         }
-        let scale = if reflection {
-            1.0
+        let tint = if reflection {
+            self.reflectance
         } else {
-            radiance_scale(eta, mode)
+            self.transmittance * radiance_scale(eta, mode)
         };
         let facet = Facet {
             wo,
@@ -168,20 +185,10 @@ impl RoughDielectric {
         let pdf = self.facet_pdf(&facet);
         (pdf > 0.0).then(|| BsdfSample {
             wi: wi * sign,
-            weight: Rgb::splat(scale * self.ggx.g1(wi)),
+            weight: tint * self.facets().g1(wi),
             pdf,
             delta: false,
             transmitted: !reflection,
         })
-    }
-}
-
-/// What refraction into a side of relative index `eta` does to the carried quantity: radiance is spread over fewer or more
-/// steradians, flux stays.
-#[inline]
-pub(super) fn radiance_scale(eta: f32, mode: TransportMode) -> f32 {
-    match mode {
-        TransportMode::Radiance => 1.0 / (eta * eta),
-        TransportMode::Flux => 1.0,
     }
 }

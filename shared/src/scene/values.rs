@@ -43,8 +43,8 @@ ranges! {
     OpenUnit: "a number between 0 and 1, both excluded", |x| x > 0.0 && x < 1.0;
     /// Mean cosine of a phase function.
     MeanCosine: "a number between -1 and 1, both excluded", |x| x > -1.0 && x < 1.0;
-    /// GGX roughness.
-    Roughness: "a GGX roughness from 0.001 to 1 (for less, take the smooth material)", |x| (1e-3..=1.0).contains(&x);
+    /// Roughness of microfacets.
+    Roughness: "a roughness from 0.001 to 1 (for less, take the smooth material)", |x| (1e-3..=1.0).contains(&x);
     /// Field of view and cone angles in degrees.
     Degrees: "an angle in degrees between 0 and 180, both excluded", |x| x > 0.0 && x < 180.0;
 }

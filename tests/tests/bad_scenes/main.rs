@@ -148,7 +148,7 @@ fn materials_are_checked() {
 [materials.x] | type = "dielectric" | ior = 1e6
     5: materials.x.ior: expected `ior` / `exterior_ior` from 0.01 to 100, found 1000000
 [materials.x] | type = "rough_dielectric" | ior = 2 | alpha = 0.0001
-    6: materials.x.alpha: expected a GGX roughness from 0.001 to 1 (for less, take the smooth material), found 0.0001
+    6: materials.x.alpha: expected a roughness from 0.001 to 1 (for less, take the smooth material), found 0.0001
 [materials.x] | type = "conductor"
     4: materials.x.type: a conductor is given by `preset`, or by `eta` and `k`: one of the two ways
 [materials.x] | type = "conductor" | preset = "gold" | eta = 1
@@ -157,6 +157,24 @@ fn materials_are_checked() {
     4: materials.x.type: eta and k are both 0 in one channel
 [materials.x] | type = "conductor" | preset = "unobtainium"
     5: materials.x.preset: there is no metal "unobtainium"; expected one of aluminium, beryllium, chromium, copper, gold, iridium, lithium, mercury, molybdenum, nickel, niobium, potassium, rhodium, silver, sodium, tantalum, titanium nitride, tungsten, vanadium
+[materials.x] | type = "rough_conductor" | distribution = "phong"
+    5: materials.x.distribution: unknown variant `phong`, expected `ggx` or `beckmann`
+[materials.x] | type = "dielectric" | ior = 2 | specular_transmittance = 1.5
+    6: materials.x.specular_transmittance: expected a number from 0 to 1, found 1.5
+[materials.x] | type = "thin_dielectric" | ior = 2 | alpha = 0.1
+    6: materials.x.alpha: "thin_dielectric" does not take this field; expected one of ior, exterior_ior, specular_reflectance, specular_transmittance
+[materials.x] | type = "plastic" | exterior_ior = 200
+    4: materials.x.type: expected `ior` / `exterior_ior` from 0.01 to 100, found 0.00745
+[materials.x] | type = "plastic" | nonlinear = 1
+    5: materials.x.nonlinear: invalid type: integer `1`, expected true or false
+[materials.x] | type = "rough_plastic"
+    4: materials.x.type: with this type the field `alpha` is required
+[materials.x] | type = "principled" | metallic = -0.1
+    5: materials.x.metallic: expected a number from 0 to 1, found -0.1
+[materials.x] | type = "principled" | specular = 0.5 | ior = 1.5
+    5: materials.x.specular: the reflection is given by `specular` or by `ior`: one of the two ways
+[materials.x] | type = "principled" | exterior_ior = 1.5
+    5: materials.x.exterior_ior: `exterior_ior` goes with `ior`, which is missing
 [materials.x] | type = "null" | two_sided = true
     5: materials.x.two_sided: "null" does not take this field; it takes none
 "#,

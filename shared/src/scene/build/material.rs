@@ -2,9 +2,12 @@
 
 use super::texture::texture;
 use super::{Assets, Problem, required, unknown_name};
-use crate::bsdf::{Material, MaterialKind, conductor_names, conductor_preset};
+use crate::bsdf::{
+    Coat, Distribution, Material, MaterialKind, RoughCoat, Tint, conductor_names, conductor_preset,
+};
 use crate::math::Rgb;
-use crate::scene::parse::{Fault, MaterialRecord, MaterialType};
+use crate::scene::parse::{DistributionName, Fault, MaterialRecord, MaterialType, TextureRecord};
+use crate::scene::values::{Number, Unit};
 use crate::texture::Texture;
 use std::collections::BTreeMap;
 use toml::Spanned;
@@ -66,40 +69,51 @@ impl Materials {
 }
 
 fn material(record: &MaterialRecord, assets: &mut Assets<'_>) -> Result<Material, Problem> {
-    let mut reflectance = |default: f32| match &record.reflectance {
+    let mut texture = |field: &Field, default| match field {
         None => Ok(Texture::Constant(Rgb::splat(default))),
         Some(given) => texture(given.get_ref(), assets),
     };
     let two_sided = |default| record.two_sided.as_ref().map_or(default, |b| *b.get_ref());
+    let nonlinear = record.nonlinear.as_ref().is_some_and(|b| *b.get_ref());
     let (kind, two_sided) = match record.kind.get_ref() {
         MaterialType::Diffuse => (
             MaterialKind::Diffuse {
-                reflectance: reflectance(0.5)?,
+                reflectance: texture(&record.reflectance, 0.5)?,
             },
             two_sided(false),
         ),
         MaterialType::Mirror => (
             MaterialKind::Mirror {
-                reflectance: reflectance(1.0)?,
+                reflectance: texture(&record.reflectance, 1.0)?,
             },
             two_sided(true),
         ),
         MaterialType::Dielectric => (
             MaterialKind::Dielectric {
-                eta: relative_ior(record)?,
+                eta: relative_ior(record, None)?,
+                tint: tint(record, texture)?,
+            },
+            true,
+        ),
+        MaterialType::ThinDielectric => (
+            MaterialKind::ThinDielectric {
+                eta: relative_ior(record, None)?,
+                tint: tint(record, texture)?,
             },
             true,
         ),
         MaterialType::RoughDielectric => (
             MaterialKind::RoughDielectric {
+                distribution: distribution(record),
                 alpha: alpha(record)?,
-                eta: relative_ior(record)?,
+                eta: relative_ior(record, None)?,
+                tint: tint(record, texture)?,
             },
             true,
         ),
         MaterialType::Conductor => {
             let (eta, k) = metal(record)?;
-            let reflectance = reflectance(1.0)?;
+            let reflectance = texture(&record.reflectance, 1.0)?;
             (
                 MaterialKind::Conductor {
                     eta,
@@ -112,16 +126,68 @@ fn material(record: &MaterialRecord, assets: &mut Assets<'_>) -> Result<Material
         MaterialType::RoughConductor => {
             let (eta, k) = metal(record)?;
             let kind = MaterialKind::RoughConductor {
+                distribution: distribution(record),
                 alpha: alpha(record)?,
                 eta,
                 k,
-                reflectance: reflectance(1.0)?,
+                reflectance: texture(&record.reflectance, 1.0)?,
             };
             (kind, two_sided(true))
+        }
+        MaterialType::Plastic => {
+            let eta = relative_ior(record, Some(POLYPROPYLENE))?;
+            let kind = MaterialKind::Plastic {
+                reflectance: texture(&record.reflectance, 0.5)?,
+                specular_reflectance: texture(&record.specular_reflectance, 1.0)?,
+                coat: Coat::new(eta, nonlinear),
+            };
+            (kind, two_sided(false))
+        }
+        MaterialType::RoughPlastic => {
+            let eta = relative_ior(record, Some(POLYPROPYLENE))?;
+            let coat = RoughCoat::new(distribution(record), alpha(record)?, eta, nonlinear);
+            let kind = MaterialKind::RoughPlastic {
+                reflectance: texture(&record.reflectance, 0.5)?,
+                specular_reflectance: texture(&record.specular_reflectance, 1.0)?,
+                coat: Box::new(coat),
+            };
+            (kind, two_sided(false))
+        }
+        MaterialType::Principled => {
+            let number = |field: &Option<Spanned<Number<Unit>>>, default| {
+                field.as_ref().map_or(default, |x| x.get_ref().f32())
+            };
+            let kind = MaterialKind::Principled {
+                base_color: texture(&record.base_color, 0.5)?,
+                metallic: number(&record.metallic, 0.0),
+                roughness: number(&record.roughness, 0.5),
+                eta: principled_eta(record)?,
+            };
+            (kind, two_sided(false))
         }
         MaterialType::Null => (MaterialKind::Null, true),
     };
     Ok(Material { kind, two_sided })
+}
+
+/// A colour or image that reflects or transmits from nothing to everything.
+type Field = Option<Spanned<TextureRecord<Unit>>>;
+
+fn tint(
+    record: &MaterialRecord,
+    mut texture: impl FnMut(&Field, f32) -> Result<Texture, Problem>,
+) -> Result<Tint, Problem> {
+    Ok(Tint {
+        reflectance: texture(&record.specular_reflectance, 1.0)?,
+        transmittance: texture(&record.specular_transmittance, 1.0)?,
+    })
+}
+
+fn distribution(record: &MaterialRecord) -> Distribution {
+    match record.distribution.as_ref().map(Spanned::get_ref) {
+        None | Some(DistributionName::Ggx) => Distribution::Ggx,
+        Some(DistributionName::Beckmann) => Distribution::Beckmann,
+    }
 }
 
 fn alpha(record: &MaterialRecord) -> Result<f32, Fault> {
@@ -130,20 +196,50 @@ fn alpha(record: &MaterialRecord) -> Result<f32, Fault> {
         .f32())
 }
 
-fn relative_ior(record: &MaterialRecord) -> Result<f32, Fault> {
-    let ior = required(&record.ior, &record.kind, "ior")?;
+/// Index of refraction of plastics where the scene names none: polypropylene's.
+const POLYPROPYLENE: f64 = 1.49;
+
+fn relative_ior(record: &MaterialRecord, default: Option<f64>) -> Result<f32, Fault> {
+    let (ior, span) = match (&record.ior, default) {
+        (None, Some(ior)) => (ior, record.kind.span()),
+        (ior, _) => {
+            let ior = required(ior, &record.kind, "ior")?;
+            (ior.get_ref().0, ior.span())
+        }
+    };
     let exterior = record
         .exterior_ior
         .as_ref()
         .map_or(1.0, |ior| ior.get_ref().0);
-    let eta = (ior.get_ref().0 / exterior) as f32;
+    let eta = (ior / exterior) as f32;
     if !(1e-2..=1e2).contains(&eta) {
         return Err(Fault::new(
-            ior.span(),
+            span,
             format!("expected `ior` / `exterior_ior` from 0.01 to 100, found {eta}"),
         ));
     }
     Ok(eta)
+}
+
+/// By `specular`, the reflectance at normal incidence over 0.08, or by `ior`.
+fn principled_eta(record: &MaterialRecord) -> Result<f32, Fault> {
+    if record.ior.is_some() {
+        if let Some(specular) = &record.specular {
+            return Err(Fault::new(
+                specular.span(),
+                "the reflection is given by `specular` or by `ior`: one of the two ways",
+            ));
+        }
+        return relative_ior(record, None);
+    }
+    if let Some(exterior) = &record.exterior_ior {
+        return Err(Fault::new(
+            exterior.span(),
+            "`exterior_ior` goes with `ior`, which is missing",
+        ));
+    }
+    let specular = record.specular.as_ref().map_or(0.5, |s| s.get_ref().f32());
+    Ok(2.0 / (1.0 - (0.08 * specular).sqrt()) - 1.0)
 }
 
 fn metal(record: &MaterialRecord) -> Result<(Rgb, Rgb), Fault> {

@@ -1,7 +1,6 @@
 //! Shapes: placed, flipped, made of their materials, bounding their media, emitting.
 
 use super::{Parts, Problem, asset_problem, check_reach, required};
-use crate::bsdf::MaterialKind;
 use crate::geometry::shape::Placement;
 use crate::geometry::{Boundary, Mesh, Object, Shape, accel};
 use crate::layer::LightGroup;
@@ -132,12 +131,7 @@ impl Parts<'_> {
         form: &Form,
         material: u32,
     ) -> Result<Option<Boundary>, Problem> {
-        let transmits = matches!(
-            self.materials.list[material as usize].kind,
-            MaterialKind::Dielectric { .. }
-                | MaterialKind::RoughDielectric { .. }
-                | MaterialKind::Null
-        );
+        let transmits = self.materials.list[material as usize].bounds_media();
         if !transmits {
             return match record.interior.as_ref().or(record.exterior.as_ref()) {
                 None => Ok(None),

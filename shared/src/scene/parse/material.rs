@@ -19,6 +19,14 @@ pub struct MaterialRecord {
     pub eta: Option<Spanned<Color<NonNegative>>>,
     pub k: Option<Spanned<Color<NonNegative>>>,
     pub preset: Option<Spanned<String>>,
+    pub distribution: Option<Spanned<DistributionName>>,
+    pub specular_reflectance: Option<Spanned<TextureRecord<Unit>>>,
+    pub specular_transmittance: Option<Spanned<TextureRecord<Unit>>>,
+    pub nonlinear: Option<Spanned<bool>>,
+    pub base_color: Option<Spanned<TextureRecord<Unit>>>,
+    pub metallic: Option<Spanned<Number<Unit>>>,
+    pub roughness: Option<Spanned<Number<Unit>>>,
+    pub specular: Option<Spanned<Number<Unit>>>,
 }
 
 impl MaterialRecord {
@@ -33,15 +41,29 @@ impl MaterialRecord {
             alpha,
             eta,
             k,
-            preset
+            preset,
+            distribution,
+            specular_reflectance,
+            specular_transmittance,
+            nonlinear,
+            base_color,
+            metallic,
+            roughness,
+            specular
         );
         only_takes(name, takes, &[], &given)
     }
 
     /// The files of its textures.
     pub fn files(&self) -> impl Iterator<Item = &Spanned<String>> {
-        let reflectance = self.reflectance.as_ref();
-        reflectance.and_then(|r| r.get_ref().file()).into_iter()
+        [
+            &self.reflectance,
+            &self.specular_reflectance,
+            &self.specular_transmittance,
+            &self.base_color,
+        ]
+        .into_iter()
+        .filter_map(|field| field.as_ref()?.get_ref().file())
     }
 }
 
@@ -54,7 +76,18 @@ pub enum MaterialType {
     Mirror,
     RoughConductor,
     RoughDielectric,
+    ThinDielectric,
+    Plastic,
+    RoughPlastic,
+    Principled,
     Null,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum DistributionName {
+    Ggx,
+    Beckmann,
 }
 
 impl MaterialType {
@@ -63,17 +96,79 @@ impl MaterialType {
         match self {
             Self::Diffuse => ("diffuse", &["reflectance", "two_sided"]),
             Self::Mirror => ("mirror", &["reflectance", "two_sided"]),
-            Self::Dielectric => ("dielectric", &["ior", "exterior_ior"]),
-            Self::RoughDielectric => ("rough_dielectric", &["ior", "exterior_ior", "alpha"]),
+            Self::Dielectric => ("dielectric", SMOOTH_DIELECTRIC),
+            Self::ThinDielectric => ("thin_dielectric", SMOOTH_DIELECTRIC),
+            Self::RoughDielectric => (
+                "rough_dielectric",
+                &[
+                    "ior",
+                    "exterior_ior",
+                    "alpha",
+                    "distribution",
+                    "specular_reflectance",
+                    "specular_transmittance",
+                ],
+            ),
             Self::Conductor => (
                 "conductor",
                 &["eta", "k", "preset", "reflectance", "two_sided"],
             ),
             Self::RoughConductor => (
                 "rough_conductor",
-                &["alpha", "eta", "k", "preset", "reflectance", "two_sided"],
+                &[
+                    "alpha",
+                    "distribution",
+                    "eta",
+                    "k",
+                    "preset",
+                    "reflectance",
+                    "two_sided",
+                ],
+            ),
+            Self::Plastic => (
+                "plastic",
+                &[
+                    "reflectance",
+                    "specular_reflectance",
+                    "ior",
+                    "exterior_ior",
+                    "nonlinear",
+                    "two_sided",
+                ],
+            ),
+            Self::RoughPlastic => (
+                "rough_plastic",
+                &[
+                    "reflectance",
+                    "specular_reflectance",
+                    "ior",
+                    "exterior_ior",
+                    "alpha",
+                    "distribution",
+                    "nonlinear",
+                    "two_sided",
+                ],
+            ),
+            Self::Principled => (
+                "principled",
+                &[
+                    "base_color",
+                    "metallic",
+                    "roughness",
+                    "specular",
+                    "ior",
+                    "exterior_ior",
+                    "two_sided",
+                ],
             ),
             Self::Null => ("null", &[]),
         }
     }
 }
+
+const SMOOTH_DIELECTRIC: &[&str] = &[
+    "ior",
+    "exterior_ior",
+    "specular_reflectance",
+    "specular_transmittance",
+];

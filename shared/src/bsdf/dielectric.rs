@@ -1,0 +1,63 @@
+//! Smooth dielectrics: a boundary, and a thin sheet.
+
+use super::fresnel::fresnel_dielectric;
+use super::{BsdfSample, TransportMode, mirrored};
+use crate::math::{Rgb, Vec3};
+
+/// A smooth dielectric.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Dielectric {
+    /// Index of refraction inside over the one outside.
+    pub eta: f32,
+    /// Factor on the reflection.
+    pub reflectance: Rgb,
+    /// Factor on the transmission.
+    pub transmittance: Rgb,
+}
+
+impl Dielectric {
+    /// As a boundary between two sides.
+    #[inline]
+    pub(super) fn sample_boundary(&self, wo: Vec3, u_lobe: f32, mode: TransportMode) -> BsdfSample {
+        let eta = if wo.z > 0.0 { self.eta } else { 1.0 / self.eta };
+        let (reflectance, cos_t) = fresnel_dielectric(wo.z.abs().min(1.0), eta);
+        if u_lobe < reflectance {
+            return mirrored(wo, self.reflectance, reflectance);
+        }
+        let z = if wo.z > 0.0 { -cos_t } else { cos_t };
+        BsdfSample {
+            wi: Vec3::new(-wo.x / eta, -wo.y / eta, z).normalize(),
+            weight: self.transmittance * radiance_scale(eta, mode),
+            pdf: 1.0 - reflectance,
+            delta: true,
+            transmitted: true,
+        }
+    }
+
+    /// As a sheet with two boundaries: what bounces between them comes out where it went in, 2R / (1 + R) of it reflected.
+    #[inline]
+    pub(super) fn sample_sheet(&self, wo: Vec3, u_lobe: f32) -> BsdfSample {
+        let (once, _) = fresnel_dielectric(wo.z.abs().min(1.0), self.eta);
+        let reflectance = 2.0 * once / (1.0 + once);
+        if u_lobe < reflectance {
+            return mirrored(wo, self.reflectance, reflectance);
+        }
+        BsdfSample {
+            wi: -wo,
+            weight: self.transmittance,
+            pdf: 1.0 - reflectance,
+            delta: true,
+            transmitted: true,
+        }
+    }
+}
+
+/// What refraction into a side of relative index `eta` does to the carried quantity: radiance is spread over fewer or more
+/// steradians, flux stays.
+#[inline]
+pub(super) fn radiance_scale(eta: f32, mode: TransportMode) -> f32 {
+    match mode {
+        TransportMode::Radiance => 1.0 / (eta * eta),
+        TransportMode::Flux => 1.0,
+    }
+}

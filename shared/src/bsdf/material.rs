@@ -1,0 +1,291 @@
+//! Materials as the scene says them.
+
+use super::dielectric::Dielectric;
+use super::plastic::{Coat, Plastic, RoughCoat, RoughPlastic};
+use super::principled::Principled;
+use super::rough_dielectric::{MIN_CONTRAST, RoughDielectric};
+use super::{Bsdf, Distribution};
+use crate::math::{Rgb, Vec2};
+use crate::texture::Texture;
+
+/// Roughness below this would cost single precision its digits.
+pub(super) const MIN_ALPHA: f32 = 1e-3;
+/// Largest part of a complex index of refraction; from here on a conductor is a mirror, and squares stay finite.
+const MAX_INDEX: Rgb = Rgb::splat(1e6);
+
+/// What a surface is made of, as the scene says it.
+#[derive(Clone, Debug)]
+pub struct Material {
+    /// The kind and its parameters.
+    pub kind: MaterialKind,
+    /// Reflects on both sides (all that do not transmit; dielectrics and null have two sides by nature).
+    pub two_sided: bool,
+}
+
+/// The kinds of surfaces. Inside is the side that the geometric normal points away from.
+#[derive(Clone, Debug)]
+pub enum MaterialKind {
+    /// Lambertian.
+    Diffuse {
+        /// Albedo in [0, 1].
+        reflectance: Texture,
+    },
+    /// Smooth dielectric boundary.
+    Dielectric {
+        /// Index of refraction inside over the one outside.
+        eta: f32,
+        /// Factors on what is reflected and transmitted.
+        tint: Tint,
+    },
+    /// Thin sheet of a dielectric: light that it transmits keeps its direction.
+    ThinDielectric {
+        /// Index of refraction inside over the one outside.
+        eta: f32,
+        /// Factors on what is reflected and transmitted.
+        tint: Tint,
+    },
+    /// Smooth conductor (a perfect mirror where `k` is infinite is `Mirror`).
+    Conductor {
+        /// Real part of the index of refraction.
+        eta: Rgb,
+        /// Imaginary part.
+        k: Rgb,
+        /// Factor on the reflection.
+        reflectance: Texture,
+    },
+    /// Mirror without Fresnel.
+    Mirror {
+        /// Factor on the reflection.
+        reflectance: Texture,
+    },
+    /// Microfacet conductor.
+    RoughConductor {
+        /// Distribution of its microfacets.
+        distribution: Distribution,
+        /// Roughness (not squared again), at least 1e-3 (less counts as that).
+        alpha: f32,
+        /// Real part of the index of refraction.
+        eta: Rgb,
+        /// Imaginary part.
+        k: Rgb,
+        /// Factor on the reflection.
+        reflectance: Texture,
+    },
+    /// Microfacet dielectric boundary. With indices within 1e-4 of each other it is `Null`.
+    RoughDielectric {
+        /// Distribution of its microfacets.
+        distribution: Distribution,
+        /// Roughness (not squared again), at least 1e-3 (less counts as that).
+        alpha: f32,
+        /// Index of refraction inside over the one outside.
+        eta: f32,
+        /// Factors on what is reflected and transmitted.
+        tint: Tint,
+    },
+    /// Smooth dielectric coat over a diffuse base.
+    Plastic {
+        /// Albedo of the base in [0, 1].
+        reflectance: Texture,
+        /// Factor on the coat's reflection.
+        specular_reflectance: Texture,
+        /// The coat.
+        coat: Coat,
+    },
+    /// Rough dielectric coat over a diffuse base.
+    RoughPlastic {
+        /// Albedo of the base in [0, 1].
+        reflectance: Texture,
+        /// Factor on the coat's reflection.
+        specular_reflectance: Texture,
+        /// The coat.
+        coat: Box<RoughCoat>,
+    },
+    /// Burley's model of dielectrics and metals.
+    Principled {
+        /// Albedo of the base, and of metals at normal incidence, in [0, 1].
+        base_color: Texture,
+        /// From dielectric 0 to metal 1.
+        metallic: f32,
+        /// From 0 to 1; its square is the roughness of the microfacets.
+        roughness: f32,
+        /// Index of refraction inside over the one outside.
+        eta: f32,
+    },
+    /// Nothing: the boundary of a medium, index-matched.
+    Null,
+}
+
+/// Factors on the light that a dielectric reflects and transmits, each in [0, 1]; 1 where nature is to be followed.
+#[derive(Clone, Debug)]
+pub struct Tint {
+    /// On the reflection.
+    pub reflectance: Texture,
+    /// On the transmission.
+    pub transmittance: Texture,
+}
+
+impl Tint {
+    /// Changes nothing.
+    pub const NONE: Self = Self {
+        reflectance: Texture::Constant(Rgb::ONE),
+        transmittance: Texture::Constant(Rgb::ONE),
+    };
+}
+
+impl Material {
+    /// The scattering at a hit with these texture coordinates.
+    #[inline]
+    pub fn bsdf(&self, uv: Vec2) -> Bsdf<'_> {
+        let two_sided = self.two_sided;
+        match &self.kind {
+            MaterialKind::Diffuse { reflectance } => {
+                let reflectance = reflectance.eval(uv);
+                if reflectance == Rgb::ZERO {
+                    return Bsdf::Black;
+                }
+                Bsdf::Diffuse {
+                    reflectance,
+                    two_sided,
+                }
+            }
+            MaterialKind::Dielectric { eta, tint } => Bsdf::Dielectric(Dielectric {
+                eta: *eta,
+                reflectance: tint.reflectance.eval(uv),
+                transmittance: tint.transmittance.eval(uv),
+            }),
+            MaterialKind::ThinDielectric { eta, tint } => Bsdf::ThinDielectric(Dielectric {
+                eta: *eta,
+                reflectance: tint.reflectance.eval(uv),
+                transmittance: tint.transmittance.eval(uv),
+            }),
+            MaterialKind::Conductor {
+                eta,
+                k,
+                reflectance,
+            } => Bsdf::Conductor {
+                eta: eta.min(MAX_INDEX),
+                k: k.min(MAX_INDEX),
+                reflectance: reflectance.eval(uv),
+                two_sided,
+            },
+            MaterialKind::Mirror { reflectance } => Bsdf::Mirror {
+                reflectance: reflectance.eval(uv),
+                two_sided,
+            },
+            MaterialKind::RoughConductor {
+                distribution,
+                alpha,
+                eta,
+                k,
+                reflectance,
+            } => Bsdf::RoughConductor {
+                distribution: *distribution,
+                alpha: alpha.max(MIN_ALPHA),
+                eta: eta.min(MAX_INDEX),
+                k: k.min(MAX_INDEX),
+                reflectance: reflectance.eval(uv),
+                two_sided,
+            },
+            MaterialKind::RoughDielectric { eta, .. } if index_matched(*eta) => Bsdf::Null,
+            MaterialKind::RoughDielectric {
+                distribution,
+                alpha,
+                eta,
+                tint,
+            } => Bsdf::RoughDielectric(RoughDielectric {
+                distribution: *distribution,
+                alpha: alpha.max(MIN_ALPHA),
+                eta: *eta,
+                reflectance: tint.reflectance.eval(uv),
+                transmittance: tint.transmittance.eval(uv),
+            }),
+            MaterialKind::Plastic {
+                reflectance,
+                specular_reflectance,
+                coat,
+            } => Bsdf::Plastic(Plastic::new(
+                coat,
+                reflectance.eval(uv),
+                specular_reflectance.eval(uv),
+                two_sided,
+            )),
+            MaterialKind::RoughPlastic {
+                reflectance,
+                specular_reflectance,
+                coat,
+            } => Bsdf::RoughPlastic(RoughPlastic::new(
+                coat,
+                reflectance.eval(uv),
+                specular_reflectance.eval(uv),
+                two_sided,
+            )),
+            MaterialKind::Principled {
+                base_color,
+                metallic,
+                roughness,
+                eta,
+            } => Bsdf::Principled(Principled {
+                base_color: base_color.eval(uv),
+                metallic: *metallic,
+                roughness: *roughness,
+                eta: *eta,
+                two_sided,
+            }),
+            MaterialKind::Null => Bsdf::Null,
+        }
+    }
+
+    /// Nothing but the boundary of a medium.
+    pub fn is_null(&self) -> bool {
+        matches!(self.kind, MaterialKind::Null)
+    }
+    /// Has an inside and an outside, between which light passes: two media may meet at it.
+    pub fn bounds_media(&self) -> bool {
+        matches!(
+            self.kind,
+            MaterialKind::Dielectric { .. }
+                | MaterialKind::RoughDielectric { .. }
+                | MaterialKind::Null
+        )
+    }
+    /// Index of refraction on the side that a ray comes from over the one that it goes to. 1 for anything but dielectrics.
+    pub fn eta_of_crossing(&self, from_inside: bool) -> f32 {
+        match self.kind {
+            MaterialKind::Dielectric { eta, .. } | MaterialKind::RoughDielectric { eta, .. } => {
+                if from_inside {
+                    eta
+                } else {
+                    1.0 / eta
+                }
+            }
+            _ => 1.0,
+        }
+    }
+    /// True where some light is scattered in discrete directions.
+    pub fn has_delta(&self) -> bool {
+        self.is_specular() || matches!(self.kind, MaterialKind::Plastic { .. })
+    }
+    /// True where no light is scattered except in discrete directions: camera paths go on through such a surface.
+    #[inline]
+    pub fn is_specular(&self) -> bool {
+        match self.kind {
+            MaterialKind::Dielectric { .. }
+            | MaterialKind::ThinDielectric { .. }
+            | MaterialKind::Conductor { .. }
+            | MaterialKind::Mirror { .. }
+            | MaterialKind::Null => true,
+            MaterialKind::RoughDielectric { eta, .. } => index_matched(eta),
+            MaterialKind::Diffuse { .. }
+            | MaterialKind::RoughConductor { .. }
+            | MaterialKind::Plastic { .. }
+            | MaterialKind::RoughPlastic { .. }
+            | MaterialKind::Principled { .. } => false,
+        }
+    }
+}
+
+/// A rough boundary that does not scatter, for want of a difference between its sides.
+#[inline]
+fn index_matched(eta: f32) -> bool {
+    (eta - 1.0).abs() < MIN_CONTRAST
+}

@@ -1,0 +1,75 @@
+//! Distributions of microfacet normals, isotropic.
+//!
+//! All functions take directions in the local frame. Masking and shadowing are Smith's, uncorrelated: G = G1(wo) G1(wi).
+
+use super::{beckmann, ggx};
+use crate::math::{Vec2, Vec3};
+
+/// The statistics of a rough surface's slopes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Distribution {
+    /// Trowbridge and Reitz's, with long tails.
+    #[default]
+    Ggx,
+    /// Gaussian slopes.
+    Beckmann,
+}
+
+/// A distribution of a roughness.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Facets {
+    pub distribution: Distribution,
+    /// Roughness, at least 1e-3.
+    pub alpha: f32,
+}
+
+impl Facets {
+    /// D(m) in 1/sr for a unit normal with `m.z >= 0`.
+    #[inline]
+    pub fn density(&self, m: Vec3) -> f32 {
+        match self.distribution {
+            Distribution::Ggx => ggx::density(self.alpha, m),
+            Distribution::Beckmann => beckmann::density(self.alpha, m),
+        }
+    }
+
+    /// The number by which `G1(v) = 2 |z| / extent(v)`. At least some half of `alpha`, so that the cosines in the microfacet
+    /// formulas cancel and nothing is infinite at grazing angles.
+    #[inline]
+    pub fn extent(&self, v: Vec3) -> f32 {
+        match self.distribution {
+            Distribution::Ggx => ggx::extent(self.alpha, v),
+            Distribution::Beckmann => beckmann::extent(self.alpha, v),
+        }
+    }
+
+    /// Smith's masking of the side that `v` is on.
+    #[inline]
+    pub fn g1(&self, v: Vec3) -> f32 {
+        2.0 * v.z.abs() / self.extent(v)
+    }
+
+    /// A normal visible from `wo`, `wo.z > 0`, with density `G1(wo) max(0, wo . m) D(m) / wo.z` per solid angle.
+    #[inline]
+    pub fn sample_visible(&self, wo: Vec3, u: Vec2) -> Vec3 {
+        match self.distribution {
+            Distribution::Ggx => ggx::sample_visible(self.alpha, wo, u),
+            Distribution::Beckmann => beckmann::sample_visible(self.alpha, wo, u),
+        }
+    }
+
+    /// The direction into which a visible normal reflects `wo`, `wo.z > 0`. None: light that would need a second bounce.
+    #[inline]
+    pub fn sample_reflection(&self, wo: Vec3, u: Vec2) -> Option<Vec3> {
+        let m = self.sample_visible(wo, u);
+        let cos_o = wo.dot(m);
+        let wi = (m * (2.0 * cos_o) - wo).normalize();
+        (cos_o > 0.0 && wi.z > 0.0).then_some(wi)
+    }
+
+    /// Density of [`Self::sample_reflection`] with the half vector `m`.
+    #[inline]
+    pub fn reflection_pdf(&self, wo: Vec3, m: Vec3) -> f32 {
+        self.density(m) / (2.0 * self.extent(wo))
+    }
+}

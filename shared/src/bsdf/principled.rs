@@ -1,0 +1,113 @@
+//! The principled BSDF (Burley 2012), of which there are a diffuse lobe with retro-reflection and a GGX lobe between
+//! dielectric and metal, in the form that Mitsuba 3 gives it.
+
+use super::fresnel::fresnel_dielectric;
+use super::material::MIN_ALPHA;
+use super::microfacet::Facets;
+use super::{BsdfSample, Distribution, half_vector, lit_side, reflects};
+use crate::math::{Rgb, Vec2, Vec3, mean};
+use crate::warp;
+
+/// A principled surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Principled {
+    /// Albedo of the base, and of metals at normal incidence, in [0, 1].
+    pub base_color: Rgb,
+    /// From dielectric 0 to metal 1.
+    pub metallic: f32,
+    /// From 0 to 1; its square is the roughness of the microfacets.
+    pub roughness: f32,
+    /// Index of refraction inside over the one outside.
+    pub eta: f32,
+    /// Reflects on both sides.
+    pub two_sided: bool,
+}
+
+impl Principled {
+    fn facets(&self) -> Facets {
+        Facets {
+            distribution: Distribution::Ggx,
+            alpha: (self.roughness * self.roughness).max(MIN_ALPHA),
+        }
+    }
+
+    /// Fresnel's reflectance for the dielectric share, Schlick's approximation for the metallic one. `cos` to the microfacet.
+    fn fresnel(&self, cos: f32) -> Rgb {
+        let (dielectric, cos_t) = fresnel_dielectric(cos.min(1.0), self.eta);
+        // Without a boundary there is no reflection, not even a metal's.
+        if dielectric <= 0.0 {
+            return Rgb::ZERO;
+        }
+        let schlick = schlick_weight(if self.eta > 1.0 { cos } else { cos_t });
+        let metal = self.base_color * (1.0 - schlick) + schlick;
+        Rgb::splat((1.0 - self.metallic) * dielectric) + metal * self.metallic
+    }
+
+    pub(super) fn albedo(&self) -> Rgb {
+        (self.base_color * (1.0 - self.metallic) + self.fresnel(1.0)).min(Rgb::ONE)
+    }
+
+    pub(super) fn eval(&self, wo: Vec3, wi: Vec3) -> Rgb {
+        if !reflects(wo, wi, self.two_sided) {
+            return Rgb::ZERO;
+        }
+        let facets = self.facets();
+        let m = half_vector(wo, wi);
+        let cos_d = wo.dot(m).abs();
+        let specular =
+            self.fresnel(cos_d) * (facets.density(m) / (facets.extent(wo) * facets.extent(wi)));
+        // Burley 2015, eq. 4.
+        let (fo, fi) = (schlick_weight(wo.z.abs()), schlick_weight(wi.z.abs()));
+        let rr = 2.0 * self.roughness * cos_d * cos_d;
+        let lambert = (1.0 - 0.5 * fo) * (1.0 - 0.5 * fi);
+        let retro = rr * (fo + fi + fo * fi * (rr - 1.0));
+        let diffuse = (1.0 - self.metallic) * (lambert + retro) * std::f32::consts::FRAC_1_PI;
+        specular + self.base_color * diffuse
+    }
+
+    /// Probability of sampling the microfacets.
+    fn specular_probability(&self, wo: Vec3) -> f32 {
+        let specular = mean(self.fresnel(wo.z.abs()));
+        let diffuse = (1.0 - self.metallic) * mean(self.base_color);
+        match (specular > 0.0, diffuse > 0.0) {
+            (true, true) => (specular / (specular + diffuse)).clamp(0.1, 0.9),
+            (true, false) => 1.0,
+            (false, _) => 0.0,
+        }
+    }
+
+    pub(super) fn pdf(&self, wo: Vec3, wi: Vec3) -> f32 {
+        if !reflects(wo, wi, self.two_sided) {
+            return 0.0;
+        }
+        let p = self.specular_probability(wo);
+        p * self.facets().reflection_pdf(wo, half_vector(wo, wi))
+            + (1.0 - p) * warp::cosine_hemisphere_pdf(wi.z.abs())
+    }
+
+    pub(super) fn sample(&self, wo: Vec3, u_lobe: f32, u: Vec2) -> Option<BsdfSample> {
+        let sign = lit_side(wo, self.two_sided)?;
+        let wo = wo * sign;
+        let wi = if u_lobe < self.specular_probability(wo) {
+            self.facets().sample_reflection(wo, u)?
+        } else {
+            warp::cosine_hemisphere(u)
+        };
+        let pdf = self.pdf(wo, wi);
+        (pdf > 0.0).then(|| BsdfSample {
+            wi: wi * sign,
+            weight: self.eval(wo, wi) * (wi.z / pdf),
+            pdf,
+            delta: false,
+            transmitted: false,
+        })
+    }
+}
+
+/// `(1 - cos)^5`.
+#[inline]
+fn schlick_weight(cos: f32) -> f32 {
+    let x = (1.0 - cos).clamp(0.0, 1.0);
+    let x2 = x * x;
+    x2 * x2 * x
+}

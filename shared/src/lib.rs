@@ -80,6 +80,8 @@ pub mod bsdf;
 #[cfg(feature = "render")]
 pub mod camera;
 #[cfg(feature = "render")]
+pub mod filter;
+#[cfg(feature = "render")]
 pub mod footprint;
 #[cfg(feature = "render")]
 pub mod geometry;

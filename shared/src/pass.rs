@@ -5,7 +5,7 @@ use crate::beam::store::{BeamMap, Candidates, Packet};
 use crate::beam::trace::{Photons, trace_photons};
 use crate::film::Film;
 use crate::job::PassStats;
-use crate::math::{Rgb, Vec2};
+use crate::math::Rgb;
 use crate::parts::{Parts, Recorder};
 use crate::plan::{RenderPlan, Scene};
 use crate::sampler::{Purpose, Sampler, mix64};
@@ -147,7 +147,7 @@ impl CameraPass<'_> {
             let chunk = y as u64 * camera.width as u64 + x as u64;
             let seed = self.tracer.plan.settings.seed;
             let mut sampler = Sampler::new(seed, self.pass_index, Purpose::Camera, chunk);
-            let image = Vec2::new(x as f32, y as f32) + sampler.next_2d();
+            let image = camera.sample(x, y, sampler.next_2d());
             let ray = camera.ray(image, sampler.next_2d());
             let segments = &mut scratch.camera;
             let mut record = Recorder::new(plan, scratch.parts.get_mut(i));

@@ -1,8 +1,11 @@
 //! The camera's rays: field of view, orientation, lens.
 
+use beamfarm_shared::bundle::Bundle;
 use beamfarm_shared::camera::Camera;
+use beamfarm_shared::filter::PixelFilter;
 use beamfarm_shared::math::{Frame, Vec2, Vec3};
 use beamfarm_shared::sampler::{Purpose, Sampler};
+use beamfarm_shared::scene::SceneDescription;
 use beamfarm_tests::quadrature::Rect;
 use beamfarm_tests::{Chi2, Suite};
 
@@ -17,10 +20,12 @@ fn camera(aperture: f32) -> Camera {
             n: forward,
         },
         tan_half_fov_x: 0.5,
+        shift: Vec2::ZERO,
         aperture,
         focus_distance: 2.5,
         width: 40,
         height: 20,
+        filter: PixelFilter::Box,
     }
 }
 
@@ -97,5 +102,192 @@ fn lens_is_sampled_uniformly() {
     );
     let mut suite = Suite::new(0.01);
     suite.chi2("lens", &result);
+    suite.finish();
+}
+
+fn loaded(text: &str) -> Camera {
+    let mut bundle = Bundle {
+        scene: "view.toml".into(),
+        ..Bundle::default()
+    };
+    bundle.files.insert("view.toml".into(), text.into());
+    SceneDescription::load(&bundle).unwrap().camera
+}
+
+/// Where a ray meets the plane z = -1; the camera is at the origin.
+fn on_plane(camera: &Camera, image: Vec2) -> Vec2 {
+    let dir = camera.ray(image, Vec2::ZERO).dir;
+    dir.truncate() / -dir.z
+}
+
+/// Mitsuba 3.9.1: where rays through a corner, the middle and the opposite corner of the image meet the plane at distance 1,
+/// over tan 30 degrees. A film of 40 x 20 pixels, a field of view of 60 degrees.
+#[test]
+fn windows_and_principal_points_are_those_of_mitsuba() {
+    for (image, camera, expected) in [
+        ("", "", [(-1.0, 0.5), (0.0, 0.0), (1.0, -0.5)]),
+        (
+            "",
+            "principal_point = [0.1, 0]",
+            [(-0.8, 0.5), (0.2, 0.0), (1.2, -0.5)],
+        ),
+        (
+            "",
+            "principal_point = [0, 0.1]",
+            [(-1.0, 0.4), (0.0, -0.1), (1.0, -0.6)],
+        ),
+        (
+            "",
+            "principal_point = [0.1, 0.2], fov_axis = \"y\"",
+            [(-1.6, 0.6), (0.4, -0.4), (2.4, -1.4)],
+        ),
+        ("", "flip_x = true", [(1.0, 0.5), (0.0, 0.0), (-1.0, -0.5)]),
+        (
+            "",
+            "flip_x = true, principal_point = [0.1, 0]",
+            [(0.8, 0.5), (-0.2, 0.0), (-1.2, -0.5)],
+        ),
+        (
+            "crop = { x = 10, y = 5, width = 20, height = 10 }",
+            "principal_point = [0.1, 0.2]",
+            [(-0.3, 0.05), (0.2, -0.2), (0.7, -0.45)],
+        ),
+        (
+            "crop = { x = 10, y = 5, width = 5, height = 10 }",
+            "",
+            [(-0.5, 0.25), (-0.375, 0.0), (-0.25, -0.25)],
+        ),
+        (
+            "crop = { x = 10, y = 5, width = 5, height = 10 }",
+            "fov_axis = \"smaller\"",
+            [(-1.0, 0.5), (-0.75, 0.0), (-0.5, -0.5)],
+        ),
+    ] {
+        let text = format!(
+            "image = {{ width = 40, height = 20, {image} }}
+            camera = {{ origin = [0, 0, 0], target = [0, 0, -1], fov = 60, {camera} }}"
+        );
+        let camera = loaded(&text.replace(", }", " }"));
+        let size = Vec2::new(camera.width as f32, camera.height as f32);
+        let tan = libm::tanf((30.0f32).to_radians());
+        for (at, (x, y)) in [0.0, 0.5, 1.0].into_iter().zip(expected) {
+            let found = on_plane(&camera, size * at) / tan;
+            assert!(
+                (found - Vec2::new(x, y)).length() < 1e-5,
+                "{text} at {at}: {found}"
+            );
+        }
+    }
+}
+
+/// Mitsuba 3.9.1: a window of 7 x 5 pixels of a rectangle of radiance 1, its edges within pixels, under five reconstruction
+/// filters; 131072 samples a pixel. Mitsuba's Gaussian is a fit, off by up to 8e-4 of its height.
+#[rustfmt::skip]
+const MITSUBA: [(&str, [[f64; 7]; 5]); 5] = [
+    ("\"box\"", [
+        [0.0, 0.0, 0.0637, 1.0, 1.0, 1.0, 1.0],
+        [0.0, 0.0, 0.0637, 1.0, 1.0, 1.0, 1.0],
+        [0.0, 0.0, 0.0637, 1.0, 1.0, 1.0, 1.0],
+        [0.0, 0.0, 0.0483, 0.7575, 0.7575, 0.7575, 0.7575],
+        [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+    ]),
+    ("\"tent\"", [
+        [0.0, 0.0, 0.1589, 0.9048, 1.0, 1.0, 1.0],
+        [0.0, 0.0, 0.1589, 0.9048, 1.0, 1.0, 1.0],
+        [0.0, 0.0, 0.1589, 0.9048, 1.0, 1.0, 1.0],
+        [0.0, 0.0, 0.1151, 0.6554, 0.7244, 0.7243, 0.7244],
+        [0.0, 0.0, 0.0060, 0.0343, 0.0379, 0.0379, 0.0379],
+    ]),
+    ("{ type = \"tent\", radius = 1.6 }", [
+        [0.0, 0.0052, 0.2645, 0.7903, 0.9998, 1.0, 1.0],
+        [0.0, 0.0052, 0.2645, 0.7903, 0.9998, 1.0, 1.0],
+        [0.0, 0.0051, 0.2585, 0.7722, 0.9769, 0.9771, 0.9771],
+        [0.0, 0.0034, 0.1718, 0.5131, 0.6491, 0.6493, 0.6493],
+        [0.0, 0.0010, 0.0497, 0.1486, 0.1880, 0.1881, 0.1881],
+    ]),
+    ("\"gaussian\"", [
+        [0.0, 0.0019, 0.1913, 0.8706, 0.9993, 1.0, 1.0],
+        [0.0, 0.0019, 0.1913, 0.8707, 0.9993, 1.0, 1.0],
+        [0.0, 0.0018, 0.1902, 0.8660, 0.9940, 0.9946, 0.9945],
+        [0.0, 0.0013, 0.1335, 0.6075, 0.6973, 0.6978, 0.6978],
+        [0.0, 0.0002, 0.0156, 0.0708, 0.0813, 0.0813, 0.0814],
+    ]),
+    ("{ type = \"gaussian\", stddev = 0.9 }", [
+        [0.0045, 0.0577, 0.3147, 0.7353, 0.9595, 0.9982, 1.0],
+        [0.0045, 0.0574, 0.3132, 0.7313, 0.9545, 0.9929, 0.9945],
+        [0.0041, 0.0532, 0.2901, 0.6775, 0.8842, 0.9199, 0.9215],
+        [0.0029, 0.0371, 0.2024, 0.4727, 0.6169, 0.6420, 0.6433],
+        [0.0013, 0.0166, 0.0905, 0.2114, 0.2759, 0.2871, 0.2877],
+    ]),
+];
+
+#[test]
+fn filters_are_those_of_mitsuba_at_the_border_too() {
+    for (filter, expected) in MITSUBA {
+        let camera = loaded(&format!(
+            "image = {{ width = 14, height = 10, filter = {filter}, crop = {{ x = 3, y = 2, width = 7, height = 5 }} }}
+            camera = {{ origin = [0, 0, 0], target = [0, 0, -1], fov = 60, flip_x = true, principal_point = [0.05, -0.1] }}"
+        ));
+        // Filter and rectangle are products of functions of x and of y.
+        const STEPS: u32 = 4000;
+        let share = |x: u32, y: u32, axis: usize| {
+            let inside = |i: &u32| {
+                let u = Vec2::splat((*i as f32 + 0.5) / STEPS as f32);
+                let at = on_plane(&camera, camera.sample(x, y, u));
+                (at - Vec2::new(-0.97, 1.02))[axis].abs() < 1.0
+            };
+            (0..STEPS).filter(inside).count() as f64 / f64::from(STEPS)
+        };
+        for (y, row) in (0..).zip(expected) {
+            for (x, expected) in (0..).zip(row) {
+                let found = share(x, y, 0) * share(x, y, 1);
+                assert!(
+                    (found - expected).abs() < 1e-3,
+                    "{filter} at {x} {y}: {found}, not {expected}"
+                );
+            }
+        }
+    }
+}
+
+/// By their densities, away from the image's border and at it.
+#[test]
+fn filters_are_sampled_in_proportion_to_their_values() {
+    let mut suite = Suite::new(0.01);
+    let tent = |x: f32| (1.0 - x.abs()).max(0.0);
+    let gaussian = |x: f32| (libm::expf(-2.0 * x * x) - libm::expf(-8.0)).max(0.0);
+    for (name, filter, value) in [
+        (
+            "tent",
+            PixelFilter::Tent { radius: 1.0 },
+            &tent as &dyn Fn(f32) -> f32,
+        ),
+        ("gaussian", PixelFilter::Gaussian { stddev: 0.5 }, &gaussian),
+    ] {
+        for pixel in [[0, 0], [1, 4], [4, 4]] {
+            let size = [9, 5];
+            let integral = |pixel: u32, size: u32| {
+                let step = size as f32 / 20_000.0;
+                let at = |i: u32| value((i as f32 + 0.5) * step - pixel as f32 - 0.5);
+                (0..20_000).map(|i| f64::from(at(i) * step)).sum::<f64>() as f32
+            };
+            let total = integral(pixel[0], size[0]) * integral(pixel[1], size[1]);
+            let domain = Rect {
+                x: (0.0, 9.0),
+                y: (0.0, 5.0),
+            };
+            suite.chi2(
+                format!("{name} at {pixel:?}"),
+                &Chi2::default().plane(
+                    domain,
+                    |s: &mut Sampler| Some(filter.sample(pixel, size, s.next_2d())),
+                    |p: Vec2| {
+                        let d = p - Vec2::new(pixel[0] as f32, pixel[1] as f32) - 0.5;
+                        value(d.x) * value(d.y) / total
+                    },
+                ),
+            );
+        }
+    }
     suite.finish();
 }

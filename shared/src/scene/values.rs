@@ -45,6 +45,8 @@ ranges! {
     MeanCosine: "a number between -1 and 1, both excluded", |x| x > -1.0 && x < 1.0;
     /// Roughness of microfacets.
     Roughness: "a roughness from 0.001 to 1 (for less, take the smooth material)", |x| (1e-3..=1.0).contains(&x);
+    /// Radius or standard deviation of a reconstruction filter, pixels.
+    FilterSize: "a number of pixels from 0.01 to 100", |x| (0.01..=100.0).contains(&x);
     /// Field of view and cone angles in degrees.
     Degrees: "an angle in degrees between 0 and 180, both excluded", |x| x > 0.0 && x < 180.0;
 }
@@ -108,18 +110,38 @@ impl<'de> Deserialize<'de> for Vector {
                 f.write_str("three numbers [x, y, z]")
             }
             fn visit_seq<A: SeqAccess<'de>>(self, seq: A) -> Result<Self::Value, A::Error> {
-                triple::<Finite, A>(seq, "three numbers [x, y, z]").map(|v| Vector(v.into()))
+                numbers::<3, Finite, A>(seq, "three numbers [x, y, z]").map(|v| Vector(v.into()))
             }
         }
         deserializer.deserialize_any(VectorVisitor)
     }
 }
 
-fn triple<'de, R: Range, A: SeqAccess<'de>>(
+/// Two finite numbers.
+#[derive(Clone, Copy, Debug)]
+pub struct Pair(pub [f64; 2]);
+
+impl<'de> Deserialize<'de> for Pair {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct PairVisitor;
+        impl<'de> Visitor<'de> for PairVisitor {
+            type Value = Pair;
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("two numbers [x, y]")
+            }
+            fn visit_seq<A: SeqAccess<'de>>(self, seq: A) -> Result<Self::Value, A::Error> {
+                numbers::<2, Finite, A>(seq, "two numbers [x, y]").map(Pair)
+            }
+        }
+        deserializer.deserialize_any(PairVisitor)
+    }
+}
+
+fn numbers<'de, const N: usize, R: Range, A: SeqAccess<'de>>(
     mut seq: A,
     expected: &str,
-) -> Result<[f64; 3], A::Error> {
-    let mut values = [0.0; 3];
+) -> Result<[f64; N], A::Error> {
+    let mut values = [0.0; N];
     for (i, value) in values.iter_mut().enumerate() {
         match seq.next_element::<Number<R>>()? {
             Some(x) => *value = x.0,
@@ -186,7 +208,7 @@ impl<'de, R: Range> Visitor<'de> for ColorVisitor<R> {
         self.visit_f64(x as f64)
     }
     fn visit_seq<A: SeqAccess<'de>>(self, seq: A) -> Result<Self::Value, A::Error> {
-        let values = triple::<R, A>(seq, "one number, or three in brackets")?;
+        let values = numbers::<3, R, A>(seq, "one number, or three in brackets")?;
         Ok(Color(values, PhantomData))
     }
 }

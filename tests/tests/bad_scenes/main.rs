@@ -1,5 +1,6 @@
 //! Scenes that cannot be rendered are refused with the file, the line, the field, and what was expected.
 
+mod camera;
 mod hostile;
 mod media;
 mod textures;

@@ -57,6 +57,13 @@ fn disc(map: Affine3A) -> Shape {
     }
 }
 
+fn cylinder(map: Affine3A, flip: bool) -> Shape {
+    Shape::Cylinder {
+        placement: placement(map),
+        flip,
+    }
+}
+
 fn mesh(positions: Vec<Vec3>, triangles: Vec<[u32; 3]>) -> Shape {
     Shape::Mesh {
         mesh: Arc::new(Mesh {
@@ -188,6 +195,13 @@ fn shapes() -> Vec<(&'static str, Shape)> {
         (
             "disc",
             disc(at * tilt * Affine3A::from_scale(Vec3::new(0.8, 0.5, 1.0))),
+        ),
+        (
+            "cylinder",
+            cylinder(
+                at * tilt * Affine3A::from_scale(Vec3::new(0.3, 0.5, 1.2)),
+                false,
+            ),
         ),
         (
             "rectangle",
@@ -696,6 +710,27 @@ fn irradiance_matches_closed_forms() {
             -Vec3::Z,
         );
         assert_eq!(behind.mean(), 0.0, "discs have one side");
+    }
+
+    // The inside of a cylinder of radius R and height H from the middle of its base: pi L H^2 / (R^2 + H^2), the rest of
+    // what the other end leaves.
+    for (radius, height) in [(0.5f32, 2.0f32), (3.0, 0.7)] {
+        let map = Affine3A::from_scale(Vec3::new(radius, radius, height));
+        let (objects, light) = emitter(cylinder(map, true));
+        let mean = irradiance(&light, &objects, Vec3::ZERO, Vec3::Z);
+        let (r2, h2) = (f64::from(radius * radius), f64::from(height * height));
+        suite.mean(
+            format!("cylinder {radius} x {height}"),
+            &mean,
+            pi * radiance * h2 / (r2 + h2),
+        );
+        let (objects, light) = emitter(cylinder(map, false));
+        let outside = irradiance(&light, &objects, Vec3::ZERO, Vec3::Z);
+        assert_eq!(
+            outside.mean(),
+            0.0,
+            "its outside cannot be seen from within"
+        );
     }
 
     // Rectangle a x b parallel to the surface at distance d, one corner above the point (Howell, A Catalog of Radiation

@@ -343,6 +343,17 @@ fn sides_are_where_the_format_says() {
         ("type = \"disc\"", 0.1, 1.0),
         ("type = \"disc\"\nflip_normals = true", 0.1, -1.0),
         (&format!("type = \"disc\"\n{mirror}"), 0.1, -1.0),
+        ("type = \"cylinder\"\np1 = [1, 0, 0]", 0.1, 1.0),
+        (
+            "type = \"cylinder\"\np1 = [1, 0, 0]\nflip_normals = true",
+            0.1,
+            -1.0,
+        ),
+        (
+            &format!("type = \"cylinder\"\np1 = [1, 0, 0]\n{mirror}"),
+            0.1,
+            1.0,
+        ),
         ("type = \"rectangle\"", 0.1, 1.0),
         ("type = \"rectangle\"\nflip_normals = true", 0.1, -1.0),
         (&format!("type = \"rectangle\"\n{mirror}"), 0.1, -1.0),
@@ -447,7 +458,9 @@ fn far_from_the_origin_nothing_changes() {
         let mut points = Vec::new();
         for object in &scene.objects {
             match &object.shape {
-                Shape::Sphere { placement, .. } | Shape::Disc { placement, .. } => {
+                Shape::Sphere { placement, .. }
+                | Shape::Disc { placement, .. }
+                | Shape::Cylinder { placement, .. } => {
                     points.push(placement.render_from_object.transform_point3(Vec3::X));
                 }
                 Shape::Mesh { mesh, placement } => {
@@ -475,6 +488,7 @@ fn powers_are_kept() {
         "type = \"rectangle\"",
         "type = \"cube\"",
         "type = \"disc\"",
+        "type = \"cylinder\"\np0 = [1, 0, 2]\np1 = [1, 1, 3]\nradius = 0.25",
         "type = \"sphere\"\nradius = 0.25",
         "type = \"mesh\"\nfile = \"octahedron.obj\"",
     ];

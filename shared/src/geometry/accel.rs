@@ -128,6 +128,7 @@ impl Geometry {
             let hit = match &objects[object as usize].shape {
                 Shape::Sphere { placement, .. } => intersect_sphere(placement, ray, r.tmax),
                 Shape::Disc { placement, .. } => intersect_disc(placement, ray, r.tmax),
+                Shape::Cylinder { placement, .. } => intersect_cylinder(placement, ray, r.tmax),
                 Shape::Mesh { placement, .. } => self.mesh_of[object as usize]
                     .and_then(|m| self.meshes[m].intersect(placement, ray, r.tmax, any)),
             };
@@ -171,6 +172,11 @@ pub fn bounds(shape: &Shape) -> (Vec3, Vec3) {
     match shape {
         Shape::Sphere { placement, .. } => extent(placement, &[Vec3::X, Vec3::Y, Vec3::Z]),
         Shape::Disc { placement, .. } => extent(placement, &[Vec3::X, Vec3::Y]),
+        Shape::Cylinder { placement, .. } => {
+            let (low, high) = extent(placement, &[Vec3::X, Vec3::Y]);
+            let axis = placement.render_from_object.transform_vector3(Vec3::Z);
+            (low + axis.min(Vec3::ZERO), high + axis.max(Vec3::ZERO))
+        }
         Shape::Mesh { mesh, placement } => {
             mesh.positions
                 .iter()
@@ -201,6 +207,31 @@ fn intersect_sphere(placement: &Placement, ray: &Ray, t_max: f32) -> ShapeHit {
     let (near, far) = if t0 < t1 { (t0, t1) } else { (t1, t0) };
     let t = if near > 0.0 { near } else { far };
     (t > 0.0 && t < t_max).then_some((t, 0, Vec2::ZERO))
+}
+
+/// The same for the circle that the cylinder is across its axis; then which of the two lie between its ends.
+fn intersect_cylinder(placement: &Placement, ray: &Ray, t_max: f32) -> ShapeHit {
+    let o = placement.object_from_render.transform_point3(ray.origin);
+    let d = placement.object_from_render.transform_vector3(ray.dir);
+    let (o2, d2) = (o.truncate(), d.truncate());
+    let a = d2.length_squared();
+    if a == 0.0 {
+        return None;
+    }
+    let b = -o2.dot(d2);
+    let nearest = o2 + d2 * (b / a);
+    let discriminant = 1.0 - nearest.length_squared();
+    if discriminant.is_nan() || discriminant < 0.0 {
+        return None;
+    }
+    let c = o2.length_squared() - 1.0;
+    let root = (a * discriminant).sqrt();
+    let q = if b >= 0.0 { b + root } else { b - root };
+    let (t0, t1) = if q == 0.0 { (0.0, 0.0) } else { (c / q, q / a) };
+    let (near, far) = if t0 < t1 { (t0, t1) } else { (t1, t0) };
+    let hits = |t: &f32| *t > 0.0 && *t < t_max && (0.0..=1.0).contains(&(o.z + d.z * t));
+    let t = [near, far].into_iter().find(hits)?;
+    Some((t, 0, Vec2::ZERO))
 }
 
 fn intersect_disc(placement: &Placement, ray: &Ray, t_max: f32) -> ShapeHit {

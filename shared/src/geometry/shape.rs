@@ -1,7 +1,7 @@
 //! Shapes: what a hit on them looks like, and how points on them are drawn. The search for hits is in `accel`.
 
 use super::Mesh;
-use crate::math::{PI, Ray, Vec2, Vec3, acos, atan2};
+use crate::math::{PI, Ray, Vec2, Vec3, acos, atan2, sin_cos};
 use crate::warp;
 use glam::Affine3A;
 use std::sync::Arc;
@@ -21,6 +21,13 @@ pub enum Shape {
         /// Where it stands.
         placement: Placement,
         /// Its normal is -z.
+        flip: bool,
+    },
+    /// The side of the cylinder of radius 1 around the z axis from z = 0 to 1, open at both ends, under `placement`.
+    Cylinder {
+        /// Where it stands.
+        placement: Placement,
+        /// Its normal points to the axis.
         flip: bool,
     },
     /// A mesh; instances share it.
@@ -85,6 +92,19 @@ impl Placement {
     fn area_stretch(&self, n: Vec3) -> f32 {
         self.render_from_object.matrix3.determinant().abs() * self.normal(n).length()
     }
+
+    /// How much smaller a small area was in object space whose unit normal in render space is `normal`.
+    #[inline]
+    fn area_shrink(&self, normal: Vec3) -> f32 {
+        let m = &self.render_from_object.matrix3;
+        let n = Vec3::new(
+            Vec3::from(m.x_axis).dot(normal),
+            Vec3::from(m.y_axis).dot(normal),
+            Vec3::from(m.z_axis).dot(normal),
+        );
+        // The inverse transpose maps n / |n| to a vector of length 1 / |n|.
+        n.length() / m.determinant().abs()
+    }
 }
 
 /// Where a ray meets a surface.
@@ -105,7 +125,7 @@ pub struct SurfaceHit {
     /// Triangle within a mesh.
     pub primitive: u32,
     /// Derivative of the shading normal by a displacement on the surface: `dn = curvature * dp`. 1/radius for spheres,
-    /// zero for flat facets, the mean over the edges for interpolated normals.
+    /// the mean of that and zero for cylinders, zero for flat facets, the mean over the edges for interpolated normals.
     pub curvature: f32,
     /// How far to move off the surface so as not to meet it again: some tens of roundings of the numbers involved.
     pub clearance: f32,
@@ -157,7 +177,8 @@ pub(super) struct RawHit {
 }
 
 impl Shape {
-    /// Area in render space. Exact for meshes, and for spheres and discs under similar maps; ellipsoids by quadrature.
+    /// Area in render space. Exact for meshes, discs, round cylinders, and spheres under similar maps; the others by
+    /// quadrature.
     pub fn area(&self) -> f32 {
         match self {
             Self::Sphere { placement, .. } => {
@@ -172,6 +193,15 @@ impl Shape {
                 4.0 * PI * (sum / (N * N) as f64) as f32
             }
             Self::Disc { placement, .. } => PI * placement.area_stretch(Vec3::Z),
+            Self::Cylinder { placement, .. } => {
+                const N: usize = 4096;
+                let stretch = |i: usize| {
+                    let (sin, cos) = sin_cos(2.0 * PI * (i as f32 / N as f32));
+                    placement.area_stretch(Vec3::new(cos, sin, 0.0)) as f64
+                };
+                let sum: f64 = (0..N).map(stretch).sum();
+                2.0 * PI * (sum / N as f64) as f32
+            }
             Self::Mesh { mesh, .. } => mesh.area_sums().last().copied().unwrap_or(0.0) as f32,
         }
     }
@@ -199,6 +229,17 @@ impl Shape {
                     pdf_area: 1.0 / (PI * placement.area_stretch(Vec3::Z)),
                 }
             }
+            Self::Cylinder { placement, flip } => {
+                let (sin, cos) = sin_cos(2.0 * PI * u.x);
+                let n = Vec3::new(cos, sin, 0.0);
+                let normal = placement.normal(n).normalize();
+                SurfacePoint {
+                    point: placement.render_from_object.transform_point3(n.with_z(u.y)),
+                    normal: if *flip { -normal } else { normal },
+                    uv: u,
+                    pdf_area: 1.0 / (2.0 * PI * placement.area_stretch(n)),
+                }
+            }
             Self::Mesh { mesh, .. } => {
                 let sums = mesh.area_sums();
                 let total = sums.last().copied().unwrap_or(0.0);
@@ -219,16 +260,8 @@ impl Shape {
     /// Density of [`Self::sample_area`] at a point with this unit geometric normal, in render space.
     pub fn pdf_area(&self, normal: Vec3) -> f32 {
         match self {
-            Self::Sphere { placement, .. } => {
-                let m = &placement.render_from_object.matrix3;
-                let n = Vec3::new(
-                    Vec3::from(m.x_axis).dot(normal),
-                    Vec3::from(m.y_axis).dot(normal),
-                    Vec3::from(m.z_axis).dot(normal),
-                );
-                // The inverse transpose maps n / |n| to a vector of length 1 / |n|.
-                n.length() / (4.0 * PI * m.determinant().abs())
-            }
+            Self::Sphere { placement, .. } => placement.area_shrink(normal) / (4.0 * PI),
+            Self::Cylinder { placement, .. } => placement.area_shrink(normal) / (2.0 * PI),
             Self::Disc { placement, .. } => 1.0 / (PI * placement.area_stretch(Vec3::Z)),
             Self::Mesh { mesh, .. } => {
                 (1.0 / mesh.area_sums().last().copied().unwrap_or(0.0)) as f32
@@ -240,7 +273,7 @@ impl Shape {
     /// then need not look for the light that they go to, which they would meet a rounding early.
     pub fn never_shadows_itself(&self) -> bool {
         match self {
-            Self::Sphere { flip, .. } => !flip,
+            Self::Sphere { flip, .. } | Self::Cylinder { flip, .. } => !flip,
             Self::Disc { .. } => true,
             Self::Mesh { mesh, .. } => mesh.is_convex(),
         }
@@ -268,6 +301,19 @@ impl Shape {
                     .render_from_object
                     .transform_point3(hit.uv.extend(0.0));
                 (point, n, n, disc_uv(hit.uv), 0.0, placement.scale())
+            }
+            Self::Cylinder { placement, flip } => {
+                let p = placement.object_from_render.transform_point3(origin)
+                    + placement.object_from_render.transform_vector3(dir) * hit.t;
+                let on_circle = p.truncate().normalize();
+                let p = on_circle.extend(p.z.clamp(0.0, 1.0));
+                let sign = if *flip { -1.0 } else { 1.0 };
+                let n = placement.normal(on_circle.extend(0.0));
+                let length = n.length();
+                let n = n * (sign / length);
+                let point = placement.render_from_object.transform_point3(p);
+                let uv = Vec2::new(turn(on_circle), p.z);
+                (point, n, n, uv, sign * 0.5 * length, placement.scale())
             }
             Self::Mesh { mesh, placement } => {
                 let [a, b, c] = mesh.corners(hit.primitive);
@@ -323,16 +369,19 @@ fn edge_curvature(p: [Vec3; 3], n: [Vec3; 3]) -> f32 {
 
 /// UV of a point on the unit sphere: azimuth around +z and polar angle from +z, both over their ranges (as in Mitsuba).
 fn sphere_uv(p: Vec3) -> Vec2 {
-    let phi = atan2(p.y, p.x);
-    let phi = if phi < 0.0 { phi + 2.0 * PI } else { phi };
-    Vec2::new(phi / (2.0 * PI), acos(p.z) / PI)
+    Vec2::new(turn(p.truncate()), acos(p.z) / PI)
 }
 
 /// UV of a point of the unit disc: radius and azimuth (as in Mitsuba).
 fn disc_uv(p: Vec2) -> Vec2 {
+    Vec2::new(p.length(), turn(p))
+}
+
+/// Azimuth over a whole turn, from 0 to 1.
+fn turn(p: Vec2) -> f32 {
     let phi = atan2(p.y, p.x);
     let phi = if phi < 0.0 { phi + 2.0 * PI } else { phi };
-    Vec2::new(p.length(), phi / (2.0 * PI))
+    phi / (2.0 * PI)
 }
 
 fn mesh_uv(mesh: &Mesh, triangle: u32, w: Vec2) -> Vec2 {

@@ -47,7 +47,7 @@ fn shapes_are_checked() {
     refused(
         r#"
 [[shapes]] | type = "sphere" | radus = 1
-    5: shapes[0].radus: unknown field `radus`, expected one of `name`, `type`, `center`, `radius`, `file`, `face_normals`, `flip_normals`, `material`, `interior`, `exterior`, `emission`, `transform`, `shape`, `transforms`
+    5: shapes[0].radus: unknown field `radus`, expected one of `name`, `type`, `center`, `p0`, `p1`, `radius`, `file`, `face_normals`, `flip_normals`, `material`, `interior`, `exterior`, `emission`, `transform`, `shape`, `transforms`
 [[shapes]] | type = "sphere" | radius = "big"
     5: shapes[0].radius: invalid type: string "big", expected a number above 0
 [[shapes]] | name = "ball" | type = "sphere" | radius = -1
@@ -69,11 +69,19 @@ fn shapes_are_checked() {
 [[shapes]] | type = "sphere" | center = [0, 1e20, 0]
     5: shapes[0].center: it reaches 1.000e20 scene units from the camera; expected less than 1e15
 [[shapes]] | type = "spere"
-    4: shapes[0].type: unknown variant `spere`, expected one of `sphere`, `rectangle`, `cube`, `disc`, `mesh`, `instances`
+    4: shapes[0].type: unknown variant `spere`, expected one of `sphere`, `rectangle`, `cube`, `disc`, `cylinder`, `mesh`, `instances`
 [[shapes]] | radius = 1
     3: shapes[0]: missing field `type`
 [[shapes]] | type = "rectangle" | radius = 1
     5: shapes[0].radius: "rectangle" does not take this field; expected one of material, interior, exterior, emission, transform, flip_normals
+[[shapes]] | type = "cylinder" | center = [0, 0, 0]
+    5: shapes[0].center: "cylinder" does not take this field; expected one of p0, p1, radius, material, interior, exterior, emission, transform, flip_normals
+[[shapes]] | type = "cylinder" | p0 = [1, 2, 3] | p1 = [1, 2, 3]
+    6: shapes[0].p1: expected two different points as `p0` and `p1`
+[[shapes]] | type = "cylinder" | p0 = [0, 0, 1]
+    5: shapes[0].p0: expected two different points as `p0` and `p1`
+[[shapes]] | type = "cylinder" | p0 = [1, 2, 3] | radius = 1e20
+    5: shapes[0].p0: the shape's transform cannot be inverted: it makes the shape flat (for a rectangle or disc, leave the third factor of `scale` at 1), or it is too large or too small for single precision
 [[shapes]] | type = "mesh"
     4: shapes[0].type: with this type the field `file` is required
 [[shapes]] | type = "sphere" | flip_normals = 1
@@ -390,6 +398,12 @@ fn boundaries_of_media_must_close() {
             "none",
             "",
             "a disc has no inside",
+        ),
+        (
+            "type = \"cylinder\"\nmaterial = \"glass\"",
+            "fog",
+            "",
+            "a cylinder has no ends",
         ),
         (mesh, "fog", "", "belongs to one triangle only"),
         (mesh, "fog", "f 2 4 3\n", "wind in different directions"),

@@ -89,14 +89,21 @@ fn hull<'a>(shape: &'a Shape, boxes: &'a BTreeMap<*const Mesh, [Vec3; 8]>) -> Hu
                 None => Hull::Points(&mesh.positions, map),
             }
         }
-        Shape::Sphere { placement, .. } | Shape::Disc { placement, .. } => {
+        Shape::Sphere { placement, .. }
+        | Shape::Disc { placement, .. }
+        | Shape::Cylinder { placement, .. } => {
+            // In its own space, how far it reaches from its middle.
+            let from_center = match shape {
+                Shape::Cylinder { .. } => 1.25f64.sqrt(),
+                _ => 1.0,
+            };
             let (low, high) = accel::bounds(shape);
             // The greatest stretch is bounded by the row sums of the Gram matrix (exactly, for similarities).
             let m = placement.render_from_object.matrix3;
             let gram = m.transpose() * m;
             let sum = gram.x_axis.abs() + gram.y_axis.abs() + gram.z_axis.abs();
             let stretch = f64::from(sum.max_element()).sqrt();
-            Hull::Ball(low.as_dvec3(), high.as_dvec3(), stretch)
+            Hull::Ball(low.as_dvec3(), high.as_dvec3(), stretch * from_center)
         }
     }
 }

@@ -13,11 +13,13 @@ use glam::{DAffine3, DVec3};
 use std::f64::consts::PI;
 use std::ops::Range;
 use std::sync::Arc;
+use toml::Spanned;
 
 /// A shape in its own space.
 enum Form {
     Sphere,
     Disc,
+    Cylinder,
     Mesh(Arc<RawMesh>),
 }
 
@@ -100,6 +102,7 @@ impl Parts<'_> {
         let form = match record.kind.get_ref() {
             ShapeType::Sphere => Form::Sphere,
             ShapeType::Disc => Form::Disc,
+            ShapeType::Cylinder => Form::Cylinder,
             ShapeType::Rectangle => Form::Mesh(Arc::new(RawMesh::rectangle())),
             ShapeType::Cube => Form::Mesh(Arc::new(RawMesh::cube())),
             ShapeType::Mesh => Form::Mesh(self.assets.mesh(required(
@@ -161,11 +164,9 @@ impl Parts<'_> {
                 self.media.name(boundary.interior),
                 self.media.name(boundary.exterior),
             );
-            return Err(Fault::new(
-                place.map_or(record.kind.span(), toml::Spanned::span),
-                message,
-            )
-            .into());
+            return Err(
+                Fault::new(place.map_or(record.kind.span(), Spanned::span), message).into(),
+            );
         }
         Ok(Some(boundary))
     }
@@ -194,6 +195,10 @@ impl Parts<'_> {
                 flip,
             },
             Form::Disc => Shape::Disc {
+                placement: placement(map),
+                flip,
+            },
+            Form::Cylinder => Shape::Cylinder {
                 placement: placement(map),
                 flip,
             },
@@ -322,10 +327,11 @@ fn check_shape_reach(shape: &Shape, place: Range<usize>) -> Result<(), Fault> {
     let reach = match shape {
         Shape::Sphere { placement, .. }
         | Shape::Disc { placement, .. }
+        | Shape::Cylinder { placement, .. }
         | Shape::Mesh { placement, .. }
             if *placement != Placement::IDENTITY =>
         {
-            // In its own space it lies in the unit ball.
+            // In its own space it lies in the unit ball, or in the unit cylinder.
             let map = &placement.render_from_object;
             let m = &map.matrix3;
             let lengths = [map.translation, m.x_axis, m.y_axis, m.z_axis];
@@ -349,11 +355,31 @@ fn own_map(record: &ShapeRecord) -> Result<DAffine3, Fault> {
         .as_ref()
         .map_or(DVec3::ZERO, |c| c.get_ref().0);
     let radius = record.radius.as_ref().map_or(1.0, |r| r.get_ref().0);
-    let ball = DAffine3::from_translation(center) * DAffine3::from_scale(DVec3::splat(radius));
+    let own = match record.kind.get_ref() {
+        ShapeType::Cylinder => between(record, radius)?,
+        _ => DAffine3::from_translation(center) * DAffine3::from_scale(DVec3::splat(radius)),
+    };
     match &record.transform {
-        Some(steps) => Ok(transform::compose(steps.get_ref())? * ball),
-        None => Ok(ball),
+        Some(steps) => Ok(transform::compose(steps.get_ref())? * own),
+        None => Ok(own),
     }
+}
+
+/// Takes the unit cylinder to the one from `p0` to `p1`, azimuth 0 where it is in Mitsuba.
+fn between(record: &ShapeRecord, radius: f64) -> Result<DAffine3, Fault> {
+    let [p0, p1] = [&record.p0, &record.p1];
+    let start = p0.as_ref().map_or(DVec3::ZERO, |p| p.get_ref().0);
+    let end = p1.as_ref().map_or(DVec3::Z, |p| p.get_ref().0);
+    let axis = end - start;
+    let Some(n) = axis.try_normalize() else {
+        let place = p1.as_ref().or(p0.as_ref()).map(Spanned::span);
+        return Err(Fault::new(
+            place.unwrap_or(record.kind.span()),
+            "expected two different points as `p0` and `p1`",
+        ));
+    };
+    let (x, y) = n.any_orthonormal_pair();
+    Ok(DAffine3::from_cols(x * radius, y * radius, axis, start))
 }
 
 /// Where the file says how the shape is placed.
@@ -361,8 +387,10 @@ fn place(record: &ShapeRecord) -> Range<usize> {
     let transform = record.transform.as_ref().map(|t| t.span());
     let center = record.center.as_ref().map(|c| c.span());
     let radius = record.radius.as_ref().map(|r| r.span());
+    let ends = record.p0.as_ref().or(record.p1.as_ref());
     transform
         .or(center)
+        .or(ends.map(|p| p.span()))
         .or(radius)
         .unwrap_or(record.kind.span())
 }
@@ -405,6 +433,7 @@ fn opening(form: &Form) -> Option<String> {
     match form {
         Form::Sphere => None,
         Form::Disc => Some("a disc has no inside".to_string()),
+        Form::Cylinder => Some("a cylinder has no ends".to_string()),
         Form::Mesh(raw) => raw.opening(),
     }
 }
@@ -421,6 +450,16 @@ fn area(form: &Form, map: &DAffine3, shape: &Shape) -> f64 {
             None => f64::from(shape.area()),
         },
         Form::Disc => PI * m.x_axis.cross(m.y_axis).length(),
+        Form::Cylinder => {
+            // The mean over the circle of a tangent's cross product with the axis.
+            let [x, y] = [m.x_axis, m.y_axis].map(|v| v.cross(m.z_axis));
+            const N: u32 = 4096;
+            let stretch = |i: u32| {
+                let (sin, cos) = libm::sincos(2.0 * PI * f64::from(i) / f64::from(N));
+                (y * cos - x * sin).length()
+            };
+            2.0 * PI * (0..N).map(stretch).sum::<f64>() / f64::from(N)
+        }
         Form::Mesh(raw) => raw.area(map),
     }
 }

@@ -14,6 +14,8 @@ pub struct ShapeRecord {
     #[serde(rename = "type")]
     pub kind: Spanned<ShapeType>,
     pub center: Option<Spanned<Vector>>,
+    pub p0: Option<Spanned<Vector>>,
+    pub p1: Option<Spanned<Vector>>,
     pub radius: Option<Spanned<Number<Positive>>>,
     pub file: Option<Spanned<String>>,
     pub face_normals: Option<Spanned<bool>>,
@@ -35,7 +37,7 @@ impl ShapeRecord {
             _ => ShapeType::SURFACE,
         };
         #[rustfmt::skip]
-        let given = given!(self, center, radius, file, face_normals, flip_normals, material, interior, exterior,
+        let given = given!(self, center, p0, p1, radius, file, face_normals, flip_normals, material, interior, exterior,
             emission, transform, shape, transforms);
         only_takes(name, takes, common, &given)?;
         match &self.shape {
@@ -58,6 +60,7 @@ pub enum ShapeType {
     Rectangle,
     Cube,
     Disc,
+    Cylinder,
     Mesh,
     Instances,
 }
@@ -80,6 +83,7 @@ impl ShapeType {
             Self::Rectangle => ("rectangle", &[]),
             Self::Cube => ("cube", &[]),
             Self::Disc => ("disc", &[]),
+            Self::Cylinder => ("cylinder", &["p0", "p1", "radius"]),
             Self::Mesh => ("mesh", &["file", "face_normals"]),
             Self::Instances => ("instances", &["shape", "transforms"]),
         }

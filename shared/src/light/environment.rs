@@ -19,7 +19,7 @@ pub struct Environment {
     image: Option<Arc<Image>>,
     /// Factor on the image, or the constant, W/(m^2 sr).
     scale: Rgb,
-    /// Columns: the axes of the image's space in render space (a rotation).
+    /// Columns: the axes of the image's space in render space (a rotation, mirroring perhaps).
     render_from_env: Mat3,
     /// Where the image is bright; `None` for constants and black images, which are sampled uniformly.
     table: Option<Table>,
@@ -56,7 +56,8 @@ const FLOOR: f64 = 1.0 / 32.0;
 
 impl Environment {
     /// `image`: lat-long radiance, not negative (see the module for its orientation); `None`: the same from everywhere.
-    /// `scale`: factor on it, or the constant itself, W/(m^2 sr). `render_from_env`: rotation of the image's space.
+    /// `scale`: factor on it, or the constant itself, W/(m^2 sr). `render_from_env`: how
+    /// the image's space is turned; its columns are orthonormal.
     pub fn new(image: Option<Arc<Image>>, scale: Rgb, render_from_env: Mat3) -> Self {
         let (table, fluence) = match &image {
             Some(image) => Table::new(image, scale),

@@ -222,6 +222,14 @@ fn lights_and_emission_are_checked() {
     6: lights[0].power: "directional" does not take this field; expected one of direction, irradiance
 [[lights]] | type = "environment"
     4: lights[0].type: an environment is given by `radiance`, or by `image` and perhaps `scale`
+[[lights]] | type = "environment" | radiance = 1 | transform = [{ scale = 2 }]
+    6: lights[0].transform: an environment is rotated and mirrored, not scaled or sheared
+[[lights]] | type = "environment" | radiance = 1 | transform = [{ matrix = [[1, 0.1, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]] }]
+    6: lights[0].transform: an environment is rotated and mirrored, not scaled or sheared
+[[lights]] | type = "environment" | radiance = 1 | rotate_y = 3 | transform = [{ rotate = { axis = [0, 1, 0], angle = 3 } }]
+    7: lights[0].transform: expected `rotate_y` or `transform`, not both
+[[lights]] | type = "point" | position = [0, 0, 0] | power = 1 | transform = []
+    7: lights[0].transform: "point" does not take this field; expected one of position, intensity, power
 [[lights]] | type = "environment" | radiance = 1 | scale = 2
     4: lights[0].type: an environment is given by `radiance`, or by `image` and perhaps `scale`
 [[lights]] | type = "environment" | radiance = 1 | [[lights]] | type = "environment" | radiance = 1

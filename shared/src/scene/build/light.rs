@@ -8,7 +8,7 @@ use crate::medium::Medium;
 use crate::scene::assets::image::Encoding;
 use crate::scene::parse::{Fault, LightRecord, LightType};
 use crate::scene::transform;
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 use std::f64::consts::PI;
 use toml::Spanned;
 
@@ -128,8 +128,7 @@ impl Parts<'_> {
     }
 
     fn environment(&mut self, record: &LightRecord) -> Result<Option<LightKind>, Problem> {
-        let degrees = record.rotate_y.as_ref().map_or(0.0, |a| a.get_ref().0);
-        let render_from_env = transform::rotation(DVec3::Y, degrees).as_mat3();
+        let render_from_env = orientation(record)?.as_mat3();
         let environment = match (&record.radiance, &record.image, &record.scale) {
             (Some(radiance), None, None) => {
                 let radiance = radiance.get_ref().rgb();
@@ -162,6 +161,36 @@ impl Parts<'_> {
             }
         };
         Ok(environment.map(LightKind::Environment))
+    }
+}
+
+/// How an environment is turned: a rotation, mirroring perhaps.
+fn orientation(record: &LightRecord) -> Result<DMat3, Fault> {
+    match (&record.rotate_y, &record.transform) {
+        (degrees, None) => {
+            let degrees = degrees.as_ref().map_or(0.0, |a| a.get_ref().0);
+            Ok(transform::rotation(DVec3::Y, degrees))
+        }
+        (None, Some(steps)) => {
+            // Nothing that is infinitely far away moves.
+            let m = transform::compose(steps.get_ref())?.matrix3;
+            let off = (m.transpose() * m - DMat3::IDENTITY).to_cols_array();
+            if off.iter().any(|x| x.is_nan() || x.abs() > 1e-4) {
+                return Err(Fault::new(
+                    steps.span(),
+                    "an environment is rotated and mirrored, not scaled or sheared",
+                ));
+            }
+            // Exactly so, whatever the digits of a matrix were.
+            let x = m.x_axis.normalize();
+            let y = (m.y_axis - x * x.dot(m.y_axis)).normalize();
+            let z = x.cross(y) * m.determinant().signum();
+            Ok(DMat3::from_cols(x, y, z))
+        }
+        (Some(_), Some(steps)) => Err(Fault::new(
+            steps.span(),
+            "expected `rotate_y` or `transform`, not both",
+        )),
     }
 }
 

@@ -1,5 +1,6 @@
 //! Lights that are not surfaces.
 
+use super::transform::Steps;
 use super::{Fault, given, only_takes};
 use crate::scene::values::*;
 use serde::Deserialize;
@@ -25,6 +26,7 @@ pub struct LightRecord {
     pub image: Option<Spanned<String>>,
     pub scale: Option<Spanned<Color<NonNegative>>>,
     pub rotate_y: Option<Spanned<Number<Finite>>>,
+    pub transform: Option<Spanned<Steps>>,
 }
 
 impl LightRecord {
@@ -32,7 +34,7 @@ impl LightRecord {
         let (name, takes) = self.kind.get_ref().takes();
         #[rustfmt::skip]
         let given = given!(self, position, target, direction, intensity, power, irradiance, radiance, cutoff_angle,
-            beam_width, image, scale, rotate_y);
+            beam_width, image, scale, rotate_y, transform);
         only_takes(name, takes, &[], &given)
     }
 }
@@ -63,7 +65,10 @@ impl LightType {
                 ],
             ),
             Self::Directional => ("directional", &["direction", "irradiance"]),
-            Self::Environment => ("environment", &["radiance", "image", "scale", "rotate_y"]),
+            Self::Environment => (
+                "environment",
+                &["radiance", "image", "scale", "rotate_y", "transform"],
+            ),
         }
     }
 }

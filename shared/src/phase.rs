@@ -15,6 +15,13 @@ pub enum Phase {
         /// Mean cosine.
         g: f32,
     },
+    /// The sum of two, in shares.
+    Blend {
+        /// Share of the second, between 0 and 1.
+        weight: f32,
+        /// Their mean cosines, 0 for isotropic scattering.
+        g: [f32; 2],
+    },
 }
 
 /// Constants of one phase function, for loops that evaluate it often. Isotropic scattering is `g = 0`, with the same bits
@@ -36,6 +43,18 @@ pub struct PhaseLobe {
 }
 
 impl PhaseLobe {
+    /// Henyey-Greenstein's, times `share`.
+    #[inline]
+    pub fn new(g: f32, share: f32) -> Self {
+        let a = g.abs();
+        Self {
+            scale: share * ((1.0 - a) * (1.0 + a) / (4.0 * PI)),
+            peak: (1.0 - a) * (1.0 - a),
+            slope: 2.0 * a,
+            sign: if g < 0.0 { -1.0 } else { 1.0 },
+        }
+    }
+
     /// Value (1/sr) at the cosine between the old and the new direction of travel. A cosine that rounding has pushed out of
     /// [-1, 1] counts as its nearest value.
     ///
@@ -57,38 +76,45 @@ impl PhaseLobe {
 }
 
 impl Phase {
-    /// Mean cosine between the old and the new direction of travel.
-    #[inline]
-    pub fn g(&self) -> f32 {
-        match *self {
-            Self::Isotropic => 0.0,
-            Self::HenyeyGreenstein { g } => g,
+    /// Two Henyey-Greenstein functions, `weight` of the second, which may be 0 or 1.
+    pub fn blend(weight: f32, g: [f32; 2]) -> Self {
+        let single = |g: f32| match g {
+            0.0 => Self::Isotropic,
+            g => Self::HenyeyGreenstein { g },
+        };
+        match (weight, g) {
+            (0.0, [g, _]) | (1.0, [_, g]) => single(g),
+            (_, [first, second]) if first == second => single(first),
+            _ => Self::Blend { weight, g },
         }
     }
 
-    /// The constants that evaluation needs.
+    /// The constants that evaluation needs: the values of both add up, and the second's are 0 but for blends.
     #[inline]
-    pub fn lobe(&self) -> PhaseLobe {
-        let g = self.g();
-        let a = g.abs();
-        PhaseLobe {
-            scale: (1.0 - a) * (1.0 + a) / (4.0 * PI),
-            peak: (1.0 - a) * (1.0 - a),
-            slope: 2.0 * a,
-            sign: if g < 0.0 { -1.0 } else { 1.0 },
-        }
+    pub fn lobes(&self) -> [PhaseLobe; 2] {
+        let (weight, [first, second]) = match *self {
+            Self::Isotropic => (0.0, [0.0; 2]),
+            Self::HenyeyGreenstein { g } => (0.0, [g, 0.0]),
+            Self::Blend { weight, g } => (weight, g),
+        };
+        [
+            PhaseLobe::new(first, 1.0 - weight),
+            PhaseLobe::new(second, weight),
+        ]
     }
 
     /// Value in 1/sr; see [`PhaseLobe::eval`].
     #[inline]
     pub fn eval(&self, cos_theta: f32) -> f32 {
-        self.lobe().eval(cos_theta)
+        let [first, second] = self.lobes();
+        first.eval(cos_theta) + second.eval(cos_theta)
     }
 
     /// Value in 1/sr for two unit directions of travel; see [`PhaseLobe::eval_directions`].
     #[inline]
     pub fn eval_directions(&self, old: Vec3, new: Vec3) -> f32 {
-        self.lobe().eval_directions(old, new)
+        let [first, second] = self.lobes();
+        first.eval_directions(old, new) + second.eval_directions(old, new)
     }
 
     /// Density per solid angle of [`Phase::sample`]: the phase function itself.
@@ -101,7 +127,13 @@ impl Phase {
     /// the sample is 1.
     #[inline]
     pub fn sample(&self, dir: Vec3, u: Vec2) -> Vec3 {
-        let g = self.g();
+        let (g, u) = match *self {
+            Self::Isotropic => (0.0, u),
+            Self::HenyeyGreenstein { g } => (g, u),
+            // Once it is chosen, the rest of the number is uniform again.
+            Self::Blend { weight, g } if u.x < weight => (g[1], u.with_x(u.x / weight)),
+            Self::Blend { weight, g } => (g[0], u.with_x((u.x - weight) / (1.0 - weight))),
+        };
         let a = g.abs();
         // The inverted cumulative distribution, solved for v = 1 - s cos, where nothing cancels and g = 0 needs no case:
         // v = 2 (1 - a)^2 u (1 + a - a u) / (1 + a - 2 a u)^2.
@@ -135,7 +167,7 @@ mod tests {
     #[test]
     fn isotropic_is_g_zero_bit_for_bit() {
         let (iso, hg) = (Phase::Isotropic, Phase::HenyeyGreenstein { g: 0.0 });
-        assert_eq!(iso.lobe(), hg.lobe());
+        assert_eq!(iso.lobes(), hg.lobes());
         for i in 0..=100 {
             let cos = i as f32 / 50.0 - 1.0;
             assert_eq!(iso.eval(cos).to_bits(), (0.25 / PI).to_bits());
@@ -148,7 +180,7 @@ mod tests {
     #[test]
     fn value_matches_double_precision_at_every_angle() {
         for g in [-0.999f32, -0.9, -0.3, 1e-6, 0.3, 0.7, 0.95, 0.999] {
-            let lobe = Phase::HenyeyGreenstein { g }.lobe();
+            let lobe = PhaseLobe::new(g, 1.0);
             let old = Vec3::new(0.48, 0.6, 0.64);
             let frame = Frame::from_normal(old);
             for theta in [0.0, 1e-5, 3e-4, 1e-3, 1e-2, 0.1, 0.5, 1.5, 2.5, 3.0, 3.1] {
@@ -173,10 +205,30 @@ mod tests {
         }
     }
 
+    /// Half of what is isotropic and half of what is not; at the ends of the weights, one of them, to the bit.
+    #[test]
+    fn blends_are_sums_in_shares() {
+        let g = [0.0, 0.7];
+        let [first, second] = g.map(|g| Phase::HenyeyGreenstein { g });
+        assert_eq!(Phase::blend(0.0, g), Phase::Isotropic);
+        assert_eq!(Phase::blend(1.0, g), second);
+        assert_eq!(Phase::blend(0.3, [0.7; 2]), second);
+        for weight in [0.1, 0.3, 0.75] {
+            let blend = Phase::blend(weight, g);
+            for i in 0..=100 {
+                let cos = i as f32 / 50.0 - 1.0;
+                let expected = (1.0 - weight) * first.eval(cos) + weight * second.eval(cos);
+                assert!((blend.eval(cos) / expected - 1.0).abs() < 1e-6);
+                let new = Vec3::new((1.0 - cos * cos).sqrt(), 0.0, cos);
+                assert!((blend.eval_directions(Vec3::Z, new) / expected - 1.0).abs() < 1e-5);
+            }
+        }
+    }
+
     #[test]
     fn cosines_beyond_one_stay_finite() {
         for g in [-0.999_999, -0.999, 0.0, 0.999, 0.999_999] {
-            let lobe = Phase::HenyeyGreenstein { g }.lobe();
+            let lobe = PhaseLobe::new(g, 1.0);
             for cos in [-1.000_001, -1.0, 1.0, 1.000_001] {
                 assert!(lobe.eval(cos).is_finite() && lobe.eval(cos) > 0.0);
             }
@@ -207,8 +259,15 @@ mod tests {
         for g in [-0.999_999, -0.999, 0.0, 0.999, 0.999_999] {
             for (x, y) in [(0.0, 0.0), (top, top), (0.0, top), (top, 0.0)] {
                 for dir in [Vec3::Z, -Vec3::Z, Vec3::X] {
-                    let new = Phase::HenyeyGreenstein { g }.sample(dir, Vec2::new(x, y));
-                    assert!((new.length() - 1.0).abs() < 3e-7);
+                    for phase in [
+                        Phase::HenyeyGreenstein { g },
+                        Phase::blend(0.3, [g, 0.5]),
+                        Phase::blend(1e-7, [0.5, g]),
+                        Phase::blend(top, [0.5, g]),
+                    ] {
+                        let new = phase.sample(dir, Vec2::new(x, y));
+                        assert!((new.length() - 1.0).abs() < 3e-7);
+                    }
                 }
             }
         }

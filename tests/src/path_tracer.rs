@@ -165,8 +165,8 @@ pub struct Room {
     pub sigma_a: [f64; 3],
     /// Scattering at density 1, RGB.
     pub sigma_s: [f64; 3],
-    /// Henyey and Greenstein's mean cosine; 0 is isotropic.
-    pub g: f64,
+    /// The phase function: shares of Henyey and Greenstein's and their mean cosines; 0 is isotropic.
+    pub phase: Vec<(f64, f64)>,
     /// The density.
     pub grid: Grid,
     /// The light.
@@ -205,7 +205,7 @@ impl Room {
                 Some(t) => {
                     origin += dir * t;
                     beta *= self.sigma_s[c] / (self.sigma_s[c] + self.sigma_a[c]);
-                    let phase = |w: DVec3| self.phase(dir.dot(w));
+                    let phase = |w: DVec3| self.phase_value(dir.dot(w));
                     sum += beta * self.direct(origin, phase, c, random);
                     dir = self.scattered(dir, random);
                 }
@@ -313,18 +313,25 @@ impl Room {
     }
 
     /// Per steradian, for the cosine between the directions of travel before and after.
-    fn phase(&self, cos: f64) -> f64 {
-        let g = self.g;
-        let squared = 1.0 + g * g - 2.0 * g * cos;
-        (1.0 - g * g) / (4.0 * PI * squared * squared.sqrt())
+    fn phase_value(&self, cos: f64) -> f64 {
+        let value = |(share, g): &(f64, f64)| {
+            let squared = 1.0 + g * g - 2.0 * g * cos;
+            share * (1.0 - g * g) / (4.0 * PI * squared * squared.sqrt())
+        };
+        self.phase.iter().map(value).sum()
     }
 
     /// A direction of travel after scattering, in proportion to the phase function.
     fn scattered(&self, dir: DVec3, random: &mut Random) -> DVec3 {
-        if self.g == 0.0 {
+        let mut rest = random.next();
+        let chosen = self.phase.iter().find(|(share, _)| {
+            rest -= share;
+            rest < 0.0
+        });
+        let g = chosen.map_or(0.0, |(_, g)| *g);
+        if g == 0.0 {
             return random.on_sphere();
         }
-        let g = self.g;
         let ratio = (1.0 - g * g) / (1.0 - g + 2.0 * g * random.next());
         let cos = ((1.0 + g * g - ratio * ratio) / (2.0 * g)).clamp(-1.0, 1.0);
         around(dir, cos, random)
@@ -404,12 +411,18 @@ mod tests {
             size: 1,
         };
         let mut suite = Suite::new(1e-3);
-        for g in [-0.3, 0.0, 0.6] {
+        for phase in [
+            vec![(1.0, -0.3)],
+            vec![(1.0, 0.0)],
+            vec![(1.0, 0.6)],
+            vec![(0.2, 0.5), (0.8, -0.6)],
+        ] {
+            let g = phase.iter().map(|(share, g)| share * g).sum();
             let room = Room {
                 walls: [[0.5; 3]; 6],
                 sigma_a: [1.0; 3],
                 sigma_s: [1.0; 3],
-                g,
+                phase,
                 grid: grid(),
                 lamp,
                 camera,
@@ -419,7 +432,7 @@ mod tests {
             let cosines: Vec<f64> = (0..20_000)
                 .map(|_| dir.dot(room.scattered(dir, &mut random)))
                 .collect();
-            // Its mean cosine, and the share below -1/2 by quadrature of what `phase` says.
+            // Its mean cosine, and the share below -1/2 by quadrature of what `phase_value` says.
             let mean: MeanEstimate = cosines.iter().copied().collect();
             suite.mean(format!("mean cosine {g}"), &mean, g);
             let back: MeanEstimate = cosines
@@ -427,7 +440,9 @@ mod tests {
                 .map(|cos| f64::from(u8::from(*cos < -0.5)))
                 .collect();
             let cos = |i: i32| -1.0 + (f64::from(i) + 0.5) * 5e-4;
-            let share: f64 = (0..1000).map(|i| TAU * room.phase(cos(i)) * 5e-4).sum();
+            let share: f64 = (0..1000)
+                .map(|i| TAU * room.phase_value(cos(i)) * 5e-4)
+                .sum();
             suite.mean(format!("backwards {g}"), &back, share);
         }
         suite.finish();

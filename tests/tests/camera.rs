@@ -4,10 +4,14 @@ use beamfarm_shared::bundle::Bundle;
 use beamfarm_shared::camera::Camera;
 use beamfarm_shared::filter::PixelFilter;
 use beamfarm_shared::math::{Frame, Vec2, Vec3};
+use beamfarm_shared::pass::render_pass;
+use beamfarm_shared::plan::RenderPlan;
 use beamfarm_shared::sampler::{Purpose, Sampler};
 use beamfarm_shared::scene::SceneDescription;
 use beamfarm_tests::quadrature::Rect;
-use beamfarm_tests::{Chi2, Suite};
+use beamfarm_tests::render::scene;
+use beamfarm_tests::z_test::two_sided;
+use beamfarm_tests::{Chi2, MeanEstimate, Suite};
 
 fn camera(aperture: f32) -> Camera {
     let forward = Vec3::new(0.3, -0.2, -1.0).normalize();
@@ -292,6 +296,101 @@ fn filters_are_sampled_in_proportion_to_their_values() {
                 ),
             );
         }
+    }
+    suite.finish();
+}
+
+/// Fog, edges and a spot; `image` and `seed` to be filled in.
+const FOGGY: &str = r#"
+image = { IMAGE }
+render = { passes = 150, paths = 400, seed = SEED }
+world = { medium = "fog" }
+camera = { origin = [0, 0.4, 2.5], target = [0, 0, 0], fov = 50, principal_point = [0.04, -0.03] }
+[media.fog]
+type = "homogeneous"
+sigma_a = 0.1
+sigma_s = [0.4, 0.3, 0.2]
+[materials.glass]
+type = "dielectric"
+ior = 1.5
+[[shapes]]
+type = "cube"
+flip_normals = true
+transform = [{ scale = 3.0 }]
+[[shapes]]
+type = "sphere"
+radius = 0.3
+material = "glass"
+[[shapes]]
+type = "cylinder"
+p0 = [0.5, -0.5, 0.1]
+p1 = [0.4, 0.3, -0.2]
+radius = 0.15
+emission = { power = [3, 2, 1] }
+[[lights]]
+type = "spot"
+position = [-1.0, 1.5, 0.5]
+target = [0.0, 0.0, 0.0]
+intensity = 10.0
+"#;
+
+/// With beams and everything: the pixels of a window under a wide tent are the means of eight times as fine a picture,
+/// weighted by what is left of the tent within the window.
+#[test]
+fn a_window_under_a_tent_is_the_weighted_picture() {
+    const FINE: usize = 8;
+    let (radius, x0, y0, width, height) = (1.5, 3, 2, 6, 5);
+    let passes = |image: &str, seed: &str| {
+        let scene = scene(&FOGGY.replace("IMAGE", image).replace("SEED", seed));
+        let plan = RenderPlan::new(&scene, scene.description().defaults.job_settings());
+        (0..scene.description().defaults.passes)
+            .map(|pass_index| render_pass(&scene, &plan, pass_index).film)
+            .collect::<Vec<_>>()
+    };
+    let tents = passes(
+        "width = 12, height = 9, filter = { type = \"tent\", radius = 1.5 }, crop = { x = 3, y = 2, width = 6, height = 5 }",
+        "1",
+    );
+    let fine = passes("width = 96, height = 72", "2");
+    // By fine pixel along an axis of the window.
+    let weights = |pixel: usize, size: usize| -> Vec<f64> {
+        let value = |i: usize| {
+            let x = (i as f64 + 0.5) / FINE as f64 - pixel as f64 - 0.5;
+            (1.0 - x.abs() / radius).max(0.0)
+        };
+        let total: f64 = (0..size * FINE).map(value).sum();
+        (0..size * FINE).map(|i| value(i) / total).collect()
+    };
+    // 1e-3 of the value for edges within fine pixels.
+    let mut suite = Suite::new(1e-3);
+    for (x, y) in (0..height).flat_map(|y| (0..width).map(move |x| (x, y))) {
+        let (across, down) = (weights(x, width), weights(y, height));
+        let tent: MeanEstimate = tents
+            .iter()
+            .map(|film| f64::from(film.pixels[y * width + x][0]))
+            .collect();
+        let weighted: MeanEstimate = fine
+            .iter()
+            .map(|film| {
+                let row =
+                    |j: usize| &film.pixels[(y0 * FINE + j) * film.width as usize + x0 * FINE..];
+                let sum = |(j, weight): (usize, &f64)| {
+                    let pixels = row(j).iter().zip(&across);
+                    weight * pixels.map(|(p, w)| f64::from(p[0]) * w).sum::<f64>()
+                };
+                down.iter().enumerate().map(sum).sum::<f64>()
+            })
+            .collect();
+        let error = tent.std_error().hypot(weighted.std_error());
+        let off = (tent.mean() - weighted.mean()).abs() - 1e-3 * weighted.mean();
+        suite.p_value(
+            format!(
+                "{x} {y}: {} not {} +- {error}",
+                tent.mean(),
+                weighted.mean()
+            ),
+            two_sided(off.max(0.0) / error),
+        );
     }
     suite.finish();
 }

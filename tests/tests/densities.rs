@@ -80,20 +80,28 @@ fn warps_follow_their_densities() {
 fn phase_functions_are_sampled_exactly() {
     let mut suite = Suite::new(SIGNIFICANCE);
     let old = direction(100.0, 20.0);
-    for g in [-0.999, -0.9, -0.4, 0.0, 1e-4, 0.3, 0.7, 0.95, 0.999] {
-        let phase = if g == 0.0 {
-            Phase::Isotropic
-        } else {
-            Phase::HenyeyGreenstein { g }
+    let single = [-0.999, -0.9, -0.4, 0.0, 1e-4, 0.3, 0.7, 0.95, 0.999];
+    let blends = [
+        (0.3, [0.0, 0.7]),
+        (0.8, [0.9, -0.5]),
+        (1e-3, [0.3, 0.0]),
+        (0.5, [0.2, 0.6]),
+    ];
+    let single = single.map(|g| Phase::blend(0.0, [g, 0.0]));
+    let blends = blends.map(|(weight, g)| Phase::blend(weight, g));
+    for phase in single.into_iter().chain(blends) {
+        let g = match phase {
+            Phase::Isotropic => 0.0,
+            Phase::HenyeyGreenstein { g } => g,
+            Phase::Blend { g, .. } => g[0],
         };
-        let lobe = phase.lobe();
         let axis = if g < 0.0 { -old } else { old };
         suite.chi2(
-            format!("g = {g}"),
+            format!("{phase:?}"),
             &Chi2::default().sphere(
                 axis,
                 |s| Some(phase.sample(old, s.next_2d())),
-                |new| lobe.eval_directions(old, new),
+                |new| phase.eval_directions(old, new),
             ),
         );
     }

@@ -183,7 +183,7 @@ fn lit_room(grid: Grid) -> Room {
         ],
         sigma_a: SIGMA_A,
         sigma_s: SIGMA_S,
-        g: G,
+        phase: vec![(1.0, G)],
         grid,
         lamp: Lamp {
             center: DVec3::new(-0.45, 0.5, -0.3),
@@ -260,7 +260,10 @@ fn a_cloud_in_a_cube_is_what_a_path_tracer_sees() {
     // A boundary like glass without refraction, vacuum around it; the cube is turned, and the light is outside.
     let center = DVec3::new(0.15, -0.1, -0.1);
     let to_world = placed(DVec3::new(1.1, 0.9, 1.0), 40.0, center);
-    let room = lit_room(lumps(to_world));
+    let room = Room {
+        phase: vec![(0.7, -0.5), (0.3, 0.6)],
+        ..lit_room(lumps(to_world))
+    };
     let expected = Blocks::new(room.images(800, 2).into_iter(), BLOCK);
     // The shape spans [-1, 1]^3, the density the unit cube.
     let boundary = to_world
@@ -279,7 +282,10 @@ transform = {}
         steps(boundary)
     );
     let text = head(&CAMERA, 100, 8000)
-        + &smoke(SIGMA_A, SIGMA_S, &of_file(to_world, ""))
+        + &smoke(SIGMA_A, SIGMA_S, &of_file(to_world, "")).replace(
+            &format!("phase = {{ type = \"hg\", g = {G} }}"),
+            "phase = { type = \"blend\", weight = 0.3, phases = [{ type = \"hg\", g = -0.5 }, { type = \"hg\", g = 0.6 }] }",
+        )
         + &furniture(&room)
         + &cube;
     let scene = scene_with(&text, &[(VOL, &room.grid.vol())]);

@@ -148,7 +148,11 @@ fn a_wall_of_rays_sees_what_the_beam_scatters() {
     // Significance 1e-3 for the whole suite.
     let mut suite = Suite::new(1e-3);
     let beam = slanted_beam();
-    for phase in [Phase::Isotropic, Phase::HenyeyGreenstein { g: 0.6 }] {
+    for phase in [
+        Phase::Isotropic,
+        Phase::HenyeyGreenstein { g: 0.6 },
+        Phase::blend(0.3, [-0.4, 0.7]),
+    ] {
         let medium = medium(phase);
         for angle in ANGLES {
             let (estimate, expected) = wall(&beam, &medium, angle);
@@ -179,6 +183,10 @@ fn a_wall_of_rays_sees_what_the_beam_scatters_in_a_cloud() {
             Phase::HenyeyGreenstein { g: 0.6 },
         ),
         (Estimator::FreeFlight { distances: 30 }, Phase::Isotropic),
+        (
+            Estimator::ResidualRatioTracking,
+            Phase::blend(0.3, [-0.4, 0.7]),
+        ),
     ];
     for (estimator, phase) in estimators {
         let medium = cloud(phase, estimator);

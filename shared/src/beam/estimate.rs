@@ -126,24 +126,32 @@ pub fn gather(
     let packet = SegmentPacket::new(medium, map.steps(), segments, steps, key);
     let sigma_t = medium.sigma_t();
     let grey = sigma_t.x == sigma_t.y && sigma_t.y == sigma_t.z;
-    let isotropic = medium.phase() == Phase::Isotropic;
+    let lobes = match medium.phase() {
+        Phase::Isotropic => 0,
+        Phase::HenyeyGreenstein { .. } => 1,
+        Phase::Blend { .. } => 2,
+    };
     let varying = matches!(medium, Medium::Heterogeneous(_));
-    let sum = match (grey, isotropic, varying) {
-        (true, true, false) => dispatch::<true, true, false>,
-        (true, false, false) => dispatch::<true, false, false>,
-        (false, true, false) => dispatch::<false, true, false>,
-        (false, false, false) => dispatch::<false, false, false>,
-        (true, true, true) => dispatch::<true, true, true>,
-        (true, false, true) => dispatch::<true, false, true>,
-        (false, true, true) => dispatch::<false, true, true>,
-        (false, false, true) => dispatch::<false, false, true>,
+    let sum = match (grey, lobes, varying) {
+        (true, 0, false) => dispatch::<true, 0, false>,
+        (true, 1, false) => dispatch::<true, 1, false>,
+        (true, _, false) => dispatch::<true, 2, false>,
+        (false, 0, false) => dispatch::<false, 0, false>,
+        (false, 1, false) => dispatch::<false, 1, false>,
+        (false, _, false) => dispatch::<false, 2, false>,
+        (true, 0, true) => dispatch::<true, 0, true>,
+        (true, 1, true) => dispatch::<true, 1, true>,
+        (true, _, true) => dispatch::<true, 2, true>,
+        (false, 0, true) => dispatch::<false, 0, true>,
+        (false, 1, true) => dispatch::<false, 1, true>,
+        (false, _, true) => dispatch::<false, 2, true>,
     };
     sum(map.beams(), &packet, candidates)
 }
 
-/// The same code at the widest vectors that the machine has. Only the number of lanes per instruction differs: no
+/// `LOBES` of the phase function are not isotropic. The same code at the widest vectors that the machine has. Only the number of lanes per instruction differs: no
 /// operation is fused or reordered, so the bits are the same.
-fn dispatch<const GREY: bool, const ISOTROPIC: bool, const VARYING: bool>(
+fn dispatch<const GREY: bool, const LOBES: usize, const VARYING: bool>(
     beams: &[PhotonBeam],
     packet: &SegmentPacket,
     candidates: &[u32],
@@ -151,19 +159,19 @@ fn dispatch<const GREY: bool, const ISOTROPIC: bool, const VARYING: bool>(
     #[cfg(target_arch = "x86_64")]
     {
         #[target_feature(enable = "avx2")]
-        fn avx2<const GREY: bool, const ISOTROPIC: bool, const VARYING: bool>(
+        fn avx2<const GREY: bool, const LOBES: usize, const VARYING: bool>(
             beams: &[PhotonBeam],
             packet: &SegmentPacket,
             candidates: &[u32],
         ) -> PacketRadiance {
-            packet.sum::<GREY, ISOTROPIC, VARYING>(beams, candidates)
+            packet.sum::<GREY, LOBES, VARYING>(beams, candidates)
         }
         if std::arch::is_x86_feature_detected!("avx2") {
             // SAFETY: the feature was just detected.
-            return unsafe { avx2::<GREY, ISOTROPIC, VARYING>(beams, packet, candidates) };
+            return unsafe { avx2::<GREY, LOBES, VARYING>(beams, packet, candidates) };
         }
     }
-    packet.sum::<GREY, ISOTROPIC, VARYING>(beams, candidates)
+    packet.sum::<GREY, LOBES, VARYING>(beams, candidates)
 }
 
 /// Groups of segments, and bounds of each group's lines: lane g of the bounds is group g.
@@ -257,7 +265,7 @@ impl<'a> SegmentPacket<'a> {
     }
 
     #[inline(always)]
-    fn sum<const GREY: bool, const ISOTROPIC: bool, const VARYING: bool>(
+    fn sum<const GREY: bool, const LOBES: usize, const VARYING: bool>(
         &self,
         beams: &[PhotonBeam],
         candidates: &[u32],
@@ -294,7 +302,7 @@ impl<'a> SegmentPacket<'a> {
                 let g = groups.trailing_zeros() as usize;
                 groups &= groups - 1;
                 let (group, sum) = (&self.groups[g], &mut out.groups[g]);
-                let parallel = group.add_beam::<GREY, ISOTROPIC, VARYING>(beam, &mut step, sum);
+                let parallel = group.add_beam::<GREY, LOBES, VARYING>(beam, &mut step, sum);
                 if parallel {
                     group.add_chords(beam, index, sum);
                 }
@@ -314,7 +322,7 @@ struct Group<'a> {
     sigma_s: Rgb,
     sigma_t: Rgb,
     phase: Phase,
-    lobe: PhaseLobe,
+    lobes: [PhaseLobe; 2],
     /// In a heterogeneous medium.
     varying: Option<Varying<'a>>,
     key: u64,
@@ -343,7 +351,7 @@ impl<'a> Group<'a> {
             sigma_s: medium.sigma_s(),
             sigma_t: medium.sigma_t(),
             phase: medium.phase(),
-            lobe: medium.phase().lobe(),
+            lobes: medium.phase().lobes(),
             varying: match medium {
                 Medium::Homogeneous(_) => None,
                 Medium::Heterogeneous(medium) => {
@@ -356,7 +364,7 @@ impl<'a> Group<'a> {
 
     /// Adds one beam by the 1D estimate. `step`: which of its steps was met before. True: some lane is nearly parallel to it.
     #[inline(always)]
-    fn add_beam<const GREY: bool, const ISOTROPIC: bool, const VARYING: bool>(
+    fn add_beam<const GREY: bool, const LOBES: usize, const VARYING: bool>(
         &self,
         beam: &PhotonBeam,
         step: &mut usize,
@@ -425,12 +433,16 @@ impl<'a> Group<'a> {
         let mut depth = [0.0; LANES];
         for l in 0..LANES {
             let kernel = 0.75 * inv_radius[l] * (1.0 - u2[l]);
-            let phase = if ISOTROPIC {
+            let phase = if LOBES == 0 {
                 1.0 / (4.0 * PI)
             } else {
                 // Light that travels along the beam is turned towards the camera, against the segment.
                 let cos = -(b.x * dx[l] + b.y * dy[l] + b.z * dz[l]);
-                self.lobe.eval(cos)
+                let [first, second] = &self.lobes;
+                match LOBES {
+                    1 => first.eval(cos),
+                    _ => first.eval(cos) + second.eval(cos),
+                }
             };
             let v = kernel * phase * inv_sin2[l].sqrt();
             value[l] = if hit[l] != 0 { v } else { 0.0 };

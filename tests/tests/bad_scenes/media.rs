@@ -24,9 +24,15 @@ fn media_are_checked() {
 [media.fog] | type = "homogeneous" | sigma_t = 0.1 | albedo = 1 | phase = { type = "hg", g = 0.999999999 }
     7: media.fog.phase.g: expected a number between -1 and 1, both excluded, found 0.999999999
 [media.fog] | type = "homogeneous" | sigma_t = 0.1 | albedo = 1 | phase = "rayleigh"
-    7: media.fog.phase: expected "isotropic" or { type = "hg", g = mean cosine }, found "rayleigh"
+    7: media.fog.phase: expected "isotropic", { type = "hg", g = mean cosine } or { type = "blend", weight = share of the second, phases = [first, second] }, found "rayleigh"
 [media.fog] | type = "homogeneous" | sigma_t = 0.1 | albedo = 1 | phase = { type = "hg" }
-    7: media.fog.phase: expected "isotropic" or { type = "hg", g = mean cosine }
+    7: media.fog.phase: expected "isotropic", { type = "hg", g = mean cosine } or { type = "blend", weight = share of the second, phases = [first, second] }
+[media.fog] | type = "homogeneous" | sigma_t = 0.1 | albedo = 1 | phase = { type = "blend", weight = 0.5, phases = ["isotropic"] }
+    7: media.fog.phase: expected "isotropic", { type = "hg", g = mean cosine } or { type = "blend", weight = share of the second, phases = [first, second] }
+[media.fog] | type = "homogeneous" | sigma_t = 0.1 | albedo = 1 | phase = { type = "blend", weight = 1.5, phases = ["isotropic", "isotropic"] }
+    7: media.fog.phase.weight: expected a number from 0 to 1, found 1.5
+[media.fog] | type = "homogeneous" | sigma_t = 0.1 | albedo = 1 | phase = { type = "blend", weight = 0, phases = [{ type = "blend", weight = 0, phases = ["isotropic", "isotropic"] }, "isotropic"] }
+    7: media.fog.phase: a blend of blends is not supported
 [media.fog] | type = "grid"
     4: media.fog.type: unknown variant `grid`, expected `homogeneous` or `heterogeneous`
 [media.none] | type = "homogeneous" | sigma_t = 0.1 | albedo = 1

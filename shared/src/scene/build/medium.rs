@@ -102,9 +102,10 @@ fn homogeneous(record: &MediumRecord) -> Result<Homogeneous, Fault> {
 }
 
 fn phase(record: &MediumRecord) -> Phase {
-    match record.phase {
+    match &record.phase {
         PhaseRecord::Isotropic => Phase::Isotropic,
         PhaseRecord::HenyeyGreenstein(g) => Phase::HenyeyGreenstein { g: g.f32() },
+        PhaseRecord::Blend { weight, g } => Phase::blend(weight.f32(), g.map(|g| g as f32)),
     }
 }
 

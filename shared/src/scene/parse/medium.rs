@@ -167,23 +167,30 @@ impl<'de> Deserialize<'de> for EstimatorRecord {
     }
 }
 
-/// `"isotropic"`, `{ type = "isotropic" }` or `{ type = "hg", g = 0.7 }`.
+/// `"isotropic"`, `{ type = "isotropic" }`, `{ type = "hg", g = 0.7 }` or `{ type = "blend", weight = 0.3, phases = [...] }`.
 #[derive(Clone, Copy, Debug, Default)]
 pub enum PhaseRecord {
     #[default]
     Isotropic,
     HenyeyGreenstein(Number<MeanCosine>),
+    Blend {
+        weight: Number<Unit>,
+        /// 0 for isotropic ones.
+        g: [f64; 2],
+    },
 }
 
 impl<'de> Deserialize<'de> for PhaseRecord {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        const EXPECTED: &str = "\"isotropic\" or { type = \"hg\", g = mean cosine }";
+        const EXPECTED: &str = "\"isotropic\", { type = \"hg\", g = mean cosine } \
+            or { type = \"blend\", weight = share of the second, phases = [first, second] }";
 
         #[derive(Deserialize)]
         #[serde(rename_all = "snake_case")]
         enum Kind {
             Isotropic,
             Hg,
+            Blend,
         }
         #[derive(Deserialize)]
         #[serde(deny_unknown_fields)]
@@ -191,6 +198,8 @@ impl<'de> Deserialize<'de> for PhaseRecord {
             #[serde(rename = "type")]
             kind: Kind,
             g: Option<Number<MeanCosine>>,
+            weight: Option<Number<Unit>>,
+            phases: Option<Vec<PhaseRecord>>,
         }
         struct PhaseVisitor;
         impl<'de> Visitor<'de> for PhaseVisitor {
@@ -209,9 +218,21 @@ impl<'de> Deserialize<'de> for PhaseRecord {
             }
             fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Self::Value, A::Error> {
                 let table = Table::deserialize(MapAccessDeserializer::new(map))?;
-                match (table.kind, table.g) {
-                    (Kind::Isotropic, None) => Ok(PhaseRecord::Isotropic),
-                    (Kind::Hg, Some(g)) => Ok(PhaseRecord::HenyeyGreenstein(g)),
+                let given = (table.g, table.weight, table.phases.as_deref());
+                match (table.kind, given) {
+                    (Kind::Isotropic, (None, None, None)) => Ok(PhaseRecord::Isotropic),
+                    (Kind::Hg, (Some(g), None, None)) => Ok(PhaseRecord::HenyeyGreenstein(g)),
+                    (Kind::Blend, (None, Some(weight), Some([first, second]))) => {
+                        let single = |phase: &PhaseRecord| match phase {
+                            PhaseRecord::Isotropic => Ok(0.0),
+                            PhaseRecord::HenyeyGreenstein(g) => Ok(g.0),
+                            PhaseRecord::Blend { .. } => Err(serde::de::Error::custom(
+                                "a blend of blends is not supported",
+                            )),
+                        };
+                        let g = [single(first)?, single(second)?];
+                        Ok(PhaseRecord::Blend { weight, g })
+                    }
                     _ => Err(serde::de::Error::custom(format_args!(
                         "expected {EXPECTED}"
                     ))),

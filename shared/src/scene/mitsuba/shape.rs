@@ -3,7 +3,7 @@
 use super::write::{Section, Toml};
 use super::xml::{Content, Id, Kind};
 use super::{Converter, Place, transform};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 impl Converter<'_> {
     /// A shape that stands by itself; groups and instances wait for [`Self::shape_groups`].
@@ -23,6 +23,7 @@ impl Converter<'_> {
         let objects = self.objects;
         let mut instances: BTreeMap<Id, Vec<(Toml, Place)>> = BTreeMap::new();
         let mut order = Vec::new();
+        let mut seen = BTreeSet::new();
         for member in &objects.list[scene].members {
             let Content::Object(id) = member.content else {
                 continue;
@@ -32,14 +33,16 @@ impl Converter<'_> {
                 continue;
             }
             if object.plugin == "shapegroup" {
-                order.push(id);
+                if seen.insert(id) {
+                    order.push(id);
+                }
             } else if object.plugin == "instance" {
                 let groups = self.nested(id, Kind::Shape);
                 let steps = transform::write(self.transform(id, "to_world"));
                 self.finish(id);
                 match groups[..] {
                     [(_, group)] if objects.list[group].plugin == "shapegroup" => {
-                        if !instances.contains_key(&group) && !order.contains(&group) {
+                        if seen.insert(group) {
                             order.push(group);
                         }
                         instances
@@ -183,7 +186,6 @@ impl Converter<'_> {
 
     fn bounds_and_material(&mut self, id: Id, shape: &mut Section, turned: bool) {
         let object = &self.objects.list[id];
-        let place = object.place;
         let bsdfs = self.nested(id, Kind::Bsdf);
         if let Some((member, _)) = bsdfs.get(1) {
             let message = format!("{}: expected one BSDF", self.title(id));
@@ -203,7 +205,6 @@ impl Converter<'_> {
         // Only Mitsuba's differentiable integrators ask for it.
         self.ignore(id, &["silhouette_sampling_weight"]);
         self.finish(id);
-        let _ = place;
     }
 
     fn area_light(&mut self, id: Id, shape: &mut Section, place: Place) {

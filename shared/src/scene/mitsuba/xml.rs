@@ -14,6 +14,8 @@ const MAX_DEPTH: usize = 100;
 const MAX_ELEMENTS: usize = 10_000_000;
 /// Files included within each other, at most (Mitsuba's own limit).
 const MAX_INCLUDES: usize = 15;
+/// Files altogether, at most, each counted as often as it is included.
+const MAX_FILES: usize = 10_000;
 /// Bytes of an attribute after substitution, at most: parameters made of parameters grow like powers.
 const MAX_ATTRIBUTE: usize = 1 << 20;
 
@@ -218,6 +220,11 @@ impl Reader<'_> {
         }
         if self.open.len() > MAX_INCLUDES {
             let message = format!("more than {MAX_INCLUDES} files included within each other");
+            return self.log.fatal(from, message);
+        }
+        if self.log.files.len() == MAX_FILES {
+            let message =
+                format!("more than {MAX_FILES} files, counted as often as they are included");
             return self.log.fatal(from, message);
         }
         let bytes = match crate::scene::read_file(path, crate::bundle::MAX_BYTES) {

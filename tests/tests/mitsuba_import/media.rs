@@ -1,0 +1,202 @@
+//! Media, phase functions and boundaries.
+
+use super::*;
+
+fn medium(inner: &str) -> String {
+    let element = format!("<medium type=\"homogeneous\" id=\"m\">{inner}</medium>");
+    let native = native(&with_sensor(&element));
+    let lines = native
+        .lines()
+        .skip_while(|line| *line != "[media.m]")
+        .skip(1);
+    lines
+        .take_while(|line| !line.is_empty())
+        .collect::<Vec<_>>()
+        .join("\n")
+}
+
+/// Mitsuba's defaults: sigma_t 1, albedo 0.75, scale 1, isotropic.
+#[test]
+fn coefficients() {
+    let homogeneous = "type = \"homogeneous\"\n";
+    for (inner, expected) in [
+        ("", "sigma_t = 1.0\nalbedo = 0.75"),
+        (
+            r#"<float name="scale" value="3"/>"#,
+            "sigma_t = 3.0\nalbedo = 0.75",
+        ),
+        (
+            r#"<rgb name="sigma_t" value="0.5 1 0.25"/><float name="scale" value="2"/><rgb name="albedo" value="0.5"/>"#,
+            "sigma_t = [1.0, 2.0, 0.5]\nalbedo = 0.5",
+        ),
+        (
+            r#"<float name="sigma_t" value="2"/>"#,
+            "sigma_t = 2.0\nalbedo = 0.75",
+        ),
+        (
+            r#"<spectrum name="sigma_t" value="2"/>"#,
+            "sigma_t = 2.0\nalbedo = 0.75",
+        ),
+        (
+            r#"<volume type="constvolume" name="sigma_t"><rgb name="value" value="2 0.6 0.7"/></volume>"#,
+            "sigma_t = [2.0, 0.6, 0.7]\nalbedo = 0.75",
+        ),
+        (
+            r#"<rgb name="sigma_s" value="2 3 4"/><rgb name="sigma_a" value="1"/><float name="scale" value="0.5"/>"#,
+            "sigma_s = [1.0, 1.5, 2.0]\nsigma_a = 0.5",
+        ),
+        (
+            r#"<phase type="hg"/>"#,
+            "sigma_t = 1.0\nalbedo = 0.75\nphase = { type = \"hg\", g = 0.8 }",
+        ),
+        (
+            r#"<phase type="isotropic"/>"#,
+            "sigma_t = 1.0\nalbedo = 0.75",
+        ),
+        (
+            r#"<phase type="blendphase"><float name="weight" value="0.3"/><phase type="isotropic"/><phase type="hg"><float name="g" value="-0.5"/></phase></phase>"#,
+            "sigma_t = 1.0\nalbedo = 0.75\nphase = { type = \"blend\", weight = 0.3, phases = [\"isotropic\", { type = \"hg\", g = -0.5 }] }",
+        ),
+    ] {
+        assert_eq!(medium(inner), format!("{homogeneous}{expected}"), "{inner}");
+    }
+}
+
+#[test]
+fn coefficients_that_mitsuba_refuses() {
+    for (inner, words) in [
+        // As strict as Mitsuba.
+        (r#"<rgb name="sigma_t" value="2"/>"#, "scale"),
+        (r#"<rgb name="albedo" value="2"/>"#, "albedo"),
+        (
+            r#"<rgb name="sigma_s" value="2"/>"#,
+            "both of sigma_s and sigma_a",
+        ),
+        (
+            r#"<rgb name="sigma_s" value="1"/><rgb name="sigma_a" value="1"/><rgb name="albedo" value="1"/>"#,
+            "mixed",
+        ),
+        (r#"<float name="sigma_t" value="-1"/>"#, "negative"),
+        (
+            r#"<string name="material" value="skin1"/>"#,
+            "not supported",
+        ),
+        (r#"<phase type="rayleigh"/>"#, "rayleigh"),
+    ] {
+        let xml = with_sensor(&format!("<medium type=\"homogeneous\">{inner}</medium>"));
+        assert_error(&xml, "scene.xml:2: ", &[words]);
+    }
+}
+
+/// A .vol file of one sample in the box from (1, 2, 3) to (2, 4, 7).
+fn vol() -> Vec<u8> {
+    let mut bytes = b"VOL\x03".to_vec();
+    for n in [1i32, 1, 1, 1, 1] {
+        bytes.extend(n.to_le_bytes());
+    }
+    for x in [1f32, 2.0, 3.0, 2.0, 4.0, 7.0, 0.5] {
+        bytes.extend(x.to_le_bytes());
+    }
+    bytes
+}
+
+#[test]
+fn grids() {
+    let xml = |inner: &str| {
+        with_sensor(&format!(
+            r#"<medium type="heterogeneous" id="m"><volume type="gridvolume" name="sigma_t"><string name="filename" value="a.vol"/>
+            <transform name="to_world"><scale value="2"/></transform>{inner}</volume><float name="scale" value="3"/>
+            <rgb name="albedo" value="0.5"/></medium>"#
+        ))
+    };
+    let folder = folder(&[("scene.xml", &xml(""))]);
+    std::fs::write(folder.path().join("a.vol"), vol()).unwrap();
+    let text = import_in(folder.path(), &ImportOptions::default())
+        .unwrap()
+        .text;
+    for (name, expected) in [
+        ("type", "\"heterogeneous\""),
+        ("sigma_t", "1.0"),
+        ("albedo", "0.5"),
+        ("scale", "3.0"),
+        ("density", "{ file = \"a.vol\" }"),
+        ("transform", "[{ scale = 2.0 }]"),
+    ] {
+        assert_eq!(field(&text, "[media.m]", name), Some(expected));
+    }
+    scene_in(folder.path());
+    // The file's own box counts on request.
+    std::fs::write(
+        folder.path().join("scene.xml"),
+        xml(r#"<boolean name="use_grid_bbox" value="true"/>"#),
+    )
+    .unwrap();
+    let text = import_in(folder.path(), &ImportOptions::default())
+        .unwrap()
+        .text;
+    let expected =
+        "[{ scale = [1.0, 2.0, 4.0] }, { translate = [1.0, 2.0, 3.0] }, { scale = 2.0 }]";
+    assert_eq!(field(&text, "[media.m]", "transform"), Some(expected));
+    // A grid that is the same everywhere is none.
+    let constant = r#"<medium type="heterogeneous" id="m"><volume type="constvolume" name="sigma_t"><float name="value" value="2"/></volume></medium>"#;
+    assert_eq!(
+        field(&native(&with_sensor(constant)), "[media.m]", "type"),
+        Some("\"homogeneous\"")
+    );
+}
+
+const FOG: &str = r#"<medium type="homogeneous" id="fog"/>"#;
+
+#[test]
+fn boundaries_are_said() {
+    let glass = |media: &str| {
+        format!("{FOG}<shape type=\"sphere\"><bsdf type=\"dielectric\"/>{media}</shape>")
+    };
+    let interior = r#"<ref name="interior" id="fog"/>"#;
+    let text = native(&with_sensor(&glass(interior)));
+    assert_eq!(field(&text, "[[shapes]]", "interior"), Some("\"fog\""));
+    assert_eq!(field(&text, "[[shapes]]", "exterior"), None);
+    assert_eq!(field(&text, "[camera]", "medium"), Some("\"none\""));
+    assert!(!text.contains("[world]"));
+    // Inline, without an id.
+    let inline = r#"<shape type="cube"><bsdf type="null"/><medium type="homogeneous" name="interior"/></shape>"#;
+    assert_eq!(
+        field(&native(&with_sensor(inline)), "[[shapes]]", "interior"),
+        Some("\"interior\"")
+    );
+    // Nothing gets into what is opaque.
+    let opaque = format!("{FOG}<shape type=\"sphere\">{interior}</shape>");
+    let imported = try_import(&with_sensor(&opaque)).unwrap();
+    assert_eq!(field(&imported.text, "[[shapes]]", "interior"), None);
+    assert!(
+        imported
+            .notes
+            .iter()
+            .any(|note| note.contains("interior medium")),
+        "{:?}",
+        imported.notes
+    );
+}
+
+/// The medium of a sensor, named "medium" or not, is that of the world unless shapes say otherwise.
+#[test]
+fn the_world_is_what_lies_outside() {
+    for reference in [r#"<ref id="fog"/>"#, r#"<ref name="medium" id="fog"/>"#] {
+        let sensor = SENSOR.replace("<film", &format!("{reference}<film"));
+        // A bubble in the fog; and glass, through which Mitsuba lets the fog pass.
+        let text = native(&bare(&format!(
+            r#"{FOG}<shape type="sphere"><bsdf type="null"/><ref name="exterior" id="fog"/></shape>
+            <shape type="sphere" id="ball"><bsdf type="dielectric"/></shape>{sensor}"#
+        )));
+        assert_eq!(field(&text, "[world]", "medium"), Some("\"fog\""));
+        assert_eq!(field(&text, "[camera]", "medium"), Some("\"fog\""));
+        assert_eq!(field(&text, "[[shapes]]", "interior"), None);
+        assert_eq!(text.matches("interior = \"fog\"").count(), 1, "{text}");
+        // The sensor in a box of fog.
+        let text = native(&bare(&format!(
+            r#"{FOG}<shape type="cube"><bsdf type="null"/><ref name="interior" id="fog"/></shape>{sensor}"#
+        )));
+        assert_eq!(field(&text, "[world]", "medium"), None);
+        assert_eq!(field(&text, "[camera]", "medium"), Some("\"fog\""));
+    }
+}

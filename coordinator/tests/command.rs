@@ -393,7 +393,9 @@ fn help_teaches() {
     ] {
         assert!(help.contains(text), "{help}");
     }
-    for command in ["render", "serve", "worker", "replay", "compare", "explain"] {
+    for command in [
+        "render", "serve", "worker", "replay", "compare", "explain", "convert",
+    ] {
         succeed(folder.path(), &[command, "--help"]);
     }
 }
@@ -432,4 +434,124 @@ fn layers_stand_beside_the_same_beauty() {
     assert_eq!(channels("all.exr"), expected);
     let (code, message) = fail(folder, &["render", "scene.toml", "--aov", "deep"]);
     assert!(code == 2 && message.contains("beam_density"), "{message}");
+}
+
+const MITSUBA: &str = r#"<scene version="3.0.0">
+<default name="spp" value="3"/><integrator type="volpath"/>
+<sensor type="perspective"><float name="fov" value="50"/>
+<transform name="to_world"><lookat origin="0, 1, 3" target="0, 1, 0" up="0, 1, 0"/></transform>
+<film type="hdrfilm"><integer name="width" value="24"/><integer name="height" value="16"/><rfilter type="box"/></film>
+<sampler type="independent"><integer name="sample_count" value="$spp"/></sampler><ref id="fog"/></sensor>
+<medium type="homogeneous" id="fog"><float name="sigma_t" value="0.5"/></medium>
+<shape type="ply"><string name="filename" value="triangle.ply"/></shape>
+<emitter type="point"><point name="position" x="0.5" y="2" z="0.5"/><rgb name="intensity" value="8"/></emitter>
+</scene>"#;
+
+const TRIANGLE: &str = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
+    element face 1\nproperty list uchar int vertex_indices\nend_header\n-1 0 0\n1 0 0\n0 2 0\n3 0 1 2\n";
+
+#[test]
+fn a_mitsuba_scene_renders_as_its_conversion_does() {
+    let folder = folder();
+    let folder = folder.path();
+    std::fs::write(folder.join("room.xml"), MITSUBA).unwrap();
+    std::fs::write(folder.join("triangle.ply"), TRIANGLE).unwrap();
+    std::fs::create_dir(folder.join("out")).unwrap();
+    let direct = succeed(
+        folder,
+        &["render", "room.xml", "--paths", "300", "--workers", "1"],
+    );
+    assert!(line(&direct, "3 passes").starts_with("3 passes"));
+    let converted = run(folder, &["convert", "room.xml", "out/room.toml"]);
+    let notes = String::from_utf8(converted.stderr).unwrap();
+    assert!(converted.status.success(), "{notes}");
+    assert!(
+        notes.contains("room.xml:2: ") && notes.contains("volpath"),
+        "{notes}"
+    );
+    let text = std::fs::read_to_string(folder.join("out/room.toml")).unwrap();
+    assert!(text.contains("file = \"../triangle.ply\""), "{text}");
+    let native = succeed(
+        folder,
+        &[
+            "render",
+            "out/room.toml",
+            "--paths",
+            "300",
+            "--workers",
+            "1",
+        ],
+    );
+    assert_eq!(line(&direct, "pixels"), line(&native, "pixels"));
+    let more = succeed(
+        folder,
+        &[
+            "render", "room.xml", "-D", "spp=4", "--paths", "50", "-o", "more.exr",
+        ],
+    );
+    line(&more, "4 passes");
+    succeed(folder, &["explain", "room.xml", "-D", "spp=4"]);
+    let replayed = succeed(
+        folder,
+        &["replay", "room.xml", "--pass", "0", "--paths", "50"],
+    );
+    line(&replayed, "pass 0 pixels");
+}
+
+#[test]
+fn mitsuba_scenes_that_cannot_be_used() {
+    let folder = folder();
+    let folder = folder.path();
+    let odd = MITSUBA.replace(
+        "</scene>",
+        "<shape type=\"teapot\"/>\n<emitter type=\"projector\"/></scene>",
+    );
+    std::fs::write(folder.join("room.xml"), odd).unwrap();
+    std::fs::write(folder.join("triangle.ply"), TRIANGLE).unwrap();
+    for args in [
+        &["render", "room.xml"][..],
+        &["serve", "room.xml"],
+        &["replay", "room.xml", "--pass", "0"],
+        &["explain", "room.xml"],
+        &["convert", "room.xml", "room.toml"],
+    ] {
+        let (code, message) = fail(folder, args);
+        let lines: Vec<_> = message.lines().collect();
+        assert!(code == 2 && lines.len() == 2, "{args:?}: {message}");
+        assert!(lines[0].starts_with("room.xml:10: ") && lines[0].contains("teapot"));
+        assert!(lines[1].starts_with("room.xml:11: ") && lines[1].contains("projector"));
+    }
+    assert!(!folder.join("room.toml").exists());
+    let skipped = succeed(
+        folder,
+        &["render", "room.xml", "--skip-unsupported", "--paths", "50"],
+    );
+    assert_eq!(
+        skipped.matches("left out: room.xml:1").count(),
+        2,
+        "{skipped}"
+    );
+    for (args, words) in [
+        (
+            &["render", "room.xml", "-D", "x=1", "--skip-unsupported"][..],
+            "not used",
+        ),
+        (&["render", "room.xml", "-D", "x"], "NAME=VALUE"),
+        (&["render", "scene.toml", "-D", "x=1"], ".xml"),
+        (&["explain", "scene.toml", "--skip-unsupported"], ".xml"),
+        (&["convert", "scene.toml", "other.toml"], ".xml"),
+        (&["convert", "room.xml", "other.exr"], ".toml"),
+        (
+            &[
+                "convert",
+                "room.xml",
+                "nowhere/other.toml",
+                "--skip-unsupported",
+            ],
+            "nowhere",
+        ),
+    ] {
+        let (code, message) = fail(folder, args);
+        assert!(code == 2 && message.contains(words), "{args:?}: {message}");
+    }
 }

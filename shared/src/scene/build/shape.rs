@@ -146,6 +146,17 @@ impl Parts<'_> {
                 .into()),
             };
         }
+        if let Some(place) = &record.boundary
+            && !place.get_ref()
+        {
+            return match record.interior.is_some() || record.exterior.is_some() {
+                false => Ok(None),
+                true => {
+                    let message = "what is no boundary takes neither `interior` nor `exterior`";
+                    Err(Fault::new(place.span(), message).into())
+                }
+            };
+        }
         let boundary = Boundary {
             interior: self.media.resolve_or(record.interior.as_ref(), None)?,
             exterior: self

@@ -274,7 +274,7 @@ impl Converter<'_> {
                     self.roughness(id, section);
                 }
                 for name in ["specular_reflectance", "specular_transmittance"] {
-                    self.factor(id, name, section);
+                    self.factor(id, name, turned, section);
                 }
                 Plain {
                     // A thin sheet lets light through, but has no inside.
@@ -317,14 +317,19 @@ impl Converter<'_> {
                 if self.boolean(id, "nonlinear") == Some(true) {
                     section.set("nonlinear", Toml::Boolean(true), place);
                 }
-                self.factor(id, "specular_reflectance", section);
+                self.factor(id, "specular_reflectance", turned, section);
                 one_sided
             }
             "principled" => {
                 set(section, "principled");
                 self.field(id, "base_color", "base_color", turned, section);
-                self.field(id, "metallic", "metallic", turned, section);
-                self.field(id, "roughness", "roughness", turned, section);
+                for name in ["metallic", "roughness"] {
+                    if let Some(member) = self.member(id, name)
+                        && let Some(value) = self.float(id, name)
+                    {
+                        section.set(name, Toml::Float(value), member.place);
+                    }
+                }
                 if let Some(eta) = self.float(id, "eta") {
                     section.set("ior", Toml::Float(eta), place);
                 }
@@ -372,13 +377,13 @@ impl Converter<'_> {
         }
     }
 
-    /// A colour between 0 and 1, of the same name in both formats, which is 1 where it is not given.
-    fn factor(&mut self, id: Id, name: &'static str, section: &mut Section) {
+    /// A colour or texture between 0 and 1, of the same name in both formats, which is 1 where it is not given.
+    fn factor(&mut self, id: Id, name: &'static str, turned: bool, section: &mut Section) {
         if let Some(member) = self.member(id, name)
-            && let Some(color) = self.color(id, name, cie::Kind::Factor)
-            && color != [1.0; 3]
+            && let Some(value) = self.textured_member(id, member, cie::Kind::Factor, turned)
+            && value != Toml::Float(1.0)
         {
-            section.set(name, Toml::color(color), member.place);
+            section.set(name, value, member.place);
         }
     }
 

@@ -235,16 +235,17 @@ impl Converter<'_> {
                 }
             }
         });
+        if !members.iter().any(Option::is_some) {
+            if transmits && self.objects.list.iter().any(|o| o.kind == Kind::Medium) {
+                // In Mitsuba a surface without media changes nothing.
+                shape.set("boundary", Toml::Boolean(false), own);
+            }
+            return;
+        }
         let world = self.world.and_then(|world| self.medium(world, None));
-        let bounds = members.iter().any(Option::is_some);
         for (i, field) in ["interior", "exterior"].into_iter().enumerate() {
             let (name, place) = match members[i] {
-                Some((member, medium)) => {
-                    let name = self.medium(medium, Some(field));
-                    (name, member.place)
-                }
-                // A surface without media changes nothing.
-                None if !bounds => (world.clone(), own),
+                Some((member, medium)) => (self.medium(medium, Some(field)), member.place),
                 None => (None, own),
             };
             if !transmits {

@@ -23,6 +23,8 @@ pub struct ShapeRecord {
     pub material: Option<Spanned<String>>,
     pub interior: Option<Spanned<String>>,
     pub exterior: Option<Spanned<String>>,
+    /// False: light that goes through keeps its medium.
+    pub boundary: Option<Spanned<bool>>,
     pub emission: Option<Spanned<EmissionRecord>>,
     pub transform: Option<Spanned<Steps>>,
     pub shape: Option<Spanned<Box<ShapeRecord>>>,
@@ -38,7 +40,7 @@ impl ShapeRecord {
         };
         #[rustfmt::skip]
         let given = given!(self, center, p0, p1, radius, file, face_normals, flip_normals, material, interior, exterior,
-            emission, transform, shape, transforms);
+            boundary, emission, transform, shape, transforms);
         only_takes(name, takes, common, &given)?;
         match &self.shape {
             Some(shape) if shape.get_ref().kind.get_ref() == &ShapeType::Instances => {
@@ -71,6 +73,7 @@ impl ShapeType {
         "material",
         "interior",
         "exterior",
+        "boundary",
         "emission",
         "transform",
         "flip_normals",

@@ -1,6 +1,6 @@
 //! The plan: which stages this scene needs, made once, with the reason for each.
 
-use crate::bsdf::Material;
+use crate::bsdf::{Material, Tilt};
 use crate::geometry::{Geometry, Object, SurfaceHit, clearance};
 use crate::job::{JobSettings, ScheduleKind};
 use crate::layer::Layer;
@@ -25,10 +25,10 @@ pub struct Scene {
     pub(crate) unshadowing: Vec<Option<u32>>,
     /// Indices of the environment lights.
     pub(crate) environments: Vec<usize>,
-    /// By object: nothing but the boundary of a medium.
-    pub(crate) null_objects: Vec<bool>,
-    /// Whether there is such an object.
-    pub(crate) has_null: bool,
+    /// By object: rays may pass straight through it.
+    pub(crate) passable: Vec<bool>,
+    /// Whether shadow rays have to look at what they pass: boundaries of media, or surfaces that are not opaque.
+    pub(crate) shadow_rays_walk: bool,
 }
 
 impl Scene {
@@ -40,11 +40,16 @@ impl Scene {
             &description.objects,
             &description.bounds,
         );
-        let null_objects: Vec<bool> = description
+        let material = |o: &Object| &description.materials[o.material as usize];
+        let passable: Vec<bool> = description
             .objects
             .iter()
-            .map(|o| description.materials[o.material as usize].is_null())
+            .map(|o| material(o).may_be_passed())
             .collect();
+        let has_null = description.objects.iter().any(|o| material(o).is_null());
+        let mut materials = description.objects.iter().map(material);
+        let shadow_rays_walk =
+            materials.any(|m| m.opacity.is_some()) || (has_null && !description.media.is_empty());
         let unshadowing = |light: &Light| match light.kind {
             LightKind::Area { object, .. } => description.objects[object as usize]
                 .shape
@@ -62,8 +67,8 @@ impl Scene {
             environments: (0..description.lights.len())
                 .filter(|&i| is_environment(&description.lights[i]))
                 .collect(),
-            has_null: null_objects.contains(&true),
-            null_objects,
+            passable,
+            shadow_rays_walk,
             description,
         };
         scene.camera_medium = match scene.description.camera_medium {
@@ -95,6 +100,23 @@ impl Scene {
     }
     pub(crate) fn material(&self, hit: &SurfaceHit) -> &Material {
         &self.description.materials[self.objects()[hit.object as usize].material as usize]
+    }
+    /// The hit with the shading normal that its material's relief gives it, seen from `wo`.
+    #[inline]
+    pub(crate) fn tilted(&self, hit: SurfaceHit, wo: Vec3) -> (SurfaceHit, Option<Tilt>) {
+        let Some(relief) = &self.material(&hit).relief else {
+            return (hit, None);
+        };
+        let shape = &self.objects()[hit.object as usize].shape;
+        let (ns, tilt) = relief.normal(&hit, shape.tangents(&hit), wo);
+        (SurfaceHit { ns, ..hit }, Some(tilt))
+    }
+    /// Whether the direct light of this light is all counted by sampling it: rays may pass its surface unseen.
+    pub(crate) fn only_sampled(&self, light: usize) -> bool {
+        match self.lights()[light].kind {
+            LightKind::Area { object, .. } => self.passable[object as usize],
+            _ => false,
+        }
     }
     pub(crate) fn medium_of_light(&self, light: usize) -> MediumId {
         self.light_media[light]
@@ -253,6 +275,7 @@ impl RenderPlan {
         let specular = used(&|m| m.has_delta() && !m.is_null());
         let surfaces = used(&|m| !m.is_specular());
         let boundaries = used(&|m| m.is_null());
+        let cut_out = used(&|m| m.opacity.is_some());
         let lit = !description.lights.is_empty();
         let beams = scattering > 0 && lit;
         let surface_photons = surfaces > 0 && lit;
@@ -327,11 +350,16 @@ impl RenderPlan {
             ),
             (
                 "boundary walk of shadow rays",
-                scene.has_null && !description.media.is_empty(),
+                scene.shadow_rays_walk,
                 because(
-                    scene.has_null && !description.media.is_empty(),
-                    format!("{boundaries} index-matched boundary/boundaries of media"),
-                    "no index-matched boundary between media",
+                    scene.shadow_rays_walk,
+                    match cut_out {
+                        0 => format!("{boundaries} index-matched boundary/boundaries of media"),
+                        _ => format!(
+                            "{boundaries} index-matched boundary/boundaries of media, {cut_out} object(s) that are not opaque"
+                        ),
+                    },
+                    "no index-matched boundary between media, everything else is opaque",
                 ),
             ),
             (

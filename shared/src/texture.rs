@@ -1,6 +1,6 @@
 //! Values over a surface: one colour, an image, a checkerboard.
 
-use crate::math::{Rgb, Vec2};
+use crate::math::{Rgb, Vec2, luminance};
 use glam::Affine2;
 use serde::Deserialize;
 use std::sync::Arc;
@@ -89,6 +89,25 @@ impl Texture {
     }
 }
 
+impl Texture {
+    /// Derivatives of the luminance by u and v. Zero where steps are all there is: in checkerboards, and in images that are
+    /// not interpolated.
+    pub fn gradient(&self, uv: Vec2) -> Vec2 {
+        match self {
+            Self::Image {
+                image,
+                filter: TextureFilter::Bilinear,
+                wrap,
+                image_from_uv,
+            } => {
+                let by_image = image.gradient(transform(image_from_uv, uv), *wrap);
+                image_from_uv.matrix2.transpose() * by_image
+            }
+            _ => Vec2::ZERO,
+        }
+    }
+}
+
 /// From here on single precision has no fractions.
 const NO_FRACTIONS: Vec2 = Vec2::splat(8_388_608.0);
 
@@ -120,6 +139,29 @@ impl Image {
                 self.pixels[nearest(y, self.height) * self.width as usize + nearest(x, self.width)]
             }
         }
+    }
+
+    fn gradient(&self, uv: Vec2, wrap: Wrap) -> Vec2 {
+        let ((x, to_right), (y, upwards)) = match wrap {
+            Wrap::Repeat => ((fraction(uv.x), 1.0), (fraction(uv.y), 1.0)),
+            Wrap::Mirror => {
+                let sign = |t: f32| if fraction(0.5 * t) > 0.5 { -1.0 } else { 1.0 };
+                ((mirrored(uv.x), sign(uv.x)), (mirrored(uv.y), sign(uv.y)))
+            }
+            Wrap::Clamp => ((uv.x.clamp(0.0, 1.0), 1.0), (uv.y.clamp(0.0, 1.0), 1.0)),
+        };
+        let repeats = wrap == Wrap::Repeat;
+        let x = neighbours(x, self.width, repeats);
+        let y = neighbours(1.0 - y, self.height, repeats);
+        let at = |x: usize, y: usize| luminance(self.pixels[y * self.width as usize + x]);
+        let (a, b) = (at(x.first, y.first), at(x.second, y.first));
+        let (c, d) = (at(x.first, y.second), at(x.second, y.second));
+        let by_column = (b - a) * (1.0 - y.fraction) + (d - c) * y.fraction;
+        let by_row = (c - a) * (1.0 - x.fraction) + (d - b) * x.fraction;
+        Vec2::new(
+            by_column * to_right * self.width as f32,
+            -by_row * upwards * self.height as f32,
+        )
     }
 
     #[inline]
@@ -218,6 +260,47 @@ mod tests {
         assert!((value(0.0, 0.75) - 1.0).abs() < 1e-6, "pixels 2 and 0");
         assert!((value(0.5, 0.5) - 2.5).abs() < 1e-6, "pixels 1 and 4");
         assert!((value(0.5, 0.0) - 2.5).abs() < 1e-6, "pixels 4 and 1");
+    }
+
+    #[test]
+    fn gradients_are_those_of_the_values() {
+        let coarse = image();
+        let step = 1e-3;
+        for wrap in [Wrap::Repeat, Wrap::Mirror, Wrap::Clamp] {
+            for image_from_uv in [
+                Affine2::IDENTITY,
+                Affine2::from_scale_angle_translation(
+                    Vec2::new(1.5, -0.75),
+                    0.6,
+                    Vec2::new(0.2, 0.1),
+                ),
+            ] {
+                let texture = Texture::Image {
+                    image: Arc::new(coarse.clone()),
+                    filter: TextureFilter::Bilinear,
+                    wrap,
+                    image_from_uv,
+                };
+                let mut compared = 0;
+                for (u, v) in POINTS {
+                    let uv = Vec2::new(u, v);
+                    let slope = |axis: Vec2, d: f32| {
+                        let value = |t: f32| texture.eval(uv + axis * t).x;
+                        (value(d) - value(0.0)) / d
+                    };
+                    let gradient = texture.gradient(uv);
+                    for (axis, part) in [(Vec2::X, gradient.x), (Vec2::Y, gradient.y)] {
+                        let (below, above) = (slope(axis, -step), slope(axis, step));
+                        // Not at an edge between pixels, where it jumps.
+                        if (below - above).abs() < 0.05 {
+                            assert!((part - above).abs() < 0.05, "{wrap:?} {uv}: {part} {above}");
+                            compared += 1;
+                        }
+                    }
+                }
+                assert!(compared > 14);
+            }
+        }
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! Camera paths, and which estimator counts which light path.
 //!
-//! A camera path goes straight through boundaries of media and follows specular surfaces; it ends at the first surface x
+//! A camera path goes straight through boundaries of media (and, as all rays do, by chance through surfaces that are not
+//! opaque; shadow rays through all of them, weakened) and follows specular surfaces; it ends at the first surface x
 //! that is not specular, at a light, or outside. With L a light, S specular, D a surface that is not specular, M a
 //! scattering in a medium, E the camera, and boundaries of media left out:
 //!
@@ -23,7 +24,7 @@
 
 use crate::beam::estimate::{CameraSegment, CameraSegments};
 use crate::beam::trace::{MAX_SURVIVAL, ROULETTE_DEPTH};
-use crate::bsdf::{Bsdf, TransportMode};
+use crate::bsdf::{Bsdf, Tilt, TransportMode};
 use crate::geometry::SurfaceHit;
 use crate::light::{LightChoice, LightHit};
 use crate::math::{Frame, Ray, Rgb, Vec2, Vec3};
@@ -47,6 +48,8 @@ pub struct CameraTracer<'a> {
 struct Vertex<'a> {
     hit: &'a SurfaceHit,
     bsdf: Bsdf<'a>,
+    /// Where a relief has turned the hit's shading normal.
+    tilt: Option<Tilt>,
     frame: Frame,
     wo: Vec3,
     local_wo: Vec3,
@@ -119,15 +122,17 @@ impl CameraTracer<'_> {
                 record.add(Part::Direct, light as usize, emitted);
             }
             let material = scene.material(&hit);
-            if material.is_null() {
+            if material.is_passed(hit.uv, || sampler.next_1d()) {
                 medium = scene.medium_beyond(&hit, ray.dir, medium);
                 ray = hit.spawn_ray(ray.dir);
                 straight = straight.map(|n| n.saturating_add(1));
                 continue;
             }
+            let (hit, tilt) = scene.tilted(hit, -ray.dir);
             let frame = Frame::from_normal(hit.ns);
             let mut vertex = Vertex {
                 bsdf: material.bsdf(hit.uv),
+                tilt,
                 frame,
                 wo: -ray.dir,
                 local_wo: frame.to_local(-ray.dir),
@@ -160,6 +165,12 @@ impl CameraTracer<'_> {
                 return radiance;
             };
             let wi = frame.to_world(sample.wi).normalize();
+            if let Some(tilt) = tilt {
+                if sample.wi.z * hit.ng.dot(wi) <= 0.0 {
+                    return radiance;
+                }
+                beta *= tilt.shadowing(wi);
+            }
             if sample.transmitted {
                 medium = scene.medium_beyond(&hit, wi, medium);
             }
@@ -235,11 +246,11 @@ impl CameraTracer<'_> {
         if wi.z * x.hit.ng.dot(direct.wi) <= 0.0 {
             return Rgb::ZERO;
         }
-        let f = x.bsdf.eval(x.local_wo, wi, TransportMode::Radiance);
+        let f = x.value(wi, direct.wi);
         if f == Rgb::ZERO {
             return Rgb::ZERO;
         }
-        let weight = if direct.delta || !balanced {
+        let weight = if direct.delta || !balanced || scene.only_sampled(choice.light) {
             1.0
         } else {
             power_heuristic(direct.pdf * choice.pmf, x.bsdf.pdf(x.local_wo, wi))
@@ -277,7 +288,10 @@ impl CameraTracer<'_> {
         }
         let medium = x.medium_towards(scene, wi);
         let arrived = self.go_straight(x.hit.spawn_ray(wi), medium, sampler);
-        let throughput = sample.weight * arrived.transmittance;
+        let mut throughput = sample.weight * arrived.transmittance;
+        if let Some(tilt) = x.tilt {
+            throughput *= tilt.shadowing(wi);
+        }
         if throughput == Rgb::ZERO {
             return Rgb::ZERO;
         }
@@ -296,7 +310,9 @@ impl CameraTracer<'_> {
             return throughput * radiance;
         };
         let mut radiance = Rgb::ZERO;
-        if let Some(light) = scene.objects()[hit.object as usize].light {
+        if let Some(light) = scene.objects()[hit.object as usize].light
+            && !scene.only_sampled(light as usize)
+        {
             let emitted = scene.emitted(&hit, wi);
             if emitted != Rgb::ZERO {
                 let at = LightHit {
@@ -310,9 +326,11 @@ impl CameraTracer<'_> {
         }
         let material = scene.material(&hit);
         if !material.is_specular() {
+            let (hit, tilt) = scene.tilted(hit, -wi);
             let frame = Frame::from_normal(hit.ns);
             let y = Vertex {
                 bsdf: material.bsdf(hit.uv),
+                tilt,
                 frame,
                 wo: -wi,
                 local_wo: frame.to_local(-wi),
@@ -350,7 +368,7 @@ impl CameraTracer<'_> {
             if wi.z * cos_g <= 0.0 {
                 return;
             }
-            let f = x.bsdf.eval(x.local_wo, wi, TransportMode::Radiance);
+            let f = x.value(wi, photon.wi);
             // Flux is counted on the geometric surface, the BSDF's cosine is to the shading normal.
             let cosines = if x.hit.ns == x.hit.ng {
                 1.0
@@ -374,22 +392,26 @@ impl CameraTracer<'_> {
         sampler: &mut Sampler,
     ) -> Option<Rgb> {
         let scene = self.scene;
-        let is_null = |object: u32| scene.null_objects[object as usize];
-        let is_passed = |object: u32| is_null(object) || light == Some(object);
+        let may_be_passed = |object: u32| scene.passable[object as usize];
+        let is_passed = |object: u32| may_be_passed(object) || light == Some(object);
         if scene
             .geometry
             .occluded(scene.objects(), &ray, length, is_passed)
         {
             return None;
         }
-        if !scene.has_null || scene.media().is_empty() {
+        if !scene.shadow_rays_walk {
             return Some(scene.transmittance(medium, &ray, length, sampler));
         }
         let (mut ray, mut left, mut medium, mut transmittance) = (ray, length, medium, Rgb::ONE);
         let geometry = &scene.geometry;
         while let Some(hit) =
-            geometry.intersect(scene.objects(), &ray, left, |object| !is_null(object))
+            geometry.intersect(scene.objects(), &ray, left, |object| !may_be_passed(object))
         {
+            transmittance *= scene.material(&hit).transparency(hit.uv);
+            if transmittance == Rgb::ZERO {
+                return None;
+            }
             transmittance *= scene.transmittance(medium, &ray, hit.t, sampler);
             medium = scene.medium_beyond(&hit, ray.dir, medium);
             ray = hit.spawn_ray(ray.dir);
@@ -416,7 +438,7 @@ impl CameraTracer<'_> {
             arrived.transmittance *= scene.transmittance(arrived.medium, &ray, length, sampler);
             arrived.distance += length;
             match hit {
-                Some(hit) if scene.material(&hit).is_null() => {
+                Some(hit) if scene.material(&hit).is_passed(hit.uv, || sampler.next_1d()) => {
                     arrived.medium = scene.medium_beyond(&hit, ray.dir, arrived.medium);
                     ray = hit.spawn_ray(ray.dir);
                 }
@@ -433,6 +455,18 @@ impl CameraTracer<'_> {
 const MAX_COSINE_RATIO: f32 = 10.0;
 
 impl Vertex<'_> {
+    /// The BSDF's value for light from `wi`, given in the local frame and in render space.
+    #[inline]
+    fn value(&self, local_wi: Vec3, wi: Vec3) -> Rgb {
+        let f = self
+            .bsdf
+            .eval(self.local_wo, local_wi, TransportMode::Radiance);
+        match self.tilt {
+            None => f,
+            Some(tilt) => f * tilt.shadowing(wi),
+        }
+    }
+
     /// The medium that a ray from here enters: the one that the vertex was reached through, or the one beyond.
     fn medium_towards(&self, scene: &Scene, wi: Vec3) -> MediumId {
         let crosses = self.hit.ng.dot(wi) * self.hit.ng.dot(self.wo) < 0.0;

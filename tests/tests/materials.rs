@@ -305,7 +305,10 @@ fn values_are_reciprocal() {
             let b = warp::uniform_sphere(rng.next_2d());
             let forth = bsdf.eval(a, b, TransportMode::Radiance);
             let flux = bsdf.eval(b, a, TransportMode::Flux);
-            let eta2 = |d: Vec3| material.eta_of_crossing(d.z < 0.0).powi(2).max(1.0);
+            let eta2 = |d: Vec3| {
+                let eta = material.eta_of_crossing(d.z < 0.0).max(1.0);
+                eta * eta
+            };
             let back = bsdf.eval(b, a, TransportMode::Radiance) * (eta2(b) / eta2(a)).recip();
             for other in [flux, back] {
                 let error = (forth - other).abs() / forth.max(Rgb::splat(1e-4));

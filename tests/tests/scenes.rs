@@ -53,10 +53,11 @@ fn octahedron() -> [(&'static str, Vec<u8>); 1] {
 }
 
 /// What `EVERY_FIELD` names.
-fn every_file() -> [(&'static str, Vec<u8>); 2] {
+fn every_file() -> [(&'static str, Vec<u8>); 3] {
     let [octahedron] = octahedron();
     let volume = include_bytes!("../data/volumes/several.vdb").to_vec();
-    [octahedron, ("several.vdb", volume)]
+    let image = include_bytes!("../data/mitsuba_renders/mask.png").to_vec();
+    [octahedron, ("several.vdb", volume), ("grey.png", image)]
 }
 
 /// Every field of the format, in places that are valid together.
@@ -168,6 +169,12 @@ specular = 0.6
 type = "principled"
 ior = 1.6
 exterior_ior = 1.2
+opacity = 0.5
+normal_map = { image = "grey.png" }
+[materials.n_bumpy]
+type = "mirror"
+opacity = { image = "grey.png", raw = true }
+bump = { image = "grey.png", raw = true, filter = "bilinear", wrap = "clamp", uv = [{ scale = 2 }], scale = 0.5 }
 [[shapes]]
 name = "ball"
 type = "sphere"
@@ -254,8 +261,8 @@ fn every_field_of_the_format_is_read() {
         two_sided[..8],
         [true, true, true, false, true, true, true, true]
     );
-    assert_eq!(two_sided[8..13], [true, true, false, false, false]);
-    assert_eq!(two_sided[13..], [false, false]);
+    assert_eq!(two_sided[8..14], [true, true, false, false, false, true]);
+    assert_eq!(two_sided[14..], [false, false]);
     let names: Vec<&str> = scene.objects.iter().map(|o| o.name.as_str()).collect();
     let expected = [
         "ball",

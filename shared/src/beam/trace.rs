@@ -244,13 +244,15 @@ impl Tracer<'_> {
         let dir = photon.ray.dir;
         let object = &self.scene.objects()[hit.object as usize];
         let material = self.scene.material(hit);
-        if material.is_null() {
+        if material.is_passed(hit.uv, || sampler.next_1d()) {
             photon.ray = hit.spawn_ray(dir);
             photon.starts_on = Some(hit.ng);
             photon.medium = self.scene.medium_beyond(hit, dir, photon.medium);
             return;
         }
         let wo = -dir;
+        let (hit, tilt) = self.scene.tilted(*hit, wo);
+        let hit = &hit;
         let specular = material.is_specular();
         if !specular && photon.arrival != Arrival::Direct {
             out.surface.push(SurfacePhoton {
@@ -275,6 +277,9 @@ impl Tracer<'_> {
         let wi = frame.to_world(sample.wi).normalize();
         let before = mean(photon.power);
         photon.power *= sample.weight * adjoint_factor(hit, wo, wi);
+        if let Some(tilt) = tilt {
+            photon.power *= tilt.shadowing(wo);
+        }
         if !photon.survives(before, sampler) {
             return;
         }

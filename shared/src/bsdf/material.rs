@@ -4,8 +4,8 @@ use super::dielectric::Dielectric;
 use super::plastic::{Coat, Plastic, RoughCoat, RoughPlastic};
 use super::principled::Principled;
 use super::rough_dielectric::{MIN_CONTRAST, RoughDielectric};
-use super::{Bsdf, Distribution};
-use crate::math::{Rgb, Vec2};
+use super::{Bsdf, Distribution, Relief};
+use crate::math::{Rgb, Vec2, luminance};
 use crate::texture::Texture;
 
 /// Roughness below this would cost single precision its digits.
@@ -20,6 +20,10 @@ pub struct Material {
     pub kind: MaterialKind,
     /// Reflects on both sides (all that do not transmit; dielectrics and null have two sides by nature).
     pub two_sided: bool,
+    /// Share of rays that the surface meets; the others go on as if it were not there. `None`: all of them.
+    pub opacity: Option<Texture>,
+    /// Detail that turns the shading normal.
+    pub relief: Option<Relief>,
 }
 
 /// The kinds of surfaces. Inside is the side that the geometric normal points away from.
@@ -133,6 +137,38 @@ impl Tint {
 }
 
 impl Material {
+    /// A whole and even surface.
+    pub fn new(kind: MaterialKind, two_sided: bool) -> Self {
+        Self {
+            kind,
+            two_sided,
+            opacity: None,
+            relief: None,
+        }
+    }
+
+    /// Whether a ray goes on as if nothing were there: at boundaries of media, and by chance where the surface is not opaque.
+    /// `draw`: a uniform number.
+    #[inline]
+    pub fn is_passed(&self, uv: Vec2, draw: impl FnOnce() -> f32) -> bool {
+        match &self.opacity {
+            None => self.is_null(),
+            Some(opacity) => draw() >= opacity_at(opacity, uv),
+        }
+    }
+    /// The share of light that goes straight through, on average over [`Self::is_passed`].
+    #[inline]
+    pub fn transparency(&self, uv: Vec2) -> f32 {
+        match &self.opacity {
+            None => f32::from(self.is_null()),
+            Some(opacity) => 1.0 - opacity_at(opacity, uv),
+        }
+    }
+    /// Whether rays may pass.
+    pub fn may_be_passed(&self) -> bool {
+        self.is_null() || self.opacity.is_some()
+    }
+
     /// The scattering at a hit with these texture coordinates.
     #[inline]
     pub fn bsdf(&self, uv: Vec2) -> Bsdf<'_> {
@@ -239,14 +275,16 @@ impl Material {
     pub fn is_null(&self) -> bool {
         matches!(self.kind, MaterialKind::Null)
     }
-    /// Has an inside and an outside, between which light passes: two media may meet at it.
+    /// Has an inside and an outside, between which light passes: two media may meet at it. Not where light also passes
+    /// beside it.
     pub fn bounds_media(&self) -> bool {
-        matches!(
-            self.kind,
-            MaterialKind::Dielectric { .. }
-                | MaterialKind::RoughDielectric { .. }
-                | MaterialKind::Null
-        )
+        self.opacity.is_none()
+            && matches!(
+                self.kind,
+                MaterialKind::Dielectric { .. }
+                    | MaterialKind::RoughDielectric { .. }
+                    | MaterialKind::Null
+            )
     }
     /// Index of refraction on the side that a ray comes from over the one that it goes to. 1 for anything but dielectrics.
     pub fn eta_of_crossing(&self, from_inside: bool) -> f32 {
@@ -282,6 +320,13 @@ impl Material {
             | MaterialKind::Principled { .. } => false,
         }
     }
+}
+
+/// Luminance, exact for greys, so that what is opaque lets nothing through.
+#[inline]
+fn opacity_at(texture: &Texture, uv: Vec2) -> f32 {
+    let c = texture.eval(uv);
+    (c.x + luminance(c - c.x)).clamp(0.0, 1.0)
 }
 
 /// A rough boundary that does not scatter, for want of a difference between its sides.

@@ -13,6 +13,7 @@ mod microfacet;
 mod plastic;
 mod presets;
 mod principled;
+mod relief;
 mod rough_dielectric;
 
 pub use dielectric::Dielectric;
@@ -22,6 +23,7 @@ pub use microfacet::Distribution;
 pub use plastic::{Coat, Plastic, RoughCoat, RoughPlastic};
 pub use presets::{conductor_names, conductor_preset};
 pub use principled::Principled;
+pub use relief::{Relief, Tilt};
 pub use rough_dielectric::RoughDielectric;
 
 use crate::math::{Rgb, Vec2, Vec3};

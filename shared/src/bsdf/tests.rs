@@ -5,7 +5,7 @@ const DISTRIBUTIONS: [Distribution; 2] = [Distribution::Ggx, Distribution::Beckm
 const MODES: [TransportMode; 2] = [TransportMode::Radiance, TransportMode::Flux];
 
 fn material(kind: MaterialKind, two_sided: bool) -> Material {
-    Material { kind, two_sided }
+    Material::new(kind, two_sided)
 }
 
 fn grey(value: f32) -> Texture {

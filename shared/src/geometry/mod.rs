@@ -3,6 +3,7 @@
 pub mod accel;
 pub mod mesh;
 pub mod shape;
+mod tangents;
 
 pub use accel::{Geometry, bounds};
 pub use mesh::Mesh;

@@ -47,7 +47,7 @@ fn shapes_are_checked() {
     refused(
         r#"
 [[shapes]] | type = "sphere" | radus = 1
-    5: shapes[0].radus: unknown field `radus`, expected one of `name`, `type`, `center`, `p0`, `p1`, `radius`, `file`, `face_normals`, `flip_normals`, `material`, `interior`, `exterior`, `emission`, `transform`, `shape`, `transforms`
+    5: shapes[0].radus: unknown field `radus`, expected one of `name`, `type`, `center`, `p0`, `p1`, `radius`, `file`, `face_normals`, `flip_normals`, `material`, `interior`, `exterior`, `boundary`, `emission`, `transform`, `shape`, `transforms`
 [[shapes]] | type = "sphere" | radius = "big"
     5: shapes[0].radius: invalid type: string "big", expected a number above 0
 [[shapes]] | name = "ball" | type = "sphere" | radius = -1
@@ -73,9 +73,9 @@ fn shapes_are_checked() {
 [[shapes]] | radius = 1
     3: shapes[0]: missing field `type`
 [[shapes]] | type = "rectangle" | radius = 1
-    5: shapes[0].radius: "rectangle" does not take this field; expected one of material, interior, exterior, emission, transform, flip_normals
+    5: shapes[0].radius: "rectangle" does not take this field; expected one of material, interior, exterior, boundary, emission, transform, flip_normals
 [[shapes]] | type = "cylinder" | center = [0, 0, 0]
-    5: shapes[0].center: "cylinder" does not take this field; expected one of p0, p1, radius, material, interior, exterior, emission, transform, flip_normals
+    5: shapes[0].center: "cylinder" does not take this field; expected one of p0, p1, radius, material, interior, exterior, boundary, emission, transform, flip_normals
 [[shapes]] | type = "cylinder" | p0 = [1, 2, 3] | p1 = [1, 2, 3]
     6: shapes[0].p1: expected two different points as `p0` and `p1`
 [[shapes]] | type = "cylinder" | p0 = [0, 0, 1]
@@ -93,7 +93,7 @@ fn shapes_are_checked() {
 [[shapes]] | type = "sphere" | material = "glass" | interior = "fog" | [materials.glass] | type = "dielectric" | ior = 1.5
     6: shapes[0].interior: there is no medium "fog"; the scene defines "none"
 [[shapes]] | type = "sphere" | interior = "none"
-    5: shapes[0].interior: an opaque surface bounds no medium; expected a material of type "dielectric", "rough_dielectric" or "null" on this shape
+    5: shapes[0].interior: this surface bounds no medium; expected a material of type "dielectric", "rough_dielectric" or "null" without `opacity` on this shape
 [[shapes]] | type = "instances" | shape = { type = "sphere" }
     4: shapes[0].type: with this type the field `transforms` is required
 "#,
@@ -149,7 +149,7 @@ fn materials_are_checked() {
 [materials.x] | type = "diffuse" | reflectance = { file = "a.png" }
     5: materials.x.reflectance.file: unknown field `file`, expected one of `image`, `checkerboard`, `raw`, `filter`, `wrap`, `uv`
 [materials.x] | type = "diffuse" | ior = 2
-    5: materials.x.ior: "diffuse" does not take this field; expected one of reflectance, two_sided
+    5: materials.x.ior: "diffuse" does not take this field; expected one of reflectance, two_sided, opacity, bump, normal_map
 [materials.x] | type = "dielectric"
     4: materials.x.type: with this type the field `ior` is required
 [materials.x] | type = "dielectric" | ior = 0
@@ -171,7 +171,7 @@ fn materials_are_checked() {
 [materials.x] | type = "dielectric" | ior = 2 | specular_transmittance = 1.5
     6: materials.x.specular_transmittance: expected a number from 0 to 1, found 1.5
 [materials.x] | type = "thin_dielectric" | ior = 2 | alpha = 0.1
-    6: materials.x.alpha: "thin_dielectric" does not take this field; expected one of ior, exterior_ior, specular_reflectance, specular_transmittance
+    6: materials.x.alpha: "thin_dielectric" does not take this field; expected one of ior, exterior_ior, specular_reflectance, specular_transmittance, opacity, bump, normal_map
 [materials.x] | type = "plastic" | exterior_ior = 200
     4: materials.x.type: expected `ior` / `exterior_ior` from 0.01 to 100, found 0.00745
 [materials.x] | type = "plastic" | nonlinear = 1
@@ -184,6 +184,18 @@ fn materials_are_checked() {
     5: materials.x.specular: the reflection is given by `specular` or by `ior`: one of the two ways
 [materials.x] | type = "principled" | exterior_ior = 1.5
     5: materials.x.exterior_ior: `exterior_ior` goes with `ior`, which is missing
+[materials.x] | type = "diffuse" | opacity = 1.5
+    5: materials.x.opacity: expected a number from 0 to 1, found 1.5
+[materials.x] | type = "null" | opacity = 0.5
+    5: materials.x.opacity: "null" does not take this field; it takes none
+[materials.x] | type = "diffuse" | bump = 0.5
+    5: materials.x.bump: invalid type: floating point `0.5`, expected { image = "file", scale = 1.0 }
+[materials.x] | type = "diffuse" | bump = { image = "h.png", height = 2 }
+    5: materials.x.bump.height: unknown field `height`, expected one of `image`, `raw`, `filter`, `wrap`, `uv`, `scale`
+[materials.x] | type = "diffuse" | bump = { image = "h.png" } | normal_map = { image = "n.png" }
+    6: materials.x.normal_map: a surface has `bump` or `normal_map`, not both
+[[shapes]] | type = "sphere" | material = "x" | interior = "none" | [materials.x] | type = "dielectric" | ior = 1.5 | opacity = 0.5
+    6: shapes[0].interior: this surface bounds no medium; expected a material of type "dielectric", "rough_dielectric" or "null" without `opacity` on this shape
 [materials.x] | type = "null" | two_sided = true
     5: materials.x.two_sided: "null" does not take this field; it takes none
 "#,

@@ -1,13 +1,16 @@
 //! Materials and their names.
 
-use super::texture::texture;
+use super::texture;
 use super::{Assets, Problem, required, unknown_name};
 use crate::bsdf::{
-    Coat, Distribution, Material, MaterialKind, RoughCoat, Tint, conductor_names, conductor_preset,
+    Coat, Distribution, Material, MaterialKind, Relief, RoughCoat, Tint, conductor_names,
+    conductor_preset,
 };
 use crate::math::Rgb;
-use crate::scene::parse::{DistributionName, Fault, MaterialRecord, MaterialType, TextureRecord};
-use crate::scene::values::{Number, Unit};
+use crate::scene::parse::{
+    DistributionName, Fault, ImageTextureRecord, MaterialRecord, MaterialType, TextureRecord,
+};
+use crate::scene::values::{NonNegative, Number, Unit};
 use crate::texture::Texture;
 use std::collections::BTreeMap;
 use toml::Spanned;
@@ -57,12 +60,9 @@ impl Materials {
             false => (&mut self.grey, 0.5),
         };
         *slot.get_or_insert_with(|| {
-            self.list.push(Material {
-                kind: MaterialKind::Diffuse {
-                    reflectance: Texture::Constant(Rgb::splat(reflectance)),
-                },
-                two_sided: false,
-            });
+            let reflectance = Texture::Constant(Rgb::splat(reflectance));
+            let kind = MaterialKind::Diffuse { reflectance };
+            self.list.push(Material::new(kind, false));
             (self.list.len() - 1) as u32
         })
     }
@@ -71,7 +71,7 @@ impl Materials {
 fn material(record: &MaterialRecord, assets: &mut Assets<'_>) -> Result<Material, Problem> {
     let mut texture = |field: &Field, default| match field {
         None => Ok(Texture::Constant(Rgb::splat(default))),
-        Some(given) => texture(given.get_ref(), assets),
+        Some(given) => texture::texture(given.get_ref(), assets),
     };
     let two_sided = |default| record.two_sided.as_ref().map_or(default, |b| *b.get_ref());
     let nonlinear = record.nonlinear.as_ref().is_some_and(|b| *b.get_ref());
@@ -167,7 +167,49 @@ fn material(record: &MaterialRecord, assets: &mut Assets<'_>) -> Result<Material
         }
         MaterialType::Null => (MaterialKind::Null, true),
     };
-    Ok(Material { kind, two_sided })
+    let opacity = match &record.opacity {
+        None => None,
+        Some(opacity) => match texture::texture(opacity.get_ref(), assets)? {
+            Texture::Constant(Rgb::ONE) => None,
+            texture => Some(texture),
+        },
+    };
+    Ok(Material {
+        kind,
+        two_sided,
+        opacity,
+        relief: relief(record, assets)?,
+    })
+}
+
+fn relief(record: &MaterialRecord, assets: &mut Assets<'_>) -> Result<Option<Relief>, Problem> {
+    match (&record.bump, &record.normal_map) {
+        (None, None) => Ok(None),
+        (Some(bump), None) => {
+            let bump = bump.get_ref();
+            let image = ImageTextureRecord {
+                file: bump.image.clone(),
+                raw: bump.raw,
+                filter: bump.filter,
+                wrap: bump.wrap,
+                uv: bump.uv.clone(),
+            };
+            Ok(Some(Relief::Bump {
+                height: texture::image::<NonNegative>(&image, assets)?,
+                scale: bump.scale.as_ref().map_or(1.0, Number::f32),
+            }))
+        }
+        (None, Some(map)) => {
+            let mut map = map.get_ref().clone();
+            if let TextureRecord::Image(image) = &mut map {
+                image.raw = true;
+            }
+            Ok(Some(Relief::Normals(texture::texture(&map, assets)?)))
+        }
+        (Some(_), Some(map)) => {
+            Err(Fault::new(map.span(), "a surface has `bump` or `normal_map`, not both").into())
+        }
+    }
 }
 
 /// A colour or image that reflects or transmits from nothing to everything.

@@ -140,8 +140,8 @@ impl Parts<'_> {
                 None => Ok(None),
                 Some(name) => Err(Fault::new(
                     name.span(),
-                    "an opaque surface bounds no medium; expected a material of type \"dielectric\", \
-                     \"rough_dielectric\" or \"null\" on this shape",
+                    "this surface bounds no medium; expected a material of type \"dielectric\", \
+                     \"rough_dielectric\" or \"null\" without `opacity` on this shape",
                 )
                 .into()),
             };

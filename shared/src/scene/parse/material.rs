@@ -1,7 +1,8 @@
 //! Materials.
 
-use super::{Fault, TextureRecord, given, only_takes};
+use super::{Fault, TextureRecord, UvSteps, given, only_takes};
 use crate::scene::values::*;
+use crate::texture::{TextureFilter, Wrap};
 use serde::Deserialize;
 use toml::Spanned;
 
@@ -27,6 +28,24 @@ pub struct MaterialRecord {
     pub metallic: Option<Spanned<Number<Unit>>>,
     pub roughness: Option<Spanned<Number<Unit>>>,
     pub specular: Option<Spanned<Number<Unit>>>,
+    pub opacity: Option<Spanned<TextureRecord<Unit>>>,
+    pub bump: Option<Spanned<BumpRecord>>,
+    pub normal_map: Option<Spanned<TextureRecord<Unit>>>,
+}
+
+/// An image of heights.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields, expecting = "{ image = \"file\", scale = 1.0 }")]
+pub struct BumpRecord {
+    pub image: Spanned<String>,
+    #[serde(default)]
+    pub raw: bool,
+    #[serde(default)]
+    pub filter: TextureFilter,
+    #[serde(default)]
+    pub wrap: Wrap,
+    pub uv: Option<UvSteps>,
+    pub scale: Option<Number<Finite>>,
 }
 
 impl MaterialRecord {
@@ -49,21 +68,32 @@ impl MaterialRecord {
             base_color,
             metallic,
             roughness,
-            specular
+            specular,
+            opacity,
+            bump,
+            normal_map
         );
-        only_takes(name, takes, &[], &given)
+        let common: &[&str] = match self.kind.get_ref() {
+            MaterialType::Null => &[],
+            _ => &["opacity", "bump", "normal_map"],
+        };
+        only_takes(name, takes, common, &given)
     }
 
     /// The files of its textures.
     pub fn files(&self) -> impl Iterator<Item = &Spanned<String>> {
-        [
+        let textures = [
             &self.reflectance,
             &self.specular_reflectance,
             &self.specular_transmittance,
             &self.base_color,
-        ]
-        .into_iter()
-        .filter_map(|field| field.as_ref()?.get_ref().file())
+            &self.opacity,
+            &self.normal_map,
+        ];
+        let files = textures
+            .into_iter()
+            .filter_map(|field| field.as_ref()?.get_ref().file());
+        files.chain(self.bump.iter().map(|bump| &bump.get_ref().image))
     }
 }
 

@@ -40,15 +40,19 @@ impl Grid {
 
     /// The grid as the bytes of a Mitsuba `.vol` file.
     pub fn vol(&self) -> Vec<u8> {
+        Self::vol_of(&[self])
+    }
+
+    /// Grids of one resolution as the channels of a Mitsuba `.vol` file.
+    pub fn vol_of(channels: &[&Self]) -> Vec<u8> {
         let mut bytes = b"VOL\x03".to_vec();
-        let [x, y, z] = self.resolution.map(|n| n as i32);
-        for int in [1, x, y, z, 1] {
+        let [x, y, z] = channels[0].resolution.map(|n| n as i32);
+        for int in [1, x, y, z, channels.len() as i32] {
             bytes.extend(int.to_le_bytes());
         }
-        for float in [0.0f32, 0.0, 0.0, 1.0, 1.0, 1.0]
-            .iter()
-            .chain(&self.samples)
-        {
+        let samples =
+            (0..channels[0].samples.len()).flat_map(|i| channels.iter().map(move |c| c.samples[i]));
+        for float in [0.0f32, 0.0, 0.0, 1.0, 1.0, 1.0].into_iter().chain(samples) {
             bytes.extend(float.to_le_bytes());
         }
         bytes
@@ -169,6 +173,8 @@ pub struct Room {
     pub phase: Vec<(f64, f64)>,
     /// The density.
     pub grid: Grid,
+    /// By channel, the part of `sigma_s` that scatters; the rest absorbs.
+    pub albedo: Option<[Grid; 3]>,
     /// The light.
     pub lamp: Lamp,
     /// The camera.
@@ -205,6 +211,9 @@ impl Room {
                 Some(t) => {
                     origin += dir * t;
                     beta *= self.sigma_s[c] / (self.sigma_s[c] + self.sigma_a[c]);
+                    if let Some(albedo) = &self.albedo {
+                        beta *= albedo[c].density(origin);
+                    }
                     let phase = |w: DVec3| self.phase_value(dir.dot(w));
                     sum += beta * self.direct(origin, phase, c, random);
                     dir = self.scattered(dir, random);
@@ -424,6 +433,7 @@ mod tests {
                 sigma_s: [1.0; 3],
                 phase,
                 grid: grid(),
+                albedo: None,
                 lamp,
                 camera,
             };

@@ -4,9 +4,10 @@
 //! lose a little light at edges, in proportion to their radius: scenes name a small one, and each comparison allows for a
 //! stated share of the expected value besides its errors.
 
+use beamfarm_shared::exr::pixel_hash;
 use beamfarm_tests::furnace::{closed_box, is_one, under_the_sky};
 use beamfarm_tests::path_tracer::{Camera, Grid, Lamp, Room};
-use beamfarm_tests::render::{Blocks, blocks, scene_with};
+use beamfarm_tests::render::{Blocks, average, blocks, scene_with};
 use beamfarm_tests::z_test::two_sided;
 use beamfarm_tests::{MeanEstimate, Suite};
 use glam::{DAffine3, DQuat, DVec2, DVec3};
@@ -185,6 +186,7 @@ fn lit_room(grid: Grid) -> Room {
         sigma_s: SIGMA_S,
         phase: vec![(1.0, G)],
         grid,
+        albedo: None,
         lamp: Lamp {
             center: DVec3::new(-0.45, 0.5, -0.3),
             radius: 0.15,
@@ -299,6 +301,69 @@ transform = {}
         0.005,
     );
     suite.finish();
+}
+
+#[test]
+fn smoke_of_many_colours_is_what_a_path_tracer_sees() {
+    let to_world = placed(
+        DVec3::new(2.4, 2.0, 2.2),
+        25.0,
+        DVec3::new(0.1, -0.05, 0.05),
+    );
+    // Coarser than the density; red scatters on one side, blue on the other.
+    let albedo = [0, 1, 2].map(|c| {
+        let sample = |i: usize| [1.0f32, 0.6, 0.1, 0.9, 0.0][(i + i / 3 + 2 * c) % 5];
+        Grid::new([3, 2, 4], (0..24).map(sample).collect(), to_world)
+    });
+    let file = Grid::vol_of(&albedo.each_ref());
+    let room = Room {
+        sigma_a: [0.0; 3],
+        sigma_s: [0.9; 3],
+        albedo: Some(albedo),
+        ..lit_room(lumps(to_world))
+    };
+    let expected = Blocks::new(room.images(2000, 3).into_iter(), BLOCK);
+    let text = [
+        &head(&CAMERA, 180, 8000),
+        EVERYWHERE,
+        &format!(
+            "[media.smoke]\nsigma_t = 0.9\nalbedo = {{ file = \"colours.vol\" }}\nphase = {{ type = \"hg\", g = {G} }}\n"
+        ),
+        &of_file(to_world, ""),
+        &furniture(&room),
+    ];
+    let assets: [(&str, &[u8]); 2] = [(VOL, &room.grid.vol()), ("colours.vol", &file)];
+    let scene = scene_with(&text.map(String::from).concat(), &assets);
+    // Significance 1e-3 for both images; 0.5 % for kernels.
+    let mut suite = Suite::new(1e-3);
+    same_image(
+        &mut suite,
+        "colours",
+        &blocks(&scene, BLOCK),
+        &expected,
+        0.005,
+    );
+    suite.finish();
+}
+
+/// A half everywhere, in one channel or three, is the colour of a half, to the bit.
+#[test]
+fn an_albedo_of_one_value_is_a_colour() {
+    let room = lit_room(lumps(cube()));
+    let halves = Grid::new([3, 2, 4], vec![0.5; 24], cube());
+    let hash = |albedo: &str, file: &[u8]| {
+        let text = head(&CAMERA, 4, 2000)
+            + EVERYWHERE
+            + &format!("[media.smoke]\nsigma_t = [0.6, 0.7, 0.9]\nalbedo = {albedo}\n")
+            + &of_file(cube(), "")
+            + &furniture(&room);
+        let scene = scene_with(&text, &[(VOL, &room.grid.vol()), ("a.vol", file)]);
+        pixel_hash(&average(&scene).beauty)
+    };
+    let color = hash("0.5", b"");
+    assert_eq!(hash("{ file = \"a.vol\" }", &halves.vol()), color);
+    let three = Grid::vol_of(&[&halves; 3]);
+    assert_eq!(hash("{ file = \"a.vol\" }", &three), color);
 }
 
 #[test]

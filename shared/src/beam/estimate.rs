@@ -125,7 +125,8 @@ pub fn gather(
 ) -> PacketRadiance {
     let packet = SegmentPacket::new(medium, map.steps(), segments, steps, key);
     let sigma_t = medium.sigma_t();
-    let grey = sigma_t.x == sigma_t.y && sigma_t.y == sigma_t.z;
+    let even = !matches!(medium, Medium::Heterogeneous(medium) if medium.albedo().is_some());
+    let grey = even && sigma_t.x == sigma_t.y && sigma_t.y == sigma_t.z;
     let lobes = match medium.phase() {
         Phase::Isotropic => 0,
         Phase::HenyeyGreenstein { .. } => 1,

@@ -5,10 +5,10 @@
 
 use super::PhotonBeam;
 use super::estimate::{CameraSegment, LANES, Lanes};
-use crate::math::{Rgb, Vec3, exp_rgb_neg};
-use crate::medium::Heterogeneous;
+use crate::math::{Rgb, exp_rgb_neg};
 use crate::medium::bricks::Bricks;
 use crate::medium::transmittance::{Step, StepFunction, StepFunctions};
+use crate::medium::{Albedo, Heterogeneous};
 
 /// Segments with more steps than this are looked up by bisection, one by one; the others all at once.
 const FEW_STEPS: usize = 64;
@@ -16,6 +16,7 @@ const FEW_STEPS: usize = 64;
 /// Segments of a group in a heterogeneous medium.
 pub(super) struct Varying<'a> {
     bricks: &'a Bricks,
+    albedo: Option<&'a Albedo>,
     sigma_t: Rgb,
     /// The segments in the samples' space.
     origin: [Lanes; 3],
@@ -32,7 +33,7 @@ pub(super) struct Varying<'a> {
 pub(super) struct Attenuation {
     /// Density at the points.
     pub density: Lanes,
-    /// Product of the two values, by channel.
+    /// Product of the two values, and of the albedo where it varies, by channel.
     pub transmitted: [Lanes; 3],
     /// Density times length of both that is in closed form: exp(-sigma_t depth) is left to be multiplied.
     pub depth: Lanes,
@@ -66,6 +67,7 @@ impl<'a> Varying<'a> {
         };
         Self {
             bricks: medium.bricks(),
+            albedo: medium.albedo(),
             sigma_t: medium.sigma_t(),
             origin,
             dir,
@@ -161,17 +163,30 @@ impl<'a> Varying<'a> {
                 out.transmitted[c][l] *= transmitted[c][l];
             }
         }
+        if !GREY && let Some(albedo) = self.albedo {
+            let albedo = albedo.at(&points);
+            for c in 0..3 {
+                for l in 0..LANES {
+                    out.transmitted[c][l] *= albedo[c][l];
+                }
+            }
+        }
         out
     }
 
-    /// Density and transmittance for a point at `t` along a segment and `s` along a beam.
+    /// Density, albedo where it varies, and transmittance for a point at `t` along a segment and `s` along a beam.
     pub fn attenuation_at(&self, beam: &PhotonBeam, lane: usize, t: f32, s: f32) -> Rgb {
         let at = |c: usize| self.origin[c][lane] + self.dir[c][lane] * t;
-        let density = self.bricks.density(Vec3::new(at(0), at(1), at(2)));
+        let point = [at(0), at(1), at(2)];
+        let density = self.bricks.density(point.into());
+        let scatters = match self.albedo {
+            None => Rgb::splat(density),
+            Some(albedo) => Rgb::from(albedo.at(&point.map(|x| [x])).map(|[x]| x)) * density,
+        };
         let (tr_segment, decayed_segment) = self.segments[lane].step_at(t);
         let (tr_beam, decayed_beam) = self.beams.get(beam.steps).step_at(s);
         let decayed = exp_rgb_neg(self.sigma_t * -(decayed_segment + decayed_beam));
-        tr_segment * tr_beam * decayed * density
+        tr_segment * tr_beam * decayed * scatters
     }
 }
 

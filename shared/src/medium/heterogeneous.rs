@@ -21,7 +21,7 @@ const MOST_OFTEN: f32 = 64.0;
 pub struct Heterogeneous {
     /// Absorption at density 1, RGB, per scene unit.
     pub sigma_a: Rgb,
-    /// Scattering at density 1, RGB, per scene unit.
+    /// Scattering at density 1, RGB, per scene unit; where `albedo` varies, its factor.
     pub sigma_s: Rgb,
     /// Phase function.
     pub phase: Phase,
@@ -32,6 +32,37 @@ pub struct Heterogeneous {
     majorants: Arc<MajorantGrid>,
     /// Render space to sample space.
     to_samples: Affine3A,
+    /// The part of `sigma_s` that scatters, from place to place; the rest absorbs.
+    albedo: Option<Albedo>,
+}
+
+/// An albedo that varies.
+#[derive(Clone, Debug)]
+pub struct Albedo {
+    /// One for all channels, or one for each.
+    channels: Arc<Vec<Bricks>>,
+    /// The density's samples' space to that of these.
+    from_density: Affine3A,
+}
+
+impl Albedo {
+    /// At positions side by side in the density's sample space, by channel.
+    #[inline]
+    pub fn at<const N: usize>(&self, positions: &[[f32; N]; 3]) -> [[f32; N]; 3] {
+        let mut points = [[0.0; N]; 3];
+        for l in 0..N {
+            let p = Vec3::new(positions[0][l], positions[1][l], positions[2][l]);
+            let p = self.from_density.transform_point3(p);
+            for c in 0..3 {
+                points[c][l] = p[c];
+            }
+        }
+        match &self.channels[..] {
+            [red, green, blue] => [red, green, blue].map(|c| c.densities(&points)),
+            [grey, ..] => [grey.densities(&points); 3],
+            [] => [[1.0; N]; 3],
+        }
+    }
 }
 
 /// A ray through the density, in sample space. Distances are those of render space.
@@ -49,6 +80,19 @@ impl Track<'_> {
     pub fn density(&self, distance: f32) -> f32 {
         let position = self.origin + self.dir * distance;
         self.medium.bricks.density(position)
+    }
+
+    /// Albedo at a distance, where it varies.
+    #[inline]
+    fn albedo(&self, distance: f32) -> Rgb {
+        match &self.medium.albedo {
+            None => Rgb::ONE,
+            Some(albedo) => {
+                let position = self.origin + self.dir * distance;
+                let at = albedo.at(&position.to_array().map(|x| [x]));
+                Rgb::from(at.map(|[x]| x))
+            }
+        }
     }
 
     /// Stretches with bounds of the density.
@@ -81,7 +125,28 @@ impl Heterogeneous {
             bricks,
             majorants: Arc::new(majorants),
             to_samples: from_samples.inverse().as_affine3a(),
+            albedo: None,
         }
+    }
+
+    /// The same with `sigma_s` as the whole extinction of what may scatter, and the part of it that does: one grid for all
+    /// channels or three, in the density's object space.
+    pub fn with_albedo(self, channels: Arc<Vec<Bricks>>) -> Self {
+        let from_density = channels.first().map_or(DAffine3::IDENTITY, |bricks| {
+            bricks.to_object().inverse() * self.bricks.to_object()
+        });
+        Self {
+            albedo: Some(Albedo {
+                channels,
+                from_density: from_density.as_affine3a(),
+            }),
+            ..self
+        }
+    }
+
+    /// The albedo, where it varies.
+    pub fn albedo(&self) -> Option<&Albedo> {
+        self.albedo.as_ref()
     }
 
     /// Extinction at density 1, RGB, per scene unit.
@@ -179,6 +244,9 @@ impl Heterogeneous {
                 let real = (flux * collides).element_sum() / flux.element_sum();
                 if sampler.next_1d() < real {
                     weight *= self.sigma_s * (rho / (rate * real));
+                    if self.albedo.is_some() {
+                        weight *= track.albedo(t);
+                    }
                     scattered = Some(t);
                     return false;
                 }

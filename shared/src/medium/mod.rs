@@ -8,7 +8,7 @@ pub mod majorant;
 pub mod procedural;
 pub mod transmittance;
 
-pub use heterogeneous::{Heterogeneous, Track};
+pub use heterogeneous::{Albedo, Heterogeneous, Track};
 pub use homogeneous::{Flight, Homogeneous};
 
 use crate::math::{Ray, Rgb};

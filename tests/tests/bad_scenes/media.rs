@@ -69,6 +69,45 @@ fn densities_belong_to_heterogeneous_media() {
 }
 
 #[test]
+fn albedos_of_files_are_checked() {
+    refused(
+        r#"
+[media.fog] | type = "homogeneous" | sigma_t = 1 | albedo = { file = "a.vol" }
+    6: media.fog.albedo: an albedo from a file is one of a "heterogeneous" medium
+[media.fog] | type = "heterogeneous" | sigma_t = 1 | albedo = {} | density = { min = [0, 0, 0], max = [1, 1, 1] }
+    6: media.fog.albedo: missing field `file`
+[media.fog] | type = "heterogeneous" | sigma_t = 1 | albedo = { file = "a.vol" } | density = { min = [0, 0, 0], max = [1, 1, 1] }
+    6: media.fog.albedo.file: the bundle lacks the file "a.vol"
+[media.fog] | type = "heterogeneous" | sigma_t = 1 | albedo = "a.vol" | density = { min = [0, 0, 0], max = [1, 1, 1] }
+    6: media.fog.albedo: invalid type: string "a.vol", expected a number from 0 to 1, or three of them in brackets, or { file = "volume" }
+"#,
+    );
+    let text = format!(
+        "{VIEW}[media.fog]\ntype = \"heterogeneous\"\nsigma_t = 1\nalbedo = {{ file = \"a.vol\" }}
+        density = {{ min = [0, 0, 0], max = [1, 1, 1] }}"
+    );
+    for (channels, value, expected) in [
+        (
+            3,
+            1.5f32,
+            "a.vol: a sample is 1.5; expected albedos from 0 to 1",
+        ),
+        (1, f32::NAN, "a.vol: its sample at [0, 0, 0] is not finite"),
+        (2, 0.5, "a.vol: the grid has 2 channels; expected 1 or 3"),
+    ] {
+        let mut bytes = b"VOL\x03".to_vec();
+        for int in [1, 1, 1, 1, channels] {
+            bytes.extend(i32::to_le_bytes(int));
+        }
+        bytes.extend([0; 24]);
+        for _ in 0..channels {
+            bytes.extend(value.to_le_bytes());
+        }
+        assert_eq!(error_of(&text, &[("a.vol", bytes)]).to_string(), expected);
+    }
+}
+
+#[test]
 fn heterogeneous_media_are_checked() {
     refused_in_cloud(
         r#"

@@ -8,7 +8,7 @@ use crate::medium::transmittance::Estimator;
 use crate::medium::{Heterogeneous, Homogeneous, Medium, MediumId};
 use crate::phase::Phase;
 use crate::scene::parse::{
-    BlobRecord, DensityRecord, Fault, MediumKind, MediumRecord, PhaseRecord,
+    AlbedoRecord, BlobRecord, DensityRecord, Fault, MediumKind, MediumRecord, PhaseRecord,
 };
 use crate::scene::transform;
 use glam::{DAffine3, DVec3};
@@ -119,7 +119,16 @@ fn coefficients(record: &MediumRecord, scale: f64) -> Result<[Rgb; 2], Fault> {
     ) {
         (Some(sigma_a), Some(sigma_s), None, None) => (sigma_a.get_ref().0, sigma_s.get_ref().0),
         (None, None, Some(sigma_t), Some(albedo)) => {
-            let (sigma_t, albedo) = (sigma_t.get_ref().0, albedo.get_ref().0);
+            let sigma_t = sigma_t.get_ref().0;
+            let albedo = match (albedo.get_ref(), record.kind.get_ref()) {
+                (AlbedoRecord::Color(color), _) => color.0,
+                // The file's are factors on the scattering.
+                (AlbedoRecord::File { .. }, MediumKind::Heterogeneous) => [1.0; 3],
+                (AlbedoRecord::File { .. }, MediumKind::Homogeneous) => {
+                    let message = "an albedo from a file is one of a \"heterogeneous\" medium";
+                    return Err(Fault::new(albedo.span(), message));
+                }
+            };
             let scattered = std::array::from_fn(|c| sigma_t[c] * albedo[c]);
             (
                 std::array::from_fn(|c| sigma_t[c] - scattered[c]),
@@ -209,6 +218,13 @@ fn heterogeneous(
         density,
         to_render,
     );
+    let medium = match record.albedo.as_ref().map(|a| a.get_ref()) {
+        Some(AlbedoRecord::File { file, grid }) => {
+            let grid = grid.as_ref().map(|name| name.get_ref().as_str());
+            medium.with_albedo(assets.albedo(file, grid)?)
+        }
+        _ => medium,
+    };
     let densest = medium.bricks().max();
     if !(medium.sigma_t().max_element() * densest).is_finite() {
         let message = format!(

@@ -16,7 +16,7 @@ use super::{RenderDefaults, SceneDescription, transform};
 use crate::bundle::{self, Bundle};
 use crate::job::MAX_PASSES;
 use crate::medium::MediumId;
-use crate::medium::bricks::Bricks;
+use crate::medium::bricks::{Bricks, RawDensity};
 use crate::texture::Image;
 use glam::DVec3;
 use std::collections::BTreeMap;
@@ -120,6 +120,8 @@ struct Assets<'a> {
     meshes: BTreeMap<String, Arc<RawMesh>>,
     /// By file and grid.
     densities: BTreeMap<(String, Option<String>), Arc<Bricks>>,
+    /// Likewise; one channel or three.
+    albedos: BTreeMap<(String, Option<String>), Arc<Vec<Bricks>>>,
 }
 
 impl<'a> Assets<'a> {
@@ -129,6 +131,7 @@ impl<'a> Assets<'a> {
             images: BTreeMap::new(),
             meshes: BTreeMap::new(),
             densities: BTreeMap::new(),
+            albedos: BTreeMap::new(),
         }
     }
 
@@ -156,6 +159,25 @@ impl<'a> Assets<'a> {
                 Ok(bricks)
             },
         )
+    }
+
+    fn albedo(
+        &mut self,
+        path: &Spanned<String>,
+        grid: Option<&str>,
+    ) -> Result<Arc<Vec<Bricks>>, Problem> {
+        let key = (path.get_ref().clone(), grid.map(str::to_owned));
+        load(&mut self.albedos, key, self.bundle, path, |name, bytes| {
+            let bricks = |raw: &RawDensity| {
+                let bricks = Bricks::new(raw).map_err(|e| e.to_string())?;
+                match bricks.max() {
+                    ..=1.0 => Ok(bricks),
+                    max => Err(format!("a sample is {max}; expected albedos from 0 to 1")),
+                }
+            };
+            let raw = volume::read_albedo(name, bytes, grid)?;
+            Ok(raw.iter().map(bricks).collect::<Result<_, _>>()?)
+        })
     }
 
     fn mesh(&mut self, path: &Spanned<String>) -> Result<Arc<RawMesh>, Problem> {

@@ -5,9 +5,10 @@ use super::{Fault, given, only_takes};
 use crate::medium::transmittance::Estimator;
 use crate::scene::values::*;
 use serde::de::value::MapAccessDeserializer;
-use serde::de::{MapAccess, Visitor};
+use serde::de::{MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 use std::fmt;
+use std::marker::PhantomData;
 use toml::Spanned;
 
 #[derive(Debug, Deserialize)]
@@ -18,7 +19,7 @@ pub struct MediumRecord {
     pub sigma_a: Option<Spanned<Color<NonNegative>>>,
     pub sigma_s: Option<Spanned<Color<NonNegative>>>,
     pub sigma_t: Option<Spanned<Color<NonNegative>>>,
-    pub albedo: Option<Spanned<Color<Unit>>>,
+    pub albedo: Option<Spanned<AlbedoRecord>>,
     #[serde(default)]
     pub phase: PhaseRecord,
     pub density: Option<Spanned<DensityRecord>>,
@@ -32,6 +33,19 @@ impl MediumRecord {
         let (name, takes) = self.kind.get_ref().takes();
         let given = given!(self, density, scale, transform, transmittance);
         only_takes(name, takes, MediumKind::ALL, &given)
+    }
+
+    /// The volumes that it names.
+    pub fn files(&self) -> impl Iterator<Item = &Spanned<String>> {
+        let density = self
+            .density
+            .as_ref()
+            .and_then(|d| d.get_ref().file.as_ref());
+        let albedo = match self.albedo.as_ref().map(|a| a.get_ref()) {
+            Some(AlbedoRecord::File { file, .. }) => Some(file),
+            _ => None,
+        };
+        density.into_iter().chain(albedo)
     }
 }
 
@@ -55,6 +69,52 @@ impl MediumKind {
                 &["density", "scale", "transform", "transmittance"],
             ),
         }
+    }
+}
+
+/// A colour, or a volume file.
+#[derive(Clone, Debug)]
+pub enum AlbedoRecord {
+    Color(Color<Unit>),
+    File {
+        file: Spanned<String>,
+        grid: Option<Spanned<String>>,
+    },
+}
+
+impl<'de> Deserialize<'de> for AlbedoRecord {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct AlbedoVisitor(ColorVisitor<Unit>);
+        impl<'de> Visitor<'de> for AlbedoVisitor {
+            type Value = AlbedoRecord;
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                self.0.expecting(f)?;
+                f.write_str(", or { file = \"volume\" }")
+            }
+            fn visit_f64<E: serde::de::Error>(self, x: f64) -> Result<Self::Value, E> {
+                self.0.visit_f64(x).map(AlbedoRecord::Color)
+            }
+            fn visit_i64<E: serde::de::Error>(self, x: i64) -> Result<Self::Value, E> {
+                self.0.visit_i64(x).map(AlbedoRecord::Color)
+            }
+            fn visit_seq<A: SeqAccess<'de>>(self, seq: A) -> Result<Self::Value, A::Error> {
+                self.0.visit_seq(seq).map(AlbedoRecord::Color)
+            }
+            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Self::Value, A::Error> {
+                #[derive(Deserialize)]
+                #[serde(deny_unknown_fields)]
+                struct Table {
+                    file: Spanned<String>,
+                    grid: Option<Spanned<String>>,
+                }
+                let table = Table::deserialize(MapAccessDeserializer::new(map))?;
+                Ok(AlbedoRecord::File {
+                    file: table.file,
+                    grid: table.grid,
+                })
+            }
+        }
+        deserializer.deserialize_any(AlbedoVisitor(ColorVisitor(PhantomData)))
     }
 }
 

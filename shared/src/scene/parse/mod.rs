@@ -88,8 +88,7 @@ impl SceneRecord {
             None => s.file.as_ref(),
         });
         let images = self.lights.iter().filter_map(|l| l.image.as_ref());
-        let densities = self.media.values().filter_map(|m| m.density.as_ref());
-        let volumes = densities.filter_map(|d| d.get_ref().file.as_ref());
+        let volumes = self.media.values().flat_map(MediumRecord::files);
         textures
             .chain(meshes)
             .chain(images)

@@ -25,6 +25,15 @@ pub fn read(name: &str, bytes: &[u8], grid: Option<&str>) -> Result<RawDensity, 
     }
 }
 
+/// Read an albedo: a grid, or one for each of red, green and blue, which .vol files may hold. Otherwise as [`read`].
+pub fn read_albedo(name: &str, bytes: &[u8], grid: Option<&str>) -> Result<Vec<RawDensity>, Flaw> {
+    let ending = name.rsplit_once('.').map(|(_, ending)| ending);
+    match (ending, grid) {
+        (Some(vol), None) if vol.eq_ignore_ascii_case("vol") => vol::read_channels(bytes),
+        _ => Ok(vec![read(name, bytes, grid)?]),
+    }
+}
+
 /// A brick of samples in our order, in as little memory as it takes.
 fn core(samples: [f32; BRICK * BRICK * BRICK]) -> Core {
     match samples.iter().all(|s| s.to_bits() == samples[0].to_bits()) {

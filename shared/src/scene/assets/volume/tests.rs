@@ -386,7 +386,12 @@ fn claims_are_not_believed() {
             "takes 1125899906842624 bytes; 600 follow",
         ),
         (8, &[9], "takes 540 bytes; 600 follow"),
-        (20, &[3], "the grid has 3 channels; expected 1"),
+        (20, &[2], "the grid has 2 channels; expected 1 or 3"),
+        (
+            20,
+            &[3],
+            "samples of 3 channels takes 1800 bytes; 600 follow",
+        ),
     ];
     for (at, patch, reason) in cases {
         let message = message(read("a.vol", &patched(&bytes, &[(*at, patch)]), None));

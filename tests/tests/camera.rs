@@ -1,13 +1,11 @@
 //! The camera's rays: field of view, orientation, lens.
 
-use beamfarm_shared::bundle::Bundle;
 use beamfarm_shared::camera::Camera;
 use beamfarm_shared::filter::PixelFilter;
 use beamfarm_shared::math::{Frame, Vec2, Vec3};
 use beamfarm_shared::pass::render_pass;
 use beamfarm_shared::plan::RenderPlan;
 use beamfarm_shared::sampler::{Purpose, Sampler};
-use beamfarm_shared::scene::SceneDescription;
 use beamfarm_tests::quadrature::Rect;
 use beamfarm_tests::render::scene;
 use beamfarm_tests::z_test::two_sided;
@@ -110,12 +108,7 @@ fn lens_is_sampled_uniformly() {
 }
 
 fn loaded(text: &str) -> Camera {
-    let mut bundle = Bundle {
-        scene: "view.toml".into(),
-        ..Bundle::default()
-    };
-    bundle.files.insert("view.toml".into(), text.into());
-    SceneDescription::load(&bundle).unwrap().camera
+    scene(text).description().camera
 }
 
 /// Where a ray meets the plane z = -1; the camera is at the origin.

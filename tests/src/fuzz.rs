@@ -9,7 +9,7 @@ use beamfarm_shared::bundle::Bundle;
 use beamfarm_shared::exr::{decode_block, decode_rgb};
 use beamfarm_shared::job::Block;
 use beamfarm_shared::layer::{Layer, LightGroup};
-use beamfarm_shared::scene::SceneDescription;
+use beamfarm_shared::scene::{ImportOptions, SceneDescription, SceneFile, read_bundle};
 use prost::Message;
 use rand_core::Rng;
 use rand_pcg::Pcg32;
@@ -32,6 +32,14 @@ pub const TARGETS: &[Target] = &[
     Target {
         name: "exr",
         run: exr,
+    },
+    Target {
+        name: "gltf",
+        run: gltf,
+    },
+    Target {
+        name: "mitsuba",
+        run: mitsuba,
     },
     Target {
         name: "obj",
@@ -114,6 +122,34 @@ pub fn scene(data: &[u8]) {
     };
     bundle.files.insert("scene.toml".into(), data.to_vec());
     let _ = SceneDescription::load(&bundle);
+}
+
+/// A glTF file and its camera.
+pub fn gltf(data: &[u8]) {
+    let gltf = "[[gltf]]\nfile = \"a.glb\"\n";
+    load(&format!("{VIEW}{gltf}"), "a.glb", data);
+    let camera = "image = { width = 8, height = 8 }\ncamera = { gltf = \"a.glb\" }\n";
+    load(camera, "a.glb", data);
+    // Which files are beside it.
+    if let Ok(folder) = tempfile::tempdir() {
+        let scene = folder.path().join("scene.toml");
+        let written = std::fs::write(&scene, format!("{VIEW}{gltf}"))
+            .and_then(|()| std::fs::write(folder.path().join("a.glb"), data));
+        if written.is_ok() {
+            let _ = read_bundle(&scene);
+        }
+    }
+}
+
+/// A Mitsuba scene.
+pub fn mitsuba(data: &[u8]) {
+    if let Ok(folder) = tempfile::tempdir() {
+        let scene = folder.path().join("scene.xml");
+        if std::fs::write(&scene, data).is_ok() {
+            let file = SceneFile::read(&scene, &ImportOptions::default());
+            let _ = file.and_then(|file| file.load());
+        }
+    }
 }
 
 /// A PLY mesh.

@@ -28,7 +28,7 @@ impl Grid {
     /// # Panics
     /// When the number of samples is not the resolution's.
     pub fn new(resolution: [usize; 3], samples: Vec<f32>, to_world: DAffine3) -> Self {
-        assert_eq!(samples.len(), resolution.iter().product());
+        assert_eq!(samples.len(), resolution.iter().product::<usize>());
         let cells = DVec3::from_array(resolution.map(|n| n as f64));
         Self {
             resolution,

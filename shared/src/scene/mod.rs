@@ -16,6 +16,7 @@ use crate::geometry::Object;
 use crate::job::{JobSettings, ScheduleKind};
 use crate::light::{Light, SceneBounds};
 use crate::medium::{Medium, MediumId};
+use assets::gltf;
 use build::Problem;
 pub use mitsuba::{ImportOptions, Imported, Origin, import};
 use parse::{Fault, SceneRecord};
@@ -221,27 +222,43 @@ fn with_assets(
     let scene = bundle::key(&name);
     let mut room = bundle::MAX_BYTES.saturating_sub(bytes.len() as u64);
     let mut files = BTreeMap::from([(scene.clone(), bytes.clone())]);
-    for asset in record.assets() {
-        let written = asset.get_ref();
-        let key = bundle::key(written);
-        if files.contains_key(&key) {
-            continue;
-        }
-        let fault = |reason: String| {
-            let fault = Fault::new(asset.span(), reason);
-            source::locate(path, text, &fault)
+    let mut add =
+        |files: &mut BTreeMap<String, Vec<u8>>, written: &str, span: std::ops::Range<usize>| {
+            let fault = |reason: String| {
+                let fault = Fault::new(span.clone(), reason);
+                source::locate(path, text, &fault)
+            };
+            let key = bundle::key(written);
+            if files.contains_key(&key) {
+                return Ok(());
+            }
+            bundle::check_key(&key).map_err(fault)?;
+            if files.len() == bundle::MAX_FILES {
+                return Err(fault(format!(
+                    "the scene names more files than the {} that it may have",
+                    bundle::MAX_FILES
+                )));
+            }
+            let bytes = read_file(&folder.join(written), room)
+                .map_err(|reason| fault(format!("the file \"{written}\": {reason}")))?;
+            room -= bytes.len() as u64;
+            files.insert(key, bytes);
+            Ok(())
         };
-        bundle::check_key(&key).map_err(fault)?;
-        if files.len() == bundle::MAX_FILES {
-            return Err(fault(format!(
-                "the scene names more files than the {} that it may have",
-                bundle::MAX_FILES
-            )));
+    for asset in record.assets() {
+        add(&mut files, asset.get_ref(), asset.span())?;
+    }
+    for asset in record.gltf_files() {
+        let name = asset.get_ref();
+        let bytes = files.get(&bundle::key(name)).map_or(&[][..], Vec::as_slice);
+        let named = gltf::files(bytes).map_err(|flaw| SceneError {
+            file: folder.join(name),
+            line: None,
+            message: flaw.message,
+        })?;
+        for file in named {
+            add(&mut files, &gltf::beside(name, &file), asset.span())?;
         }
-        let bytes = read_file(&folder.join(written), room)
-            .map_err(|reason| fault(format!("the file \"{written}\": {reason}")))?;
-        room -= bytes.len() as u64;
-        files.insert(key, bytes);
     }
     Ok(Bundle { scene, files })
 }

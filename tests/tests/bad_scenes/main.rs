@@ -275,9 +275,9 @@ fn settings_and_structure_are_checked() {
 [render] | radius = 0.0
     4: render.radius: expected a number above 0, found 0.0
 [light]
-    3: light: unknown field `light`, expected one of `image`, `render`, `world`, `camera`, `media`, `materials`, `shapes`, `lights`
+    3: light: unknown field `light`, expected one of `image`, `render`, `world`, `camera`, `media`, `materials`, `shapes`, `lights`, `gltf`
 x = 1
-    3: x: unknown field `x`, expected one of `image`, `render`, `world`, `camera`, `media`, `materials`, `shapes`, `lights`
+    3: x: unknown field `x`, expected one of `image`, `render`, `world`, `camera`, `media`, `materials`, `shapes`, `lights`, `gltf`
 x = 1 | x = 2
     4: duplicate key
 "#,

@@ -23,14 +23,19 @@ impl RawMesh {
         let ending = name
             .rsplit_once('.')
             .map(|(_, ending)| ending.to_ascii_lowercase());
-        let mut mesh = match ending.as_deref() {
+        let mesh = match ending.as_deref() {
             Some("ply") => ply::read(bytes)?,
             Some("obj") => obj::read(bytes)?,
             _ => return Err("unsupported kind of mesh file; expected .ply or .obj".into()),
         };
-        mesh.check()?;
-        mesh.repair_normals();
-        Ok(mesh)
+        mesh.checked()
+    }
+
+    /// The mesh with unit normals, if it can be used.
+    pub fn checked(mut self) -> Result<Self, Flaw> {
+        self.check()?;
+        self.repair_normals();
+        Ok(self)
     }
 
     fn check(&self) -> Result<(), Flaw> {

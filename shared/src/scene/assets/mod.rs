@@ -1,6 +1,7 @@
 //! Files that a scene names: meshes, images and volumes. Nothing that their headers claim is believed before the bytes
 //! are there.
 
+pub mod gltf;
 pub mod image;
 pub mod mesh;
 mod obj;

@@ -18,7 +18,7 @@ use toml::Spanned;
 /// The scene's materials in the order of their names, then those for shapes that name none.
 pub struct Materials {
     pub list: Vec<Material>,
-    names: Vec<String>,
+    names: BTreeMap<String, u32>,
     grey: Option<u32>,
     black: Option<u32>,
 }
@@ -30,25 +30,41 @@ impl Materials {
     ) -> Result<Self, Problem> {
         let mut materials = Self {
             list: Vec::new(),
-            names: Vec::new(),
+            names: BTreeMap::new(),
             grey: None,
             black: None,
         };
-        for (name, record) in records {
-            materials.list.push(material(record, assets)?);
-            materials.names.push(name.get_ref().clone());
-        }
+        materials.enter(records, assets)?;
         Ok(materials)
+    }
+
+    /// Add materials whose names are the only ones until [`Self::leave`].
+    pub fn enter(
+        &mut self,
+        records: &BTreeMap<Spanned<String>, MaterialRecord>,
+        assets: &mut Assets<'_>,
+    ) -> Result<BTreeMap<String, u32>, Problem> {
+        let mut names = BTreeMap::new();
+        for (name, record) in records {
+            names.insert(name.get_ref().clone(), self.list.len() as u32);
+            self.list.push(material(record, assets)?);
+        }
+        Ok(std::mem::replace(&mut self.names, names))
+    }
+
+    /// Back to the names that held before.
+    pub fn leave(&mut self, names: BTreeMap<String, u32>) {
+        self.names = names;
     }
 
     /// The material of a name.
     pub fn resolve(&self, name: &Spanned<String>) -> Result<u32, Fault> {
-        match self.names.binary_search(name.get_ref()) {
-            Ok(index) => Ok(index as u32),
-            Err(_) => Err(unknown_name(
+        match self.names.get(name.get_ref()) {
+            Some(index) => Ok(*index),
+            None => Err(unknown_name(
                 "material",
                 name,
-                self.names.iter().map(String::as_str),
+                self.names.keys().map(String::as_str),
             )),
         }
     }

@@ -2,6 +2,7 @@
 //! the camera stands at the origin.
 
 mod bounds;
+mod gltf;
 mod light;
 mod material;
 mod medium;
@@ -47,12 +48,13 @@ impl From<Fault> for Problem {
 /// Build the scene of a record, with the assets of a bundle.
 pub fn build(record: &SceneRecord, bundle: &Bundle) -> Result<SceneDescription, Problem> {
     let mut assets = Assets::new(bundle);
-    let render_origin = record.camera.origin.0;
+    let eye = gltf::eye(record, bundle)?;
+    let render_origin = eye.origin.0;
     let media = medium::Media::new(&record.media, render_origin, &mut assets)?;
     let world_medium = media.resolve_or(record.world.medium.as_ref(), None)?;
     let materials = material::Materials::new(&record.materials, &mut assets)?;
-    let camera = view::camera(&record.image, &record.camera)?;
-    let camera_medium = match &record.camera.medium {
+    let camera = view::camera(&record.image, record.camera.get_ref(), &eye)?;
+    let camera_medium = match &record.camera.get_ref().medium {
         Some(name) => Some(media.resolve(name)?),
         None => None,
     };
@@ -71,6 +73,9 @@ pub fn build(record: &SceneRecord, bundle: &Bundle) -> Result<SceneDescription, 
     for (i, shape) in record.shapes.iter().enumerate() {
         let name = shape.name.clone().unwrap_or_else(|| format!("shapes[{i}]"));
         parts.add_shape(shape, &name)?;
+    }
+    for file in &record.gltf {
+        parts.add_gltf(file)?;
     }
     Ok(SceneDescription {
         camera,

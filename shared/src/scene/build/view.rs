@@ -2,7 +2,7 @@
 
 use crate::camera::Camera;
 use crate::math::{Frame, Vec2, Vec3};
-use crate::scene::parse::{CameraRecord, CropRecord, Fault, FovAxis, ImageRecord};
+use crate::scene::parse::{CameraRecord, CropRecord, Eye, Fault, FovAxis, ImageRecord};
 use glam::{DVec2, DVec3};
 use toml::Spanned;
 
@@ -44,19 +44,16 @@ fn side(side: &Spanned<u32>) -> Result<u32, Fault> {
 }
 
 /// The camera at the origin of render space.
-pub fn camera(image: &ImageRecord, record: &CameraRecord) -> Result<Camera, Fault> {
+pub fn camera(image: &ImageRecord, record: &CameraRecord, eye: &Eye) -> Result<Camera, Fault> {
     let (width, height) = (side(&image.width)?, side(&image.height)?);
-    let view = record.target.get_ref().0 - record.origin.0;
+    let view = eye.target.get_ref().0 - eye.origin.0;
     let forward = view
         .try_normalize()
-        .ok_or_else(|| Fault::new(record.target.span(), "expected a point other than `origin`"))?;
-    let up = record.up.as_ref().map_or(DVec3::Y, |up| up.get_ref().0);
+        .ok_or_else(|| Fault::new(eye.target.span(), "expected a point other than `origin`"))?;
+    let up = eye.up.as_ref().map_or(DVec3::Y, |up| up.get_ref().0);
     let right = forward.cross(up.normalize_or_zero());
     if right.length() < 1e-9 {
-        let span = record
-            .up
-            .as_ref()
-            .map_or(record.target.span(), |up| up.span());
+        let span = eye.up.as_ref().map_or(eye.target.span(), |up| up.span());
         return Err(Fault::new(
             span,
             "`up` must not be zero or parallel to the direction from `origin` to `target`",
@@ -64,9 +61,9 @@ pub fn camera(image: &ImageRecord, record: &CameraRecord) -> Result<Camera, Faul
     }
     let right = right.normalize();
 
-    let tan = libm::tan(0.5 * record.fov.get_ref().0.to_radians());
+    let tan = libm::tan(0.5 * eye.fov.get_ref().0.to_radians());
     let aspect = f64::from(width) / f64::from(height);
-    let horizontal = match record.fov_axis {
+    let horizontal = match eye.fov_axis {
         FovAxis::X => true,
         FovAxis::Y => false,
         FovAxis::Smaller => width <= height,
@@ -102,7 +99,7 @@ pub fn camera(image: &ImageRecord, record: &CameraRecord) -> Result<Camera, Faul
     };
     if !(1e-12..1e12).contains(&tan_half_fov_x) || !(1e-15..1e15).contains(&focus_distance) {
         return Err(Fault::new(
-            record.fov.span(),
+            eye.fov.span(),
             "field of view or focus distance too extreme for single precision",
         ));
     }

@@ -1,5 +1,6 @@
 //! The image and the camera.
 
+use super::{Fault, given};
 use crate::filter::PixelFilter;
 use crate::scene::values::*;
 use serde::de::value::MapAccessDeserializer;
@@ -95,12 +96,13 @@ impl<'de> Deserialize<'de> for FilterRecord {
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CameraRecord {
-    pub origin: Vector,
-    pub target: Spanned<Vector>,
+    pub origin: Option<Spanned<Vector>>,
+    pub target: Option<Spanned<Vector>>,
     pub up: Option<Spanned<Vector>>,
-    pub fov: Spanned<Number<Degrees>>,
-    #[serde(default)]
-    pub fov_axis: FovAxis,
+    pub fov: Option<Spanned<Number<Degrees>>>,
+    pub fov_axis: Option<Spanned<FovAxis>>,
+    pub gltf: Option<Spanned<String>>,
+    pub gltf_camera: Option<Spanned<String>>,
     pub aperture: Option<Number<NonNegative>>,
     pub focus_distance: Option<Number<Positive>>,
     pub principal_point: Option<Spanned<Pair>>,
@@ -118,4 +120,54 @@ pub enum FovAxis {
     Y,
     Smaller,
     Larger,
+}
+
+/// Where a camera is and how much it sees.
+#[derive(Clone, Debug)]
+pub struct Eye {
+    pub origin: Vector,
+    pub target: Spanned<Vector>,
+    pub up: Option<Spanned<Vector>>,
+    pub fov: Spanned<Number<Degrees>>,
+    pub fov_axis: FovAxis,
+}
+
+impl CameraRecord {
+    /// With `gltf`, nothing is given that its file says.
+    pub fn check(&self) -> Result<(), Fault> {
+        let given = given!(self, origin, target, up, fov, fov_axis);
+        let twice = given
+            .into_iter()
+            .find_map(|(name, span)| Some((name, span?)));
+        match (&self.gltf, &self.gltf_camera, twice) {
+            (Some(_), _, Some((name, span))) => Err(Fault::new(
+                span,
+                format!("the camera of a glTF file has its own `{name}`"),
+            )),
+            (None, Some(name), _) => Err(Fault::new(
+                name.span(),
+                "it names one of the cameras of a glTF file; `gltf`, which says of which, is missing",
+            )),
+            _ => Ok(()),
+        }
+    }
+
+    /// The eye of a camera without `gltf`; `place`: where the camera is in the file.
+    pub fn eye(&self, place: std::ops::Range<usize>) -> Result<Eye, Fault> {
+        let missing = |name: &str| Fault::new(place.clone(), format!("missing field `{name}`"));
+        Ok(Eye {
+            origin: *self
+                .origin
+                .as_ref()
+                .ok_or_else(|| missing("origin"))?
+                .get_ref(),
+            target: self.target.clone().ok_or_else(|| missing("target"))?,
+            up: self.up.clone(),
+            fov: self.fov.clone().ok_or_else(|| missing("fov"))?,
+            fov_axis: self
+                .fov_axis
+                .as_ref()
+                .map_or(FovAxis::X, |axis| *axis.get_ref()),
+        })
+    }
 }

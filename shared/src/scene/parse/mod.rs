@@ -1,6 +1,7 @@
 //! The scene file's records: its TOML as serde reads it, names not yet resolved.
 
 mod camera;
+mod gltf;
 mod light;
 mod material;
 mod medium;
@@ -9,6 +10,7 @@ mod texture;
 mod transform;
 
 pub use camera::*;
+pub use gltf::*;
 pub use light::*;
 pub use material::*;
 pub use medium::*;
@@ -32,7 +34,7 @@ pub struct SceneRecord {
     pub render: RenderRecord,
     #[serde(default)]
     pub world: WorldRecord,
-    pub camera: CameraRecord,
+    pub camera: Spanned<CameraRecord>,
     #[serde(default)]
     pub media: BTreeMap<Spanned<String>, MediumRecord>,
     #[serde(default)]
@@ -41,6 +43,8 @@ pub struct SceneRecord {
     pub shapes: Vec<ShapeRecord>,
     #[serde(default)]
     pub lights: Vec<LightRecord>,
+    #[serde(default)]
+    pub gltf: Vec<GltfRecord>,
 }
 
 #[derive(Debug, Default, Deserialize)]
@@ -75,6 +79,7 @@ impl SceneRecord {
                 density.get_ref().check()?;
             }
         }
+        record.camera.get_ref().check()?;
         record.shapes.iter().try_for_each(ShapeRecord::check)?;
         record.lights.iter().try_for_each(LightRecord::check)?;
         Ok(record)
@@ -93,7 +98,14 @@ impl SceneRecord {
             .chain(meshes)
             .chain(images)
             .chain(volumes)
+            .chain(self.gltf_files())
             .collect()
+    }
+
+    /// Paths of the glTF files that the scene names, which name others.
+    pub fn gltf_files(&self) -> impl Iterator<Item = &Spanned<String>> {
+        let camera = self.camera.get_ref().gltf.as_ref();
+        self.gltf.iter().map(|record| &record.file).chain(camera)
     }
 }
 

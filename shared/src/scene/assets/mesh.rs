@@ -103,18 +103,24 @@ impl RawMesh {
         mesh
     }
 
-    /// The cube [-1, 1]^3; every face has the whole unit square of UV.
+    /// The cube [-1, 1]^3; every face has the whole unit square of UV, turned as in Mitsuba 3.
     pub fn cube() -> Self {
         let mut mesh = Self::default();
-        for (x, y) in [
-            (DVec3::X, DVec3::Y),
-            (DVec3::Y, DVec3::X),
-            (DVec3::Y, DVec3::Z),
-            (DVec3::Z, DVec3::Y),
-            (DVec3::Z, DVec3::X),
-            (DVec3::X, DVec3::Z),
+        let (x, y, z) = (DVec3::X, DVec3::Y, DVec3::Z);
+        // Each face's sides, and where its u and v grow to.
+        for (side, other, u, v) in [
+            (x, y, y, x),
+            (y, x, -y, x),
+            (y, z, y, -z),
+            (z, y, y, z),
+            (z, x, -x, -z),
+            (x, z, z, x),
         ] {
-            mesh.push_square(x.cross(y), x, y);
+            let first = mesh.positions.len();
+            mesh.push_square(side.cross(other), side, other);
+            for (uv, p) in mesh.uvs.iter_mut().zip(&mesh.positions).skip(first) {
+                *uv = 0.5 * DVec2::new(p.dot(u), p.dot(v)) + 0.5;
+            }
         }
         mesh
     }
@@ -258,7 +264,8 @@ mod tests {
                 .sum();
             assert!(normal(&mesh, t).dot(center) > 0.0);
             let uv = |k: usize| mesh.uvs[mesh.triangles[t][k] as usize];
-            assert!((uv(1) - uv(0)).perp_dot(uv(2) - uv(0)) > 0.0);
+            // As in Mitsuba, where v runs downwards on images.
+            assert!((uv(1) - uv(0)).perp_dot(uv(2) - uv(0)) < 0.0);
         }
         let rectangle = RawMesh::rectangle().to_mesh(&DAffine3::IDENTITY, false, true);
         assert_eq!(normal(&rectangle, 0), Vec3::Z);
@@ -295,6 +302,35 @@ mod tests {
                     }
                 }
                 assert!(tetrahedron().to_mesh(&map, flip, false).normals.is_empty());
+            }
+        }
+    }
+
+    /// `vertex_positions` and `vertex_texcoords` of Mitsuba 3.9.1's cube, a face a line.
+    #[test]
+    fn cubes_have_the_uvs_of_mitsuba() {
+        #[rustfmt::skip]
+        let faces = [
+            [[1, -1, -1], [1, -1, 1], [-1, -1, 1], [-1, -1, -1]],
+            [[1, 1, -1], [-1, 1, -1], [-1, 1, 1], [1, 1, 1]],
+            [[1, -1, -1], [1, 1, -1], [1, 1, 1], [1, -1, 1]],
+            [[1, -1, 1], [1, 1, 1], [-1, 1, 1], [-1, -1, 1]],
+            [[-1, -1, 1], [-1, 1, 1], [-1, 1, -1], [-1, -1, -1]],
+            [[1, 1, -1], [1, -1, -1], [-1, -1, -1], [-1, 1, -1]],
+        ];
+        let cube = RawMesh::cube();
+        for face in faces {
+            let corners = face.map(|p| DVec3::from(p.map(f64::from)));
+            let normal = corners.iter().sum::<DVec3>() / 4.0;
+            for (corner, uv) in corners
+                .iter()
+                .zip([DVec2::Y, DVec2::ONE, DVec2::X, DVec2::ZERO])
+            {
+                let found = (0..cube.positions.len()).find(|v| {
+                    let center = cube.positions[v - v % 4..][..4].iter().sum::<DVec3>() / 4.0;
+                    center == normal && cube.positions[*v] == *corner
+                });
+                assert_eq!(cube.uvs[found.unwrap()], uv, "{normal} {corner}");
             }
         }
     }

@@ -182,7 +182,8 @@ fn wrappers_become_fields() {
         &[
             "type = \"diffuse\"",
             "two_sided = true",
-            "opacity = { checkerboard = [0.4, 0.2] }",
+            // Mitsuba swaps the colours here: its `eval_1` of (0.1, 0.1) is color1.
+            "opacity = { checkerboard = [0.2, 0.4] }",
             "bump = { image = \"h.png\", uv = [{ scale = [1.0, -1.0, 1.0] }, { translate = [0.0, 1.0, 0.0] }], scale = 3.0 }",
         ],
     );

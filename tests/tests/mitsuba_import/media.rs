@@ -125,6 +125,20 @@ fn grids() {
         assert_eq!(field(&text, "[media.m]", name), Some(expected));
     }
     scene_in(folder.path());
+    // An albedo beside it, and one elsewhere.
+    let with = |place: &str| {
+        let albedo = format!(
+            "<volume type=\"gridvolume\" name=\"albedo\"><string name=\"filename\" value=\"b.vol\"/>\
+             <transform name=\"to_world\"><scale value=\"{place}\"/></transform></volume>"
+        );
+        xml("").replace("<rgb name=\"albedo\" value=\"0.5\"/>", &albedo)
+    };
+    let text = native(&with("2"));
+    assert_eq!(
+        field(&text, "[media.m]", "albedo"),
+        Some("{ file = \"b.vol\" }")
+    );
+    assert_error(&with("3"), "scene.xml:", &["albedo", "not supported"]);
     // The file's own box counts on request.
     std::fs::write(
         folder.path().join("scene.xml"),
@@ -164,6 +178,10 @@ fn boundaries_are_said() {
         field(&native(&with_sensor(inline)), "[[shapes]]", "interior"),
         Some("\"interior\"")
     );
+    // Sheets have the same medium on both sides.
+    let sheet =
+        format!("{FOG}<shape type=\"sphere\"><bsdf type=\"thindielectric\"/>{interior}</shape>");
+    assert_error(&with_sensor(&sheet), "scene.xml:2: ", &["thin dielectric"]);
     // Nothing gets into what is opaque.
     let opaque = format!("{FOG}<shape type=\"sphere\">{interior}</shape>");
     let imported = try_import(&with_sensor(&opaque)).unwrap();

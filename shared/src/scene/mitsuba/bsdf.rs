@@ -31,8 +31,18 @@ impl Materials {
 #[derive(Clone, Debug)]
 pub struct Material {
     pub name: String,
-    /// Whether light goes through, so that it can be the boundary of a medium.
-    pub transmits: bool,
+    pub through: Through,
+}
+
+/// Whether light goes through a material.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Through {
+    /// It does not.
+    No,
+    /// It does, and there may be another medium behind it.
+    Boundary,
+    /// It does, but here the medium stays the same.
+    Sheet,
 }
 
 /// What the BSDFs around a BSDF make of it.
@@ -61,7 +71,7 @@ impl Converter<'_> {
         let mut section = Section::named("materials", &name, object.place);
         let material = self
             .bsdf(id, Around::default(), turned, &mut section)
-            .map(|transmits| Material { name, transmits });
+            .map(|through| Material { name, through });
         if material.is_some() {
             self.materials.sections.push(section);
         }
@@ -82,14 +92,14 @@ impl Converter<'_> {
         textured
     }
 
-    /// Write a BSDF into a material; whether it transmits. `None` if it is not supported.
+    /// Write a BSDF into a material. `None` if it is not supported.
     fn bsdf(
         &mut self,
         id: Id,
         mut around: Around,
         turned: bool,
         section: &mut Section,
-    ) -> Option<bool> {
+    ) -> Option<Through> {
         let object = &self.objects.list[id];
         let place = object.place;
         match object.plugin.as_str() {
@@ -121,7 +131,8 @@ impl Converter<'_> {
                     let message =
                         "bsdf \"mask\": an opacity that differs by colour is not supported";
                     self.log.unsupported(place, message);
-                } else if let Some(opacity) = opacity {
+                } else if let Some(mut opacity) = opacity {
+                    swap_checkers(&mut opacity);
                     around.fields.push(("opacity", opacity, place));
                 }
                 self.only_inside(id, around, turned, section)
@@ -130,6 +141,11 @@ impl Converter<'_> {
                 let textures = self.nested(id, Kind::Texture);
                 let scale = self.float(id, "scale").unwrap_or(1.0);
                 if let [(_, texture)] = textures[..]
+                    && self.objects.list[texture].plugin == "checkerboard"
+                {
+                    // Nor does Mitsuba know its slope.
+                    self.unsupported_plugin(texture);
+                } else if let [(_, texture)] = textures[..]
                     && let Some(mut fields) = self.texture(texture, turned)
                 {
                     fields.push(("scale", Toml::Float(scale)));
@@ -159,8 +175,7 @@ impl Converter<'_> {
             _ => {
                 let kind = self.plain(id, turned, section)?;
                 self.finish(id);
-                self.finish_material(&kind, around, section);
-                Some(kind.transmits)
+                Some(self.finish_material(&kind, around, section))
             }
         }
     }
@@ -172,7 +187,7 @@ impl Converter<'_> {
         around: Around,
         turned: bool,
         section: &mut Section,
-    ) -> Option<bool> {
+    ) -> Option<Through> {
         let nested = self.nested(id, Kind::Bsdf);
         self.finish(id);
         if nested.len() > 1 {
@@ -199,7 +214,7 @@ impl Converter<'_> {
         around: Around,
         turned: bool,
         section: &mut Section,
-    ) -> Option<bool> {
+    ) -> Option<Through> {
         match inner {
             Some(inner) => self.bsdf(inner, around, turned, section),
             None => {
@@ -209,7 +224,7 @@ impl Converter<'_> {
         }
     }
 
-    fn finish_material(&mut self, kind: &Plain, around: Around, section: &mut Section) {
+    fn finish_material(&mut self, kind: &Plain, around: Around, section: &mut Section) -> Through {
         match (around.two_sided, kind.two_sided) {
             (Some(place), Some(_)) => section.set("two_sided", Toml::Boolean(true), place),
             (Some(place), None) => {
@@ -233,6 +248,10 @@ impl Converter<'_> {
                 section.set(key, value.clone(), *place);
             }
         }
+        match around.fields.iter().any(|(key, ..)| *key == "opacity") {
+            true => Through::Sheet,
+            false => kind.through,
+        }
     }
 
     /// Write a BSDF that contains no other.
@@ -241,12 +260,12 @@ impl Converter<'_> {
         let place = object.place;
         let one_sided = Plain {
             place,
-            transmits: false,
+            through: Through::No,
             two_sided: Some(false),
             null: false,
         };
         let through = Plain {
-            transmits: true,
+            through: Through::Boundary,
             two_sided: None,
             ..one_sided
         };
@@ -277,8 +296,10 @@ impl Converter<'_> {
                     self.factor(id, name, turned, section);
                 }
                 Plain {
-                    // A thin sheet lets light through, but has no inside.
-                    transmits: kind != "thin_dielectric",
+                    through: match kind {
+                        "thin_dielectric" => Through::Sheet,
+                        _ => Through::Boundary,
+                    },
                     ..through
                 }
             }
@@ -516,11 +537,20 @@ impl Converter<'_> {
     }
 }
 
+/// Mitsuba 3.9.1 takes the colours of a chequerboard the other way round where it wants numbers (`eval_1`).
+fn swap_checkers(opacity: &mut Toml) {
+    if let Toml::Table(fields) = opacity
+        && let Some(("checkerboard", Toml::Array(colors))) = fields.first_mut()
+    {
+        colors.reverse();
+    }
+}
+
 /// A BSDF that contains no other.
 #[derive(Clone, Copy)]
 struct Plain {
     place: Place,
-    transmits: bool,
+    through: Through,
     /// Whether it has two sides here by default; `None` if the question does not arise.
     two_sided: Option<bool>,
     null: bool,

@@ -97,43 +97,66 @@ impl Converter<'_> {
             return;
         }
         let albedo_place = self.member(id, "albedo").map_or(place, |m| m.place);
-        let albedo = match self.coefficient(id, "albedo", 0.75) {
-            Some(Coefficient::Constant(albedo)) => albedo,
-            Some(Coefficient::Grid(_)) => {
-                let message = format!(
-                    "{}: an albedo that varies in space is not supported",
-                    self.title(id)
-                );
-                self.log.unsupported(albedo_place, message);
-                [0.75; 3]
-            }
-            None => [0.75; 3],
-        };
-        if albedo.iter().any(|c| !(0.0..=1.0).contains(c))
+        let albedo = self.coefficient(id, "albedo", 0.75);
+        if let Some(Coefficient::Constant(albedo)) = albedo
+            && albedo.iter().any(|c| !(0.0..=1.0).contains(c))
             && let Some(member) = self.member(id, "albedo")
         {
-            self.wrong(
-                id,
-                member,
-                &format!("expected numbers from 0 to 1, found {albedo:?}"),
-            );
+            let message = format!("expected numbers from 0 to 1, found {albedo:?}");
+            self.wrong(id, member, &message);
         }
         let place_t = self.member(id, "sigma_t").map_or(place, |m| m.place);
         match self.coefficient(id, "sigma_t", 1.0) {
             Some(Coefficient::Constant(sigma_t)) => {
                 section.set("type", Toml::string("homogeneous"), place);
                 section.set("sigma_t", Toml::color(sigma_t.map(|c| c * scale)), place_t);
-                section.set("albedo", Toml::color(albedo), albedo_place);
+                if let Some(Coefficient::Grid(_)) = albedo {
+                    let message = format!(
+                        "{}: an albedo that varies in space where the extinction does not is not supported",
+                        self.title(id)
+                    );
+                    self.log.unsupported(albedo_place, message);
+                } else if let Some(Coefficient::Constant(albedo)) = albedo {
+                    section.set("albedo", Toml::color(albedo), albedo_place);
+                }
             }
             Some(Coefficient::Grid(grid)) => {
                 section.set("type", Toml::string("heterogeneous"), place);
                 section.set("sigma_t", Toml::Float(1.0), place_t);
-                section.set("albedo", Toml::color(albedo), albedo_place);
                 if scale != 1.0 {
                     let place = self.member(id, "scale").map_or(place, |m| m.place);
                     section.set("scale", Toml::Float(scale), place);
                 }
-                self.grid(grid, section);
+                let Some((file, steps)) = self.grid(grid) else {
+                    return;
+                };
+                section.set("density", file, self.objects.list[grid].place);
+                if !steps.is_empty() {
+                    section.set(
+                        "transform",
+                        transform::write(&steps),
+                        self.objects.list[grid].place,
+                    );
+                }
+                match albedo {
+                    Some(Coefficient::Constant(albedo)) => {
+                        section.set("albedo", Toml::color(albedo), albedo_place);
+                    }
+                    Some(Coefficient::Grid(grid)) => {
+                        let Some((file, own)) = self.grid(grid) else {
+                            return;
+                        };
+                        section.set("albedo", file, albedo_place);
+                        if own != steps {
+                            let message = format!(
+                                "{}: an albedo that is not placed as sigma_t is is not supported",
+                                self.title(id)
+                            );
+                            self.log.unsupported(albedo_place, message);
+                        }
+                    }
+                    None => {}
+                }
             }
             None => {}
         }
@@ -188,8 +211,8 @@ impl Converter<'_> {
         self.in_range(id, member, color, cie::Kind::Unbounded)
     }
 
-    /// A file of densities at its place.
-    fn grid(&mut self, id: Id, section: &mut Section) {
+    /// A volume file and its place.
+    fn grid(&mut self, id: Id) -> Option<(Toml, Vec<Step>)> {
         let place = self.objects.list[id].place;
         let file = self.member(id, "filename").map_or(place, |m| m.place);
         let asset = self.asset(id, "filename");
@@ -219,15 +242,9 @@ impl Converter<'_> {
                 }
             }
         }
-        if let Some((asset, _)) = asset {
-            section.set("density", Toml::table([("file", asset)]), file);
-        }
         steps.extend_from_slice(self.transform(id, "to_world"));
-        if !steps.is_empty() {
-            let place = self.member(id, "to_world").map_or(place, |m| m.place);
-            section.set("transform", transform::write(&steps), place);
-        }
         self.finish(id);
+        Some((Toml::table([("file", asset?.0)]), steps))
     }
 
     /// The medium outside of all shapes: what lies outside of some shape and inside of none; if that does not decide, what

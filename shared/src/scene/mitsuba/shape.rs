@@ -1,5 +1,6 @@
 //! Shapes, and groups of them with their instances.
 
+use super::bsdf::Through;
 use super::write::{Section, Toml};
 use super::xml::{Content, Id, Kind};
 use super::{Converter, Place, transform};
@@ -191,17 +192,17 @@ impl Converter<'_> {
             let message = format!("{}: expected one BSDF", self.title(id));
             self.log.invalid(Some(member.place), message);
         }
-        let mut transmits = false;
+        let mut through = Through::No;
         if let Some((member, bsdf)) = bsdfs.first()
             && let Some(material) = self.material(*bsdf, object.id.as_deref(), turned)
         {
-            transmits = material.transmits;
+            through = material.through;
             shape.set("material", Toml::String(material.name), member.place);
         }
         for (member, emitter) in self.nested(id, Kind::Emitter) {
             self.area_light(emitter, shape, member.place);
         }
-        self.boundary(id, transmits, shape);
+        self.boundary(id, through, shape);
         // Only Mitsuba's differentiable integrators ask for it.
         self.ignore(id, &["silhouette_sampling_weight"]);
         self.finish(id);
@@ -221,7 +222,7 @@ impl Converter<'_> {
     }
 
     /// The media on both sides, said for every surface that light goes through: Mitsuba's defaults are others.
-    fn boundary(&mut self, id: Id, transmits: bool, shape: &mut Section) {
+    fn boundary(&mut self, id: Id, through: Through, shape: &mut Section) {
         let own = self.objects.list[id].place;
         let members = ["interior", "exterior"].map(|name| {
             let member = self.member(id, name)?;
@@ -236,9 +237,25 @@ impl Converter<'_> {
             }
         });
         if !members.iter().any(Option::is_some) {
-            if transmits && self.objects.list.iter().any(|o| o.kind == Kind::Medium) {
+            if through == Through::Boundary
+                && self.objects.list.iter().any(|o| o.kind == Kind::Medium)
+            {
                 // In Mitsuba a surface without media changes nothing.
                 shape.set("boundary", Toml::Boolean(false), own);
+            }
+            return;
+        }
+        if through == Through::Sheet {
+            let sides = members.map(|member| member.map(|(_, medium)| medium));
+            if let [Some((member, _)), _] | [_, Some((member, _))] = members
+                && sides[0] != sides[1]
+            {
+                let message = format!(
+                    "{}: different media on both sides of a surface with an opacity, or of a thin dielectric, are not \
+                     supported",
+                    self.title(id)
+                );
+                self.log.unsupported(member.place, message);
             }
             return;
         }
@@ -248,7 +265,7 @@ impl Converter<'_> {
                 Some((member, medium)) => (self.medium(medium, Some(field)), member.place),
                 None => (None, own),
             };
-            if !transmits {
+            if through == Through::No {
                 if members[i].is_some() && field == "interior" {
                     let message = format!(
                         "{}: no light gets into it, its interior medium is left out",

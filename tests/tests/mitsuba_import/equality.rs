@@ -11,7 +11,7 @@ fn pixels(description: SceneDescription) -> String {
     pixel_hash(&render_pass(&scene, &plan, 0).film).to_string()
 }
 
-const XML: &str = r#"<scene version="3.0.0">
+pub const XML: &str = r#"<scene version="3.0.0">
 <default name="paths" value="8"/>
 <integrator type="volpath"/>
 <sensor type="thinlens"><string name="fov_axis" value="y"/><float name="fov" value="35"/>

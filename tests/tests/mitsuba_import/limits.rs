@@ -146,3 +146,38 @@ fn parameters_of_parameters_have_an_end() {
     ));
     assert_error(&xml, "scene.xml:2: ", &["bytes"]);
 }
+
+/// Whatever is cut off, doubled or changed: an error or a scene, never a panic.
+#[test]
+fn damage_does_not_panic() {
+    let whole = crate::equality::XML.as_bytes();
+    let folder = folder(&[]);
+    let path = folder.path().join("scene.xml");
+    let mut state = 1u64;
+    let mut random = |below: usize| {
+        state = state
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
+        (state >> 33) as usize % below
+    };
+    for round in 0..600 {
+        let mut bytes = whole.to_vec();
+        for _ in 0..1 + round % 3 {
+            let at = random(bytes.len());
+            let length = random(40).min(bytes.len() - at);
+            match random(4) {
+                0 => bytes.truncate(at.max(1)),
+                1 => drop(bytes.drain(at..at + length)),
+                2 => {
+                    let part = bytes[at..at + length].to_vec();
+                    let to = random(bytes.len());
+                    bytes.splice(to..to, part);
+                }
+                _ => bytes[at] = b"\"$<>/0-e9 \xff"[random(11)],
+            }
+        }
+        std::fs::write(&path, &bytes).unwrap();
+        let file = SceneFile::read(&path, &ImportOptions::default());
+        let _ = file.and_then(|file| file.load());
+    }
+}

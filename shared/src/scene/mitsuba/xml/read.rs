@@ -1,142 +1,23 @@
-//! From XML files to objects with their properties: parameters, includes, ids, aliases.
+//! The reading of files: includes, ids, aliases, references.
 
-use super::Place;
-use super::log::Log;
-use super::value::{self, Value};
+use super::parameters::{MAX_ATTRIBUTE, Parameter, Substitution, substitute};
+use super::{Content, Id, Kind, Member, Object, Objects};
+use crate::scene::mitsuba::log::Log;
+use crate::scene::mitsuba::value::{self, Value};
+use crate::scene::mitsuba::{Place, transform};
 use roxmltree::{Document, Node};
 use std::cell::Cell;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 /// Elements within elements, at most. Mitsuba's own scenes have about six.
-const MAX_DEPTH: usize = 100;
+pub const MAX_DEPTH: usize = 100;
 /// Elements of all files together, at most: included files may include others many times over.
 const MAX_ELEMENTS: usize = 10_000_000;
 /// Files included within each other, at most (Mitsuba's own limit).
 const MAX_INCLUDES: usize = 15;
 /// Files altogether, at most, each counted as often as it is included.
 const MAX_FILES: usize = 10_000;
-/// Bytes of an attribute after substitution, at most: parameters made of parameters grow like powers.
-const MAX_ATTRIBUTE: usize = 1 << 20;
-
-/// The kinds of objects.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Kind {
-    Scene,
-    Integrator,
-    Sensor,
-    Film,
-    Filter,
-    Sampler,
-    Emitter,
-    Shape,
-    Bsdf,
-    Texture,
-    Medium,
-    Phase,
-    Volume,
-}
-
-impl Kind {
-    fn of_tag(tag: &str) -> Option<Self> {
-        Some(match tag {
-            "scene" => Self::Scene,
-            "integrator" => Self::Integrator,
-            "sensor" => Self::Sensor,
-            "film" => Self::Film,
-            "rfilter" => Self::Filter,
-            "sampler" => Self::Sampler,
-            "emitter" => Self::Emitter,
-            "shape" => Self::Shape,
-            "bsdf" => Self::Bsdf,
-            "texture" => Self::Texture,
-            "medium" => Self::Medium,
-            "phase" => Self::Phase,
-            "volume" => Self::Volume,
-            _ => return None,
-        })
-    }
-
-    /// As the file writes it.
-    pub fn tag(self) -> &'static str {
-        match self {
-            Self::Scene => "scene",
-            Self::Integrator => "integrator",
-            Self::Sensor => "sensor",
-            Self::Film => "film",
-            Self::Filter => "rfilter",
-            Self::Sampler => "sampler",
-            Self::Emitter => "emitter",
-            Self::Shape => "shape",
-            Self::Bsdf => "bsdf",
-            Self::Texture => "texture",
-            Self::Medium => "medium",
-            Self::Phase => "phase",
-            Self::Volume => "volume",
-        }
-    }
-}
-
-/// Index of an object.
-pub type Id = usize;
-
-/// An object: an element with a plugin.
-#[derive(Debug)]
-pub struct Object {
-    pub kind: Kind,
-    pub plugin: String,
-    /// The id, where the file gives one.
-    pub id: Option<String>,
-    pub place: Place,
-    pub members: Vec<Member>,
-}
-
-/// A property or a nested object.
-#[derive(Debug)]
-pub struct Member {
-    /// `None` for objects without a name.
-    pub name: Option<String>,
-    pub place: Place,
-    pub content: Content,
-    /// Whether somebody asked for it. What nobody asks for is not supported.
-    pub used: Cell<bool>,
-}
-
-#[derive(Debug)]
-pub enum Content {
-    Value(Value),
-    Object(Id),
-}
-
-/// All objects; the scene is the first.
-#[derive(Debug)]
-pub struct Objects {
-    pub list: Vec<Object>,
-    /// Where each file's relative paths lead, nearest first.
-    folders: Vec<Vec<PathBuf>>,
-}
-
-impl Objects {
-    /// The file that a path written at a place means: the first that exists, else the nearest.
-    pub fn resolve(&self, place: Place, written: &str) -> PathBuf {
-        find(&self.folders[place.file], written)
-    }
-}
-
-fn find(folders: &[PathBuf], written: &str) -> PathBuf {
-    let candidates = || folders.iter().map(|folder| folder.join(written));
-    candidates()
-        .find(|path| path.exists())
-        .or_else(|| candidates().next())
-        .unwrap_or_else(|| PathBuf::from(written))
-}
-
-/// A parameter: a `$name` in attributes stands for its value.
-struct Parameter {
-    name: String,
-    value: String,
-    used: bool,
-}
 
 /// What an object refers to before all ids are known.
 struct Reference {
@@ -477,7 +358,7 @@ impl Reader<'_> {
             let place = file.place(child);
             self.count(depth, place)?;
             let attributes = self.attributes(child, place)?;
-            match super::transform::step(child.tag_name().name(), &attributes) {
+            match transform::step(child.tag_name().name(), &attributes) {
                 Ok(step) => steps.push(step),
                 Err(message) => self.log.invalid(Some(place), message),
             }
@@ -584,58 +465,7 @@ impl Reader<'_> {
         }
         // What follows walks the objects; it must come to an end.
         let complete = complete.then_some(());
-        complete.and_then(|()| self.refuse_cycles())
-    }
-
-    /// Depth first, without recursion: a chain of references may be as long as the file.
-    fn refuse_cycles(&mut self) -> Option<()> {
-        let count = self.objects.list.len();
-        let mut done = vec![false; count];
-        let mut within = vec![false; count];
-        for start in 0..count {
-            let mut path = vec![(start, 0)];
-            while let Some((object, next)) = path.last_mut() {
-                let object = *object;
-                within[object] = true;
-                let member = self.objects.list[object].members.get(*next);
-                *next += 1;
-                match member {
-                    _ if done[object] => {
-                        within[object] = false;
-                        path.pop();
-                    }
-                    None => {
-                        done[object] = true;
-                        within[object] = false;
-                        path.pop();
-                    }
-                    Some(member) => {
-                        if let Content::Object(inner) = member.content
-                            && !done[inner]
-                        {
-                            if within[inner] {
-                                let id = self.objects.list[inner].id.clone();
-                                let message = format!(
-                                    "the object \"{}\" refers to itself",
-                                    id.unwrap_or_default()
-                                );
-                                let place = member.place;
-                                return self.log.fatal(Some(place), message);
-                            }
-                            if path.len() > MAX_DEPTH {
-                                let message = format!(
-                                    "more than {MAX_DEPTH} objects that refer to each other"
-                                );
-                                let place = member.place;
-                                return self.log.fatal(Some(place), message);
-                            }
-                            path.push((inner, 0));
-                        }
-                    }
-                }
-            }
-        }
-        Some(())
+        complete.and_then(|()| self.objects.refuse_cycles(self.log))
     }
 }
 
@@ -656,40 +486,6 @@ fn check_version(root: Node<'_, '_>, place: Place, log: &mut Log) {
             }
         }
     }
-}
-
-enum Substitution {
-    TooLong,
-    Unknown(String),
-}
-
-/// Replace every `$name`; `\$` stands for a dollar sign.
-fn substitute(text: &str, parameters: &mut [Parameter]) -> Result<String, Substitution> {
-    let mut out = String::new();
-    let mut rest = text;
-    while let Some(at) = rest.find('$') {
-        let (before, after) = (&rest[..at], &rest[at + 1..]);
-        if let Some(before) = before.strip_suffix('\\') {
-            out.push_str(before);
-            out.push('$');
-            rest = after;
-            continue;
-        }
-        out.push_str(before);
-        let Some(parameter) = parameters.iter_mut().find(|p| after.starts_with(&p.name)) else {
-            let end = after.find(|c: char| !c.is_alphanumeric() && c != '_');
-            let name = &after[..end.unwrap_or(after.len())];
-            return Err(Substitution::Unknown(name.to_string()));
-        };
-        parameter.used = true;
-        out.push_str(&parameter.value);
-        rest = &after[parameter.name.len()..];
-        if out.len() > MAX_ATTRIBUTE {
-            return Err(Substitution::TooLong);
-        }
-    }
-    out.push_str(rest);
-    Ok(out)
 }
 
 struct File<'a> {

@@ -1,0 +1,124 @@
+//! From XML files to objects with their properties.
+
+mod cycles;
+mod parameters;
+mod read;
+
+pub use read::read;
+
+use super::Place;
+use super::value::Value;
+use std::cell::Cell;
+use std::path::PathBuf;
+
+/// The kinds of objects.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Kind {
+    Scene,
+    Integrator,
+    Sensor,
+    Film,
+    Filter,
+    Sampler,
+    Emitter,
+    Shape,
+    Bsdf,
+    Texture,
+    Medium,
+    Phase,
+    Volume,
+}
+
+impl Kind {
+    fn of_tag(tag: &str) -> Option<Self> {
+        Some(match tag {
+            "scene" => Self::Scene,
+            "integrator" => Self::Integrator,
+            "sensor" => Self::Sensor,
+            "film" => Self::Film,
+            "rfilter" => Self::Filter,
+            "sampler" => Self::Sampler,
+            "emitter" => Self::Emitter,
+            "shape" => Self::Shape,
+            "bsdf" => Self::Bsdf,
+            "texture" => Self::Texture,
+            "medium" => Self::Medium,
+            "phase" => Self::Phase,
+            "volume" => Self::Volume,
+            _ => return None,
+        })
+    }
+
+    /// As the file writes it.
+    pub fn tag(self) -> &'static str {
+        match self {
+            Self::Scene => "scene",
+            Self::Integrator => "integrator",
+            Self::Sensor => "sensor",
+            Self::Film => "film",
+            Self::Filter => "rfilter",
+            Self::Sampler => "sampler",
+            Self::Emitter => "emitter",
+            Self::Shape => "shape",
+            Self::Bsdf => "bsdf",
+            Self::Texture => "texture",
+            Self::Medium => "medium",
+            Self::Phase => "phase",
+            Self::Volume => "volume",
+        }
+    }
+}
+
+/// Index of an object.
+pub type Id = usize;
+
+/// An object: an element with a plugin.
+#[derive(Debug)]
+pub struct Object {
+    pub kind: Kind,
+    pub plugin: String,
+    /// The id, where the file gives one.
+    pub id: Option<String>,
+    pub place: Place,
+    pub members: Vec<Member>,
+}
+
+/// A property or a nested object.
+#[derive(Debug)]
+pub struct Member {
+    /// `None` for objects without a name.
+    pub name: Option<String>,
+    pub place: Place,
+    pub content: Content,
+    /// Whether somebody asked for it. What nobody asks for is not supported.
+    pub used: Cell<bool>,
+}
+
+#[derive(Debug)]
+pub enum Content {
+    Value(Value),
+    Object(Id),
+}
+
+/// All objects; the scene is the first.
+#[derive(Debug)]
+pub struct Objects {
+    pub list: Vec<Object>,
+    /// Where each file's relative paths lead, nearest first.
+    folders: Vec<Vec<PathBuf>>,
+}
+
+impl Objects {
+    /// The file that a path written at a place means: the first that exists, else the nearest.
+    pub fn resolve(&self, place: Place, written: &str) -> PathBuf {
+        find(&self.folders[place.file], written)
+    }
+}
+
+fn find(folders: &[PathBuf], written: &str) -> PathBuf {
+    let candidates = || folders.iter().map(|folder| folder.join(written));
+    candidates()
+        .find(|path| path.exists())
+        .or_else(|| candidates().next())
+        .unwrap_or_else(|| PathBuf::from(written))
+}

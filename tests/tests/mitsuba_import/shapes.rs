@@ -175,3 +175,25 @@ fn instances() {
     let light = "<shape type=\"shapegroup\"><shape type=\"sphere\"><emitter type=\"area\"/></shape></shape>";
     assert_error(&with_sensor(light), "scene.xml:2: ", &["emitter"]);
 }
+
+/// Mitsuba 3.9.1's `ScalarTransform4f.rotate([1, 2, 1], 35)`, which does not normalise the axis.
+#[test]
+fn an_axis_that_is_no_unit_vector_shears() {
+    let element = "<shape type=\"cube\"><transform name=\"to_world\"><rotate value=\"1 2 1\" angle=\"35\"/></transform></shape>";
+    let scene = scene(&with_sensor(element));
+    let (low, high) = beamfarm_shared::geometry::accel::bounds(&scene.objects[0].shape);
+    let rows = [
+        [1.0f32, -0.21188056, 1.3280008],
+        [0.93527234, 1.5425439, -0.21188056],
+        [-0.96630496, 0.93527234, 1.0],
+    ];
+    let origin = low.midpoint(high);
+    let extent = (high - origin).to_array();
+    for (row, extent) in rows.iter().zip(extent) {
+        let expected: f32 = row.iter().map(|x| x.abs()).sum();
+        assert!(
+            (extent - expected).abs() < 1e-5,
+            "{extent}, expected {expected}"
+        );
+    }
+}

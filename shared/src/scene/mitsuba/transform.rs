@@ -56,7 +56,7 @@ pub fn step(tag: &str, attributes: &Attributes) -> Result<Step, String> {
                 return Err("<rotate>: the axis must not be 0, 0, 0".to_string());
             }
             let degrees = number(required("angle")?).map_err(within)?;
-            Ok(Step::Rotate { axis, degrees })
+            Ok(rotation(axis, degrees))
         }
         "lookat" => look_at(
             point(required("origin")?).map_err(within)?,
@@ -68,6 +68,19 @@ pub fn step(tag: &str, attributes: &Attributes) -> Result<Step, String> {
         ),
         _ => matrix(required("value")?).map_err(within),
     }
+}
+
+/// Mitsuba puts the axis into Rodrigues' formula as it stands: one that is not of unit length turns, scales and shears.
+fn rotation(axis: [f64; 3], degrees: f64) -> Step {
+    let a = DVec3::from(axis);
+    if (a.length_squared() - 1.0).abs() < 1e-6 {
+        return Step::Rotate { axis, degrees };
+    }
+    let (sin, cos) = libm::sincos(degrees.to_radians());
+    let column = |e: DVec3| e * cos + a.cross(e) * sin + a * (a.dot(e) * (1.0 - cos));
+    let (x, y, z) = (column(DVec3::X), column(DVec3::Y), column(DVec3::Z));
+    let row = |i: usize| [x[i], y[i], z[i], 0.0];
+    Step::Matrix([row(0), row(1), row(2)])
 }
 
 fn point(text: &str) -> Result<[f64; 3], String> {
@@ -135,8 +148,7 @@ fn map(step: &Step) -> DAffine3 {
         Step::Translate(by) => DAffine3::from_translation(by.into()),
         Step::Scale(by) => DAffine3::from_scale(by.into()),
         Step::Rotate { axis, degrees } => {
-            let axis = DVec3::from(axis).normalize_or_zero();
-            DAffine3::from_mat3(native::rotation(axis, degrees))
+            DAffine3::from_mat3(native::rotation(axis.into(), degrees))
         }
         Step::LookAt { origin, target, up } => {
             let forward = (DVec3::from(target) - DVec3::from(origin)).normalize_or_zero();

@@ -2,9 +2,10 @@
 
 use super::parameters::{MAX_ATTRIBUTE, Parameter, Substitution, substitute};
 use super::{Content, Id, Kind, Member, Object, Objects};
+use crate::scene::mitsuba::Place;
 use crate::scene::mitsuba::log::Log;
+use crate::scene::mitsuba::transform::{self, Step};
 use crate::scene::mitsuba::value::{self, Value};
-use crate::scene::mitsuba::{Place, transform};
 use roxmltree::{Document, Node};
 use std::cell::Cell;
 use std::collections::{BTreeMap, BTreeSet};
@@ -358,8 +359,16 @@ impl Reader<'_> {
             let place = file.place(child);
             self.count(depth, place)?;
             let attributes = self.attributes(child, place)?;
-            match transform::step(child.tag_name().name(), &attributes) {
-                Ok(step) => steps.push(step),
+            let tag = child.tag_name().name();
+            match transform::step(tag, &attributes) {
+                Ok(step) => {
+                    if tag == "rotate" && matches!(step, Step::Matrix(_)) {
+                        let message = "<rotate>: its axis is not of unit length, so that it scales and shears, as it does in \
+                            Mitsuba 3";
+                        self.log.note(place, message);
+                    }
+                    steps.push(step);
+                }
                 Err(message) => self.log.invalid(Some(place), message),
             }
         }

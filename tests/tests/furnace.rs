@@ -41,6 +41,38 @@ material = "silver"
 }
 
 #[test]
+fn closed_box_with_coats_veils_and_panes() {
+    let things = r#"
+[materials.coat]
+type = "plastic"
+reflectance = 1.0
+[materials.veil]
+type = "diffuse"
+reflectance = 1.0
+two_sided = true
+opacity = 0.6
+[materials.pane]
+type = "thin_dielectric"
+ior = 1.5
+[[shapes]]
+type = "sphere"
+center = [-0.3, -0.2, 0.0]
+radius = 0.4
+material = "coat"
+[[shapes]]
+type = "sphere"
+center = [0.5, -0.3, -0.2]
+radius = 0.3
+material = "veil"
+[[shapes]]
+type = "rectangle"
+material = "pane"
+transform = [{ scale = 0.4 }, { rotate = { axis = [0, 1, 0], angle = 40 } }, { translate = [0.4, 0.4, 0.1] }]
+"#;
+    is_one("coats", &closed_box(0.5, things), &[], 0.006);
+}
+
+#[test]
 fn closed_box_full_of_a_medium_that_absorbs_nothing() {
     let fog = r#"
 [world]

@@ -1,7 +1,8 @@
 //! Scenes of materials that camera paths, gather rays, shadow rays and photons each treat in their own way, against Mitsuba 3's
 //! path tracer; see tests/data/mitsuba_renders/render.py.
 
-use beamfarm_tests::render::{blocks, scene_with};
+use beamfarm_tests::Suite;
+use beamfarm_tests::render::{blocks, scene, scene_with};
 
 const ROOM: &str = r#"
 [image]
@@ -185,4 +186,28 @@ material = "principled"
 "#;
     let expected = include_str!("../data/mitsuba_renders/panes.csv");
     is_that_of_mitsuba(objects, expected, 0.005);
+}
+
+/// What a surface emits does not depend on what it lets through: a black lamp that rays pass shines like one that they do not,
+/// as long as there is nothing behind it.
+#[test]
+fn lamps_that_are_not_opaque() {
+    let image = |opacity: f32| {
+        let lamp = format!(
+            "[materials.floor]\ntype = \"rough_conductor\"\npreset = \"gold\"\nalpha = 0.3\n\
+             [materials.lamp]\ntype = \"diffuse\"\nreflectance = 0.0\nopacity = {opacity:?}\n"
+        );
+        let room = ROOM.replace("emission", "material = \"lamp\"\nemission");
+        let room = room.replace("passes = 384", "passes = 96");
+        blocks(&scene(&format!("{room}{lamp}")), 8)
+    };
+    let opaque = image(1.0);
+    let mut suite = Suite::new(1e-3);
+    for opacity in [0.0, 0.5] {
+        let image = image(opacity);
+        for (i, (a, b)) in opaque.blocks.iter().zip(&image.blocks).enumerate() {
+            suite.same_mean(format!("opacity {opacity}, block {i}"), &a[1], &b[1]);
+        }
+    }
+    suite.finish();
 }

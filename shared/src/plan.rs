@@ -101,15 +101,14 @@ impl Scene {
     pub(crate) fn material(&self, hit: &SurfaceHit) -> &Material {
         &self.description.materials[self.objects()[hit.object as usize].material as usize]
     }
-    /// The hit with the shading normal that its material's relief gives it, seen from `wo`.
+    /// Gives the hit the shading normal of its material's relief, if it has one, seen from `wo`.
     #[inline]
-    pub(crate) fn tilted(&self, hit: SurfaceHit, wo: Vec3) -> (SurfaceHit, Option<Tilt>) {
-        let Some(relief) = &self.material(&hit).relief else {
-            return (hit, None);
-        };
+    pub(crate) fn tilt(&self, hit: &mut SurfaceHit, wo: Vec3) -> Option<Tilt> {
+        let relief = self.material(hit).relief.as_ref()?;
         let shape = &self.objects()[hit.object as usize].shape;
-        let (ns, tilt) = relief.normal(&hit, shape.tangents(&hit), wo);
-        (SurfaceHit { ns, ..hit }, Some(tilt))
+        let (ns, tilt) = relief.normal(hit, shape.tangents(hit), wo);
+        hit.ns = ns;
+        Some(tilt)
     }
     /// Whether the direct light of this light is all counted by sampling it: rays may pass its surface unseen.
     pub(crate) fn only_sampled(&self, light: usize) -> bool {

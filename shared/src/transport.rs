@@ -107,7 +107,7 @@ impl CameraTracer<'_> {
                     beta *= properties.transmittance(&ray, length, sampler);
                 }
             }
-            let Some(hit) = hit else {
+            let Some(mut hit) = hit else {
                 if record.is_on() {
                     for &light in &scene.environments {
                         let environment = scene.environment(light, ray.dir);
@@ -128,7 +128,7 @@ impl CameraTracer<'_> {
                 straight = straight.map(|n| n.saturating_add(1));
                 continue;
             }
-            let (hit, tilt) = scene.tilted(hit, -ray.dir);
+            let tilt = scene.tilt(&mut hit, -ray.dir);
             let frame = Frame::from_normal(hit.ns);
             let mut vertex = Vertex {
                 bsdf: material.bsdf(hit.uv),
@@ -300,7 +300,7 @@ impl CameraTracer<'_> {
             let pdf = scene.lights()[light].pdf_direct(scene.objects(), x.hit.point, wi, hit);
             power_heuristic(sample.pdf, pdf * scene.selector.pmf(light))
         };
-        let Some(hit) = arrived.hit else {
+        let Some(mut hit) = arrived.hit else {
             let mut radiance = Rgb::ZERO;
             for &light in &scene.environments {
                 let environment = scene.environment(light, wi) * balanced(light, None);
@@ -326,7 +326,7 @@ impl CameraTracer<'_> {
         }
         let material = scene.material(&hit);
         if !material.is_specular() {
-            let (hit, tilt) = scene.tilted(hit, -wi);
+            let tilt = scene.tilt(&mut hit, -wi);
             let frame = Frame::from_normal(hit.ns);
             let y = Vertex {
                 bsdf: material.bsdf(hit.uv),

@@ -114,9 +114,9 @@ impl Tracer<'_> {
             {
                 continue;
             }
-            let Some(hit) = hit else { return };
+            let Some(mut hit) = hit else { return };
             photon.footprint = photon.footprint.advanced(hit.t);
-            self.meet_surface(&mut photon, &hit, sampler, out);
+            self.meet_surface(&mut photon, &mut hit, sampler, out);
         }
     }
 
@@ -237,7 +237,7 @@ impl Tracer<'_> {
     fn meet_surface(
         &self,
         photon: &mut Photon,
-        hit: &SurfaceHit,
+        hit: &mut SurfaceHit,
         sampler: &mut Sampler,
         out: &mut Photons,
     ) {
@@ -251,8 +251,7 @@ impl Tracer<'_> {
             return;
         }
         let wo = -dir;
-        let (hit, tilt) = self.scene.tilted(*hit, wo);
-        let hit = &hit;
+        let tilt = self.scene.tilt(hit, wo);
         let specular = material.is_specular();
         if !specular && photon.arrival != Arrival::Direct {
             out.surface.push(SurfacePhoton {

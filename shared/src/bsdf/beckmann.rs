@@ -31,6 +31,7 @@ pub fn extent(alpha: f32, v: Vec3) -> f32 {
 
 /// Visible slopes (Heitz & d'Eon 2014): along `wo`'s azimuth by Newton's method on their cumulative distribution, which is
 /// known in closed form; across it a Gaussian.
+#[inline(never)]
 pub fn sample_visible(alpha: f32, wo: Vec3, u: Vec2) -> Vec3 {
     let v = Vec3::new(alpha * wo.x, alpha * wo.y, wo.z).normalize();
     let sin = (v.x * v.x + v.y * v.y).sqrt();

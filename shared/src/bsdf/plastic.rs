@@ -95,6 +95,7 @@ impl Plastic {
         }
     }
 
+    #[inline(never)]
     pub(super) fn eval(&self, wo: Vec3, wi: Vec3) -> Rgb {
         if !reflects(wo, wi, self.two_sided) {
             return Rgb::ZERO;
@@ -103,6 +104,7 @@ impl Plastic {
         self.base * (entered * std::f32::consts::FRAC_1_PI)
     }
 
+    #[inline(never)]
     pub(super) fn pdf(&self, wo: Vec3, wi: Vec3) -> f32 {
         if !reflects(wo, wi, self.two_sided) {
             return 0.0;
@@ -110,6 +112,7 @@ impl Plastic {
         (1.0 - self.mirror_probability(wo)) * warp::cosine_hemisphere_pdf(wi.z.abs())
     }
 
+    #[inline(never)]
     pub(super) fn sample(&self, wo: Vec3, u_lobe: f32, u: Vec2) -> Option<BsdfSample> {
         let sign = lit_side(wo, self.two_sided)?;
         let p = self.mirror_probability(wo);
@@ -258,6 +261,7 @@ impl<'a> RoughPlastic<'a> {
         }
     }
 
+    #[inline(never)]
     pub(super) fn eval(&self, wo: Vec3, wi: Vec3) -> Rgb {
         if !reflects(wo, wi, self.two_sided) {
             return Rgb::ZERO;
@@ -289,6 +293,7 @@ impl<'a> RoughPlastic<'a> {
         }
     }
 
+    #[inline(never)]
     pub(super) fn pdf(&self, wo: Vec3, wi: Vec3) -> f32 {
         if !reflects(wo, wi, self.two_sided) {
             return 0.0;
@@ -298,6 +303,7 @@ impl<'a> RoughPlastic<'a> {
             + (1.0 - p) * warp::cosine_hemisphere_pdf(wi.z.abs())
     }
 
+    #[inline(never)]
     pub(super) fn sample(&self, wo: Vec3, u_lobe: f32, u: Vec2) -> Option<BsdfSample> {
         let sign = lit_side(wo, self.two_sided)?;
         let wo = wo * sign;

@@ -47,6 +47,7 @@ impl Principled {
         (self.base_color * (1.0 - self.metallic) + self.fresnel(1.0)).min(Rgb::ONE)
     }
 
+    #[inline(never)]
     pub(super) fn eval(&self, wo: Vec3, wi: Vec3) -> Rgb {
         if !reflects(wo, wi, self.two_sided) {
             return Rgb::ZERO;
@@ -76,6 +77,7 @@ impl Principled {
         }
     }
 
+    #[inline(never)]
     pub(super) fn pdf(&self, wo: Vec3, wi: Vec3) -> f32 {
         if !reflects(wo, wi, self.two_sided) {
             return 0.0;
@@ -85,6 +87,7 @@ impl Principled {
             + (1.0 - p) * warp::cosine_hemisphere_pdf(wi.z.abs())
     }
 
+    #[inline(never)]
     pub(super) fn sample(&self, wo: Vec3, u_lobe: f32, u: Vec2) -> Option<BsdfSample> {
         let sign = lit_side(wo, self.two_sided)?;
         let wo = wo * sign;

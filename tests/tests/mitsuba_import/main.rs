@@ -87,11 +87,10 @@ fn scene_in(folder: &Path) -> SceneDescription {
 /// The value of a field of the native scene: of the first line that begins with it, below a heading.
 fn field<'a>(native: &'a str, heading: &str, name: &str) -> Option<&'a str> {
     let mut lines = native.lines().skip_while(|line| *line != heading).skip(1);
-    let found = lines
+    lines
         .by_ref()
         .take_while(|line| !line.starts_with('['))
-        .find_map(|line| line.strip_prefix(name)?.strip_prefix(" = "));
-    found
+        .find_map(|line| line.strip_prefix(name)?.strip_prefix(" = "))
 }
 
 #[track_caller]

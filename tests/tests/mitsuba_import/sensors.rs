@@ -22,11 +22,7 @@ fn fov(inner: &str) -> (f64, String) {
 fn fields_of_view() {
     let wide = |(degrees, axis): (f64, String)| match axis.as_str() {
         "\"x\"" | "\"larger\"" => degrees,
-        _ => {
-            2.0 * (2.0 * (0.5 * degrees.to_radians()).tan())
-                .atan()
-                .to_degrees()
-        }
+        _ => 2.0 * libm::atan(2.0 * libm::tan(0.5 * degrees.to_radians())).to_degrees(),
     };
     let axis = |axis: &str| {
         format!(r#"<float name="fov" value="40"/><string name="fov_axis" value="{axis}"/>"#)

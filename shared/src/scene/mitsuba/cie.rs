@@ -183,7 +183,8 @@ mod tests {
         let rising = [(400.0, 0.1), (500.0, 0.5), (600.0, 0.8), (700.0, 0.9)];
         let peak = [(400.0, 0.1), (500.0, 2.0), (700.0, 0.2)];
         let flat = [(300.0, 1.0), (900.0, 1.0)];
-        let cases: [(&[(f64, f64)], Kind, [f64; 3]); 9] = [
+        type Samples<'a> = &'a [(f64, f64)];
+        let cases: [(Samples<'_>, Kind, [f64; 3]); 9] = [
             (&rising, Kind::Factor, [0.878015, 0.635779, 0.270342]),
             (&rising, Kind::Unbounded, [0.878015, 0.635779, 0.270342]),
             (&rising, Kind::Emission, [1.03331, 0.606869, 0.234725]),

@@ -32,6 +32,7 @@ impl FromStr for SceneHash {
 
 /// How the radius scale depends on the pass: once a pass, or as if it shrank after every beam.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "render", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum ScheduleKind {
     /// Shrink once a pass.

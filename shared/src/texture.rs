@@ -31,7 +31,7 @@ pub enum Texture {
 }
 
 /// How an image is interpolated.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum TextureFilter {
     /// Linearly between the centres of pixels.
@@ -42,7 +42,7 @@ pub enum TextureFilter {
 }
 
 /// How an image goes on beyond its edges.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Wrap {
     /// From the other edge.

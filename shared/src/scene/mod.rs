@@ -263,6 +263,11 @@ fn with_assets(
     Ok(Bundle { scene, files })
 }
 
+/// The JSON Schema (draft 7) of native scene files, for editors: a JSON document.
+pub fn json_schema() -> String {
+    parse::json_schema()
+}
+
 fn text_of<'a>(file: &Path, bytes: &'a [u8]) -> Result<&'a str, SceneError> {
     std::str::from_utf8(bytes).map_err(|e| SceneError {
         file: file.to_path_buf(),

@@ -2,10 +2,50 @@
 
 use crate::math::Rgb;
 use glam::DVec3;
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::{Error, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer};
+use std::borrow::Cow;
 use std::fmt;
 use std::marker::PhantomData;
+use std::ops::Range as Span;
+
+/// A value, and where in the file it is. (The one of `toml` has no JSON Schema.)
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Deserialize)]
+#[serde(transparent)]
+pub struct Spanned<T>(toml::Spanned<T>);
+
+impl<T> Spanned<T> {
+    /// A value as if it stood there.
+    pub fn new(span: Span<usize>, value: T) -> Self {
+        Self(toml::Spanned::new(span, value))
+    }
+
+    /// Bytes of the file.
+    pub fn span(&self) -> Span<usize> {
+        self.0.span()
+    }
+
+    /// The value.
+    pub fn get_ref(&self) -> &T {
+        self.0.get_ref()
+    }
+}
+
+impl<T: JsonSchema> JsonSchema for Spanned<T> {
+    fn inline_schema() -> bool {
+        T::inline_schema()
+    }
+    fn schema_name() -> Cow<'static, str> {
+        T::schema_name()
+    }
+    fn schema_id() -> Cow<'static, str> {
+        T::schema_id()
+    }
+    fn json_schema(generator: &mut SchemaGenerator) -> Schema {
+        T::json_schema(generator)
+    }
+}
 
 /// What a number may be.
 pub trait Range {
@@ -13,10 +53,12 @@ pub trait Range {
     const EXPECTED: &'static str;
     /// Whether `x` may be used. It is finite.
     fn holds(x: f32) -> bool;
+    /// The same as JSON Schema.
+    fn schema() -> Schema;
 }
 
 macro_rules! ranges {
-    ($($(#[$doc:meta])* $name:ident: $expected:literal, $test:expr;)*) => {$(
+    ($($(#[$doc:meta])* $name:ident: $expected:literal, $test:expr, $bounds:tt;)*) => {$(
         $(#[$doc])*
         #[derive(Clone, Copy, Debug)]
         pub struct $name;
@@ -26,29 +68,34 @@ macro_rules! ranges {
                 let test: fn(f32) -> bool = $test;
                 test(x)
             }
+            fn schema() -> Schema {
+                let mut schema = json_schema!($bounds);
+                schema.insert("type".into(), "number".into());
+                schema
+            }
         }
     )*};
 }
 
 ranges! {
     /// Any finite number.
-    Finite: "a finite number", |_| true;
+    Finite: "a finite number", |_| true, {};
     /// Not negative.
-    NonNegative: "a number that is not negative", |x| x >= 0.0;
+    NonNegative: "a number that is not negative", |x| x >= 0.0, { "minimum": 0 };
     /// Above zero.
-    Positive: "a number above 0", |x| x > 0.0;
+    Positive: "a number above 0", |x| x > 0.0, { "exclusiveMinimum": 0 };
     /// Reflectance or albedo.
-    Unit: "a number from 0 to 1", |x| (0.0..=1.0).contains(&x);
+    Unit: "a number from 0 to 1", |x| (0.0..=1.0).contains(&x), { "minimum": 0, "maximum": 1 };
     /// The progressive trade of variance against bias.
-    OpenUnit: "a number between 0 and 1, both excluded", |x| x > 0.0 && x < 1.0;
+    OpenUnit: "a number between 0 and 1, both excluded", |x| x > 0.0 && x < 1.0, { "exclusiveMinimum": 0, "exclusiveMaximum": 1 };
     /// Mean cosine of a phase function.
-    MeanCosine: "a number between -1 and 1, both excluded", |x| x > -1.0 && x < 1.0;
+    MeanCosine: "a number between -1 and 1, both excluded", |x| x > -1.0 && x < 1.0, { "exclusiveMinimum": -1, "exclusiveMaximum": 1 };
     /// Roughness of microfacets.
-    Roughness: "a roughness from 0.001 to 1 (for less, take the smooth material)", |x| (1e-3..=1.0).contains(&x);
+    Roughness: "a roughness from 0.001 to 1 (for less, take the smooth material)", |x| (1e-3..=1.0).contains(&x), { "minimum": 0.001, "maximum": 1 };
     /// Radius or standard deviation of a reconstruction filter, pixels.
-    FilterSize: "a number of pixels from 0.01 to 100", |x| (0.01..=100.0).contains(&x);
+    FilterSize: "a number of pixels from 0.01 to 100", |x| (0.01..=100.0).contains(&x), { "minimum": 0.01, "maximum": 100 };
     /// Field of view and cone angles in degrees.
-    Degrees: "an angle in degrees between 0 and 180, both excluded", |x| x > 0.0 && x < 180.0;
+    Degrees: "an angle in degrees between 0 and 180, both excluded", |x| x > 0.0 && x < 180.0, { "exclusiveMinimum": 0, "exclusiveMaximum": 180 };
 }
 
 /// A number within a range, also once it is rounded to single precision.
@@ -211,4 +258,32 @@ impl<'de, R: Range> Visitor<'de> for ColorVisitor<R> {
         let values = numbers::<3, R, A>(seq, "one number, or three in brackets")?;
         Ok(Color(values, PhantomData))
     }
+}
+
+macro_rules! inline_schema {
+    ($([$($bounds:tt)*] $type:ty: $schema:expr;)*) => {$(
+        impl<$($bounds)*> JsonSchema for $type {
+            fn inline_schema() -> bool {
+                true
+            }
+            fn schema_name() -> Cow<'static, str> {
+                stringify!($type).into()
+            }
+            fn json_schema(_: &mut SchemaGenerator) -> Schema {
+                $schema
+            }
+        }
+    )*};
+}
+
+inline_schema! {
+    [R: Range] Number<R>: R::schema();
+    [] Vector: several(3, Finite::schema());
+    [] Pair: several(2, Finite::schema());
+    [] Factors: json_schema!({ "anyOf": [Finite::schema(), several(3, Finite::schema())] });
+    [R: Range] Color<R>: json_schema!({ "anyOf": [R::schema(), several(3, R::schema())] });
+}
+
+fn several(count: u32, of: Schema) -> Schema {
+    json_schema!({ "type": "array", "items": of, "minItems": count, "maxItems": count })
 }

@@ -13,6 +13,7 @@ mod render;
 mod replay;
 mod serve;
 
+use beamfarm_shared::scene::json_schema;
 use beamfarm_worker::cli::{self, LogArgs, WorkerArgs};
 use beamfarm_worker::exit;
 use clap::{Parser, Subcommand};
@@ -67,6 +68,8 @@ enum Command {
     Convert(convert::ConvertArgs),
     /// Print which stages of rendering a scene needs, with the reason for each
     Explain(explain::ExplainArgs),
+    /// Print the JSON Schema of scene files, for editors
+    Schema,
 }
 
 const WORKER_EXAMPLES: &str = "\
@@ -95,6 +98,10 @@ fn main() -> ExitCode {
         Command::Compare(args) => compare::main(args),
         Command::Convert(args) => convert::main(args),
         Command::Explain(args) => explain::main(args),
+        Command::Schema => {
+            print!("{}", json_schema());
+            Ok(())
+        }
     };
     match done {
         Ok(()) => ExitCode::from(exit::DONE),

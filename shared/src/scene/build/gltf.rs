@@ -7,10 +7,10 @@ use crate::scene::assets::image::Encoding;
 use crate::scene::parse::{
     CameraRecord, Eye, Fault, FovAxis, GltfCameraRecord, GltfRecord, PieceRecord, SceneRecord,
 };
+use crate::scene::values::Spanned;
 use crate::scene::{source, transform};
 use glam::DAffine3;
 use std::path::Path;
-use toml::Spanned;
 
 /// A file of the bundle by the path that the scene gives, and those beside it.
 fn bytes<'b>(bundle: &'b Bundle, path: &Spanned<String>) -> Result<&'b [u8], Fault> {

@@ -8,9 +8,9 @@ use crate::medium::Medium;
 use crate::scene::assets::image::Encoding;
 use crate::scene::parse::{Fault, LightRecord, LightType};
 use crate::scene::transform;
+use crate::scene::values::Spanned;
 use glam::{DMat3, DVec3};
 use std::f64::consts::PI;
-use toml::Spanned;
 
 impl Parts<'_> {
     pub fn add_lights(&mut self, records: &[LightRecord]) -> Result<(), Problem> {

@@ -10,10 +10,10 @@ use crate::math::Rgb;
 use crate::scene::parse::{
     DistributionName, Fault, ImageTextureRecord, MaterialRecord, MaterialType, TextureRecord,
 };
+use crate::scene::values::Spanned;
 use crate::scene::values::{NonNegative, Number, Unit};
 use crate::texture::Texture;
 use std::collections::BTreeMap;
-use toml::Spanned;
 
 /// The scene's materials in the order of their names, then those for shapes that name none.
 pub struct Materials {

@@ -11,10 +11,10 @@ use crate::scene::parse::{
     AlbedoRecord, BlobRecord, DensityRecord, Fault, MediumKind, MediumRecord, PhaseRecord,
 };
 use crate::scene::transform;
+use crate::scene::values::Spanned;
 use glam::{DAffine3, DVec3};
 use std::collections::BTreeMap;
 use std::sync::Arc;
-use toml::Spanned;
 
 /// The scene's media, in the order of their names.
 pub struct Media {

@@ -18,12 +18,12 @@ use crate::bundle::{self, Bundle};
 use crate::job::MAX_PASSES;
 use crate::medium::MediumId;
 use crate::medium::bricks::{Bricks, RawDensity};
+use crate::scene::values::Spanned;
 use crate::texture::Image;
 use glam::DVec3;
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::sync::Arc;
-use toml::Spanned;
 
 /// Why a scene cannot be built.
 #[derive(Debug)]

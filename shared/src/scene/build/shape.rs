@@ -9,11 +9,11 @@ use crate::math::Rgb;
 use crate::scene::assets::mesh::RawMesh;
 use crate::scene::parse::{Fault, ShapeRecord, ShapeType};
 use crate::scene::transform;
+use crate::scene::values::Spanned;
 use glam::{DAffine3, DVec3};
 use std::f64::consts::PI;
 use std::ops::Range;
 use std::sync::Arc;
-use toml::Spanned;
 
 /// A shape in its own space.
 enum Form {

@@ -3,8 +3,8 @@
 use crate::camera::Camera;
 use crate::math::{Frame, Vec2, Vec3};
 use crate::scene::parse::{CameraRecord, CropRecord, Eye, Fault, FovAxis, ImageRecord};
+use crate::scene::values::Spanned;
 use glam::{DVec2, DVec3};
-use toml::Spanned;
 
 const MAX_SIDE: u32 = 32768;
 

@@ -1,39 +1,70 @@
 //! The image and the camera.
 
+use super::schema::table;
 use super::{Fault, given};
 use crate::filter::PixelFilter;
 use crate::scene::values::*;
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{Error, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer};
+use std::borrow::Cow;
 use std::fmt;
-use toml::Spanned;
 
-#[derive(Debug, Deserialize)]
+/// The picture.
+#[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ImageRecord {
+    /// Pixels a row, 1 to 32768.
+    #[schemars(range(min = 1, max = 32768))]
     pub width: Spanned<u32>,
+    /// Rows, 1 to 32768.
+    #[schemars(range(min = 1, max = 32768))]
     pub height: Spanned<u32>,
+    /// Only this window is rendered; the picture has its size. Default: all of it.
     pub crop: Option<Spanned<CropRecord>>,
+    /// Reconstruction filter. Default: box.
     #[serde(default)]
     pub filter: FilterRecord,
 }
 
 /// A window of the image, pixels.
-#[derive(Clone, Copy, Debug, Deserialize)]
+#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CropRecord {
+    /// Columns left of it.
     #[serde(default)]
     pub x: u32,
+    /// Rows above it.
     #[serde(default)]
     pub y: u32,
+    /// Pixels a row.
     pub width: u32,
+    /// Rows.
     pub height: u32,
 }
 
 /// `"box"`, `"tent"`, `"gaussian"`, or a table with the type and its parameter.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct FilterRecord(pub PixelFilter);
+
+impl JsonSchema for FilterRecord {
+    fn schema_name() -> Cow<'static, str> {
+        "FilterRecord".into()
+    }
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        let size = FilterSize::schema();
+        json_schema!({
+            "description": "A filter by name, or with its parameter in pixels.",
+            "anyOf": [
+                { "enum": ["box", "tent", "gaussian"] },
+                table(&["type"], json_schema!({ "type": { "const": "box" } })),
+                table(&["type"], json_schema!({ "type": { "const": "tent" }, "radius": size })),
+                table(&["type"], json_schema!({ "type": { "const": "gaussian" }, "stddev": size })),
+            ]
+        })
+    }
+}
 
 impl<'de> Deserialize<'de> for FilterRecord {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
@@ -93,32 +124,49 @@ impl<'de> Deserialize<'de> for FilterRecord {
     }
 }
 
-#[derive(Debug, Deserialize)]
+/// The camera.
+#[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CameraRecord {
+    /// Where it stands. Required without `gltf`.
     pub origin: Option<Spanned<Vector>>,
+    /// A point in the middle of the image. Required without `gltf`.
     pub target: Option<Spanned<Vector>>,
+    /// Direction towards the top of the image. Default: [0, 1, 0].
     pub up: Option<Spanned<Vector>>,
+    /// Field of view, degrees. Required without `gltf`.
     pub fov: Option<Spanned<Number<Degrees>>>,
+    /// The side of the image that `fov` spans. Default: x.
     pub fov_axis: Option<Spanned<FovAxis>>,
+    /// In place of `origin`, `target`, `up`, `fov` and `fov_axis`: the first camera of this glTF file.
     pub gltf: Option<Spanned<String>>,
+    /// Name of the camera of the glTF file, or of its node. Default: the first.
     pub gltf_camera: Option<Spanned<String>>,
+    /// Radius of the lens, scene units. Default: 0, a pinhole.
     pub aperture: Option<Number<NonNegative>>,
+    /// Distance of the plane in focus, scene units. Default: the distance to `target`.
     pub focus_distance: Option<Number<Positive>>,
+    /// Moves the image over its plane by so many of its widths and heights. Default: [0, 0].
     pub principal_point: Option<Spanned<Pair>>,
+    /// Mirror the image left to right.
     #[serde(default)]
     pub flip_x: bool,
+    /// The medium that the camera stands in; "none" for vacuum. Default: found by tracing.
     pub medium: Option<Spanned<String>>,
 }
 
 /// The side of the image that the field of view spans.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum FovAxis {
+    /// Horizontal.
     #[default]
     X,
+    /// Vertical.
     Y,
+    /// The shorter side.
     Smaller,
+    /// The longer side.
     Larger,
 }
 

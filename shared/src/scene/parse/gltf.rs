@@ -3,16 +3,21 @@
 use super::transform::Steps;
 use super::{LightRecord, MaterialRecord, ShapeRecord};
 use crate::scene::values::*;
+use schemars::JsonSchema;
 use serde::Deserialize;
 use std::collections::BTreeMap;
-use toml::Spanned;
 
-#[derive(Debug, Deserialize)]
+/// A glTF 2.0 file.
+#[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct GltfRecord {
+    /// .gltf or .glb, relative to the scene file.
     pub file: Spanned<String>,
+    /// From the file's space to the world.
     pub transform: Option<Spanned<Steps>>,
+    /// Base materials become principled materials. Default: true.
     pub materials: Option<bool>,
+    /// KHR_lights_punctual become lights, candela taken for W/sr and lux for W/m^2. Default: true.
     pub lights: Option<bool>,
 }
 

@@ -1,30 +1,44 @@
 //! Media: coefficients, densities, phase functions.
 
+use super::schema::{one_of, table};
 use super::transform::Steps;
 use super::{Fault, given, only_takes};
 use crate::medium::transmittance::Estimator;
 use crate::scene::values::*;
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer};
+use std::borrow::Cow;
 use std::fmt;
 use std::marker::PhantomData;
-use toml::Spanned;
 
-#[derive(Debug, Deserialize)]
+/// What absorbs and scatters.
+#[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[schemars(transform = MediumKind::narrow)]
 pub struct MediumRecord {
+    /// Kind of medium.
     #[serde(rename = "type")]
     pub kind: Spanned<MediumKind>,
+    /// Absorption, per scene unit. Given with `sigma_s`.
     pub sigma_a: Option<Spanned<Color<NonNegative>>>,
+    /// Scattering, per scene unit. Given with `sigma_a`.
     pub sigma_s: Option<Spanned<Color<NonNegative>>>,
+    /// Extinction, per scene unit. Given with `albedo`.
     pub sigma_t: Option<Spanned<Color<NonNegative>>>,
+    /// Scattering over extinction, 0 to 1. Given with `sigma_t`.
     pub albedo: Option<Spanned<AlbedoRecord>>,
+    /// Directions of scattering. Default: isotropic.
     #[serde(default)]
     pub phase: PhaseRecord,
+    /// A volume file or a recipe.
     pub density: Option<Spanned<DensityRecord>>,
+    /// Factor on the density. Default: 1.
     pub scale: Option<Spanned<Number<NonNegative>>>,
+    /// From the density's own space to the world.
     pub transform: Option<Spanned<Steps>>,
+    /// How it is estimated. Default: residual_ratio_tracking.
     pub transmittance: Option<Spanned<EstimatorRecord>>,
 }
 
@@ -49,14 +63,21 @@ impl MediumRecord {
     }
 }
 
-#[derive(Clone, Copy, Debug, Deserialize)]
+#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum MediumKind {
+    /// The same everywhere.
     Homogeneous,
+    /// With a density that varies.
     Heterogeneous,
 }
 
 impl MediumKind {
+    /// The schema of each kind of medium.
+    fn narrow(schema: &mut Schema) {
+        one_of(schema, |kind: Self| [Self::ALL, kind.takes().1].concat());
+    }
+
     /// Fields that every medium takes.
     pub const ALL: &[&str] = &["sigma_a", "sigma_s", "sigma_t", "albedo", "phase"];
 
@@ -80,6 +101,19 @@ pub enum AlbedoRecord {
         file: Spanned<String>,
         grid: Option<Spanned<String>>,
     },
+}
+
+impl JsonSchema for AlbedoRecord {
+    fn schema_name() -> Cow<'static, str> {
+        "AlbedoRecord".into()
+    }
+    fn json_schema(generator: &mut SchemaGenerator) -> Schema {
+        let file = json_schema!({
+            "file": { "type": "string", "description": ".vdb or .vol, relative to the scene file." },
+            "grid": { "type": "string", "description": "Name of a grid of the file." },
+        });
+        json_schema!({ "anyOf": [Color::<Unit>::json_schema(generator), table(&["file"], file)] })
+    }
 }
 
 impl<'de> Deserialize<'de> for AlbedoRecord {
@@ -119,16 +153,24 @@ impl<'de> Deserialize<'de> for AlbedoRecord {
 }
 
 /// A volume file, or a recipe.
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DensityRecord {
+    /// .vdb or .vol, relative to the scene file.
     pub file: Option<Spanned<String>>,
+    /// Name of a grid of the file. Default: density, or the only one.
     pub grid: Option<Spanned<String>>,
+    /// Lower corner of the box that a recipe fills.
     pub min: Option<Spanned<Vector>>,
+    /// Upper corner of the box that a recipe fills.
     pub max: Option<Spanned<Vector>>,
+    /// Distance of samples, scene units. Default: the longest side / 64.
     pub voxel: Option<Spanned<Number<Positive>>>,
+    /// Falls off with height.
     pub height: Option<Spanned<HeightRecord>>,
+    /// A sum of Gaussians.
     pub blobs: Option<Spanned<Vec<BlobRecord>>>,
+    /// Fractal noise.
     pub noise: Option<Spanned<NoiseRecord>>,
 }
 
@@ -156,33 +198,63 @@ impl DensityRecord {
     }
 }
 
-#[derive(Debug, Deserialize)]
+/// 1 up to y = base, above it exp(-(y - base) / scale).
+#[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct HeightRecord {
+    /// Height where the fall begins. Default: 0.
     pub base: Option<Number<Finite>>,
+    /// Height over which it falls to 1/e, scene units.
     pub scale: Number<Positive>,
 }
 
-#[derive(Debug, Deserialize)]
+/// density exp(-d^2 / (2 radius^2)) at distance d from the centre.
+#[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct BlobRecord {
+    /// Its middle.
     pub center: Vector,
+    /// Standard deviation, scene units.
     pub radius: Number<Positive>,
+    /// At its middle. Default: 1.
     pub density: Option<Number<NonNegative>>,
 }
 
-#[derive(Debug, Deserialize)]
+/// max(0, 1 + contrast n).
+#[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct NoiseRecord {
+    /// Length of the coarsest waves, scene units.
     pub size: Spanned<Number<Positive>>,
+    /// Octaves, 1 to 12. Default: 4.
+    #[schemars(range(min = 1, max = 12))]
     pub octaves: Option<Spanned<u32>>,
+    /// Strength of an octave over that of the one before. Default: 0.5.
     pub gain: Option<Number<Unit>>,
+    /// Strength. Default: 1.
     pub contrast: Option<Number<NonNegative>>,
+    /// Seed. Default: 0.
     pub seed: Option<u32>,
 }
 
 #[derive(Clone, Copy, Debug)]
 pub struct EstimatorRecord(pub Estimator);
+
+impl JsonSchema for EstimatorRecord {
+    fn schema_name() -> Cow<'static, str> {
+        "EstimatorRecord".into()
+    }
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        let flights = json_schema!({ "type": "integer", "minimum": 1, "maximum": 65535 });
+        json_schema!({
+            "description": "How transmittance is estimated.",
+            "anyOf": [
+                { "enum": ["ratio_tracking", "residual_ratio_tracking"] },
+                table(&["free_flights"], json_schema!({ "free_flights": flights })),
+            ]
+        })
+    }
+}
 
 impl<'de> Deserialize<'de> for EstimatorRecord {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
@@ -238,6 +310,32 @@ pub enum PhaseRecord {
         /// 0 for isotropic ones.
         g: [f64; 2],
     },
+}
+
+impl JsonSchema for PhaseRecord {
+    fn schema_name() -> Cow<'static, str> {
+        "PhaseRecord".into()
+    }
+    fn json_schema(generator: &mut SchemaGenerator) -> Schema {
+        let phase = generator.subschema_for::<Self>();
+        let phases =
+            json_schema!({ "type": "array", "items": phase, "minItems": 2, "maxItems": 2 });
+        let blend = json_schema!({
+            "type": { "const": "blend" },
+            "weight": Unit::schema(),
+            "phases": phases,
+        });
+        let hg = json_schema!({ "type": { "const": "hg" }, "g": MeanCosine::schema() });
+        json_schema!({
+            "description": "Isotropic, Henyey-Greenstein with the mean cosine g, or a blend: `weight` is that of the second.",
+            "anyOf": [
+                { "const": "isotropic" },
+                table(&["type"], json_schema!({ "type": { "const": "isotropic" } })),
+                table(&["type", "g"], hg),
+                table(&["type", "weight", "phases"], blend),
+            ]
+        })
+    }
 }
 
 impl<'de> Deserialize<'de> for PhaseRecord {

@@ -5,6 +5,7 @@ mod gltf;
 mod light;
 mod material;
 mod medium;
+mod schema;
 mod shape;
 mod texture;
 mod transform;
@@ -14,54 +15,76 @@ pub use gltf::*;
 pub use light::*;
 pub use material::*;
 pub use medium::*;
+pub use schema::json_schema;
 pub use shape::*;
 pub use texture::*;
 pub use transform::*;
 
 use super::values::*;
 use crate::job::ScheduleKind;
+use schemars::JsonSchema;
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::ops::Range as Span;
-use toml::Spanned;
 
 /// A whole scene file.
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SceneRecord {
+    /// The picture.
     pub image: ImageRecord,
+    /// Defaults of the job; the command line overrides them.
     #[serde(default)]
     pub render: RenderRecord,
+    /// What is around everything.
     #[serde(default)]
     pub world: WorldRecord,
+    /// The camera.
     pub camera: Spanned<CameraRecord>,
+    /// Media by name.
     #[serde(default)]
     pub media: BTreeMap<Spanned<String>, MediumRecord>,
+    /// Materials by name.
     #[serde(default)]
     pub materials: BTreeMap<Spanned<String>, MaterialRecord>,
+    /// Surfaces.
     #[serde(default)]
     pub shapes: Vec<ShapeRecord>,
+    /// Lights that are no surfaces.
     #[serde(default)]
     pub lights: Vec<LightRecord>,
+    /// glTF files.
     #[serde(default)]
     pub gltf: Vec<GltfRecord>,
 }
 
-#[derive(Debug, Default, Deserialize)]
+/// Defaults of the job.
+#[derive(Debug, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RenderRecord {
+    /// Passes. Default: 64.
+    #[schemars(range(min = 1, max = 9007199254740992_u64))]
     pub passes: Option<Spanned<u64>>,
+    /// Photon paths that a pass emits. Default: 50000.
+    #[schemars(range(min = 1))]
     pub paths: Option<Spanned<u32>>,
+    /// Larger keeps radii large for longer: less noise, more blur. Default: 2/3.
     pub alpha: Option<Number<OpenUnit>>,
+    /// When radii shrink. Default: pass.
     pub schedule: Option<ScheduleKind>,
+    /// Seed of all random numbers. Default: 0.
     pub seed: Option<u64>,
+    /// Stops, for the PNG only. Default: 0.
     pub exposure: Option<Number<Finite>>,
+    /// One base radius of all beams and surface photons, scene units, in place of photon differentials.
     pub radius: Option<Number<Positive>>,
 }
 
-#[derive(Debug, Default, Deserialize)]
+/// What is around everything.
+#[derive(Debug, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct WorldRecord {
+    /// The medium outside of every object. Default: none, vacuum.
     pub medium: Option<Spanned<String>>,
 }
 

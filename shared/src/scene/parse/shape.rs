@@ -1,33 +1,51 @@
 //! Shapes.
 
+use super::schema::one_of;
 use super::transform::Steps;
 use super::{Fault, given, only_takes};
 use crate::scene::values::*;
+use schemars::{JsonSchema, Schema};
 use serde::Deserialize;
-use toml::Spanned;
 
-/// Fields of all kinds of shapes.
-#[derive(Debug, Deserialize)]
+/// A surface.
+#[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[schemars(transform = ShapeType::narrow)]
 pub struct ShapeRecord {
+    /// For messages, and for the layer of a shape that emits.
     pub name: Option<String>,
+    /// Kind of shape.
     #[serde(rename = "type")]
     pub kind: Spanned<ShapeType>,
+    /// Middle of the sphere. Default: [0, 0, 0].
     pub center: Option<Spanned<Vector>>,
+    /// One end of the axis. Default: [0, 0, 0].
     pub p0: Option<Spanned<Vector>>,
+    /// The other end of the axis. Default: [0, 0, 1].
     pub p1: Option<Spanned<Vector>>,
+    /// Scene units. Default: 1.
     pub radius: Option<Spanned<Number<Positive>>>,
+    /// .ply or .obj, relative to the scene file.
     pub file: Option<Spanned<String>>,
+    /// Ignore the normals of the file. Default: false.
     pub face_normals: Option<Spanned<bool>>,
+    /// Turn the outside in. Default: false.
     pub flip_normals: Option<Spanned<bool>>,
+    /// Name of a material. Default: grey; black for shapes that emit.
     pub material: Option<Spanned<String>>,
+    /// Medium inside. Default: none.
     pub interior: Option<Spanned<String>>,
+    /// Medium outside. Default: the world's.
     pub exterior: Option<Spanned<String>>,
-    /// False: light that goes through keeps its medium.
+    /// False: light that goes through keeps its medium. Default: true.
     pub boundary: Option<Spanned<bool>>,
+    /// Light that it emits, on its outside.
     pub emission: Option<Spanned<EmissionRecord>>,
+    /// Where it stands.
     pub transform: Option<Spanned<Steps>>,
+    /// The shape that is copied.
     pub shape: Option<Spanned<Box<ShapeRecord>>>,
+    /// One transform for each copy.
     pub transforms: Option<Spanned<Vec<Spanned<Steps>>>>,
 }
 
@@ -55,19 +73,37 @@ impl ShapeRecord {
     }
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ShapeType {
+    /// By centre and radius.
     Sphere,
+    /// [-1, 1] x [-1, 1] in the xy plane, normal +z.
     Rectangle,
+    /// [-1, 1] along each axis.
     Cube,
+    /// Radius 1 in the xy plane, normal +z.
     Disc,
+    /// From p0 to p1, open at both ends.
     Cylinder,
+    /// From a file.
     Mesh,
+    /// Copies of one shape.
     Instances,
 }
 
 impl ShapeType {
+    /// The schema of each kind of shape.
+    fn narrow(schema: &mut Schema) {
+        one_of(schema, |kind: Self| {
+            let common = match kind {
+                Self::Instances => &[],
+                _ => Self::SURFACE,
+            };
+            [&["name"], common, kind.takes().1].concat()
+        });
+    }
+
     /// Fields that every shape takes, but `instances`, whose shape has its own.
     pub const SURFACE: &[&str] = &[
         "material",
@@ -93,10 +129,14 @@ impl ShapeType {
     }
 }
 
-#[derive(Debug, Deserialize)]
+/// Either radiance or power.
+#[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct EmissionRecord {
+    /// W/(m^2 sr).
     pub radiance: Option<Color<NonNegative>>,
+    /// W, of the whole surface.
     pub power: Option<Color<NonNegative>>,
+    /// Lights of one group share a layer. Default: the shape's name.
     pub group: Option<String>,
 }

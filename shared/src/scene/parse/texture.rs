@@ -1,14 +1,16 @@
 //! Colours that may be textures.
 
+use super::schema::table;
 use super::transform::RotateRecord;
 use crate::scene::values::*;
 use crate::texture::{TextureFilter, Wrap};
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{Error, MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer};
+use std::borrow::Cow;
 use std::fmt;
 use std::marker::PhantomData;
-use toml::Spanned;
 
 /// A colour, `{ image = "file", ... }` or `{ checkerboard = [colour, colour], ... }`.
 #[derive(Clone, Debug)]
@@ -46,14 +48,47 @@ impl<R> TextureRecord<R> {
 pub type UvSteps = Spanned<Vec<Spanned<UvStepRecord>>>;
 
 /// One step of it: exactly one of the fields.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[schemars(extend("minProperties" = 1, "maxProperties" = 1))]
 pub struct UvStepRecord {
+    /// So many repetitions.
     pub scale: Option<Factors>,
+    /// Around [0, 0, 1].
     pub rotate: Option<RotateRecord>,
+    /// By (x, y), z is 0.
     pub translate: Option<Vector>,
     /// Three rows of three.
     pub matrix: Option<Vec<Vec<Number<Finite>>>>,
+}
+
+impl<R: Range> JsonSchema for TextureRecord<R> {
+    fn schema_name() -> Cow<'static, str> {
+        "TextureRecord".into()
+    }
+    fn schema_id() -> Cow<'static, str> {
+        format!("TextureRecord of {}", R::EXPECTED).into()
+    }
+    fn json_schema(generator: &mut SchemaGenerator) -> Schema {
+        let color = Color::<R>::json_schema(generator);
+        let uv = generator.subschema_for::<UvSteps>();
+        let colors =
+            json_schema!({ "type": "array", "items": color, "minItems": 2, "maxItems": 2 });
+        let image = json_schema!({
+            "image": { "type": "string", "description": ".png or .exr, relative to the scene file." },
+            "raw": { "type": "boolean", "description": "Take the numbers of a PNG as they are, not as sRGB." },
+            "filter": generator.subschema_for::<TextureFilter>(),
+            "wrap": generator.subschema_for::<Wrap>(),
+            "uv": uv,
+        });
+        json_schema!({
+            "anyOf": [
+                color,
+                table(&["image"], image),
+                table(&["checkerboard"], json_schema!({ "checkerboard": colors, "uv": uv })),
+            ]
+        })
+    }
 }
 
 impl<'de, R: Range> Deserialize<'de> for TextureRecord<R> {

@@ -1,13 +1,14 @@
 //! Transforms.
 
 use crate::scene::values::*;
+use schemars::JsonSchema;
 use serde::de::{SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 use std::fmt;
-use toml::Spanned;
 
 /// A transform: a list of steps, applied in order.
-#[derive(Debug)]
+#[derive(Debug, JsonSchema)]
+#[schemars(transparent)]
 pub struct Steps(pub Vec<Spanned<StepRecord>>);
 
 impl<'de> Deserialize<'de> for Steps {
@@ -31,27 +32,40 @@ impl<'de> Deserialize<'de> for Steps {
 }
 
 /// One step of a transform: exactly one of the fields.
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[schemars(extend("minProperties" = 1, "maxProperties" = 1))]
 pub struct StepRecord {
+    /// Factor, or one for each axis.
     pub scale: Option<Factors>,
+    /// Around an axis through the origin.
     pub rotate: Option<RotateRecord>,
+    /// By a vector.
     pub translate: Option<Vector>,
+    /// Rows; the last one is [0, 0, 0, 1].
     pub matrix: Option<[[Number<Finite>; 4]; 4]>,
+    /// Takes the origin to `origin` and +z towards `target`.
     pub look_at: Option<LookAtRecord>,
 }
 
-#[derive(Clone, Copy, Debug, Deserialize)]
+/// A rotation, by the right-hand rule.
+#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RotateRecord {
+    /// Direction.
     pub axis: Vector,
+    /// Degrees.
     pub angle: Number<Finite>,
 }
 
-#[derive(Debug, Deserialize)]
+/// A place and a direction.
+#[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LookAtRecord {
+    /// Where the origin goes.
     pub origin: Vector,
+    /// A point on +z.
     pub target: Vector,
+    /// In the half plane of +y. Default: [0, 1, 0].
     pub up: Option<Vector>,
 }

@@ -209,7 +209,14 @@ impl CameraPass<'_> {
                     radiance[segment.pixel as usize] += scattered;
                     if let Some(parts) = parts.get_mut(segment.pixel as usize) {
                         parts.volume += scattered;
-                        parts.beams += sum.beams_of(i);
+                    }
+                }
+                if self.tracer.plan.layers.counts_beams() {
+                    // One by one: gathering side by side counts for all of them together, which is quicker.
+                    for segment in packet.chunks(1) {
+                        let found = &candidates.found;
+                        let sum = estimate::gather(beams, medium, segment, steps, found, key);
+                        parts[segment[0].pixel as usize].beams += sum.evaluations() as u32;
                     }
                 }
                 for group in 0..self.tracer.plan.layers.groups() {

@@ -486,6 +486,11 @@ impl LayerPlan {
         self.group_of_light.get(light).copied().unwrap_or(u16::MAX)
     }
 
+    /// Whether the beams that contribute to each pixel are counted.
+    pub fn counts_beams(&self) -> bool {
+        self.layers.contains(&Layer::BeamDensity)
+    }
+
     /// Number of groups of lights.
     pub fn groups(&self) -> usize {
         self.groups.len()

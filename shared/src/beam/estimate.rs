@@ -89,8 +89,8 @@ pub struct PacketRadiance {
 struct GroupRadiance {
     /// Red, green, blue, by lane.
     radiance: [Lanes; 3],
-    /// Beams that contributed, by lane.
-    evaluations: [u32; LANES],
+    /// Pairs that contributed.
+    evaluations: u64,
 }
 
 impl PacketRadiance {
@@ -100,15 +100,9 @@ impl PacketRadiance {
         Rgb::from(radiance.map(|channel| channel[segment % LANES]))
     }
 
-    /// Beams that contributed to one of the segments.
-    pub fn beams_of(&self, segment: usize) -> u32 {
-        self.groups[segment / LANES].evaluations[segment % LANES]
-    }
-
     /// Pairs of beam and segment that contributed.
     pub fn evaluations(&self) -> u64 {
-        let lanes = self.groups.iter().flat_map(|group| group.evaluations);
-        lanes.map(u64::from).sum()
+        self.groups.iter().map(|group| group.evaluations).sum()
     }
 }
 
@@ -150,8 +144,8 @@ pub fn gather(
     sum(map.beams(), &packet, candidates)
 }
 
-/// `LOBES` of the phase function are not isotropic. The same code at the widest vectors that the machine has. Only the number of lanes per instruction differs: no
-/// operation is fused or reordered, so the bits are the same.
+/// `LOBES` of the phase function are not isotropic. The same code at the widest vectors that the machine has. Only the
+/// number of lanes per instruction differs: no operation is fused or reordered, so the bits are the same.
 fn dispatch<const GREY: bool, const LOBES: usize, const VARYING: bool>(
     beams: &[PhotonBeam],
     packet: &SegmentPacket,
@@ -453,9 +447,7 @@ impl<'a> Group<'a> {
                 0.0
             };
         }
-        for l in 0..LANES {
-            out.evaluations[l] = out.evaluations[l].wrapping_add(hit[l]);
-        }
+        out.evaluations += u64::from(count);
         let mut transmitted = [[1.0; LANES]; 3];
         if VARYING && let Some(varying) = &self.varying {
             let at = varying.attenuation::<GREY>(beam, &hit, &along_segment, &along_beam, step);
@@ -499,7 +491,7 @@ impl<'a> Group<'a> {
             let u = (u >> 40) as f32 * (1.0 / (1u32 << 24) as f32);
             let value = self.chord_estimate(beam, l, u);
             if value != Rgb::ZERO {
-                out.evaluations[l] += 1;
+                out.evaluations += 1;
                 for c in 0..3 {
                     out.radiance[c][l] += value[c];
                 }

@@ -70,8 +70,7 @@ fn matrix(step: &StepRecord) -> Result<DAffine3, &'static str> {
         step.rotate.as_ref().map(rotate),
         step.translate
             .map(|by| Ok(DAffine3::from_translation(by.0))),
-        step.matrix
-            .map(|rows| affine(rows.map(|row| row.map(|x| x.0)))),
+        step.matrix.as_ref().map(|rows| affine(rows)),
         step.look_at.as_ref().map(look_at),
     ];
     let mut given = maps.into_iter().flatten();
@@ -87,7 +86,15 @@ fn rotate(record: &RotateRecord) -> Result<DAffine3, &'static str> {
     Ok(DAffine3::from_mat3(rotation(axis, record.angle.0)))
 }
 
-fn affine(rows: [[f64; 4]; 4]) -> Result<DAffine3, &'static str> {
+fn affine(rows: &[Vec<Number<Finite>>]) -> Result<DAffine3, &'static str> {
+    let mut values = [[0.0; 4]; 4];
+    if rows.len() != 4 || rows.iter().any(|row| row.len() != 4) {
+        return Err("expected four rows of four numbers as `matrix`");
+    }
+    for (value, number) in values.iter_mut().flatten().zip(rows.iter().flatten()) {
+        *value = number.0;
+    }
+    let rows = values;
     if rows[3] != [0.0, 0.0, 0.0, 1.0] {
         return Err("expected [0, 0, 0, 1] as the last row of `matrix`");
     }

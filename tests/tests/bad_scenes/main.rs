@@ -121,7 +121,9 @@ fn transforms_are_checked() {
 [[shapes]] | type = "sphere" | transform = [{ matrix = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 1, 1]] }]
     5: shapes[0].transform[0]: expected [0, 0, 0, 1] as the last row of `matrix`
 [[shapes]] | type = "sphere" | transform = [{ matrix = [[1, 0, 0], [0, 1, 0], [0, 0, 1]] }]
-    5: shapes[0].transform[0].matrix[0]: invalid length 3, expected an array of length 4
+    5: shapes[0].transform[0]: expected four rows of four numbers as `matrix`
+[[shapes]] | type = "sphere" | transform = [{ matrix = [[1, 0, 0, 0, 9], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]] }]
+    5: shapes[0].transform[0]: expected four rows of four numbers as `matrix`
 [[shapes]] | type = "sphere" | transform = [{ look_at = { origin = [0, 0, 0], target = [0, 2, 0] } }]
     5: shapes[0].transform[0]: `up` of `look_at` must not be zero or parallel to the direction from origin to target
 [[shapes]] | type = "instances" | shape = { type = "sphere", emission = { radiance = 1 } } | transforms = []

@@ -43,7 +43,8 @@ pub struct StepRecord {
     /// By a vector.
     pub translate: Option<Vector>,
     /// Rows; the last one is [0, 0, 0, 1].
-    pub matrix: Option<[[Number<Finite>; 4]; 4]>,
+    #[schemars(with = "Option<[[Number<Finite>; 4]; 4]>")]
+    pub matrix: Option<Vec<Vec<Number<Finite>>>>,
     /// Takes the origin to `origin` and +z towards `target`.
     pub look_at: Option<LookAtRecord>,
 }

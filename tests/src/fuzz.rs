@@ -38,6 +38,14 @@ pub const TARGETS: &[Target] = &[
         run: gltf,
     },
     Target {
+        name: "hdr",
+        run: hdr,
+    },
+    Target {
+        name: "jpeg",
+        run: jpeg,
+    },
+    Target {
         name: "mitsuba",
         run: mitsuba,
     },
@@ -188,6 +196,16 @@ fn crc32(bytes: &[u8]) -> u32 {
             (crc >> 1) ^ (0xedb8_8320 & (crc & 1).wrapping_neg())
         })
     })
+}
+
+/// A JPEG picture.
+pub fn jpeg(data: &[u8]) {
+    image("a.jpg", data);
+}
+
+/// A picture in Radiance's format.
+pub fn hdr(data: &[u8]) {
+    image("a.hdr", data);
 }
 
 /// An OpenEXR picture: a texture, and an image to compare with.

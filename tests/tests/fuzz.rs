@@ -151,7 +151,7 @@ macro_rules! targets {
     };
 }
 
-targets! { block exr gltf mitsuba obj ply png scene vdb vol wire }
+targets! { block exr gltf hdr jpeg mitsuba obj ply png scene vdb vol wire }
 
 /// Makes the seeds of formats that only this project or a library writes.
 #[test]

@@ -2,6 +2,7 @@
 
 use crate::failure::Failure;
 use crate::job::SettingsArgs;
+use crate::output::print_text;
 use beamfarm_shared::plan::{RenderPlan, Scene};
 use clap::Args;
 
@@ -19,7 +20,5 @@ pub fn main(args: ExplainArgs) -> Result<(), Failure> {
     let plan = RenderPlan::new(&scene, loaded.settings)
         .with_layers(&scene, &loaded.layers)
         .map_err(Failure::usage)?;
-    println!("scene {hash}");
-    print!("{plan}");
-    Ok(())
+    print_text(&format!("scene {hash}\n{plan}"))
 }

@@ -98,10 +98,7 @@ fn main() -> ExitCode {
         Command::Compare(args) => compare::main(args),
         Command::Convert(args) => convert::main(args),
         Command::Explain(args) => explain::main(args),
-        Command::Schema => {
-            print!("{}", json_schema());
-            Ok(())
-        }
+        Command::Schema => output::print_text(&json_schema().to_string()),
     };
     match done {
         Ok(()) => ExitCode::from(exit::DONE),

@@ -6,7 +6,16 @@ use beamfarm_shared::exr::{ImageMeta, write_image};
 use beamfarm_shared::merge::Average;
 use beamfarm_shared::png::write_png;
 use std::ffi::OsStr;
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
+
+/// Print a text that people page through or cut short: a reader that goes away before its end is no failure.
+pub fn print_text(text: &str) -> Result<(), Failure> {
+    match io::stdout().lock().write_all(text.as_bytes()) {
+        Err(error) if error.kind() != io::ErrorKind::BrokenPipe => Err(Failure::io(error)),
+        _ => Ok(()),
+    }
+}
 
 /// The two files of a picture.
 #[derive(Clone, Debug)]

@@ -1,11 +1,17 @@
-//! Images: PNG (sRGB or as they are) and OpenEXR (linear), decoded to linear RGB.
+//! Images: PNG and JPEG (sRGB or as they are), OpenEXR and Radiance's HDR (linear), decoded to linear RGB.
 
 use super::Flaw;
 use crate::exr::{check_claims, without_panic};
 use crate::math::Rgb;
 use crate::texture::Image;
 use ::exr::prelude::{self as exr, ReadChannels, ReadLayers};
+use ::image::codecs::hdr::HdrDecoder;
+use ::image::{DynamicImage, ImageDecoder, ImageError};
 use std::io::Cursor;
+use zune_jpeg::JpegDecoder;
+use zune_jpeg::zune_core::bytestream::ZCursor;
+use zune_jpeg::zune_core::colorspace::ColorSpace;
+use zune_jpeg::zune_core::options::DecoderOptions;
 
 /// Pixels a row, and rows, at most.
 const MAX_SIDE: usize = 32768;
@@ -14,7 +20,7 @@ const MAX_PIXELS: usize = 1 << 27;
 /// Decoded bytes per byte of the file at most. Deflate reaches 1032; the other methods of EXR stay below it.
 const MAX_EXPANSION: usize = 2048;
 
-/// What the numbers of a PNG mean. Those of an OpenEXR image are linear.
+/// What the numbers of a PNG or a JPEG mean. Those of the other kinds are linear.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Encoding {
     /// sRGB (IEC 61966-2-1), whatever the file says of its gamma.
@@ -23,14 +29,20 @@ pub enum Encoding {
     Raw,
 }
 
-/// Read a PNG or EXR image; its first bytes tell which.
+/// Read an image; its first bytes tell of which kind.
 pub fn read(bytes: &[u8], encoding: Encoding) -> Result<Image, Flaw> {
     let image = if bytes.starts_with(b"\x89PNG") {
         read_png(bytes, encoding)?
     } else if bytes.starts_with(b"\x76\x2f\x31\x01") {
         read_exr(bytes)?
+    } else if bytes.starts_with(b"\xff\xd8\xff") {
+        read_jpeg(bytes, encoding)?
+    } else if bytes.starts_with(b"#?RADIANCE") || bytes.starts_with(b"#?RGBE") {
+        read_hdr(bytes)?
     } else {
-        return Err("unsupported kind of image; expected PNG or OpenEXR".into());
+        return Err(
+            "unsupported kind of image; expected PNG, JPEG, OpenEXR or Radiance HDR".into(),
+        );
     };
     let width = image.width as usize;
     let bad = |p: &Rgb| !p.is_finite() || p.min_element() < 0.0;
@@ -85,13 +97,7 @@ fn read_png(bytes: &[u8], encoding: Encoding) -> Result<Image, Flaw> {
         ::png::BitDepth::Sixteen => (2, 65535),
         _ => (1, 255),
     };
-    let linear: Vec<f32> = (0..=levels)
-        .map(|v| f64::from(v) / f64::from(levels))
-        .map(|v| match encoding {
-            Encoding::Srgb => linear_from_srgb(v),
-            Encoding::Raw => v as f32,
-        })
-        .collect();
+    let linear = encoding.table(levels);
     let sample = |p: &[u8], i: usize| match bytes_per_sample {
         2 => linear[usize::from(u16::from_be_bytes([p[2 * i], p[2 * i + 1]]))],
         _ => linear[usize::from(p[i])],
@@ -107,6 +113,67 @@ fn read_png(bytes: &[u8], encoding: Encoding) -> Result<Image, Flaw> {
         height,
         pixels: pixels.collect(),
     })
+}
+
+/// Grey or colour, 8 bits a channel, baseline or progressive.
+fn read_jpeg(bytes: &[u8], encoding: Encoding) -> Result<Image, Flaw> {
+    let message = |e: String| Flaw::from(format!("not a sound JPEG: {e}"));
+    let options = DecoderOptions::default()
+        .set_max_width(MAX_SIDE)
+        .set_max_height(MAX_SIDE)
+        .jpeg_set_out_colorspace(ColorSpace::RGB);
+    let mut decoder = JpegDecoder::new_with_options(ZCursor::new(bytes), options);
+    let headers = without_panic(|| decoder.decode_headers().map_err(|e| e.to_string()));
+    headers.map_err(message)?;
+    let (width, height) = decoder
+        .dimensions()
+        .ok_or_else(|| message("it has no size".into()))?;
+    let count = pixel_count(width, height)?;
+    check_claim(count * 3, bytes)?;
+    let data = without_panic(|| decoder.decode().map_err(|e| e.to_string())).map_err(message)?;
+    if data.len() != count * 3 {
+        return Err(message("it is neither grey nor red, green and blue".into()));
+    }
+    let linear = encoding.table(255);
+    let pixel = |p: &[u8; 3]| Rgb::from_array(p.map(|v| linear[usize::from(v)]));
+    Ok(Image {
+        width: width as u32,
+        height: height as u32,
+        pixels: data.as_chunks().0.iter().map(pixel).collect(),
+    })
+}
+
+/// Radiance's format of shared exponents, plain or run-length encoded.
+fn read_hdr(bytes: &[u8]) -> Result<Image, Flaw> {
+    let message = |e: String| Flaw::from(format!("not a sound Radiance HDR image: {e}"));
+    let sound = |e: ImageError| e.to_string();
+    let decoder = without_panic(|| HdrDecoder::new(Cursor::new(bytes)).map_err(sound));
+    let decoder = decoder.map_err(message)?;
+    let (width, height) = decoder.dimensions();
+    let count = pixel_count(width as usize, height as usize)?;
+    check_claim(count * 4, bytes)?;
+    let decoded = without_panic(|| DynamicImage::from_decoder(decoder).map_err(sound));
+    let decoded = decoded.map_err(message)?.into_rgb32f();
+    let pixels = decoded.pixels().map(|p| Rgb::from_array(p.0));
+    Ok(Image {
+        width,
+        height,
+        pixels: pixels.collect(),
+    })
+}
+
+impl Encoding {
+    /// Linear values of the numbers from 0 to `levels`.
+    fn table(self, levels: u32) -> Vec<f32> {
+        let value = |v: u32| {
+            let v = f64::from(v) / f64::from(levels);
+            match self {
+                Self::Srgb => linear_from_srgb(v),
+                Self::Raw => v as f32,
+            }
+        };
+        (0..=levels).map(value).collect()
+    }
 }
 
 /// The sRGB transfer function (IEC 61966-2-1), from [0, 1] to [0, 1].
@@ -311,8 +378,8 @@ mod tests {
         assert!(message(&exr_with(2, 2, &[("Y", f32::INFINITY)])).contains("expected finite"));
         assert!(message(&exr_with(2, 2, &[("Y", -1.0)])).contains("not negative"));
         assert!(message(&exr_with(2, 2, &[("Z", 1.0)])).contains("no layer has the channels"));
-        assert!(message(b"GIF89a").contains("expected PNG or OpenEXR"));
-        assert!(message(b"").contains("expected PNG or OpenEXR"));
+        assert!(message(b"GIF89a").contains("expected PNG, JPEG"));
+        assert!(message(b"").contains("expected PNG, JPEG"));
         let good = png(
             1,
             1,
@@ -358,6 +425,65 @@ mod tests {
         assert!(read(&bytes).is_err());
     }
 
+    /// 16 x 8 pixels: the left half sRGB (200, 100, 50), the right half (20, 40, 220); quality 95 without subsampling.
+    const JPEG: &[u8] = include_bytes!("../../../../tests/fuzz/seeds/jpeg/halves.jpg");
+
+    #[test]
+    fn jpeg_is_srgb() {
+        let image = read(JPEG).unwrap();
+        assert_eq!((image.width, image.height), (16, 8));
+        for (i, pixel) in image.pixels.iter().enumerate() {
+            let srgb = match i % 16 {
+                0..8 => [200.0, 100.0, 50.0],
+                _ => [20.0, 40.0, 220.0],
+            };
+            for (found, expected) in pixel.to_array().into_iter().zip(srgb) {
+                // Two steps of 255, for JPEG's own rounding.
+                let near = |d: f64| linear_from_srgb((expected + d) / 255.0);
+                assert!((near(-2.0)..=near(2.0)).contains(&found), "{i}: {pixel}");
+            }
+        }
+        let raw = super::read(JPEG, Encoding::Raw).unwrap();
+        assert!((raw.pixels[0].x - 200.0 / 255.0).abs() < 0.01);
+        let mut huge = JPEG.to_vec();
+        let at = huge.windows(2).position(|w| w == [0xff, 0xc0]).unwrap();
+        huge[at + 5..at + 9].copy_from_slice(&[0x7f, 0xff, 0x0f, 0xff]);
+        let message = read(&huge).unwrap_err().message;
+        assert!(message.contains("too short"), "{message}");
+    }
+
+    /// One row of pixels in Radiance's format, not compressed.
+    fn hdr(pixels: &[Rgb]) -> Vec<u8> {
+        let mut bytes = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n".to_vec();
+        bytes.extend(format!("-Y 1 +X {}\n", pixels.len()).bytes());
+        for pixel in pixels {
+            // Shared exponent: the largest value is 1/2 to 1 times 2^(e - 128).
+            let exponent = libm::frexpf(pixel.max_element()).1;
+            let scale = libm::ldexpf(1.0, 8 - exponent);
+            bytes.extend(pixel.to_array().map(|v| (v * scale) as u8));
+            bytes.push((exponent + 128) as u8);
+        }
+        bytes
+    }
+
+    #[test]
+    fn hdr_is_linear() {
+        let pixels = [
+            Rgb::new(0.5, 2.0, 3.5),
+            Rgb::new(1e-12, 0.0, 5e-13),
+            Rgb::new(6e20, 1e20, 0.0),
+        ];
+        let image = read(&hdr(&pixels)).unwrap();
+        assert_eq!((image.width, image.height), (3, 1));
+        for (found, expected) in image.pixels.iter().zip(pixels) {
+            let step = expected.max_element() / 128.0;
+            assert!((*found - expected).abs().max_element() <= step, "{found}");
+        }
+        let huge = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 4096 +X 32768\n";
+        let message = read(huge).unwrap_err().message;
+        assert!(message.contains("too short"), "{message}");
+    }
+
     #[test]
     fn damage_does_not_panic() {
         let grey = png(
@@ -368,7 +494,9 @@ mod tests {
             &[99; 64],
         );
         let color = exr_with(8, 8, &[("R", 1.0), ("G", 2.0), ("B", 3.0)]);
-        crate::scene::assets::tests::damage(&[grey, color], |bytes| {
+        let jpeg = JPEG.to_vec();
+        let all = [grey, color, jpeg, hdr(&[Rgb::new(0.5, 2.0, 3e4); 12])];
+        crate::scene::assets::tests::damage(&all, |bytes| {
             let _ = read(bytes);
         });
     }

@@ -1,8 +1,89 @@
-//! What a camera path adds to the layers that were asked for, beside its radiance.
+//! The layers that were asked for: which lights belong to which, and what a camera path adds to them.
 
 use crate::layer::Layer;
+use crate::light::Light;
 use crate::math::{Rgb, Vec3};
-use crate::plan::LayerPlan;
+use crate::plan::Scene;
+use crate::scene::SceneDescription;
+
+/// Layers, and which lights belong to which.
+#[derive(Clone, Debug, Default)]
+pub struct LayerPlan {
+    /// In the job's order.
+    pub layers: Vec<Layer>,
+    /// The groups among them: numbers of their layers.
+    groups: Vec<usize>,
+    /// By light, when there are groups: the number of its group.
+    group_of_light: Vec<u16>,
+}
+
+/// A layer was asked for of a group that no light belongs to.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("there is no light or group of lights `{0}`")]
+pub struct NoSuchGroup(String);
+
+impl LayerPlan {
+    pub(crate) fn new(scene: &Scene, layers: &[Layer]) -> Result<Self, NoSuchGroup> {
+        let mut plan = Self {
+            layers: layers.to_vec(),
+            ..Self::default()
+        };
+        for (i, layer) in layers.iter().enumerate() {
+            if let Layer::Light(group) = layer {
+                if !scene.lights().iter().any(|light| light.group == *group) {
+                    return Err(NoSuchGroup(group.as_str().to_owned()));
+                }
+                plan.groups.push(i);
+            }
+        }
+        if plan.groups.is_empty() {
+            return Ok(plan);
+        }
+        let number = |light: &Light| {
+            let is_its =
+                |i: &usize| matches!(&layers[*i], Layer::Light(group) if *group == light.group);
+            let number = plan.groups.iter().position(is_its);
+            number
+                .and_then(|n| u16::try_from(n).ok())
+                .unwrap_or(u16::MAX)
+        };
+        plan.group_of_light = scene.lights().iter().map(number).collect();
+        Ok(plan)
+    }
+
+    /// Number of the group that a light belongs to, below [`Self::groups`]; anything else when it has none.
+    #[inline]
+    pub fn group(&self, light: usize) -> u16 {
+        self.group_of_light.get(light).copied().unwrap_or(u16::MAX)
+    }
+
+    /// Whether the beams that contribute to each pixel are counted.
+    pub fn counts_beams(&self) -> bool {
+        self.layers.contains(&Layer::BeamDensity)
+    }
+
+    /// Number of groups of lights.
+    pub fn groups(&self) -> usize {
+        self.groups.len()
+    }
+
+    /// The number of the group whose layer this one is.
+    pub(crate) fn group_of_layer(&self, layer: usize) -> Option<usize> {
+        self.groups.iter().position(|i| *i == layer)
+    }
+}
+
+/// The layers of all groups of lights of a scene, in the order of their first lights.
+pub fn light_layers(description: &SceneDescription) -> Vec<Layer> {
+    let mut layers: Vec<Layer> = Vec::new();
+    for light in &description.lights {
+        let layer = Layer::Light(light.group.clone());
+        if !layers.contains(&layer) {
+            layers.push(layer);
+        }
+    }
+    layers
+}
 
 /// One pixel's values of all layers in one pass.
 #[derive(Clone, Debug, Default)]

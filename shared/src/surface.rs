@@ -35,7 +35,7 @@ pub struct SurfacePhoton {
     pub radius: f32,
     /// Its last scattering.
     pub arrival: Arrival,
-    /// Group of the light that it comes from, see [`crate::plan::LayerPlan::group`].
+    /// Group of the light that it comes from, see [`crate::parts::LayerPlan::group`].
     pub group: u16,
 }
 

@@ -4,8 +4,9 @@
 
 use beamfarm_shared::film::Film;
 use beamfarm_shared::layer::{Layer, LightGroup};
+use beamfarm_shared::parts::light_layers;
 use beamfarm_shared::pass::{PassImage, render_pass};
-use beamfarm_shared::plan::{RenderPlan, Scene, light_layers};
+use beamfarm_shared::plan::{RenderPlan, Scene};
 use beamfarm_tests::MeanEstimate;
 use beamfarm_tests::render::scene;
 

@@ -29,7 +29,7 @@ pub struct PhotonBeam {
     pub radius_slope: f32,
     /// Index into the scene's media.
     pub medium: u16,
-    /// Group of the light that it comes from, see [`crate::plan::LayerPlan::group`].
+    /// Group of the light that it comes from, see [`crate::parts::LayerPlan::group`].
     pub group: u16,
     /// Number of the beam's transmittance among the pass's step functions, in a heterogeneous medium.
     pub steps: u32,

@@ -5,7 +5,7 @@ use beamfarm_coordinator::JobSpec;
 use beamfarm_shared::bundle::Bundle;
 use beamfarm_shared::job::{JobSettings, MAX_PASSES};
 use beamfarm_shared::layer::{Layer, MAX_LAYERS};
-use beamfarm_shared::plan::light_layers;
+use beamfarm_shared::parts::light_layers;
 use beamfarm_shared::scene::{
     ImportOptions, RenderDefaults, SceneDescription, SceneFile, is_mitsuba,
 };

@@ -98,11 +98,13 @@ async fn keep(
         // The other end of its life line: see `--with-parent`.
         let _life_line = child.stdin.take();
         let status = tokio::select! {
-            status = child.wait() => status.map_err(|error| error.to_string())?,
+            // First: at the end of a job both are true, and the worker was not lost.
+            biased;
             _ = farm.ended() => {
                 let _ = child.wait().await;
                 return Ok(());
             }
+            status = child.wait() => status.map_err(|error| error.to_string())?,
         };
         let in_a_row = deaths.count(farm.progress().passes);
         let how = describe(status);

@@ -139,6 +139,33 @@ pub fn read_rgb(path: &Path) -> Result<Film, ImageError> {
     })
 }
 
+/// Read the standard error of an image that [`write_image`] wrote, if it has one: the channels stderr.R, .G, .B.
+pub fn read_standard_error(path: &Path) -> Result<Option<Film>, ImageError> {
+    let bytes = std::fs::read(path).map_err(|source| ImageError::Io {
+        path: path.to_owned(),
+        source,
+    })?;
+    let failed = |message| ImageError::File {
+        path: path.to_owned(),
+        message,
+    };
+    check_claims(&bytes, false).map_err(failed)?;
+    let names = ["stderr.R", "stderr.G", "stderr.B"];
+    let meta = exr::meta::MetaData::read_from_buffered(&bytes[..], false)
+        .map_err(|error| failed(error.to_string()))?;
+    let has_all = meta.headers.iter().any(|header| {
+        let channels = &header.channels.list;
+        let has = |name: &&str| channels.iter().any(|channel| channel.name.eq(name));
+        names.iter().all(has)
+    });
+    match has_all {
+        true => without_panic(|| decode_trusting(&bytes, names))
+            .map(Some)
+            .map_err(failed),
+        false => Ok(None),
+    }
+}
+
 /// Pixels of the largest image that is read.
 const MAX_PIXELS: usize = 1 << 27;
 /// Decoded bytes per byte of the file at most. Deflate reaches 1032; the other methods of EXR stay below it.
@@ -182,10 +209,10 @@ pub(crate) fn without_panic<T>(decode: impl FnOnce() -> Result<T, String>) -> Re
 /// [`read_rgb`] from memory; the error says what is wrong with the bytes. They need not be trusted.
 pub fn decode_rgb(bytes: &[u8]) -> Result<Film, String> {
     check_claims(bytes, false)?;
-    without_panic(|| decode_rgb_trusting(bytes))
+    without_panic(|| decode_trusting(bytes, ["R", "G", "B"]))
 }
 
-fn decode_rgb_trusting(bytes: &[u8]) -> Result<Film, String> {
+fn decode_trusting(bytes: &[u8], channels: [&str; 3]) -> Result<Film, String> {
     let create = |size: Vec2<usize>, _: &_| Film::new(size.0 as u32, size.1 as u32);
     let set = |film: &mut Film, at: Vec2<usize>, (r, g, b): (f32, f32, f32)| {
         let i = at.1 * film.width as usize + at.0;
@@ -198,9 +225,9 @@ fn decode_rgb_trusting(bytes: &[u8]) -> Result<Film, String> {
         .largest_resolution_level()
         .specific_channels();
     let reader = reader
-        .required("R")
-        .required("G")
-        .required("B")
+        .required(channels[0])
+        .required(channels[1])
+        .required(channels[2])
         .collect_pixels(create, set);
     let reader = reader.first_valid_layer().all_attributes().non_parallel();
     let image = reader
@@ -290,6 +317,15 @@ mod tests {
         write_image(&path, &average, &meta()).unwrap();
         let film = read_rgb(&path).unwrap();
         assert_eq!(pixel_hash(&film), pixel_hash(&average.beauty));
+        let error = read_standard_error(&path).unwrap().unwrap();
+        assert_eq!(pixel_hash(&error), pixel_hash(&average.standard_error));
+        let without = ImageMeta {
+            standard_error: false,
+            ..meta()
+        };
+        let plain = folder.path().join("plain.exr");
+        write_image(&plain, &average, &without).unwrap();
+        assert_eq!(read_standard_error(&plain).unwrap(), None);
 
         let image = exr::image::read::read_first_flat_layer_from_file(&path).unwrap();
         let channels = &image.layer_data.channel_data.list;

@@ -1,5 +1,6 @@
 //! The command `beamfarm`: one file a subcommand, and what they share.
 
+mod bench;
 mod compare;
 mod conduct;
 mod convert;
@@ -60,6 +61,12 @@ enum Command {
     /// Render one pass of a scene again and print the hash of its pixels
     #[command(after_help = replay::EXAMPLES)]
     Replay(replay::ReplayArgs),
+    /// Measure error against time: of scenes, configurations and other renderers
+    #[command(after_help = bench::EXAMPLES)]
+    Bench(bench::BenchArgs),
+    /// A run of `bench`
+    #[command(name = bench::CHILD, hide = true)]
+    BenchRun,
     /// Print how far an image is from a reference
     #[command(after_help = compare::MEANING)]
     Compare(compare::CompareArgs),
@@ -95,6 +102,8 @@ fn main() -> ExitCode {
         Command::Serve(args) => serve::main(args),
         Command::Worker(args) => return cli::main(args),
         Command::Replay(args) => replay::main(args),
+        Command::Bench(args) => bench::main(args),
+        Command::BenchRun => bench::child(),
         Command::Compare(args) => compare::main(args),
         Command::Convert(args) => convert::main(args),
         Command::Explain(args) => explain::main(args),

@@ -1,0 +1,276 @@
+//! `beamfarm bench`: error against time.
+
+mod machine;
+mod measure;
+mod record;
+mod run;
+mod suite;
+
+pub use run::{CHILD, child};
+
+use crate::failure::Failure;
+use beamfarm_shared::exr::read_rgb;
+use beamfarm_shared::job::MAX_PASSES;
+use beamfarm_shared::scene::read_bundle;
+use clap::Args;
+use machine::Machine;
+use measure::Reference;
+use record::{Findings, PeerFindings, Record, RunFindings, SceneFindings, Settings};
+use run::{Run, Task, checkpoints};
+use std::path::PathBuf;
+use suite::{Overrides, Peer, Point, RunCase, SceneCase, Suite};
+
+pub const EXAMPLES: &str = "\
+Examples:
+  beamfarm bench scene.toml --reference ref.exr --passes 64
+  beamfarm bench scene.toml --reference ref.exr --alpha 0.5 --paths 20000 --threads 1 -o half
+  beamfarm bench scene.toml --reference ref.exr --against Other=other.exr,90,180
+  beamfarm bench a.toml b.toml --passes 16             no reference: times, counts and estimates
+  beamfarm bench --suite scenes/peers/bench.toml       scenes, references, configurations, others
+
+A suite is a TOML file; what it names lies relative to it:
+
+  title = \"Fog\"
+  [[scenes]]
+  scene = \"box.toml\"
+  reference = \"box.exr\"           # EXR; its layer stderr tells its noise
+  reference_noise = 2.5e-4        # or this: relMSE of the reference's own noise
+  passes = 64
+  crops = [[100, 80], [300, 200]] # left and top pixels of what the report shows large
+  [[scenes.peers]]                # other renderers: [seconds, relMSE] or [seconds, relMSE, core-seconds],
+  name = \"other, known figures\"
+  points = [[1.0, 2.1e-2], [3.3, 7.8e-3]]
+  [[scenes.peers]]                # or an image, which is compared with the reference
+  name = \"another\"
+  image = \"another.exr\"
+  seconds = 90
+  core_seconds = 180
+  [[runs]]                        # configurations; without any, the scenes as they are
+  name = \"alpha 0.5\"
+  scenes = [\"box\"]                # default: all
+  passes = 32
+  overrides = { alpha = 0.5, paths = 20000, radius = 0.01, schedule = \"beam\", seed = 1, threads = 1,
+                width = 256, height = 256 }
+
+Every run is a process of its own with all threads, one after the other. The image is measured after 1, 2, 4, ...
+passes and the last; that does not count in the times. Wall seconds are those of rendering alone, core-seconds the CPU
+time of all threads. relMSE is the mean of (x - ref)^2 / (ref^2 + 0.01), the net one less the reference's own noise.
+
+Writes bench.csv (a row for each run and number of passes) and bench.json.";
+
+#[derive(Args)]
+pub struct BenchArgs {
+    /// Scenes to render
+    #[arg(required_unless_present = "suite")]
+    scenes: Vec<PathBuf>,
+
+    /// A file that describes what to measure, in place of scenes
+    #[arg(long, value_name = "BENCH.toml", conflicts_with_all = ["scenes", "reference", "reference_noise", "against"])]
+    suite: Option<PathBuf>,
+
+    /// Image to compare with; one for each scene, in the same order
+    #[arg(long, value_name = "REF.exr")]
+    reference: Vec<PathBuf>,
+
+    /// relMSE of the reference's own noise [default: from its layer stderr, if it has one]
+    #[arg(long, value_name = "X", requires = "reference")]
+    reference_noise: Option<f64>,
+
+    /// Another renderer's image of the scene and the time it took; may be repeated
+    #[arg(long, value_name = "[NAME=]OTHER.exr,SECONDS[,CORE-SECONDS]", value_parser = suite::against, requires = "reference")]
+    against: Vec<Peer>,
+
+    /// Passes of each run [default: the suite's or the scene's]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=MAX_PASSES))]
+    passes: Option<u64>,
+
+    #[command(flatten)]
+    overrides: Overrides,
+
+    /// Folder to write into; made if it is not there
+    #[arg(short, long, value_name = "FOLDER", default_value = "bench")]
+    output: PathBuf,
+
+    /// A date for the files to name
+    #[arg(long, value_name = "DATE")]
+    date: Option<String>,
+
+    /// Print nothing but errors
+    #[arg(short, long)]
+    quiet: bool,
+}
+
+pub fn main(args: BenchArgs) -> Result<(), Failure> {
+    let mut suite = match &args.suite {
+        Some(path) => Suite::read(path)?,
+        None => Suite::plain(
+            &args.scenes,
+            &args.reference,
+            args.reference_noise,
+            &args.against,
+        )
+        .map_err(Failure::usage)?,
+    };
+    suite.set(args.passes, &args.overrides);
+    std::fs::create_dir_all(&args.output)
+        .map_err(|error| Failure::io(format!("{}: {error}", args.output.display())))?;
+
+    // All of them first: nobody should learn of a misspelt name after an hour.
+    let prepared = suite.scenes.iter().map(|case| prepare(case, &suite.runs));
+    let prepared = prepared.collect::<Result<Vec<_>, _>>()?;
+    let mut findings = Findings {
+        title: suite.title,
+        date: args.date,
+        machine: Machine::this(),
+        scenes: Vec::new(),
+    };
+    for (scene, tasks) in prepared {
+        findings.scenes.push(scene);
+        for (name, task, settings) in tasks {
+            let Some(scene) = findings.scenes.last_mut() else {
+                continue;
+            };
+            scene.runs.push(RunFindings {
+                name,
+                settings,
+                records: Vec::new(),
+                images: Vec::new(),
+            });
+            render(scene, &task, args.quiet)?;
+            // What is known so far, should a later run fail.
+            findings.write_csv(&args.output.join("bench.csv"))?;
+            findings.write_json(&args.output.join("bench.json"))?;
+        }
+    }
+    if !args.quiet {
+        println!("wrote {}", args.output.display());
+    }
+    Ok(())
+}
+
+type NamedTask = (String, Task, Settings);
+
+/// Read what a scene needs, and find what there is to render.
+fn prepare(case: &SceneCase, runs: &[RunCase]) -> Result<(SceneFindings, Vec<NamedTask>), Failure> {
+    let mut tasks = Vec::new();
+    let mut size = None;
+    let mut exposure = 0.0;
+    for run in runs.iter().filter(|run| run.renders(&case.name)) {
+        let (description, settings) = run::load(&case.path, &run.overrides)?;
+        let camera = &description.camera;
+        let this = [camera.width, camera.height];
+        let first = *size.get_or_insert(this);
+        if case.reference.is_some() && first != this {
+            return Err(Failure::usage(format!(
+                "scene `{}`: run `{}` has {} x {} pixels, another one {} x {}; a reference has one size",
+                case.name, run.name, this[0], this[1], first[0], first[1]
+            )));
+        }
+        exposure = description.defaults.exposure;
+        let cores = std::thread::available_parallelism().map_or(1, usize::from);
+        let settings = Settings {
+            width: this[0],
+            height: this[1],
+            paths_per_pass: settings.paths_per_pass,
+            alpha: settings.alpha,
+            schedule: settings.schedule.to_string(),
+            seed: settings.seed,
+            threads: run.overrides.threads.unwrap_or(cores as u16),
+            overrides: run.overrides.clone(),
+        };
+        let task = Task {
+            scene: case.path.clone(),
+            overrides: run.overrides.clone(),
+            passes: run
+                .passes
+                .or(case.passes)
+                .unwrap_or(description.defaults.passes),
+        };
+        tasks.push((run.name.clone(), task, settings));
+    }
+    let size = match size {
+        Some(size) => size,
+        // Nothing is rendered, but others may be compared.
+        None => {
+            let (description, _) = run::load(&case.path, &Overrides::default())?;
+            exposure = description.defaults.exposure;
+            [description.camera.width, description.camera.height]
+        }
+    };
+    let reference = case.reference.as_ref();
+    let reference = reference.map(|path| Reference::read(path, case.reference_noise, size));
+    let reference = reference.transpose()?;
+    let peers = case.peers.iter().map(|peer| measure_peer(peer, &reference));
+    let findings = SceneFindings {
+        name: case.name.clone(),
+        hash: read_bundle(&case.path)?.hash().to_string(),
+        size,
+        exposure,
+        crops: case.crops.clone(),
+        peers: peers.collect::<Result<_, _>>()?,
+        reference,
+        runs: Vec::new(),
+    };
+    Ok((findings, tasks))
+}
+
+fn measure_peer(peer: &Peer, reference: &Option<Reference>) -> Result<PeerFindings, Failure> {
+    let mut points = peer.points.clone();
+    let image = match (&peer.image, reference) {
+        (Some(image), Some(reference)) => {
+            let film = read_rgb(&image.path).map_err(Failure::usage)?;
+            let found = reference
+                .compare(&film)
+                .map_err(|error| Failure::usage(format!("{}: {error}", image.path.display())))?;
+            points.push(Point {
+                wall_seconds: image.wall_seconds,
+                core_seconds: image.core_seconds,
+                rel_mse: found.error(),
+            });
+            points.sort_by(|a, b| a.wall_seconds.total_cmp(&b.wall_seconds));
+            Some((film, found))
+        }
+        _ => None,
+    };
+    points.retain(|point| point.rel_mse > 0.0);
+    Ok(PeerFindings {
+        name: peer.name.clone(),
+        points,
+        image,
+    })
+}
+
+/// Do the last run of a scene.
+fn render(scene: &mut SceneFindings, task: &Task, quiet: bool) -> Result<(), Failure> {
+    let Some(run) = scene.runs.last_mut() else {
+        return Ok(());
+    };
+    if !quiet {
+        println!("{}, {}: {} passes", scene.name, run.name, task.passes);
+    }
+    let all: Vec<u64> = checkpoints(task.passes).collect();
+    let shown = [all[0], all[all.len() / 2], all[all.len() - 1]];
+    let size = [run.settings.width, run.settings.height];
+    for step in Run::start(task, size)? {
+        let step = step?;
+        let found = match &scene.reference {
+            Some(reference) => Some(reference.compare(&step.image).map_err(Failure::job)?),
+            None => None,
+        };
+        let record = Record::new(&scene.name, &run.name, &run.settings, &step.sample, found);
+        if !quiet {
+            let error = record.error().map_or("-".into(), |e| format!("{e:.3e}"));
+            println!(
+                "  {:>6} passes  {:>9.3} s  {:>9.3} core-s  relMSE {error}",
+                record.passes,
+                record.wall_seconds,
+                record.core_seconds.unwrap_or(f64::NAN),
+            );
+        }
+        if shown.contains(&record.passes) {
+            run.images.push((record.passes, step.image));
+        }
+        run.records.push(record);
+    }
+    Ok(())
+}

@@ -1,0 +1,279 @@
+//! One run: a scene rendered with one configuration, in a process of its own so that its memory can be told.
+//!
+//! The parent writes a line of JSON, the [`Task`], and then an empty line whenever the next passes may begin: nothing else
+//! runs while they are timed. The child answers each with a line of JSON, the [`Sample`], and the pixels of the image.
+
+use super::suite::Overrides;
+use crate::failure::Failure;
+use beamfarm_shared::film::Film;
+use beamfarm_shared::job::{JobSettings, PassStats};
+use beamfarm_shared::merge::{Average, Node, TreeSum};
+use beamfarm_shared::pass::render_pass;
+use beamfarm_shared::plan::{RenderPlan, Scene};
+use beamfarm_shared::scene::{ImportOptions, SceneDescription, SceneFile};
+use beamfarm_worker::exit;
+use serde::{Deserialize, Serialize};
+use std::io::{self, BufRead, BufReader, Read, Write};
+use std::path::{Path, PathBuf};
+use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
+use std::sync::mpsc;
+use std::time::Instant;
+
+/// What a child does.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Task {
+    pub scene: PathBuf,
+    pub overrides: Overrides,
+    pub passes: u64,
+}
+
+/// What was measured when so many passes were done. Sums over all of them; times without that of looking at the image.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+pub struct Sample {
+    pub passes: u64,
+    pub prepare_seconds: f64,
+    pub wall_seconds: f64,
+    pub core_seconds: Option<f64>,
+    pub photon_paths: u64,
+    pub beams: u64,
+    pub beam_bytes: u64,
+    pub beam_evaluations: u64,
+    pub surface_photons: u64,
+    /// The most that the process held so far.
+    pub peak_memory_bytes: Option<u64>,
+    /// What `render` shows as the image's error.
+    pub estimated_relative_error: Option<f64>,
+    /// The same in terms of relMSE: mean of stderr^2 / (x^2 + 0.01).
+    pub estimated_rel_mse: Option<f64>,
+}
+
+/// The image after some passes.
+pub struct Step {
+    pub sample: Sample,
+    pub image: Film,
+}
+
+/// Passes after which the image is measured: 1, 2, 4, … and the last.
+pub fn checkpoints(passes: u64) -> impl Iterator<Item = u64> {
+    let powers = (0..u64::BITS).map(|bit| 1 << bit);
+    powers
+        .take_while(move |power| *power < passes)
+        .chain([passes])
+}
+
+/// Read a scene as it will be rendered.
+pub fn load(
+    scene: &Path,
+    overrides: &Overrides,
+) -> Result<(SceneDescription, JobSettings), Failure> {
+    let file = SceneFile::read(scene, &ImportOptions::default())?;
+    let mut description = file.load()?;
+    let settings = overrides
+        .apply(&mut description)
+        .map_err(|message| Failure::usage(format!("{}: {message}", scene.display())))?;
+    Ok((description, settings))
+}
+
+/// A child at work.
+pub struct Run {
+    child: Child,
+    stdin: ChildStdin,
+    stdout: BufReader<ChildStdout>,
+    left: std::vec::IntoIter<u64>,
+    size: [u32; 2],
+}
+
+impl Run {
+    /// Start it. `size`: width and height of the image that it will make.
+    pub fn start(task: &Task, size: [u32; 2]) -> Result<Self, Failure> {
+        let broken = |error: io::Error| Failure::io(format!("cannot start a run: {error}"));
+        let program = std::env::current_exe().map_err(broken)?;
+        let mut child = Command::new(program)
+            .arg(CHILD)
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .spawn()
+            .map_err(broken)?;
+        let (Some(mut stdin), Some(stdout)) = (child.stdin.take(), child.stdout.take()) else {
+            return Err(broken(io::ErrorKind::BrokenPipe.into()));
+        };
+        let task_line = serde_json::to_string(task).map_err(Failure::io)?;
+        writeln!(stdin, "{task_line}").map_err(broken)?;
+        Ok(Self {
+            child,
+            stdin,
+            stdout: BufReader::new(stdout),
+            left: checkpoints(task.passes).collect::<Vec<_>>().into_iter(),
+            size,
+        })
+    }
+
+    fn step(&mut self) -> io::Result<Step> {
+        writeln!(self.stdin)?;
+        let mut line = String::new();
+        self.stdout.read_line(&mut line)?;
+        let sample = serde_json::from_str(&line)?;
+        let [width, height] = self.size;
+        let mut image = Film::new(width, height);
+        for value in image.pixels.iter_mut().flatten() {
+            let mut bytes = [0; 4];
+            self.stdout.read_exact(&mut bytes)?;
+            *value = f32::from_le_bytes(bytes);
+        }
+        Ok(Step { sample, image })
+    }
+}
+
+impl Iterator for Run {
+    type Item = Result<Step, Failure>;
+
+    /// Render on to the next checkpoint.
+    fn next(&mut self) -> Option<Self::Item> {
+        self.left.next()?;
+        let step = self.step();
+        Some(step.map_err(|error| {
+            self.left = Vec::new().into_iter();
+            let _ = self.child.kill();
+            match self.child.wait() {
+                // It has said what was wrong.
+                Ok(status) if status.code() == Some(exit::FAILED.into()) => {
+                    Failure::job("the run failed")
+                }
+                Ok(status) => Failure::job(format!("the run broke off: {status}")),
+                Err(_) => Failure::io(error),
+            }
+        }))
+    }
+}
+
+impl Drop for Run {
+    fn drop(&mut self) {
+        // It has nothing left to say.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// Name of the hidden subcommand.
+pub const CHILD: &str = "bench-run";
+
+/// The child.
+pub fn child() -> Result<(), Failure> {
+    let (lines, orders) = mpsc::channel();
+    std::thread::spawn(move || {
+        for line in io::stdin().lines().map_while(Result::ok) {
+            if lines.send(line).is_err() {
+                return;
+            }
+        }
+        // The parent is gone.
+        std::process::exit(exit::FAILED.into());
+    });
+    let gone = |_| Failure::io("the parent is gone");
+    let task: Task = serde_json::from_str(&orders.recv().map_err(gone)?).map_err(Failure::usage)?;
+    let begun = Instant::now();
+    let (description, settings) = load(&task.scene, &task.overrides)?;
+    // Zero threads stand for one per core.
+    let threads = task.overrides.threads.map_or(0, usize::from);
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+    let pool = pool.map_err(Failure::io)?;
+    let (scene, plan) = pool.install(|| {
+        let scene = Scene::new(description);
+        let plan = RenderPlan::new(&scene, settings);
+        (scene, plan)
+    });
+    let camera = &scene.description().camera;
+    let mut sum = TreeSum::new(camera.width, camera.height);
+    let mut stats = PassStats::default();
+    let (mut wall, mut cores) = (0.0, cpu_seconds().map(|_| 0.0));
+    let prepare_seconds = begun.elapsed().as_secs_f64();
+    let mut pass_index = 0;
+    for passes in checkpoints(task.passes) {
+        orders.recv().map_err(gone)?;
+        let (started, cpu_started) = (Instant::now(), cpu_seconds());
+        while pass_index < passes {
+            let image = pool.install(|| render_pass(&scene, &plan, pass_index));
+            stats += image.stats;
+            sum.insert(Node::leaf(pass_index, image.film))
+                .map_err(Failure::job)?;
+            pass_index += 1;
+        }
+        wall += started.elapsed().as_secs_f64();
+        cores = cores
+            .zip(cpu_seconds().zip(cpu_started))
+            .map(|(cores, (now, then))| cores + (now - then));
+        let Some(average) = sum.average() else {
+            return Err(Failure::job("no pass is complete"));
+        };
+        let relative_error = average.relative_standard_error();
+        let sample = Sample {
+            passes,
+            prepare_seconds,
+            wall_seconds: wall,
+            core_seconds: cores,
+            photon_paths: stats.paths,
+            beams: stats.beams,
+            beam_bytes: stats.beam_bytes,
+            beam_evaluations: stats.beam_evaluations,
+            surface_photons: stats.surface_photons,
+            peak_memory_bytes: peak_memory(),
+            estimated_relative_error: Some(relative_error).filter(|error| error.is_finite()),
+            estimated_rel_mse: Some(estimated_rel_mse(&average)).filter(|error| error.is_finite()),
+        };
+        answer(&sample, &average.beauty).map_err(Failure::io)?;
+    }
+    // The parent ends this process when it has read the last image.
+    let _ = orders.recv();
+    Ok(())
+}
+
+fn answer(sample: &Sample, image: &Film) -> io::Result<()> {
+    let mut out = io::BufWriter::new(io::stdout().lock());
+    serde_json::to_writer(&mut out, sample)?;
+    writeln!(out)?;
+    for value in image.pixels.iter().flatten() {
+        out.write_all(&value.to_le_bytes())?;
+    }
+    out.flush()
+}
+
+fn estimated_rel_mse(average: &Average) -> f64 {
+    super::measure::relative_noise(&average.beauty, &average.standard_error)
+}
+
+/// CPU time of this process and all its threads.
+#[cfg(unix)]
+fn cpu_seconds() -> Option<f64> {
+    let time = rustix::time::clock_gettime(rustix::time::ClockId::ProcessCPUTime);
+    Some(time.tv_sec as f64 + 1e-9 * time.tv_nsec as f64)
+}
+
+#[cfg(not(unix))]
+fn cpu_seconds() -> Option<f64> {
+    None
+}
+
+/// The most memory that this process had in use. Not from getrusage, which on Linux begins with what the parent had.
+fn peak_memory() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status
+        .lines()
+        .find_map(|line| line.strip_prefix("VmHWM:"))?;
+    let kibibytes: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
+    Some(1024 * kibibytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn images_are_measured_whenever_their_passes_doubled() {
+        let all = |passes| checkpoints(passes).collect::<Vec<_>>();
+        assert_eq!(all(1), [1]);
+        assert_eq!(all(2), [1, 2]);
+        assert_eq!(all(8), [1, 2, 4, 8]);
+        assert_eq!(all(11), [1, 2, 4, 8, 11]);
+        assert_eq!(all(u64::MAX).len(), 65);
+    }
+}

@@ -555,3 +555,36 @@ fn mitsuba_scenes_that_cannot_be_used() {
         assert!(code == 2 && message.contains(words), "{args:?}: {message}");
     }
 }
+
+#[test]
+fn reference_writes_its_error_and_threads_do_not_change_a_bit() {
+    let folder = folder();
+    let path = folder.path();
+    let args = ["reference", "scene.toml", "--samples", "4"];
+    let first = succeed(path, &args);
+    assert!(path.join("scene.png").exists());
+    assert!(line(&first, "4 samples").contains("samples/s"));
+    let image = exr::image::read::read_first_flat_layer_from_file(path.join("scene.exr")).unwrap();
+    let channels = &image.layer_data.channel_data.list;
+    let names: Vec<String> = channels.iter().map(|c| c.name.to_string()).collect();
+    assert_eq!(names, ["B", "G", "R", "stderr.B", "stderr.G", "stderr.R"]);
+
+    let pixels = line(&first, "pixels");
+    let again = |more: &[&str]| succeed(path, &[&args[..], more].concat());
+    assert_eq!(line(&again(&["--threads", "3"]), "pixels"), pixels);
+    assert_ne!(line(&again(&["--seed", "1"]), "pixels"), pixels);
+    assert_ne!(line(&again(&["--max-depth", "1"]), "pixels"), pixels);
+    assert_eq!(again(&["--quiet"]), "");
+}
+
+#[test]
+fn reference_ends_on_time_and_needs_a_sample() {
+    let folder = folder();
+    let path = folder.path();
+    let timed = succeed(path, &["reference", "scene.toml", "--time", "500ms"]);
+    line(&timed, "wrote");
+    let (code, stderr) = fail(path, &["reference", "scene.toml", "--time", "0s"]);
+    assert_eq!(code, 4, "{stderr}");
+    let (code, stderr) = fail(path, &["reference", "scene.toml", "--samples", "0"]);
+    assert_eq!(code, 2, "{stderr}");
+}

@@ -66,6 +66,15 @@ pub struct JobSettings {
     pub reference_paths: u32,
 }
 
+/// What samples of the reference integrator depend on beside the scene and their own index.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ReferenceSettings {
+    /// Seed of all random numbers.
+    pub seed: u64,
+    /// Paths are scattered at most so many times, by surfaces and media together; `None`: no bound, which is the truth.
+    pub max_depth: Option<u32>,
+}
+
 /// Settings that no pass can be rendered with.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]

@@ -13,6 +13,7 @@
 //! | which stages does a scene need?            | `plan`                                          |
 //! | how does the radius shrink?                | [`radius`]                                      |
 //! | how are passes averaged?                   | [`merge`]                                       |
+//! | what is the image compared with?           | `reference`                                     |
 //!
 //! The renderer is behind the feature `render`; without it the crate holds what a coordinator needs.
 #![cfg_attr(
@@ -100,9 +101,13 @@ pub mod phase;
 #[cfg(feature = "render")]
 pub mod plan;
 #[cfg(feature = "render")]
+pub mod reference;
+#[cfg(feature = "render")]
 pub mod sampler;
 #[cfg(feature = "render")]
 pub mod scene;
+#[cfg(feature = "render")]
+mod shadow;
 #[cfg(feature = "render")]
 pub mod surface;
 #[cfg(feature = "render")]

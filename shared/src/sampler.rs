@@ -14,6 +14,8 @@ pub enum Purpose {
     Camera = 2,
     /// Points on chords of nearly parallel beam and ray pairs.
     Chords = 3,
+    /// Paths of the reference integrator; the chunk is the pixel's index.
+    Reference = 4,
     /// Numbers that tests draw.
     Test = 100,
 }

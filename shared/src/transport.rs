@@ -260,7 +260,7 @@ impl CameraTracer<'_> {
         // A little short of the light: ones that could hide themselves are looked for as well.
         let length = direct.distance * (1.0 - 1e-4);
         let unshadowing = scene.unshadowing[choice.light];
-        match self.transmittance(ray, length, medium, unshadowing, sampler) {
+        match scene.unoccluded(ray, [length; 2], medium, unshadowing, sampler) {
             Some(tr) => f * direct.weight * tr * (wi.z.abs() * weight / choice.pmf),
             None => Rgb::ZERO,
         }
@@ -382,44 +382,6 @@ impl CameraTracer<'_> {
         radiance
     }
 
-    /// Transmittance of a shadow ray; `None` where a surface other than `light` blocks it.
-    fn transmittance(
-        &self,
-        ray: Ray,
-        length: f32,
-        medium: MediumId,
-        light: Option<u32>,
-        sampler: &mut Sampler,
-    ) -> Option<Rgb> {
-        let scene = self.scene;
-        let may_be_passed = |object: u32| scene.passable[object as usize];
-        let is_passed = |object: u32| may_be_passed(object) || light == Some(object);
-        if scene
-            .geometry
-            .occluded(scene.objects(), &ray, length, is_passed)
-        {
-            return None;
-        }
-        if !scene.shadow_rays_walk {
-            return Some(scene.transmittance(medium, &ray, length, sampler));
-        }
-        let (mut ray, mut left, mut medium, mut transmittance) = (ray, length, medium, Rgb::ONE);
-        let geometry = &scene.geometry;
-        while let Some(hit) =
-            geometry.intersect(scene.objects(), &ray, left, |object| !may_be_passed(object))
-        {
-            transmittance *= scene.material(&hit).transparency(hit.uv);
-            if transmittance == Rgb::ZERO {
-                return None;
-            }
-            transmittance *= scene.transmittance(medium, &ray, hit.t, sampler);
-            medium = scene.medium_beyond(&hit, ray.dir, medium);
-            ray = hit.spawn_ray(ray.dir);
-            left -= hit.t;
-        }
-        Some(transmittance * scene.transmittance(medium, &ray, left, sampler))
-    }
-
     /// Follow a ray through boundaries of media to the next surface.
     fn go_straight(&self, ray: Ray, medium: MediumId, sampler: &mut Sampler) -> Arrived {
         let scene = self.scene;
@@ -479,7 +441,7 @@ impl Vertex<'_> {
 }
 
 /// Veach 1997, section 9.2.4, with exponent 2.
-fn power_heuristic(a: f32, b: f32) -> f32 {
+pub(crate) fn power_heuristic(a: f32, b: f32) -> f32 {
     let (a2, b2) = (a * a, b * b);
     if a2.is_infinite() {
         return 1.0;

@@ -3,9 +3,11 @@
 use crate::MeanEstimate;
 use beamfarm_shared::bundle::Bundle;
 use beamfarm_shared::film::Film;
+use beamfarm_shared::job::ReferenceSettings;
 use beamfarm_shared::merge::{Average, Node, TreeSum};
 use beamfarm_shared::pass::render_pass;
 use beamfarm_shared::plan::{RenderPlan, Scene};
+use beamfarm_shared::reference::render_sample;
 use beamfarm_shared::scene::SceneDescription;
 
 /// A scene without assets.
@@ -103,4 +105,25 @@ pub fn blocks(scene: &Scene, side: usize) -> Blocks {
     let passes = 0..scene.description().defaults.passes;
     let images = passes.map(|pass_index| render_pass(scene, &plan, pass_index).film);
     Blocks::new(images, side)
+}
+
+/// Independent images of the reference integrator, each the mean of so many samples.
+pub fn reference_images(
+    scene: &Scene,
+    settings: ReferenceSettings,
+    images: u64,
+    samples: u64,
+) -> impl Iterator<Item = Film> {
+    (0..images).map(move |image| {
+        let camera = &scene.description().camera;
+        let mut mean = Film::new(camera.width, camera.height);
+        for sample in image * samples..(image + 1) * samples {
+            let film = render_sample(scene, &settings, sample, || true);
+            let pixels = film.iter().flat_map(|film| &film.pixels).flatten();
+            for (sum, value) in mean.pixels.iter_mut().flatten().zip(pixels) {
+                *sum += value / samples as f32;
+            }
+        }
+        mean
+    })
 }

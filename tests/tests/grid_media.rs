@@ -1,13 +1,16 @@
-//! Images of media whose density is given on a grid, against a path tracer, quadrature and homogeneous media.
+//! Images of media whose density is given on a grid, those of the reference integrator as well, against a path tracer,
+//! quadrature and homogeneous media.
 //!
 //! Compared are means over blocks of pixels, whose standard errors come from the passes' own block means. Kernels blur and
 //! lose a little light at edges, in proportion to their radius: scenes name a small one, and each comparison allows for a
 //! stated share of the expected value besides its errors.
 
 use beamfarm_shared::exr::pixel_hash;
+use beamfarm_shared::job::ReferenceSettings;
+use beamfarm_shared::plan::Scene;
 use beamfarm_tests::furnace::{closed_box, is_one, under_the_sky};
 use beamfarm_tests::path_tracer::{Camera, Grid, Lamp, Room};
-use beamfarm_tests::render::{Blocks, average, blocks, scene_with};
+use beamfarm_tests::render::{Blocks, average, blocks, reference_images, scene_with};
 use beamfarm_tests::z_test::two_sided;
 use beamfarm_tests::{MeanEstimate, Suite};
 use glam::{DAffine3, DQuat, DVec2, DVec3};
@@ -234,6 +237,12 @@ fn same_image(suite: &mut Suite, name: &str, a: &Blocks, b: &Blocks, allowance: 
     );
 }
 
+/// What the reference integrator sees.
+fn reference(scene: &Scene) -> Blocks {
+    let settings = ReferenceSettings::default();
+    Blocks::new(reference_images(scene, settings, 64, 32), BLOCK)
+}
+
 #[test]
 fn a_room_of_lumpy_smoke_is_what_a_path_tracer_sees() {
     // The grid does not quite fill the room: its border is in it.
@@ -241,7 +250,7 @@ fn a_room_of_lumpy_smoke_is_what_a_path_tracer_sees() {
     let to_world = placed(size, 25.0, center);
     let room = lit_room(lumps(to_world));
     let expected = Blocks::new(room.images(2000, 1).into_iter(), BLOCK);
-    // Significance 1e-3 for both images; 0.5 % for kernels.
+    // Significance 1e-3 for all images; 0.5 % for kernels.
     let mut suite = Suite::new(1e-3);
     for estimator in ["", "transmittance = \"ratio_tracking\""] {
         let text = [
@@ -253,6 +262,8 @@ fn a_room_of_lumpy_smoke_is_what_a_path_tracer_sees() {
         let scene = scene_with(&text.map(String::from).concat(), &[(VOL, &room.grid.vol())]);
         let got = blocks(&scene, BLOCK);
         same_image(&mut suite, estimator, &got, &expected, 0.005);
+        let name = format!("reference {estimator}");
+        same_image(&mut suite, &name, &reference(&scene), &expected, 0.0);
     }
     suite.finish();
 }
@@ -300,6 +311,13 @@ transform = {}
         &expected,
         0.005,
     );
+    same_image(
+        &mut suite,
+        "cloud, reference",
+        &reference(&scene),
+        &expected,
+        0.0,
+    );
     suite.finish();
 }
 
@@ -334,7 +352,7 @@ fn smoke_of_many_colours_is_what_a_path_tracer_sees() {
     ];
     let assets: [(&str, &[u8]); 2] = [(VOL, &room.grid.vol()), ("colours.vol", &file)];
     let scene = scene_with(&text.map(String::from).concat(), &assets);
-    // Significance 1e-3 for both images; 0.5 % for kernels.
+    // Significance 1e-3 for all images; 0.5 % for kernels.
     let mut suite = Suite::new(1e-3);
     same_image(
         &mut suite,
@@ -342,6 +360,13 @@ fn smoke_of_many_colours_is_what_a_path_tracer_sees() {
         &blocks(&scene, BLOCK),
         &expected,
         0.005,
+    );
+    same_image(
+        &mut suite,
+        "colours, reference",
+        &reference(&scene),
+        &expected,
+        0.0,
     );
     suite.finish();
 }

@@ -4,7 +4,7 @@ use super::header::{attributes, sort_attributes, text};
 use crate::atomic;
 use crate::error::ImageError;
 use crate::film::Film;
-use crate::job::{JobSettings, SceneHash};
+use crate::job::{JobSettings, ReferenceSettings, SceneHash};
 use crate::layer;
 use crate::merge::{Average, Node};
 use exr::image::write::WritableImage;
@@ -21,8 +21,8 @@ use std::path::Path;
 pub struct ImageMeta {
     /// The scene.
     pub scene: SceneHash,
-    /// The job.
-    pub settings: JobSettings,
+    /// What made it.
+    pub maker: Maker,
     /// Time since the job started. The one attribute that differs between runs.
     pub render_seconds: f64,
     /// Version of the program.
@@ -31,6 +31,15 @@ pub struct ImageMeta {
     pub layers: Vec<layer::Layer>,
     /// Whether the standard error is written as well.
     pub standard_error: bool,
+}
+
+/// What makes an image, with its settings.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Maker {
+    /// Passes of photon beams.
+    Passes(JobSettings),
+    /// Samples of the reference integrator.
+    Reference(ReferenceSettings),
 }
 
 /// Write the final image: R, G, B the mean radiance; when asked for, stderr.R, .G, .B its standard error, and the layers;
@@ -74,25 +83,9 @@ fn encode_image(average: &Average, meta: &ImageMeta) -> Result<Vec<u8>, ImageErr
     }
     let channels = AnyChannels::sort(channels.into_iter().collect());
 
-    let settings = &meta.settings;
     let number = |n: u64| text("number", &n.to_string());
-    let other = attributes(vec![
+    let mut own = vec![
         ("beamfarmScene", text("scene", &meta.scene.to_string())?),
-        ("beamfarmPasses", number(average.passes)?),
-        ("beamfarmSeed", number(settings.seed)?),
-        ("beamfarmAlpha", AttributeValue::F64(settings.alpha)),
-        (
-            "beamfarmSchedule",
-            text("schedule", &settings.schedule.to_string())?,
-        ),
-        (
-            "beamfarmPathsPerPass",
-            number(settings.paths_per_pass.into())?,
-        ),
-        (
-            "beamfarmReferencePaths",
-            number(settings.reference_paths.into())?,
-        ),
         (
             "beamfarmRelativeError",
             AttributeValue::F64(average.relative_standard_error()),
@@ -102,7 +95,36 @@ fn encode_image(average: &Average, meta: &ImageMeta) -> Result<Vec<u8>, ImageErr
             AttributeValue::F64(meta.render_seconds),
         ),
         ("beamfarmVersion", text("version", &meta.version)?),
-    ]);
+    ];
+    match meta.maker {
+        Maker::Passes(settings) => own.extend([
+            ("beamfarmPasses", number(average.passes)?),
+            ("beamfarmSeed", number(settings.seed)?),
+            ("beamfarmAlpha", AttributeValue::F64(settings.alpha)),
+            (
+                "beamfarmSchedule",
+                text("schedule", &settings.schedule.to_string())?,
+            ),
+            (
+                "beamfarmPathsPerPass",
+                number(settings.paths_per_pass.into())?,
+            ),
+            (
+                "beamfarmReferencePaths",
+                number(settings.reference_paths.into())?,
+            ),
+        ]),
+        Maker::Reference(settings) => {
+            own.extend([
+                ("beamfarmSamples", number(average.passes)?),
+                ("beamfarmSeed", number(settings.seed)?),
+            ]);
+            if let Some(depth) = settings.max_depth {
+                own.push(("beamfarmMaxDepth", number(depth.into())?));
+            }
+        }
+    }
+    let other = attributes(own);
     let layer_attributes = LayerAttributes {
         software_name: exr::prelude::Text::new_or_none(format!("beamfarm {}", meta.version)),
         other,
@@ -295,13 +317,13 @@ mod tests {
     fn meta() -> ImageMeta {
         ImageMeta {
             scene: SceneHash([0xab; 32]),
-            settings: JobSettings {
+            maker: Maker::Passes(JobSettings {
                 seed: u64::MAX,
                 alpha: 2.0 / 3.0,
                 schedule: ScheduleKind::Beam,
                 paths_per_pass: 1000,
                 reference_paths: 500,
-            },
+            }),
             render_seconds: 1.5,
             version: "0.1.0".into(),
             layers: vec![layer::Layer::Depth, layer::Layer::Normal],
@@ -378,6 +400,32 @@ mod tests {
                 "{name}"
             );
         }
+    }
+
+    #[test]
+    fn reference_images_say_what_they_are() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("image.exr");
+        let settings = ReferenceSettings {
+            seed: 7,
+            max_depth: Some(12),
+        };
+        let meta = ImageMeta {
+            maker: Maker::Reference(settings),
+            ..meta()
+        };
+        write_image(&path, &average(), &meta).unwrap();
+        let image = exr::image::read::read_first_flat_layer_from_file(&path).unwrap();
+        let attributes = &image.layer_data.attributes.other;
+        for (name, value) in [
+            ("beamfarmSamples", "3"),
+            ("beamfarmSeed", "7"),
+            ("beamfarmMaxDepth", "12"),
+        ] {
+            let attribute = &attributes[&exr::prelude::Text::from(name)];
+            assert_eq!(*attribute, AttributeValue::Text(value.into()), "{name}");
+        }
+        assert!(!attributes.contains_key(&exr::prelude::Text::from("beamfarmAlpha")));
     }
 
     /// The `exr` crate keeps attributes in a hash map, whose order differs each time.

@@ -6,7 +6,7 @@ mod image;
 
 pub use block::{BlockMeta, decode_block, encode_block, encoded_size};
 pub use image::{
-    ImageMeta, decode_rgb, node_hash, pixel_hash, read_rgb, read_standard_error, write_image,
+    ImageMeta, Maker, decode_rgb, node_hash, pixel_hash, read_rgb, read_standard_error, write_image,
 };
 #[cfg(feature = "render")]
 pub(crate) use image::{check_claims, without_panic};

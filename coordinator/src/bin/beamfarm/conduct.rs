@@ -6,7 +6,7 @@ use crate::output::Output;
 use crate::progress::{self, si};
 use beamfarm_coordinator::{End, Farm, server};
 use beamfarm_proto::VERSION;
-use beamfarm_shared::exr::{ImageMeta, pixel_hash};
+use beamfarm_shared::exr::{ImageMeta, Maker, pixel_hash};
 use beamfarm_shared::merge::Average;
 use beamfarm_worker::signals;
 use std::convert::Infallible;
@@ -110,7 +110,7 @@ async fn write(
         if let Some(average) = &average {
             let meta = ImageMeta {
                 scene: farm.job().scene,
-                settings: farm.job().settings,
+                maker: Maker::Passes(farm.job().settings),
                 render_seconds: elapsed.as_secs_f64(),
                 version: VERSION.into(),
                 layers: farm.job().layers.clone(),

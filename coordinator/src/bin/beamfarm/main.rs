@@ -10,6 +10,7 @@ mod job;
 mod local;
 mod output;
 mod progress;
+mod reference;
 mod render;
 mod replay;
 mod serve;
@@ -27,6 +28,7 @@ Examples:
                                                   writes scene.exr and scene.png here
   beamfarm render scene.toml --time 5m -o out/a.exr
   beamfarm explain scene.toml                     what a pass will do, and why
+  beamfarm reference scene.toml --time 10m -o reference.exr
   beamfarm compare scene.exr reference.exr
 
   Over several machines:
@@ -67,6 +69,9 @@ enum Command {
     /// A run of `bench`
     #[command(name = bench::CHILD, hide = true)]
     BenchRun,
+    /// Render a scene with a path tracer, which has no bias: the ground truth where it converges
+    #[command(after_help = reference::LIMITS)]
+    Reference(reference::ReferenceArgs),
     /// Print how far an image is from a reference
     #[command(after_help = compare::MEANING)]
     Compare(compare::CompareArgs),
@@ -104,6 +109,7 @@ fn main() -> ExitCode {
         Command::Replay(args) => replay::main(args),
         Command::Bench(args) => bench::main(args),
         Command::BenchRun => bench::child(),
+        Command::Reference(args) => reference::main(args),
         Command::Compare(args) => compare::main(args),
         Command::Convert(args) => convert::main(args),
         Command::Explain(args) => explain::main(args),

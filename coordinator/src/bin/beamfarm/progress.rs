@@ -10,13 +10,16 @@ use tokio::time::{Instant, MissedTickBehavior, interval};
 
 /// Time between redraws of the bar, and between lines.
 const REDRAW: Duration = Duration::from_millis(200);
-const LINE: Duration = Duration::from_secs(5);
+pub const LINE: Duration = Duration::from_secs(5);
 /// Time between lines as long as no pass is completed.
 const WITHOUT_NEWS: Duration = Duration::from_secs(60);
 /// Rates are means over this time.
 const WINDOW: Duration = Duration::from_secs(20);
 /// The error is estimated this often, or less often if that takes more than a twentieth of the time.
-const ESTIMATE: Duration = Duration::from_secs(2);
+pub const ESTIMATE: Duration = Duration::from_secs(2);
+
+/// Position of the bar when all is done.
+pub const BAR_LENGTH: u64 = 1000;
 
 static BAR: OnceLock<ProgressBar> = OnceLock::new();
 
@@ -40,15 +43,7 @@ impl Write for LogWriter {
 /// Show the farm's progress, forever. `time`: when the job stops, if it does not by itself.
 pub async fn show(farm: Arc<Farm>, time: Option<Duration>) {
     let started = Instant::now();
-    let bar = std::io::stdout().is_terminal().then(|| {
-        BAR.get_or_init(|| {
-            let bar = ProgressBar::with_draw_target(Some(1000), ProgressDrawTarget::stdout());
-            if let Ok(style) = ProgressStyle::with_template("{bar:24} {msg}") {
-                bar.set_style(style);
-            }
-            bar
-        })
-    });
+    let bar = bar();
     let mut ticks = interval(if bar.is_some() { REDRAW } else { LINE });
     ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
     let mut meter = Meter::default();
@@ -65,7 +60,7 @@ pub async fn show(farm: Arc<Farm>, time: Option<Duration>) {
         let line = line(&progress, fraction, rates, remaining, relative_error);
         match bar {
             Some(bar) => {
-                bar.set_position((fraction * 1000.0) as u64);
+                bar.set_position((fraction * BAR_LENGTH as f64) as u64);
                 bar.set_message(line);
             }
             None => {
@@ -80,6 +75,19 @@ pub async fn show(farm: Arc<Farm>, time: Option<Duration>) {
             }
         }
     }
+}
+
+/// The bar, when a person looks at a terminal.
+pub fn bar() -> Option<&'static ProgressBar> {
+    std::io::stdout().is_terminal().then(|| {
+        BAR.get_or_init(|| {
+            let bar = ProgressBar::with_draw_target(Some(BAR_LENGTH), ProgressDrawTarget::stdout());
+            if let Ok(style) = ProgressStyle::with_template("{bar:24} {msg}") {
+                bar.set_style(style);
+            }
+            bar
+        })
+    })
 }
 
 /// Take the bar away.
@@ -157,6 +165,17 @@ fn line(
         beamfarm_shared::job::MAX_PASSES => String::new(),
         limit => format!("/{limit}"),
     };
+    format!(
+        "{percent} %  {}{limit} passes  {:.2} passes/s  {}beams/s  {}",
+        progress.prefix,
+        rates.passes,
+        si(rates.beams),
+        expectation(remaining, error),
+    )
+}
+
+/// The end of the line: what is expected, as far as it is known.
+pub fn expectation(remaining: Option<Duration>, error: Option<f64>) -> String {
     let remaining = remaining.map_or_else(
         || "?".into(),
         |time| humantime::format_duration(Duration::from_secs(time.as_secs())).to_string(),
@@ -164,12 +183,7 @@ fn line(
     let error = error
         .filter(|error| error.is_finite())
         .map_or_else(|| "?".into(), |error| format!("{:.2} %", 100.0 * error));
-    format!(
-        "{percent} %  {}{limit} passes  {:.2} passes/s  {}beams/s  ETA {remaining}  error {error}",
-        progress.prefix,
-        rates.passes,
-        si(rates.beams),
-    )
+    format!("ETA {remaining}  error {error}")
 }
 
 /// A number with three digits and a prefix of the unit that follows.

@@ -1,0 +1,263 @@
+//! `beamfarm reference`: the ground truth of a scene, rendered in this process.
+
+use crate::failure::Failure;
+use crate::job::{ImportArgs, SettingsArgs};
+use crate::output::Output;
+use crate::progress::{self, BAR_LENGTH, ESTIMATE, LINE};
+use beamfarm_proto::VERSION;
+use beamfarm_shared::exr::{ImageMeta, Maker, pixel_hash};
+use beamfarm_shared::job::{MAX_PASSES, ReferenceSettings};
+use beamfarm_shared::merge::{Average, MergeError, Node, TreeSum};
+use beamfarm_shared::plan::Scene;
+use beamfarm_shared::reference::render_sample;
+use beamfarm_worker::signals;
+use clap::Args;
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+pub const LIMITS: &str = "\
+Examples:
+  beamfarm reference scene.toml --time 10m -o reference.exr
+  beamfarm reference scene.xml -D spp=256 --samples 4096
+  beamfarm compare scene.exr reference.exr
+
+A volumetric path tracer: null collisions, light sampled at every vertex, no photons and no kernels. Its
+only error is noise, which the layer stderr of the EXR holds.
+
+What it does not find is missing from its image, at any number of samples: light of point, spot and
+directional lights by way of mirrors and glass, so their caustics, and all they light from behind glass.
+What it finds only by rare chance shows as fireflies, and too dark where there are none: caustics of
+small area lights, and small area lights behind glass. The standard error does not know of light that
+was never found.
+
+SIGINT (Ctrl-C) writes the samples that are complete; a second one kills.";
+
+/// Samples when neither their number nor a time is given.
+const SAMPLES: u64 = 64;
+
+#[derive(Args)]
+pub struct ReferenceArgs {
+    /// Scene file: TOML, or Mitsuba 3's XML if its name ends in .xml
+    scene: PathBuf,
+
+    #[command(flatten)]
+    import: ImportArgs,
+
+    /// Where to write the image: OUT.exr, with OUT.png beside it [default: the scene's name, in the current folder]
+    #[arg(short, long, value_name = "OUT.exr")]
+    output: Option<PathBuf>,
+
+    /// Number of samples of each pixel [default: 64, or no limit with --time]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=MAX_PASSES))]
+    samples: Option<u64>,
+
+    /// Stop after this time with the samples that are complete by then: 60s, 5m, 1h30m
+    #[arg(long, value_name = "TIME", value_parser = humantime::parse_duration)]
+    time: Option<Duration>,
+
+    /// Scatter paths at most N times, by surfaces and media together; 1 is direct light [default: no limit]
+    #[arg(long, value_name = "N")]
+    max_depth: Option<u32>,
+
+    /// Seed of all random numbers [default: the scene's]
+    #[arg(long, value_name = "S")]
+    seed: Option<u64>,
+
+    /// Threads [default: one per core]
+    #[arg(long, value_name = "T", value_parser = clap::value_parser!(u16).range(1..))]
+    threads: Option<u16>,
+
+    /// Exposure of the PNG in stops: 1 doubles the brightness [default: the scene's]
+    #[arg(long, value_name = "EV", allow_negative_numbers = true)]
+    exposure: Option<f32>,
+
+    /// Print nothing but errors
+    #[arg(short, long)]
+    quiet: bool,
+}
+
+pub fn main(args: ReferenceArgs) -> Result<(), Failure> {
+    let loaded = SettingsArgs {
+        scene: args.scene.clone(),
+        import: args.import.clone(),
+        paths: None,
+        seed: args.seed,
+        alpha: None,
+        aov: Vec::new(),
+    }
+    .load()?;
+    let exposure = args.exposure.unwrap_or(loaded.defaults.exposure);
+    if !exposure.is_finite() {
+        return Err(Failure::usage("--exposure: expected a number of stops"));
+    }
+    let output = Output::new(args.output.as_deref(), &args.scene, true)?;
+    let left_out = match args.quiet {
+        true => Vec::new(),
+        false => loaded.announce(),
+    };
+    let settings = ReferenceSettings {
+        seed: loaded.settings.seed,
+        max_depth: args.max_depth,
+    };
+    let hash = loaded.bundle.hash();
+    let runtime = tokio::runtime::Runtime::new().map_err(Failure::io)?;
+    let stop = runtime.block_on(async { signals::drain() });
+    let stop = stop.map_err(Failure::io)?;
+    // Zero threads stand for one per core.
+    let threads = args.threads.map_or(0, usize::from);
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+    let pool = pool.map_err(Failure::io)?;
+
+    let scene = pool.install(|| Scene::new(loaded.description));
+    let started = Instant::now();
+    let run = Run {
+        scene: &scene,
+        settings,
+        samples: match (args.samples, args.time) {
+            (Some(samples), _) => samples,
+            (None, Some(_)) => MAX_PASSES,
+            (None, None) => SAMPLES,
+        },
+        started,
+        time: args.time,
+        quiet: args.quiet,
+    };
+    let stopped = || *stop.borrow() || args.time.is_some_and(|time| started.elapsed() >= time);
+    let (sum, failed) = pool.install(|| run.samples(stopped));
+    progress::clear();
+
+    let seconds = started.elapsed().as_secs_f64();
+    let average = sum.average();
+    if let Some(average) = &average {
+        let meta = ImageMeta {
+            scene: hash,
+            maker: Maker::Reference(settings),
+            render_seconds: seconds,
+            version: VERSION.into(),
+            layers: Vec::new(),
+            standard_error: output.standard_error,
+        };
+        output.write(average, &meta, exposure)?;
+        if !args.quiet {
+            summarise(average, &output, seconds);
+        }
+    }
+    for part in left_out {
+        println!("left out: {part}");
+    }
+    match (failed, average) {
+        (Some(error), average) => Err(Failure::job(format!(
+            "{error}; {}",
+            match average {
+                Some(average) =>
+                    format!("the image is that of the {} samples before", average.passes),
+                None => "nothing was written".into(),
+            }
+        ))),
+        (None, Some(_)) => Ok(()),
+        (None, None) => Err(Failure::nothing(
+            "stopped before the first sample was complete",
+        )),
+    }
+}
+
+fn summarise(average: &Average, output: &Output, seconds: f64) {
+    println!(
+        "wrote {} and {}",
+        output.exr.display(),
+        output.png.display()
+    );
+    let samples = average.passes;
+    println!(
+        "{samples} samples in {seconds:.1} s ({:.2} samples/s)",
+        samples as f64 / seconds
+    );
+    let error = average.relative_standard_error();
+    if error.is_finite() {
+        println!("relative standard error {:.2} %", 100.0 * error);
+    }
+    println!("pixels {}", pixel_hash(&average.beauty));
+}
+
+/// Samples of one scene, one after another.
+struct Run<'a> {
+    scene: &'a Scene,
+    settings: ReferenceSettings,
+    samples: u64,
+    started: Instant,
+    time: Option<Duration>,
+    quiet: bool,
+}
+
+impl Run<'_> {
+    /// Up to the number of samples, or until it is time to stop, or a sample is refused.
+    fn samples(&self, stopped: impl Fn() -> bool + Sync) -> (TreeSum, Option<MergeError>) {
+        let camera = &self.scene.description().camera;
+        let mut sum = TreeSum::new(camera.width, camera.height);
+        let mut shown = Shown::default();
+        for sample in 0..self.samples {
+            let film = render_sample(self.scene, &self.settings, sample, || !stopped());
+            let Some(film) = film else { break };
+            if let Err(error) = sum.insert(Node::leaf(sample, film)) {
+                return (sum, Some(error));
+            }
+            if !self.quiet {
+                self.show(&mut shown, &sum, sample + 1);
+            }
+        }
+        (sum, None)
+    }
+
+    fn show(&self, shown: &mut Shown, sum: &TreeSum, samples: u64) {
+        let elapsed = self.started.elapsed();
+        if elapsed >= shown.next_estimate {
+            shown.error = sum.average().map(|a| a.relative_standard_error());
+            let cost = self.started.elapsed() - elapsed;
+            shown.next_estimate = elapsed + ESTIMATE.max(20 * cost);
+        }
+        let by_samples = samples as f64 / self.samples as f64;
+        let by_time = self
+            .time
+            .map_or(0.0, |time| elapsed.as_secs_f64() / time.as_secs_f64());
+        let fraction = by_samples.max(by_time).min(1.0);
+        let remaining = elapsed.as_secs_f64() * (1.0 / fraction - 1.0);
+        let limit = match self.samples {
+            MAX_PASSES => String::new(),
+            limit => format!("/{limit}"),
+        };
+        let line = format!(
+            "{} %  {samples}{limit} samples  {:.2} samples/s  {}",
+            (100.0 * fraction) as u32,
+            samples as f64 / elapsed.as_secs_f64(),
+            progress::expectation(Duration::try_from_secs_f64(remaining).ok(), shown.error),
+        );
+        match progress::bar() {
+            Some(bar) => {
+                bar.set_position((fraction * BAR_LENGTH as f64) as u64);
+                bar.set_message(line);
+            }
+            None if elapsed >= shown.next_line => {
+                println!("{line}");
+                shown.next_line = elapsed + LINE;
+            }
+            None => {}
+        }
+    }
+}
+
+/// What was shown of the progress, and when there is more, counted from the start.
+struct Shown {
+    error: Option<f64>,
+    next_estimate: Duration,
+    next_line: Duration,
+}
+
+impl Default for Shown {
+    fn default() -> Self {
+        Self {
+            error: None,
+            next_estimate: ESTIMATE,
+            next_line: LINE,
+        }
+    }
+}

@@ -1,0 +1,411 @@
+//! Ground truth: a volumetric path tracer without bias, over the scene that the beams render.
+//!
+//! Paths start at the camera. Distances in media are sampled (delta tracking where the density varies, Woodcock et al.
+//! 1965), so the transmittance along the path is never evaluated; at every vertex that is not specular a light is sampled
+//! as well, with an unbiased estimate of the transmittance towards it, and both ways of finding light are balanced by
+//! their densities of direction at the vertex (Veach 1997, section 9.2). The weights sum to one for every path, whatever
+//! lies between the vertex and the light, so boundaries of media, cut-outs and the randomness of distances do not matter.
+//! In colour, a distance is drawn for one channel in proportion to the throughput and weighted by the density of all of
+//! them, which bounds the throughput's sum.
+//!
+//! With the beams it shares the scene (geometry, materials, lights, media), but no estimator: no photons, no kernels.
+//!
+//! What it does not find: point, spot and directional lights by way of specular surfaces (of probability zero: they are
+//! missing from the picture). What it finds only by chance: caustics of small lights.
+
+use crate::bsdf::{Bsdf, Tilt, TransportMode};
+use crate::film::Film;
+use crate::geometry::SurfaceHit;
+use crate::job::ReferenceSettings;
+use crate::light::LightHit;
+use crate::math::{Frame, Ray, Rgb, Vec3};
+use crate::medium::{Flight, MediumId};
+use crate::phase::Phase;
+use crate::plan::Scene;
+use crate::sampler::{Purpose, Sampler};
+use crate::transport::power_heuristic;
+use rayon::prelude::*;
+
+/// Up to this many scatterings, no roulette: low orders carry most of the light.
+const ROULETTE_DEPTH: u32 = 4;
+/// From this many on, a path goes on with at most [`MAX_SURVIVAL`], so that light which is trapped (total internal
+/// reflection in a clear sphere, say) ends as well. Late and mild, because each survival makes the path heavier.
+const TRAPPED_DEPTH: u32 = 1024;
+const MAX_SURVIVAL: f32 = 0.999;
+/// Shadow rays look for surfaces up to a little short of the light.
+const SHORT_OF_LIGHT: f32 = 1.0 - 1e-4;
+
+/// One sample of every pixel, on the current rayon pool: radiance, with the scene's pixel filter and lens. A pure function
+/// of the scene, the settings and the sample's index; the bits do not depend on the pool.
+///
+/// `goes_on` is asked before every row of pixels; when it says no, there is no sample.
+pub fn render_sample(
+    scene: &Scene,
+    settings: &ReferenceSettings,
+    sample_index: u64,
+    goes_on: impl Fn() -> bool + Sync,
+) -> Option<Film> {
+    let camera = &scene.description().camera;
+    let tracer = PathTracer {
+        scene,
+        max_depth: settings.max_depth.unwrap_or(u32::MAX),
+    };
+    let mut film = Film::new(camera.width, camera.height);
+    let rows = film.pixels.par_chunks_mut(camera.width as usize);
+    rows.enumerate().try_for_each(|(y, row)| {
+        if !goes_on() {
+            return None;
+        }
+        for (x, pixel) in row.iter_mut().enumerate() {
+            let chunk = y as u64 * u64::from(camera.width) + x as u64;
+            let mut sampler = Sampler::new(settings.seed, sample_index, Purpose::Reference, chunk);
+            let image = camera.sample(x as u32, y as u32, sampler.next_2d());
+            let ray = camera.ray(image, sampler.next_2d());
+            *pixel = tracer.radiance(ray, &mut sampler).to_array();
+        }
+        Some(())
+    })?;
+    Some(film)
+}
+
+struct PathTracer<'a> {
+    scene: &'a Scene,
+    max_depth: u32,
+}
+
+/// A path on its way from the camera.
+struct Path {
+    ray: Ray,
+    medium: MediumId,
+    /// Throughput from the film.
+    beta: Rgb,
+    /// What the compression of radiance by refraction has made of the throughput, which comes and goes along the path.
+    compression: f32,
+    /// Scatterings so far.
+    depth: u32,
+    /// The vertex that the direction was drawn at, unless there is no other way to find the light that it meets.
+    drawn_at: Option<DrawnAt>,
+    radiance: Rgb,
+}
+
+/// A vertex at which lights were sampled as well.
+struct DrawnAt {
+    point: Vec3,
+    /// Density of the drawn direction per solid angle.
+    pdf: f32,
+    /// From the vertex to the start of the path's ray, which may have passed boundaries since.
+    distance: f32,
+}
+
+/// A point from which light is asked for, and how it scatters.
+enum Vertex<'a> {
+    Surface {
+        hit: &'a SurfaceHit,
+        bsdf: &'a Bsdf<'a>,
+        tilt: Option<Tilt>,
+        frame: Frame,
+        local_wo: Vec3,
+    },
+    Medium {
+        point: Vec3,
+        /// Direction of travel of the camera path.
+        dir: Vec3,
+        phase: Phase,
+    },
+}
+
+/// Scattering towards a direction.
+struct Scattering {
+    /// BSDF times cosine, or phase function, 1/sr.
+    value: Rgb,
+    /// Density of drawing the direction, per solid angle.
+    pdf: f32,
+}
+
+impl PathTracer<'_> {
+    fn radiance(&self, ray: Ray, sampler: &mut Sampler) -> Rgb {
+        let scene = self.scene;
+        let mut path = Path {
+            ray,
+            medium: scene.camera_medium,
+            beta: Rgb::ONE,
+            compression: 1.0,
+            depth: 0,
+            drawn_at: None,
+            radiance: Rgb::ZERO,
+        };
+        while path.beta.max_element() > 0.0 {
+            let hit = scene
+                .geometry
+                .intersect(scene.objects(), &path.ray, f32::INFINITY, |_| false);
+            let length = hit.as_ref().map_or(f32::INFINITY, |h| h.t);
+            if let Some(id) = path.medium {
+                let medium = &scene.media()[id as usize];
+                if !medium.scatters() {
+                    path.beta *= medium.transmittance(&path.ray, length, sampler);
+                } else {
+                    match medium.sample_flight(&path.ray, length, path.beta, sampler) {
+                        Flight::Passed { weight } => path.beta *= weight,
+                        Flight::Scattered { distance, weight } => {
+                            path.beta *= weight;
+                            if !self.scatter_in_medium(&mut path, distance, medium.phase(), sampler)
+                            {
+                                break;
+                            }
+                            continue;
+                        }
+                    }
+                }
+            }
+            let Some(mut hit) = hit else {
+                self.add_environment(&mut path);
+                break;
+            };
+            self.add_emitted(&mut path, &hit);
+            if scene.material(&hit).is_passed(hit.uv, || sampler.next_1d()) {
+                path.medium = scene.medium_beyond(&hit, path.ray.dir, path.medium);
+                path.ray = hit.spawn_ray(path.ray.dir);
+                if let Some(vertex) = &mut path.drawn_at {
+                    vertex.distance += hit.t;
+                }
+                continue;
+            }
+            if !self.scatter_at_surface(&mut path, &mut hit, sampler) {
+                break;
+            }
+        }
+        path.radiance
+    }
+
+    /// Light of the environment for a path that leaves the scene.
+    fn add_environment(&self, path: &mut Path) {
+        for &light in &self.scene.environments {
+            let radiance = self.scene.environment(light, path.ray.dir);
+            path.radiance += path.beta * radiance * self.balance(path, light, None);
+        }
+    }
+
+    /// Light of a surface that the path has met.
+    fn add_emitted(&self, path: &mut Path, hit: &SurfaceHit) {
+        let Some(light) = self.scene.objects()[hit.object as usize].light else {
+            return;
+        };
+        let emitted = self.scene.emitted(hit, path.ray.dir);
+        if emitted == Rgb::ZERO {
+            return;
+        }
+        let at = LightHit {
+            normal: hit.ng,
+            distance: path.drawn_at.as_ref().map_or(0.0, |v| v.distance) + hit.t,
+        };
+        path.radiance += path.beta * emitted * self.balance(path, light as usize, Some(at));
+    }
+
+    /// Weight of light that was met by chance, against sampling it at the vertex where the direction was drawn.
+    fn balance(&self, path: &Path, light: usize, hit: Option<LightHit>) -> f32 {
+        let Some(vertex) = &path.drawn_at else {
+            return 1.0;
+        };
+        let scene = self.scene;
+        let objects = scene.objects();
+        let pdf = scene.lights()[light].pdf_direct(objects, vertex.point, path.ray.dir, hit);
+        power_heuristic(vertex.pdf, pdf * scene.selector.pmf(light))
+    }
+
+    /// Scatter in a medium. False: the path ends here.
+    fn scatter_in_medium(
+        &self,
+        path: &mut Path,
+        distance: f32,
+        phase: Phase,
+        sampler: &mut Sampler,
+    ) -> bool {
+        if path.depth >= self.max_depth || path.beta.max_element() <= 0.0 {
+            return false;
+        }
+        let (point, dir) = (path.ray.at(distance), path.ray.dir);
+        let vertex = Vertex::Medium { point, dir, phase };
+        path.radiance += path.beta * self.direct(&vertex, path.medium, sampler);
+        let dir = phase.sample(dir, sampler.next_2d());
+        path.drawn_at = Some(DrawnAt {
+            point,
+            pdf: phase.eval_directions(path.ray.dir, dir),
+            distance: 0.0,
+        });
+        path.ray = Ray { origin: point, dir };
+        path.survives(sampler)
+    }
+
+    /// Scatter at a surface. False: the path ends here.
+    fn scatter_at_surface(
+        &self,
+        path: &mut Path,
+        hit: &mut SurfaceHit,
+        sampler: &mut Sampler,
+    ) -> bool {
+        let scene = self.scene;
+        if path.depth >= self.max_depth {
+            return false;
+        }
+        let material = scene.material(hit);
+        let wo = -path.ray.dir;
+        let tilt = scene.tilt(hit, wo);
+        let hit = &*hit;
+        let bsdf = material.bsdf(hit.uv);
+        if bsdf.is_black() {
+            return false;
+        }
+        let frame = Frame::from_normal(hit.ns);
+        let local_wo = frame.to_local(wo);
+        if !material.is_specular() {
+            let vertex = Vertex::Surface {
+                hit,
+                bsdf: &bsdf,
+                tilt,
+                frame,
+                local_wo,
+            };
+            path.radiance += path.beta * self.direct(&vertex, path.medium, sampler);
+        }
+        let (u_lobe, u) = (sampler.next_1d(), sampler.next_2d());
+        let Some(sample) = bsdf.sample(local_wo, u_lobe, u, TransportMode::Radiance) else {
+            return false;
+        };
+        let wi = frame.to_world(sample.wi).normalize();
+        // Interpolated and turned normals: no light through what is closed. Smooth surfaces that are only interpolated
+        // keep what they send to the other side, as they do for photons.
+        if (!sample.delta || tilt.is_some()) && sample.wi.z * hit.ng.dot(wi) <= 0.0 {
+            return false;
+        }
+        if let Some(tilt) = tilt {
+            path.beta *= tilt.shadowing(wi);
+        }
+        path.beta *= sample.weight;
+        if sample.transmitted {
+            path.medium = scene.medium_beyond(hit, wi, path.medium);
+            let eta = material.eta_of_crossing(hit.ng.dot(path.ray.dir) > 0.0);
+            path.compression *= eta * eta;
+        }
+        path.drawn_at = (!sample.delta).then_some(DrawnAt {
+            point: hit.point,
+            pdf: sample.pdf,
+            distance: 0.0,
+        });
+        path.ray = hit.spawn_ray(wi);
+        path.survives(sampler)
+    }
+
+    /// Light of one sampled light that the vertex scatters into the path, balanced against drawing its direction.
+    /// `medium`: the one that the path came to the vertex through.
+    fn direct(&self, vertex: &Vertex, medium: MediumId, sampler: &mut Sampler) -> Rgb {
+        let scene = self.scene;
+        let choice = scene.selector.sample(sampler.next_1d());
+        let (u, u_primitive) = (sampler.next_2d(), sampler.next_1d());
+        let Some(choice) = choice else {
+            return Rgb::ZERO;
+        };
+        let light = &scene.lights()[choice.light];
+        let sample = light.sample_direct(scene.objects(), vertex.point(), u, u_primitive);
+        let Some(direct) = sample else {
+            return Rgb::ZERO;
+        };
+        let scattering = vertex.towards(direct.wi);
+        let radiance = scattering.value * direct.weight;
+        if radiance == Rgb::ZERO {
+            return Rgb::ZERO;
+        }
+        let weight = if direct.delta {
+            1.0
+        } else {
+            power_heuristic(direct.pdf * choice.pmf, scattering.pdf)
+        };
+        let (ray, medium) = match vertex {
+            Vertex::Surface {
+                hit,
+                frame,
+                local_wo,
+                ..
+            } => {
+                let crosses = hit.ng.dot(direct.wi) * hit.ng.dot(frame.to_world(*local_wo)) < 0.0;
+                let beyond = || scene.medium_beyond(hit, direct.wi, medium);
+                let medium = if crosses { beyond() } else { medium };
+                (hit.spawn_ray(direct.wi), medium)
+            }
+            Vertex::Medium { point, .. } => {
+                let ray = Ray {
+                    origin: *point,
+                    dir: direct.wi,
+                };
+                (ray, medium)
+            }
+        };
+        let lengths = [direct.distance * SHORT_OF_LIGHT, direct.distance];
+        let unshadowing = scene.unshadowing[choice.light];
+        match scene.unoccluded(ray, lengths, medium, unshadowing, sampler) {
+            Some(transmittance) => radiance * transmittance * (weight / choice.pmf),
+            None => Rgb::ZERO,
+        }
+    }
+}
+
+impl Vertex<'_> {
+    fn point(&self) -> Vec3 {
+        match self {
+            Self::Surface { hit, .. } => hit.point,
+            Self::Medium { point, .. } => *point,
+        }
+    }
+
+    /// Scattering of light from `wi`, render space.
+    fn towards(&self, wi: Vec3) -> Scattering {
+        match self {
+            Self::Medium { dir, phase, .. } => {
+                let pdf = phase.eval_directions(*dir, wi);
+                Scattering {
+                    value: Rgb::splat(pdf),
+                    pdf,
+                }
+            }
+            Self::Surface {
+                hit,
+                bsdf,
+                tilt,
+                frame,
+                local_wo,
+            } => {
+                let local = frame.to_local(wi);
+                if local.z * hit.ng.dot(wi) <= 0.0 {
+                    return Scattering {
+                        value: Rgb::ZERO,
+                        pdf: 0.0,
+                    };
+                }
+                let shadowing = tilt.map_or(1.0, |tilt| tilt.shadowing(wi));
+                let value = bsdf.eval(*local_wo, local, TransportMode::Radiance);
+                Scattering {
+                    value: value * (local.z.abs() * shadowing),
+                    pdf: bsdf.pdf(*local_wo, local),
+                }
+            }
+        }
+    }
+}
+
+impl Path {
+    /// Russian roulette after a scattering: the path goes on with the probability of its throughput, which then is 1.
+    fn survives(&mut self, sampler: &mut Sampler) -> bool {
+        self.depth = self.depth.saturating_add(1);
+        if self.depth < ROULETTE_DEPTH {
+            return true;
+        }
+        let mut q = self.beta.max_element() / self.compression;
+        if self.depth >= TRAPPED_DEPTH {
+            q = q.min(MAX_SURVIVAL);
+        }
+        if q >= 1.0 {
+            return true;
+        }
+        self.beta /= q;
+        sampler.next_1d() < q
+    }
+}

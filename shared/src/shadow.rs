@@ -1,0 +1,47 @@
+//! Shadow rays, which see through boundaries of media and, weakened, through surfaces that are not opaque.
+
+use crate::math::{Ray, Rgb};
+use crate::medium::MediumId;
+use crate::plan::Scene;
+use crate::sampler::Sampler;
+
+impl Scene {
+    /// Transmittance of a shadow ray, an unbiased estimate in heterogeneous media; `None` where a surface other than
+    /// `light` blocks it. `lengths`: how far surfaces are looked for, and how far media go on, which may be infinite;
+    /// the first is no longer than the second. `medium`: where the ray starts.
+    pub(crate) fn unoccluded(
+        &self,
+        ray: Ray,
+        lengths: [f32; 2],
+        medium: MediumId,
+        light: Option<u32>,
+        sampler: &mut Sampler,
+    ) -> Option<Rgb> {
+        let [mut reach, mut left] = lengths;
+        let may_be_passed = |object: u32| self.passable[object as usize];
+        let is_passed = |object: u32| may_be_passed(object) || light == Some(object);
+        let objects = self.objects();
+        if self.geometry.occluded(objects, &ray, reach, is_passed) {
+            return None;
+        }
+        if !self.shadow_rays_walk {
+            return Some(self.transmittance(medium, &ray, left, sampler));
+        }
+        let (mut ray, mut medium, mut transmittance) = (ray, medium, Rgb::ONE);
+        while let Some(hit) = self
+            .geometry
+            .intersect(objects, &ray, reach, |object| !may_be_passed(object))
+        {
+            transmittance *= self.material(&hit).transparency(hit.uv);
+            if transmittance == Rgb::ZERO {
+                return None;
+            }
+            transmittance *= self.transmittance(medium, &ray, hit.t, sampler);
+            medium = self.medium_beyond(&hit, ray.dir, medium);
+            ray = hit.spawn_ray(ray.dir);
+            reach -= hit.t;
+            left -= hit.t;
+        }
+        Some(transmittance * self.transmittance(medium, &ray, left, sampler))
+    }
+}

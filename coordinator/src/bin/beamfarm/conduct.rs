@@ -1,6 +1,7 @@
 //! A job from its first pass to its image.
 
 use crate::failure::Failure;
+use crate::history::History;
 use crate::job::JobArgs;
 use crate::output::Output;
 use crate::progress::{self, si};
@@ -39,6 +40,7 @@ pub async fn conduct(
     crew: impl Future<Output = Result<(), String>>,
 ) -> Result<(), Failure> {
     let started = Instant::now();
+    let history = History::new(&output.exr);
     let mut drain = signals::drain().map_err(Failure::io)?;
     let (close, closed) = oneshot::channel::<()>();
     let closed = async {
@@ -56,6 +58,10 @@ pub async fn conduct(
         if !args.quiet {
             progress::show(farm.clone(), args.time).await;
         }
+        std::future::pending::<Infallible>().await
+    };
+    let keep = async {
+        history.clone().keep(farm.clone()).await;
         std::future::pending::<Infallible>().await
     };
     let broken = |what: &str, how: String| Stop::Broken(format!("{what}: {how}"));
@@ -79,6 +85,7 @@ pub async fn conduct(
                 Err(error) => broken("the server", error.to_string()),
             },
             never = show => match never {},
+            never = keep => match never {},
         }
     };
     farm.stop();
@@ -86,7 +93,7 @@ pub async fn conduct(
     progress::clear();
 
     let elapsed = started.elapsed();
-    let written = write(&farm, output, exposure, elapsed).await;
+    let written = write(&farm, output, exposure, elapsed, history).await;
     // Workers hear of the end meanwhile.
     if !server.is_finished() {
         let _ = server.await;
@@ -103,6 +110,7 @@ async fn write(
     output: &Output,
     exposure: f32,
     elapsed: Duration,
+    history: Arc<History>,
 ) -> Result<Option<Average>, Failure> {
     let (farm, output) = (farm.clone(), output.clone());
     let write = move || {
@@ -117,6 +125,7 @@ async fn write(
                 standard_error: output.standard_error,
             };
             output.write(average, &meta, exposure)?;
+            history.finish(average, &farm.progress())?;
         }
         Ok(average)
     };
@@ -130,9 +139,10 @@ fn summarise(farm: &Farm, average: Option<&Average>, output: &Output, elapsed: D
     let seconds = elapsed.as_secs_f64();
     if let Some(average) = average {
         println!(
-            "wrote {} and {}",
+            "wrote {}, {} and {}",
             output.exr.display(),
-            output.png.display()
+            output.png.display(),
+            output.exr.with_extension("csv").display()
         );
         println!(
             "{} passes in {seconds:.1} s ({:.2} passes/s, {}beams/s) from {} workers",

@@ -34,6 +34,12 @@ impl Failure {
     }
 }
 
+impl Display for Failure {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(&self.message)
+    }
+}
+
 /// As compilers do, file and line first, so that editors can jump there.
 impl From<SceneError> for Failure {
     fn from(error: SceneError) -> Self {

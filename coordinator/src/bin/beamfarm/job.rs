@@ -201,7 +201,7 @@ pub struct JobArgs {
     #[command(flatten)]
     pub settings: SettingsArgs,
 
-    /// Where to write the image: OUT.exr, with OUT.png beside it [default: the scene's name, in the current folder]
+    /// Where to write the image: OUT.exr, with OUT.png and OUT.csv beside it [default: the scene's name, in the current folder]
     #[arg(short, long, value_name = "OUT.exr")]
     pub output: Option<PathBuf>,
 

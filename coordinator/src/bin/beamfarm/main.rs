@@ -6,6 +6,7 @@ mod conduct;
 mod convert;
 mod explain;
 mod failure;
+mod history;
 mod job;
 mod local;
 mod output;
@@ -30,6 +31,8 @@ Examples:
   beamfarm explain scene.toml                     what a pass will do, and why
   beamfarm reference scene.toml --time 10m -o reference.exr
   beamfarm compare scene.exr reference.exr
+  beamfarm bench scene.toml --reference reference.exr
+                                                  error against time, as tables and plots
 
   Over several machines:
   beamfarm serve scene.toml --listen 0.0.0.0:7325
@@ -52,10 +55,10 @@ struct Options {
 #[derive(Subcommand)]
 enum Command {
     /// Render a scene on this machine
-    #[command(after_help = render::EXAMPLES)]
+    #[command(after_help = format!("{}\n\n{}", render::EXAMPLES, history::HELP))]
     Render(render::RenderArgs),
     /// Hand the passes of a scene out to workers on other machines
-    #[command(after_help = serve::EXAMPLES)]
+    #[command(after_help = format!("{}\n\n{}", serve::EXAMPLES, history::HELP))]
     Serve(serve::ServeArgs),
     /// Render passes for a coordinator on another machine, until its job is done
     #[command(after_help = WORKER_EXAMPLES)]

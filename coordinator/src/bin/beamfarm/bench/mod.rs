@@ -1,10 +1,15 @@
 //! `beamfarm bench`: error against time.
 
+mod analysis;
+mod crops;
 mod machine;
 mod measure;
+mod plot;
 mod record;
+mod report;
 mod run;
 mod suite;
+mod table;
 
 pub use run::{CHILD, child};
 
@@ -19,6 +24,7 @@ use record::{Findings, PeerFindings, Record, RunFindings, SceneFindings, Setting
 use run::{Run, Task, checkpoints};
 use std::path::PathBuf;
 use suite::{Overrides, Peer, Point, RunCase, SceneCase, Suite};
+use table::Clock;
 
 pub const EXAMPLES: &str = "\
 Examples:
@@ -56,7 +62,8 @@ Every run is a process of its own with all threads, one after the other. The ima
 passes and the last; that does not count in the times. Wall seconds are those of rendering alone, core-seconds the CPU
 time of all threads. relMSE is the mean of (x - ref)^2 / (ref^2 + 0.01), the net one less the reference's own noise.
 
-Writes bench.csv (a row for each run and number of passes) and bench.json.";
+Writes bench.html (plots of error against time, times to an error, crops), bench.csv (a row for each run and number of
+passes) and bench.json.";
 
 #[derive(Args)]
 pub struct BenchArgs {
@@ -142,10 +149,31 @@ pub fn main(args: BenchArgs) -> Result<(), Failure> {
             findings.write_json(&args.output.join("bench.json"))?;
         }
     }
+    findings.write_csv(&args.output.join("bench.csv"))?;
+    findings.write_json(&args.output.join("bench.json"))?;
+    let page = args.output.join("bench.html");
+    report::write(&findings, &page)?;
     if !args.quiet {
-        println!("wrote {}", args.output.display());
+        for scene in &findings.scenes {
+            print_tables(scene);
+        }
+        println!(
+            "wrote {}, with bench.csv and bench.json beside it",
+            page.display()
+        );
     }
     Ok(())
+}
+
+fn print_tables(scene: &SceneFindings) {
+    println!("\n{}", scene.name);
+    let tables = [
+        table::times(scene, Clock::Wall),
+        table::ratios(scene, Clock::Wall),
+    ];
+    for table in tables.iter().filter(|table| !table.rows.is_empty()) {
+        println!("{}", table.plain());
+    }
 }
 
 type NamedTask = (String, Task, Settings);
@@ -204,7 +232,6 @@ fn prepare(case: &SceneCase, runs: &[RunCase]) -> Result<(SceneFindings, Vec<Nam
     let findings = SceneFindings {
         name: case.name.clone(),
         hash: read_bundle(&case.path)?.hash().to_string(),
-        size,
         exposure,
         crops: case.crops.clone(),
         peers: peers.collect::<Result<_, _>>()?,

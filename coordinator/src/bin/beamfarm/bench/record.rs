@@ -1,9 +1,11 @@
 //! What a benchmark found, and the files that programs read it from.
 
+use super::analysis::{Fit, TARGETS, TimeTo, fit, time_to};
 use super::machine::Machine;
 use super::measure::{Comparison, Reference};
 use super::run::Sample;
 use super::suite::{Overrides, Point};
+use super::table::Clock;
 use crate::failure::Failure;
 use beamfarm_proto::VERSION;
 use beamfarm_shared::atomic::write_file;
@@ -20,11 +22,9 @@ pub struct Findings {
 }
 
 /// One scene.
-#[allow(dead_code)]
 pub struct SceneFindings {
     pub name: String,
     pub hash: String,
-    pub size: [u32; 2],
     pub exposure: f32,
     pub crops: Vec<[u32; 2]>,
     pub reference: Option<Reference>,
@@ -143,7 +143,6 @@ impl Record {
 
 impl RunFindings {
     /// Error against time, where there is an error above zero.
-    #[allow(dead_code)]
     pub fn points(&self) -> Vec<Point> {
         let point = |record: &Record| {
             record.error().map(|rel_mse| Point {
@@ -200,15 +199,33 @@ impl Findings {
         struct RunEntry<'a> {
             name: &'a str,
             settings: &'a Settings,
+            /// By the wall clock.
+            slope: Option<Fit>,
+            times_to: Vec<Time>,
             records: &'a [Record],
         }
         #[derive(Serialize)]
         struct PeerEntry<'a> {
             name: &'a str,
+            slope: Option<Fit>,
+            times_to: Vec<Time>,
             points: &'a [Point],
             #[serde(skip_serializing_if = "Option::is_none")]
             image: Option<&'a Comparison>,
         }
+        #[derive(Serialize)]
+        struct Time {
+            rel_mse: f64,
+            #[serde(flatten)]
+            wall: TimeTo,
+        }
+        let times = |curve: &[(f64, f64)]| {
+            let time = |rel_mse| Time {
+                rel_mse,
+                wall: time_to(curve, rel_mse),
+            };
+            TARGETS.into_iter().map(time).collect()
+        };
         let scenes = self.scenes.iter().map(|scene| SceneEntry {
             name: &scene.name,
             hash: &scene.hash,
@@ -216,19 +233,29 @@ impl Findings {
             runs: scene
                 .runs
                 .iter()
-                .map(|run| RunEntry {
-                    name: &run.name,
-                    settings: &run.settings,
-                    records: &run.records,
+                .map(|run| {
+                    let curve = Clock::Wall.curve(&run.points());
+                    RunEntry {
+                        name: &run.name,
+                        settings: &run.settings,
+                        slope: fit(&curve),
+                        times_to: times(&curve),
+                        records: &run.records,
+                    }
                 })
                 .collect(),
             peers: scene
                 .peers
                 .iter()
-                .map(|peer| PeerEntry {
-                    name: &peer.name,
-                    points: &peer.points,
-                    image: peer.image.as_ref().map(|(_, found)| found),
+                .map(|peer| {
+                    let curve = Clock::Wall.curve(&peer.points);
+                    PeerEntry {
+                        name: &peer.name,
+                        slope: fit(&curve),
+                        times_to: times(&curve),
+                        points: &peer.points,
+                        image: peer.image.as_ref().map(|(_, found)| found),
+                    }
                 })
                 .collect(),
         });

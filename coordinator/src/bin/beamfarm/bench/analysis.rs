@@ -1,0 +1,261 @@
+//! From error against time to slopes and times. All in log-log, where convergence is a straight line.
+
+use serde::Serialize;
+
+/// Errors whose times are told.
+pub const TARGETS: [f64; 3] = [1e-1, 1e-2, 1e-3];
+
+/// A straight line through the last points.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Fit {
+    /// d log(error) / d log(seconds); -1 for an unbiased average.
+    pub slope: f64,
+    /// How many points it was fitted to.
+    pub points: usize,
+    /// Time of the first of them.
+    pub from_seconds: f64,
+}
+
+/// The tail: what lies within this factor of the longest time, and at least so many points.
+const TAIL: f64 = 9.0;
+const TAIL_POINTS: usize = 3;
+/// Curves flatter than this lead nowhere.
+const STEEPEST_FLAT: f64 = -0.05;
+
+/// Least squares over the tail of a curve of (seconds, error), sorted by time. Nothing for fewer than two times.
+pub fn fit(curve: &[(f64, f64)]) -> Option<Fit> {
+    let last = curve.last()?.0;
+    let late = curve.iter().filter(|point| point.0 * TAIL >= last).count();
+    let count = late.max(TAIL_POINTS).min(curve.len());
+    let tail = &curve[curve.len() - count..];
+    let logs = || tail.iter().map(|(t, e)| (libm::log(*t), libm::log(*e)));
+    let n = count as f64;
+    let (mean_t, mean_e) = logs().fold((0.0, 0.0), |(a, b), (t, e)| (a + t / n, b + e / n));
+    let variance: f64 = logs().map(|(t, _)| (t - mean_t) * (t - mean_t)).sum();
+    let covariance: f64 = logs().map(|(t, e)| (t - mean_t) * (e - mean_e)).sum();
+    let slope = covariance / variance;
+    (count >= 2 && slope.is_finite()).then_some(Fit {
+        slope,
+        points: count,
+        from_seconds: tail[0].0,
+    })
+}
+
+/// How long a curve takes to come down to an error.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "snake_case", tag = "how", content = "seconds")]
+pub enum TimeTo {
+    /// Between two points.
+    Interpolated(f64),
+    /// The first point lies below it already.
+    AtMost(f64),
+    /// Not reached; along the fitted slope it would be by then.
+    Extrapolated(f64),
+    /// From the only point there is, at slope -1.
+    Assumed(f64),
+    /// Not reached, and no slope leads there.
+    Never,
+}
+
+/// The first time that a curve of (seconds, error), sorted by time, is at or below the target.
+pub fn time_to(curve: &[(f64, f64)], target: f64) -> TimeTo {
+    let (first, last) = match curve {
+        [] => return TimeTo::Never,
+        [(seconds, error)] => return TimeTo::Assumed(seconds * error / target),
+        [first, .., last] => (*first, *last),
+    };
+    if first.1 <= target {
+        return TimeTo::AtMost(first.0);
+    }
+    let along = |(t, e): (f64, f64), slope: f64| t * libm::pow(target / e, 1.0 / slope);
+    if let Some(pair) = curve.windows(2).find(|pair| pair[1].1 <= target) {
+        let slope = libm::log(pair[1].1 / pair[0].1) / libm::log(pair[1].0 / pair[0].0);
+        return TimeTo::Interpolated(along(pair[0], slope));
+    }
+    match fit(curve) {
+        Some(fit) if fit.slope < STEEPEST_FLAT => TimeTo::Extrapolated(along(last, fit.slope)),
+        _ => TimeTo::Never,
+    }
+}
+
+impl TimeTo {
+    fn seconds(self) -> Option<f64> {
+        match self {
+            Self::Interpolated(t) | Self::AtMost(t) | Self::Extrapolated(t) | Self::Assumed(t) => {
+                Some(t)
+            }
+            Self::Never => None,
+        }
+    }
+
+    /// As a table shows it.
+    pub fn text(self) -> String {
+        match self {
+            Self::Interpolated(t) => seconds(t),
+            Self::AtMost(t) => format!("\u{2264} {}", seconds(t)),
+            Self::Extrapolated(t) => format!("not reached (\u{2248} {})", seconds(t)),
+            Self::Assumed(t) => format!("\u{2248} {} at slope \u{2212}1", seconds(t)),
+            Self::Never => "not reached".into(),
+        }
+    }
+}
+
+/// How many times sooner `ours` is there than `theirs`, as a table shows it.
+pub fn times_faster(ours: TimeTo, theirs: TimeTo) -> String {
+    let (Some(a), Some(b)) = (ours.seconds(), theirs.seconds()) else {
+        return match theirs {
+            TimeTo::Never if ours != TimeTo::Never => "never there".into(),
+            _ => "\u{2013}".into(),
+        };
+    };
+    let is_bound = |time: TimeTo| matches!(time, TimeTo::AtMost(_));
+    let sure = |time: TimeTo| matches!(time, TimeTo::AtMost(_) | TimeTo::Interpolated(_));
+    let sign = match (is_bound(ours), is_bound(theirs)) {
+        (true, true) => return "\u{2013}".into(),
+        (true, false) => "\u{2265} ",
+        (false, true) => "\u{2264} ",
+        (false, false) if sure(ours) && sure(theirs) => "",
+        (false, false) => "\u{2248} ",
+    };
+    format!("{sign}{}", digits(b / a))
+}
+
+/// Seconds with three digits.
+pub fn seconds(t: f64) -> String {
+    format!("{} s", digits(t))
+}
+
+/// A number with three digits, plain where that is short.
+pub fn digits(value: f64) -> String {
+    match value.abs() {
+        v if v >= 1e6 => power(value),
+        v if v >= 100.0 => format!("{value:.0}"),
+        v if v >= 10.0 => format!("{value:.1}"),
+        v if v >= 1.0 => format!("{value:.2}"),
+        v if v >= 0.0095 => format!("{value:.3}"),
+        0.0 => "0".into(),
+        _ => power(value),
+    }
+}
+
+/// A number with three digits and a power of ten: 1.23·10⁻⁴.
+pub fn power(value: f64) -> String {
+    let text = format!("{value:.2e}");
+    match text.split_once('e') {
+        Some((mantissa, "0")) => mantissa.to_owned(),
+        Some((mantissa, exponent)) => {
+            let mantissa = mantissa.replace('-', "\u{2212}");
+            format!("{mantissa}\u{b7}10{}", superscript(exponent))
+        }
+        None => text,
+    }
+}
+
+/// An integer as an exponent.
+pub fn superscript(exponent: &str) -> String {
+    let raised = exponent.chars().map(|digit| match digit {
+        '-' => '\u{207b}',
+        '1' => '\u{b9}',
+        '2' => '\u{b2}',
+        '3' => '\u{b3}',
+        digit => digit
+            .to_digit(10)
+            .and_then(|d| char::from_u32(0x2070 + d))
+            .unwrap_or(digit),
+    });
+    raised.collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn law(slope: f64, times: &[f64]) -> Vec<(f64, f64)> {
+        let error = |t: &f64| (*t, 0.02 * libm::pow(*t, slope));
+        times.iter().map(error).collect()
+    }
+
+    fn near(time: Option<f64>, expected: f64) -> bool {
+        time.is_some_and(|time| (time / expected - 1.0).abs() < 1e-12)
+    }
+
+    #[test]
+    fn the_slope_is_that_of_the_tail() {
+        let mut curve = law(-0.6, &[1.0, 2.0, 4.0, 8.0, 16.0]);
+        let found = fit(&curve).unwrap();
+        assert!((found.slope + 0.6).abs() < 1e-12, "{found:?}");
+        assert_eq!((found.points, found.from_seconds), (4, 2.0));
+        // What happens at the start does not matter.
+        curve[0].1 = 99.0;
+        assert_eq!(fit(&curve), Some(found));
+        // Three points at least, by hand: logs (0, 0), (3, -3), (6, -3) have the slope -9/18.
+        let e = |x: f64| libm::exp(x);
+        let found = fit(&[
+            (e(-5.0), 1.0),
+            (e(0.0), 1.0),
+            (e(3.0), e(-3.0)),
+            (e(6.0), e(-3.0)),
+        ]);
+        let found = found.unwrap();
+        assert!((found.slope + 0.5).abs() < 1e-12 && found.points == 3);
+        assert_eq!(fit(&curve[..1]), None);
+        assert_eq!(fit(&[(1.0, 1.0), (1.0, 0.5)]), None);
+    }
+
+    #[test]
+    fn times_are_interpolated_in_log_log() {
+        let curve = law(-0.6, &[1.0, 2.0, 4.0, 8.0]);
+        let exact = |target: f64| libm::pow(0.02 / target, 1.0 / 0.6);
+        assert_eq!(time_to(&curve, 0.1), TimeTo::AtMost(1.0));
+        let time = time_to(&curve, 0.01);
+        assert!(matches!(time, TimeTo::Interpolated(_)) && near(time.seconds(), exact(0.01)));
+        let time = time_to(&curve, 1e-3);
+        assert!(matches!(time, TimeTo::Extrapolated(_)) && near(time.seconds(), exact(1e-3)));
+        assert!(
+            time.text().starts_with("not reached (\u{2248} 147 s"),
+            "{}",
+            time.text()
+        );
+        assert_eq!(time_to(&[], 0.1), TimeTo::Never);
+        assert!(near(time_to(&[(90.0, 3.3e-3)], 1e-2).seconds(), 29.7));
+    }
+
+    #[test]
+    fn a_curve_that_goes_up_again_was_there_first() {
+        let curve = [(1.0, 0.2), (2.0, 0.05), (4.0, 0.2), (8.0, 0.2)];
+        let time = time_to(&curve, 0.1).seconds().unwrap();
+        assert!(near(Some(time), libm::sqrt(2.0)), "{time}");
+        assert_eq!(time_to(&[(1.0, 0.2), (2.0, 0.2)], 0.1), TimeTo::Never);
+        assert_eq!(TimeTo::Never.text(), "not reached");
+    }
+
+    #[test]
+    fn ratios_say_how_sure_they_are() {
+        use TimeTo::*;
+        assert_eq!(times_faster(Interpolated(2.0), Interpolated(21.0)), "10.5");
+        assert_eq!(
+            times_faster(AtMost(2.0), Interpolated(21.0)),
+            "\u{2265} 10.5"
+        );
+        assert_eq!(
+            times_faster(Interpolated(2.0), AtMost(21.0)),
+            "\u{2264} 10.5"
+        );
+        assert_eq!(
+            times_faster(Extrapolated(2.0), Interpolated(21.0)),
+            "\u{2248} 10.5"
+        );
+        assert_eq!(times_faster(AtMost(2.0), AtMost(21.0)), "\u{2013}");
+        assert_eq!(times_faster(Interpolated(2.0), Never), "never there");
+        assert_eq!(times_faster(Never, Interpolated(2.0)), "\u{2013}");
+    }
+
+    #[test]
+    fn numbers_are_short() {
+        assert_eq!(digits(1234.5), "1234");
+        assert_eq!(digits(0.0123), "0.012");
+        assert_eq!(digits(1.234e7), "1.23\u{b7}10\u{2077}");
+        assert_eq!(power(1.23e-4), "1.23\u{b7}10\u{207b}\u{2074}");
+        assert_eq!(power(-2.0e13), "\u{2212}2.00\u{b7}10\u{b9}\u{b3}");
+    }
+}

@@ -573,6 +573,23 @@ mod tests {
         assert_eq!(run.overrides.paths, Some(7));
     }
 
+    /// The one that comes with the program.
+    #[test]
+    fn the_peers_suite_is_sound() {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes/peers");
+        let suite = Suite::read(&folder.join("bench.toml")).unwrap();
+        assert_eq!(suite.scenes.len(), 2);
+        for scene in &suite.scenes {
+            assert_eq!(scene.peers.len(), 2, "{}", scene.name);
+            let (description, _) =
+                crate::bench::run::load(&scene.path, &Overrides::default()).unwrap();
+            assert_eq!(
+                (description.camera.width, description.camera.height),
+                (512, 512)
+            );
+        }
+    }
+
     #[test]
     fn bad_suites_are_refused() {
         let scene = "[[scenes]]\nscene='a.toml'\n";

@@ -240,7 +240,7 @@ fn same_image(suite: &mut Suite, name: &str, a: &Blocks, b: &Blocks, allowance: 
 /// What the reference integrator sees.
 fn reference(scene: &Scene) -> Blocks {
     let settings = ReferenceSettings::default();
-    Blocks::new(reference_images(scene, settings, 64, 32), BLOCK)
+    Blocks::new(reference_images(scene, settings, 64, 8), BLOCK)
 }
 
 #[test]

@@ -24,7 +24,23 @@ pub struct Geometry {
 
 struct MeshBvh {
     mesh: Arc<Mesh>,
+    /// Of the mesh enlarged by `scale`.
     bvh: CwBvh,
+    scale: f32,
+}
+
+/// Size that a mesh is given in its hierarchy. obvhs 0.4 takes no box of a wide hierarchy that a ray leaves before its
+/// parameter is 1e-4, whatever is in it: in a mesh of this size, that is less than its coordinates' rounding.
+const SIZE_IN_BVH: f32 = 131_072.0;
+
+/// The power of two at or below a number, within bounds that nothing real comes near; 1 for 0 and what is no number.
+fn power_of_two(x: f32) -> f32 {
+    let power = f32::from_bits(x.to_bits() & 0x7f80_0000);
+    if power.is_finite() && power > 0.0 {
+        power.clamp(1e-30, 1e30)
+    } else {
+        1.0
+    }
 }
 
 struct Bounds(Aabb);
@@ -247,9 +263,15 @@ fn intersect_disc(placement: &Placement, ray: &Ray, t_max: f32) -> ShapeHit {
 
 impl MeshBvh {
     fn new(mesh: &Arc<Mesh>) -> Self {
+        let extent = mesh
+            .positions
+            .iter()
+            .fold(0.0, |extent: f32, p| extent.max(p.abs().max_element()));
+        // Powers of two, so that nothing is rounded on the way there and back.
+        let scale = SIZE_IN_BVH / power_of_two(extent);
         let bounds: Vec<Bounds> = (0..mesh.triangles.len())
             .map(|i| {
-                let [a, b, c] = mesh.corners(i as u32);
+                let [a, b, c] = mesh.corners(i as u32).map(|corner| corner * scale);
                 padded(a.min(b).min(c), a.max(b).max(c))
             })
             .collect();
@@ -260,6 +282,7 @@ impl MeshBvh {
                 BvhBuildParams::medium_build(),
                 &mut Duration::default(),
             ),
+            scale,
         }
     }
 
@@ -275,17 +298,20 @@ impl MeshBvh {
         let sheared = ShearedRay::new(origin, dir);
         let mut best = None;
         let mut unused = RayHit::none();
-        self.bvh
-            .ray_traverse(obvhs_ray(origin, dir, t_max), &mut unused, |r, i| {
-                let triangle = self.bvh.primitive_indices[i];
-                match sheared.intersect(self.mesh.corners(triangle), r.tmax) {
-                    Some((t, w)) => {
-                        best = Some((t, triangle, w));
-                        if any { -1.0 } else { t }
-                    }
-                    None => f32::INFINITY,
+        // In the hierarchy directions are about as long as one, and so parameters larger by:
+        let length = power_of_two(dir.abs().max_element());
+        let stretch = self.scale * length;
+        let ray = obvhs_ray(origin * self.scale, dir / length, t_max * stretch);
+        self.bvh.ray_traverse(ray, &mut unused, |r, i| {
+            let triangle = self.bvh.primitive_indices[i];
+            match sheared.intersect(self.mesh.corners(triangle), r.tmax / stretch) {
+                Some((t, w)) => {
+                    best = Some((t, triangle, w));
+                    if any { -1.0 } else { t * stretch }
                 }
-            });
+                None => f32::INFINITY,
+            }
+        });
         best
     }
 }
@@ -345,5 +371,84 @@ impl ShearedRay {
         }
         let t = (u * a.z + v * b.z + w * c.z) / det;
         (t > 0.0 && t < t_max).then(|| (t, Vec2::new(v / det, w / det)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::Object;
+    use glam::Affine3A;
+
+    /// A box whose walls a ray meets at once when it starts near them, of any size, in its place or put there.
+    #[test]
+    fn near_surfaces_are_hit_at_any_scale() {
+        let corner = |i: u32| {
+            let side = |bit: u32| if i >> bit & 1 == 1 { 1.0 } else { -1.0 };
+            Vec3::new(side(0), side(1), side(2))
+        };
+        let triangles = vec![
+            [0, 2, 1],
+            [1, 2, 3],
+            [4, 5, 6],
+            [5, 7, 6],
+            [0, 1, 4],
+            [1, 5, 4],
+            [2, 6, 3],
+            [3, 6, 7],
+            [0, 4, 2],
+            [2, 4, 6],
+            [1, 3, 5],
+            [3, 7, 5],
+        ];
+        for exponent in -9..=9 {
+            let size = libm::exp10f(exponent as f32);
+            for placed in [false, true] {
+                let mesh_size = if placed { 1.0 } else { size };
+                let positions = (0..8).map(|i| corner(i) * mesh_size).collect();
+                let mesh = Mesh {
+                    positions,
+                    triangles: triangles.clone(),
+                    ..Mesh::default()
+                };
+                let placement = match placed {
+                    true => Placement {
+                        render_from_object: Affine3A::from_scale(Vec3::splat(size)),
+                        object_from_render: Affine3A::from_scale(Vec3::splat(1.0 / size)),
+                    },
+                    false => Placement::IDENTITY,
+                };
+                let objects = [Object {
+                    name: String::new(),
+                    shape: Shape::Mesh {
+                        mesh: Arc::new(mesh),
+                        placement,
+                    },
+                    material: 0,
+                    boundary: None,
+                    light: None,
+                }];
+                let geometry = Geometry::new(&objects);
+                for near in [1e-5f32, 1e-3, 0.5] {
+                    for axis in 0..3 {
+                        let mut origin = Vec3::new(0.3, 0.2, -0.1);
+                        origin[axis] = 1.0 - near;
+                        let mut dir = Vec3::new(0.01, -0.02, 0.015);
+                        dir[axis] = 1.0;
+                        let ray = Ray {
+                            origin: origin * size,
+                            dir: dir.normalize(),
+                        };
+                        let hit = geometry.intersect(&objects, &ray, f32::INFINITY, |_| false);
+                        let t = hit.map_or(f32::NAN, |hit| hit.t / size);
+                        let expected = near * dir.length();
+                        assert!(
+                            (t - expected).abs() < 1e-6 + 1e-3 * expected,
+                            "size {size}, placed {placed}, {near}: {t}"
+                        );
+                    }
+                }
+            }
+        }
     }
 }

@@ -7,6 +7,7 @@
 pub mod chi2;
 pub mod furnace;
 pub mod fuzz;
+pub mod hard_cases;
 pub mod mitsuba;
 pub mod path_tracer;
 pub mod quadrature;

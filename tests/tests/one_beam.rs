@@ -151,6 +151,8 @@ fn a_wall_of_rays_sees_what_the_beam_scatters() {
     for phase in [
         Phase::Isotropic,
         Phase::HenyeyGreenstein { g: 0.6 },
+        Phase::HenyeyGreenstein { g: 0.999 },
+        Phase::HenyeyGreenstein { g: -0.999 },
         Phase::blend(0.3, [-0.4, 0.7]),
     ] {
         let medium = medium(phase);

@@ -14,6 +14,8 @@
 //! | how does the radius shrink?                | [`radius`]                                      |
 //! | how are passes averaged?                   | [`merge`]                                       |
 //! | what is the image compared with?           | `reference`                                     |
+//! | how large is the bias of the average?      | [`bias`]                                        |
+//! | does it converge as the theory says?       | `convergence`                                   |
 //!
 //! The renderer is behind the feature `render`; without it the crate holds what a coordinator needs.
 #![cfg_attr(
@@ -63,6 +65,7 @@ assert!(image.beauty.pixels[12 * 32 + 16][0] > 0.0);
 )]
 
 pub mod atomic;
+pub mod bias;
 pub mod bundle;
 pub mod error;
 pub mod exr;
@@ -80,6 +83,8 @@ pub mod beam;
 pub mod bsdf;
 #[cfg(feature = "render")]
 pub mod camera;
+#[cfg(feature = "render")]
+pub mod convergence;
 #[cfg(feature = "render")]
 pub mod filter;
 #[cfg(feature = "render")]

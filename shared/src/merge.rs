@@ -4,12 +4,16 @@
 //! Neither the order of arrival nor the way passes were grouped into blocks can therefore change a bit of the image, and
 //! rounding error grows with the logarithm of the number of passes.
 
+use crate::bias::{Bias, RadiusSums};
 use crate::film::Film;
 use crate::job::{Block, MAX_PASSES};
 use std::collections::BTreeMap;
 
 /// Largest magnitude of one pass's radiance that is accepted, per channel. Sums of [`MAX_PASSES`] such values stay finite.
 pub const MAX_RADIANCE: f32 = 1e22;
+
+/// Pixels along the side of the blocks whose radiance errors are compared with.
+const BLOCK: usize = 8;
 
 /// A block that cannot become part of the sum.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -86,6 +90,8 @@ pub struct Node {
     pub squared_difference: Film,
     /// Sums of the layers that the job has beside radiance, in the job's order.
     pub layers: Vec<Film>,
+    /// What an estimate of the bias is made of, when the passes' radius scales are known.
+    pub radius_sums: Option<RadiusSums>,
 }
 
 impl Node {
@@ -96,6 +102,15 @@ impl Node {
             squared_difference: Film::new(film.width, film.height),
             sum: film,
             layers: Vec::new(),
+            radius_sums: None,
+        }
+    }
+
+    /// The same image of one pass, whose kernel radii were scaled by this: with it, the bias of an average can be estimated.
+    pub fn with_radius_scale(self, radius_scale: f64) -> Self {
+        Self {
+            radius_sums: Some(RadiusSums::leaf(&self.sum, radius_scale)),
+            ..self
         }
     }
 
@@ -132,6 +147,7 @@ impl Node {
             mut sum,
             mut squared_difference,
             mut layers,
+            radius_sums,
             ..
         } = left;
         if block.level == 1 {
@@ -155,6 +171,11 @@ impl Node {
             sum,
             squared_difference,
             layers,
+            radius_sums: join_radius_sums(
+                radius_sums,
+                right.radius_sums.as_ref(),
+                block.level == 1,
+            ),
         })
     }
 
@@ -190,6 +211,10 @@ impl Node {
                 first.get_or_insert([i as u32 % width, i as u32 / width]);
             }
         }
+        let sums = self.radius_sums.as_ref();
+        if count == 0 && sums.is_some_and(|sums| !sums.is_sound(width, height)) {
+            (count, first) = (1, Some([0, 0]));
+        }
         match first {
             None => Ok(()),
             Some(first) => Err(MergeError::NonFinite {
@@ -223,6 +248,16 @@ impl Node {
         }
         Ok(())
     }
+}
+
+fn join_radius_sums(
+    left: Option<RadiusSums>,
+    right: Option<&RadiusSums>,
+    are_leaves: bool,
+) -> Option<RadiusSums> {
+    let (mut sums, right) = (left?, right?);
+    sums.join(right, are_leaves);
+    Some(sums)
 }
 
 fn add(into: &mut Film, other: &Film) {
@@ -360,6 +395,8 @@ impl TreeSum {
                 for (layer, right) in node.layers.iter_mut().zip(&right.layers) {
                     add(layer, right);
                 }
+                node.radius_sums =
+                    join_radius_sums(node.radius_sums, right.radius_sums.as_ref(), false);
             }
             total = Some(node);
         }
@@ -378,6 +415,8 @@ pub struct Average {
     pub standard_error: Film,
     /// Means of the layers, in the job's order.
     pub layers: Vec<Film>,
+    /// Estimated bias, when the passes' radius scales are known.
+    pub bias: Option<Bias>,
 }
 
 impl Average {
@@ -393,6 +432,7 @@ impl Average {
             mut sum,
             squared_difference: mut difference,
             mut layers,
+            radius_sums,
             ..
         } = total;
         let n = passes as f64;
@@ -413,12 +453,15 @@ impl Average {
             beauty: sum,
             standard_error: difference,
             layers,
+            bias: radius_sums.map(|sums| sums.estimate(passes)),
         }
     }
 
     /// One number for the noise of the picture: the root mean square, over all pixels and channels, of the standard error
-    /// relative to the radiance, where radiance below a tenth of the picture's mean magnitude counts as that tenth. A few
-    /// pixels that look into a lamp do not outweigh the rest, nor do black ones.
+    /// relative to the radiance around the pixel. That is the channel's mean over a block of 8 x 8 pixels, or a tenth of the
+    /// picture's mean magnitude if that is more: a few pixels that look into a lamp do not outweigh the rest, nor do black
+    /// ones. (Relative to the pixel's own radiance it would be too small as long as there is much noise: where there is a
+    /// large error, there is a large value.)
     ///
     /// Infinite for one pass and for a black picture. Depends on nothing but the bits of the average.
     pub fn relative_standard_error(&self) -> f64 {
@@ -428,11 +471,30 @@ impl Average {
         if mean == 0.0 {
             return f64::INFINITY;
         }
-        let errors = self.standard_error.pixels.iter().flatten();
-        let squares = errors.zip(values()).map(|(e, v)| {
-            let relative = f64::from(*e) / v.abs().max(0.1 * mean);
-            relative * relative
-        });
-        (squares.sum::<f64>() / count).sqrt()
+        let (width, height) = (self.beauty.width as usize, self.beauty.height as usize);
+        let mut squares = 0.0;
+        for y0 in (0..height).step_by(BLOCK) {
+            for x0 in (0..width).step_by(BLOCK) {
+                let columns = x0..width.min(x0 + BLOCK);
+                let mut block = [0.0; 3];
+                let mut errors = [0.0; 3];
+                let mut pixels = 0.0;
+                for y in y0..height.min(y0 + BLOCK) {
+                    for x in columns.clone() {
+                        pixels += 1.0;
+                        for c in 0..3 {
+                            let error = f64::from(self.standard_error.pixels[y * width + x][c]);
+                            block[c] += f64::from(self.beauty.pixels[y * width + x][c]);
+                            errors[c] += error * error;
+                        }
+                    }
+                }
+                for c in 0..3 {
+                    let radiance = (block[c] / pixels).abs().max(0.1 * mean);
+                    squares += errors[c] / (radiance * radiance);
+                }
+            }
+        }
+        (squares / count).sqrt()
     }
 }

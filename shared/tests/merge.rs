@@ -34,7 +34,8 @@ fn pass_film(seed: u64, pass: u64) -> Film {
 /// A block's node, from its passes alone.
 fn block_node(seed: u64, block: Block) -> Node {
     if block.level == 0 {
-        return Node::leaf(block.index, pass_film(seed, block.index));
+        let leaf = Node::leaf(block.index, pass_film(seed, block.index));
+        return leaf.with_radius_scale(1.0 / (block.index + 1) as f64);
     }
     let child = |side| Block {
         level: block.level - 1,

@@ -3,10 +3,11 @@
 use crate::MeanEstimate;
 use beamfarm_shared::bundle::Bundle;
 use beamfarm_shared::film::Film;
-use beamfarm_shared::job::ReferenceSettings;
+use beamfarm_shared::job::{JobSettings, ReferenceSettings};
 use beamfarm_shared::merge::{Average, Node, TreeSum};
 use beamfarm_shared::pass::render_pass;
 use beamfarm_shared::plan::{RenderPlan, Scene};
+use beamfarm_shared::radius::Schedule;
 use beamfarm_shared::reference::render_sample;
 use beamfarm_shared::scene::SceneDescription;
 
@@ -42,12 +43,23 @@ pub fn scene_with(toml: &str, assets: &[(&str, &[u8])]) -> Scene {
 /// # Panics
 /// When a pass has a pixel that is not finite.
 pub fn average(scene: &Scene) -> Average {
-    let plan = RenderPlan::new(scene, scene.description().defaults.job_settings());
+    let defaults = scene.description().defaults;
+    run(scene, defaults.job_settings(), defaults.passes)
+}
+
+/// Renders so many passes of a job.
+///
+/// # Panics
+/// When a pass has a pixel that is not finite.
+pub fn run(scene: &Scene, settings: JobSettings, passes: u64) -> Average {
+    let plan = RenderPlan::new(scene, settings);
+    let schedule = Schedule::new(&settings);
     let camera = &scene.description().camera;
     let mut sum = TreeSum::new(camera.width, camera.height);
-    for pass_index in 0..scene.description().defaults.passes {
+    for pass_index in 0..passes {
         let image = render_pass(scene, &plan, pass_index);
-        let inserted = sum.insert(Node::leaf(pass_index, image.film));
+        let leaf = Node::leaf(pass_index, image.film);
+        let inserted = sum.insert(leaf.with_radius_scale(schedule.scale(pass_index)));
         assert!(inserted.is_ok(), "{inserted:?}");
     }
     let Some(average) = sum.average() else {

@@ -173,7 +173,7 @@ fn write_seeds() {
         for (i, value) in film.pixels.iter_mut().flatten().enumerate() {
             *value = (i as f32 + pass as f32) / 8.0;
         }
-        Node::leaf(pass, film)
+        Node::leaf(pass, film).with_radius_scale(0.25)
     };
     let pair = Node::join(leaf(12), leaf(13)).unwrap();
     let mut depth = leaf(12).sum;

@@ -4,9 +4,10 @@
 //! Blocks come from machines that are not trusted, by the thousand. The reader therefore accepts nothing but the very
 //! bytes that [`encode_block`] writes: it picks the few attributes that vary out of the header, writes the header that
 //! they call for, and compares. No decoder ever follows a size or an offset that came over the network. Any EXR reader
-//! can open the files.
+//! can open the files: what they hold of a block's bias stands behind the last row, where no reader looks.
 
 use super::header::{self, attributes, float_channels, text};
+use crate::bias::{RadiusSums, tile_count};
 use crate::error::ImageError;
 use crate::film::Film;
 use crate::job::{Block, SceneHash};
@@ -40,6 +41,9 @@ const SEED: &str = "beamfarmSeed";
 const ALPHA: &str = "beamfarmAlpha";
 const RADIUS_SCALE: &str = "beamfarmRadiusScale";
 const VERSION: &str = "beamfarmVersion";
+
+/// No schedule comes near these bounds; within them, sums of scales, of their squares and of their inverses are finite.
+const RADIUS_SCALES: std::ops::RangeInclusive<f64> = 1e-100..=1e100;
 
 /// Row number and byte count in front of each row.
 const ROW_PREFIX: usize = 8;
@@ -78,20 +82,31 @@ fn row_bytes(width: u32, channels: &[Channel]) -> usize {
     4 * width as usize * channels.len()
 }
 
+/// Of the sums behind the last row, which only blocks of several passes have: those of one pass follow from its image.
+fn radius_sum_bytes(width: u32, height: u32, block: Block) -> usize {
+    match block.level {
+        0 => 0,
+        _ => 8 * (3 + 4 * tile_count(width, height)),
+    }
+}
+
 /// A block image's size in bytes is at most this. For limits on messages; take the size from the job, not from a message.
 pub fn encoded_size(width: u32, height: u32, layers: &[Layer]) -> usize {
-    let channels = channels(Block { level: 1, index: 0 }, layers);
+    let block = Block { level: 1, index: 0 };
+    let channels = channels(block, layers);
     let names: usize = channels.iter().map(|channel| channel.name.len() + 17).sum();
     let row = ROW_PREFIX + 8 + row_bytes(width, &channels);
     (height as usize)
         .saturating_mul(row)
         .saturating_add(2048 + names)
+        .saturating_add(radius_sum_bytes(width, height, block))
 }
 
 /// A block as an OpenEXR file: float32, uncompressed, the bits as they are.
 ///
 /// Channels R, G, B hold the sum of the block's passes; variance.R, .G, .B, for more than one pass, the sum of squared
-/// differences of neighbours; the others the sums of the layers. Equal arguments give equal bytes.
+/// differences of neighbours; the others the sums of the layers. A block of more than one pass must have its
+/// [`RadiusSums`]. Equal arguments give equal bytes.
 pub fn encode_block(
     node: &Node,
     meta: &BlockMeta,
@@ -125,6 +140,13 @@ pub fn encode_block(
             let samples = pixels.iter().map(|pixel| pixel[channel.component]);
             bytes.extend(samples.flat_map(f32::to_le_bytes));
         }
+    }
+    if meta.block.level > 0 {
+        let sums = node.radius_sums.as_ref().ok_or(ImageError::Encode {
+            field: "block",
+            message: "the radius scales of its passes are not known".into(),
+        })?;
+        bytes.extend(sums.to_bytes());
     }
     Ok(bytes)
 }
@@ -201,7 +223,7 @@ pub fn decode_block(
     let meta = decode_meta(bytes)?;
     let channels = channels(meta.block, layers);
     let expected = encode_header(width, height, &meta, &channels)?;
-    let Some(rows) = bytes.strip_prefix(&expected[..]) else {
+    let Some(rest) = bytes.strip_prefix(&expected[..]) else {
         return Err(ImageError::Block {
             field: "header",
             message: format!(
@@ -213,16 +235,18 @@ pub fn decode_block(
     };
     let row_bytes = row_bytes(width, &channels);
     let stride = ROW_PREFIX + row_bytes;
-    if rows.len() != height as usize * stride {
+    let row_total = height as usize * stride;
+    let expected = row_total + radius_sum_bytes(width, height, meta.block);
+    if rest.len() != expected {
         return Err(ImageError::Block {
             field: "size",
             message: format!(
-                "{} bytes of pixels; expected {}",
-                rows.len(),
-                height as usize * stride
+                "{} bytes behind the header; expected {expected}",
+                rest.len()
             ),
         });
     }
+    let (rows, sums) = rest.split_at(row_total);
 
     let mut films = vec![Film::new(width, height); 2 + layers.len()];
     for (y, row) in rows.chunks_exact(stride).enumerate() {
@@ -251,11 +275,16 @@ pub fn decode_block(
         field: "channels",
         message: "none".into(),
     })?;
+    let radius_sums = match meta.block.level {
+        0 => Some(RadiusSums::leaf(&sum, meta.radius_scale)),
+        _ => RadiusSums::from_bytes(sums),
+    };
     let node = Node {
         block: meta.block,
         sum,
         squared_difference,
         layers,
+        radius_sums,
     };
     node.check(width, height, node.layers.len())?;
     Ok((node, meta))
@@ -313,7 +342,9 @@ fn decode_meta(bytes: &[u8]) -> Result<BlockMeta, ImageError> {
         block,
         seed: integer(SEED)?,
         alpha: double(ALPHA)?,
-        radius_scale: double(RADIUS_SCALE)?,
+        radius_scale: Some(double(RADIUS_SCALE)?)
+            .filter(|scale| RADIUS_SCALES.contains(scale))
+            .ok_or_else(|| bad(RADIUS_SCALE, "a scale between 1e-100 and 1e100"))?,
         version: string(VERSION)?.to_owned(),
     })
 }
@@ -333,6 +364,8 @@ mod tests {
         film
     }
 
+    const RADIUS_SCALE_OF_TESTS: f64 = 0.1 + 0.2;
+
     fn layers() -> [Layer; 2] {
         [Layer::Depth, Layer::Albedo]
     }
@@ -342,7 +375,8 @@ mod tests {
             let mut depth = film(5, 4, 100 + i as u32);
             depth.pixels.iter_mut().for_each(|p| *p = [p[0], 0.0, 0.0]);
             let layers = vec![depth, film(5, 4, 200 + i as u32)];
-            Node::leaf(12 + i, film(5, 4, i as u32)).with_layers(layers)
+            let leaf = Node::leaf(12 + i, film(5, 4, i as u32)).with_layers(layers);
+            leaf.with_radius_scale(RADIUS_SCALE_OF_TESTS)
         };
         match level {
             0 => leaf(0),
@@ -360,7 +394,7 @@ mod tests {
             block,
             seed: u64::MAX - 1,
             alpha: 2.0 / 3.0,
-            radius_scale: 0.1 + 0.2,
+            radius_scale: RADIUS_SCALE_OF_TESTS,
             version: "0.1.0".into(),
         }
     }
@@ -394,6 +428,10 @@ mod tests {
                 bits(&node.squared_difference)
             );
             assert_eq!(decoded.layers, node.layers);
+            assert!(decoded.radius_sums.is_some());
+            if level > 0 {
+                assert_eq!(decoded.radius_sums, node.radius_sums);
+            }
             assert_eq!(
                 encode_block(&decoded, &decoded_meta, &layers()).unwrap(),
                 bytes
@@ -444,7 +482,8 @@ mod tests {
     fn a_changed_byte_is_noticed_outside_of_values() {
         let bytes = encoded(1);
         let (node, meta) = decode_block(&bytes, 5, 4, &layers()).unwrap();
-        let pixels = 4 * (ROW_PREFIX + row_bytes(5, &channels(node.block, &layers())));
+        let pixels = 4 * (ROW_PREFIX + row_bytes(5, &channels(node.block, &layers())))
+            + radius_sum_bytes(5, 4, node.block);
         for i in 0..bytes.len() {
             for flip in [1, 0x80, 0xff] {
                 let mut changed = bytes.clone();

@@ -1,12 +1,12 @@
 //! The calls beside submissions: who gets in, and what becomes of passes whose worker is gone.
 
-use crate::harness::{Coordinator, LONG, RawWorker, film, free_port, spec};
+use crate::harness::{Coordinator, LONG, RawWorker, film, free_port, leaf, spec};
 use beamfarm_coordinator::{End, Timing};
 use beamfarm_proto::wire::farm_client::FarmClient;
 use beamfarm_proto::{FileHash, Grant, VERSION, WireHash, wire};
 use beamfarm_shared::exr::pixel_hash;
 use beamfarm_shared::job::SceneHash;
-use beamfarm_shared::merge::{Node, TreeSum};
+use beamfarm_shared::merge::TreeSum;
 use std::time::Duration;
 use tonic::Code;
 
@@ -104,8 +104,7 @@ async fn arrival_order_does_not_change_a_bit() {
     const PASSES: u64 = 11;
     let mut sum = TreeSum::new(film(0).width, film(0).height);
     for pass_index in 0..PASSES {
-        sum.insert(Node::leaf(pass_index, film(pass_index)))
-            .unwrap();
+        sum.insert(leaf(pass_index, film(pass_index))).unwrap();
     }
     let expected = sum.average().unwrap();
     // Steps that visit all of 0..11.

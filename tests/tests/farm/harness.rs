@@ -310,6 +310,12 @@ impl RawWorker {
     }
 }
 
+/// A pass as the farm knows it.
+pub fn leaf(pass_index: u64, film: Film) -> Node {
+    let scale = Schedule::new(&settings()).scale(pass_index);
+    Node::leaf(pass_index, film).with_radius_scale(scale)
+}
+
 pub fn encode(node: &Node, meta: &BlockMeta) -> Vec<u8> {
     encode_block(node, meta, &[]).unwrap()
 }

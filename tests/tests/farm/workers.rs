@@ -1,13 +1,13 @@
 //! Workers of the library at work.
 
 use crate::harness::{
-    Coordinator, LONG, RawWorker, SCENE, WIDTH, free_port, settings, spec, start_worker,
+    Coordinator, LONG, RawWorker, SCENE, WIDTH, free_port, leaf, settings, spec, start_worker,
 };
 use beamfarm_coordinator::{End, Timing};
 use beamfarm_proto::FileHash;
 use beamfarm_shared::bundle::Bundle;
 use beamfarm_shared::exr::pixel_hash;
-use beamfarm_shared::merge::{Average, Node, TreeSum};
+use beamfarm_shared::merge::{Average, TreeSum};
 use beamfarm_shared::pass::render_pass;
 use beamfarm_shared::plan::{RenderPlan, Scene};
 use beamfarm_shared::scene::SceneDescription;
@@ -32,7 +32,7 @@ fn reference() -> (Average, Vec<String>) {
         for pass_index in 0..PASSES {
             let film = render_pass(&scene, &plan, pass_index).film;
             hashes.push(pixel_hash(&film));
-            sum.insert(Node::leaf(pass_index, film)).unwrap();
+            sum.insert(leaf(pass_index, film)).unwrap();
         }
         (sum.average().unwrap(), hashes)
     })

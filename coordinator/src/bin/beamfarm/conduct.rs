@@ -158,6 +158,9 @@ fn summarise(farm: &Farm, average: Option<&Average>, output: &Output, elapsed: D
         if error.is_finite() {
             println!("relative standard error {:.2} %", 100.0 * error);
         }
+        if let Some(bias) = &average.bias {
+            println!("{bias}");
+        }
         println!("pixels {}", pixel_hash(&average.beauty));
     }
     for (count, what) in [

@@ -28,6 +28,20 @@ pub struct Camera {
 }
 
 impl Camera {
+    /// The camera that renders this pixel alone, as a `crop` of the image would.
+    pub fn pixel(&self, x: u32, y: u32) -> Self {
+        let pixel = 2.0 * self.tan_half_fov_x / self.width as f32;
+        let off_middle = |at: u32, side: u32| at as f32 + 0.5 - 0.5 * side as f32;
+        let offset = Vec2::new(off_middle(x, self.width), -off_middle(y, self.height));
+        Self {
+            tan_half_fov_x: 0.5 * pixel,
+            shift: self.shift + offset * pixel,
+            width: 1,
+            height: 1,
+            ..*self
+        }
+    }
+
     /// Where the sample of a pixel is in the image. `u` in [0, 1)^2.
     #[inline]
     pub fn sample(&self, x: u32, y: u32, u: Vec2) -> Vec2 {

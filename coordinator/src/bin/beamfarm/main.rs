@@ -3,6 +3,7 @@
 mod bench;
 mod compare;
 mod conduct;
+mod convergence;
 mod convert;
 mod explain;
 mod failure;
@@ -78,6 +79,9 @@ enum Command {
     /// Print how far an image is from a reference
     #[command(after_help = compare::MEANING)]
     Compare(compare::CompareArgs),
+    /// Render one pixel over and over, and compare its variance and bias with the theory of convergence
+    #[command(after_help = convergence::EXAMPLES)]
+    Convergence(convergence::ConvergenceArgs),
     /// Write a scene of Mitsuba 3 in the native form
     #[command(after_help = convert::EXAMPLES)]
     Convert(convert::ConvertArgs),
@@ -114,6 +118,7 @@ fn main() -> ExitCode {
         Command::BenchRun => bench::child(),
         Command::Reference(args) => reference::main(args),
         Command::Compare(args) => compare::main(args),
+        Command::Convergence(args) => convergence::main(args),
         Command::Convert(args) => convert::main(args),
         Command::Explain(args) => explain::main(args),
         Command::Schema => output::print_text(&json_schema().to_string()),

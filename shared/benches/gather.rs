@@ -5,9 +5,8 @@
 #![allow(missing_docs)]
 
 use beamfarm_shared::beam::PhotonBeam;
-use beamfarm_shared::beam::estimate::{CameraSegment, CameraSegments, PACKET, gather};
-use beamfarm_shared::beam::store::{BeamMap, Candidates, Packet};
-use beamfarm_shared::light::SceneBounds;
+use beamfarm_shared::beam::estimate::{CameraSegment, CameraSegments, Gather, Vectors, Way};
+use beamfarm_shared::beam::store::BeamMap;
 use beamfarm_shared::math::{Ray, Rgb, Vec3};
 use beamfarm_shared::medium::bricks::Bricks;
 use beamfarm_shared::medium::procedural::{Noise, Recipe};
@@ -23,10 +22,10 @@ use std::sync::Arc;
 use std::time::Duration;
 
 const BEAMS: usize = 4096;
-/// Packets of the camera, along each side of the picture.
-const PACKETS: usize = 4;
-/// Pixels of a packet, along each side.
-const SIDE: usize = 8;
+/// Tiles of the camera, along each side of the picture.
+const TILES: usize = 4;
+/// Pixels of a tile, along each side.
+const SIDE: usize = 32;
 /// Extinction and scattering at density 1: grey.
 const SIGMA: Rgb = Rgb::splat(0.5);
 
@@ -88,29 +87,19 @@ fn beams(medium: &Medium) -> BeamMap {
         }
     };
     let beams = (0..BEAMS).map(beam).collect();
-    let around = SceneBounds {
-        center: Vec3::ZERO,
-        radius: 4.0,
-    };
-    BeamMap::new(beams, steps, &around)
+    BeamMap::new(beams, steps)
 }
 
-/// A packet of the camera, and the beams that may matter to it.
-struct Neighbours {
-    camera: CameraSegments,
-    candidates: Vec<u32>,
-}
-
-fn packets(map: &BeamMap, medium: &Medium) -> Vec<Neighbours> {
-    let packet = |i: usize| {
-        let corner = [i % PACKETS * SIDE, i / PACKETS * SIDE];
+/// The camera's segments, tile by tile in the order that passes have: every sixteen are a square.
+fn tiles(medium: &Medium) -> Vec<CameraSegments> {
+    let spread = |i: usize| (i & 1) | (i >> 1 & 2) | (i >> 2 & 4) | (i >> 3 & 8) | (i >> 4 & 16);
+    let tile = |tile: usize| {
+        let corner = [tile % TILES * SIDE, tile / TILES * SIDE];
         let mut camera = CameraSegments::default();
-        let mut sampler = Sampler::new(2, 0, Purpose::Test, i as u64);
-        for pixel in 0..PACKET {
-            let at = |k: usize| {
-                let within = [pixel % SIDE, pixel / SIDE][k];
-                (corner[k] + within) as f32 / (PACKETS * SIDE) as f32 - 0.5
-            };
+        let mut sampler = Sampler::new(2, 0, Purpose::Test, tile as u64);
+        for pixel in 0..SIDE * SIDE {
+            let within = [spread(pixel), spread(pixel >> 1)];
+            let at = |k: usize| (corner[k] + within[k]) as f32 / (TILES * SIDE) as f32 - 0.5;
             let ray = Ray {
                 origin: Vec3::new(0.0, 0.0, -2.0),
                 dir: Vec3::new(at(0), at(1), 2.0).normalize(),
@@ -123,19 +112,13 @@ fn packets(map: &BeamMap, medium: &Medium) -> Vec<Neighbours> {
                 beta: Rgb::ONE,
                 medium: 0,
                 pixel: pixel as u16,
-                straight: Some(0),
+                way: Way::default(),
                 steps: stretch.steps,
             });
         }
-        let mut found = Candidates::default();
-        let rays = camera.segments.iter().map(|s| (s.ray, s.length));
-        map.candidates(&Packet::new(rays), &mut found);
-        Neighbours {
-            camera,
-            candidates: found.found,
-        }
+        camera
     };
-    (0..PACKETS * PACKETS).map(packet).collect()
+    (0..TILES * TILES).map(tile).collect()
 }
 
 /// Per pair of beam and segment that contributes.
@@ -162,15 +145,21 @@ fn gathering(criterion: &mut Criterion) {
         ];
         for (medium_name, medium) in &media {
             let map = beams(medium);
-            let packets = packets(&map, medium);
+            let tiles = tiles(medium);
             let all = || -> u64 {
-                packets
+                tiles
                     .iter()
-                    .map(|p| {
-                        let segments = &p.camera.segments;
-                        gather(&map, medium, segments, &p.camera.steps, &p.candidates, 0)
+                    .map(|tile| {
+                        let gather = Gather {
+                            map: &map,
+                            medium,
+                            steps: &tile.steps,
+                            group: None,
+                            key: 0,
+                            vectors: Vectors::widest(),
+                        };
+                        black_box(gather.along(&tile.segments)).evaluations
                     })
-                    .map(|sum| black_box(sum).evaluations())
                     .sum()
             };
             group.throughput(Throughput::Elements(all()));

@@ -1,7 +1,7 @@
 //! One pass: a pure function of the scene, the plan and the pass index.
 
-use crate::beam::estimate::{self, CameraSegments, LANES};
-use crate::beam::store::{BeamMap, Candidates, Packet};
+use crate::beam::estimate::{CameraSegments, Gather, Vectors};
+use crate::beam::store::BeamMap;
 use crate::beam::trace::{Photons, trace_photons};
 use crate::film::Film;
 use crate::job::PassStats;
@@ -25,9 +25,8 @@ pub struct PassImage {
 }
 
 /// Pixels along the side of a tile: neighbours whose straight segments look for beams together.
-const TILE: u32 = 8;
+const TILE: u32 = 32;
 const TILE_PIXELS: usize = (TILE * TILE) as usize;
-const _: () = assert!(TILE_PIXELS <= estimate::PACKET);
 
 /// Render a pass on the current rayon pool. The bits do not depend on the pool.
 pub fn render_pass(scene: &Scene, plan: &RenderPlan, pass_index: u64) -> PassImage {
@@ -44,7 +43,7 @@ pub fn render_pass(scene: &Scene, plan: &RenderPlan, pass_index: u64) -> PassIma
     let (beams, surface) = rayon::join(
         || {
             plan.beams
-                .then(|| BeamMap::new(photons.beams, photons.steps, scene.bounds()))
+                .then(|| BeamMap::new(photons.beams, photons.steps))
         },
         || {
             plan.surface_photons
@@ -59,6 +58,7 @@ pub fn render_pass(scene: &Scene, plan: &RenderPlan, pass_index: u64) -> PassIma
         },
         beams: beams.as_ref(),
         pass_index,
+        vectors: Vectors::widest(),
         chord_key: mix64(mix64(plan.settings.seed) ^ mix64(pass_index) ^ Purpose::Chords as u64),
     };
     let (film, layers, evaluations) = camera.render();
@@ -75,6 +75,7 @@ struct CameraPass<'a> {
     tracer: CameraTracer<'a>,
     beams: Option<&'a BeamMap>,
     pass_index: u64,
+    vectors: Vectors,
     chord_key: u64,
 }
 
@@ -82,11 +83,8 @@ struct CameraPass<'a> {
 #[derive(Default)]
 struct Scratch {
     camera: CameraSegments,
-    candidates: Candidates,
     /// By pixel, when the plan has layers.
     parts: Vec<Parts>,
-    /// Candidates of one group of lights.
-    of_group: Vec<u32>,
 }
 
 /// The pixels of a tile in the order of [`tile_pixel`].
@@ -181,53 +179,43 @@ impl CameraPass<'_> {
         scratch: &mut Scratch,
         radiance: &mut [Rgb; TILE_PIXELS],
     ) -> u64 {
-        let Scratch {
-            camera,
-            candidates,
-            parts,
-            of_group,
-        } = scratch;
+        let Scratch { camera, parts } = scratch;
         let CameraSegments { segments, steps } = camera;
         let mut evaluations = 0;
         // Stable: within a run, in the order of pixels.
-        segments.sort_by_key(|s| (s.medium, s.straight.unwrap_or(u16::MAX)));
-        for run in segments.chunk_by(|a, b| (a.medium, a.straight) == (b.medium, b.straight)) {
-            // Straight segments of a tile are near each other; of the others, only a few together may be.
-            let packet_size = if run[0].straight.is_some() {
-                TILE_PIXELS
-            } else {
-                LANES
+        segments.sort_by_key(|s| (s.medium, s.way));
+        for run in segments.chunk_by(|a, b| (a.medium, a.way) == (b.medium, b.way)) {
+            let gather = Gather {
+                map: beams,
+                medium: &self.tracer.scene.media()[run[0].medium as usize],
+                steps,
+                group: None,
+                key,
+                vectors: self.vectors,
             };
-            for packet in run.chunks(packet_size) {
-                let bounds = Packet::new(packet.iter().map(|s| (s.ray, s.length)));
-                beams.candidates(&bounds, candidates);
-                let medium = &self.tracer.scene.media()[packet[0].medium as usize];
-                let sum = estimate::gather(beams, medium, packet, steps, &candidates.found, key);
-                evaluations += sum.evaluations();
-                for (i, segment) in packet.iter().enumerate() {
-                    let scattered = segment.beta * sum.of(i);
-                    radiance[segment.pixel as usize] += scattered;
-                    if let Some(parts) = parts.get_mut(segment.pixel as usize) {
-                        parts.volume += scattered;
-                    }
+            let gathered = gather.along(run);
+            evaluations += gathered.evaluations;
+            for (segment, sum) in run.iter().zip(gathered.radiance) {
+                let scattered = segment.beta * sum;
+                radiance[segment.pixel as usize] += scattered;
+                if let Some(parts) = parts.get_mut(segment.pixel as usize) {
+                    parts.volume += scattered;
                 }
-                if self.tracer.plan.layers.counts_beams() {
-                    // One by one: gathering side by side counts for all of them together, which is quicker.
-                    for segment in packet.chunks(1) {
-                        let found = &candidates.found;
-                        let sum = estimate::gather(beams, medium, segment, steps, found, key);
-                        parts[segment[0].pixel as usize].beams += sum.evaluations() as u32;
-                    }
+            }
+            if self.tracer.plan.layers.counts_beams() {
+                // One by one: gathering side by side counts for all of them together, which is quicker.
+                for segment in run.chunks(1) {
+                    let count = gather.along(segment).evaluations;
+                    parts[segment[0].pixel as usize].beams += count as u32;
                 }
-                for group in 0..self.tracer.plan.layers.groups() {
-                    let is_of_group =
-                        |i: &&u32| usize::from(beams.beams()[**i as usize].group) == group;
-                    of_group.clear();
-                    of_group.extend(candidates.found.iter().filter(is_of_group));
-                    let sum = estimate::gather(beams, medium, packet, steps, of_group, key);
-                    for (i, segment) in packet.iter().enumerate() {
-                        parts[segment.pixel as usize].groups[group] += segment.beta * sum.of(i);
-                    }
+            }
+            for group in 0..self.tracer.plan.layers.groups() {
+                let of_group = Gather {
+                    group: Some(group as u16),
+                    ..gather
+                };
+                for (segment, sum) in run.iter().zip(of_group.along(run).radiance) {
+                    parts[segment.pixel as usize].groups[group] += segment.beta * sum;
                 }
             }
         }
@@ -235,8 +223,8 @@ impl CameraPass<'_> {
     }
 }
 
-/// Position of the i-th pixel of a tile, along a Z curve, so that every eight are a block of 4 x 2.
+/// Position of the i-th pixel of a tile, along a Z curve, so that every sixteen are a block of 4 x 4.
 fn tile_pixel(i: u32) -> (u32, u32) {
-    let spread = |i: u32| (i & 1) | (i >> 1 & 2) | (i >> 2 & 4);
+    let spread = |i: u32| (i & 1) | (i >> 1 & 2) | (i >> 2 & 4) | (i >> 3 & 8) | (i >> 4 & 16);
     (spread(i), spread(i >> 1))
 }

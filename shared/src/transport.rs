@@ -22,7 +22,7 @@
 //! lobes alone. Photons that meet it are stored for the other lobes and bounce off by any; a gather ray's D has its other
 //! lobes alone, as what its delta lobe sends to x is in x's photons.
 
-use crate::beam::estimate::{CameraSegment, CameraSegments};
+use crate::beam::estimate::{CameraSegment, CameraSegments, Turn, Way};
 use crate::beam::trace::{MAX_SURVIVAL, ROULETTE_DEPTH};
 use crate::bsdf::{Bsdf, Tilt, TransportMode};
 use crate::geometry::SurfaceHit;
@@ -80,7 +80,7 @@ impl CameraTracer<'_> {
         let mut ray = ray;
         let mut beta = Rgb::ONE;
         let mut medium = scene.camera_medium;
-        let mut straight = Some(0);
+        let mut way = Way::default();
         let mut depth = 0;
         let mut radiance = Rgb::ZERO;
         loop {
@@ -99,7 +99,7 @@ impl CameraTracer<'_> {
                         beta,
                         medium: id,
                         pixel,
-                        straight,
+                        way,
                         steps: stretch.steps,
                     }));
                     beta *= transmittance;
@@ -125,7 +125,7 @@ impl CameraTracer<'_> {
             if material.is_passed(hit.uv, || sampler.next_1d()) {
                 medium = scene.medium_beyond(&hit, ray.dir, medium);
                 ray = hit.spawn_ray(ray.dir);
-                straight = straight.map(|n| n.saturating_add(1));
+                way = way.then(Turn::Passed);
                 continue;
             }
             let tilt = scene.tilt(&mut hit, -ray.dir);
@@ -189,7 +189,10 @@ impl CameraTracer<'_> {
                 return radiance;
             }
             ray = hit.spawn_ray(wi);
-            straight = None;
+            way = way.then(match sample.transmitted {
+                true => Turn::Refracted,
+                false => Turn::Reflected,
+            });
         }
     }
 

@@ -5,9 +5,8 @@
 //! independent of everything that the estimators do.
 
 use beamfarm_shared::beam::PhotonBeam;
-use beamfarm_shared::beam::estimate::{CameraSegment, CameraSegments, PACKET, gather};
-use beamfarm_shared::beam::store::{BeamMap, Candidates, Packet};
-use beamfarm_shared::light::SceneBounds;
+use beamfarm_shared::beam::estimate::{CameraSegment, CameraSegments, Gather, Vectors, Way};
+use beamfarm_shared::beam::store::BeamMap;
 use beamfarm_shared::math::{Frame, Ray, Rgb, Vec3};
 use beamfarm_shared::medium::bricks::Bricks;
 use beamfarm_shared::medium::procedural::{Blob, Height, Recipe};
@@ -18,11 +17,6 @@ use beamfarm_shared::sampler::{Purpose, Sampler};
 use beamfarm_tests::{MeanEstimate, Suite};
 use glam::{DAffine3, DVec3};
 use std::sync::Arc;
-
-const AROUND: SceneBounds = SceneBounds {
-    center: Vec3::ZERO,
-    radius: 2.0,
-};
 
 fn medium(phase: Phase) -> Medium {
     Medium::Homogeneous(Homogeneous {
@@ -95,19 +89,28 @@ fn radiance(map: &BeamMap, medium: &Medium, rays: &[Ray], length: f32, key: u64)
             medium: 0,
             steps: stretch.steps,
             pixel: i as u16,
-            straight: Some(0),
+            way: Way::default(),
         });
     }
-    let mut found = Candidates::default();
-    map.candidates(&Packet::new(rays.iter().map(|&r| (r, length))), &mut found);
-    camera
-        .segments
-        .chunks(PACKET)
-        .flat_map(|packet| {
-            let sum = gather(map, medium, packet, &camera.steps, &found.found, key);
-            (0..packet.len()).map(move |i| sum.of(i))
-        })
-        .collect()
+    gather(map, medium, &camera, key)
+        .along(&camera.segments)
+        .radiance
+}
+
+fn gather<'a>(
+    map: &'a BeamMap,
+    medium: &'a Medium,
+    camera: &'a CameraSegments,
+    key: u64,
+) -> Gather<'a> {
+    Gather {
+        map,
+        medium,
+        steps: &camera.steps,
+        group: None,
+        key,
+        vectors: Vectors::widest(),
+    }
 }
 
 /// The beam's map. In a heterogeneous medium every number gives another estimate of the transmittance along it.
@@ -122,7 +125,7 @@ fn map_of(beam: &PhotonBeam, medium: &Medium, number: u64) -> BeamMap {
     for _ in 0..2 {
         let _ = medium.stretch(&ray, beam.length, &mut sampler, &mut steps);
     }
-    BeamMap::new(vec![*beam], steps, &AROUND)
+    BeamMap::new(vec![*beam], steps)
 }
 
 /// Angles between beam and rays: ordinary ones, around the change of estimator, and down to nearly parallel, both ways.

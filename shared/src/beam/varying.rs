@@ -1,4 +1,4 @@
-//! What a heterogeneous medium adds to the estimate: density and transmittance, for eight segments side by side.
+//! What a heterogeneous medium adds to the estimate: density and transmittance, for the segments of a block side by side.
 
 // Loops over lanes by number are what becomes vector code.
 #![allow(clippy::needless_range_loop)]
@@ -29,7 +29,7 @@ pub(super) struct Varying<'a> {
     beams: &'a StepFunctions,
 }
 
-/// Density and transmittance at points of eight segments and one beam.
+/// Density and transmittance at points of a block's segments and one beam.
 pub(super) struct Attenuation {
     /// Density at the points.
     pub density: Lanes,
@@ -78,15 +78,14 @@ impl<'a> Varying<'a> {
     }
 
     /// At distances `t` along the segments and `s` along the beam, where `hit` is 1. With `GREY` the red
-    /// channel stands for all. `near`: which of the beam's steps the segments before met.
+    /// channel stands for all.
     #[inline(always)]
     pub fn attenuation<const GREY: bool>(
         &self,
-        beam: &PhotonBeam,
+        beam_steps: u32,
         hit: &[u32; LANES],
         t: &Lanes,
         s: &Lanes,
-        near: &mut usize,
     ) -> Attenuation {
         let channels = if GREY { 1 } else { 3 };
         let mut points = [[0.0; LANES]; 3];
@@ -128,7 +127,7 @@ impl<'a> Varying<'a> {
         along.add_at(t, &mut out.depth);
 
         // Along the beam, neighbouring segments mostly meet the same step.
-        let function = self.beams.get(beam.steps);
+        let function = self.beams.get(beam_steps);
         let (mut nearest, mut farthest) = ([f32::INFINITY; LANES], [f32::NEG_INFINITY; LANES]);
         for l in 0..LANES {
             let hit = mask(hit[l] != 0);
@@ -136,7 +135,7 @@ impl<'a> Varying<'a> {
             farthest[l] = f32::from_bits((s[l].to_bits() & hit) | (farthest[l].to_bits() & !hit));
         }
         // By halves, which is what becomes vector code.
-        for half in [4, 2, 1] {
+        for half in [8, 4, 2, 1] {
             for l in 0..half {
                 let (a, b) = (nearest[l], nearest[l + half]);
                 nearest[l] = if a < b { a } else { b };
@@ -147,7 +146,7 @@ impl<'a> Varying<'a> {
         let (nearest, farthest) = (nearest[0], farthest[0]);
         let mut along = Linear::default();
         let mut transmitted = [[1.0; LANES]; 3];
-        for (distance, step) in function.between(nearest, farthest, near) {
+        for (distance, step) in function.between(nearest, farthest, &mut 0) {
             let mut beyond = [0u32; LANES];
             for l in 0..LANES {
                 beyond[l] = mask(s[l] >= *distance);
@@ -190,7 +189,7 @@ impl<'a> Varying<'a> {
     }
 }
 
-/// The n-th steps of eight functions; infinitely far in lanes that have none.
+/// The n-th steps of a block's functions; infinitely far in lanes that have none.
 struct StepLanes {
     distance: Lanes,
     value: [Lanes; 3],

@@ -7,8 +7,8 @@ use beamfarm_shared::pass::render_pass;
 use beamfarm_shared::plan::RenderPlan;
 use beamfarm_tests::render::{average, scene};
 
-const FOG_HASH: &str = "6cfb48203ce95bc60153a1a99fb78e352130c2f12800f4cd7e2bdbf6aba07b4e";
-const SMOKE_HASH: &str = "a99287e24b5f5f3f72648e73566008e0e940c597b7e8b802dbc1a4a7d7942c22";
+const FOG_HASH: &str = "c1f7a3afd3a40f3d3b71fe72221a15d142816828f7ac59ef7704d0015b00cba4";
+const SMOKE_HASH: &str = "6f0a4a4dce40532d0811d689cea042cc20dd904b89034123dedc376fb4fa697c";
 const SURFACES_HASH: &str = "ee7005c2319e575a8d71aa65ae246f0255b5f4f56a2bb11ec4a6981464076b72";
 
 const FOG: &str = r#"

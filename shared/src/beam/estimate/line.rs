@@ -203,12 +203,17 @@ impl<'a> Block<'a> {
             } else {
                 v *= 1.0 / (4.0 * PI);
             }
-            (along_segment[l], along_beam[l]) = (t, s);
+            along_segment[l] = if hit[l] != 0 { t } else { 0.0 };
+            along_beam[l] = if hit[l] != 0 { s } else { 0.0 };
             value[l] = if hit[l] != 0 { v } else { 0.0 };
-            depth[l] = if hit[l] != 0 { t + s } else { 0.0 };
+            depth[l] = along_segment[l] + along_beam[l];
         }
         for l in 0..LANES {
             self.evaluations[l] += hit[l];
+        }
+        // What varies costs more than to look whether it is needed.
+        if VARYING && hit == [0; LANES] {
+            return *chords != [0; LANES];
         }
         let power = line.power;
         let mut transmitted = [[1.0; LANES]; 3];
@@ -239,10 +244,6 @@ impl<'a> Block<'a> {
                 }
             }
         }
-        let mut any_chord = 0;
-        for l in 0..LANES {
-            any_chord |= chords[l];
-        }
-        any_chord != 0
+        *chords != [0; LANES]
     }
 }

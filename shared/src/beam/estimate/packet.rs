@@ -118,8 +118,8 @@ fn each_near(bundle: &Bundle, list: &BoundsColumns, near: &mut Vec<u32>) {
     near.clear();
     for (i, beams) in list.chunks().enumerate() {
         let mut flags = [0u8; LANES];
-        for l in 0..LANES {
-            flags[l] = bundle.may_meet(beams.get(l)) as u8;
+        for (l, flag) in flags.iter_mut().enumerate() {
+            *flag = bundle.may_meet(beams.get(l)) as u8;
         }
         let (words, _) = flags.as_chunks::<8>();
         for (w, word) in words.iter().enumerate() {

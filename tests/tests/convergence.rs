@@ -1,5 +1,7 @@
 //! The convergence theory against repeated runs: a pixel whose bias and variance quadrature gives.
 
+#![allow(clippy::unwrap_used, reason = "helpers of tests")]
+
 use beamfarm_shared::bias::Bias;
 use beamfarm_shared::convergence::{Prediction, Runs, Theory};
 use beamfarm_shared::film::Film;

@@ -1,18 +1,12 @@
 //! Beams that are hardly there.
 
 use beamfarm_shared::beam::PhotonBeam;
-use beamfarm_shared::beam::estimate::{CameraSegment, gather};
-use beamfarm_shared::beam::store::{BeamMap, Candidates, Packet};
-use beamfarm_shared::light::SceneBounds;
+use beamfarm_shared::beam::estimate::{CameraSegment, CameraSegments, Gather, Vectors, Way};
+use beamfarm_shared::beam::store::BeamMap;
 use beamfarm_shared::math::{Ray, Rgb, Vec3};
 use beamfarm_shared::medium::transmittance::StepFunctions;
 use beamfarm_shared::medium::{Homogeneous, Medium};
 use beamfarm_shared::phase::Phase;
-
-const AROUND: SceneBounds = SceneBounds {
-    center: Vec3::ZERO,
-    radius: 2.0,
-};
 
 fn beam(length: f32, radius: f32) -> PhotonBeam {
     PhotonBeam {
@@ -36,20 +30,26 @@ fn seen(beams: Vec<PhotonBeam>, ray: Ray) -> Rgb {
         sigma_s: Rgb::ONE,
         phase: Phase::HenyeyGreenstein { g: 0.999 },
     });
-    let map = BeamMap::new(beams, StepFunctions::default(), &AROUND);
-    let segment = CameraSegment {
+    let map = BeamMap::new(beams, StepFunctions::default());
+    let mut camera = CameraSegments::default();
+    camera.segments.push(CameraSegment {
         ray,
         length: 4.0,
         beta: Rgb::ONE,
         medium: 0,
-        pixel: 0,
-        straight: Some(0),
         steps: 0,
+        pixel: 0,
+        way: Way::default(),
+    });
+    let gather = Gather {
+        map: &map,
+        medium: &medium,
+        steps: &camera.steps,
+        group: None,
+        key: 0,
+        vectors: Vectors::widest(),
     };
-    let mut found = Candidates::default();
-    map.candidates(&Packet::new([(ray, 4.0)].into_iter()), &mut found);
-    let steps = StepFunctions::default();
-    gather(&map, &medium, &[segment], &steps, &found.found, 0).of(0)
+    gather.along(&camera.segments).radiance[0]
 }
 
 /// Across the beam's start, along it, against it, from within it.

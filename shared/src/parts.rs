@@ -132,13 +132,15 @@ impl Parts {
     }
 }
 
-/// Which way light came to a surface that sends it to the camera.
+/// Which way light came to the surface or medium that sends it to the camera.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Part {
     /// Straight from a light.
     Direct,
     /// From another surface or a medium.
     Surface,
+    /// Straight from a light to a medium, which turned it.
+    Volume,
 }
 
 /// Notes what a path adds where; without layers, nothing.
@@ -174,6 +176,7 @@ impl<'a> Recorder<'a> {
             match part {
                 Part::Direct => parts.direct += radiance,
                 Part::Surface => parts.surface += radiance,
+                Part::Volume => parts.volume += radiance,
             }
             if let Some(sum) = parts.groups.get_mut(usize::from(group)) {
                 *sum += radiance;

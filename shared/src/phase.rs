@@ -117,6 +117,24 @@ impl Phase {
         first.eval_directions(old, new) + second.eval_directions(old, new)
     }
 
+    /// Its largest value, 1/sr.
+    #[inline]
+    pub fn peak(&self) -> f32 {
+        let peak = |lobe: PhaseLobe| lobe.scale / (lobe.peak * lobe.peak.sqrt());
+        let [first, second] = self.lobes().map(peak);
+        first + second
+    }
+
+    /// Mean cosine between the old and the new direction of travel.
+    #[inline]
+    pub fn mean_cosine(&self) -> f32 {
+        match *self {
+            Self::Isotropic => 0.0,
+            Self::HenyeyGreenstein { g } => g,
+            Self::Blend { weight, g } => g[0] + (g[1] - g[0]) * weight,
+        }
+    }
+
     /// Density per solid angle of [`Phase::sample`]: the phase function itself.
     #[inline]
     pub fn pdf(&self, cos_theta: f32) -> f32 {

@@ -4,7 +4,7 @@ use crate::bsdf::{Material, Tilt};
 use crate::geometry::{Geometry, Object, SurfaceHit, clearance};
 use crate::job::{JobSettings, ScheduleKind};
 use crate::layer::Layer;
-use crate::light::{Light, LightKind, LightSelector, SceneBounds};
+use crate::light::{Light, LightKind, LightSelector, SceneBounds, SegmentLights};
 use crate::math::{Ray, Rgb, Vec3};
 use crate::medium::{Medium, MediumId};
 use crate::parts::{LayerPlan, NoSuchGroup};
@@ -18,6 +18,8 @@ pub struct Scene {
     description: SceneDescription,
     pub(crate) geometry: Geometry,
     pub(crate) selector: LightSelector,
+    /// The lights as segments in fog see them.
+    pub(crate) segment_lights: SegmentLights,
     /// Medium that camera rays start in.
     pub(crate) camera_medium: MediumId,
     /// By light: medium that photons start in.
@@ -59,9 +61,15 @@ impl Scene {
             _ => None,
         };
         let is_environment = |light: &Light| matches!(light.kind, LightKind::Environment(_));
+        let segment_lights = SegmentLights::new(
+            &description.lights,
+            &description.objects,
+            &description.bounds,
+        );
         let mut scene = Self {
             geometry,
             selector,
+            segment_lights,
             camera_medium: None,
             light_media: Vec::new(),
             unshadowing: description.lights.iter().map(unshadowing).collect(),
@@ -306,6 +314,8 @@ impl RenderPlan {
                 ));
             }
         }
+        let is_sampled = |m: &&Medium| matches!(m, Medium::Homogeneous(_)) && m.scatters();
+        let sampled_fog = description.media.iter().filter(is_sampled).count();
         let closed = description.media.len() - tracked.len();
         let explanation = vec![
             (
@@ -328,6 +338,15 @@ impl RenderPlan {
                     beams,
                     format!("{scattering} scattering medium/media"),
                     lit_or("no medium scatters light"),
+                ),
+            ),
+            (
+                "unscattered light in fog, sampled",
+                sampled_fog > 0 && lit,
+                because(
+                    sampled_fog > 0 && lit,
+                    format!("{sampled_fog} homogeneous scattering medium/media: no beams for it"),
+                    lit_or("no homogeneous medium scatters light"),
                 ),
             ),
             (

@@ -7,7 +7,7 @@ use beamfarm_shared::pass::render_pass;
 use beamfarm_shared::plan::RenderPlan;
 use beamfarm_tests::render::{average, scene};
 
-const FOG_HASH: &str = "c1f7a3afd3a40f3d3b71fe72221a15d142816828f7ac59ef7704d0015b00cba4";
+const FOG_HASH: &str = "8b0b0204a727405bc74bfb374fe3514c1ef6ba5294c886516ee80c332ee41fec";
 const SMOKE_HASH: &str = "6f0a4a4dce40532d0811d689cea042cc20dd904b89034123dedc376fb4fa697c";
 const SURFACES_HASH: &str = "ee7005c2319e575a8d71aa65ae246f0255b5f4f56a2bb11ec4a6981464076b72";
 

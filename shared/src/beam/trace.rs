@@ -1,7 +1,7 @@
 //! From lights to photon beams and surface photons.
 //!
 //! A photon path goes from a light through media and off surfaces until Russian roulette ends it. In a scattering
-//! medium every segment leaves a [`PhotonBeam`]; every hit on a surface that is not specular leaves a
+//! medium every segment leaves a [`PhotonBeam`], but for light straight from its source in a homogeneous one;  every hit on a surface that is not specular leaves a
 //! [`SurfacePhoton`], unless the light came straight from its source: that part is sampled as direct light.
 
 use super::PhotonBeam;
@@ -11,7 +11,7 @@ use crate::geometry::SurfaceHit;
 use crate::light::EmissionUniforms;
 use crate::math::{Frame, Ray, Rgb, Vec3, mean};
 use crate::medium::transmittance::StepFunctions;
-use crate::medium::{Flight, MediumId, Stretch};
+use crate::medium::{Flight, Medium, MediumId, Stretch};
 use crate::plan::{RenderPlan, Scene};
 use crate::radius::Schedule;
 use crate::sampler::{Purpose, Sampler};
@@ -161,7 +161,9 @@ impl Tracer<'_> {
     ) -> bool {
         let medium = &self.scene.media()[id as usize];
         let length = hit.map_or(f32::INFINITY, |h| h.t);
-        if medium.scatters() {
+        // Light straight from its source is sampled where the medium is homogeneous: see `transport`.
+        let sampled = photon.arrival == Arrival::Direct && matches!(medium, Medium::Homogeneous(_));
+        if medium.scatters() && !sampled {
             let (stretch, _) = medium.stretch(&photon.ray, length, sampler, &mut out.steps);
             if let Some(stretch) = stretch {
                 out.beams.push(self.beam(photon, id, stretch, hit));

@@ -16,40 +16,42 @@ pub struct Dielectric {
 }
 
 impl Dielectric {
-    /// As a boundary between two sides.
+    /// As a boundary between two sides: reflection and refraction.
     #[inline]
-    pub(super) fn sample_boundary(&self, wo: Vec3, u_lobe: f32, mode: TransportMode) -> BsdfSample {
+    pub(super) fn boundary(&self, wo: Vec3, mode: TransportMode) -> [BsdfSample; 2] {
         let eta = if wo.z > 0.0 { self.eta } else { 1.0 / self.eta };
         let (reflectance, cos_t) = fresnel_dielectric(wo.z.abs().min(1.0), eta);
-        if u_lobe < reflectance {
-            return mirrored(wo, self.reflectance, reflectance);
-        }
         let z = if wo.z > 0.0 { -cos_t } else { cos_t };
-        BsdfSample {
+        let refracted = BsdfSample {
             wi: Vec3::new(-wo.x / eta, -wo.y / eta, z).normalize(),
             weight: self.transmittance * radiance_scale(eta, mode),
             pdf: 1.0 - reflectance,
             delta: true,
             transmitted: true,
-        }
+        };
+        [mirrored(wo, self.reflectance, reflectance), refracted]
     }
 
     /// As a sheet with two boundaries: what bounces between them comes out where it went in, 2R / (1 + R) of it reflected.
     #[inline]
-    pub(super) fn sample_sheet(&self, wo: Vec3, u_lobe: f32) -> BsdfSample {
+    pub(super) fn sheet(&self, wo: Vec3) -> [BsdfSample; 2] {
         let (once, _) = fresnel_dielectric(wo.z.abs().min(1.0), self.eta);
         let reflectance = 2.0 * once / (1.0 + once);
-        if u_lobe < reflectance {
-            return mirrored(wo, self.reflectance, reflectance);
-        }
-        BsdfSample {
+        let straight = BsdfSample {
             wi: -wo,
             weight: self.transmittance,
             pdf: 1.0 - reflectance,
             delta: true,
             transmitted: true,
-        }
+        };
+        [mirrored(wo, self.reflectance, reflectance), straight]
     }
+}
+
+/// The first way with its probability, or the second.
+#[inline]
+pub(super) fn one_of([first, second]: [BsdfSample; 2], u_lobe: f32) -> BsdfSample {
+    if u_lobe < first.pdf { first } else { second }
 }
 
 /// What refraction into a side of relative index `eta` does to the carried quantity: radiance is spread over fewer or more

@@ -28,6 +28,7 @@ pub use rough_dielectric::RoughDielectric;
 
 use crate::math::{Rgb, Vec2, Vec3};
 use crate::warp;
+use dielectric::one_of;
 use microfacet::Facets;
 
 /// Which quantity a path carries. Radiance is compressed by refraction (divided by eta^2 of the step into the denser
@@ -116,6 +117,16 @@ impl Bsdf<'_> {
         match self {
             Self::Plastic(b) => Self::Plastic(b.without_mirror()),
             other => other,
+        }
+    }
+    /// The two ways that light takes at a smooth dielectric: samples whose `pdf` are the probabilities of them. None: not
+    /// a smooth dielectric.
+    #[inline]
+    pub fn branches(&self, wo: Vec3, mode: TransportMode) -> Option<[BsdfSample; 2]> {
+        match self {
+            Self::Dielectric(b) => Some(b.boundary(wo, mode)),
+            Self::ThinDielectric(b) => Some(b.sheet(wo)),
+            _ => None,
         }
     }
     /// Scatters nothing.
@@ -236,8 +247,8 @@ impl Bsdf<'_> {
                     transmitted: false,
                 })
             }
-            Self::Dielectric(b) => Some(b.sample_boundary(wo, u_lobe, mode)),
-            Self::ThinDielectric(b) => Some(b.sample_sheet(wo, u_lobe)),
+            Self::Dielectric(b) => Some(one_of(b.boundary(wo, mode), u_lobe)),
+            Self::ThinDielectric(b) => Some(one_of(b.sheet(wo), u_lobe)),
             Self::Conductor {
                 eta,
                 k,

@@ -4,10 +4,12 @@ mod cdf;
 mod direct;
 mod emission;
 mod environment;
+mod segment;
 mod selector;
 mod spot;
 
 pub use environment::{Environment, EnvironmentSample};
+pub use segment::{FogSegment, SegmentLights, SegmentSample};
 pub use selector::{LightChoice, LightSelector};
 
 use crate::geometry::Object;

@@ -52,8 +52,8 @@ impl Homogeneous {
         Rgb::new(one(sigma_t.x), one(sigma_t.y), one(sigma_t.z))
     }
 
-    /// Distance beyond which no channel that scatters lets anything through that counts.
-    pub fn reach(&self) -> f32 {
+    /// The smallest extinction of the channels that scatter; infinite if none does.
+    pub fn least_sigma_t(&self) -> f32 {
         let sigma_t = self.sigma_t();
         let mut smallest = f32::INFINITY;
         for c in 0..3 {
@@ -61,7 +61,12 @@ impl Homogeneous {
                 smallest = smallest.min(sigma_t[c]);
             }
         }
-        OPAQUE_DEPTH / smallest
+        smallest
+    }
+
+    /// Distance beyond which no channel that scatters lets anything through that counts.
+    pub fn reach(&self) -> f32 {
+        OPAQUE_DEPTH / self.least_sigma_t()
     }
 
     /// Sample where a photon of flux `power` scatters within `length` (which may be infinite). The distance is drawn for

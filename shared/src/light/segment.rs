@@ -1,0 +1,447 @@
+//! Which light, and at which point of a ray segment its light is scattered: what single scattering is sampled by.
+//!
+//! Light of a source at distance D from the line arrives as 1 / d^2 = 1 / (D^2 + s^2), s the position along the line from
+//! the foot of the perpendicular. Points uniform in the angle under which the source sees the segment follow that (Kulla &
+//! Fajardo 2012, equiangular sampling). In psi, the angle by which light is turned towards the ray's origin, with
+//! tan(psi / 2) = (s + d) / D, a phase function that peaks forwards is followed as well: angles in proportion to Poisson's
+//! kernel (1 - g^2) / (1 + g^2 - 2 g cos psi), whose integral is atan((1 + g) / (1 - g) tan(psi / 2)).
+
+use super::{Light, LightKind, LightSelector, SceneBounds};
+use crate::geometry::{Object, Shape, bounds};
+use crate::math::{PI, Ray, Vec3, atan2, cos, exp_neg, ln, mean, tan};
+use crate::phase::Phase;
+
+/// The lights of a scene as segments of rays in homogeneous media see them.
+#[derive(Clone, Debug, Default)]
+pub struct SegmentLights {
+    sources: Vec<Source>,
+}
+
+/// With more lights than this, they are chosen by power alone.
+const MAX_WEIGHED: usize = 32;
+
+/// A light reduced to what matters for choosing points: everything is evaluated at the point chosen.
+#[derive(Clone, Debug)]
+enum Source {
+    Near {
+        /// Middle of the light.
+        center: Vec3,
+        /// Square of its radius.
+        softening: f32,
+        /// Mean channel of its flux per steradian, W/sr.
+        intensity: f32,
+        region: Region,
+    },
+    /// From infinitely far away: mean channel of the irradiance, W/m^2, and the direction that it travels in, if there is one.
+    Far {
+        irradiance: f32,
+        direction: Option<Vec3>,
+    },
+}
+
+/// Where a light shines.
+#[derive(Clone, Debug)]
+enum Region {
+    Everywhere,
+    /// Angles to the axis below one whose cosine is positive.
+    Cone {
+        apex: Vec3,
+        axis: Vec3,
+        cos: f32,
+    },
+    /// Before a plane.
+    Before {
+        point: Vec3,
+        normal: Vec3,
+    },
+}
+
+/// A segment of a ray in a homogeneous medium.
+#[derive(Clone, Copy, Debug)]
+pub struct FogSegment {
+    /// The segment starts at the ray's origin.
+    pub ray: Ray,
+    /// Its length, finite.
+    pub length: f32,
+    /// The smallest extinction of the channels that scatter, per scene unit, positive.
+    pub sigma_t: f32,
+    /// How the medium scatters.
+    pub phase: Phase,
+    /// Mean cosine of its phase function.
+    pub g: f32,
+}
+
+/// A chosen light and point.
+#[derive(Clone, Copy, Debug)]
+pub struct SegmentSample {
+    /// Index into the scene's lights.
+    pub light: usize,
+    /// Distance along the ray.
+    pub t: f32,
+    /// Density of the distance, times the probability of the light.
+    pub pdf: f32,
+    /// Square of the distance to the light, at least of its radius; infinite for lights infinitely far away.
+    pub distance2: f32,
+    /// Square of the light's radius.
+    pub radius2: f32,
+}
+
+/// A segment as one light sees it.
+#[derive(Clone, Copy, Debug)]
+struct View {
+    /// The part of the segment that the light shines on.
+    range: [f32; 2],
+    importance: f32,
+    near: Option<NearView>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct NearView {
+    /// Distance along the ray of the point nearest to the light.
+    foot: f32,
+    /// Square of the light's radius, or as little as keeps things finite.
+    softening: f32,
+    /// Distance of the line.
+    height: f32,
+    /// (1 + g) / (1 - g).
+    k: f32,
+    /// k tan(psi / 2) at the start of the range, and the angle from there to the end.
+    tan_start: f32,
+    angle: f32,
+    /// Probability of drawing the distance by transmittance.
+    by_depth: f32,
+}
+
+impl SegmentLights {
+    /// Prepare the lights.
+    pub fn new(lights: &[Light], objects: &[Object], bounds: &SceneBounds) -> Self {
+        let sources = lights
+            .iter()
+            .map(|light| Source::new(light, objects, bounds));
+        Self {
+            sources: sources.collect(),
+        }
+    }
+
+    /// Choose a light and a point. `None`: the light chosen does not shine on the segment.
+    pub fn sample(
+        &self,
+        segment: &FogSegment,
+        selector: &LightSelector,
+        u_light: f32,
+        u: f32,
+    ) -> Option<SegmentSample> {
+        let (light, pmf, view) = if self.sources.len() <= MAX_WEIGHED {
+            let mut total = 0.0;
+            let mut chosen = None;
+            let mut u_light = u_light;
+            for (light, source) in self.sources.iter().enumerate() {
+                let Some(view) = source.view(segment) else {
+                    continue;
+                };
+                let weight = view.importance;
+                total += weight;
+                // One of those so far, each in proportion to its weight; the number is uniform again afterwards.
+                let p = weight / total;
+                if u_light < p {
+                    u_light /= p;
+                    chosen = Some((light, view));
+                } else {
+                    u_light = (u_light - p) / (1.0 - p);
+                }
+            }
+            let (light, view) = chosen?;
+            (light, view.importance / total, view)
+        } else {
+            let choice = selector.sample(u_light)?;
+            (
+                choice.light,
+                choice.pmf,
+                self.sources[choice.light].view(segment)?,
+            )
+        };
+        let (t, pdf) = view.sample(segment.sigma_t, u);
+        let near = view.near.map(|near| {
+            let s = t - near.foot;
+            (s * s + near.height * near.height, near.softening)
+        });
+        let (distance2, radius2) = near.unwrap_or((f32::INFINITY, 0.0));
+        (pdf > 0.0).then_some(SegmentSample {
+            light,
+            t,
+            pdf: pdf * pmf,
+            distance2,
+            radius2,
+        })
+    }
+}
+
+impl Source {
+    fn new(light: &Light, objects: &[Object], scene: &SceneBounds) -> Self {
+        let power = mean(light.power(objects, scene));
+        match &light.kind {
+            LightKind::Point {
+                position,
+                intensity,
+            } => Self::Near {
+                center: *position,
+                softening: 0.0,
+                intensity: mean(*intensity),
+                region: Region::Everywhere,
+            },
+            LightKind::Spot {
+                position,
+                frame,
+                intensity,
+                cutoff,
+                ..
+            } => {
+                // A little more than the cone: what rounding adds is dark.
+                let cos = cos(*cutoff * (1.0 + 1e-5)) * (1.0 - 1e-6);
+                Self::Near {
+                    center: *position,
+                    softening: 0.0,
+                    intensity: mean(*intensity),
+                    region: if cos > 0.0 {
+                        Region::Cone {
+                            apex: *position,
+                            axis: frame.n,
+                            cos,
+                        }
+                    } else {
+                        Region::Everywhere
+                    },
+                }
+            }
+            LightKind::Directional {
+                direction,
+                irradiance,
+            } => Self::Far {
+                irradiance: mean(*irradiance),
+                direction: Some(*direction),
+            },
+            LightKind::Environment(environment) => Self::Far {
+                irradiance: mean(environment.fluence()),
+                direction: None,
+            },
+            LightKind::Area { object, .. } => {
+                let shape = &objects[*object as usize].shape;
+                let (min, max) = bounds(shape);
+                let half = 0.5 * (max - min);
+                let (radius, region) = match (shape, plane(shape)) {
+                    (Shape::Sphere { .. }, _) => (half.max_element(), Region::Everywhere),
+                    (_, Some((point, normal))) => (half.length(), Region::Before { point, normal }),
+                    _ => (half.length(), Region::Everywhere),
+                };
+                let solid_angle = match region {
+                    Region::Before { .. } => 2.0 * PI,
+                    _ => 4.0 * PI,
+                };
+                Self::Near {
+                    center: 0.5 * (min + max),
+                    softening: radius * radius,
+                    intensity: power / solid_angle,
+                    region,
+                }
+            }
+        }
+    }
+
+    /// The segment as this light sees it, unless it does not.
+    fn view(&self, segment: &FogSegment) -> Option<View> {
+        let FogSegment {
+            ray,
+            length,
+            sigma_t,
+            ..
+        } = *segment;
+        match self {
+            Self::Far {
+                irradiance,
+                direction,
+            } => {
+                let phase = match direction {
+                    Some(direction) => segment.phase.eval(-direction.dot(ray.dir)),
+                    None => 0.25 / PI,
+                };
+                let seen = (1.0 - exp_neg(-sigma_t * length)) / sigma_t;
+                Some(View {
+                    range: [0.0, length],
+                    importance: irradiance * phase * seen,
+                    near: None,
+                })
+            }
+            Self::Near {
+                center,
+                softening,
+                intensity,
+                region,
+            } => {
+                let range = region.clip(&ray, length)?;
+                let offset = *center - ray.origin;
+                let foot = offset.dot(ray.dir);
+                let across2 = (offset - ray.dir * foot).length_squared();
+                let [s0, s1] = range.map(|t| t - foot);
+                // Rounding of the points themselves keeps lines off point lights by that much.
+                let least = 1e-12 * (s0 * s0 + s1 * s1) + f32::MIN_POSITIVE;
+                let softening = softening.max(least);
+                let height = (across2 + softening).sqrt();
+                let k = (1.0 + segment.g) / (1.0 - segment.g);
+                let [a, b] = [s0, s1].map(|s| k * tan_half(s, height));
+                let angle = atan2(b - a, 1.0 + a * b);
+                // Light comes to the segment, and along it to the origin: no shorter than this.
+                let nearest = foot.clamp(range[0], range[1]);
+                let s = nearest - foot;
+                let way = (s * s + across2).sqrt() + range[0];
+                let depth = sigma_t * (range[1] - range[0]);
+                let importance = intensity * angle / height * (0.5 / PI) * exp_neg(-sigma_t * way);
+                Some(View {
+                    range,
+                    // Never zero where there is light.
+                    importance: importance.max(f32::MIN_POSITIVE),
+                    near: Some(NearView {
+                        foot,
+                        softening,
+                        height,
+                        k,
+                        tan_start: a,
+                        angle,
+                        by_depth: ((depth - 2.0) * 0.125).clamp(0.0, 0.5),
+                    }),
+                })
+            }
+        }
+    }
+}
+
+/// tan(psi / 2) = (s + d) / D, in the form that does not cancel.
+#[inline]
+fn tan_half(s: f32, height: f32) -> f32 {
+    let d = (s * s + height * height).sqrt();
+    if s > 0.0 {
+        (s + d) / height
+    } else {
+        height / (d - s)
+    }
+}
+
+impl View {
+    fn sample(&self, sigma_t: f32, u: f32) -> (f32, f32) {
+        let [start, end] = self.range;
+        let exponential = |u: f32| {
+            let passed = exp_neg(-sigma_t * (end - start));
+            start - ln(1.0 - u * (1.0 - passed)) / sigma_t
+        };
+        let t = match &self.near {
+            None => exponential(u),
+            Some(near) if u < near.by_depth => exponential(u / near.by_depth),
+            Some(near) => {
+                let u = (u - near.by_depth) / (1.0 - near.by_depth);
+                let more = tan(u * near.angle);
+                let left = 1.0 - near.tan_start * more;
+                // Beyond a right angle by rounding.
+                let tangent = if left > 0.0 {
+                    (near.tan_start + more) / (left * near.k)
+                } else {
+                    f32::INFINITY
+                };
+                near.foot + 0.5 * near.height * (tangent - 1.0 / tangent)
+            }
+        };
+        // NaN as well.
+        let t = if t > start { t.min(end) } else { start };
+        (t, self.pdf(sigma_t, t))
+    }
+
+    fn pdf(&self, sigma_t: f32, t: f32) -> f32 {
+        let [start, end] = self.range;
+        let exponential = || {
+            let passed = exp_neg(-sigma_t * (end - start));
+            sigma_t * exp_neg(-sigma_t * (t - start)) / (1.0 - passed)
+        };
+        match &self.near {
+            None => exponential(),
+            Some(near) => {
+                let s = t - near.foot;
+                let d = (s * s + near.height * near.height).sqrt();
+                let tangent = tan_half(s, near.height);
+                let scaled = near.k * tangent;
+                // Two factors, as the square may be more than a number can hold.
+                let by_angle = if tangent > 1.0 {
+                    near.k / tangent / (1.0 / (tangent * tangent) + near.k * near.k)
+                } else {
+                    scaled / (1.0 + scaled * scaled)
+                } / (d * near.angle);
+                if near.by_depth > 0.0 {
+                    near.by_depth * exponential() + (1.0 - near.by_depth) * by_angle
+                } else {
+                    by_angle
+                }
+            }
+        }
+    }
+}
+
+impl Region {
+    /// The part of a segment that lies in it.
+    fn clip(&self, ray: &Ray, length: f32) -> Option<[f32; 2]> {
+        let range = match self {
+            Self::Everywhere => [0.0, length],
+            Self::Before { point, normal } => {
+                let (height, slope) = ((ray.origin - *point).dot(*normal), ray.dir.dot(*normal));
+                let crossing = (-height / slope).clamp(0.0, length);
+                match (height > 0.0, slope > 0.0) {
+                    (true, true) => [0.0, length],
+                    (true, false) if slope == 0.0 => [0.0, length],
+                    (true, false) => [0.0, crossing],
+                    (false, true) => [crossing, length],
+                    (false, false) => return None,
+                }
+            }
+            Self::Cone { apex, axis, cos } => {
+                // (dot(x, axis))^2 = cos^2 |x|^2 with x = offset + t dir.
+                let offset = ray.origin - *apex;
+                let (along, slope) = (offset.dot(*axis), ray.dir.dot(*axis));
+                let cos2 = cos * cos;
+                let a = slope * slope - cos2;
+                let b = along * slope - cos2 * offset.dot(ray.dir);
+                let c = along * along - cos2 * offset.length_squared();
+                let root = (b * b - a * c).max(0.0).sqrt();
+                let q = if b >= 0.0 { -b - root } else { -b + root };
+                let [t0, t1] = [q / a, c / q].map(|t| {
+                    if t.is_nan() {
+                        0.0
+                    } else {
+                        t.clamp(0.0, length)
+                    }
+                });
+                let (t0, t1) = (t0.min(t1), t0.max(t1));
+                // A convex cone and a line share one interval: one of the three between these.
+                let inside = |t: f32| {
+                    let x = offset + ray.dir * t;
+                    let along = x.dot(*axis);
+                    along > 0.0 && along * along >= cos2 * x.length_squared()
+                };
+                let parts = [[0.0, t0], [t0, t1], [t1, length]];
+                *parts
+                    .iter()
+                    .find(|[from, to]| from < to && inside(0.5 * (from + to)))?
+            }
+        };
+        (range[0] < range[1]).then_some(range)
+    }
+}
+
+/// A point and the normal of a shape that is flat.
+fn plane(shape: &Shape) -> Option<(Vec3, Vec3)> {
+    let at = shape.sample_area(glam::Vec2::splat(0.4), 0.4);
+    match shape {
+        Shape::Disc { .. } => Some((at.point, at.normal)),
+        Shape::Mesh { mesh, .. } if mesh.triangles.len() <= 2 => {
+            let flat = (0..mesh.triangles.len())
+                .all(|i| mesh.normal(i as u32).dot(at.normal) > 1.0 - 1e-6);
+            flat.then_some((at.point, at.normal))
+        }
+        _ => None,
+    }
+}

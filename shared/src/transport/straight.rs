@@ -1,0 +1,47 @@
+//! Rays that go straight through boundaries of media.
+
+use super::CameraTracer;
+use crate::geometry::SurfaceHit;
+use crate::math::{Ray, Rgb};
+use crate::medium::MediumId;
+use crate::sampler::Sampler;
+
+/// Where a ray ends that goes straight through boundaries of media.
+pub(super) struct Arrived {
+    pub hit: Option<SurfaceHit>,
+    pub transmittance: Rgb,
+    pub medium: MediumId,
+    pub distance: f32,
+}
+
+impl CameraTracer<'_> {
+    /// Follow a ray through boundaries of media to the next surface.
+    pub(super) fn go_straight(&self, ray: Ray, medium: MediumId, sampler: &mut Sampler) -> Arrived {
+        let scene = self.scene;
+        let mut ray = ray;
+        let mut arrived = Arrived {
+            hit: None,
+            transmittance: Rgb::ONE,
+            medium,
+            distance: 0.0,
+        };
+        loop {
+            let hit = scene
+                .geometry
+                .intersect(scene.objects(), &ray, f32::INFINITY, |_| false);
+            let length = hit.as_ref().map_or(f32::INFINITY, |h| h.t);
+            arrived.transmittance *= scene.transmittance(arrived.medium, &ray, length, sampler);
+            arrived.distance += length;
+            match hit {
+                Some(hit) if scene.material(&hit).is_passed(hit.uv, || sampler.next_1d()) => {
+                    arrived.medium = scene.medium_beyond(&hit, ray.dir, arrived.medium);
+                    ray = hit.spawn_ray(ray.dir);
+                }
+                hit => {
+                    arrived.hit = hit;
+                    return arrived;
+                }
+            }
+        }
+    }
+}

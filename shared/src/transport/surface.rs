@@ -1,0 +1,252 @@
+//! Light that a surface sends on: direct light, a gather ray, and photons.
+
+use super::CameraTracer;
+use crate::bsdf::{Bsdf, Tilt, TransportMode};
+use crate::geometry::SurfaceHit;
+use crate::light::{LightChoice, LightHit};
+use crate::math::{Frame, Rgb, Vec2, Vec3};
+use crate::medium::MediumId;
+use crate::parts::{Part, Recorder};
+use crate::plan::Scene;
+use crate::sampler::Sampler;
+use crate::surface::Arrival;
+
+/// A surface point from which light is asked for.
+pub(super) struct Vertex<'a> {
+    pub hit: &'a SurfaceHit,
+    pub bsdf: Bsdf<'a>,
+    /// Where a relief has turned the hit's shading normal.
+    pub tilt: Option<Tilt>,
+    pub frame: Frame,
+    pub wo: Vec3,
+    pub local_wo: Vec3,
+    /// The medium that the ray to here came through.
+    pub medium: MediumId,
+}
+
+impl CameraTracer<'_> {
+    /// Radiance that leaves x towards the camera path, its own emission apart. `beta`: throughput from the film to x, for
+    /// the record.
+    pub(super) fn scattered(
+        &self,
+        x: &Vertex,
+        sampler: &mut Sampler,
+        beta: Rgb,
+        record: &mut Recorder<'_>,
+    ) -> Rgb {
+        if x.bsdf.is_black() {
+            return Rgb::ZERO;
+        }
+        let (mut radiance, light) = self.light_sample(x, sampler, true);
+        record.add(Part::Direct, light, beta * radiance);
+        radiance += self.gather_ray(x, sampler, beta, record);
+        if self.plan.photons_at_first_surface {
+            let counts = |arrival| arrival != Arrival::Surface;
+            radiance += self.photon_radiance(x, counts, beta, record);
+        }
+        radiance
+    }
+
+    /// Direct light by sampling a light, and which; `balanced`: weighted against BSDF sampling, which is done as well.
+    fn light_sample(&self, x: &Vertex, sampler: &mut Sampler, balanced: bool) -> (Rgb, usize) {
+        let choice = self.scene.selector.sample(sampler.next_1d());
+        let (u, u_primitive) = (sampler.next_2d(), sampler.next_1d());
+        match choice {
+            Some(choice) => {
+                let radiance = self.light_towards(x, choice, (u, u_primitive), sampler, balanced);
+                (radiance, choice.light)
+            }
+            None => (Rgb::ZERO, 0),
+        }
+    }
+
+    /// Direct light of a chosen light, over the probability of the choice.
+    fn light_towards(
+        &self,
+        x: &Vertex,
+        choice: LightChoice,
+        (u, u_primitive): (Vec2, f32),
+        sampler: &mut Sampler,
+        balanced: bool,
+    ) -> Rgb {
+        let scene = self.scene;
+        let light = &scene.lights()[choice.light];
+        let Some(direct) = light.sample_direct(scene.objects(), x.hit.point, u, u_primitive) else {
+            return Rgb::ZERO;
+        };
+        let wi = x.frame.to_local(direct.wi);
+        if wi.z * x.hit.ng.dot(direct.wi) <= 0.0 {
+            return Rgb::ZERO;
+        }
+        let f = x.value(wi, direct.wi);
+        if f == Rgb::ZERO {
+            return Rgb::ZERO;
+        }
+        let weight = if direct.delta || !balanced || scene.only_sampled(choice.light) {
+            1.0
+        } else {
+            power_heuristic(direct.pdf * choice.pmf, x.bsdf.pdf(x.local_wo, wi))
+        };
+        let ray = x.hit.spawn_ray(direct.wi);
+        let medium = x.medium_towards(scene, direct.wi);
+        // A little short of the light: ones that could hide themselves are looked for as well.
+        let length = direct.distance * (1.0 - 1e-4);
+        let unshadowing = scene.unshadowing[choice.light];
+        match scene.unoccluded(ray, [length; 2], medium, unshadowing, sampler) {
+            Some(tr) => f * direct.weight * tr * (wi.z.abs() * weight / choice.pmf),
+            None => Rgb::ZERO,
+        }
+    }
+
+    /// The ray sampled by the BSDF at x: direct light where it meets a light, indirect light where it meets a surface
+    /// that is not specular. (What comes from specular surfaces and media is in the photons at x.)
+    fn gather_ray(
+        &self,
+        x: &Vertex,
+        sampler: &mut Sampler,
+        beta: Rgb,
+        record: &mut Recorder<'_>,
+    ) -> Rgb {
+        let scene = self.scene;
+        let u_lobe = sampler.next_1d();
+        let mode = TransportMode::Radiance;
+        let sample = x.bsdf.sample(x.local_wo, u_lobe, sampler.next_2d(), mode);
+        let Some(sample) = sample else {
+            return Rgb::ZERO;
+        };
+        let wi = x.frame.to_world(sample.wi).normalize();
+        if sample.wi.z * x.hit.ng.dot(wi) <= 0.0 {
+            return Rgb::ZERO;
+        }
+        let medium = x.medium_towards(scene, wi);
+        let arrived = self.go_straight(x.hit.spawn_ray(wi), medium, sampler);
+        let mut throughput = sample.weight * arrived.transmittance;
+        if let Some(tilt) = x.tilt {
+            throughput *= tilt.shadowing(wi);
+        }
+        if throughput == Rgb::ZERO {
+            return Rgb::ZERO;
+        }
+        let beta = beta * throughput;
+        let balanced = |light: usize, hit: Option<LightHit>| {
+            let pdf = scene.lights()[light].pdf_direct(scene.objects(), x.hit.point, wi, hit);
+            power_heuristic(sample.pdf, pdf * scene.selector.pmf(light))
+        };
+        let Some(mut hit) = arrived.hit else {
+            let mut radiance = Rgb::ZERO;
+            for &light in &scene.environments {
+                let environment = scene.environment(light, wi) * balanced(light, None);
+                radiance += environment;
+                record.add(Part::Direct, light, beta * environment);
+            }
+            return throughput * radiance;
+        };
+        let mut radiance = Rgb::ZERO;
+        if let Some(light) = scene.objects()[hit.object as usize].light
+            && !scene.only_sampled(light as usize)
+        {
+            let emitted = scene.emitted(&hit, wi);
+            if emitted != Rgb::ZERO {
+                let at = LightHit {
+                    normal: hit.ng,
+                    distance: arrived.distance,
+                };
+                let emitted = emitted * balanced(light as usize, Some(at));
+                radiance += emitted;
+                record.add(Part::Direct, light as usize, beta * emitted);
+            }
+        }
+        let material = scene.material(&hit);
+        if !material.is_specular() {
+            let tilt = scene.tilt(&mut hit, -wi);
+            let frame = Frame::from_normal(hit.ns);
+            let y = Vertex {
+                bsdf: material.bsdf(hit.uv),
+                tilt,
+                frame,
+                wo: -wi,
+                local_wo: frame.to_local(-wi),
+                hit: &hit,
+                medium: arrived.medium,
+            };
+            if !y.bsdf.is_black() {
+                let (direct, light) = self.light_sample(&y, sampler, false);
+                radiance += direct;
+                record.add(Part::Surface, light, beta * direct);
+                radiance += self.photon_radiance(&y, |_| true, beta, record);
+            }
+        }
+        throughput * radiance
+    }
+
+    /// Density estimate over the surface photons around a point.
+    fn photon_radiance(
+        &self,
+        x: &Vertex,
+        counts: impl Fn(Arrival) -> bool,
+        beta: Rgb,
+        record: &mut Recorder<'_>,
+    ) -> Rgb {
+        let mut radiance = Rgb::ZERO;
+        let Some(photons) = self.photons else {
+            return radiance;
+        };
+        photons.gather(x.hit.point, x.hit.ng, |photon, kernel| {
+            if !counts(photon.arrival) {
+                return;
+            }
+            let wi = x.frame.to_local(photon.wi);
+            let cos_g = x.hit.ng.dot(photon.wi);
+            if wi.z * cos_g <= 0.0 {
+                return;
+            }
+            let f = x.value(wi, photon.wi);
+            // Flux is counted on the geometric surface, the BSDF's cosine is to the shading normal.
+            let cosines = if x.hit.ns == x.hit.ng {
+                1.0
+            } else {
+                (wi.z / cos_g).min(MAX_COSINE_RATIO)
+            };
+            let reflected = f * photon.power * (kernel * cosines);
+            radiance += reflected;
+            record.add_of_group(Part::Surface, photon.group, beta * reflected);
+        });
+        radiance
+    }
+}
+
+impl Vertex<'_> {
+    /// The BSDF's value for light from `wi`, given in the local frame and in render space.
+    #[inline]
+    fn value(&self, local_wi: Vec3, wi: Vec3) -> Rgb {
+        let f = self
+            .bsdf
+            .eval(self.local_wo, local_wi, TransportMode::Radiance);
+        match self.tilt {
+            None => f,
+            Some(tilt) => f * tilt.shadowing(wi),
+        }
+    }
+
+    /// The medium that a ray from here enters: the one that the vertex was reached through, or the one beyond.
+    fn medium_towards(&self, scene: &Scene, wi: Vec3) -> MediumId {
+        let crosses = self.hit.ng.dot(wi) * self.hit.ng.dot(self.wo) < 0.0;
+        if crosses {
+            scene.medium_beyond(self.hit, wi, self.medium)
+        } else {
+            self.medium
+        }
+    }
+}
+
+/// Bound on shading over geometric cosine, so that one photon at a grazing angle does not outshine the rest.
+const MAX_COSINE_RATIO: f32 = 10.0;
+
+/// Veach 1997, section 9.2.4, with exponent 2.
+pub(crate) fn power_heuristic(a: f32, b: f32) -> f32 {
+    let (a2, b2) = (a * a, b * b);
+    if a2.is_infinite() {
+        return 1.0;
+    }
+    if a2 > 0.0 { a2 / (a2 + b2) } else { 0.0 }
+}

@@ -1,0 +1,303 @@
+//! Light of every kind of source, scattered once in thin fog, against numerical integration.
+
+use beamfarm_tests::Suite;
+use beamfarm_tests::render::{blocks, scene};
+use beamfarm_tests::z_test::two_sided;
+use glam::{DVec2, DVec3};
+use std::f64::consts::{PI, TAU};
+
+/// Fog so thin that light scattered twice is below 1e-3 of light scattered once.
+const SIGMA_S: [f64; 3] = [1e-4, 5e-5, 2e-4];
+const SIGMA_A: [f64; 3] = [0.1, 0.3, 0.0];
+const SIZE: usize = 4;
+const BLOCK: usize = 2;
+/// Half the side of the cube of fog.
+const HALF: f64 = 3.0;
+/// Where a wall across the cube stands.
+const WALL: f64 = -2.5;
+
+/// Light that arrives at a point, as a sum over directions.
+struct Arriving {
+    /// Unit, towards the light.
+    wi: DVec3,
+    /// Way through fog.
+    distance: f64,
+    /// Irradiance across `wi`, red, green, blue alike.
+    irradiance: f64,
+}
+
+struct Case {
+    name: &'static str,
+    toml: String,
+    arriving: Box<dyn Fn(DVec3) -> Vec<Arriving>>,
+}
+
+fn from_point(at: DVec3, x: DVec3, intensity: f64) -> Arriving {
+    let offset = at - x;
+    let distance = offset.length();
+    Arriving {
+        wi: offset / distance,
+        distance,
+        irradiance: intensity / (distance * distance),
+    }
+}
+
+/// To the cube's surface.
+fn way_out(x: DVec3, dir: DVec3) -> f64 {
+    let wall = |axis: usize| (HALF.copysign(dir[axis]) - x[axis]) / dir[axis];
+    (0..3).map(wall).fold(f64::INFINITY, f64::min)
+}
+
+fn sphere(center: DVec3, radius: f64, radiance: f64, x: DVec3) -> Vec<Arriving> {
+    let offset = center - x;
+    let (d, axis) = (offset.length(), offset.normalize());
+    let side = axis.any_orthonormal_vector();
+    let other = axis.cross(side);
+    let cos_max = (1.0 - (radius / d) * (radius / d)).sqrt();
+    let n = 8;
+    let mut all = Vec::new();
+    for i in 0..n {
+        for j in 0..n {
+            let cos = 1.0 - (1.0 - cos_max) * (i as f64 + 0.5) / n as f64;
+            let sin = (1.0 - cos * cos).sqrt();
+            let (s, c) = libm::sincos(TAU * (j as f64 + 0.5) / n as f64);
+            let wi = axis * cos + side * (sin * c) + other * (sin * s);
+            let root = (radius * radius - d * d * sin * sin).max(0.0).sqrt();
+            all.push(Arriving {
+                wi,
+                distance: d * cos - root,
+                irradiance: radiance * TAU * (1.0 - cos_max) / (n * n) as f64,
+            });
+        }
+    }
+    all
+}
+
+/// A square of half side `half` around `center` that shines down, and is black from above.
+fn panel(center: DVec3, half: f64, radiance: f64, x: DVec3) -> Vec<Arriving> {
+    let n = 24;
+    let mut all = Vec::new();
+    for i in 0..n * n {
+        let at = DVec2::new((i % n) as f64 + 0.5, (i / n) as f64 + 0.5) / n as f64 * 2.0 - 1.0;
+        let p = center + DVec3::new(at.x, 0.0, at.y) * half;
+        let cos = (p - x).normalize().y;
+        if cos > 0.0 {
+            let area = 4.0 * half * half / (n * n) as f64;
+            all.push(from_point(p, x, radiance * area * cos));
+        }
+    }
+    all
+}
+
+fn cases() -> Vec<Case> {
+    let spot_at = DVec3::new(-1.2, 0.9, 0.4);
+    let spot_axis = DVec3::new(1.3, -0.8, -0.6).normalize();
+    let sun = DVec3::new(0.3, -1.0, -0.5).normalize();
+    let point = DVec3::new(0.4, 1.7, -0.8);
+    let ball = DVec3::new(-0.3, 1.9, 0.3);
+    let sun_below = DVec3::new(0.02, 1.0, -0.03).normalize();
+    let near = DVec3::new(0.1, 0.95, 0.2);
+    vec![
+        Case {
+            name: "point",
+            toml: format!(
+                "[[lights]]\ntype = \"point\"\nposition = {:?}\nintensity = 2.0\n",
+                point.to_array()
+            ),
+            arriving: Box::new(move |x| vec![from_point(point, x, 2.0)]),
+        },
+        Case {
+            name: "spot",
+            toml: format!(
+                "[[lights]]\ntype = \"spot\"\nposition = {:?}\ntarget = {:?}\nintensity = 2.0\ncutoff_angle = 25.0\nbeam_width = 10.0\n",
+                spot_at.to_array(),
+                (spot_at + spot_axis).to_array()
+            ),
+            arriving: Box::new(move |x| {
+                let angle = (x - spot_at).normalize().dot(spot_axis).clamp(-1.0, 1.0);
+                let angle = libm::acos(angle).to_degrees();
+                let falloff = ((25.0 - angle) / 15.0).clamp(0.0, 1.0);
+                vec![from_point(spot_at, x, 2.0 * falloff)]
+            }),
+        },
+        Case {
+            name: "directional",
+            toml: format!(
+                "[[lights]]\ntype = \"directional\"\ndirection = {:?}\nirradiance = 2.0\n",
+                sun.to_array()
+            ),
+            arriving: Box::new(move |x| {
+                vec![Arriving {
+                    wi: -sun,
+                    distance: way_out(x, -sun),
+                    irradiance: 2.0,
+                }]
+            }),
+        },
+        Case {
+            name: "environment",
+            toml: "[[lights]]\ntype = \"environment\"\nradiance = 0.5\n".into(),
+            arriving: Box::new(|x| {
+                let n = 32;
+                let dir = |i: usize| {
+                    let z = ((i / n) as f64 + 0.5) / n as f64 * 2.0 - 1.0;
+                    let (s, c) = libm::sincos(TAU * ((i % n) as f64 + 0.5) / n as f64);
+                    let r = (1.0 - z * z).sqrt();
+                    DVec3::new(r * c, r * s, z)
+                };
+                let arriving = |wi| Arriving {
+                    wi,
+                    distance: way_out(x, wi),
+                    irradiance: 0.5 * 4.0 * PI / (n * n) as f64,
+                };
+                let reaches = |wi: &DVec3| wi.z >= 0.0 || (WALL - x.z) / wi.z > way_out(x, *wi);
+                (0..n * n).map(dir).filter(reaches).map(arriving).collect()
+            }),
+        },
+        Case {
+            name: "sphere",
+            toml: format!(
+                "[[shapes]]\ntype = \"sphere\"\ncenter = {:?}\nradius = 0.3\nmaterial = \"black\"\nemission = {{ radiance = 3.0 }}\n",
+                ball.to_array()
+            ),
+            arriving: Box::new(move |x| sphere(ball, 0.3, 3.0, x)),
+        },
+        Case {
+            name: "near panel",
+            toml: format!(
+                "[[shapes]]\ntype = \"rectangle\"\nmaterial = \"black\"\nemission = {{ radiance = 1.0 }}\n\
+                transform = [{{ scale = 0.5 }}, {{ rotate = {{ axis = [1, 0, 0], angle = 90 }} }}, {{ translate = {:?} }}]\n",
+                near.to_array()
+            ),
+            arriving: Box::new(move |x| panel(near, 0.5, 1.0, x)),
+        },
+        Case {
+            name: "point and panel and sun",
+            toml: format!(
+                "[[lights]]\ntype = \"point\"\nposition = {:?}\nintensity = 0.5\n\
+                [[shapes]]\ntype = \"rectangle\"\nmaterial = \"black\"\nemission = {{ radiance = 1.0 }}\n\
+                transform = [{{ scale = 0.5 }}, {{ rotate = {{ axis = [1, 0, 0], angle = 90 }} }}, {{ translate = {:?} }}]\n\
+                [[lights]]\ntype = \"directional\"\ndirection = {:?}\nirradiance = 0.3\n",
+                point.to_array(),
+                near.to_array(),
+                sun_below.to_array(),
+            ),
+            arriving: Box::new(move |x| {
+                let mut all = panel(near, 0.5, 1.0, x);
+                // The panel is in the point light's way, for points in its shadow; the sun comes from below.
+                let to = point - x;
+                let at = x + to * ((near.y - x.y) / to.y);
+                let off = (at - near).abs();
+                if x.y > near.y || off.x > 0.5 || off.z > 0.5 {
+                    all.push(from_point(point, x, 0.5));
+                }
+                all.push(Arriving {
+                    wi: -sun_below,
+                    distance: way_out(x, -sun_below),
+                    irradiance: 0.3,
+                });
+                all
+            }),
+        },
+    ]
+}
+
+fn text(lights: &str, g: f64) -> String {
+    format!(
+        r#"
+[image]
+width = {SIZE}
+height = {SIZE}
+[render]
+passes = 2500
+paths = 4
+seed = 12
+[camera]
+origin = [0.0, 0.0, 2.0]
+target = [0.0, 0.0, 0.0]
+fov = 40.0
+[media.fog]
+type = "homogeneous"
+sigma_a = {SIGMA_A:?}
+sigma_s = {SIGMA_S:?}
+phase = {{ type = "hg", g = {g} }}
+[materials.boundary]
+type = "null"
+[[shapes]]
+type = "cube"
+material = "boundary"
+interior = "fog"
+transform = [ {{ scale = {HALF} }} ]
+# What ends all camera rays.
+[materials.black]
+type = "diffuse"
+reflectance = 0.0
+[[shapes]]
+type = "rectangle"
+material = "black"
+transform = [ {{ scale = {HALF} }}, {{ translate = [0.0, 0.0, {WALL}] }} ]
+{lights}
+"#
+    )
+}
+
+/// Radiance through a pixel.
+fn pixel(case: &Case, g: f64, x: usize, y: usize) -> DVec3 {
+    let origin = DVec3::new(0.0, 0.0, 2.0);
+    let tan = libm::tan(20f64.to_radians());
+    let mut sum = DVec3::ZERO;
+    let (sub, n) = (2, 100);
+    for i in 0..sub * sub {
+        let within = DVec2::new((i % sub) as f64 + 0.5, (i / sub) as f64 + 0.5) / sub as f64;
+        let p = (DVec2::new(x as f64, y as f64) + within) / SIZE as f64 * 2.0 - 1.0;
+        let dir = DVec3::new(p.x * tan, -p.y * tan, -1.0).normalize();
+        let length = (WALL - origin.z) / dir.z;
+        for k in 0..n {
+            let t = length * (k as f64 + 0.5) / n as f64;
+            for light in (case.arriving)(origin + dir * t) {
+                let q = 1.0 + g * g - 2.0 * g * light.wi.dot(dir);
+                let phase = (1.0 - g * g) / (4.0 * PI * q * q.sqrt());
+                for c in 0..3 {
+                    let sigma_t = SIGMA_A[c] + SIGMA_S[c];
+                    let tr = libm::exp(-sigma_t * (t + light.distance));
+                    sum[c] += SIGMA_S[c] * phase * tr * light.irradiance * length / n as f64;
+                }
+            }
+        }
+    }
+    sum / (sub * sub) as f64
+}
+
+/// Significance 1e-2 for all cases together.
+#[test]
+fn light_of_every_kind_scattered_once_is_the_integral() {
+    let mut suite = Suite::new(1e-2);
+    for case in cases() {
+        for g in [0.0, 0.7, -0.4] {
+            let means = blocks(&scene(&text(&case.toml, g)), BLOCK);
+            let columns = SIZE / BLOCK;
+            for (i, block) in means.blocks.iter().enumerate() {
+                let mut expected = DVec3::ZERO;
+                for j in 0..BLOCK * BLOCK {
+                    let x = i % columns * BLOCK + j % BLOCK;
+                    let y = i / columns * BLOCK + j / BLOCK;
+                    expected += pixel(&case, g, x, y) / (BLOCK * BLOCK) as f64;
+                }
+                for c in 0..3 {
+                    let name = format!("{}, g = {g}, block {i}, channel {c}", case.name);
+                    // Light scattered twice, and the quadrature: another independent error of 2e-3.
+                    let off = (block[c].mean() - expected[c]).abs();
+                    let error = block[c].std_error().hypot(2e-3 * expected[c]);
+                    suite.p_value(
+                        format!("{name}: {off:e} off, error {error:e}"),
+                        two_sided(off / error),
+                    );
+                    // Nothing is so bright now and then that the mean would hide it.
+                    let error = block[c].std_error() / expected[c];
+                    assert!(error < 0.04, "{}, g = {g}: {error}", case.name);
+                }
+            }
+        }
+    }
+    suite.finish();
+}

@@ -101,15 +101,21 @@ impl BoundsColumns {
     /// Keep those at these positions of another list.
     #[inline(always)]
     pub fn select(&mut self, from: &Self, positions: &[u32]) {
-        for (column, from) in self.columns.iter_mut().zip(&from.columns) {
+        let length = positions.len().next_multiple_of(LANES);
+        let columns = self.columns.iter_mut().zip(&from.columns);
+        for ((column, from), padding) in columns.zip(PADDING) {
             column.clear();
-            column.extend(positions.iter().map(|&at| from[at as usize]));
+            column.resize(length, padding);
+            // Without a branch for positions that cannot be: vector code.
+            for (value, &at) in column.iter_mut().zip(positions) {
+                *value = from.get(at as usize).copied().unwrap_or(padding);
+            }
         }
         self.indices.clear();
-        let indices = &from.indices;
-        self.indices
-            .extend(positions.iter().map(|&at| indices[at as usize]));
-        self.pad();
+        self.indices.resize(positions.len(), 0);
+        for (index, &at) in self.indices.iter_mut().zip(positions) {
+            *index = from.indices.get(at as usize).copied().unwrap_or(0);
+        }
     }
 
     /// Number of beams.

@@ -42,7 +42,7 @@ pub(super) struct BeamLine {
     power: Rgb,
     pub steps: u32,
     /// The beam's, in the map.
-    pub index: u32,
+    index: u32,
 }
 
 /// Segments side by side, and what is gathered along them.
@@ -124,18 +124,28 @@ impl<'a> Block<'a> {
         }
     }
 
-    /// Adds one beam. `PINHOLE`: the segments share the origin that the line is for. `chords`: which lanes are nearly parallel
+    /// Adds one beam by the estimate that is due in each lane. `PINHOLE`: the segments share the origin that the line is
+    /// for.
+    #[inline(always)]
+    pub fn add<const GREY: bool, const LOBES: usize, const VARYING: bool, const PINHOLE: bool>(
+        &mut self,
+        shared: &Shared,
+        beams: &[PhotonBeam],
+        line: &BeamLine,
+    ) {
+        let mut chords = [0; LANES];
+        if self.add_beam::<GREY, LOBES, VARYING, PINHOLE>(shared, line, &mut chords) {
+            self.add_chords(shared, &beams[line.index as usize], line.index, &chords);
+        }
+    }
+
+    /// Adds one beam by the 1D estimate. `PINHOLE`: the segments share the origin that the line is for. `chords`: which lanes are nearly parallel
     /// to the beam and near it. True: some are.
     ///
     /// With c the cosine between segment and beam, w from origin to origin, the nearest points of the lines are at
     /// t = (w.d - c w.b) / sin^2 along the segment and s = (c w.d - w.b) / sin^2 along the beam, |w.(d x b)| / sin apart.
     #[inline(always)]
-    pub fn add_beam<
-        const GREY: bool,
-        const LOBES: usize,
-        const VARYING: bool,
-        const PINHOLE: bool,
-    >(
+    fn add_beam<const GREY: bool, const LOBES: usize, const VARYING: bool, const PINHOLE: bool>(
         &mut self,
         shared: &Shared,
         line: &BeamLine,
@@ -171,6 +181,11 @@ impl<'a> Block<'a> {
             reached[l] = (offset[l] * offset[l] < line.max_radius2 * sin2[l]) as u32
                 & (sin2[l] >= NEARLY_PARALLEL_SIN2) as u32;
         }
+        // Rays from everywhere mostly miss.
+        if !PINHOLE && reached == [0; LANES] {
+            return *chords != [0; LANES];
+        }
+
         let (mut along_segment, mut along_beam) = ([0.0; LANES], [0.0; LANES]);
         let (mut value, mut depth) = ([0.0; LANES], [0.0; LANES]);
         let mut hit = [0u32; LANES];
@@ -234,16 +249,31 @@ impl<'a> Block<'a> {
                 blue[l] += v * power.z;
             }
         } else {
-            for (c, sum) in [red, green, blue].into_iter().enumerate() {
-                for l in 0..LANES {
-                    let mut tr = exp_neg(-shared.sigma_t[c] * depth[l]);
-                    if VARYING {
-                        tr *= transmitted[c][l];
-                    }
-                    sum[l] += value[l] * tr * power[c];
-                }
-            }
+            let sigma_t = shared.sigma_t;
+            let [tr_red, tr_green, tr_blue] = &transmitted;
+            add::<VARYING>(red, &value, &depth, tr_red, sigma_t.x, power.x);
+            add::<VARYING>(green, &value, &depth, tr_green, sigma_t.y, power.y);
+            add::<VARYING>(blue, &value, &depth, tr_blue, sigma_t.z, power.z);
         }
         *chords != [0; LANES]
+    }
+}
+
+/// Adds one channel.
+#[inline(always)]
+fn add<const VARYING: bool>(
+    sum: &mut Lanes,
+    value: &Lanes,
+    depth: &Lanes,
+    transmitted: &Lanes,
+    sigma_t: f32,
+    power: f32,
+) {
+    for l in 0..LANES {
+        let mut tr = exp_neg(-sigma_t * depth[l]);
+        if VARYING {
+            tr *= transmitted[l];
+        }
+        sum[l] += value[l] * tr * power;
     }
 }

@@ -59,7 +59,7 @@ pub(super) fn sum<
             let parts = segments.chunks(part).rev();
             tasks.extend(parts.map(|segments| Task { segments, level }));
         };
-        if bundle.is_wide() && segments.len() > LANES {
+        if segments.len() > LANES && bundle.is_wide() {
             divide(level);
             continue;
         }
@@ -73,39 +73,43 @@ pub(super) fn sum<
         if let Some(group) = gather.group {
             near.retain(|&at| beams[list.indices()[at as usize] as usize].group == group);
         }
+        if segments.len() <= LANES {
+            let mut block = Block::new(gather, segments);
+            for (i, &at) in near.iter().enumerate() {
+                if let Some(&next) = near.get(i + FETCH_NUMBER) {
+                    prefetch(&beams[list.indices()[next as usize] as usize]);
+                }
+                let index = list.indices()[at as usize];
+                let line = shared.line(&beams[index as usize], index);
+                block.add::<GREY, LOBES, VARYING, PINHOLE>(&shared, beams, &line);
+            }
+            out(&block);
+            continue;
+        }
         found.select(list, &near);
-        if found.len() > SHORT && segments.len() > LANES {
+        if found.len() > SHORT {
             divide(level + 1);
             continue;
         }
         lines.clear();
-        lines.extend(
-            found
-                .indices()
-                .iter()
-                .map(|&index| shared.line(&beams[index as usize], index)),
-        );
+        for &index in found.indices() {
+            lines.push(shared.line(&beams[index as usize], index));
+        }
         for segments in segments.chunks(LANES) {
             let mut block = Block::new(gather, segments);
             each_near(&Bundle::new(segments), found, &mut near);
             for (i, &at) in near.iter().enumerate() {
                 if VARYING {
                     if let Some(&next) = near.get(i + FETCH_NUMBER) {
-                        shared
-                            .beam_steps
-                            .prefetch_number(lines[next as usize].steps);
+                        let steps = lines[next as usize].steps;
+                        shared.beam_steps.prefetch_number(steps);
                     }
                     if let Some(&next) = near.get(i + FETCH_STEPS) {
                         shared.beam_steps.prefetch(lines[next as usize].steps);
                     }
-                } else if let Some(&next) = near.get(i + FETCH_STEPS) {
-                    prefetch(&lines[next as usize]);
                 }
                 let line = &lines[at as usize];
-                let mut chords = [0; LANES];
-                if block.add_beam::<GREY, LOBES, VARYING, PINHOLE>(&shared, line, &mut chords) {
-                    block.add_chords(&shared, &beams[line.index as usize], line.index, &chords);
-                }
+                block.add::<GREY, LOBES, VARYING, PINHOLE>(&shared, beams, line);
             }
             out(&block);
         }

@@ -182,8 +182,8 @@ impl<'a> Block<'a> {
                 & (sin2[l] >= NEARLY_PARALLEL_SIN2) as u32;
         }
         // Rays from everywhere mostly miss.
-        if !PINHOLE && reached == [0; LANES] {
-            return *chords != [0; LANES];
+        if !PINHOLE && !any(&reached) {
+            return any(chords);
         }
 
         let (mut along_segment, mut along_beam) = ([0.0; LANES], [0.0; LANES]);
@@ -227,8 +227,8 @@ impl<'a> Block<'a> {
             self.evaluations[l] += hit[l];
         }
         // What varies costs more than to look whether it is needed.
-        if VARYING && hit == [0; LANES] {
-            return *chords != [0; LANES];
+        if VARYING && !any(&hit) {
+            return any(chords);
         }
         let power = line.power;
         let mut transmitted = [[1.0; LANES]; 3];
@@ -255,8 +255,18 @@ impl<'a> Block<'a> {
             add::<VARYING>(green, &value, &depth, tr_green, sigma_t.y, power.y);
             add::<VARYING>(blue, &value, &depth, tr_blue, sigma_t.z, power.z);
         }
-        *chords != [0; LANES]
+        any(chords)
     }
+}
+
+/// Whether any lane is set.
+#[inline(always)]
+fn any(lanes: &[u32; LANES]) -> bool {
+    let mut any = 0;
+    for l in 0..LANES {
+        any |= lanes[l];
+    }
+    any != 0
 }
 
 /// Adds one channel.

@@ -2,7 +2,7 @@
 
 use crate::beam::estimate::{CameraSegments, Gather, Vectors};
 use crate::beam::store::BeamMap;
-use crate::beam::trace::{Photons, trace_photons};
+use crate::beam::trace::{Photons, first_odds, trace_photons};
 use crate::film::Film;
 use crate::job::PassStats;
 use crate::math::Rgb;
@@ -32,7 +32,7 @@ const TILE_PIXELS: usize = (TILE * TILE) as usize;
 pub fn render_pass(scene: &Scene, plan: &RenderPlan, pass_index: u64) -> PassImage {
     let mut stats = PassStats::default();
     let photons = if plan.beams || plan.surface_photons {
-        stats.paths = plan.settings.paths_per_pass as u64;
+        stats.paths = plan.surface_paths as u64;
         trace_photons(scene, plan, pass_index)
     } else {
         Photons::default()
@@ -55,6 +55,7 @@ pub fn render_pass(scene: &Scene, plan: &RenderPlan, pass_index: u64) -> PassIma
             scene,
             plan,
             photons: surface.as_ref(),
+            first_odds: first_odds(plan, pass_index),
         },
         beams: beams.as_ref(),
         pass_index,

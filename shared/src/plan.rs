@@ -251,6 +251,11 @@ impl KernelRadii {
     }
 }
 
+/// Pixels for each photon path that leaves surface photons, where paths for beams are fewer.
+const PIXELS_PER_SURFACE_PATH: u64 = 4;
+/// Most of those paths for each one that leaves beams.
+const MAX_SURFACE_PATHS: u32 = 8;
+
 /// What every pass of a job does. `Display` is what `beamfarm explain` prints.
 #[derive(Clone, Debug)]
 pub struct RenderPlan {
@@ -262,6 +267,8 @@ pub struct RenderPlan {
     pub surface_photons: bool,
     /// Surface photons are looked up at the first surface that camera paths meet.
     pub photons_at_first_surface: bool,
+    /// Photon paths that leave surface photons; the first of them, as many as the settings say, leave beams as well.
+    pub surface_paths: u32,
     /// Kernel radii.
     pub radii: KernelRadii,
     /// What is rendered beside the beauty.
@@ -288,6 +295,17 @@ impl RenderPlan {
         let beams = scattering > 0 && lit;
         let surface_photons = surfaces > 0 && lit;
         let photons_at_first_surface = surface_photons && (specular > 0 || scattering > 0);
+        // Beams cost more than photons: where there are both, more paths leave photons alone, up to about one for a few
+        // pixels.
+        let paths = settings.paths_per_pass;
+        let surface_paths = if beams && photons_at_first_surface {
+            let camera = &description.camera;
+            let pixels = u64::from(camera.width) * u64::from(camera.height);
+            let enough = (pixels / PIXELS_PER_SURFACE_PATH).min(u64::from(u32::MAX)) as u32;
+            enough.clamp(paths, paths.saturating_mul(MAX_SURFACE_PATHS))
+        } else {
+            paths
+        };
         let extent = description.bounds.radius;
         let radii = match description.defaults.radius {
             Some(radius) => KernelRadii {
@@ -386,7 +404,9 @@ impl RenderPlan {
                 surface_photons,
                 because(
                     surface_photons,
-                    format!("{surfaces} object(s) that are not specular"),
+                    format!(
+                        "{surfaces} object(s) that are not specular, {surface_paths} paths a pass"
+                    ),
                     lit_or("every object is specular"),
                 ),
             ),
@@ -430,6 +450,7 @@ impl RenderPlan {
             beams,
             surface_photons,
             photons_at_first_surface,
+            surface_paths,
             radii,
             layers: LayerPlan::default(),
             explanation,

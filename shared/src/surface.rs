@@ -35,6 +35,8 @@ pub struct SurfacePhoton {
     pub radius: f32,
     /// Its last scattering.
     pub arrival: Arrival,
+    /// How well photons find this light, compared to gather rays: see `transport::surface`. Infinite where only photons do.
+    pub odds: f32,
     /// Group of the light that it comes from, see [`crate::parts::LayerPlan::group`].
     pub group: u16,
 }
@@ -112,6 +114,7 @@ mod tests {
             power: Rgb::ONE,
             radius: 0.25,
             arrival: Arrival::Specular,
+            odds: f32::INFINITY,
             group: 0,
         };
         let map = SurfacePhotonMap::new(vec![photon]);

@@ -7,9 +7,9 @@ use beamfarm_shared::pass::render_pass;
 use beamfarm_shared::plan::RenderPlan;
 use beamfarm_tests::render::{average, scene};
 
-const FOG_HASH: &str = "8b0b0204a727405bc74bfb374fe3514c1ef6ba5294c886516ee80c332ee41fec";
+const FOG_HASH: &str = "5c4b1b75f6e0f51b1b68b31f1d04baef35c771a2e6cd7a7dbbd1c8dbedcb31cc";
 const SMOKE_HASH: &str = "6f0a4a4dce40532d0811d689cea042cc20dd904b89034123dedc376fb4fa697c";
-const SURFACES_HASH: &str = "ee7005c2319e575a8d71aa65ae246f0255b5f4f56a2bb11ec4a6981464076b72";
+const SURFACES_HASH: &str = "50d840054a9ac1b796904053ac87a7d6b3cfdd562d251794ad25a73568051f54";
 
 const FOG: &str = r#"
 [image]

@@ -8,7 +8,7 @@ use super::PhotonBeam;
 use crate::bsdf::TransportMode;
 use crate::footprint::{Footprint, spread};
 use crate::geometry::SurfaceHit;
-use crate::light::EmissionUniforms;
+use crate::light::{EmissionUniforms, LightHit};
 use crate::math::{Frame, Ray, Rgb, Vec3, mean};
 use crate::medium::transmittance::StepFunctions;
 use crate::medium::{Flight, Medium, MediumId, Stretch};
@@ -16,6 +16,7 @@ use crate::plan::{RenderPlan, Scene};
 use crate::radius::Schedule;
 use crate::sampler::{Purpose, Sampler};
 use crate::surface::{Arrival, SurfacePhoton};
+use crate::transport::DEEPER_ODDS;
 use rayon::prelude::*;
 
 /// Everything that the photon paths of a pass leave behind.
@@ -41,13 +42,19 @@ pub(crate) const MAX_SURVIVAL: f32 = 0.95;
 /// Trace the photon paths of a pass.
 pub fn trace_photons(scene: &Scene, plan: &RenderPlan, pass_index: u64) -> Photons {
     let schedule = Schedule::new(&plan.settings);
-    let paths = plan.settings.paths_per_pass;
+    let paths = plan.surface_paths;
+    let beam_paths = plan.settings.paths_per_pass;
+    let share = beam_paths as f32 / paths as f32;
     let tracer = Tracer {
         scene,
         plan,
         radius_scale: schedule.scale(pass_index) as f32,
         surface_scale: schedule.surface_scale(pass_index) as f32,
         paths: paths as f32,
+        beam_paths: beam_paths as f32,
+        // Footprints are those of paths that leave beams.
+        surface_footprint: share.sqrt(),
+        first_odds: first_odds(plan, pass_index),
     };
     let chunks: Vec<Photons> = (0..paths.div_ceil(CHUNK))
         .into_par_iter()
@@ -56,7 +63,7 @@ pub fn trace_photons(scene: &Scene, plan: &RenderPlan, pass_index: u64) -> Photo
             for path in chunk * CHUNK..((chunk + 1) * CHUNK).min(paths) {
                 let seed = plan.settings.seed;
                 let mut sampler = Sampler::new(seed, pass_index, Purpose::Photons, path as u64);
-                tracer.trace(&mut sampler, &mut photons);
+                tracer.trace(&mut sampler, path < beam_paths, &mut photons);
             }
             photons
         })
@@ -77,12 +84,24 @@ pub fn trace_photons(scene: &Scene, plan: &RenderPlan, pass_index: u64) -> Photo
     joined
 }
 
+/// Expected photons of a pass in a kernel of the largest radius, for a density per area of 1: what weighs photons that were
+/// reflected once against gather rays to the same light.
+pub(crate) fn first_odds(plan: &RenderPlan, pass_index: u64) -> f32 {
+    let scale = Schedule::new(&plan.settings).surface_scale(pass_index) as f32;
+    let radius = plan.radii.ceiling * scale;
+    plan.surface_paths as f32 * (std::f32::consts::PI * radius * radius)
+}
+
 struct Tracer<'a> {
     scene: &'a Scene,
     plan: &'a RenderPlan,
     radius_scale: f32,
     surface_scale: f32,
+    /// All paths, and those that leave beams.
     paths: f32,
+    beam_paths: f32,
+    surface_footprint: f32,
+    first_odds: f32,
 }
 
 /// A photon on its way.
@@ -95,14 +114,22 @@ struct Photon {
     /// Normal of the surface that the ray starts on, if it does.
     starts_on: Option<Vec3>,
     arrival: Arrival,
-    /// Group of its light.
+    /// The `odds` of what it leaves at the next surface.
+    odds: f32,
+    /// Its light, and that light's group.
+    light: usize,
     group: u16,
+    /// Normal of the light where it started.
+    emitted_along: Vec3,
+    /// Length of its way from the light.
+    travelled: f32,
     depth: u32,
+    leaves_beams: bool,
 }
 
 impl Tracer<'_> {
-    fn trace(&self, sampler: &mut Sampler, out: &mut Photons) {
-        let Some(mut photon) = self.emit(sampler) else {
+    fn trace(&self, sampler: &mut Sampler, leaves_beams: bool, out: &mut Photons) {
+        let Some(mut photon) = self.emit(sampler, leaves_beams) else {
             return;
         };
         let objects = self.scene.objects();
@@ -116,11 +143,12 @@ impl Tracer<'_> {
             }
             let Some(mut hit) = hit else { return };
             photon.footprint = photon.footprint.advanced(hit.t);
+            photon.travelled += hit.t;
             self.meet_surface(&mut photon, &mut hit, sampler, out);
         }
     }
 
-    fn emit(&self, sampler: &mut Sampler) -> Option<Photon> {
+    fn emit(&self, sampler: &mut Sampler, leaves_beams: bool) -> Option<Photon> {
         let choice = self.scene.selector.sample(sampler.next_1d())?;
         let light = &self.scene.lights()[choice.light];
         let uniforms = EmissionUniforms {
@@ -129,7 +157,7 @@ impl Tracer<'_> {
             primitive: sampler.next_1d(),
         };
         let emission = light.sample_emission(self.scene.objects(), self.scene.bounds(), uniforms);
-        let paths = self.paths * choice.pmf;
+        let paths = self.beam_paths * choice.pmf;
         let radius = (1.0 / (std::f32::consts::PI * emission.pdf_pos * paths)).sqrt();
         let origin = match emission.normal {
             Some(n) => emission.origin + n * self.scene.clearance(emission.origin),
@@ -140,13 +168,18 @@ impl Tracer<'_> {
                 origin,
                 dir: emission.dir,
             },
-            power: emission.power / paths,
+            power: emission.power / (self.paths * choice.pmf),
             medium: self.scene.medium_of_light(choice.light),
             footprint: Footprint::new(emission.dir, radius, spread(emission.pdf_dir, paths)),
             starts_on: emission.normal,
             arrival: Arrival::Direct,
+            odds: f32::INFINITY,
+            emitted_along: emission.normal.unwrap_or(-emission.dir),
+            light: choice.light,
             group: self.plan.layers.group(choice.light),
+            travelled: 0.0,
             depth: 0,
+            leaves_beams,
         })
     }
 
@@ -163,7 +196,7 @@ impl Tracer<'_> {
         let length = hit.map_or(f32::INFINITY, |h| h.t);
         // Light straight from its source is sampled where the medium is homogeneous: see `transport`.
         let sampled = photon.arrival == Arrival::Direct && matches!(medium, Medium::Homogeneous(_));
-        if medium.scatters() && !sampled {
+        if photon.leaves_beams && medium.scatters() && !sampled {
             let (stretch, _) = medium.stretch(&photon.ray, length, sampler, &mut out.steps);
             if let Some(stretch) = stretch {
                 out.beams.push(self.beam(photon, id, stretch, hit));
@@ -181,16 +214,18 @@ impl Tracer<'_> {
                     let old = photon.ray.dir;
                     let dir = medium.phase().sample(old, sampler.next_2d());
                     let pdf = medium.phase().pdf(old.dot(dir));
-                    photon.footprint = photon
-                        .footprint
-                        .advanced(distance)
-                        .scattered(dir, pdf, self.paths);
+                    photon.footprint =
+                        photon
+                            .footprint
+                            .advanced(distance)
+                            .scattered(dir, pdf, self.beam_paths);
                     photon.ray = Ray {
                         origin: photon.ray.at(distance),
                         dir,
                     };
                     photon.starts_on = None;
                     photon.arrival = Arrival::Scattered;
+                    photon.odds = f32::INFINITY;
                 }
                 true
             }
@@ -226,7 +261,7 @@ impl Tracer<'_> {
             dir: photon.ray.dir,
             length,
             extent: [start - before, length + beyond(ends_on, radius_end)],
-            power: photon.power,
+            power: photon.power * (self.paths / self.beam_paths),
             radius,
             radius_slope: slope,
             medium: id,
@@ -261,8 +296,13 @@ impl Tracer<'_> {
                 ng: hit.ng,
                 wi: wo,
                 power: photon.power,
-                radius: self.plan.radii.surface(photon.footprint.radius()) * self.surface_scale,
+                radius: self
+                    .plan
+                    .radii
+                    .surface(photon.footprint.radius() * self.surface_footprint)
+                    * self.surface_scale,
                 arrival: photon.arrival,
+                odds: photon.odds,
                 group: photon.group,
             });
         }
@@ -286,7 +326,7 @@ impl Tracer<'_> {
         }
         let n = hit.ns;
         photon.footprint = if !sample.delta {
-            photon.footprint.scattered(wi, sample.pdf, self.paths)
+            photon.footprint.scattered(wi, sample.pdf, self.beam_paths)
         } else if sample.transmitted {
             let eta = material.eta_of_crossing(hit.ng.dot(dir) < 0.0);
             photon.footprint.refracted(dir, wi, n, hit.curvature, eta)
@@ -298,6 +338,32 @@ impl Tracer<'_> {
         {
             photon.medium = boundary.medium_towards(hit.ng, wi);
         }
+        photon.odds = if sample.delta {
+            f32::INFINITY
+        } else if tilt.is_some() {
+            // The normal is another one seen from elsewhere: left to gather rays, which see it from one side only.
+            0.0
+        } else {
+            let arriving = match photon.arrival {
+                Arrival::Direct => {
+                    let light = &self.scene.lights()[photon.light];
+                    let at = LightHit {
+                        normal: photon.emitted_along,
+                        distance: photon.travelled,
+                    };
+                    let density = light.photon_density(
+                        self.scene.objects(),
+                        self.scene.bounds(),
+                        hit.point,
+                        wo,
+                        at,
+                    );
+                    self.first_odds * density * wo.dot(hit.ng).abs()
+                }
+                _ => DEEPER_ODDS,
+            };
+            arriving * sample.pdf / wi.dot(hit.ng).abs()
+        };
         photon.arrival = if sample.delta {
             Arrival::Specular
         } else {

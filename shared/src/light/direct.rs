@@ -1,6 +1,6 @@
 //! Light towards a point, and the density with which it is sampled.
 
-use super::{DirectSample, Light, LightHit, LightKind, spot};
+use super::{DirectSample, Light, LightHit, LightKind, SceneBounds, spot};
 use crate::geometry::{Object, Shape};
 use crate::math::{Frame, PI, Rgb, Vec2, Vec3, sin_cos};
 
@@ -34,6 +34,7 @@ impl Light {
                 irradiance,
             } => Some(DirectSample {
                 wi: -*direction,
+                normal: *direction,
                 distance: f32::INFINITY,
                 weight: *irradiance,
                 pdf: 1.0,
@@ -41,8 +42,11 @@ impl Light {
             }),
             LightKind::Area { object, radiance } => {
                 let shape = &objects[*object as usize].shape;
-                let (wi, distance, pdf) = match Cone::around(shape, from) {
-                    Some(cone) => cone.sample(u),
+                let (wi, distance, pdf, normal) = match Cone::around(shape, from) {
+                    Some(cone) => {
+                        let (wi, distance, pdf) = cone.sample(u);
+                        (wi, distance, pdf, cone.normal(wi, distance))
+                    }
                     None => {
                         let at = shape.sample_area(u, u_primitive);
                         let offset = at.point - from;
@@ -52,11 +56,13 @@ impl Light {
                             wi,
                             distance,
                             per_solid_angle(at.pdf_area, -wi.dot(at.normal), distance)?,
+                            at.normal,
                         )
                     }
                 };
                 Some(DirectSample {
                     wi,
+                    normal,
                     distance,
                     weight: *radiance / pdf,
                     pdf,
@@ -67,6 +73,7 @@ impl Light {
                 let towards = environment.sample(u);
                 Some(DirectSample {
                     wi: towards.dir,
+                    normal: -towards.dir,
                     distance: f32::INFINITY,
                     weight: environment.radiance(towards.dir) / towards.pdf,
                     pdf: towards.pdf,
@@ -103,11 +110,46 @@ impl Light {
     }
 }
 
+impl Light {
+    /// Density of emitted photons per area across `wi` at a point, over the density with which [`Self::sample_direct`] from
+    /// there chooses that light: what the two are weighed by against each other. `at`: where the light is met.
+    pub(crate) fn photon_density(
+        &self,
+        objects: &[Object],
+        bounds: &SceneBounds,
+        from: Vec3,
+        wi: Vec3,
+        at: LightHit,
+    ) -> f32 {
+        let distance2 = at.distance * at.distance;
+        match &self.kind {
+            LightKind::Point { .. } => 0.25 / (PI * distance2),
+            LightKind::Spot {
+                frame,
+                cutoff,
+                beam_width,
+                ..
+            } => {
+                let angle = spot::angle_from_axis(frame, -wi);
+                let falloff = spot::falloff(angle, *beam_width, *cutoff);
+                falloff / (spot::effective_solid_angle(*beam_width, *cutoff) * distance2)
+            }
+            LightKind::Directional { .. } | LightKind::Environment(_) => 1.0 / bounds.disc_area(),
+            LightKind::Area { object, .. } => {
+                let shape = &objects[*object as usize].shape;
+                let direct = self.pdf_direct(objects, from, wi, Some(at));
+                shape.pdf_area(at.normal) / (PI * direct)
+            }
+        }
+    }
+}
+
 /// Light of a point source at `offset`.
 fn from_point(offset: Vec3, intensity: Rgb) -> Option<DirectSample> {
     let distance = offset.length();
     (distance > 0.0).then(|| DirectSample {
         wi: offset / distance,
+        normal: -offset / distance,
         distance,
         weight: intensity / distance / distance,
         pdf: 1.0,
@@ -163,6 +205,11 @@ impl Cone {
 
     fn pdf(&self) -> f32 {
         1.0 / (2.0 * PI * self.one_minus_cos)
+    }
+
+    /// Normal of the sphere where a ray meets it.
+    fn normal(&self, wi: Vec3, distance: f32) -> Vec3 {
+        (wi * distance - self.axis * self.distance) / self.radius
     }
 
     /// A direction uniform in the cone, the distance of the sphere along it, and the density.

@@ -90,6 +90,8 @@ pub struct EmissionSample {
 pub struct DirectSample {
     /// Unit direction towards the light.
     pub wi: Vec3,
+    /// Unit normal of the light where it is met; the direction back, where it has none.
+    pub normal: Vec3,
     /// Distance, infinite for directional and environment lights.
     pub distance: f32,
     /// Radiance towards the point over `pdf`: for delta lights the irradiance across `wi`. No visibility, no medium.

@@ -12,11 +12,12 @@
 //! | other … M S* E                | photon beams along the camera path's segments (`beam::estimate`)           |
 //! | L x S* E                      | direct light at x: light sampling and BSDF sampling, balanced              |
 //! | … S x S* E, … M x S* E        | surface photons at x that arrived from S or M                              |
-//! | L D x S* E                    | gather ray from x: direct light at D                                       |
-//! | … (S, M or D) D x S* E        | gather ray from x: surface photons at D                                    |
+//! | L D x S* E                    | gather ray from x: direct light at D; and surface photons at x, balanced   |
+//! | … (S, M or D) D x S* E        | gather ray from x: surface photons at D; and those at x, balanced          |
 //!
-//! The last vertex before x decides, so every path is counted once. The BSDF sample of the direct light and the gather
-//! ray are one ray.
+//! The last vertex before x decides, so every path is counted once, or twice with weights that sum to one: those of
+//! `surface::gather_share`. Without S or M in the scene, photons at x are not looked up, and gather rays count all. So they do
+//! where D has a relief. The BSDF sample of the direct light and the gather ray are one ray.
 //!
 //! At a smooth dielectric the path goes both ways, as far as they matter. Light that a branch meets always counts; the rest
 //! (everything but `L S* E`) costs more, and is looked for along weak branches with a probability only.
@@ -41,7 +42,7 @@ use crate::plan::{RenderPlan, Scene};
 use crate::sampler::Sampler;
 use crate::surface::SurfacePhotonMap;
 use surface::Vertex;
-pub(crate) use surface::power_heuristic;
+pub(crate) use surface::{DEEPER_ODDS, power_heuristic};
 
 /// What camera paths of a pass read.
 pub struct CameraTracer<'a> {
@@ -51,6 +52,8 @@ pub struct CameraTracer<'a> {
     pub plan: &'a RenderPlan,
     /// The pass's surface photons, when the plan has any.
     pub photons: Option<&'a SurfacePhotonMap>,
+    /// Expected photons in a kernel, see [`crate::beam::trace::first_odds`].
+    pub first_odds: f32,
 }
 
 /// Share of a pixel's light below which a branch does not split any more, but goes one way by chance.

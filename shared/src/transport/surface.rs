@@ -3,13 +3,13 @@
 use super::CameraTracer;
 use crate::bsdf::{Bsdf, Tilt, TransportMode};
 use crate::geometry::SurfaceHit;
-use crate::light::{LightChoice, LightHit};
+use crate::light::{DirectSample, LightChoice, LightHit};
 use crate::math::{Frame, Rgb, Vec2, Vec3};
 use crate::medium::MediumId;
 use crate::parts::{Part, Recorder};
 use crate::plan::Scene;
 use crate::sampler::Sampler;
-use crate::surface::Arrival;
+use crate::surface::SurfacePhoton;
 
 /// A surface point from which light is asked for.
 pub(super) struct Vertex<'a> {
@@ -37,23 +37,42 @@ impl CameraTracer<'_> {
         if x.bsdf.is_black() {
             return Rgb::ZERO;
         }
-        let (mut radiance, light) = self.light_sample(x, sampler, true);
+        let scene = self.scene;
+        let balanced = |light: usize, direct: &DirectSample, wi: Vec3| {
+            if direct.delta || scene.only_sampled(light) {
+                return 1.0;
+            }
+            let pdf = direct.pdf * scene.selector.pmf(light);
+            power_heuristic(pdf, x.bsdf.pdf(x.local_wo, wi))
+        };
+        let (mut radiance, light) = self.light_sample(x, sampler, balanced);
         record.add(Part::Direct, light, beta * radiance);
         radiance += self.gather_ray(x, sampler, beta, record);
         if self.plan.photons_at_first_surface {
-            let counts = |arrival| arrival != Arrival::Surface;
-            radiance += self.photon_radiance(x, counts, beta, record);
+            let weight = |photon: &SurfacePhoton, wi: Vec3| {
+                if photon.odds == f32::INFINITY {
+                    return 1.0;
+                }
+                let cos = x.hit.ng.dot(photon.wi).abs();
+                1.0 - gather_share(photon.odds, x.bsdf.pdf(x.local_wo, wi) / cos)
+            };
+            radiance += self.photon_radiance(x, weight, beta, record);
         }
         radiance
     }
 
-    /// Direct light by sampling a light, and which; `balanced`: weighted against BSDF sampling, which is done as well.
-    fn light_sample(&self, x: &Vertex, sampler: &mut Sampler, balanced: bool) -> (Rgb, usize) {
+    /// Direct light by sampling a light, and which. `weight`: of a light's sample from a local direction.
+    fn light_sample(
+        &self,
+        x: &Vertex,
+        sampler: &mut Sampler,
+        weight: impl Fn(usize, &DirectSample, Vec3) -> f32,
+    ) -> (Rgb, usize) {
         let choice = self.scene.selector.sample(sampler.next_1d());
         let (u, u_primitive) = (sampler.next_2d(), sampler.next_1d());
         match choice {
             Some(choice) => {
-                let radiance = self.light_towards(x, choice, (u, u_primitive), sampler, balanced);
+                let radiance = self.light_towards(x, choice, (u, u_primitive), sampler, weight);
                 (radiance, choice.light)
             }
             None => (Rgb::ZERO, 0),
@@ -67,7 +86,7 @@ impl CameraTracer<'_> {
         choice: LightChoice,
         (u, u_primitive): (Vec2, f32),
         sampler: &mut Sampler,
-        balanced: bool,
+        weight: impl Fn(usize, &DirectSample, Vec3) -> f32,
     ) -> Rgb {
         let scene = self.scene;
         let light = &scene.lights()[choice.light];
@@ -82,11 +101,10 @@ impl CameraTracer<'_> {
         if f == Rgb::ZERO {
             return Rgb::ZERO;
         }
-        let weight = if direct.delta || !balanced || scene.only_sampled(choice.light) {
-            1.0
-        } else {
-            power_heuristic(direct.pdf * choice.pmf, x.bsdf.pdf(x.local_wo, wi))
-        };
+        let weight = weight(choice.light, &direct, wi);
+        if weight == 0.0 {
+            return Rgb::ZERO;
+        }
         let ray = x.hit.spawn_ray(direct.wi);
         let medium = x.medium_towards(scene, direct.wi);
         // A little short of the light: ones that could hide themselves are looked for as well.
@@ -170,20 +188,64 @@ impl CameraTracer<'_> {
                 medium: arrived.medium,
             };
             if !y.bsdf.is_black() {
-                let (direct, light) = self.light_sample(&y, sampler, false);
-                radiance += direct;
-                record.add(Part::Surface, light, beta * direct);
-                radiance += self.photon_radiance(&y, |_| true, beta, record);
+                radiance += self.gathered(x, &y, sample.pdf, beta, sampler, record);
             }
         }
         throughput * radiance
     }
 
-    /// Density estimate over the surface photons around a point.
+    /// Light that y, met by a gather ray that x sent with density `pdf`, sends back to x.
+    fn gathered(
+        &self,
+        x: &Vertex,
+        y: &Vertex,
+        pdf: f32,
+        beta: Rgb,
+        sampler: &mut Sampler,
+        record: &mut Recorder<'_>,
+    ) -> Rgb {
+        let scene = self.scene;
+        let density = pdf / x.hit.ng.dot(y.wo).abs();
+        let cos_out = y.hit.ng.dot(y.wo).abs();
+        // Photons find their way from y to x where nothing at y depends on the side that it is seen from.
+        let photons_too = self.plan.photons_at_first_surface
+            && y.tilt.is_none()
+            && y.local_wo.z * y.hit.ng.dot(y.wo) > 0.0;
+        let share = |arriving: f32, wi: Vec3| match photons_too {
+            true => gather_share(arriving * y.bsdf.pdf(wi, y.local_wo) / cos_out, density),
+            false => 1.0,
+        };
+        let weight = |light: usize, direct: &DirectSample, wi: Vec3| {
+            let at = LightHit {
+                normal: direct.normal,
+                distance: direct.distance,
+            };
+            let lights_density = scene.lights()[light].photon_density(
+                scene.objects(),
+                scene.bounds(),
+                y.hit.point,
+                direct.wi,
+                at,
+            );
+            let cos_in = direct.wi.dot(y.hit.ng).abs();
+            share(self.first_odds * lights_density * cos_in, wi)
+        };
+        let (mut radiance, light) = self.light_sample(y, sampler, weight);
+        record.add(Part::Surface, light, beta * radiance);
+        // A facet that scatters diffusely has one share for all photons.
+        let is_even = y.hit.ns == y.hit.ng && matches!(y.bsdf, Bsdf::Diffuse { .. });
+        if !is_even || share(DEEPER_ODDS, y.local_wo) > 0.0 {
+            let weight = |_: &SurfacePhoton, wi: Vec3| share(DEEPER_ODDS, wi);
+            radiance += self.photon_radiance(y, weight, beta, record);
+        }
+        radiance
+    }
+
+    /// Density estimate over the surface photons around a point. `weight`: of a photon from a local direction.
     fn photon_radiance(
         &self,
         x: &Vertex,
-        counts: impl Fn(Arrival) -> bool,
+        weight: impl Fn(&SurfacePhoton, Vec3) -> f32,
         beta: Rgb,
         record: &mut Recorder<'_>,
     ) -> Rgb {
@@ -192,9 +254,6 @@ impl CameraTracer<'_> {
             return radiance;
         };
         photons.gather(x.hit.point, x.hit.ng, |photon, kernel| {
-            if !counts(photon.arrival) {
-                return;
-            }
             let wi = x.frame.to_local(photon.wi);
             let cos_g = x.hit.ng.dot(photon.wi);
             if wi.z * cos_g <= 0.0 {
@@ -207,13 +266,34 @@ impl CameraTracer<'_> {
             } else {
                 (wi.z / cos_g).min(MAX_COSINE_RATIO)
             };
-            let reflected = f * photon.power * (kernel * cosines);
+            let reflected = f * photon.power * (kernel * cosines * weight(photon, wi));
             radiance += reflected;
             record.add_of_group(Part::Surface, photon.group, beta * reflected);
         });
         radiance
     }
 }
+
+/// Share of a gather ray from x to D in the light that D sends to x and that photons find as well, by the balance heuristic
+/// (Veach 1997, section 9.2.2): how many photons of the pass are expected to come from the light by D into a kernel at x,
+/// over the density of the same path from x. Of both, what happens between D and x: `odds`, the photons' density per solid
+/// angle at D over the cosine there, times their number, and `density`, the same of the ray at x. Where photons are by far
+/// the better, they are left alone.
+fn gather_share(odds: f32, density: f32) -> f32 {
+    let ratio = odds / density;
+    if ratio < SURE_RATIO {
+        1.0 / (1.0 + ratio)
+    } else {
+        0.0
+    }
+}
+
+/// Ratio from which on photons count all.
+const SURE_RATIO: f32 = 3.0;
+
+/// What photons at x, many of which blur together, are better by than one gather ray that meets the same number of photons
+/// at D, all by the one direction.
+pub(crate) const DEEPER_ODDS: f32 = 4.0;
 
 impl Vertex<'_> {
     /// The BSDF's value for light from `wi`, given in the local frame and in render space.

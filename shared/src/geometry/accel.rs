@@ -169,7 +169,13 @@ impl Geometry {
 type ShapeHit = Option<(f32, u32, Vec2)>;
 
 fn obvhs_ray(origin: Vec3, dir: Vec3, t_max: f32) -> obvhs::ray::Ray {
-    obvhs::ray::Ray::new(Vec3A::from(origin), Vec3A::from(dir), 0.0, t_max)
+    // The hierarchies take a negative zero for a direction to nowhere. Adding zero makes it a positive one.
+    obvhs::ray::Ray::new(
+        Vec3A::from(origin),
+        Vec3A::from(dir) + Vec3A::ZERO,
+        0.0,
+        t_max,
+    )
 }
 
 /// Corners of the box around a shape in render space.

@@ -169,6 +169,73 @@ fn gathering(criterion: &mut Criterion) {
     group.finish();
 }
 
+/// The most that the arithmetic allows: one block of rays that nearly coincide, which every beam crosses, so that no lane is
+/// idle, nothing is rejected and everything stays in the nearest cache. Per pair; the group above, over this one, is how much of
+/// the peak gathering reaches. By kind of vectors.
+fn peak(criterion: &mut Criterion) {
+    const BEAMS: usize = 256;
+    const BLOCK: usize = 16;
+    let mut group = criterion.benchmark_group("peak");
+    for (name, phase) in [
+        ("isotropic", Phase::Isotropic),
+        ("g 0.6", Phase::HenyeyGreenstein { g: 0.6 }),
+    ] {
+        let medium = Medium::Homogeneous(Homogeneous {
+            sigma_a: Rgb::ZERO,
+            sigma_s: SIGMA,
+            phase,
+        });
+        let beam = |i: usize| {
+            let mut sampler = Sampler::new(5, 0, Purpose::Test, i as u64);
+            let angle = 1.0 + sampler.next_1d();
+            let dir = Vec3::new(1.0, angle - 1.5, 0.3).normalize();
+            let z = 2.0 * sampler.next_1d() - 1.0;
+            PhotonBeam {
+                origin: Vec3::new(0.0, 0.0, z) - dir,
+                dir,
+                length: 2.0,
+                extent: [0.0, 2.0],
+                power: Rgb::ONE,
+                radius: 0.1,
+                radius_slope: 0.0,
+                medium: 0,
+                group: 0,
+                steps: 0,
+            }
+        };
+        let map = BeamMap::new((0..BEAMS).map(beam).collect(), StepFunctions::default());
+        let segment = |i: usize| CameraSegment {
+            ray: Ray {
+                origin: Vec3::new(0.0, 0.0, -2.0),
+                dir: Vec3::new(i as f32 * 1e-4, 0.0, 1.0).normalize(),
+            },
+            length: 4.0,
+            beta: Rgb::ONE,
+            medium: 0,
+            pixel: i as u16,
+            way: Way::default(),
+            steps: 0,
+        };
+        let segments: Vec<CameraSegment> = (0..BLOCK).map(segment).collect();
+        let steps = StepFunctions::default();
+        for vectors in Vectors::available() {
+            let gather = Gather {
+                map: &map,
+                medium: &medium,
+                steps: &steps,
+                group: None,
+                key: 0,
+                vectors,
+            };
+            let all = || black_box(gather.along(&segments)).evaluations;
+            assert_eq!(all(), (BEAMS * BLOCK) as u64, "every pair counts");
+            group.throughput(Throughput::Elements(all()));
+            group.bench_function(format!("{name}, {vectors:?}"), |b| b.iter(all));
+        }
+    }
+    group.finish();
+}
+
 /// Per function of the distance that is kept.
 fn walking(criterion: &mut Criterion) {
     const RAYS: usize = 64;
@@ -211,6 +278,6 @@ criterion_group! {
         .sample_size(50)
         .warm_up_time(Duration::from_millis(500))
         .measurement_time(Duration::from_secs(2));
-    targets = gathering, walking
+    targets = gathering, peak, walking
 }
 criterion_main!(benches);

@@ -7,8 +7,8 @@ use beamfarm_shared::pass::render_pass;
 use beamfarm_shared::plan::RenderPlan;
 use beamfarm_tests::render::{average, scene};
 
-const FOG_HASH: &str = "5c4b1b75f6e0f51b1b68b31f1d04baef35c771a2e6cd7a7dbbd1c8dbedcb31cc";
-const SMOKE_HASH: &str = "6f0a4a4dce40532d0811d689cea042cc20dd904b89034123dedc376fb4fa697c";
+const FOG_HASH: &str = "e6eee13759b2a4ee9ad6850dc2ecb59f592659cae30c397f9dea3cb5d4c606c6";
+const SMOKE_HASH: &str = "52742fa7519e571ebfad2e5be2cc3c899dde03bd9e772441873a0e958605e801";
 const SURFACES_HASH: &str = "50d840054a9ac1b796904053ac87a7d6b3cfdd562d251794ad25a73568051f54";
 
 const FOG: &str = r#"

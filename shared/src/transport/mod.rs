@@ -52,7 +52,7 @@ pub struct CameraTracer<'a> {
     pub plan: &'a RenderPlan,
     /// The pass's surface photons, when the plan has any.
     pub photons: Option<&'a SurfacePhotonMap>,
-    /// Expected photons in a kernel, see [`crate::beam::trace::first_odds`].
+    /// Expected photons in a kernel, see `first_odds` in `beam::trace`.
     pub first_odds: f32,
 }
 

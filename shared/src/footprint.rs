@@ -48,6 +48,15 @@ impl Footprint {
         self.position.map(|p| p - dir * (p.dot(n) / cos))
     }
 
+    /// Displacements on a surface seen across the ray that leaves it: along the ray they are no width.
+    fn leaving(position: [Vec3; 2], direction: [Vec3; 2], dir: Vec3) -> Self {
+        Self {
+            position: position.map(|p| p - dir * p.dot(dir)),
+            direction,
+        }
+        .bounded()
+    }
+
     /// After a mirror reflection of direction `dir` at a surface with normal `n` that turns by `curvature`.
     pub fn reflected(&self, dir: Vec3, n: Vec3, curvature: f32) -> Self {
         let position = self.onto_surface(dir, n);
@@ -56,11 +65,7 @@ impl Footprint {
             let change = self.direction[i].dot(n) + dir.dot(dn);
             self.direction[i] - 2.0 * (dn * dir.dot(n) + n * change)
         });
-        Self {
-            position,
-            direction,
-        }
-        .bounded()
+        Self::leaving(position, direction, dir - n * (2.0 * dir.dot(n)))
     }
 
     /// After a refraction from `dir` to `refracted`; `eta` is the index on the incoming side over the other one.
@@ -79,11 +84,7 @@ impl Footprint {
             let dmu = (eta - eta * eta * cos_i / cos_t) * change;
             self.direction[i] * eta - dn * mu - n * dmu
         });
-        Self {
-            position,
-            direction,
-        }
-        .bounded()
+        Self::leaving(position, direction, refracted)
     }
 
     /// After scattering into `dir` with a density of `pdf` per steradian, as one of `paths` photons.
@@ -107,4 +108,121 @@ impl Footprint {
 /// Half angle of the cone that one of `paths` photons covers where directions have density `pdf` per steradian.
 pub fn spread(pdf: f32, paths: f32) -> f32 {
     (1.0 / (std::f32::consts::PI * pdf * paths)).sqrt().min(0.5)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::DVec3;
+
+    /// What the rays meet.
+    #[derive(Clone, Copy, Debug)]
+    enum Surface {
+        /// Through the origin.
+        Plane,
+        /// About a centre, through the origin.
+        Sphere(DVec3),
+    }
+
+    impl Surface {
+        /// Where a ray that starts near the origin meets it, and its normal there, out of the sphere.
+        fn meet(self, origin: DVec3, dir: DVec3, normal: DVec3) -> (DVec3, DVec3) {
+            match self {
+                Self::Plane => {
+                    let t = -origin.dot(normal) / dir.dot(normal);
+                    (origin + dir * t, normal)
+                }
+                Self::Sphere(center) => {
+                    let offset = origin - center;
+                    let (b, c) = (
+                        offset.dot(dir),
+                        offset.length_squared() - center.length_squared(),
+                    );
+                    let half = (b * b - c).sqrt();
+                    // The rays start less than a chord before the origin.
+                    let t = if (half - b).abs() < (half + b).abs() {
+                        half - b
+                    } else {
+                        -half - b
+                    };
+                    let point = origin + dir * t;
+                    (point, (point - center).normalize())
+                }
+            }
+        }
+    }
+
+    /// Snell's law, from the side of index `from` to that of index `to`.
+    fn refract(dir: DVec3, n: DVec3, from: f64, to: f64) -> DVec3 {
+        let n = if dir.dot(n) < 0.0 { n } else { -n };
+        let tangential = (dir - n * dir.dot(n)) * (from / to);
+        tangential - n * (1.0 - tangential.length_squared()).sqrt()
+    }
+
+    /// Rays next to a ray, traced through a surface one by one, are as far from it as the footprint says: through planes
+    /// and spheres, into and out of glass and a bubble, at several angles; and the same off a mirror.
+    #[test]
+    fn footprints_are_what_neighbouring_rays_do() {
+        const BEFORE: f64 = 0.1;
+        const AFTER: f64 = 0.3;
+        const STEP: f64 = 1e-6;
+        let normal = DVec3::new(0.48, -0.6, 0.64);
+        let tangent = normal.any_orthonormal_vector();
+        let surfaces = [
+            (Surface::Plane, 0.0),
+            (Surface::Sphere(normal * -0.8), 1.25),
+        ];
+        for (surface, curvature) in surfaces {
+            for (degrees, side) in [0.0f64, 20.0, 40.0, 70.0]
+                .into_iter()
+                .flat_map(|degrees| [(degrees, -1.0), (degrees, 1.0)])
+            {
+                let (sin, cos) = (
+                    libm::sin(degrees.to_radians()),
+                    libm::cos(degrees.to_radians()),
+                );
+                let dir = tangent * sin + normal * (side * cos);
+                for (outside, inside) in [(1.0, 1.5), (1.5, 1.0), (1.0, 1.0)] {
+                    let (from, to) = if side < 0.0 {
+                        (outside, inside)
+                    } else {
+                        (inside, outside)
+                    };
+                    for mirror in [true, false] {
+                        if !mirror && sin * from / to >= 0.95 {
+                            continue;
+                        }
+                        let leave = |dir: DVec3, n: DVec3| match mirror {
+                            true => dir - n * (2.0 * dir.dot(n)),
+                            false => refract(dir, n, from, to),
+                        };
+                        let out = leave(dir, normal);
+                        let started = Footprint::new(dir.as_vec3(), 0.02, 0.1);
+                        let arrived = started.advanced(BEFORE as f32);
+                        let (d, n, c) = (dir.as_vec3(), normal.as_vec3(), curvature as f32);
+                        let footprint = match mirror {
+                            true => arrived.reflected(d, n, c),
+                            false => arrived.refracted(d, out.as_vec3(), n, c, (from / to) as f32),
+                        };
+                        let footprint = footprint.advanced(AFTER as f32);
+                        for i in 0..2 {
+                            let moved = dir * -BEFORE + started.position[i].as_dvec3() * STEP;
+                            let turned = (dir + started.direction[i].as_dvec3() * STEP).normalize();
+                            let (point, n) = surface.meet(moved, turned, normal);
+                            let neighbour = leave(turned, n);
+                            // Where it crosses the plane across the ray at its end.
+                            let t = (AFTER - point.dot(out)) / neighbour.dot(out);
+                            let traced = (point + neighbour * t - out * AFTER) / STEP;
+                            let said = footprint.position[i].as_dvec3();
+                            assert!(
+                                (said - traced).length() < 2e-3 * (0.02 + traced.length()),
+                                "{surface:?}, {degrees} degrees, {from} to {to}, mirror: {mirror}: \
+                                 {said} not {traced}"
+                            );
+                        }
+                    }
+                }
+            }
+        }
+    }
 }

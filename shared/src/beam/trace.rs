@@ -328,7 +328,7 @@ impl Tracer<'_> {
         photon.footprint = if !sample.delta {
             photon.footprint.scattered(wi, sample.pdf, self.beam_paths)
         } else if sample.transmitted {
-            let eta = material.eta_of_crossing(hit.ng.dot(dir) < 0.0);
+            let eta = material.eta_of_crossing(hit.ng.dot(dir) > 0.0);
             photon.footprint.refracted(dir, wi, n, hit.curvature, eta)
         } else {
             photon.footprint.reflected(dir, n, hit.curvature)

@@ -5,7 +5,7 @@ use beamfarm_shared::medium::bricks::{Bricks, Range};
 use beamfarm_shared::medium::majorant::Span;
 use beamfarm_shared::medium::procedural::{Blob, Height, Noise, Recipe};
 use beamfarm_shared::medium::transmittance::{Estimator, StepFunctions};
-use beamfarm_shared::medium::{Flight, Heterogeneous};
+use beamfarm_shared::medium::{Flight, Heterogeneous, Homogeneous, Medium};
 use beamfarm_shared::phase::Phase;
 use beamfarm_shared::sampler::{Purpose, Sampler};
 use beamfarm_tests::{MeanEstimate, Suite};
@@ -432,4 +432,69 @@ fn flights_scatter_where_and_as_much_as_they_should() {
         }
     }
     suite.finish();
+}
+
+/// Where every channel collides at every event, or some do and light of some channels is missing or all but missing,
+/// nothing is lost, gained or undefined: without absorption, flights keep the flux exactly.
+#[test]
+fn flights_keep_the_flux_where_channels_differ_as_much_as_they_can() {
+    let recipe = Recipe {
+        corners: [DVec3::ZERO, DVec3::ONE],
+        voxel: 0.1,
+        height: None,
+        blobs: Vec::new(),
+        noise: None,
+    };
+    let raw = recipe.sample().expect("a recipe within limits");
+    let bricks = Arc::new(Bricks::new(&raw).expect("samples within limits"));
+    let ray = Ray {
+        origin: Vec3::new(-1.0, 0.4, 0.6),
+        dir: Vec3::X,
+    };
+    let colours = [
+        Rgb::ONE,
+        Rgb::new(1.0, 1.0, 0.999_999_94),
+        Rgb::new(1.0, 0.7, 0.0),
+        Rgb::new(1.0, 1e-4, 1e-4),
+        Rgb::new(0.3, 1e-30, 1.0),
+        Rgb::new(0.0, 0.0, 1.0),
+    ];
+    for sigma_s in colours {
+        for scale in [0.1, 3.0, 1e4] {
+            let sigma_s = sigma_s * scale;
+            let phase = Phase::Isotropic;
+            let media = [
+                Medium::Homogeneous(Homogeneous {
+                    sigma_a: Rgb::ZERO,
+                    sigma_s,
+                    phase,
+                }),
+                Medium::Heterogeneous(Heterogeneous::new(
+                    [Rgb::ZERO, sigma_s],
+                    phase,
+                    Estimator::DEFAULT,
+                    bricks.clone(),
+                    DAffine3::IDENTITY,
+                )),
+            ];
+            for power in colours
+                .map(|c| [c, c * 1e-30, c * 1e30])
+                .into_iter()
+                .flatten()
+            {
+                for (i, medium) in media.iter().enumerate() {
+                    for round in 0..300 {
+                        let mut sampler = Sampler::new(12, i as u64, Purpose::Test, round);
+                        let (Flight::Scattered { weight, .. } | Flight::Passed { weight }) =
+                            medium.sample_flight(&ray, 3.0, power, &mut sampler);
+                        let kept = (power * weight).element_sum() / power.element_sum();
+                        assert!(
+                            weight.min_element() >= 0.0 && (kept - 1.0).abs() < 1e-4,
+                            "sigma {sigma_s}, power {power}: {weight}"
+                        );
+                    }
+                }
+            }
+        }
+    }
 }

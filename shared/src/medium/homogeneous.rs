@@ -76,7 +76,7 @@ impl Homogeneous {
         let share = power / (power.x + power.y + power.z);
         let channel = if u[0] < share.x {
             0
-        } else if u[0] < share.x + share.y {
+        } else if u[0] < share.x + share.y || share.z == 0.0 {
             1
         } else {
             2
@@ -98,5 +98,37 @@ impl Homogeneous {
                 },
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::phase::Phase;
+
+    /// The channels' shares may add up to a little less than one: the rest must not go to a channel without light, which
+    /// would fly on to where the others' density is zero.
+    #[test]
+    fn no_flight_is_drawn_for_a_channel_without_light() {
+        let medium = Homogeneous {
+            sigma_a: Rgb::ZERO,
+            sigma_s: Rgb::new(2000.0, 1000.0, 1.0),
+            phase: Phase::Isotropic,
+        };
+        let last = 1.0 - f32::EPSILON / 2.0;
+        let mut short_of_one = 0;
+        for i in 1..1000 {
+            let power = Rgb::new(0.7 * i as f32, 1.3, 0.0);
+            let share = power / power.element_sum();
+            short_of_one += u32::from(share.x + share.y < 1.0);
+            for length in [0.5, f32::INFINITY] {
+                let flight = medium.sample_flight(power, length, [last, 0.9]);
+                assert!(
+                    matches!(flight, Flight::Scattered { weight, .. } if weight.is_finite()),
+                    "{power}: {flight:?}"
+                );
+            }
+        }
+        assert!(short_of_one > 0);
     }
 }

@@ -32,8 +32,6 @@ const ROULETTE_DEPTH: u32 = 4;
 /// reflection in a clear sphere, say) ends as well. Late and mild, because each survival makes the path heavier.
 const TRAPPED_DEPTH: u32 = 1024;
 const MAX_SURVIVAL: f32 = 0.999;
-/// Shadow rays look for surfaces up to a little short of the light.
-const SHORT_OF_LIGHT: f32 = 1.0 - 1e-4;
 
 /// One sample of every pixel, on the current rayon pool: radiance, with the scene's pixel filter and lens. A pure function
 /// of the scene, the settings and the sample's index; the bits do not depend on the pool.
@@ -339,9 +337,8 @@ impl PathTracer<'_> {
                 (ray, medium)
             }
         };
-        let lengths = [direct.distance * SHORT_OF_LIGHT, direct.distance];
         let unshadowing = scene.unshadowing[choice.light];
-        match scene.unoccluded(ray, lengths, medium, unshadowing, sampler) {
+        match scene.unoccluded(ray, direct.distance, medium, unshadowing, sampler) {
             Some(transmittance) => radiance * transmittance * (weight / choice.pmf),
             None => Rgb::ZERO,
         }

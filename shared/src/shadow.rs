@@ -5,19 +5,21 @@ use crate::medium::MediumId;
 use crate::plan::Scene;
 use crate::sampler::Sampler;
 
+/// Shadow rays look for surfaces up to a little short of the light, which may hide itself; media go on all the way.
+const SHORT_OF_LIGHT: f32 = 1.0 - 1e-4;
+
 impl Scene {
     /// Transmittance of a shadow ray, an unbiased estimate in heterogeneous media; `None` where a surface other than
-    /// `light` blocks it. `lengths`: how far surfaces are looked for, and how far media go on, which may be infinite;
-    /// the first is no longer than the second. `medium`: where the ray starts.
+    /// `light` blocks it. `distance`: of the light, which may be infinite. `medium`: where the ray starts.
     pub(crate) fn unoccluded(
         &self,
         ray: Ray,
-        lengths: [f32; 2],
+        distance: f32,
         medium: MediumId,
         light: Option<u32>,
         sampler: &mut Sampler,
     ) -> Option<Rgb> {
-        let [mut reach, mut left] = lengths;
+        let (mut reach, mut left) = (distance * SHORT_OF_LIGHT, distance);
         let may_be_passed = |object: u32| self.passable[object as usize];
         let is_passed = |object: u32| may_be_passed(object) || light == Some(object);
         let objects = self.objects();

@@ -7,7 +7,7 @@ use beamfarm_shared::pass::render_pass;
 use beamfarm_shared::plan::RenderPlan;
 use beamfarm_tests::render::{average, scene};
 
-const FOG_HASH: &str = "8d45458088827e99475404b711c67156d2be041c04b4a80cc1d988cd69a7934b";
+const FOG_HASH: &str = "e1e4d93b4438313f789f0882594eff7a60ad22078d4320f4b193409751bc8213";
 const SMOKE_HASH: &str = "52742fa7519e571ebfad2e5be2cc3c899dde03bd9e772441873a0e958605e801";
 const SURFACES_HASH: &str = "50d840054a9ac1b796904053ac87a7d6b3cfdd562d251794ad25a73568051f54";
 

@@ -107,10 +107,9 @@ impl CameraTracer<'_> {
             origin: at.origin,
             dir: direct.wi,
         };
-        let length = direct.distance * (1.0 - 1e-4);
         let unshadowing = scene.unshadowing[sample.light];
         let Some(transmittance) =
-            scene.unoccluded(ray, [length; 2], Some(id), unshadowing, sampler)
+            scene.unoccluded(ray, direct.distance, Some(id), unshadowing, sampler)
         else {
             return Rgb::ZERO;
         };

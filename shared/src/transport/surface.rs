@@ -107,10 +107,8 @@ impl CameraTracer<'_> {
         }
         let ray = x.hit.spawn_ray(direct.wi);
         let medium = x.medium_towards(scene, direct.wi);
-        // A little short of the light: ones that could hide themselves are looked for as well.
-        let length = direct.distance * (1.0 - 1e-4);
         let unshadowing = scene.unshadowing[choice.light];
-        match scene.unoccluded(ray, [length; 2], medium, unshadowing, sampler) {
+        match scene.unoccluded(ray, direct.distance, medium, unshadowing, sampler) {
             Some(tr) => f * direct.weight * tr * (wi.z.abs() * weight / choice.pmf),
             None => Rgb::ZERO,
         }

@@ -31,7 +31,10 @@ impl Footprint {
     /// After free flight over `t`.
     pub fn advanced(&self, t: f32) -> Self {
         Self {
-            position: [0, 1].map(|i| self.position[i] + self.direction[i] * t),
+            position: [
+                self.position[0] + self.direction[0] * t,
+                self.position[1] + self.direction[1] * t,
+            ],
             direction: self.direction,
         }
     }
@@ -45,13 +48,16 @@ impl Footprint {
         } else {
             cos
         };
-        self.position.map(|p| p - dir * (p.dot(n) / cos))
+        let [a, b] = self.position;
+        let onto = |p: Vec3| p - dir * (p.dot(n) / cos);
+        [onto(a), onto(b)]
     }
 
     /// Displacements on a surface seen across the ray that leaves it: along the ray they are no width.
     fn leaving(position: [Vec3; 2], direction: [Vec3; 2], dir: Vec3) -> Self {
+        let across = |p: Vec3| p - dir * p.dot(dir);
         Self {
-            position: position.map(|p| p - dir * p.dot(dir)),
+            position: [across(position[0]), across(position[1])],
             direction,
         }
         .bounded()
@@ -60,12 +66,12 @@ impl Footprint {
     /// After a mirror reflection of direction `dir` at a surface with normal `n` that turns by `curvature`.
     pub fn reflected(&self, dir: Vec3, n: Vec3, curvature: f32) -> Self {
         let position = self.onto_surface(dir, n);
-        let direction = [0, 1].map(|i| {
+        let turn = |i: usize| {
             let dn = position[i] * curvature;
             let change = self.direction[i].dot(n) + dir.dot(dn);
             self.direction[i] - 2.0 * (dn * dir.dot(n) + n * change)
-        });
-        Self::leaving(position, direction, dir - n * (2.0 * dir.dot(n)))
+        };
+        Self::leaving(position, [turn(0), turn(1)], dir - n * (2.0 * dir.dot(n)))
     }
 
     /// After a refraction from `dir` to `refracted`; `eta` is the index on the incoming side over the other one.
@@ -78,13 +84,13 @@ impl Footprint {
         };
         let (cos_i, cos_t) = (dir.dot(n), refracted.dot(n).min(-0.05));
         let mu = eta * cos_i - cos_t;
-        let direction = [0, 1].map(|i| {
+        let turn = |i: usize| {
             let dn = position[i] * curvature;
             let change = self.direction[i].dot(n) + dir.dot(dn);
             let dmu = (eta - eta * eta * cos_i / cos_t) * change;
             self.direction[i] * eta - dn * mu - n * dmu
-        });
-        Self::leaving(position, direction, refracted)
+        };
+        Self::leaving(position, [turn(0), turn(1)], refracted)
     }
 
     /// After scattering into `dir` with a density of `pdf` per steradian, as one of `paths` photons.

@@ -121,3 +121,5 @@ pub mod texture;
 pub mod transport;
 #[cfg(feature = "render")]
 pub mod warp;
+#[cfg(feature = "render")]
+mod wide;

@@ -1,103 +1,71 @@
-//! Ray queries: obvhs hierarchies over objects and, below them, over the triangles of each mesh.
+//! Ray queries: a tree over everything that lies in render space, and one for each mesh that is put somewhere.
 
 use super::Object;
 use super::mesh::Mesh;
 use super::shape::{Placement, RawHit, Shape, SurfaceHit};
+use super::tree::{Item, Tree, TreeHit};
+use super::triangles::TriangleId;
 use crate::math::{Ray, Vec2, Vec3};
-use glam::Vec3A;
-use obvhs::Boundable;
-use obvhs::BvhBuildParams;
-use obvhs::aabb::Aabb;
-use obvhs::bvh2::{Bvh2, builder::build_bvh2};
-use obvhs::cwbvh::{CwBvh, builder::build_cwbvh};
-use obvhs::ray::RayHit;
 use std::sync::Arc;
-use std::time::Duration;
 
 /// The objects of a scene, ready for rays.
 pub struct Geometry {
-    objects: Bvh2,
-    /// By object: index into `meshes`, when it is one.
-    mesh_of: Vec<Option<usize>>,
-    meshes: Vec<MeshBvh>,
-}
-
-struct MeshBvh {
-    mesh: Arc<Mesh>,
-    /// Of the mesh enlarged by `scale`.
-    bvh: CwBvh,
-    scale: f32,
-}
-
-/// Size that a mesh is given in its hierarchy. obvhs 0.4 takes no box of a wide hierarchy that a ray leaves before its
-/// parameter is 1e-4, whatever is in it: in a mesh of this size, that is less than its coordinates' rounding.
-const SIZE_IN_BVH: f32 = 131_072.0;
-
-/// The power of two at or below a number, within bounds that nothing real comes near; 1 for 0 and what is no number.
-fn power_of_two(x: f32) -> f32 {
-    let power = f32::from_bits(x.to_bits() & 0x7f80_0000);
-    if power.is_finite() && power > 0.0 {
-        power.clamp(1e-30, 1e30)
-    } else {
-        1.0
-    }
-}
-
-struct Bounds(Aabb);
-
-impl Boundable for Bounds {
-    fn aabb(&self) -> Aabb {
-        self.0
-    }
-}
-
-/// A box grown by a few roundings, so that rays along its faces and flat boxes are not missed.
-fn padded(min: Vec3, max: Vec3) -> Bounds {
-    let pad = (min.abs().max(max.abs()).max_element() * 1e-6).max(1e-30);
-    Bounds(Aabb::new(Vec3A::from(min - pad), Vec3A::from(max + pad)))
+    /// The triangles of meshes that are where they are; the other objects by number.
+    tree: Tree,
+    /// By object: index into `placed`, when it is a mesh that has a placement.
+    placed_of: Vec<Option<usize>>,
+    /// In object space.
+    placed: Vec<Tree>,
 }
 
 impl std::fmt::Debug for Geometry {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "Geometry({} objects)", self.mesh_of.len())
+        write!(f, "Geometry({} objects)", self.placed_of.len())
     }
+}
+
+fn triangles(mesh: &Mesh, object: u32) -> impl Iterator<Item = Item> {
+    (0..mesh.triangles.len() as u32).map(move |triangle| {
+        let id = TriangleId { object, triangle };
+        Item::Triangle(id, mesh.corners(triangle))
+    })
 }
 
 impl Geometry {
     /// Build the hierarchies. Deterministic: the same objects give the same trees.
     pub fn new(objects: &[Object]) -> Self {
-        let mut meshes: Vec<MeshBvh> = Vec::new();
-        let mut mesh_of = Vec::with_capacity(objects.len());
-        for object in objects {
-            mesh_of.push(match &object.shape {
-                Shape::Mesh { mesh, .. } => {
-                    let known = meshes.iter().position(|m| Arc::ptr_eq(&m.mesh, mesh));
-                    Some(known.unwrap_or_else(|| {
-                        meshes.push(MeshBvh::new(mesh));
-                        meshes.len() - 1
-                    }))
+        let mut items = Vec::new();
+        let mut meshes: Vec<&Arc<Mesh>> = Vec::new();
+        let mut placed_of = Vec::with_capacity(objects.len());
+        for (number, object) in objects.iter().enumerate() {
+            let number = number as u32;
+            let mut placed = None;
+            match &object.shape {
+                Shape::Mesh { mesh, placement } if *placement == Placement::IDENTITY => {
+                    items.extend(triangles(mesh, number));
                 }
-                _ => None,
-            });
+                shape => {
+                    if let Shape::Mesh { mesh, .. } = shape {
+                        let known = meshes.iter().position(|m| Arc::ptr_eq(m, mesh));
+                        placed = Some(known.unwrap_or_else(|| {
+                            meshes.push(mesh);
+                            meshes.len() - 1
+                        }));
+                    }
+                    let (min, max) = bounds(shape);
+                    items.push(Item::Other(number, [min, max]));
+                }
+            }
+            placed_of.push(placed);
         }
-        let bounds: Vec<Bounds> = objects
-            .iter()
-            .map(|object| {
-                let (min, max) = bounds(&object.shape);
-                padded(min, max)
-            })
-            .collect();
+        let tree_of = |mesh: &&Arc<Mesh>| {
+            let items: Vec<Item> = triangles(mesh, 0).collect();
+            Tree::new(&items)
+        };
         Self {
-            objects: build_bvh2(
-                &bounds,
-                BvhBuildParams {
-                    max_prims_per_leaf: 1,
-                    ..BvhBuildParams::medium_build()
-                },
-                &mut Duration::default(),
-            ),
-            mesh_of,
-            meshes,
+            tree: Tree::new(&items),
+            placed_of,
+            placed: meshes.iter().map(tree_of).collect(),
         }
     }
 
@@ -109,7 +77,7 @@ impl Geometry {
         t_max: f32,
         ignore: impl Fn(u32) -> bool,
     ) -> Option<SurfaceHit> {
-        let raw = self.search(objects, ray, t_max, ignore, false)?;
+        let raw = self.search::<false>(objects, ray, t_max, ignore)?;
         let shape = &objects[raw.object as usize].shape;
         Some(shape.finish(raw, ray.origin, ray.dir))
     }
@@ -122,60 +90,68 @@ impl Geometry {
         t_max: f32,
         ignore: impl Fn(u32) -> bool,
     ) -> bool {
-        self.search(objects, ray, t_max, ignore, true).is_some()
+        self.search::<true>(objects, ray, t_max, ignore).is_some()
     }
 
-    fn search(
+    #[inline(always)]
+    fn search<const ANY: bool>(
         &self,
         objects: &[Object],
         ray: &Ray,
         t_max: f32,
         ignore: impl Fn(u32) -> bool,
-        any: bool,
     ) -> Option<RawHit> {
-        let mut best: Option<RawHit> = None;
-        let obvhs_ray = obvhs_ray(ray.origin, ray.dir, t_max);
-        let mut unused = RayHit::none();
-        self.objects.ray_traverse(obvhs_ray, &mut unused, |r, i| {
-            let object = self.objects.primitive_indices[i];
+        let other = |object: u32, t_max: f32| {
             if ignore(object) {
-                return f32::INFINITY;
+                return None;
             }
-            let hit = match &objects[object as usize].shape {
-                Shape::Sphere { placement, .. } => intersect_sphere(placement, ray, r.tmax),
-                Shape::Disc { placement, .. } => intersect_disc(placement, ray, r.tmax),
-                Shape::Cylinder { placement, .. } => intersect_cylinder(placement, ray, r.tmax),
-                Shape::Mesh { placement, .. } => self.mesh_of[object as usize]
-                    .and_then(|m| self.meshes[m].intersect(placement, ray, r.tmax, any)),
-            };
-            match hit {
-                Some((t, primitive, uv)) => {
-                    best = Some(RawHit {
-                        t,
-                        object,
-                        primitive,
-                        uv,
-                    });
-                    // Any hit will do: an empty range ends the traversal.
-                    if any { -1.0 } else { t }
+            let (t, primitive, uv) = match &objects[object as usize].shape {
+                Shape::Sphere { placement, .. } => intersect_sphere(placement, ray, t_max),
+                Shape::Disc { placement, .. } => intersect_disc(placement, ray, t_max),
+                Shape::Cylinder { placement, .. } => intersect_cylinder(placement, ray, t_max),
+                Shape::Mesh { placement, .. } => {
+                    let tree = &self.placed[self.placed_of[object as usize]?];
+                    intersect_placed::<ANY>(tree, placement, ray, t_max)
                 }
-                None => f32::INFINITY,
-            }
-        });
-        best
+            }?;
+            let hit = RawHit {
+                t,
+                object,
+                primitive,
+                uv,
+            };
+            Some((t, hit))
+        };
+        let hit = self
+            .tree
+            .search::<ANY, RawHit>(ray.origin, ray.dir, t_max, &ignore, other)?;
+        Some(match hit {
+            TreeHit::Triangle(hit) => RawHit {
+                t: hit.t,
+                object: hit.id.object,
+                primitive: hit.id.triangle,
+                uv: hit.uv,
+            },
+            TreeHit::Other(hit) => hit,
+        })
     }
 }
 
 type ShapeHit = Option<(f32, u32, Vec2)>;
 
-fn obvhs_ray(origin: Vec3, dir: Vec3, t_max: f32) -> obvhs::ray::Ray {
-    // The hierarchies take a negative zero for a direction to nowhere. Adding zero makes it a positive one.
-    obvhs::ray::Ray::new(
-        Vec3A::from(origin),
-        Vec3A::from(dir) + Vec3A::ZERO,
-        0.0,
-        t_max,
-    )
+/// A mesh put somewhere. Distances are the same in object space, whose directions are of any length.
+fn intersect_placed<const ANY: bool>(
+    tree: &Tree,
+    placement: &Placement,
+    ray: &Ray,
+    t_max: f32,
+) -> ShapeHit {
+    let origin = placement.object_from_render.transform_point3(ray.origin);
+    let dir = placement.object_from_render.transform_vector3(ray.dir);
+    match tree.search::<ANY, ()>(origin, dir, t_max, &|_| false, |_, _| None)? {
+        TreeHit::Triangle(hit) => Some((hit.t, hit.id.triangle, hit.uv)),
+        TreeHit::Other(()) => None,
+    }
 }
 
 /// Corners of the box around a shape in render space.
@@ -265,119 +241,6 @@ fn intersect_disc(placement: &Placement, ray: &Ray, t_max: f32) -> ShapeHit {
     let t = -o.z / d.z;
     let p = (o + d * t).truncate();
     (t > 0.0 && t < t_max && p.length_squared() <= 1.0).then_some((t, 0, p))
-}
-
-impl MeshBvh {
-    fn new(mesh: &Arc<Mesh>) -> Self {
-        let extent = mesh
-            .positions
-            .iter()
-            .fold(0.0, |extent: f32, p| extent.max(p.abs().max_element()));
-        // Powers of two, so that nothing is rounded on the way there and back.
-        let scale = SIZE_IN_BVH / power_of_two(extent);
-        let bounds: Vec<Bounds> = (0..mesh.triangles.len())
-            .map(|i| {
-                let [a, b, c] = mesh.corners(i as u32).map(|corner| corner * scale);
-                padded(a.min(b).min(c), a.max(b).max(c))
-            })
-            .collect();
-        Self {
-            mesh: mesh.clone(),
-            bvh: build_cwbvh(
-                &bounds,
-                BvhBuildParams::medium_build(),
-                &mut Duration::default(),
-            ),
-            scale,
-        }
-    }
-
-    fn intersect(&self, placement: &Placement, ray: &Ray, t_max: f32, any: bool) -> ShapeHit {
-        let (origin, dir) = if *placement == Placement::IDENTITY {
-            (ray.origin, ray.dir)
-        } else {
-            (
-                placement.object_from_render.transform_point3(ray.origin),
-                placement.object_from_render.transform_vector3(ray.dir),
-            )
-        };
-        let sheared = ShearedRay::new(origin, dir);
-        let mut best = None;
-        let mut unused = RayHit::none();
-        // In the hierarchy directions are about as long as one, and so parameters larger by:
-        let length = power_of_two(dir.abs().max_element());
-        let stretch = self.scale * length;
-        let ray = obvhs_ray(origin * self.scale, dir / length, t_max * stretch);
-        self.bvh.ray_traverse(ray, &mut unused, |r, i| {
-            let triangle = self.bvh.primitive_indices[i];
-            match sheared.intersect(self.mesh.corners(triangle), r.tmax / stretch) {
-                Some((t, w)) => {
-                    best = Some((t, triangle, w));
-                    if any { -1.0 } else { t * stretch }
-                }
-                None => f32::INFINITY,
-            }
-        });
-        best
-    }
-}
-
-/// A ray sheared so that it runs along +z: triangle tests without leaks along edges (Woop, Benthin, Wald 2013,
-/// Watertight ray/triangle intersection).
-struct ShearedRay {
-    origin: Vec3,
-    axes: [usize; 3],
-    shear: Vec3,
-}
-
-impl ShearedRay {
-    fn new(origin: Vec3, dir: Vec3) -> Self {
-        let z = dir.abs().max_position();
-        let (x, y) = ((z + 1) % 3, (z + 2) % 3);
-        let (x, y) = if dir[z] < 0.0 { (y, x) } else { (x, y) };
-        Self {
-            origin,
-            axes: [x, y, z],
-            shear: Vec3::new(dir[x] / dir[z], dir[y] / dir[z], 1.0 / dir[z]),
-        }
-    }
-
-    #[inline]
-    fn project(&self, p: Vec3) -> Vec3 {
-        let p = p - self.origin;
-        let [x, y, z] = self.axes;
-        Vec3::new(
-            p[x] - self.shear.x * p[z],
-            p[y] - self.shear.y * p[z],
-            self.shear.z * p[z],
-        )
-    }
-
-    /// Distance and barycentric weights of the second and third corner.
-    #[inline]
-    fn intersect(&self, corners: [Vec3; 3], t_max: f32) -> Option<(f32, Vec2)> {
-        let [a, b, c] = corners.map(|p| self.project(p));
-        let mut u = c.x * b.y - c.y * b.x;
-        let mut v = a.x * c.y - a.y * c.x;
-        let mut w = b.x * a.y - b.y * a.x;
-        if u == 0.0 || v == 0.0 || w == 0.0 {
-            // On an edge as far as single precision can tell: decide in double, where the products are exact.
-            let cross =
-                |p: Vec3, q: Vec3| (p.x as f64 * q.y as f64 - p.y as f64 * q.x as f64) as f32;
-            u = cross(c, b);
-            v = cross(a, c);
-            w = cross(b, a);
-        }
-        if (u < 0.0 || v < 0.0 || w < 0.0) && (u > 0.0 || v > 0.0 || w > 0.0) {
-            return None;
-        }
-        let det = u + v + w;
-        if det == 0.0 {
-            return None;
-        }
-        let t = (u * a.z + v * b.z + w * c.z) / det;
-        (t > 0.0 && t < t_max).then(|| (t, Vec2::new(v / det, w / det)))
-    }
 }
 
 #[cfg(test)]

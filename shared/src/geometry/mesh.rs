@@ -22,14 +22,26 @@ impl Mesh {
     /// The corners of a triangle.
     #[inline]
     pub fn corners(&self, triangle: u32) -> [Vec3; 3] {
-        self.triangles[triangle as usize].map(|i| self.positions[i as usize])
+        let [a, b, c] = self.triangles[triangle as usize];
+        let at = |i: u32| self.positions[i as usize];
+        [at(a), at(b), at(c)]
     }
 
     /// Unit geometric normal of a triangle; zero when it has no area.
     #[inline]
     pub fn normal(&self, triangle: u32) -> Vec3 {
-        let [a, b, c] = self.corners(triangle);
-        (b - a).cross(c - a).normalize_or_zero()
+        normal_of(self.corners(triangle))
+    }
+
+    /// The shading normals at the corners of a triangle, if there are any.
+    #[inline]
+    pub(super) fn normals_of(&self, triangle: u32) -> Option<[Vec3; 3]> {
+        if self.normals.is_empty() {
+            return None;
+        }
+        let [a, b, c] = self.triangles[triangle as usize];
+        let at = |i: u32| self.normals[i as usize];
+        Some([at(a), at(b), at(c)])
     }
 
     /// Whether all vertices lie on or behind the planes of all triangles. Large meshes are not looked at.
@@ -67,4 +79,10 @@ impl Mesh {
                 .collect()
         })
     }
+}
+
+/// Unit normal of the triangle with these corners; zero when it has no area.
+#[inline]
+pub(super) fn normal_of([a, b, c]: [Vec3; 3]) -> Vec3 {
+    (b - a).cross(c - a).normalize_or_zero()
 }

@@ -4,6 +4,8 @@ pub mod accel;
 pub mod mesh;
 pub mod shape;
 mod tangents;
+mod tree;
+mod triangles;
 
 pub use accel::{Geometry, bounds};
 pub use mesh::Mesh;

@@ -1,6 +1,6 @@
 //! Shapes: what a hit on them looks like, and how points on them are drawn. The search for hits is in `accel`.
 
-use super::Mesh;
+use super::mesh::{self, Mesh};
 use crate::math::{PI, Ray, Vec2, Vec3, acos, atan2, sin_cos};
 use crate::warp;
 use glam::Affine3A;
@@ -319,25 +319,36 @@ impl Shape {
                 let [a, b, c] = mesh.corners(hit.primitive);
                 let w = hit.uv;
                 let p = a * (1.0 - w.x - w.y) + b * w.x + c * w.y;
-                let point = placement.render_from_object.transform_point3(p);
-                let ng = placement.normal(mesh.normal(hit.primitive)).normalize();
-                let (ns, curvature) = if mesh.normals.is_empty() {
-                    (ng, 0.0)
+                let extent = a.abs().max(b.abs()).max(c.abs()).max_element();
+                let normal = mesh::normal_of([a, b, c]);
+                let normals = mesh.normals_of(hit.primitive);
+                // Most meshes are where they are.
+                let (point, ng, corners, normals, scale) = if *placement == Placement::IDENTITY {
+                    (p, normal.normalize(), [a, b, c], normals, extent)
                 } else {
                     let place = |p| placement.render_from_object.transform_point3(p);
-                    let turn = |i: u32| placement.normal(mesh.normals[i as usize]);
-                    let n =
-                        mesh.triangles[hit.primitive as usize].map(|i| turn(i).normalize_or_zero());
-                    let ns = n[0] * (1.0 - w.x - w.y) + n[1] * w.x + n[2] * w.y;
-                    let ns = ns.normalize_or(ng);
-                    let ns = if ns.dot(ng) < 0.0 { -ns } else { ns };
-                    (ns, edge_curvature([a, b, c].map(place), n))
+                    let turn = |n| placement.normal(n);
+                    (
+                        place(p),
+                        turn(normal).normalize(),
+                        [place(a), place(b), place(c)],
+                        normals.map(|[a, b, c]| [turn(a), turn(b), turn(c)]),
+                        placement.scale() * extent.max(1.0),
+                    )
                 };
-                let extent = a.abs().max(b.abs()).max(c.abs()).max_element();
-                let scale = if *placement == Placement::IDENTITY {
-                    extent
-                } else {
-                    placement.scale() * extent.max(1.0)
+                let (ns, curvature) = match normals {
+                    None => (ng, 0.0),
+                    Some([a, b, c]) => {
+                        let n = [
+                            a.normalize_or_zero(),
+                            b.normalize_or_zero(),
+                            c.normalize_or_zero(),
+                        ];
+                        let ns = n[0] * (1.0 - w.x - w.y) + n[1] * w.x + n[2] * w.y;
+                        let ns = ns.normalize_or(ng);
+                        let ns = if ns.dot(ng) < 0.0 { -ns } else { ns };
+                        (ns, edge_curvature(corners, n))
+                    }
                 };
                 let uv = mesh_uv(mesh, hit.primitive, w);
                 (point, ng, ns, uv, curvature, scale)
@@ -388,6 +399,8 @@ fn mesh_uv(mesh: &Mesh, triangle: u32, w: Vec2) -> Vec2 {
     if mesh.uvs.is_empty() {
         return w;
     }
-    let [a, b, c] = mesh.triangles[triangle as usize].map(|i| mesh.uvs[i as usize]);
+    let [a, b, c] = mesh.triangles[triangle as usize];
+    let at = |i: u32| mesh.uvs[i as usize];
+    let [a, b, c] = [at(a), at(b), at(c)];
     a * (1.0 - w.x - w.y) + b * w.x + c * w.y
 }

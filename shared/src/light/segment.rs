@@ -281,13 +281,13 @@ impl Source {
                 let offset = *center - ray.origin;
                 let foot = offset.dot(ray.dir);
                 let across2 = (offset - ray.dir * foot).length_squared();
-                let [s0, s1] = range.map(|t| t - foot);
+                let [s0, s1] = [range[0] - foot, range[1] - foot];
                 // Rounding of the points themselves keeps lines off point lights by that much.
                 let least = 1e-12 * (s0 * s0 + s1 * s1) + f32::MIN_POSITIVE;
                 let softening = softening.max(least);
                 let height = (across2 + softening).sqrt();
                 let k = (1.0 + segment.g) / (1.0 - segment.g);
-                let [a, b] = [s0, s1].map(|s| k * tan_half(s, height));
+                let (a, b) = (k * tan_half(s0, height), k * tan_half(s1, height));
                 let angle = atan2(b - a, 1.0 + a * b);
                 // Light comes to the segment, and along it to the origin: no shorter than this.
                 let nearest = foot.clamp(range[0], range[1]);

@@ -49,7 +49,11 @@ impl Homogeneous {
     pub fn transmittance(&self, distance: f32) -> Rgb {
         let sigma_t = self.sigma_t();
         let one = |s: f32| if s > 0.0 { exp_neg(-s * distance) } else { 1.0 };
-        Rgb::new(one(sigma_t.x), one(sigma_t.y), one(sigma_t.z))
+        let x = one(sigma_t.x);
+        if sigma_t.y == sigma_t.x && sigma_t.z == sigma_t.x {
+            return Rgb::splat(x);
+        }
+        Rgb::new(x, one(sigma_t.y), one(sigma_t.z))
     }
 
     /// The smallest extinction of the channels that scatter; infinite if none does.

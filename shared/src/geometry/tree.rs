@@ -1,0 +1,183 @@
+//! A tree over triangles and other things, for rays.
+
+use super::triangles::{Four, FourHit, ShearedRay, TriangleId};
+use crate::math::Vec3;
+use crate::wide::{WideTree, padded};
+use obvhs::aabb::Aabb;
+use obvhs::bvh2::{Bvh2, builder::build_bvh2};
+use obvhs::{Boundable, BvhBuildParams};
+use std::time::Duration;
+
+/// What a tree is built over.
+pub(super) enum Item {
+    /// A triangle by its corners.
+    Triangle(TriangleId, [Vec3; 3]),
+    /// Something else: a number, and the corners of the box around it.
+    Other(u32, [Vec3; 2]),
+}
+
+impl Boundable for Item {
+    fn aabb(&self) -> Aabb {
+        match self {
+            Self::Triangle(_, [a, b, c]) => padded(a.min(*b).min(*c), a.max(*b).max(*c)),
+            Self::Other(_, [min, max]) => padded(*min, *max),
+        }
+    }
+}
+
+/// The tree.
+#[derive(Default)]
+pub(super) struct Tree {
+    boxes: WideTree,
+    leaves: Vec<Leaf>,
+    fours: Vec<Four>,
+}
+
+#[derive(Clone, Copy)]
+enum Leaf {
+    Four(u32),
+    Other(u32),
+}
+
+/// A hit.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum TreeHit<T> {
+    Triangle(FourHit),
+    Other(T),
+}
+
+impl Tree {
+    /// Build the tree. Deterministic.
+    pub fn new(items: &[Item]) -> Self {
+        let params = BvhBuildParams {
+            max_prims_per_leaf: 1,
+            ..BvhBuildParams::medium_build()
+        };
+        let binary = build_bvh2(items, params, &mut Duration::default());
+        let mut tree = Self::default();
+        if items.is_empty() {
+            return tree;
+        }
+        let mut builder = Builder {
+            items,
+            binary: &binary,
+            is_leaf: vec![false; binary.nodes.len()],
+        };
+        builder.merge(0);
+        tree.boxes = WideTree::new(&binary, &builder.is_leaf, |index| {
+            let leaf = builder.leaf(index, &mut tree.fours);
+            tree.leaves.push(leaf);
+            (tree.leaves.len() - 1) as u32
+        });
+        tree
+    }
+
+    /// The nearest hit in (0, t_max), or any if `ANY`. `ignore`: objects whose triangles are passed through. `other`: the
+    /// distance at which something else is hit before a given one.
+    #[inline(always)]
+    pub fn search<const ANY: bool, T: Copy>(
+        &self,
+        origin: Vec3,
+        dir: Vec3,
+        t_max: f32,
+        ignore: &impl Fn(u32) -> bool,
+        mut other: impl FnMut(u32, f32) -> Option<(f32, T)>,
+    ) -> Option<TreeHit<T>> {
+        let sheared = ShearedRay::new(origin, dir);
+        let mut best = None;
+        self.boxes.along_ray(origin, dir, t_max, |leaf, t_max| {
+            let hit = match self.leaves[leaf as usize] {
+                Leaf::Four(i) => self.fours[i as usize]
+                    .intersect(&sheared, t_max, ignore)
+                    .map(|hit| (hit.t, TreeHit::Triangle(hit))),
+                Leaf::Other(i) => other(i, t_max).map(|(t, hit)| (t, TreeHit::Other(hit))),
+            };
+            match hit {
+                Some((t, hit)) => {
+                    best = Some(hit);
+                    // Any hit will do: nothing lies before this.
+                    if ANY { -1.0 } else { t }
+                }
+                None => t_max,
+            }
+        });
+        best
+    }
+}
+
+struct Builder<'a> {
+    items: &'a [Item],
+    binary: &'a Bvh2,
+    /// By node of the binary tree: becomes a leaf.
+    is_leaf: Vec<bool>,
+}
+
+/// What a part of the binary tree costs.
+struct Part {
+    /// Its triangles; `None` where it has something else, or more than four.
+    triangles: Option<usize>,
+    /// Expected tests, times the area of its box.
+    cost: f32,
+}
+
+/// What a node's test costs in tests of four triangles, shared between the binary nodes that it stands for.
+const NODE_COST: f32 = 0.5;
+
+impl Builder<'_> {
+    /// Decide what is a leaf: up to four triangles, where splitting them does not pay (the surface area heuristic).
+    fn merge(&mut self, index: usize) -> Part {
+        let node = &self.binary.nodes[index];
+        let area = node.aabb().half_area();
+        let first = node.first_index as usize;
+        if node.is_leaf() {
+            self.is_leaf[index] = true;
+            let item = &self.items[self.binary.primitive_indices[first] as usize];
+            return Part {
+                triangles: matches!(item, Item::Triangle(..)).then_some(1),
+                cost: area,
+            };
+        }
+        let (left, right) = (self.merge(first), self.merge(first + 1));
+        let split = left.cost + right.cost + NODE_COST * area;
+        let triangles = match (left.triangles, right.triangles) {
+            (Some(a), Some(b)) if a + b <= 4 => Some(a + b),
+            _ => None,
+        };
+        if triangles.is_some() && area <= split {
+            self.is_leaf[index] = true;
+            Part {
+                triangles,
+                cost: area,
+            }
+        } else {
+            Part {
+                triangles: None,
+                cost: split,
+            }
+        }
+    }
+
+    /// The leaf that a node of the binary tree becomes.
+    fn leaf(&self, index: usize, fours: &mut Vec<Four>) -> Leaf {
+        let mut four = Four::EMPTY;
+        let mut placed = 0;
+        let mut parts = vec![index];
+        while let Some(index) = parts.pop() {
+            let node = &self.binary.nodes[index];
+            let first = node.first_index as usize;
+            if !node.is_leaf() {
+                parts.extend([first + 1, first]);
+                continue;
+            }
+            match self.items[self.binary.primitive_indices[first] as usize] {
+                Item::Triangle(id, corners) => {
+                    four.set(placed, id, corners);
+                    placed += 1;
+                }
+                Item::Other(number, ..) => return Leaf::Other(number),
+            }
+        }
+        fours.push(four);
+        Leaf::Four((fours.len() - 1) as u32)
+    }
+}

@@ -1,0 +1,155 @@
+//! Rays and triangles, four at a time.
+
+use crate::math::{Vec2, Vec3};
+use glam::Vec4;
+
+/// A ray sheared so that it runs along +z: triangle tests without leaks along edges (Woop, Benthin, Wald 2013,
+/// Watertight ray/triangle intersection).
+pub(super) struct ShearedRay {
+    axes: [usize; 3],
+    /// Origin and shear by these axes, each four times.
+    origin: [Vec4; 3],
+    shear: [Vec4; 3],
+}
+
+impl ShearedRay {
+    #[inline]
+    pub fn new(origin: Vec3, dir: Vec3) -> Self {
+        let z = dir.abs().max_position();
+        let (x, y) = ([1, 2, 0][z], [2, 0, 1][z]);
+        let (x, y) = if dir[z] < 0.0 { (y, x) } else { (x, y) };
+        Self {
+            axes: [x, y, z],
+            origin: [
+                Vec4::splat(origin[x]),
+                Vec4::splat(origin[y]),
+                Vec4::splat(origin[z]),
+            ],
+            shear: [
+                Vec4::splat(dir[x] / dir[z]),
+                Vec4::splat(dir[y] / dir[z]),
+                Vec4::splat(1.0 / dir[z]),
+            ],
+        }
+    }
+
+    #[inline(always)]
+    fn project(&self, corner: &[Vec4; 3]) -> [Vec4; 3] {
+        let [x, y, z] = self.axes;
+        let pz = corner[z] - self.origin[2];
+        [
+            corner[x] - self.origin[0] - self.shear[0] * pz,
+            corner[y] - self.origin[1] - self.shear[1] * pz,
+            self.shear[2] * pz,
+        ]
+    }
+}
+
+/// Which triangle of which object.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct TriangleId {
+    pub object: u32,
+    pub triangle: u32,
+}
+
+/// Up to four triangles side by side.
+#[derive(Clone, Debug)]
+pub(super) struct Four {
+    /// By corner and axis. Where there is no triangle, NaN, which no ray meets.
+    corners: [[Vec4; 3]; 3],
+    pub ids: [TriangleId; 4],
+}
+
+/// A hit of one of four triangles.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct FourHit {
+    pub t: f32,
+    pub id: TriangleId,
+    /// Barycentric weights of the second and third corner.
+    pub uv: Vec2,
+}
+
+impl Four {
+    /// No triangle yet.
+    pub const EMPTY: Self = Self {
+        corners: [[Vec4::NAN; 3]; 3],
+        ids: [TriangleId {
+            object: 0,
+            triangle: 0,
+        }; 4],
+    };
+
+    /// Put a triangle at one of the four places.
+    pub fn set(&mut self, place: usize, id: TriangleId, corners: [Vec3; 3]) {
+        for (four, one) in self.corners.iter_mut().zip(corners) {
+            for axis in 0..3 {
+                four[axis][place] = one[axis];
+            }
+        }
+        self.ids[place] = id;
+    }
+
+    /// The nearest hit in (0, t_max) among the triangles of objects that are not ignored.
+    #[inline(always)]
+    pub fn intersect(
+        &self,
+        ray: &ShearedRay,
+        t_max: f32,
+        ignore: &impl Fn(u32) -> bool,
+    ) -> Option<FourHit> {
+        let [a, b, c] = &self.corners;
+        let (a, b, c) = (ray.project(a), ray.project(b), ray.project(c));
+        let mut u = c[0] * b[1] - c[1] * b[0];
+        let mut v = a[0] * c[1] - a[1] * c[0];
+        let mut w = b[0] * a[1] - b[1] * a[0];
+        let zero = Vec4::ZERO;
+        if (u.cmpeq(zero) | v.cmpeq(zero) | w.cmpeq(zero)).any() {
+            [u, v, w] = exactly([&a, &b, &c], [u, v, w]);
+        }
+        let inside = (u.cmpge(zero) & v.cmpge(zero) & w.cmpge(zero))
+            | (u.cmple(zero) & v.cmple(zero) & w.cmple(zero));
+        if !inside.any() {
+            return None;
+        }
+        let det = u + v + w;
+        // Not a number, and so no hit, where the determinant is zero.
+        let t = (u * a[2] + v * b[2] + w * c[2]) / det;
+        let hit = inside & t.cmpgt(zero) & t.cmplt(Vec4::splat(t_max));
+        let mut mask = hit.bitmask();
+        let mut best = None;
+        let mut nearest = t_max;
+        while mask != 0 {
+            let i = mask.trailing_zeros() as usize & 3;
+            mask &= mask - 1;
+            if t[i] < nearest && !ignore(self.ids[i].object) {
+                nearest = t[i];
+                best = Some(i);
+            }
+        }
+        let i = best?;
+        Some(FourHit {
+            t: nearest,
+            id: self.ids[i],
+            uv: Vec2::new(v[i] / det[i], w[i] / det[i]),
+        })
+    }
+}
+
+/// The edge functions again where one of them is zero: on an edge as far as single precision can tell. In double, where the
+/// products are exact.
+#[cold]
+#[inline(never)]
+fn exactly([a, b, c]: [&[Vec4; 3]; 3], [mut u, mut v, mut w]: [Vec4; 3]) -> [Vec4; 3] {
+    for i in 0..4 {
+        if u[i] == 0.0 || v[i] == 0.0 || w[i] == 0.0 {
+            let cross = |p: &[Vec4; 3], q: &[Vec4; 3]| {
+                (f64::from(p[0][i]) * f64::from(q[1][i]) - f64::from(p[1][i]) * f64::from(q[0][i]))
+                    as f32
+            };
+            u[i] = cross(c, b);
+            v[i] = cross(a, c);
+            w[i] = cross(b, a);
+        }
+    }
+    [u, v, w]
+}

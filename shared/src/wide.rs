@@ -1,0 +1,272 @@
+//! Trees of four boxes a node, for rays and points.
+//!
+//! obvhs builds the binary trees that they are made from. Four boxes are what one vector instruction of any machine compares
+//! at once.
+
+use crate::math::Vec3;
+use glam::{Vec3A, Vec4};
+use obvhs::aabb::Aabb;
+use obvhs::bvh2::Bvh2;
+
+/// A tree whose leaves have numbers.
+#[derive(Default)]
+pub(crate) struct WideTree {
+    nodes: Vec<Node>,
+    /// Entries that the stack of a traversal may need.
+    stack: usize,
+}
+
+/// Four boxes and what is in them.
+#[repr(align(16))]
+struct Node {
+    /// By axis; lower and upper. Boxes of no child are inside out.
+    bounds: [[Vec4; 2]; 3],
+    /// Of a leaf, [`LEAF`] plus its number.
+    children: [u32; 4],
+}
+
+const LEAF: u32 = 1 << 31;
+
+/// A box grown by a few roundings, so that rays along its faces and flat boxes are not missed.
+pub(crate) fn padded(min: Vec3, max: Vec3) -> Aabb {
+    let pad = (min.abs().max(max.abs()).max_element() * 1e-6).max(1e-30);
+    Aabb::new(Vec3A::from(min - pad), Vec3A::from(max + pad))
+}
+
+/// A ray as boxes are tested against it.
+struct BoxRay {
+    origin: [Vec4; 3],
+    inverse: [Vec4; 3],
+    /// By axis: which side of a box it comes to first.
+    near: [usize; 3],
+}
+
+impl BoxRay {
+    #[inline]
+    fn new(origin: Vec3, dir: Vec3) -> Self {
+        // Finite, so that there is no zero times infinity. What is replaced goes nowhere along that axis.
+        let least = (dir.abs().max_element() * 1e-12).max(1e-30);
+        let inverse = |d: f32| {
+            1.0 / if d.abs() < least {
+                least.copysign(d)
+            } else {
+                d
+            }
+        };
+        let inverse = [inverse(dir.x), inverse(dir.y), inverse(dir.z)];
+        Self {
+            origin: [
+                Vec4::splat(origin.x),
+                Vec4::splat(origin.y),
+                Vec4::splat(origin.z),
+            ],
+            inverse: [
+                Vec4::splat(inverse[0]),
+                Vec4::splat(inverse[1]),
+                Vec4::splat(inverse[2]),
+            ],
+            near: [
+                usize::from(inverse[0] < 0.0),
+                usize::from(inverse[1] < 0.0),
+                usize::from(inverse[2] < 0.0),
+            ],
+        }
+    }
+
+    /// Where the ray enters the boxes of a node, and which of them it meets before `t_max`.
+    #[inline(always)]
+    fn enter(&self, node: &Node, t_max: f32) -> (Vec4, u32) {
+        // Ize 2013, Robust BVH ray traversal: so much farther that rounding loses no box.
+        const FARTHER: f32 = 1.0 + 4.0 * f32::EPSILON;
+        let [x, y, z] = &node.bounds;
+        let side = |bounds: &[Vec4; 2], axis: usize, side: usize| {
+            (bounds[side & 1] - self.origin[axis]) * self.inverse[axis]
+        };
+        let [nx, ny, nz] = self.near;
+        let near = side(x, 0, nx).max(side(y, 1, ny)).max(side(z, 2, nz));
+        let far = side(x, 0, nx ^ 1)
+            .min(side(y, 1, ny ^ 1))
+            .min(side(z, 2, nz ^ 1));
+        let near = near.max(Vec4::ZERO);
+        let far = (far * FARTHER).min(Vec4::splat(t_max));
+        (near, near.cmple(far).bitmask())
+    }
+}
+
+/// What waits on the stack of a traversal: where the ray enters, and a child.
+type Waiting = (f32, u32);
+
+impl WideTree {
+    /// Make the tree from a binary one. `is_leaf`: by node of that one. `leaf`: the number of the leaf that a node becomes.
+    pub fn new(binary: &Bvh2, is_leaf: &[bool], leaf: impl FnMut(usize) -> u32) -> Self {
+        let mut tree = Self::default();
+        if !binary.nodes.is_empty() {
+            let mut builder = Builder {
+                binary,
+                is_leaf,
+                leaf,
+                nodes: &mut tree.nodes,
+            };
+            let levels = builder.node(vec![0]);
+            tree.stack = 3 * levels + 1;
+        }
+        tree
+    }
+
+    /// Calls `visit(leaf, t_max)` for the leaves whose boxes a ray meets before `t_max`, the nearer the sooner as far as boxes
+    /// tell, until there are none or that is less than zero. It returns the new `t_max`.
+    #[inline(always)]
+    pub fn along_ray(
+        &self,
+        origin: Vec3,
+        dir: Vec3,
+        t_max: f32,
+        visit: impl FnMut(u32, f32) -> f32,
+    ) {
+        match self.stack {
+            0 => {}
+            1..=16 => self.along_ray_with(&mut [(0.0, 0); 16], origin, dir, t_max, visit),
+            17..=64 => self.along_ray_with(&mut [(0.0, 0); 64], origin, dir, t_max, visit),
+            n => self.along_ray_with(&mut vec![(0.0, 0); n], origin, dir, t_max, visit),
+        }
+    }
+
+    fn along_ray_with(
+        &self,
+        stack: &mut [Waiting],
+        origin: Vec3,
+        dir: Vec3,
+        mut t_max: f32,
+        mut visit: impl FnMut(u32, f32) -> f32,
+    ) {
+        let ray = BoxRay::new(origin, dir);
+        let mut waiting = 0;
+        let mut current = 0;
+        loop {
+            if current & LEAF == 0 {
+                let node = &self.nodes[current as usize];
+                let (near, mut mask) = ray.enter(node, t_max);
+                if mask != 0 {
+                    // The nearest is next, the others wait, the nearer the sooner.
+                    let bottom = waiting;
+                    while mask != 0 {
+                        let i = mask.trailing_zeros() as usize & 3;
+                        mask &= mask - 1;
+                        let (t, child) = (near[i], node.children[i]);
+                        let mut at = waiting;
+                        while at > bottom && stack[at - 1].0 < t {
+                            stack[at] = stack[at - 1];
+                            at -= 1;
+                        }
+                        stack[at] = (t, child);
+                        waiting += 1;
+                    }
+                    waiting -= 1;
+                    current = stack[waiting].1;
+                    continue;
+                }
+            } else {
+                t_max = visit(current ^ LEAF, t_max);
+            }
+            loop {
+                if waiting == 0 {
+                    return;
+                }
+                waiting -= 1;
+                let (t, child) = stack[waiting];
+                if t <= t_max {
+                    current = child;
+                    break;
+                }
+            }
+        }
+    }
+
+    /// Calls `visit` for the leaves in whose boxes a point lies.
+    #[inline(always)]
+    pub fn around_point(&self, point: Vec3, visit: impl FnMut(u32)) {
+        match self.stack {
+            0 => {}
+            1..=64 => self.around_point_with(&mut [0; 64], point, visit),
+            n => self.around_point_with(&mut vec![0; n], point, visit),
+        }
+    }
+
+    fn around_point_with(&self, stack: &mut [u32], point: Vec3, mut visit: impl FnMut(u32)) {
+        let [x, y, z] = [
+            Vec4::splat(point.x),
+            Vec4::splat(point.y),
+            Vec4::splat(point.z),
+        ];
+        let mut waiting = 1;
+        stack[0] = 0;
+        while waiting > 0 {
+            waiting -= 1;
+            let current = stack[waiting];
+            if current & LEAF != 0 {
+                visit(current ^ LEAF);
+                continue;
+            }
+            let node = &self.nodes[current as usize];
+            let within = |axis: &[Vec4; 2], at: Vec4| axis[0].cmple(at) & at.cmple(axis[1]);
+            let [in_x, in_y, in_z] = [
+                within(&node.bounds[0], x),
+                within(&node.bounds[1], y),
+                within(&node.bounds[2], z),
+            ];
+            let mut mask = (in_x & in_y & in_z).bitmask();
+            while mask != 0 {
+                stack[waiting] = node.children[mask.trailing_zeros() as usize & 3];
+                waiting += 1;
+                mask &= mask - 1;
+            }
+        }
+    }
+}
+
+struct Builder<'a, L> {
+    binary: &'a Bvh2,
+    is_leaf: &'a [bool],
+    leaf: L,
+    nodes: &'a mut Vec<Node>,
+}
+
+impl<L: FnMut(usize) -> u32> Builder<'_, L> {
+    /// Add a node whose boxes are those of nodes of the binary tree, or of their descendants while there is room. Returns the
+    /// number of levels from here.
+    fn node(&mut self, mut children: Vec<usize>) -> usize {
+        let nodes = &self.binary.nodes;
+        while children.len() < 4 {
+            let area = |i: &usize| nodes[children[*i]].aabb().half_area();
+            let open = (0..children.len())
+                .filter(|&i| !self.is_leaf[children[i]])
+                .max_by(|i, j| area(i).total_cmp(&area(j)));
+            let Some(i) = open else { break };
+            let first = nodes[children[i]].first_index as usize;
+            children[i] = first;
+            children.push(first + 1);
+        }
+        let at = self.nodes.len();
+        self.nodes.push(Node {
+            bounds: [[Vec4::INFINITY, Vec4::NEG_INFINITY]; 3],
+            children: [0; 4],
+        });
+        let mut levels = 0;
+        for (i, &child) in children.iter().enumerate() {
+            let bounds = nodes[child].aabb();
+            for axis in 0..3 {
+                let [low, high] = &mut self.nodes[at].bounds[axis];
+                (low[i], high[i]) = (bounds.min[axis], bounds.max[axis]);
+            }
+            self.nodes[at].children[i] = if self.is_leaf[child] {
+                LEAF + (self.leaf)(child)
+            } else {
+                let number = self.nodes.len() as u32;
+                let first = nodes[child].first_index as usize;
+                levels = levels.max(self.node(vec![first, first + 1]));
+                number
+            };
+        }
+        levels + 1
+    }
+}

@@ -1,7 +1,8 @@
 //! Surface photons: where light landed on surfaces that are not specular, and the density estimate over them.
 
-use crate::math::{Rgb, Vec3};
-use glam::Vec3A;
+use crate::math::{PI, Rgb, Vec3};
+use crate::wide::WideTree;
+use glam::{Vec3A, Vec4};
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::{Bvh2, builder::build_bvh2};
 use obvhs::{Boundable, BvhBuildParams};
@@ -50,8 +51,23 @@ impl Boundable for SurfacePhoton {
 
 /// The surface photons of a pass in a hierarchy of their kernels' bounds.
 pub struct SurfacePhotonMap {
+    tree: WideTree,
+    /// The leaves of the tree.
+    fours: Vec<Four>,
+    /// Leaf by leaf.
     photons: Vec<SurfacePhoton>,
-    bvh: Bvh2,
+}
+
+/// What decides whether the kernels of four photons cover a point, side by side.
+struct Four {
+    /// Index of the first photon.
+    first: usize,
+    point: [Vec4; 3],
+    ng: [Vec4; 3],
+    /// Squares of the radii; zero where there is no photon.
+    radius2: Vec4,
+    /// How far off the tangent plane photons may be.
+    off_plane: Vec4,
 }
 
 /// Photons whose surface is turned away further than this (cosine) from the one looked at belong to another surface.
@@ -62,42 +78,106 @@ const MAX_PLANE_DISTANCE: f32 = 0.25;
 impl SurfacePhotonMap {
     /// Build the map. Deterministic.
     pub fn new(photons: Vec<SurfacePhoton>) -> Self {
-        let bvh = build_bvh2(
-            &photons,
-            BvhBuildParams {
-                max_prims_per_leaf: 8,
-                ..BvhBuildParams::fastest_build()
-            },
-            &mut Duration::default(),
-        );
-        let order = &bvh.primitive_indices;
+        let params = BvhBuildParams {
+            max_prims_per_leaf: 1,
+            ..BvhBuildParams::fastest_build()
+        };
+        let binary = build_bvh2(&photons, params, &mut Duration::default());
+        let mut is_leaf = vec![false; binary.nodes.len()];
+        if !photons.is_empty() {
+            merge(&binary, 0, &mut is_leaf);
+        }
+        let mut fours: Vec<Four> = Vec::new();
+        let mut in_order: Vec<SurfacePhoton> = Vec::with_capacity(photons.len());
+        let tree = WideTree::new(&binary, &is_leaf, |index| {
+            let mut four = Four {
+                first: in_order.len(),
+                ..Four::EMPTY
+            };
+            let mut parts = vec![index];
+            let mut placed = 0;
+            while let Some(index) = parts.pop() {
+                let node = &binary.nodes[index];
+                let first = node.first_index as usize;
+                if !node.is_leaf() {
+                    parts.extend([first + 1, first]);
+                    continue;
+                }
+                let photon = photons[binary.primitive_indices[first] as usize];
+                four.set(placed, &photon);
+                placed += 1;
+                in_order.push(photon);
+            }
+            fours.push(four);
+            (fours.len() - 1) as u32
+        });
         Self {
-            photons: order.iter().map(|&i| photons[i as usize]).collect(),
-            bvh,
+            tree,
+            fours,
+            photons: in_order,
         }
     }
 
     /// Calls `visit(photon, kernel)` for every photon whose kernel covers the surface point; `kernel` is the 2D
     /// Epanechnikov kernel, 1/area, which integrates to 1 over a disc of the photon's radius.
     pub fn gather(&self, point: Vec3, ng: Vec3, mut visit: impl FnMut(&SurfacePhoton, f32)) {
-        self.bvh.point_traverse(Vec3A::from(point), |bvh, node| {
-            let node = &bvh.nodes[node as usize];
-            let first = node.first_index as usize;
-            for photon in &self.photons[first..first + node.prim_count as usize] {
-                let offset = photon.point - point;
-                let distance2 = offset.length_squared();
-                let radius2 = photon.radius * photon.radius;
-                if distance2 >= radius2
-                    || photon.ng.dot(ng) < MIN_NORMAL_COSINE
-                    || offset.dot(ng).abs() > MAX_PLANE_DISTANCE * photon.radius
-                {
-                    continue;
-                }
-                let x = distance2 / radius2;
-                visit(photon, 2.0 / (std::f32::consts::PI * radius2) * (1.0 - x));
+        self.tree.around_point(point, |leaf| {
+            let four = &self.fours[leaf as usize];
+            let (distance2, mut mask) = four.covering(point, ng);
+            while mask != 0 {
+                let i = mask.trailing_zeros() as usize & 3;
+                mask &= mask - 1;
+                let radius2 = four.radius2[i];
+                let x = distance2[i] / radius2;
+                let photon = &self.photons[four.first + i];
+                visit(photon, 2.0 / (PI * radius2) * (1.0 - x));
             }
-            true
         });
+    }
+}
+
+/// Marks the nodes of a binary tree that have up to four photons. Returns the number in this one.
+fn merge(binary: &Bvh2, index: usize, is_leaf: &mut [bool]) -> usize {
+    let node = &binary.nodes[index];
+    let first = node.first_index as usize;
+    let photons = match node.is_leaf() {
+        true => 1,
+        false => merge(binary, first, is_leaf) + merge(binary, first + 1, is_leaf),
+    };
+    is_leaf[index] = photons <= 4;
+    photons
+}
+
+impl Four {
+    const EMPTY: Self = Self {
+        first: 0,
+        point: [Vec4::ZERO; 3],
+        ng: [Vec4::ZERO; 3],
+        radius2: Vec4::ZERO,
+        off_plane: Vec4::ZERO,
+    };
+
+    fn set(&mut self, i: usize, photon: &SurfacePhoton) {
+        for axis in 0..3 {
+            self.point[axis][i] = photon.point[axis];
+            self.ng[axis][i] = photon.ng[axis];
+        }
+        self.radius2[i] = photon.radius * photon.radius;
+        self.off_plane[i] = MAX_PLANE_DISTANCE * photon.radius;
+    }
+
+    /// Squares of the photons' distances to a point, and which of their kernels cover it.
+    #[inline(always)]
+    fn covering(&self, point: Vec3, ng: Vec3) -> (Vec4, u32) {
+        let [px, py, pz] = self.point;
+        let (x, y, z) = (px - point.x, py - point.y, pz - point.z);
+        let distance2 = x * x + y * y + z * z;
+        let cos = self.ng[0] * ng.x + self.ng[1] * ng.y + self.ng[2] * ng.z;
+        let height = (x * ng.x + y * ng.y + z * ng.z).abs();
+        let covering = distance2.cmplt(self.radius2)
+            & cos.cmpge(Vec4::splat(MIN_NORMAL_COSINE))
+            & height.cmple(self.off_plane);
+        (distance2, covering.bitmask())
     }
 }
 

@@ -45,15 +45,11 @@ impl BoxRay {
     #[inline]
     fn new(origin: Vec3, dir: Vec3) -> Self {
         // Finite, so that there is no zero times infinity. What is replaced goes nowhere along that axis.
-        let least = (dir.abs().max_element() * 1e-12).max(1e-30);
-        let inverse = |d: f32| {
-            1.0 / if d.abs() < least {
-                least.copysign(d)
-            } else {
-                d
-            }
-        };
-        let inverse = [inverse(dir.x), inverse(dir.y), inverse(dir.z)];
+        let least = Vec4::splat((dir.abs().max_element() * 1e-12).max(1e-30));
+        let dir = dir.extend(1.0);
+        let none = dir.abs().cmplt(least);
+        let inverse = Vec4::select(none, least.copysign(dir), dir).recip();
+        let near = inverse.is_negative_bitmask();
         Self {
             origin: [
                 Vec4::splat(origin.x),
@@ -61,14 +57,14 @@ impl BoxRay {
                 Vec4::splat(origin.z),
             ],
             inverse: [
-                Vec4::splat(inverse[0]),
-                Vec4::splat(inverse[1]),
-                Vec4::splat(inverse[2]),
+                Vec4::splat(inverse.x),
+                Vec4::splat(inverse.y),
+                Vec4::splat(inverse.z),
             ],
             near: [
-                usize::from(inverse[0] < 0.0),
-                usize::from(inverse[1] < 0.0),
-                usize::from(inverse[2] < 0.0),
+                near as usize & 1,
+                near as usize >> 1 & 1,
+                near as usize >> 2 & 1,
             ],
         }
     }

@@ -77,14 +77,14 @@ impl Placement {
     /// The factor on all lengths, if there is one: the map is a similarity up to rounding.
     pub fn uniform_scale(&self) -> Option<f32> {
         let m = &self.render_from_object.matrix3;
-        let length = m.x_axis.length();
-        let tolerance = 1e-5 * length;
-        let even = (m.y_axis.length() - length).abs() <= tolerance
-            && (m.z_axis.length() - length).abs() <= tolerance
-            && m.x_axis.dot(m.y_axis).abs() <= tolerance * length
-            && m.y_axis.dot(m.z_axis).abs() <= tolerance * length
-            && m.z_axis.dot(m.x_axis).abs() <= tolerance * length;
-        even.then_some(length)
+        let length2 = m.x_axis.length_squared();
+        let tolerance = 1e-5 * length2;
+        let even = (m.y_axis.length_squared() - length2).abs() <= 2.0 * tolerance
+            && (m.z_axis.length_squared() - length2).abs() <= 2.0 * tolerance
+            && m.x_axis.dot(m.y_axis).abs() <= tolerance
+            && m.y_axis.dot(m.z_axis).abs() <= tolerance
+            && m.z_axis.dot(m.x_axis).abs() <= tolerance;
+        even.then(|| length2.sqrt())
     }
 
     /// How much a small area with object-space unit normal `n` grows.
@@ -395,6 +395,7 @@ fn turn(p: Vec2) -> f32 {
     phi / (2.0 * PI)
 }
 
+#[inline]
 fn mesh_uv(mesh: &Mesh, triangle: u32, w: Vec2) -> Vec2 {
     if mesh.uvs.is_empty() {
         return w;

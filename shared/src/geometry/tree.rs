@@ -121,7 +121,7 @@ struct Part {
 }
 
 /// What a node's test costs in tests of four triangles, shared between the binary nodes that it stands for.
-const NODE_COST: f32 = 0.5;
+const NODE_COST: f32 = 0.2;
 
 impl Builder<'_> {
     /// Decide what is a leaf: up to four triangles, where splitting them does not pay (the surface area heuristic).

@@ -13,11 +13,12 @@ pub(super) struct ShearedRay {
 }
 
 impl ShearedRay {
-    #[inline]
+    #[inline(always)]
     pub fn new(origin: Vec3, dir: Vec3) -> Self {
         let z = dir.abs().max_position();
         let (x, y) = ([1, 2, 0][z], [2, 0, 1][z]);
         let (x, y) = if dir[z] < 0.0 { (y, x) } else { (x, y) };
+        let shear = Vec4::new(dir[x], dir[y], 1.0, 1.0) / Vec4::splat(dir[z]);
         Self {
             axes: [x, y, z],
             origin: [
@@ -26,9 +27,9 @@ impl ShearedRay {
                 Vec4::splat(origin[z]),
             ],
             shear: [
-                Vec4::splat(dir[x] / dir[z]),
-                Vec4::splat(dir[y] / dir[z]),
-                Vec4::splat(1.0 / dir[z]),
+                Vec4::splat(shear.x),
+                Vec4::splat(shear.y),
+                Vec4::splat(shear.z),
             ],
         }
     }

@@ -231,8 +231,7 @@ impl CameraTracer<'_> {
         let (mut radiance, light) = self.light_sample(y, sampler, weight);
         record.add(Part::Surface, light, beta * radiance);
         // A facet that scatters diffusely has one share for all photons.
-        let is_even = y.hit.ns == y.hit.ng && matches!(y.bsdf, Bsdf::Diffuse { .. });
-        if !is_even || share(DEEPER_ODDS, y.local_wo) > 0.0 {
+        if !y.is_even() || share(DEEPER_ODDS, y.local_wo) > 0.0 {
             let weight = |_: &SurfacePhoton, wi: Vec3| share(DEEPER_ODDS, wi);
             radiance += self.photon_radiance(y, weight, beta, record);
         }
@@ -251,6 +250,24 @@ impl CameraTracer<'_> {
         let Some(photons) = self.photons else {
             return radiance;
         };
+        if x.is_even() {
+            // The same for all directions on the side of wo; nothing depends on the azimuth.
+            let f = x.value(x.local_wo, x.wo);
+            if f == Rgb::ZERO {
+                return radiance;
+            }
+            photons.gather(x.hit.point, x.hit.ng, |photon, kernel| {
+                let cos = x.hit.ng.dot(photon.wi);
+                if cos * x.local_wo.z <= 0.0 {
+                    return;
+                }
+                let weight = weight(photon, Vec3::new(0.0, 0.0, cos));
+                let reflected = f * photon.power * (kernel * weight);
+                radiance += reflected;
+                record.add_of_group(Part::Surface, photon.group, beta * reflected);
+            });
+            return radiance;
+        }
         photons.gather(x.hit.point, x.hit.ng, |photon, kernel| {
             let wi = x.frame.to_local(photon.wi);
             let cos_g = x.hit.ng.dot(photon.wi);
@@ -304,6 +321,14 @@ impl Vertex<'_> {
             None => f,
             Some(tilt) => f * tilt.shadowing(wi),
         }
+    }
+
+    /// Whether this is a facet that scatters diffusely.
+    #[inline]
+    fn is_even(&self) -> bool {
+        self.tilt.is_none()
+            && self.hit.ns == self.hit.ng
+            && matches!(self.bsdf, Bsdf::Diffuse { .. })
     }
 
     /// The medium that a ray from here enters: the one that the vertex was reached through, or the one beyond.

@@ -7,6 +7,7 @@ mod convergence;
 mod convert;
 mod explain;
 mod failure;
+mod figure;
 mod history;
 mod job;
 mod local;

@@ -1,5 +1,6 @@
 //! From error against time to slopes and times. All in log-log, where convergence is a straight line.
 
+use crate::figure::superscript;
 use serde::Serialize;
 
 /// Errors whose times are told.
@@ -149,21 +150,6 @@ pub fn power(value: f64) -> String {
         }
         None => text,
     }
-}
-
-/// An integer as an exponent.
-pub fn superscript(exponent: &str) -> String {
-    let raised = exponent.chars().map(|digit| match digit {
-        '-' => '\u{207b}',
-        '1' => '\u{b9}',
-        '2' => '\u{b2}',
-        '3' => '\u{b3}',
-        digit => digit
-            .to_digit(10)
-            .and_then(|d| char::from_u32(0x2070 + d))
-            .unwrap_or(digit),
-    });
-    raised.collect()
 }
 
 #[cfg(test)]

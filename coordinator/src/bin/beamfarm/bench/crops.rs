@@ -41,12 +41,22 @@ pub fn rows(scene: &SceneFindings) -> Result<Vec<Row>, Failure> {
             corners.extend(worst(image, &reference.image, corners[0]));
         }
     }
-    corners.iter().map(|at| row(scene, size, *at)).collect()
+    // All of it within the image; of a small one, the same of all.
+    let side = size.map(|side| side.min(SIDE));
+    for at in &mut corners {
+        *at = [0, 1].map(|i| at[i].min(size[i] - side[i]));
+    }
+    corners.dedup();
+    let row = |at: &[u32; 2]| row(scene, size, side, *at);
+    corners.iter().map(row).collect()
 }
 
-fn row(scene: &SceneFindings, size: [u32; 2], at: [u32; 2]) -> Result<Row, Failure> {
-    let side = size.map(|side| side.min(SIDE));
-    let at = [0, 1].map(|i| at[i].min(size[i] - side[i]));
+fn row(
+    scene: &SceneFindings,
+    size: [u32; 2],
+    side: [u32; 2],
+    at: [u32; 2],
+) -> Result<Row, Failure> {
     let cut = |image: &Film| crop(image, at, side);
     let mut pictures = Vec::new();
     let mut add = |caption: String, film: &Film, exposure: f32| -> Result<(), Failure> {

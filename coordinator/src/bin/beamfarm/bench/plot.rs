@@ -1,12 +1,10 @@
 //! Log-log plots as SVG. Colours are those of a light page; the page's style sheet finds them by their values and puts others
 //! in their place on a dark one.
 
-use super::analysis::superscript;
 use crate::failure::Failure;
-use plotters::coord::ranged1d::{KeyPointHint, NoDefaultFormatting, Ranged, ValueFormatter};
+use crate::figure::{Decades, FINE, fine, shown_at};
 use plotters::prelude::*;
 use plotters::style::RGBColor;
-use std::ops::Range;
 
 /// Colours after Okabe and Ito, told apart with any kind of colour vision; on light, and on dark ground.
 pub const PALETTE: [([u8; 3], &str); 6] = [
@@ -39,24 +37,29 @@ pub struct Curve {
     pub look: usize,
 }
 
-/// Dashes and gaps in pixels, and the width of the line.
+/// Dashes and gaps, and the width of the line.
 fn dashes(look: usize) -> (i32, i32, u32) {
-    [(1, 0, 3), (9, 5, 2), (2, 4, 2), (14, 4, 2), (5, 3, 2)][(look + look / PALETTE.len()) % 5]
+    let (dash, gap, width) =
+        [(1, 0, 3), (9, 5, 2), (2, 4, 2), (14, 4, 2), (5, 3, 2)][(look + look / PALETTE.len()) % 5];
+    (dash * FINE, gap * FINE, width * FINE as u32)
 }
 
-const RADIUS: i32 = 5;
+const RADIUS: i32 = 5 * FINE;
 
 /// Corners of the marker around the origin; nothing for a circle.
 fn marker(look: usize) -> Vec<(i32, i32)> {
-    let r = RADIUS;
+    let (r, one) = (RADIUS, FINE);
     match look % PALETTE.len() {
         0 => Vec::new(),
         1 => vec![(-r, -r), (r, -r), (r, r), (-r, r)],
-        2 => vec![(0, -r - 2), (r + 1, r - 1), (-r - 1, r - 1)],
-        3 => vec![(0, -r - 2), (r + 2, 0), (0, r + 2), (-r - 2, 0)],
-        4 => vec![(0, r + 2), (r + 1, 1 - r), (-r - 1, 1 - r)],
+        2 => vec![(0, -r - 2 * one), (r + one, r - one), (-r - one, r - one)],
+        3 => {
+            let long = r + 2 * one;
+            vec![(0, -long), (long, 0), (0, long), (-long, 0)]
+        }
+        4 => vec![(0, r + 2 * one), (r + one, one - r), (-r - one, one - r)],
         _ => {
-            let (a, b) = (r + 1, 2);
+            let (a, b) = (r + one, 2 * one);
             #[rustfmt::skip]
             let cross = vec![(-b, -a), (b, -a), (b, -b), (a, -b), (a, b), (b, b), (b, a), (-b, a), (-b, b), (-a, b), (-a, -b), (-b, -b)];
             cross
@@ -70,81 +73,15 @@ const SIZE: (u32, u32) = (540, 430);
 pub fn svg(curves: &[Curve], seconds: &str, error: &str) -> Result<Option<String>, Failure> {
     let points = || curves.iter().flat_map(|curve| &curve.points);
     let (Some(x), Some(y)) = (
-        range(points().map(|point| point.0)),
-        range(points().map(|point| point.1)),
+        Decades::around(points().map(|point| point.0)),
+        Decades::around(points().map(|point| point.1)),
     ) else {
         return Ok(None);
     };
     let mut text = String::new();
     draw(&mut text, curves, [x, y], seconds, error)
         .map_err(|message| Failure::io(format!("plot: {message}")))?;
-    Ok(Some(text))
-}
-
-/// A logarithmic axis with powers of ten for labels. plotters has one of its own, whose labels are plain numbers at places
-/// that depend on the size of the plot.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Decades {
-    /// Logarithms to base 10 of its ends.
-    low: f64,
-    high: f64,
-}
-
-/// The axis for these values: with room around them, and two powers of ten at least.
-fn range(values: impl Iterator<Item = f64>) -> Option<Decades> {
-    let logs = values.map(libm::log10);
-    let (low, high) = logs
-        .map(|v| (v, v))
-        .reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))?;
-    let room = 0.06 * (high - low) + 0.05;
-    let (low, high) = (low - room, high + room);
-    if high.floor() - low.ceil() >= 1.0 {
-        return Some(Decades { low, high });
-    }
-    let low = low.floor();
-    Some(Decades {
-        low,
-        high: high.ceil().max(low + 1.0),
-    })
-}
-
-impl Decades {
-    fn powers(self) -> impl Iterator<Item = i32> {
-        (self.low.floor() as i32)..=(self.high.ceil() as i32)
-    }
-}
-
-impl Ranged for Decades {
-    type FormatOption = NoDefaultFormatting;
-    type ValueType = f64;
-
-    fn map(&self, value: &f64, limit: (i32, i32)) -> i32 {
-        let at = (libm::log10(*value) - self.low) / (self.high - self.low);
-        limit.0 + (f64::from(limit.1 - limit.0) * at).round() as i32
-    }
-
-    fn key_points<Hint: KeyPointHint>(&self, hint: Hint) -> Vec<f64> {
-        let multiples = match hint.weight().allow_light_points() {
-            true => 2..10,
-            false => 1..2,
-        };
-        // A hair of tolerance, for ends that are powers of ten themselves.
-        let ends = self.low - 1e-9..=self.high + 1e-9;
-        let powers = self.powers().map(|power| libm::exp10(f64::from(power)));
-        let values = powers.flat_map(|power| multiples.clone().map(move |n| f64::from(n) * power));
-        values.filter(|v| ends.contains(&libm::log10(*v))).collect()
-    }
-
-    fn range(&self) -> Range<f64> {
-        libm::exp10(self.low)..libm::exp10(self.high)
-    }
-}
-
-impl ValueFormatter<f64> for Decades {
-    fn format(value: &f64) -> String {
-        let exponent = libm::log10(*value).round();
-        format!("10{}", superscript(&format!("{exponent:.0}")))
-    }
+    Ok(Some(shown_at(text, SIZE)))
 }
 
 fn draw(
@@ -155,24 +92,26 @@ fn draw(
     error: &str,
 ) -> Result<(), String> {
     let failed = |error: &dyn std::fmt::Display| error.to_string();
-    let area = SVGBackend::with_string(text, SIZE).into_drawing_area();
+    let area = SVGBackend::with_string(text, fine(SIZE)).into_drawing_area();
     let mut chart = ChartBuilder::on(&area)
-        .margin(10)
-        .margin_right(18)
-        .x_label_area_size(50)
-        .y_label_area_size(68)
+        .margin(10 * FINE)
+        .margin_right(18 * FINE)
+        .x_label_area_size(50 * FINE)
+        .y_label_area_size(68 * FINE)
         .build_cartesian_2d(x, y)
         .map_err(|e| failed(&e))?;
     let ink = colour(INK.0);
-    let font = |size: i32| TextStyle::from(("sans-serif", size)).color(&ink);
+    let thin = |c| colour(c).stroke_width(FINE as u32);
+    let font = TextStyle::from(("sans-serif", 17 * FINE)).color(&ink);
     chart
         .configure_mesh()
-        .bold_line_style(colour(GRID.0))
-        .light_line_style(colour(FAINT_GRID.0))
-        .axis_style(colour(INK.0))
-        .x_label_style(font(17))
-        .y_label_style(font(17))
-        .axis_desc_style(font(17))
+        .bold_line_style(thin(GRID.0))
+        .light_line_style(thin(FAINT_GRID.0))
+        .axis_style(thin(INK.0))
+        .set_all_tick_mark_size(5 * FINE)
+        .x_label_style(font.clone())
+        .y_label_style(font.clone())
+        .axis_desc_style(font)
         .x_desc(seconds)
         .y_desc(error)
         .draw()
@@ -224,10 +163,11 @@ pub fn swatch(look: usize) -> Result<String, Failure> {
     let failed = |error: &dyn std::fmt::Display| Failure::io(format!("plot: {error}"));
     let mut text = String::new();
     {
-        let area = SVGBackend::with_string(&mut text, SWATCH).into_drawing_area();
+        let area = SVGBackend::with_string(&mut text, fine(SWATCH)).into_drawing_area();
         let colour = colour(PALETTE[look % PALETTE.len()].0);
         let (dash, gap, width) = dashes(look);
-        let (left, right, middle) = (1, SWATCH.0 as i32 - 1, SWATCH.1 as i32 / 2);
+        let (right, height) = fine(SWATCH);
+        let (left, right, middle) = (FINE, right as i32 - FINE, height as i32 / 2);
         let mut from = left;
         while from < right {
             let to = if gap == 0 {
@@ -240,7 +180,7 @@ pub fn swatch(look: usize) -> Result<String, Failure> {
                 .map_err(|e| failed(&e))?;
             from = to + gap;
         }
-        let centre = (SWATCH.0 as i32 / 2, middle);
+        let centre = ((left + right) / 2, middle);
         let corners = marker(look);
         let drawn = match corners.is_empty() {
             true => area.draw(&Circle::new(centre, RADIUS, colour.filled())),
@@ -252,34 +192,12 @@ pub fn swatch(look: usize) -> Result<String, Failure> {
         drawn.map_err(|e| failed(&e))?;
         area.present().map_err(|e| failed(&e))?;
     }
-    Ok(text)
+    Ok(shown_at(text, SWATCH))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use plotters::coord::ranged1d::BoldPoints;
-
-    #[test]
-    fn axes_hold_their_values_and_two_powers_of_ten() {
-        let cases: [&[f64]; 6] = [
-            &[1.0],
-            &[0.5, 0.7],
-            &[1.0, 1e-3],
-            &[3.0, 200.0],
-            &[0.02, 0.08],
-            &[1e-9, 1e9],
-        ];
-        for values in cases {
-            let axis = range(values.iter().copied()).unwrap();
-            for v in values {
-                assert!((0..=1000).contains(&axis.map(v, (0, 1000))), "{values:?}");
-            }
-            let powers = axis.key_points(BoldPoints(9));
-            assert!(powers.len() >= 2, "{values:?}: {powers:?}");
-        }
-        assert_eq!(range(std::iter::empty()), None);
-    }
 
     #[test]
     fn plots_are_sound_svg() {
@@ -291,6 +209,8 @@ mod tests {
         let curves: Vec<Curve> = (0..8).map(curve).collect();
         let text = svg(&curves, "seconds", "relMSE").unwrap().unwrap();
         let document = roxmltree::Document::parse(&text).unwrap();
+        let width = document.root_element().attribute("width");
+        assert_eq!(width, Some(SIZE.0.to_string().as_str()));
         let texts: Vec<&str> = document
             .descendants()
             .filter_map(|node| node.text())

@@ -1,8 +1,9 @@
 //! The tables of a report, on a page and in a terminal.
 
-use super::analysis::{TARGETS, digits, fit, power, superscript, time_to, times_faster};
+use super::analysis::{TARGETS, digits, fit, power, time_to, times_faster};
 use super::record::{Record, SceneFindings};
 use super::suite::Point;
+use crate::figure::superscript;
 use comfy_table::presets::UTF8_FULL_CONDENSED;
 
 /// Text in rows; the first column says what a row is about.

@@ -7,7 +7,7 @@
 //! | camera inside of a beam, of glass, of a medium | here |
 //! | radius scales far out | `shared/src/radius.rs` to 1e12; pictures of pass 1e6 here |
 //! | scenes scaled by 1e-3 and 1e4 | here |
-//! | scenes moved by 1e5 | `scenes.rs`: in render space they are the same |
+//! | scenes moved by 1e5 | `scenes/places.rs`: in render space they are the same |
 //! | sigma_t of 0, also in one channel, and tiny | here |
 //! | sigma_t of 1e4 | here |
 //! | albedo of 1 | `furnace.rs`, and all of the furnaces here |

@@ -1,0 +1,7 @@
+//! The command as people and scripts run it: real processes.
+
+#![allow(clippy::unwrap_used)]
+
+mod bench;
+mod runs;
+mod setup;

@@ -1,0 +1,7 @@
+//! Lights: what they emit, and how they are sampled, against closed forms and against each other.
+
+mod choice;
+mod direct;
+mod emission;
+mod environment;
+mod setup;

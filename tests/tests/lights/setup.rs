@@ -1,0 +1,191 @@
+//! Lights and shapes of every kind.
+
+use beamfarm_shared::geometry::{Mesh, Object, Placement, Shape};
+use beamfarm_shared::layer::LightGroup;
+use beamfarm_shared::light::{Environment, Light, LightKind, SceneBounds};
+use beamfarm_shared::math::{Frame, Rgb, Vec3};
+use beamfarm_shared::sampler::{Purpose, Sampler};
+use beamfarm_shared::texture::Image;
+use glam::{Affine3A, Mat3};
+use std::sync::Arc;
+
+/// Chance of a false alarm per test function, if all is right and the seeds were new.
+pub const SIGNIFICANCE: f64 = 0.01;
+
+pub const SAMPLES: u64 = 200_000;
+
+pub const RADIANCE: Rgb = Rgb::new(3.0, 2.0, 0.5);
+
+pub const BOUNDS: SceneBounds = SceneBounds {
+    center: Vec3::new(1.0, -2.0, 0.5),
+    radius: 7.0,
+};
+
+pub fn light(kind: LightKind) -> Light {
+    Light {
+        name: String::new(),
+        kind,
+        group: LightGroup::named(""),
+    }
+}
+
+pub fn placement(map: Affine3A) -> Placement {
+    Placement {
+        render_from_object: map,
+        object_from_render: map.inverse(),
+    }
+}
+
+pub fn sphere(map: Affine3A) -> Shape {
+    Shape::Sphere {
+        placement: placement(map),
+        flip: false,
+    }
+}
+
+pub fn ball(center: Vec3, radius: f32) -> Shape {
+    sphere(Affine3A::from_translation(center) * Affine3A::from_scale(Vec3::splat(radius)))
+}
+
+pub fn disc(map: Affine3A) -> Shape {
+    Shape::Disc {
+        placement: placement(map),
+        flip: false,
+    }
+}
+
+pub fn cylinder(map: Affine3A, flip: bool) -> Shape {
+    Shape::Cylinder {
+        placement: placement(map),
+        flip,
+    }
+}
+
+pub fn mesh(positions: Vec<Vec3>, triangles: Vec<[u32; 3]>) -> Shape {
+    Shape::Mesh {
+        mesh: Arc::new(Mesh {
+            positions,
+            triangles,
+            ..Mesh::default()
+        }),
+        placement: Placement::IDENTITY,
+    }
+}
+
+/// A rectangle from one corner along two edges; its normal is their cross product.
+pub fn rectangle(corner: Vec3, a: Vec3, b: Vec3) -> Shape {
+    mesh(
+        vec![corner, corner + a, corner + a + b, corner + b],
+        vec![[0, 1, 2], [0, 2, 3]],
+    )
+}
+
+/// A tetrahedron around the origin, all corners at distance `size`.
+pub fn tetrahedron(center: Vec3, size: f32) -> Shape {
+    let corners = [[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]];
+    mesh(
+        corners
+            .iter()
+            .map(|c| center + Vec3::from(c.map(|x| x as f32)).normalize() * size)
+            .collect(),
+        vec![[0, 1, 2], [0, 2, 3], [0, 3, 1], [1, 3, 2]],
+    )
+}
+
+pub fn emitter(shape: Shape) -> (Vec<Object>, Light) {
+    let object = Object {
+        name: String::new(),
+        shape,
+        material: 0,
+        boundary: None,
+        light: Some(0),
+    };
+    let kind = LightKind::Area {
+        object: 0,
+        radiance: RADIANCE,
+    };
+    (vec![object], light(kind))
+}
+
+pub fn point(position: Vec3) -> Light {
+    light(LightKind::Point {
+        position,
+        intensity: RADIANCE,
+    })
+}
+
+pub fn spot(position: Vec3, axis: Vec3, beam_width: f32, cutoff: f32) -> Light {
+    light(LightKind::Spot {
+        position,
+        frame: Frame::from_normal(axis.normalize()),
+        intensity: RADIANCE,
+        cutoff: cutoff.to_radians(),
+        beam_width: beam_width.to_radians(),
+    })
+}
+
+pub fn sun(direction: Vec3) -> Light {
+    light(LightKind::Directional {
+        direction: direction.normalize(),
+        irradiance: RADIANCE,
+    })
+}
+
+pub fn sky(image: Option<Image>) -> Light {
+    let rotation = Mat3::from_rotation_y(0.7) * Mat3::from_rotation_x(-0.4);
+    let image = image.map(Arc::new);
+    light(LightKind::Environment(Environment::new(
+        image, RADIANCE, rotation,
+    )))
+}
+
+/// Pixels of random brightness, some black, one `peak` times as bright.
+pub fn speckled(width: u32, height: u32, peak: f32) -> Image {
+    let mut rng = Sampler::new(5, 0, Purpose::Test, 0);
+    let mut pixels: Vec<Rgb> = (0..width * height)
+        .map(|_| {
+            let lit = if rng.next_1d() < 0.5 { 0.0 } else { 1.0 };
+            Rgb::new(rng.next_1d(), rng.next_1d(), rng.next_1d()) * lit
+        })
+        .collect();
+    let at = pixels.len() / 3;
+    pixels[at] = Rgb::splat(peak);
+    Image {
+        width,
+        height,
+        pixels,
+    }
+}
+
+/// Shapes of every kind, with a name.
+pub fn shapes() -> Vec<(&'static str, Shape)> {
+    let tilt = Affine3A::from_axis_angle(Vec3::new(1.0, 2.0, -0.5).normalize(), 0.8);
+    let at = Affine3A::from_translation(Vec3::new(0.5, 0.3, -1.0));
+    vec![
+        ("ball", ball(Vec3::new(0.5, 0.3, -1.0), 0.4)),
+        (
+            "ellipsoid",
+            sphere(at * tilt * Affine3A::from_scale(Vec3::new(1.0, 0.3, 0.6))),
+        ),
+        (
+            "disc",
+            disc(at * tilt * Affine3A::from_scale(Vec3::new(0.8, 0.5, 1.0))),
+        ),
+        (
+            "cylinder",
+            cylinder(
+                at * tilt * Affine3A::from_scale(Vec3::new(0.3, 0.5, 1.2)),
+                false,
+            ),
+        ),
+        (
+            "rectangle",
+            rectangle(
+                Vec3::new(-1.0, 0.0, -0.5),
+                Vec3::new(1.2, 0.1, 0.0),
+                Vec3::new(0.3, 0.2, 0.9),
+            ),
+        ),
+        ("tetrahedron", tetrahedron(Vec3::new(0.5, 0.3, -1.0), 0.8)),
+    ]
+}

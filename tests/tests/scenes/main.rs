@@ -1,0 +1,6 @@
+//! Scenes that can be rendered mean what the format says.
+
+mod fields;
+mod lights;
+mod places;
+mod setup;

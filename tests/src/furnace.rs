@@ -2,6 +2,78 @@
 
 use crate::render::{average, scene_with};
 
+/// A ball of glass in [`closed_box`].
+pub const GLASS_BALL: &str = r#"
+[materials.glass]
+type = "dielectric"
+ior = 1.5
+[[shapes]]
+type = "sphere"
+center = [-0.3, -0.2, 0.0]
+radius = 0.4
+material = "glass"
+"#;
+
+/// A mirror beside it.
+pub const MIRROR_BALL: &str = r#"
+[materials.silver]
+type = "mirror"
+[[shapes]]
+type = "sphere"
+center = [0.5, -0.3, -0.2]
+radius = 0.3
+material = "silver"
+"#;
+
+/// What has more than one lobe, or lets light pass beside it, in the same box.
+pub const COATS_VEILS_AND_PANES: &str = r#"
+[materials.coat]
+type = "plastic"
+reflectance = 1.0
+[materials.veil]
+type = "diffuse"
+reflectance = 1.0
+two_sided = true
+opacity = 0.6
+[materials.pane]
+type = "thin_dielectric"
+ior = 1.5
+[[shapes]]
+type = "sphere"
+center = [-0.3, -0.2, 0.0]
+radius = 0.4
+material = "coat"
+[[shapes]]
+type = "sphere"
+center = [0.5, -0.3, -0.2]
+radius = 0.3
+material = "veil"
+[[shapes]]
+type = "rectangle"
+material = "pane"
+transform = [{ scale = 0.4 }, { rotate = { axis = [0, 1, 0], angle = 40 } }, { translate = [0.4, 0.4, 0.1] }]
+"#;
+
+/// A white ball and one of glass.
+pub const WHITE_AND_GLASS: &str = r#"
+[materials.white]
+type = "diffuse"
+reflectance = 1.0
+[materials.frosted]
+type = "dielectric"
+ior = 1.5
+[[shapes]]
+type = "sphere"
+center = [-0.6, 0.0, 0.0]
+radius = 0.5
+material = "white"
+[[shapes]]
+type = "sphere"
+center = [0.6, 0.0, 0.0]
+radius = 0.5
+material = "frosted"
+"#;
+
 /// Walls that reflect `rho` and emit the rest: a closed box whose inside has radiance 1.
 pub fn closed_box(rho: f32, rest: &str) -> String {
     format!(

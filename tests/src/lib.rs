@@ -10,6 +10,7 @@ pub mod fuzz;
 pub mod hard_cases;
 pub mod mitsuba;
 pub mod path_tracer;
+pub mod point_in_fog;
 pub mod quadrature;
 pub mod render;
 pub mod suite;

@@ -3,18 +3,10 @@
 //! Kernels lose a little light where they reach beyond an edge or a boundary, in proportion to their radius: the scenes
 //! name a small fixed radius, and the bounds below allow for what it costs.
 
-use beamfarm_tests::furnace::{closed_box, is_one, under_the_sky};
-
-const GLASS: &str = r#"
-[materials.glass]
-type = "dielectric"
-ior = 1.5
-[[shapes]]
-type = "sphere"
-center = [-0.3, -0.2, 0.0]
-radius = 0.4
-material = "glass"
-"#;
+use beamfarm_tests::furnace::{
+    COATS_VEILS_AND_PANES, GLASS_BALL, MIRROR_BALL, WHITE_AND_GLASS, closed_box, is_one,
+    under_the_sky,
+};
 
 #[test]
 fn closed_box_of_diffuse_walls() {
@@ -23,18 +15,9 @@ fn closed_box_of_diffuse_walls() {
 
 #[test]
 fn closed_box_with_glass_and_mirror() {
-    let mirror = r#"
-[materials.silver]
-type = "mirror"
-[[shapes]]
-type = "sphere"
-center = [0.5, -0.3, -0.2]
-radius = 0.3
-material = "silver"
-"#;
     is_one(
         "glass and mirror",
-        &closed_box(0.5, &format!("{GLASS}{mirror}")),
+        &closed_box(0.5, &format!("{GLASS_BALL}{MIRROR_BALL}")),
         &[],
         0.006,
     );
@@ -42,34 +25,7 @@ material = "silver"
 
 #[test]
 fn closed_box_with_coats_veils_and_panes() {
-    let things = r#"
-[materials.coat]
-type = "plastic"
-reflectance = 1.0
-[materials.veil]
-type = "diffuse"
-reflectance = 1.0
-two_sided = true
-opacity = 0.6
-[materials.pane]
-type = "thin_dielectric"
-ior = 1.5
-[[shapes]]
-type = "sphere"
-center = [-0.3, -0.2, 0.0]
-radius = 0.4
-material = "coat"
-[[shapes]]
-type = "sphere"
-center = [0.5, -0.3, -0.2]
-radius = 0.3
-material = "veil"
-[[shapes]]
-type = "rectangle"
-material = "pane"
-transform = [{ scale = 0.4 }, { rotate = { axis = [0, 1, 0], angle = 40 } }, { translate = [0.4, 0.4, 0.1] }]
-"#;
-    is_one("coats", &closed_box(0.5, things), &[], 0.006);
+    is_one("coats", &closed_box(0.5, COATS_VEILS_AND_PANES), &[], 0.006);
 }
 
 #[test]
@@ -86,7 +42,7 @@ phase = { type = "hg", g = 0.5 }
     is_one("fog", &closed_box(0.5, fog), &[], 0.012);
     is_one(
         "fog and glass",
-        &closed_box(0.5, &format!("{GLASS}{fog}")),
+        &closed_box(0.5, &format!("{GLASS_BALL}{fog}")),
         &[],
         0.015,
     );
@@ -94,25 +50,12 @@ phase = { type = "hg", g = 0.5 }
 
 #[test]
 fn white_surfaces_under_the_sky() {
-    let white = r#"
-[materials.white]
-type = "diffuse"
-reflectance = 1.0
-[materials.frosted]
-type = "dielectric"
-ior = 1.5
-[[shapes]]
-type = "sphere"
-center = [-0.6, 0.0, 0.0]
-radius = 0.5
-material = "white"
-[[shapes]]
-type = "sphere"
-center = [0.6, 0.0, 0.0]
-radius = 0.5
-material = "frosted"
-"#;
-    is_one("white and glass", &under_the_sky(white), &[], 0.006);
+    is_one(
+        "white and glass",
+        &under_the_sky(WHITE_AND_GLASS),
+        &[],
+        0.006,
+    );
 }
 
 #[test]

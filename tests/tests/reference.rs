@@ -10,7 +10,10 @@ use beamfarm_shared::job::ReferenceSettings;
 use beamfarm_shared::pass::render_pass;
 use beamfarm_shared::plan::{RenderPlan, Scene};
 use beamfarm_shared::reference::render_sample;
-use beamfarm_tests::furnace::{closed_box, under_the_sky};
+use beamfarm_tests::furnace::{
+    COATS_VEILS_AND_PANES, GLASS_BALL, MIRROR_BALL, WHITE_AND_GLASS, closed_box, under_the_sky,
+};
+use beamfarm_tests::point_in_fog::PointInFog;
 use beamfarm_tests::render::{Blocks, reference_images, scene, scene_with};
 use beamfarm_tests::z_test::two_sided;
 use beamfarm_tests::{MeanEstimate, Suite, mitsuba};
@@ -63,24 +66,6 @@ fn is_one(toml: &str) {
     is_everywhere(&images(&scene(toml), UNBOUNDED, 4), [1.0; 3]);
 }
 
-const BALLS: &str = r#"
-[materials.glass]
-type = "dielectric"
-ior = 1.5
-[materials.silver]
-type = "mirror"
-[[shapes]]
-type = "sphere"
-center = [-0.3, -0.2, 0.0]
-radius = 0.4
-material = "glass"
-[[shapes]]
-type = "sphere"
-center = [0.5, -0.3, -0.2]
-radius = 0.3
-material = "silver"
-"#;
-
 const FOG: &str = r#"
 [world]
 medium = "fog"
@@ -94,41 +79,14 @@ phase = { type = "blend", weight = 0.3, phases = [{ type = "hg", g = -0.5 }, { t
 #[test]
 fn closed_boxes_of_surfaces_are_furnaces() {
     is_one(&closed_box(0.6, ""));
-    is_one(&closed_box(0.5, BALLS));
-    let coats_veils_and_panes = r#"
-[materials.coat]
-type = "plastic"
-reflectance = 1.0
-[materials.veil]
-type = "diffuse"
-reflectance = 1.0
-two_sided = true
-opacity = 0.6
-[materials.pane]
-type = "thin_dielectric"
-ior = 1.5
-[[shapes]]
-type = "sphere"
-center = [-0.3, -0.2, 0.0]
-radius = 0.4
-material = "coat"
-[[shapes]]
-type = "sphere"
-center = [0.5, -0.3, -0.2]
-radius = 0.3
-material = "veil"
-[[shapes]]
-type = "rectangle"
-material = "pane"
-transform = [{ scale = 0.4 }, { rotate = { axis = [0, 1, 0], angle = 40 } }, { translate = [0.4, 0.4, 0.1] }]
-"#;
-    is_one(&closed_box(0.5, coats_veils_and_panes));
+    is_one(&closed_box(0.5, &format!("{GLASS_BALL}{MIRROR_BALL}")));
+    is_one(&closed_box(0.5, COATS_VEILS_AND_PANES));
 }
 
 #[test]
 fn closed_boxes_of_media_are_furnaces() {
     is_one(&closed_box(0.5, FOG));
-    is_one(&closed_box(0.5, &format!("{BALLS}{FOG}")));
+    is_one(&closed_box(0.5, &format!("{GLASS_BALL}{MIRROR_BALL}{FOG}")));
 }
 
 /// A furnace whose paths are bounded is a geometric series.
@@ -144,25 +102,7 @@ fn the_bound_counts_scatterings() {
 
 #[test]
 fn surfaces_under_the_sky_are_furnaces() {
-    let white = r#"
-[materials.white]
-type = "diffuse"
-reflectance = 1.0
-[materials.glass]
-type = "dielectric"
-ior = 1.5
-[[shapes]]
-type = "sphere"
-center = [-0.6, 0.0, 0.0]
-radius = 0.5
-material = "white"
-[[shapes]]
-type = "sphere"
-center = [0.6, 0.0, 0.0]
-radius = 0.5
-material = "glass"
-"#;
-    is_one(&under_the_sky(white));
+    is_one(&under_the_sky(WHITE_AND_GLASS));
 }
 
 /// Media within media, within glass, and behind cut-outs, with densities that vary and without: nothing absorbs.
@@ -289,49 +229,17 @@ transform = [{ scale = 0.02 }]
     suite.finish();
 }
 
-const LIGHT: DVec3 = DVec3::new(0.3, 0.4, -1.0);
-const INTENSITY: [f64; 3] = [3.0, 2.0, 1.0];
-const SIGMA_S: [f64; 3] = [0.3, 0.9, 0.1];
-const SIGMA_A: [f64; 3] = [0.2, 0.5, 0.0];
-const G: f64 = 0.4;
-const SIZE: usize = 24;
+const SIZE: usize = PointInFog::SIZE;
+const FOG_AROUND: PointInFog = PointInFog {
+    sigma_s: [0.3, 0.9, 0.1],
+    sigma_a: [0.2, 0.5, 0.0],
+};
 
 /// Paths that are scattered once are the integral of single scattering, however dense the fog.
 #[test]
 fn a_point_light_in_fog_is_the_integral_along_the_ray() {
-    let toml = format!(
-        r#"
-[image]
-width = {SIZE}
-height = {SIZE}
-[world]
-medium = "fog"
-[camera]
-origin = [0.0, 0.0, 2.0]
-target = [0.0, 0.0, 0.0]
-fov = 60.0
-[media.fog]
-type = "homogeneous"
-sigma_a = {SIGMA_A:?}
-sigma_s = {SIGMA_S:?}
-phase = {{ type = "hg", g = {G} }}
-[materials.black]
-type = "diffuse"
-reflectance = 0.0
-[[shapes]]
-type = "cube"
-flip_normals = true
-material = "black"
-transform = [ {{ scale = 3.0 }} ]
-[[lights]]
-type = "point"
-position = {:?}
-intensity = {INTENSITY:?}
-"#,
-        LIGHT.to_array()
-    );
     let side = 4;
-    let scene = scene(&toml);
+    let scene = scene(&FOG_AROUND.scene());
     let got = Blocks::new(reference_images(&scene, bounded(1), 64, 16), side);
     // Significance 1e-3. Blocks near the light, where the variance is infinite, are left out. Rounding of the quadrature
     // and of single precision: 1e-3.
@@ -341,7 +249,7 @@ intensity = {INTENSITY:?}
         let (mut expected, mut nearest) = (DVec3::ZERO, f64::INFINITY);
         for p in 0..side * side {
             let corner = DVec2::new((bx * side + p % side) as f64, (by * side + p / side) as f64);
-            let (integral, distance) = pixel_integral(corner);
+            let (integral, distance) = FOG_AROUND.pixel_integral(corner);
             expected += integral / (side * side) as f64;
             nearest = nearest.min(distance);
         }
@@ -354,44 +262,6 @@ intensity = {INTENSITY:?}
         }
     }
     suite.finish();
-}
-
-/// Radiance through a pixel, over 4 x 4 rays, and the nearest that one of them comes to the light.
-fn pixel_integral(corner: DVec2) -> (DVec3, f64) {
-    let origin = DVec3::new(0.0, 0.0, 2.0);
-    let tan = libm::tan(30f64.to_radians());
-    let (mut sum, mut nearest) = (DVec3::ZERO, f64::INFINITY);
-    for i in 0..16 {
-        let sub = DVec2::new(f64::from(i % 4) + 0.5, f64::from(i / 4) + 0.5) / 4.0;
-        let p = (corner + sub) / SIZE as f64 * 2.0 - 1.0;
-        let dir = DVec3::new(p.x * tan, -p.y * tan, -1.0).normalize();
-        // To the wall of the box [-3, 3]^3.
-        let walls = (0..3).map(|axis| (3f64.copysign(dir[axis]) - origin[axis]) / dir[axis]);
-        let length = walls.fold(f64::INFINITY, f64::min);
-        let middle = (LIGHT - origin).dot(dir);
-        let height = (origin + dir * middle - LIGHT).length();
-        nearest = nearest.min(height);
-        // t = middle + height tan(a) makes the integrand smooth.
-        let from = libm::atan2(-middle, height);
-        let to = libm::atan2(length - middle, height);
-        let steps = 400;
-        for k in 0..steps {
-            let a = from + (to - from) * (f64::from(k) + 0.5) / f64::from(steps);
-            let t = middle + height * libm::tan(a);
-            let from_light = origin + dir * t - LIGHT;
-            let distance = from_light.length();
-            let cos = -from_light.dot(dir) / distance;
-            let q = 1.0 + G * G - 2.0 * G * cos;
-            let phase = (1.0 - G * G) / (4.0 * std::f64::consts::PI * q * q.sqrt());
-            // dt = distance^2 / height da, which cancels the square of the distance.
-            let step = (to - from) / f64::from(steps) / height;
-            for c in 0..3 {
-                let tr = libm::exp(-(SIGMA_A[c] + SIGMA_S[c]) * (t + distance));
-                sum[c] += SIGMA_S[c] * phase * tr * INTENSITY[c] * step;
-            }
-        }
-    }
-    (sum / 16.0, nearest)
 }
 
 /// Fog in colours, lit by a lamp in sight, with a mirror, a shiny ball, a cloud within a boundary and a paper with holes.

@@ -184,6 +184,8 @@ impl Four {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::sampler::{Purpose, Sampler};
+    use crate::warp;
 
     #[test]
     fn kernel_integrates_to_one_over_the_plane() {
@@ -206,5 +208,46 @@ mod tests {
             map.gather(p, Vec3::Z, |_, k| sum += k as f64);
         }
         assert!((sum / (n * n) as f64 - 1.0).abs() < 1e-3, "{sum}");
+    }
+
+    /// Photons on a bent surface with radii of all sizes: the map finds those that looking at each of them finds.
+    #[test]
+    fn photons_are_those_found_one_by_one() {
+        let mut sampler = Sampler::new(1, 0, Purpose::Test, 1);
+        for number in [0, 1, 3, 4, 5, 600] {
+            let photons: Vec<SurfacePhoton> = (0..number)
+                .map(|_| {
+                    let n = warp::uniform_sphere(sampler.next_2d());
+                    SurfacePhoton {
+                        point: n,
+                        ng: n,
+                        wi: n,
+                        power: Rgb::splat(sampler.next_1d()),
+                        radius: 0.6 * sampler.next_1d(),
+                        arrival: Arrival::Surface,
+                        odds: 1.0,
+                        group: 0,
+                    }
+                })
+                .collect();
+            let map = SurfacePhotonMap::new(photons.clone());
+            for _ in 0..300 {
+                let ng = warp::uniform_sphere(sampler.next_2d());
+                let point = ng * 1.01;
+                let mut found: Vec<u32> = Vec::new();
+                map.gather(point, ng, |p, _| found.push(p.power.x.to_bits()));
+                let covers = |p: &&SurfacePhoton| {
+                    let offset = p.point - point;
+                    offset.length() < p.radius
+                        && p.ng.dot(ng) >= MIN_NORMAL_COSINE
+                        && offset.dot(ng).abs() <= MAX_PLANE_DISTANCE * p.radius
+                };
+                let expected = photons.iter().filter(covers);
+                let mut expected: Vec<u32> = expected.map(|p| p.power.x.to_bits()).collect();
+                found.sort_unstable();
+                expected.sort_unstable();
+                assert_eq!(found, expected);
+            }
+        }
     }
 }

@@ -181,3 +181,74 @@ impl Builder<'_> {
         Leaf::Four((fours.len() - 1) as u32)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::Vec2;
+    use crate::sampler::{Purpose, Sampler};
+    use crate::warp;
+
+    /// Triangles large and small, all over the place and on top of each other: the tree finds what looking at each of them
+    /// finds, and anything at all where there is something.
+    #[test]
+    fn hits_are_those_of_all_triangles_one_by_one() {
+        let mut sampler = Sampler::new(1, 0, Purpose::Test, 0);
+        let point = |sampler: &mut Sampler| {
+            let Vec2 { x, y } = sampler.next_2d();
+            Vec3::new(x, y, sampler.next_1d())
+        };
+        for triangles in [1, 2, 3, 5, 40, 1000] {
+            let mut items = Vec::new();
+            for number in 0..triangles {
+                let a = point(&mut sampler);
+                let size = if number % 7 == 0 { 1.0 } else { 0.1 };
+                let b = a + (point(&mut sampler) - 0.5) * size;
+                // Some are flat along an axis, some lie in the same place.
+                let c = a + (point(&mut sampler) - 0.5) * size * Vec3::new(1.0, 1.0, 0.0);
+                let id = TriangleId {
+                    object: number % 3,
+                    triangle: number,
+                };
+                items.push(Item::Triangle(id, [a, b, c]));
+                if number % 11 == 0 {
+                    items.push(Item::Triangle(id, [a, b, c]));
+                }
+            }
+            let tree = Tree::new(&items);
+            let mut met = 0;
+            for _ in 0..2000 {
+                let origin = point(&mut sampler) * 3.0 - 1.0;
+                let dir = match sampler.next_1d() < 0.2 {
+                    true => Vec3::AXES[sampler.next_u32() as usize % 3],
+                    false => warp::uniform_sphere(sampler.next_2d()),
+                };
+                let t_max = 4.0 * sampler.next_1d();
+                let ignore = |object: u32| object == 2;
+                let sheared = ShearedRay::new(origin, dir);
+                let mut nearest: Option<f32> = None;
+                for item in &items {
+                    let Item::Triangle(id, corners) = item else {
+                        continue;
+                    };
+                    let mut four = Four::EMPTY;
+                    four.set(0, *id, *corners);
+                    let t_max = nearest.unwrap_or(t_max);
+                    if let Some(hit) = four.intersect(&sheared, t_max, &ignore) {
+                        nearest = Some(hit.t);
+                    }
+                }
+                let found = tree.search::<false, ()>(origin, dir, t_max, &ignore, |_, _| None);
+                let t = found.map(|hit| match hit {
+                    TreeHit::Triangle(hit) => hit.t,
+                    TreeHit::Other(()) => f32::NAN,
+                });
+                assert_eq!(t, nearest, "{triangles} triangles, {origin} to {dir}");
+                let any = tree.search::<true, ()>(origin, dir, t_max, &ignore, |_, _| None);
+                assert_eq!(any.is_some(), nearest.is_some());
+                met += usize::from(nearest.is_some());
+            }
+            assert!(met > 0 || triangles < 40);
+        }
+    }
+}

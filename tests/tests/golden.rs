@@ -7,8 +7,8 @@ use beamfarm_shared::pass::render_pass;
 use beamfarm_shared::plan::RenderPlan;
 use beamfarm_tests::render::{average, scene};
 
-const FOG_HASH: &str = "e1e4d93b4438313f789f0882594eff7a60ad22078d4320f4b193409751bc8213";
-const SMOKE_HASH: &str = "52742fa7519e571ebfad2e5be2cc3c899dde03bd9e772441873a0e958605e801";
+const FOG_HASH: &str = "6accab3bafc015472aba2be5816b78605f4025a202d442e7ed67cf9114c57cc5";
+const SMOKE_HASH: &str = "bc233676271e74837701e0977da5e9dba863e23879c3239fc2d1956acc879256";
 const SURFACES_HASH: &str = "50d840054a9ac1b796904053ac87a7d6b3cfdd562d251794ad25a73568051f54";
 
 const FOG: &str = r#"

@@ -177,8 +177,7 @@ fn every_kind_of_vectors_gives_the_same_bits() {
     }
 }
 
-/// A list of one beam is compared with blocks only; a map of one is compared with little else. So beams that are
-/// found one by one, in maps of their own, are what must be found among all.
+/// Bundles of segments must find what each of them finds alone, and that must be what is there.
 #[test]
 fn no_beam_is_passed_over() {
     let medium = fog(Rgb::splat(0.1), Rgb::splat(0.4), Phase::Isotropic);

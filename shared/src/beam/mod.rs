@@ -1,6 +1,7 @@
 //! Photon beams: [`trace`] makes them, [`store`] keeps them, [`estimate`] turns them into radiance.
 
 pub mod estimate;
+mod order;
 pub mod store;
 pub mod trace;
 mod varying;

@@ -1,33 +1,83 @@
-//! The beams of a pass, laid out for evaluation, and their bounds, laid out for search.
+//! The beams of a pass, laid out for evaluation, and pieces of them, laid out for search.
 
 use super::PhotonBeam;
 use super::estimate::{LANES, Lanes};
+use super::order::arrange;
+use crate::math::Vec3;
 use crate::medium::transmittance::StepFunctions;
+use rayon::prelude::*;
+
+/// Pieces that a beam of mean length is cut into: bounds of pieces that are near each other are tight, those of long beams are
+/// not.
+const PIECES: f32 = 8.0;
+
+/// The most pieces of one beam.
+const MAX_PIECES: u32 = 64;
+
+/// Rounding of distances, relative to coordinates.
+pub(super) const ROUNDING: f32 = 4e-6;
 
 /// The beams of one pass.
 pub struct BeamMap {
     beams: Vec<PhotonBeam>,
     steps: StepFunctions,
     /// By medium.
-    bounds: Vec<BoundsColumns>,
+    media: Vec<Tree>,
+}
+
+/// Pieces of the beams in one medium, neighbours alike, and bounds of every [`LANES`] of them, of every [`LANES`] of these, and
+/// so on: a hierarchy without pointers.
+#[derive(Default)]
+pub(super) struct Tree {
+    pub pieces: PieceList,
+    /// The lowest first; the last has one chunk.
+    pub levels: Vec<Vec<Cluster>>,
+}
+
+/// A piece of a beam: its kernel's cylinder between two distances from the beam's origin.
+#[derive(Clone, Copy)]
+pub(super) struct Piece {
+    pub middle: Vec3,
+    pub dir: Vec3,
+    pub range: PieceRange,
+    /// Of the kernel, at most.
+    radius: f32,
+}
+
+/// Which part of which beam a piece is.
+#[derive(Clone, Copy, Default)]
+pub(super) struct PieceRange {
+    /// In the map.
+    pub beam: u32,
+    /// From `start`, exclusive, to `end` from the beam's origin.
+    pub start: f32,
+    pub end: f32,
 }
 
 impl BeamMap {
     /// Build the map. `steps`: transmittance along the beams in heterogeneous media.
     pub fn new(beams: Vec<PhotonBeam>, steps: StepFunctions) -> Self {
-        let mut bounds: Vec<BoundsColumns> = Vec::new();
+        let mut media: Vec<Vec<Piece>> = Vec::new();
+        let lengths: f64 = beams
+            .iter()
+            .map(|beam| f64::from(beam.extent[1] - beam.extent[0]))
+            .sum();
+        let length = (lengths / beams.len().max(1) as f64) as f32 / PIECES;
         for (i, beam) in beams.iter().enumerate() {
             let medium = usize::from(beam.medium);
-            if bounds.len() <= medium {
-                bounds.resize_with(medium + 1, BoundsColumns::default);
+            if media.len() <= medium {
+                media.resize_with(medium + 1, Vec::new);
             }
-            bounds[medium].push(beam, i as u32);
+            media[medium].extend(beam.pieces(i as u32, length));
         }
-        bounds.iter_mut().for_each(BoundsColumns::pad);
+        let tree = |mut pieces: Vec<Piece>| {
+            order(&mut pieces, length);
+            Tree::new(&pieces)
+        };
         Self {
-            bounds,
             beams,
             steps,
+            media: media.into_iter().map(tree).collect(),
         }
     }
 
@@ -41,121 +91,291 @@ impl BeamMap {
         &self.steps
     }
 
-    /// Bounds of the beams in a medium, if there are any.
-    pub(super) fn bounds(&self, medium: u16) -> Option<&BoundsColumns> {
-        self.bounds.get(usize::from(medium))
+    /// The beams in a medium, if there are any.
+    pub(super) fn tree(&self, medium: u16) -> Option<&Tree> {
+        self.media.get(usize::from(medium))
     }
 
     /// Memory that the map holds, bytes.
     pub fn bytes(&self) -> usize {
         size_of_val(&self.beams[..])
-            + self.bounds.iter().map(BoundsColumns::bytes).sum::<usize>()
+            + self.media.iter().map(Tree::bytes).sum::<usize>()
             + self.steps.bytes()
     }
 }
 
-/// Where a beam is, its kernel included: a cylinder.
+/// Neighbours alike, in parts of the sizes that a [`Tree`] has. `length`: how long pieces are; as far as directions move
+/// their ends, so much do they count.
+fn order(pieces: &mut [Piece], length: f32) {
+    let place = |piece: &Piece| {
+        let [x, y, z] = piece.middle.to_array();
+        let [dx, dy, dz] = (piece.dir * (0.5 * length)).to_array();
+        [x, y, z, dx, dy, dz]
+    };
+    let number = |piece: &Piece| {
+        let PieceRange { beam, start, .. } = piece.range;
+        // Neither is negative but the start of the first piece, and that is before all others.
+        (u64::from(beam) << 32) | u64::from(start.max(0.0).to_bits())
+    };
+    let finer = |pieces: usize| {
+        let larger = std::iter::successors(Some(LANES), |size| Some(size * LANES));
+        larger.take_while(|size| *size < pieces).last()
+    };
+    arrange(pieces, pieces.len(), finer, &place, &number);
+    pieces
+        .par_chunks_mut(LANES)
+        .for_each(|chunk| chunk.sort_by_key(number));
+}
+
+impl PhotonBeam {
+    /// Pieces about as long as `length`.
+    fn pieces(&self, index: u32, length: f32) -> impl Iterator<Item = Piece> {
+        let [start, end] = self.extent;
+        let count = ((end - start) / length)
+            .ceil()
+            .clamp(1.0, MAX_PIECES as f32) as u32;
+        let at = move |n: u32| match n == count {
+            true => end,
+            false => start + (end - start) * (n as f32 / count as f32),
+        };
+        let beam = *self;
+        (0..count).map(move |n| {
+            let (start, end) = (at(n), at(n + 1));
+            Piece {
+                middle: beam.origin + beam.dir * (0.5 * (start + end)),
+                dir: beam.dir,
+                range: PieceRange {
+                    beam: index,
+                    start,
+                    end,
+                },
+                radius: beam.radius_at(start).max(beam.radius_at(end)),
+            }
+        })
+    }
+}
+
+/// Where a piece of a beam is, its kernel included: a cylinder.
 #[derive(Clone, Copy)]
-pub(super) struct BeamBounds {
-    pub origin: [f32; 3],
+pub(super) struct Bounds {
+    pub middle: [f32; 3],
     pub dir: [f32; 3],
     pub radius: f32,
-    pub start: f32,
-    pub end: f32,
+    /// Half the length.
+    pub half: f32,
 }
 
-/// Bounds of beams, column by column, so that they can be compared with a bundle of segments at the rate of vector code: a
-/// hierarchy of boxes around pieces of beams finds no quicker what a tile of the image sees, and takes longer to build.
-#[derive(Default)]
-pub(super) struct BoundsColumns {
-    /// Origin, direction, radius, start, end: padded to whole vectors, with radii of minus infinity, which nothing meets.
-    columns: [Vec<f32>; COLUMNS],
-    /// Of the beams in the map.
-    indices: Vec<u32>,
+/// Values of [`Bounds`], for as many as there are lanes.
+pub(super) type Rows = [Lanes; 8];
+const RADIUS: usize = 6;
+
+/// Where several pieces are.
+#[derive(Clone)]
+pub(super) struct Cluster {
+    pub rows: Rows,
+    /// How far middles and directions may be from the ones given.
+    pub ranges: [Lanes; 2],
+    /// What follows from these: the radius of a ball around all of it; how far a line that meets a piece, kernel included, may
+    /// be from the line given, times the sine; how much farther than half the length the nearest point may be from the
+    /// middle, times the sine squared.
+    pub reach: [Lanes; 3],
 }
 
-const COLUMNS: usize = 9;
-const PADDING: [f32; COLUMNS] = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, f32::NEG_INFINITY, 0.0, 0.0];
+impl Bounds {
+    /// Of nothing: nothing meets it.
+    const NONE: Self = Self {
+        middle: [0.0; 3],
+        dir: [0.0; 3],
+        radius: f32::NEG_INFINITY,
+        half: 0.0,
+    };
 
-/// Bounds of as many beams as there are lanes.
-pub(super) struct BoundsChunk<'a>([&'a Lanes; COLUMNS]);
-
-impl BoundsColumns {
-    fn push(&mut self, beam: &PhotonBeam, index: u32) {
-        let ([px, py, pz], [bx, by, bz]) = (beam.origin.to_array(), beam.dir.to_array());
-        let [start, end] = beam.extent;
-        let values = [px, py, pz, bx, by, bz, beam.max_radius(), start, end];
-        for (column, value) in self.columns.iter_mut().zip(values) {
-            column.push(value);
-        }
-        self.indices.push(index);
+    fn rows(self) -> [f32; 8] {
+        let ([px, py, pz], [bx, by, bz]) = (self.middle, self.dir);
+        [px, py, pz, bx, by, bz, self.radius, self.half]
     }
 
-    fn pad(&mut self) {
-        let length = self.indices.len().next_multiple_of(LANES);
-        for (column, padding) in self.columns.iter_mut().zip(PADDING) {
-            column.resize(length, padding);
+    /// [`Cluster::reach`].
+    fn reach(self, [middles, dirs]: [f32; 2]) -> [f32; 3] {
+        let [px, py, pz] = self.middle;
+        let ball = self.half + self.radius + middles + ROUNDING * (px.abs() + py.abs() + pz.abs());
+        // Directions turn the pieces about their middles, which are no farther from a line that meets them than this.
+        let slack = middles + dirs * (ball + middles) + ROUNDING * (px.abs() + py.abs() + pz.abs());
+        [
+            ball,
+            self.radius + slack,
+            slack + self.half * (2.0 * dirs + dirs * dirs),
+        ]
+    }
+
+    /// One of those side by side.
+    #[inline(always)]
+    pub fn of_lane(rows: &Rows, lane: usize) -> Self {
+        let row = |n: usize| rows[n][lane];
+        Self {
+            middle: [row(0), row(1), row(2)],
+            dir: [row(3), row(4), row(5)],
+            radius: row(RADIUS),
+            half: row(7),
         }
+    }
+}
+
+impl Piece {
+    fn half(&self) -> f32 {
+        0.5 * (self.range.end - self.range.start)
+    }
+}
+
+impl Tree {
+    fn new(pieces: &[Piece]) -> Self {
+        let mut tree = Self::default();
+        for piece in pieces {
+            let bounds = Bounds {
+                middle: piece.middle.to_array(),
+                dir: piece.dir.to_array(),
+                radius: piece.radius,
+                half: piece.half(),
+            };
+            tree.pieces.push(piece.range, bounds);
+        }
+        let mut size = LANES;
+        while size < pieces.len() {
+            let chunks = pieces.par_chunks(size * LANES);
+            tree.levels
+                .push(chunks.map(|all| Cluster::of(all, size)).collect());
+            size *= LANES;
+        }
+        tree
+    }
+
+    fn bytes(&self) -> usize {
+        let levels = self.levels.iter().map(|level| size_of_val(&level[..]));
+        self.pieces.bytes() + levels.sum::<usize>()
+    }
+}
+
+impl Cluster {
+    /// Bounds of every so many pieces.
+    fn of(pieces: &[Piece], size: usize) -> Self {
+        let mut cluster = Self {
+            rows: Bounds::NONE.rows().map(|x| [x; LANES]),
+            ranges: [[0.0; LANES]; 2],
+            reach: [[f32::NEG_INFINITY; LANES]; 3],
+        };
+        for (lane, pieces) in pieces.chunks(size).enumerate() {
+            let (bounds, ranges) = Self::around(pieces);
+            for (row, value) in cluster.rows.iter_mut().zip(bounds.rows()) {
+                row[lane] = value;
+            }
+            for (row, value) in cluster.ranges.iter_mut().zip(ranges) {
+                row[lane] = value;
+            }
+            for (row, value) in cluster.reach.iter_mut().zip(bounds.reach(ranges)) {
+                row[lane] = value;
+            }
+        }
+        cluster
+    }
+
+    fn around(pieces: &[Piece]) -> (Bounds, [f32; 2]) {
+        let centre = |of: fn(&Piece) -> Vec3| {
+            let bounds = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+            let grow = |(min, max): (Vec3, Vec3), v: Vec3| (min.min(v), max.max(v));
+            let (min, max) = pieces.iter().map(of).fold(bounds, grow);
+            0.5 * (min + max)
+        };
+        let middle = centre(|piece| piece.middle);
+        // The middle of opposite directions is none: any will do.
+        let dir = centre(|piece| piece.dir).normalize_or(Vec3::X);
+        let mut bounds = Bounds {
+            middle: middle.to_array(),
+            dir: dir.to_array(),
+            radius: f32::NEG_INFINITY,
+            half: 0.0,
+        };
+        let (mut middles, mut dirs) = (0.0f32, 0.0f32);
+        for piece in pieces {
+            bounds.radius = bounds.radius.max(piece.radius);
+            bounds.half = bounds.half.max(piece.half());
+            middles = middles.max(piece.middle.distance(middle));
+            dirs = dirs.max(piece.dir.distance(dir));
+        }
+        // With room for rounding.
+        (bounds, [1.0001 * middles, 1.0001 * dirs])
+    }
+}
+
+/// Pieces with their bounds, as many side by side as there are lanes, so that they can be compared with segments at the rate of
+/// vector code.
+#[derive(Default)]
+pub(super) struct PieceList {
+    /// Unused lanes of the last hold [`Bounds::NONE`].
+    chunks: Vec<Rows>,
+    ranges: Vec<PieceRange>,
+    radii: f32,
+}
+
+impl PieceList {
+    fn push(&mut self, range: PieceRange, bounds: Bounds) {
+        let lane = self.ranges.len() % LANES;
+        if lane == 0 {
+            self.chunks.push(Bounds::NONE.rows().map(|x| [x; LANES]));
+        }
+        if let Some(chunk) = self.chunks.last_mut() {
+            for (row, value) in chunk.iter_mut().zip(bounds.rows()) {
+                row[lane] = value;
+            }
+        }
+        self.ranges.push(range);
+        self.radii += bounds.radius;
     }
 
     /// Keep those at these positions of another list.
     #[inline(always)]
     pub fn select(&mut self, from: &Self, positions: &[u32]) {
-        let length = positions.len().next_multiple_of(LANES);
-        let columns = self.columns.iter_mut().zip(&from.columns);
-        for ((column, from), padding) in columns.zip(PADDING) {
-            column.clear();
-            column.resize(length, padding);
-            // Without a branch for positions that cannot be: vector code.
-            for (value, &at) in column.iter_mut().zip(positions) {
-                *value = from.get(at as usize).copied().unwrap_or(padding);
+        self.chunks.clear();
+        self.ranges.clear();
+        self.radii = 0.0;
+        for group in positions.chunks(LANES) {
+            let mut chunk = [[0.0; LANES]; 8];
+            chunk[RADIUS] = [Bounds::NONE.radius; LANES];
+            for (lane, &at) in group.iter().enumerate() {
+                let rows = &from.chunks[at as usize / LANES];
+                for n in 0..chunk.len() {
+                    chunk[n][lane] = rows[n][at as usize % LANES];
+                }
+                self.radii += chunk[RADIUS][lane];
+                self.ranges.push(from.ranges[at as usize]);
             }
-        }
-        self.indices.clear();
-        self.indices.resize(positions.len(), 0);
-        for (index, &at) in self.indices.iter_mut().zip(positions) {
-            *index = from.indices.get(at as usize).copied().unwrap_or(0);
+            self.chunks.push(chunk);
         }
     }
 
-    /// Number of beams.
+    /// Number of pieces.
     #[inline(always)]
     pub fn len(&self) -> usize {
-        self.indices.len()
+        self.ranges.len()
     }
 
-    /// Indices of the beams in the map.
-    #[inline(always)]
-    pub fn indices(&self) -> &[u32] {
-        &self.indices
+    /// Mean of the kernels' radii; 0 of none.
+    pub fn mean_radius(&self) -> f32 {
+        self.radii / self.len().max(1) as f32
     }
 
-    /// Bounds side by side. The last beams may be none, which nothing meets.
+    /// Which parts of which beams the pieces are.
     #[inline(always)]
-    pub fn chunks(&self) -> impl Iterator<Item = BoundsChunk<'_>> {
-        let columns = self
-            .columns
-            .each_ref()
-            .map(|column| column.as_chunks::<LANES>().0);
-        (0..columns[0].len()).map(move |i| BoundsChunk(columns.map(|column| &column[i])))
+    pub fn ranges(&self) -> &[PieceRange] {
+        &self.ranges
+    }
+
+    /// Bounds side by side.
+    #[inline(always)]
+    pub fn chunks(&self) -> &[Rows] {
+        &self.chunks
     }
 
     fn bytes(&self) -> usize {
-        let columns: usize = self.columns.iter().map(|c| size_of_val(&c[..])).sum();
-        columns + size_of_val(&self.indices[..])
-    }
-}
-
-impl BoundsChunk<'_> {
-    #[inline(always)]
-    pub fn get(&self, lane: usize) -> BeamBounds {
-        let [px, py, pz, bx, by, bz, radius, start, end] = self.0;
-        BeamBounds {
-            origin: [px[lane], py[lane], pz[lane]],
-            dir: [bx[lane], by[lane], bz[lane]],
-            radius: radius[lane],
-            start: start[lane],
-            end: end[lane],
-        }
+        size_of_val(&self.chunks[..]) + size_of_val(&self.ranges[..])
     }
 }

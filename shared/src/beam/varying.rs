@@ -162,15 +162,56 @@ impl<'a> Varying<'a> {
                 out.transmitted[c][l] *= transmitted[c][l];
             }
         }
+        self.tint::<GREY>(&points, &mut out);
+        out
+    }
+
+    /// The same for the first segment and several beams, in which `hit` is 1.
+    #[inline(always)]
+    pub fn along_first<const GREY: bool>(
+        &self,
+        beam_steps: &[u32; LANES],
+        hit: &[u32; LANES],
+        t: &Lanes,
+        s: &Lanes,
+    ) -> Attenuation {
+        let channels = if GREY { 1 } else { 3 };
+        let mut points = [[0.0; LANES]; 3];
+        for c in 0..3 {
+            for l in 0..LANES {
+                points[c][l] = self.origin[c][0] + self.dir[c][0] * t[l];
+            }
+        }
+        let mut out = Attenuation {
+            density: self.bricks.densities(&points),
+            transmitted: [[1.0; LANES]; 3],
+            depth: [0.0; LANES],
+        };
+        for l in 0..LANES {
+            if hit[l] != 0 {
+                let (along_segment, segment_depth) = self.segments[0].step_at(t[l]);
+                let (along_beam, beam_depth) = self.beams.get(beam_steps[l]).step_at(s[l]);
+                out.depth[l] = segment_depth + beam_depth;
+                for c in 0..channels {
+                    out.transmitted[c][l] = along_segment[c] * along_beam[c];
+                }
+            }
+        }
+        self.tint::<GREY>(&points, &mut out);
+        out
+    }
+
+    /// Multiplies by the albedo where it varies.
+    #[inline(always)]
+    fn tint<const GREY: bool>(&self, points: &[Lanes; 3], out: &mut Attenuation) {
         if !GREY && let Some(albedo) = self.albedo {
-            let albedo = albedo.at(&points);
+            let albedo = albedo.at(points);
             for c in 0..3 {
                 for l in 0..LANES {
                     out.transmitted[c][l] *= albedo[c][l];
                 }
             }
         }
-        out
     }
 
     /// Density, albedo where it varies, and transmittance for a point at `t` along a segment and `s` along a beam.

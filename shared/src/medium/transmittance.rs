@@ -403,7 +403,8 @@ impl StepFunction<'_> {
     pub fn step_at(&self, distance: f32) -> (Rgb, f32) {
         let n = self.distances.partition_point(|d| *d <= distance).max(1) - 1;
         let step = &self.steps[n];
-        let depth = step.depth + step.decay * (distance - self.distances[n]);
+        // In this order the depths of many distances are had from two numbers of the step.
+        let depth = (step.depth - step.decay * self.distances[n]) + step.decay * distance;
         (step.value, depth)
     }
 

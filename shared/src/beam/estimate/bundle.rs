@@ -1,6 +1,7 @@
 //! Which beams may matter to a bundle of segments.
 
-use super::super::store::BeamBounds;
+use super::super::store::{Bounds, Cluster};
+use super::search::Probe;
 use super::{CameraSegment, NEARLY_PARALLEL_SIN};
 use crate::math::Vec3;
 
@@ -58,53 +59,92 @@ impl Bundle {
         self.dir_length > 0.3
     }
 
-    /// Whether some segment may meet the beam: comes within its radius between its
-    /// ends. Never false for one that does.
+    /// How far apart the segments are, half way along the longest.
+    pub fn spread(&self) -> f32 {
+        self.origin_range + 0.5 * self.length * self.dir_length
+    }
+
+    /// Whether some segment may meet a piece whose middle and direction are within `ranges` of the ones given: comes within its
+    /// radius between its ends. Never false for one that does.
     ///
-    /// The lines are |m . d| / |d x b| apart with m = b x w, w from o to the beam's origin, and nearest at
-    /// s = (c w.d - w.b) / sin^2 along the beam and t = (w.d - c w.b) / sin^2 along the segment. All are compared times
+    /// The lines are |m . d| / |d x b| apart with m = b x w, w from o to the piece's middle, and nearest at
+    /// s = (c w.d - w.b) / sin^2 along the piece and t = (w.d - c w.b) / sin^2 along the segment. All are compared times
     /// the sine or its square, and with as much slack as o and d may deviate.
     #[inline(always)]
-    pub fn may_meet(&self, beam: BeamBounds) -> bool {
+    fn may_meet_any<const CLUSTER: bool>(&self, piece: Bounds, ranges: [f32; 2]) -> bool {
         let (o, d) = (self.origin, self.dir);
-        let ([px, py, pz], [bx, by, bz]) = (beam.origin, beam.dir);
+        let ([px, py, pz], [bx, by, bz]) = (piece.middle, piece.dir);
         let (wx, wy, wz) = (px - o[0], py - o[1], pz - o[2]);
         let (mx, my, mz) = (by * wz - bz * wy, bz * wx - bx * wz, bx * wy - by * wx);
         let (ax, ay, az) = (mx.abs(), my.abs(), mz.abs());
         let w_dot_b = wx * bx + wy * by + wz * bz;
         let w_length = wx.abs() + wy.abs() + wz.abs();
+        let ends = piece.half + piece.half;
 
         let least = (mx * d[0] + my * d[1] + mz * d[2]).abs();
         let cos = d[0] * bx + d[1] * by + d[2] * bz;
         let w_dot_d = d[0] * wx + d[1] * wy + d[2] * wz;
         let sin2 = 1.0 - cos * cos;
-        let sin = (if sin2 > 0.0 { sin2 } else { 0.0 }).sqrt() + SIN_ROUNDING + self.dir_length;
-        let reach = (beam.radius + self.origin_range) * sin
-            + (ax * self.dir_range[0] + ay * self.dir_range[1] + az * self.dir_range[2])
+        let mut sin = (if sin2 > 0.0 { sin2 } else { 0.0 }).sqrt() + SIN_ROUNDING + self.dir_length;
+        let mut moment_slack = ax * self.dir_range[0]
+            + ay * self.dir_range[1]
+            + az * self.dir_range[2]
             + 2e-6 * w_length
             + self.origin_slack;
-        // s sin^2 - end sin^2, and how much its gradient by d lets it vary; what is of second order goes into the slack.
+        // s sin^2, and how much its gradient by d lets it vary; what is of second order goes into the slack.
         let s_sin2 = cos * w_dot_d - w_dot_b;
         let [hx, hy, hz] = self.dir_range;
         let along = (bx * w_dot_d + wx * cos).abs() * hx
             + (by * w_dot_d + wy * cos).abs() * hy
             + (bz * w_dot_d + wz * cos).abs() * hz;
-        let slack = along
-            + (w_length + beam.start.abs() + beam.end.abs()) * self.second_order
-            + self.origin_slack;
+        let mut slack = along + (w_length + ends) * self.second_order + self.origin_slack;
         let turn = 2.0 * cos.abs() * (bx.abs() * hx + by.abs() * hy + bz.abs() * hz);
-        let after = s_sin2 - beam.start * sin2 >= -(slack + beam.start.abs() * turn);
-        let before = s_sin2 - beam.end * sin2 <= slack + beam.end.abs() * turn;
+        let mut margin =
+            piece.radius + (w_length + ends) * (self.dir_length + 1e-5) + self.origin_slack;
+        let mut near = true;
+        if CLUSTER {
+            // What changes by the pieces' deviations. Directions turn the pieces about their middles, so that they matter as
+            // much as these are away from the segment.
+            let [middle, dir] = ranges;
+            let (ux, uy, uz) = (
+                wx - w_dot_d * d[0],
+                wy - w_dot_d * d[1],
+                wz - w_dot_d * d[2],
+            );
+            let away = (ux * ux + uy * uy + uz * uz).sqrt();
+            let range = middle + self.origin_range + (w_length + middle) * (self.dir_length + 1e-5);
+            let most = dir * (away + range) + middle;
+            near = away <= piece.half + piece.radius + range;
+            moment_slack += most;
+            slack += most + piece.half * (2.0 * dir + dir * dir);
+            margin += middle + ends * dir;
+            sin += dir;
+        }
+        let reach = (piece.radius + self.origin_range) * sin + moment_slack;
+        let within = s_sin2.abs() - piece.half * sin2 <= slack + piece.half * turn;
         // Chords reach beyond the nearest points.
-        let parallel = sin < NEARLY_PARALLEL_SIN + 2.0 * (SIN_ROUNDING + self.dir_length);
+        let mut parallel_below = NEARLY_PARALLEL_SIN + 2.0 * (SIN_ROUNDING + self.dir_length);
+        if CLUSTER {
+            parallel_below += 2.0 * ranges[1];
+        }
+        let parallel = sin < parallel_below;
 
-        // The beam must not be all behind the segments, nor all beyond their ends.
-        let (t0, t1) = (w_dot_d + beam.start * cos, w_dot_d + beam.end * cos);
-        let (near, far) = if t0 < t1 { (t0, t1) } else { (t1, t0) };
-        let margin = beam.radius
-            + (w_length + beam.start.abs() + beam.end.abs()) * (self.dir_length + 1e-5)
-            + self.origin_slack;
-        let ahead = (far + margin >= 0.0) & (near - margin <= self.length);
-        (least <= reach) & ahead & (parallel | (after & before))
+        // The piece must not be all behind the segments, nor all beyond their ends.
+        let extent = piece.half * cos.abs();
+        let ahead = (w_dot_d + extent + margin >= 0.0) & (w_dot_d - extent - margin <= self.length);
+        (least <= reach) & near & ahead & (parallel | within)
+    }
+}
+
+impl Probe for Bundle {
+    #[inline(always)]
+    fn may_meet_cluster(&self, cluster: &Cluster, lane: usize) -> bool {
+        let ranges = [cluster.ranges[0][lane], cluster.ranges[1][lane]];
+        self.may_meet_any::<true>(Bounds::of_lane(&cluster.rows, lane), ranges)
+    }
+
+    #[inline(always)]
+    fn may_meet(&self, piece: Bounds) -> bool {
+        self.may_meet_any::<false>(piece, [0.0; 2])
     }
 }

@@ -1,13 +1,14 @@
 //! The chord estimate, for segments that are nearly parallel to a beam.
 
 use super::super::PhotonBeam;
+use super::super::store::PieceRange;
 use super::LANES;
 use super::line::{Block, Shared};
 use crate::math::{PI, Rgb, Vec3, exp_rgb_neg};
 use crate::sampler::mix64;
 
 /// Strata of a chord.
-const CHORD_POINTS: u32 = 4;
+const CHORD_POINTS: u32 = 2;
 
 impl Block<'_> {
     /// Adds the chord estimate of these lanes, which are nearly parallel to the beam.
@@ -16,28 +17,50 @@ impl Block<'_> {
     pub fn add_chords(
         &mut self,
         shared: &Shared,
-        beam: &PhotonBeam,
-        index: u32,
+        beams: &[PhotonBeam],
+        piece: PieceRange,
         lanes: &[u32; LANES],
     ) {
-        for (l, segment) in self.segments.iter().enumerate() {
-            if lanes[l] == 0 {
-                continue;
-            }
-            let u = mix64(shared.key ^ mix64(((index as u64) << 32) | segment.pixel as u64));
-            let u = (u >> 40) as f32 * (1.0 / (1u32 << 24) as f32);
-            let value = self.chord_estimate(shared, beam, l, u);
-            if value != Rgb::ZERO {
-                self.evaluations[l] += 1;
-                for c in 0..3 {
-                    self.radiance[c][l] += value[c];
-                }
+        // What is found in unused lanes is nothing.
+        for (l, chord) in lanes.iter().enumerate().take(self.segments.len()) {
+            if *chord != 0 {
+                self.add_chord(shared, beams, piece, l);
             }
         }
     }
 
-    /// Radiance of one beam, blurred over discs across it, along a segment. `u` in [0, 1) places the stratified points.
-    fn chord_estimate(&self, shared: &Shared, beam: &PhotonBeam, lane: usize, u: f32) -> Rgb {
+    /// Adds the chord estimate of one lane.
+    #[inline(never)]
+    pub fn add_chord(
+        &mut self,
+        shared: &Shared,
+        beams: &[PhotonBeam],
+        piece: PieceRange,
+        lane: usize,
+    ) {
+        let pixel = self.segments[lane].pixel;
+        let u = mix64(shared.key ^ mix64(((piece.beam as u64) << 32) | pixel as u64));
+        let u = (u >> 40) as f32 * (1.0 / (1u32 << 24) as f32);
+        let beam = &beams[piece.beam as usize];
+        let value = self.chord_estimate(shared, beam, [piece.start, piece.end], lane, u);
+        if value != Rgb::ZERO {
+            self.evaluations[lane] += 1;
+            for c in 0..3 {
+                self.radiance[c][lane] += value[c];
+            }
+        }
+    }
+
+    /// Radiance of one beam over a range of it, blurred over discs across it, along a segment. `u` in [0, 1) places the
+    /// stratified points.
+    fn chord_estimate(
+        &self,
+        shared: &Shared,
+        beam: &PhotonBeam,
+        [start, end]: [f32; 2],
+        lane: usize,
+        u: f32,
+    ) -> Rgb {
         let segment = &self.segments[lane];
         let ray = &segment.ray;
         // In the beam's frame the ray is at distance |across + t across_dir| from the axis, at s = along + t cos.
@@ -46,12 +69,11 @@ impl Block<'_> {
         let along = offset.dot(beam.dir);
         let across = offset - beam.dir * along;
         let across_dir = ray.dir - beam.dir * cos;
-        let radius = beam.max_radius();
+        let radius = beam.radius_at(start).max(beam.radius_at(end));
         let Some((near, far)) = cylinder_range(across, across_dir, radius) else {
             return Rgb::ZERO;
         };
         // Both ends of the beam; cos is close to 1 or -1 here.
-        let [start, end] = beam.extent;
         let (s0, s1) = ((start - along) / cos, (end - along) / cos);
         let near = near.max(s0.min(s1)).max(0.0);
         let far = far.min(s0.max(s1)).min(segment.length);

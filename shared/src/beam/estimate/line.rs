@@ -4,6 +4,7 @@
 #![allow(clippy::needless_range_loop)]
 
 use super::super::PhotonBeam;
+use super::super::store::PieceRange;
 use super::super::varying::Varying;
 use super::{CameraSegment, Gather, LANES, Lanes, NEARLY_PARALLEL_SIN2};
 use crate::math::{PI, Rgb, Vec3, exp_neg};
@@ -24,6 +25,109 @@ pub(super) struct Shared<'a> {
     pub key: u64,
 }
 
+/// How the lines of a beam and a segment lie to each other. With w from the segment's origin to the beam's, d and b their
+/// directions, they are nearest at t = (w.d - c w.b) / sin^2 along the segment and s = (c w.d - w.b) / sin^2 along the beam,
+/// |w.(d x b)| / sin apart.
+#[derive(Clone, Copy)]
+pub(super) struct Meeting {
+    /// d.b
+    pub cos: f32,
+    /// Distance of the lines, times the sine.
+    pub offset: f32,
+    pub w_dot_d: f32,
+    pub w_dot_b: f32,
+}
+
+/// Where two lines are nearest.
+#[derive(Clone, Copy)]
+pub(super) struct Nearest {
+    /// Along the segment.
+    pub t: f32,
+    /// Along the beam.
+    pub s: f32,
+    /// Distance over radius, squared.
+    pub x: f32,
+    /// Kernel over sine, m^-1, where x < 1.
+    pub value: f32,
+}
+
+impl Meeting {
+    /// Of a segment and a beam.
+    #[inline(always)]
+    pub fn new(origin: Vec3, dir: Vec3, beam_origin: [f32; 3], beam_dir: [f32; 3]) -> Self {
+        let ([px, py, pz], [bx, by, bz]) = (beam_origin, beam_dir);
+        let (wx, wy, wz) = (px - origin.x, py - origin.y, pz - origin.z);
+        let mx = by * wz - bz * wy;
+        let my = bz * wx - bx * wz;
+        let mz = bx * wy - by * wx;
+        Self {
+            cos: dir.x * bx + dir.y * by + dir.z * bz,
+            offset: dir.x * mx + dir.y * my + dir.z * mz,
+            w_dot_d: dir.x * wx + dir.y * wy + dir.z * wz,
+            w_dot_b: wx * bx + wy * by + wz * bz,
+        }
+    }
+
+    /// The sine squared.
+    #[inline(always)]
+    pub fn sin2(self) -> f32 {
+        1.0 - self.cos * self.cos
+    }
+
+    /// Distance along the segment, times the sine squared.
+    #[inline(always)]
+    pub fn t_sin2(self) -> f32 {
+        self.w_dot_d - self.cos * self.w_dot_b
+    }
+
+    /// Distance along the beam, times the sine squared.
+    #[inline(always)]
+    pub fn s_sin2(self) -> f32 {
+        self.cos * self.w_dot_d - self.w_dot_b
+    }
+
+    /// Whether the chord is to be integrated: the lines are nearly parallel, and within the radius of each other somewhere
+    /// between `start` and `end` along the beam.
+    #[inline(always)]
+    pub fn is_chord(self, radius: f32, start: f32, end: f32) -> bool {
+        let sin2 = self.sin2();
+        // With room for what the sine of the smallest angles is off by.
+        let reach = radius * (sin2 + 1e-5).sqrt();
+        (sin2 < NEARLY_PARALLEL_SIN2)
+            & (self.offset.abs() <= 1.005 * reach)
+            & (self.s_sin2() + reach >= start * sin2)
+            & (self.s_sin2() - reach <= end * sin2)
+    }
+
+    /// Distance of the lines against the largest radius, without a division, where the 1D estimate is due.
+    #[inline(always)]
+    pub fn is_reached(self, radius: f32) -> bool {
+        (self.offset * self.offset < radius * radius * self.sin2())
+            & (self.sin2() >= NEARLY_PARALLEL_SIN2)
+    }
+
+    /// For a beam's radius and its slope.
+    #[inline(always)]
+    pub fn nearest(self, radius: f32, radius_slope: f32) -> Nearest {
+        // One division serves both 1 / sin^2 and 1 / radius.
+        let sin2 = self.sin2();
+        let s_sin2 = self.s_sin2();
+        let r_sin2 = radius * sin2 + radius_slope * s_sin2;
+        let inv = 1.0 / (sin2 * r_sin2);
+        let inv_sin2 = inv * r_sin2;
+        let inv_r_sin2 = inv * sin2;
+        // (u / r)^2 with u = offset / sin.
+        let x = self.offset * inv_r_sin2;
+        let x = x * x * sin2;
+        Nearest {
+            t: self.t_sin2() * inv_sin2,
+            s: s_sin2 * inv_sin2,
+            x,
+            value: 0.75 * (1.0 - x) * sin2.sqrt() * inv_r_sin2,
+        }
+    }
+}
+
 /// What the estimate needs of a beam, and of the origin that the segments share.
 pub(super) struct BeamLine {
     origin: Vec3,
@@ -33,16 +137,13 @@ pub(super) struct BeamLine {
     w_dot_dir: f32,
     /// dir x w: its product with a segment's direction is the distance of the lines times the sine.
     moment: Vec3,
-    max_radius2: f32,
+    max_radius: f32,
     radius: f32,
     radius_slope: f32,
-    start: f32,
-    end: f32,
     /// Times sigma_s.
     power: Rgb,
     pub steps: u32,
-    /// The beam's, in the map.
-    index: u32,
+    piece: PieceRange,
 }
 
 /// Segments side by side, and what is gathered along them.
@@ -75,24 +176,36 @@ impl<'a> Shared<'a> {
         }
     }
 
+    /// The phase function, for the cosine between segment and beam: light that travels along the beam is turned towards the
+    /// camera, against the segment.
     #[inline(always)]
-    pub fn line(&self, beam: &PhotonBeam, index: u32) -> BeamLine {
+    pub fn phase<const LOBES: usize>(&self, cos: f32) -> f32 {
+        let [first, second] = &self.lobes;
+        match LOBES {
+            0 => 1.0 / (4.0 * PI),
+            1 => first.eval(-cos),
+            _ => first.eval(-cos) + second.eval(-cos),
+        }
+    }
+
+    /// A piece of one of the beams.
+    #[inline(always)]
+    pub fn line(&self, beams: &[PhotonBeam], piece: PieceRange) -> BeamLine {
+        let beam = &beams[piece.beam as usize];
         let w = beam.origin - self.origin;
-        let max_radius = beam.max_radius();
+        let max_radius = beam.radius_at(piece.start).max(beam.radius_at(piece.end));
         BeamLine {
             origin: beam.origin,
             dir: beam.dir,
             w,
             w_dot_dir: w.dot(beam.dir),
             moment: beam.dir.cross(w),
-            max_radius2: max_radius * max_radius,
+            max_radius,
             radius: beam.radius,
             radius_slope: beam.radius_slope,
-            start: beam.extent[0],
-            end: beam.extent[1],
             power: beam.power * self.sigma_s,
             steps: beam.steps,
-            index,
+            piece,
         }
     }
 }
@@ -100,17 +213,20 @@ impl<'a> Shared<'a> {
 impl<'a> Block<'a> {
     /// At most as many segments as there are lanes.
     pub fn new(gather: &Gather<'a>, segments: &'a [CameraSegment]) -> Self {
-        let lane = |f: &dyn Fn(&CameraSegment) -> f32, unused: f32| {
-            let mut lanes = [unused; LANES];
-            for (lane, segment) in lanes.iter_mut().zip(segments) {
-                *lane = f(segment);
+        let (mut dir, mut origin) = ([[0.0; LANES]; 3], [[0.0; LANES]; 3]);
+        let mut length = [0.0; LANES];
+        dir[0] = [1.0; LANES];
+        for (l, segment) in segments.iter().enumerate().take(LANES) {
+            for c in 0..3 {
+                dir[c][l] = segment.ray.dir[c];
+                origin[c][l] = segment.ray.origin[c];
             }
-            lanes
-        };
+            length[l] = segment.length;
+        }
         Self {
-            dir: [0, 1, 2].map(|c| lane(&|s| s.ray.dir[c], if c == 0 { 1.0 } else { 0.0 })),
-            origin: [0, 1, 2].map(|c| lane(&|s| s.ray.origin[c], 0.0)),
-            length: lane(&|s| s.length, 0.0),
+            dir,
+            origin,
+            length,
             radiance: [[0.0; LANES]; 3],
             evaluations: [0; LANES],
             segments,
@@ -135,15 +251,12 @@ impl<'a> Block<'a> {
     ) {
         let mut chords = [0; LANES];
         if self.add_beam::<GREY, LOBES, VARYING, PINHOLE>(shared, line, &mut chords) {
-            self.add_chords(shared, &beams[line.index as usize], line.index, &chords);
+            self.add_chords(shared, beams, line.piece, &chords);
         }
     }
 
-    /// Adds one beam by the 1D estimate. `PINHOLE`: the segments share the origin that the line is for. `chords`: which lanes are nearly parallel
-    /// to the beam and near it. True: some are.
-    ///
-    /// With c the cosine between segment and beam, w from origin to origin, the nearest points of the lines are at
-    /// t = (w.d - c w.b) / sin^2 along the segment and s = (c w.d - w.b) / sin^2 along the beam, |w.(d x b)| / sin apart.
+    /// Adds one beam by the 1D estimate. `PINHOLE`: the segments share the origin that the line is for. `chords`: which
+    /// lanes are nearly parallel to the beam and near it. True: some are.
     #[inline(always)]
     fn add_beam<const GREY: bool, const LOBES: usize, const VARYING: bool, const PINHOLE: bool>(
         &mut self,
@@ -152,14 +265,12 @@ impl<'a> Block<'a> {
         chords: &mut [u32; LANES],
     ) -> bool {
         let (p, b) = (line.origin, line.dir);
-        let (start, end) = (line.start, line.end);
+        let (start, end) = (line.piece.start, line.piece.end);
         let [ox, oy, oz] = &self.origin;
         let [dx, dy, dz] = &self.dir;
 
-        // Distance of the lines against the largest radius, without a division.
-        let (mut cos, mut sin2) = ([0.0; LANES], [0.0; LANES]);
-        let (mut offset, mut w_dot_d) = ([0.0; LANES], [0.0; LANES]);
-        let mut w_dot_b = [line.w_dot_dir; LANES];
+        let (mut cos, mut offset) = ([0.0; LANES], [0.0; LANES]);
+        let (mut w_dot_d, mut w_dot_b) = ([0.0; LANES], [line.w_dot_dir; LANES]);
         let mut reached = [0u32; LANES];
         for l in 0..LANES {
             let (mut wx, mut wy, mut wz) = (line.w.x, line.w.y, line.w.z);
@@ -174,12 +285,14 @@ impl<'a> Block<'a> {
             cos[l] = dx[l] * b.x + dy[l] * b.y + dz[l] * b.z;
             offset[l] = dx[l] * mx + dy[l] * my + dz[l] * mz;
             w_dot_d[l] = dx[l] * wx + dy[l] * wy + dz[l] * wz;
-            sin2[l] = 1.0 - cos[l] * cos[l];
-            // With room for what the sine of the smallest angles is off by.
-            chords[l] = (sin2[l] < NEARLY_PARALLEL_SIN2) as u32
-                & (offset[l] * offset[l] <= 1.01 * line.max_radius2 * (sin2[l] + 1e-5)) as u32;
-            reached[l] = (offset[l] * offset[l] < line.max_radius2 * sin2[l]) as u32
-                & (sin2[l] >= NEARLY_PARALLEL_SIN2) as u32;
+            let meeting = Meeting {
+                cos: cos[l],
+                offset: offset[l],
+                w_dot_d: w_dot_d[l],
+                w_dot_b: w_dot_b[l],
+            };
+            chords[l] = meeting.is_chord(line.max_radius, start, end) as u32;
+            reached[l] = meeting.is_reached(line.max_radius) as u32;
         }
         // Rays from everywhere mostly miss.
         if !PINHOLE && !any(&reached) {
@@ -190,36 +303,22 @@ impl<'a> Block<'a> {
         let (mut value, mut depth) = ([0.0; LANES], [0.0; LANES]);
         let mut hit = [0u32; LANES];
         for l in 0..LANES {
-            // One division serves both 1 / sin^2 and 1 / radius.
-            let s_sin2 = cos[l] * w_dot_d[l] - w_dot_b[l];
-            let r_sin2 = line.radius * sin2[l] + line.radius_slope * s_sin2;
-            let inv = 1.0 / (sin2[l] * r_sin2);
-            let inv_sin2 = inv * r_sin2;
-            let inv_r_sin2 = inv * sin2[l];
-            let t = (w_dot_d[l] - cos[l] * w_dot_b[l]) * inv_sin2;
-            let s = s_sin2 * inv_sin2;
-            // (u / r)^2 with u = offset / sin.
-            let x = offset[l] * inv_r_sin2;
-            let x = x * x * sin2[l];
+            let meeting = Meeting {
+                cos: cos[l],
+                offset: offset[l],
+                w_dot_d: w_dot_d[l],
+                w_dot_b: w_dot_b[l],
+            };
+            let at = meeting.nearest(line.radius, line.radius_slope);
             hit[l] = reached[l]
-                & (t > 0.0) as u32
-                & (t < self.length[l]) as u32
-                & (s > start) as u32
-                & (s < end) as u32
-                & (x < 1.0) as u32;
-            let mut v = 0.75 * (1.0 - x) * sin2[l].sqrt() * inv_r_sin2;
-            if LOBES > 0 {
-                // Light that travels along the beam is turned towards the camera, against the segment.
-                let [first, second] = &shared.lobes;
-                v *= match LOBES {
-                    1 => first.eval(-cos[l]),
-                    _ => first.eval(-cos[l]) + second.eval(-cos[l]),
-                };
-            } else {
-                v *= 1.0 / (4.0 * PI);
-            }
-            along_segment[l] = if hit[l] != 0 { t } else { 0.0 };
-            along_beam[l] = if hit[l] != 0 { s } else { 0.0 };
+                & (at.t > 0.0) as u32
+                & (at.t < self.length[l]) as u32
+                & (at.s > start) as u32
+                & (at.s <= end) as u32
+                & (at.x < 1.0) as u32;
+            let v = at.value * shared.phase::<LOBES>(cos[l]);
+            along_segment[l] = if hit[l] != 0 { at.t } else { 0.0 };
+            along_beam[l] = if hit[l] != 0 { at.s } else { 0.0 };
             value[l] = if hit[l] != 0 { v } else { 0.0 };
             depth[l] = along_segment[l] + along_beam[l];
         }

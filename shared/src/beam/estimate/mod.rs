@@ -10,16 +10,20 @@
 //! Both are exact integrals of the same radiance in the limit of thin beams, and each pair of directions belongs to just
 //! one of them, so nothing is lost or counted twice.
 
+mod arrange;
 mod bundle;
 mod chord;
 mod line;
 mod packet;
+mod ray;
+mod search;
 
 use super::store::BeamMap;
 use crate::math::{Ray, Rgb};
 use crate::medium::Medium;
 use crate::medium::transmittance::StepFunctions;
 use crate::phase::Phase;
+use arrange::order;
 use line::Block;
 
 /// Segments that are evaluated side by side: as many as fit the widest vectors.
@@ -32,27 +36,32 @@ pub(super) type Lanes = [f32; LANES];
 const NEARLY_PARALLEL_SIN: f32 = 0.1;
 const NEARLY_PARALLEL_SIN2: f32 = NEARLY_PARALLEL_SIN * NEARLY_PARALLEL_SIN;
 
-/// The turns that a camera path took: segments of neighbouring pixels that came the same way are probably near each other.
+/// How a camera path came to a segment: how often it went straight on through a surface, or that it turned.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Way(u32);
 
 /// What a camera path did at a surface.
 #[derive(Clone, Copy, Debug)]
-#[repr(u32)]
 pub enum Turn {
     /// It went straight on, as at boundaries of media.
-    Passed = 1,
+    Passed,
     /// It was reflected.
-    Reflected = 2,
+    Reflected,
     /// It was refracted.
-    Refracted = 3,
+    Refracted,
 }
 
 impl Way {
+    /// Segments of neighbouring pixels may be anywhere then.
+    const TURNED: Self = Self(u32::MAX);
+
     /// The way and one more turn.
     #[inline]
     pub fn then(self, turn: Turn) -> Self {
-        Self(self.0.wrapping_mul(0x9e37_79b1).wrapping_add(turn as u32))
+        match turn {
+            Turn::Passed => Self(self.0.saturating_add(1)),
+            Turn::Reflected | Turn::Refracted => Self::TURNED,
+        }
     }
 }
 
@@ -69,7 +78,7 @@ pub struct CameraSegment {
     pub medium: u16,
     /// Which pixel, counted within the tile.
     pub pixel: u16,
-    /// The turns that the path took before.
+    /// How the path came here.
     pub way: Way,
     /// Number of the segment's transmittance among the [`CameraSegments`]' functions, in a heterogeneous medium.
     pub steps: u32,
@@ -164,18 +173,23 @@ impl Gather<'_> {
     /// depend on which are given together.
     pub fn along(&self, segments: &[CameraSegment]) -> Gathered {
         let mut gathered = Gathered {
-            radiance: Vec::with_capacity(segments.len()),
+            radiance: vec![Rgb::ZERO; segments.len()],
             evaluations: 0,
         };
         let Some(first) = segments.first() else {
             return gathered;
         };
         let pinhole = segments.iter().all(|s| s.ray.origin == first.ray.origin);
-        self.instance(pinhole)(self, segments, &mut |block| {
+        let order = match first.way == Way::TURNED {
+            true => order(segments),
+            false => (0..segments.len() as u32).collect(),
+        };
+        let arranged: Vec<_> = order.iter().map(|&i| segments[i as usize]).collect();
+        let mut places = order.into_iter();
+        self.instance(pinhole)(self, &arranged, &mut |block| {
             let [red, green, blue] = &block.radiance;
-            for lane in 0..block.segments.len() {
-                let radiance = Rgb::new(red[lane], green[lane], blue[lane]);
-                gathered.radiance.push(radiance);
+            for (lane, place) in (0..block.segments.len()).zip(&mut places) {
+                gathered.radiance[place as usize] = Rgb::new(red[lane], green[lane], blue[lane]);
                 gathered.evaluations += u64::from(block.evaluations[lane]);
             }
         });

@@ -1,19 +1,22 @@
-//! From a bundle of segments and all beams to blocks of segments and the beams that may matter to each.
+//! From a bundle of segments and all beams to segments and the beams that each meets.
 //!
-//! The segments are halved and halved again, and so is the list of beams: a list that a bundle is compared with holds what
-//! its parent's bounds let through. Every comparison is of one bundle with as many beams as there are lanes.
+//! Segments that are near each other are divided and divided again, and so is the list of beams: a list that a bundle is
+//! compared with holds what its parent's bounds let through. Blocks of segments that are left meet one beam after another. Where
+//! segments are far apart for the width of beams, each looks for its own.
 
-use super::super::store::BoundsColumns;
+use super::super::store::PieceList;
+use super::arrange::part_of;
 use super::bundle::Bundle;
 use super::line::{BeamLine, Block, Shared};
-use super::{CameraSegment, Gather, LANES};
+use super::search::{Node, find_in_list, find_in_tree};
+use super::{CameraSegment, Gather, LANES, Way};
 use crate::math::prefetch;
 
 /// A list of beams this short is compared with every block.
-const SHORT: usize = 64 * LANES;
+const SHORT: usize = 16 * LANES;
 
-/// Parts that a bundle is divided into: a tile's quarters are tiles as well.
-const PARTS: usize = 4;
+/// Segments that are farther apart than this many radii of beams meet few of the same: they are looked at one by one.
+const APART: f32 = 2.0;
 
 /// How many beams ahead what is known along a beam is fetched from memory.
 const FETCH_NUMBER: usize = 8;
@@ -41,46 +44,67 @@ pub(super) fn sum<
     let map = gather.map;
     let beams = map.beams();
     let shared = Shared::new(gather, segments[0].ray.origin);
-    let Some(all) = map.bounds(segments[0].medium) else {
+    let Some(all) = map.tree(segments[0].medium) else {
         for block in segments.chunks(LANES) {
             out(&Block::new(gather, block));
         }
         return;
     };
-    // By depth: the beams that got through; of the last list, what the estimate needs to know; of a block, which of them.
-    let mut levels: Vec<BoundsColumns> = Vec::new();
+    // By depth: the beams that got through; of the last list, what the estimate needs to know; of a bundle or a segment, which
+    // of them.
+    let mut levels: Vec<PieceList> = Vec::new();
     let mut lines: Vec<BeamLine> = Vec::new();
+    let mut stack: Vec<Node> = Vec::new();
     let mut near: Vec<u32> = Vec::new();
     let mut tasks = vec![Task { segments, level: 0 }];
     while let Some(Task { segments, level }) = tasks.pop() {
         let bundle = Bundle::new(segments);
-        let part = segments.len().div_ceil(PARTS).next_multiple_of(LANES);
         let mut divide = |level| {
-            let parts = segments.chunks(part).rev();
+            let parts = segments.chunks(part_of(segments.len())).rev();
             tasks.extend(parts.map(|segments| Task { segments, level }));
         };
-        if segments.len() > LANES && bundle.is_wide() {
+        if levels.len() == level {
+            levels.push(PieceList::default());
+        }
+        let (before, after) = levels.split_at_mut(level);
+        let list = before.last().unwrap_or(&all.pieces);
+        let found = &mut after[0];
+        let turned = segments[0].way == Way::TURNED;
+        let apart = bundle.is_wide() || bundle.spread() > APART * list.mean_radius();
+        if segments.len() > LANES && (bundle.is_wide() || (turned && apart)) {
             divide(level);
             continue;
         }
-        if levels.len() == level {
-            levels.push(BoundsColumns::default());
+        let of_group = |near: &mut Vec<u32>, list: &PieceList| {
+            if let Some(group) = gather.group {
+                near.retain(|&at| beams[list.ranges()[at as usize].beam as usize].group == group);
+            }
+        };
+        if segments.len() <= LANES && apart {
+            for segment in segments.chunks(1) {
+                match level {
+                    0 => find_in_tree(&segment[0], all, &mut stack, &mut near),
+                    _ => find_in_list(&segment[0], list, &mut near),
+                }
+                of_group(&mut near, list);
+                let mut block = Block::new(gather, segment);
+                block.add_beams::<GREY, LOBES, VARYING>(&shared, beams, list, &near);
+                out(&block);
+            }
+            continue;
         }
-        let (before, after) = levels.split_at_mut(level);
-        let list = before.last().unwrap_or(all);
-        let found = &mut after[0];
-        each_near(&bundle, list, &mut near);
-        if let Some(group) = gather.group {
-            near.retain(|&at| beams[list.indices()[at as usize] as usize].group == group);
+        match level {
+            0 => find_in_tree(&bundle, all, &mut stack, &mut near),
+            _ => find_in_list(&bundle, list, &mut near),
         }
+        of_group(&mut near, list);
         if segments.len() <= LANES {
             let mut block = Block::new(gather, segments);
             for (i, &at) in near.iter().enumerate() {
                 if let Some(&next) = near.get(i + FETCH_NUMBER) {
-                    prefetch(&beams[list.indices()[next as usize] as usize]);
+                    prefetch(&beams[list.ranges()[next as usize].beam as usize]);
                 }
-                let index = list.indices()[at as usize];
-                let line = shared.line(&beams[index as usize], index);
+                let line = shared.line(beams, list.ranges()[at as usize]);
                 block.add::<GREY, LOBES, VARYING, PINHOLE>(&shared, beams, &line);
             }
             out(&block);
@@ -92,12 +116,13 @@ pub(super) fn sum<
             continue;
         }
         lines.clear();
-        for &index in found.indices() {
-            lines.push(shared.line(&beams[index as usize], index));
+        for &range in found.ranges() {
+            lines.push(shared.line(beams, range));
         }
         for segments in segments.chunks(LANES) {
             let mut block = Block::new(gather, segments);
-            each_near(&Bundle::new(segments), found, &mut near);
+            let bundle = Bundle::new(segments);
+            find_in_list(&bundle, found, &mut near);
             for (i, &at) in near.iter().enumerate() {
                 if VARYING {
                     if let Some(&next) = near.get(i + FETCH_NUMBER) {
@@ -112,26 +137,6 @@ pub(super) fn sum<
                 block.add::<GREY, LOBES, VARYING, PINHOLE>(&shared, beams, line);
             }
             out(&block);
-        }
-    }
-}
-
-/// The positions in the list of the beams that may meet a segment of the bundle.
-#[inline(always)]
-fn each_near(bundle: &Bundle, list: &BoundsColumns, near: &mut Vec<u32>) {
-    near.clear();
-    for (i, beams) in list.chunks().enumerate() {
-        let mut flags = [0u8; LANES];
-        for (l, flag) in flags.iter_mut().enumerate() {
-            *flag = bundle.may_meet(beams.get(l)) as u8;
-        }
-        let (words, _) = flags.as_chunks::<8>();
-        for (w, word) in words.iter().enumerate() {
-            let mut word = u64::from_le_bytes(*word);
-            while word != 0 {
-                near.push((i * LANES + w * 8) as u32 + word.trailing_zeros() / 8);
-                word &= word - 1;
-            }
         }
     }
 }

@@ -7,8 +7,8 @@ use beamfarm_shared::pass::render_pass;
 use beamfarm_shared::plan::RenderPlan;
 use beamfarm_tests::render::{average, scene};
 
-const FOG_HASH: &str = "6accab3bafc015472aba2be5816b78605f4025a202d442e7ed67cf9114c57cc5";
-const SMOKE_HASH: &str = "bc233676271e74837701e0977da5e9dba863e23879c3239fc2d1956acc879256";
+const FOG_HASH: &str = "6b7850954006390d46d6404e34fccfc3e60d9cb5dc1c1caa8acdd6cfcee8f0f5";
+const SMOKE_HASH: &str = "e5aa8e340aebaed1c8b1e3d780f9bb0d18f213363f9d8681bfda2089cf58f7fb";
 const SURFACES_HASH: &str = "50d840054a9ac1b796904053ac87a7d6b3cfdd562d251794ad25a73568051f54";
 
 const FOG: &str = r#"

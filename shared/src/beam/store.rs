@@ -9,7 +9,7 @@ use rayon::prelude::*;
 
 /// Pieces that a beam of mean length is cut into: bounds of pieces that are near each other are tight, those of long beams are
 /// not.
-const PIECES: f32 = 8.0;
+const PIECES: f32 = 4.0;
 
 /// The most pieces of one beam.
 const MAX_PIECES: u32 = 64;

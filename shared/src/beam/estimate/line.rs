@@ -6,7 +6,7 @@
 use super::super::PhotonBeam;
 use super::super::store::PieceRange;
 use super::super::varying::Varying;
-use super::{CameraSegment, Gather, LANES, Lanes, NEARLY_PARALLEL_SIN2};
+use super::{CameraSegment, Gather, LANES, Lanes, NEARLY_PARALLEL_SIN, NEARLY_PARALLEL_SIN2};
 use crate::math::{PI, Rgb, Vec3, exp_neg};
 use crate::medium::Medium;
 use crate::medium::transmittance::StepFunctions;
@@ -91,12 +91,13 @@ impl Meeting {
     #[inline(always)]
     pub fn is_chord(self, radius: f32, start: f32, end: f32) -> bool {
         let sin2 = self.sin2();
+        // Beyond the nearest points by up to radius / sine.
+        let beyond = NEARLY_PARALLEL_SIN * radius;
         // With room for what the sine of the smallest angles is off by.
-        let reach = radius * (sin2 + 1e-5).sqrt();
         (sin2 < NEARLY_PARALLEL_SIN2)
-            & (self.offset.abs() <= 1.005 * reach)
-            & (self.s_sin2() + reach >= start * sin2)
-            & (self.s_sin2() - reach <= end * sin2)
+            & (self.offset * self.offset <= 1.01 * radius * radius * (sin2 + 1e-5))
+            & (self.s_sin2() + beyond >= start * sin2)
+            & (self.s_sin2() - beyond <= end * sin2)
     }
 
     /// Distance of the lines against the largest radius, without a division, where the 1D estimate is due.

@@ -12,8 +12,9 @@ use super::search::{Node, find_in_list, find_in_tree};
 use super::{CameraSegment, Gather, LANES, Way};
 use crate::math::prefetch;
 
-/// A list of beams this short is compared with every block.
+/// A list of beams this short is compared with every block of the bundle; so is a longer one with those of so few segments.
 const SHORT: usize = 16 * LANES;
+const FEW_SEGMENTS: usize = 4 * LANES;
 
 /// Segments that are farther apart than this many radii of beams meet few of the same: they are looked at one by one.
 const APART: f32 = 2.0;
@@ -111,13 +112,16 @@ pub(super) fn sum<
             continue;
         }
         found.select(list, &near);
-        if found.len() > SHORT {
+        if found.len() > SHORT && segments.len() > FEW_SEGMENTS {
             divide(level + 1);
             continue;
         }
         lines.clear();
-        for &range in found.ranges() {
-            lines.push(shared.line(beams, range));
+        for (i, &piece) in found.ranges().iter().enumerate() {
+            if let Some(next) = found.ranges().get(i + FETCH_NUMBER) {
+                prefetch(&beams[next.beam as usize]);
+            }
+            lines.push(shared.line(beams, piece));
         }
         for segments in segments.chunks(LANES) {
             let mut block = Block::new(gather, segments);

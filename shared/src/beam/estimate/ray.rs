@@ -7,7 +7,7 @@ use super::super::PhotonBeam;
 use super::super::store::{Bounds, Cluster, PieceList, PieceRange, ROUNDING};
 use super::line::{Block, Meeting, Shared};
 use super::search::Probe;
-use super::{CameraSegment, LANES, Lanes, NEARLY_PARALLEL_SIN};
+use super::{CameraSegment, LANES, Lanes, NEARLY_PARALLEL_SIN, NEARLY_PARALLEL_SIN2};
 use crate::math::{exp_neg, prefetch};
 
 /// How many beams ahead they are fetched from memory.
@@ -56,13 +56,15 @@ impl Probe for CameraSegment {
         let rounding =
             ROUNDING * ((px - origin.x).abs() + (py - origin.y).abs() + (pz - origin.z).abs());
         let radius = 1.0001 * piece.radius + rounding;
-        let half = 1.0001 * piece.half + rounding;
-        let sin2 = 1.00001 * meeting.sin2() + 1e-6;
-        let crosses = meeting.is_reached(radius)
-            & (meeting.t_sin2() + rounding > 0.0)
-            & (meeting.t_sin2() - rounding < self.length * sin2)
-            & (meeting.s_sin2().abs() - rounding <= half * sin2);
-        (radius > 0.0) & (crosses | meeting.is_chord(radius, -half, half))
+        let sin2 = 1.00001 * meeting.sin2() + 1e-5;
+        // Chords reach beyond the nearest points.
+        let parallel = meeting.sin2() < NEARLY_PARALLEL_SIN2;
+        let beyond = rounding + if parallel { NEARLY_PARALLEL_SIN * radius } else { 0.0 };
+        (radius > 0.0)
+            & (meeting.offset * meeting.offset <= 1.01 * radius * radius * sin2)
+            & (meeting.t_sin2() + beyond > 0.0)
+            & (meeting.t_sin2() - beyond < self.length * sin2)
+            & (meeting.s_sin2().abs() - beyond <= piece.half * sin2)
     }
 }
 

@@ -187,7 +187,7 @@ pub struct PassStats {
     pub paths: u64,
     /// Photon beams stored.
     pub beams: u64,
-    /// Bytes that the beams and the transmittance along them took.
+    /// Bytes that the beams, the transmittance along them, and the hierarchy that they are found in took.
     pub beam_bytes: u64,
     /// Surface photons stored.
     pub surface_photons: u64,
@@ -198,7 +198,7 @@ pub struct PassStats {
 }
 
 impl PassStats {
-    /// Memory that a beam takes on average, with the transmittance along it. NaN without beams.
+    /// Memory that a beam takes on average, with the transmittance along it and what it is found by. NaN without beams.
     pub fn bytes_per_beam(&self) -> f64 {
         self.beam_bytes as f64 / self.beams as f64
     }

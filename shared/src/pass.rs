@@ -38,7 +38,6 @@ pub fn render_pass(scene: &Scene, plan: &RenderPlan, pass_index: u64) -> PassIma
         Photons::default()
     };
     stats.beams = photons.beams.len() as u64;
-    stats.beam_bytes = (size_of_val(&photons.beams[..]) + photons.steps.bytes()) as u64;
     stats.surface_photons = photons.surface.len() as u64;
     let (beams, surface) = rayon::join(
         || {
@@ -50,6 +49,7 @@ pub fn render_pass(scene: &Scene, plan: &RenderPlan, pass_index: u64) -> PassIma
                 .then(|| SurfacePhotonMap::new(photons.surface))
         },
     );
+    stats.beam_bytes = beams.as_ref().map_or(0, BeamMap::bytes) as u64;
     let camera = CameraPass {
         tracer: CameraTracer {
             scene,

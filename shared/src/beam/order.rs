@@ -5,41 +5,55 @@ use rayon::prelude::*;
 /// Below this it is not worth the while to share the work out.
 const MANY: usize = 4096;
 
-/// Orders items so that every `part` of them, counted from the first, are near each other by their places: by halves, across where
-/// they are widest. The parts in turn are ordered by parts of `finer(part)`, if there are any. Which items a part has
-/// depends on nothing but places and `tie`, which no two have in common; their order within the last parts is any.
-pub(super) fn arrange<T: Send, const N: usize>(
-    items: &mut [T],
-    part: usize,
+/// Where something is: a point, and a direction times how much it counts.
+pub(super) type Place = [f32; 6];
+
+struct Spot {
+    place: Place,
+    index: u32,
+}
+
+/// The numbers of places, in an order in which every so many, counted from the first, are near each other: by halves, across
+/// where they are widest. `finer` tells of how many a part consists that a part of so many is divided into, if it is. Which
+/// places such a part has depends on nothing but the places; within the last parts they are in order.
+pub(super) fn order(
+    places: impl Iterator<Item = Place>,
     finer: fn(usize) -> Option<usize>,
-    place: &(impl Fn(&T) -> [f32; N] + Sync),
-    tie: &(impl Fn(&T) -> u64 + Sync),
-) {
-    let part = match items.len() <= part {
+) -> Vec<u32> {
+    let spot = |(index, place)| Spot { place, index };
+    let mut spots: Vec<Spot> = (0..).zip(places).map(spot).collect();
+    let all = spots.len();
+    divide(&mut spots, all, finer);
+    spots.into_iter().map(|spot| spot.index).collect()
+}
+
+fn divide(spots: &mut [Spot], part: usize, finer: fn(usize) -> Option<usize>) {
+    let part = match spots.len() <= part {
         false => part,
-        true => match finer(items.len()) {
+        true => match finer(spots.len()) {
             Some(part) => part,
-            None => return,
+            None => return spots.sort_unstable_by_key(|spot| spot.index),
         },
     };
-    let (mut min, mut max) = ([f32::INFINITY; N], [f32::NEG_INFINITY; N]);
-    for item in &*items {
-        for (k, x) in place(item).into_iter().enumerate() {
-            (min[k], max[k]) = (min[k].min(x), max[k].max(x));
+    let (mut min, mut max) = ([f32::INFINITY; 6], [f32::NEG_INFINITY; 6]);
+    for spot in &*spots {
+        for k in 0..6 {
+            min[k] = min[k].min(spot.place[k]);
+            max[k] = max[k].max(spot.place[k]);
         }
     }
     let wider = |a: &usize, b: &usize| (max[*a] - min[*a]).total_cmp(&(max[*b] - min[*b]));
-    let axis = (0..N).max_by(wider).unwrap_or(0);
-    let middle = items.len().div_ceil(part).div_ceil(2) * part;
-    items.select_nth_unstable_by(middle, |a, b| {
-        let by_place = place(a)[axis].total_cmp(&place(b)[axis]);
-        by_place.then_with(|| tie(a).cmp(&tie(b)))
+    let axis = (0..6).max_by(wider).unwrap_or(0);
+    let middle = spots.len().div_ceil(part).div_ceil(2) * part;
+    spots.select_nth_unstable_by(middle, |a, b| {
+        let by_place = a.place[axis].total_cmp(&b.place[axis]);
+        by_place.then(a.index.cmp(&b.index))
     });
-    let (low, high) = items.split_at_mut(middle);
+    let (low, high) = spots.split_at_mut(middle);
     let mut halves = [low, high];
-    let arrange = |half: &mut &mut [T]| arrange(half, part, finer, place, tie);
+    let divide = |half: &mut &mut [Spot]| divide(half, part, finer);
     match halves[0].len() > MANY {
-        true => halves.par_iter_mut().for_each(arrange),
-        false => halves.iter_mut().for_each(arrange),
+        true => halves.par_iter_mut().for_each(divide),
+        false => halves.iter_mut().for_each(divide),
     }
 }

@@ -2,7 +2,7 @@
 
 use super::PhotonBeam;
 use super::estimate::{LANES, Lanes};
-use super::order::arrange;
+use super::order::order;
 use crate::math::Vec3;
 use crate::medium::transmittance::StepFunctions;
 use rayon::prelude::*;
@@ -70,10 +70,7 @@ impl BeamMap {
             }
             media[medium].extend(beam.pieces(i as u32, length));
         }
-        let tree = |mut pieces: Vec<Piece>| {
-            order(&mut pieces, length);
-            Tree::new(&pieces)
-        };
+        let tree = |pieces: Vec<Piece>| Tree::new(&arranged(&pieces, length));
         Self {
             beams,
             steps,
@@ -106,25 +103,18 @@ impl BeamMap {
 
 /// Neighbours alike, in parts of the sizes that a [`Tree`] has. `length`: how long pieces are; as far as directions move
 /// their ends, so much do they count.
-fn order(pieces: &mut [Piece], length: f32) {
+fn arranged(pieces: &[Piece], length: f32) -> Vec<Piece> {
     let place = |piece: &Piece| {
         let [x, y, z] = piece.middle.to_array();
         let [dx, dy, dz] = (piece.dir * (0.5 * length)).to_array();
         [x, y, z, dx, dy, dz]
     };
-    let number = |piece: &Piece| {
-        let PieceRange { beam, start, .. } = piece.range;
-        // Neither is negative but the start of the first piece, and that is before all others.
-        (u64::from(beam) << 32) | u64::from(start.max(0.0).to_bits())
-    };
     let finer = |pieces: usize| {
         let larger = std::iter::successors(Some(LANES), |size| Some(size * LANES));
         larger.take_while(|size| *size < pieces).last()
     };
-    arrange(pieces, pieces.len(), finer, &place, &number);
-    pieces
-        .par_chunks_mut(LANES)
-        .for_each(|chunk| chunk.sort_by_key(number));
+    let order = order(pieces.iter().map(place), finer);
+    order.into_iter().map(|i| pieces[i as usize]).collect()
 }
 
 impl PhotonBeam {

@@ -1,6 +1,6 @@
 //! An order of segments in which neighbours are near each other and go the same way, for those that were turned and spread.
 
-use super::super::order::arrange;
+use super::super::order::order;
 use super::{CameraSegment, LANES};
 
 /// Parts that a bundle is divided into: a tile's quarters are tiles as well.
@@ -12,19 +12,14 @@ pub(super) fn part_of(segments: usize) -> usize {
 }
 
 /// The segments' order.
-pub(super) fn order(segments: &[CameraSegment]) -> Vec<u32> {
-    let mut order: Vec<u32> = (0..segments.len() as u32).collect();
+pub(super) fn arrange(segments: &[CameraSegment]) -> Vec<u32> {
     let lengths: f32 = segments.iter().map(|s| s.length).sum();
     let length = lengths / segments.len().max(1) as f32;
-    let place = |&i: &u32| {
-        let segment = &segments[i as usize];
+    let place = |segment: &CameraSegment| {
         let [ox, oy, oz] = segment.ray.origin.to_array();
         let [dx, dy, dz] = (length * segment.ray.dir).to_array();
         [ox, oy, oz, dx, dy, dz]
     };
     let finer = |segments| (segments > LANES).then(|| part_of(segments));
-    arrange(&mut order, segments.len(), finer, &place, &|&i| {
-        u64::from(i)
-    });
-    order
+    order(segments.iter().map(place), finer)
 }

@@ -23,7 +23,7 @@ use crate::math::{Ray, Rgb};
 use crate::medium::Medium;
 use crate::medium::transmittance::StepFunctions;
 use crate::phase::Phase;
-use arrange::order;
+use arrange::arrange;
 use line::Block;
 
 /// Segments that are evaluated side by side: as many as fit the widest vectors.
@@ -181,7 +181,7 @@ impl Gather<'_> {
         };
         let pinhole = segments.iter().all(|s| s.ray.origin == first.ray.origin);
         let order = match first.way == Way::TURNED {
-            true => order(segments),
+            true => arrange(segments),
             false => (0..segments.len() as u32).collect(),
         };
         let arranged: Vec<_> = order.iter().map(|&i| segments[i as usize]).collect();

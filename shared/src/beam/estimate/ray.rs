@@ -59,7 +59,12 @@ impl Probe for CameraSegment {
         let sin2 = 1.00001 * meeting.sin2() + 1e-5;
         // Chords reach beyond the nearest points.
         let parallel = meeting.sin2() < NEARLY_PARALLEL_SIN2;
-        let beyond = rounding + if parallel { NEARLY_PARALLEL_SIN * radius } else { 0.0 };
+        let beyond = rounding
+            + if parallel {
+                NEARLY_PARALLEL_SIN * radius
+            } else {
+                0.0
+            };
         (radius > 0.0)
             & (meeting.offset * meeting.offset <= 1.01 * radius * radius * sin2)
             & (meeting.t_sin2() + beyond > 0.0)

@@ -105,6 +105,8 @@ impl CameraPass<'_> {
         let rows = camera.height.div_ceil(TILE);
         let tiles: Vec<Tile> = (0..columns * rows)
             .into_par_iter()
+            // Tiles differ a hundredfold: each is shared out by itself.
+            .with_max_len(1)
             .map_init(Scratch::default, |scratch, tile| {
                 self.tile(tile % columns * TILE, tile / columns * TILE, scratch)
             })

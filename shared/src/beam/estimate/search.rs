@@ -2,6 +2,7 @@
 
 use super::super::store::{Bounds, Cluster, PieceList, Tree};
 use super::LANES;
+use crate::math::prefetch;
 
 /// What looks for beams: a bundle of segments, or one.
 pub(super) trait Probe {
@@ -44,10 +45,14 @@ pub(super) fn find_in_tree(
         // The last first, so that the first is next.
         let first = stack.len();
         for_each_flagged(&flags, |l| {
-            stack.push(Node {
-                level,
-                chunk: chunk * LANES as u32 + l,
-            });
+            let chunk = chunk * LANES as u32 + l;
+            stack.push(Node { level, chunk });
+            // Pieces of all beams are more than caches hold.
+            if level == 0
+                && let Some(rows) = tree.pieces.chunks().get(chunk as usize)
+            {
+                rows.iter().for_each(prefetch);
+            }
         });
         stack[first..].reverse();
     }

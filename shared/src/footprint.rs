@@ -10,6 +10,8 @@ use crate::math::{Frame, Vec3};
 pub struct Footprint {
     position: [Vec3; 2],
     direction: [Vec3; 2],
+    /// Whether the photon has been scattered, by a medium or a surface that is not specular: such light has no sharp edges.
+    smooth: bool,
 }
 
 impl Footprint {
@@ -19,7 +21,13 @@ impl Footprint {
         Self {
             position: [frame.s * radius, frame.t * radius],
             direction: [frame.s * spread, frame.t * spread],
+            smooth: false,
         }
+    }
+
+    /// Whether the photon has been scattered on its way.
+    pub fn is_smooth(&self) -> bool {
+        self.smooth
     }
 
     /// Radius: root mean square of the two displacements.
@@ -35,7 +43,7 @@ impl Footprint {
                 self.position[0] + self.direction[0] * t,
                 self.position[1] + self.direction[1] * t,
             ],
-            direction: self.direction,
+            ..*self
         }
     }
 
@@ -54,11 +62,12 @@ impl Footprint {
     }
 
     /// Displacements on a surface seen across the ray that leaves it: along the ray they are no width.
-    fn leaving(position: [Vec3; 2], direction: [Vec3; 2], dir: Vec3) -> Self {
+    fn leaving(&self, position: [Vec3; 2], direction: [Vec3; 2], dir: Vec3) -> Self {
         let across = |p: Vec3| p - dir * p.dot(dir);
         Self {
             position: [across(position[0]), across(position[1])],
             direction,
+            smooth: self.smooth,
         }
         .bounded()
     }
@@ -71,7 +80,7 @@ impl Footprint {
             let change = self.direction[i].dot(n) + dir.dot(dn);
             self.direction[i] - 2.0 * (dn * dir.dot(n) + n * change)
         };
-        Self::leaving(position, [turn(0), turn(1)], dir - n * (2.0 * dir.dot(n)))
+        self.leaving(position, [turn(0), turn(1)], dir - n * (2.0 * dir.dot(n)))
     }
 
     /// After a refraction from `dir` to `refracted`; `eta` is the index on the incoming side over the other one.
@@ -90,12 +99,15 @@ impl Footprint {
             let dmu = (eta - eta * eta * cos_i / cos_t) * change;
             self.direction[i] * eta - dn * mu - n * dmu
         };
-        Self::leaving(position, [turn(0), turn(1)], refracted)
+        self.leaving(position, [turn(0), turn(1)], refracted)
     }
 
     /// After scattering into `dir` with a density of `pdf` per steradian, as one of `paths` photons.
     pub fn scattered(&self, dir: Vec3, pdf: f32, paths: f32) -> Self {
-        Self::new(dir, self.radius(), spread(pdf, paths))
+        Self {
+            smooth: true,
+            ..Self::new(dir, self.radius(), spread(pdf, paths))
+        }
     }
 
     fn bounded(mut self) -> Self {

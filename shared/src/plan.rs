@@ -1,6 +1,7 @@
 //! The plan: which stages this scene needs, made once, with the reason for each.
 
 use crate::bsdf::{Material, Tilt};
+use crate::footprint::Footprint;
 use crate::geometry::{Geometry, Object, SurfaceHit, clearance};
 use crate::job::{JobSettings, ScheduleKind};
 use crate::layer::Layer;
@@ -225,29 +226,48 @@ impl Scene {
 pub struct KernelRadii {
     /// Smallest base radius, scene units.
     pub floor: f32,
-    /// Largest base radius, scene units.
+    /// Largest base radius of light that has been through specular surfaces only, scene units.
     pub ceiling: f32,
+    /// Largest base radius of light that has been scattered, scene units.
+    pub smooth_ceiling: f32,
 }
 
 /// Kernel radius over footprint radius: kernels of neighbouring photons overlap, those of surfaces by more, because they
-/// average over fewer photons.
+/// average over fewer photons, and by yet more where light that has been scattered leaves little to blur.
 const BEAM_OVERLAP: f32 = 1.5;
 const SURFACE_OVERLAP: f32 = 3.0;
-/// Floor and ceiling of base radii as fractions of the scene's radius.
+const SMOOTH_SURFACE_OVERLAP: f32 = 7.5;
+/// Floor and ceilings of base radii as fractions of the scene's radius.
 const FLOOR: f32 = 5e-4;
 const CEILING: f32 = 1.6e-2;
+const SMOOTH_CEILING: f32 = 4e-2;
 
 impl KernelRadii {
     /// The base radius of a beam for its footprint.
     #[inline]
-    pub fn beam(&self, footprint_radius: f32) -> f32 {
-        (footprint_radius * BEAM_OVERLAP).clamp(self.floor, self.ceiling)
+    pub fn beam(&self, footprint: &Footprint) -> f32 {
+        self.bounded(footprint, footprint.radius() * BEAM_OVERLAP)
     }
 
-    /// The base radius of a surface photon for its footprint.
+    /// The base radius of a surface photon for its footprint. `share`: of that footprint's radius, when there are more surface
+    /// photons than beams.
     #[inline]
-    pub fn surface(&self, footprint_radius: f32) -> f32 {
-        (footprint_radius * SURFACE_OVERLAP).clamp(self.floor, self.ceiling)
+    pub fn surface(&self, footprint: &Footprint, share: f32) -> f32 {
+        let overlap = if footprint.is_smooth() {
+            SMOOTH_SURFACE_OVERLAP
+        } else {
+            SURFACE_OVERLAP
+        };
+        self.bounded(footprint, footprint.radius() * share * overlap)
+    }
+
+    fn bounded(&self, footprint: &Footprint, radius: f32) -> f32 {
+        let ceiling = if footprint.is_smooth() {
+            self.smooth_ceiling
+        } else {
+            self.ceiling
+        };
+        radius.clamp(self.floor, ceiling)
     }
 }
 
@@ -311,10 +331,12 @@ impl RenderPlan {
             Some(radius) => KernelRadii {
                 floor: radius,
                 ceiling: radius,
+                smooth_ceiling: radius,
             },
             None => KernelRadii {
                 floor: extent * FLOOR,
                 ceiling: extent * CEILING,
+                smooth_ceiling: extent * SMOOTH_CEILING,
             },
         };
         let lit_or = |otherwise| if lit { otherwise } else { "no light" };
@@ -494,7 +516,7 @@ impl fmt::Display for RenderPlan {
         writeln!(
             f,
             "     base radii: {:.3e} to {:.3e} scene units",
-            self.radii.floor, self.radii.ceiling
+            self.radii.floor, self.radii.smooth_ceiling
         )
     }
 }

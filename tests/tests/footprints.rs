@@ -45,7 +45,11 @@ cutoff_angle = 1.0
     );
     let scene = scene(&toml);
     let mut plan = RenderPlan::new(&scene, scene.description().defaults.job_settings());
-    (plan.radii.floor, plan.radii.ceiling) = (0.0, f32::INFINITY);
+    plan.radii = KernelRadii {
+        floor: 0.0,
+        ceiling: f32::INFINITY,
+        smooth_ceiling: f32::INFINITY,
+    };
     let mut beams = trace_photons(&scene, &plan, 0).beams;
     beams.retain(|beam| beam.dir.z > 0.99);
     beams

@@ -241,8 +241,7 @@ impl Tracer<'_> {
         hit: Option<&SurfaceHit>,
     ) -> PhotonBeam {
         let [start, length] = stretch.range;
-        let scaled =
-            |footprint: Footprint| self.plan.radii.beam(footprint.radius()) * self.radius_scale;
+        let scaled = |footprint: Footprint| self.plan.radii.beam(&footprint) * self.radius_scale;
         let radius = scaled(photon.footprint);
         let radius_end = scaled(photon.footprint.advanced(length));
         let slope = (radius_end - radius) / length;
@@ -299,7 +298,7 @@ impl Tracer<'_> {
                 radius: self
                     .plan
                     .radii
-                    .surface(photon.footprint.radius() * self.surface_footprint)
+                    .surface(&photon.footprint, self.surface_footprint)
                     * self.surface_scale,
                 arrival: photon.arrival,
                 odds: photon.odds,

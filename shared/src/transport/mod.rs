@@ -60,8 +60,8 @@ pub struct CameraTracer<'a> {
 const MIN_SHARE: f32 = 1e-3;
 /// Splits of a camera path, all its branches together.
 const MAX_SPLITS: u32 = 8;
-/// Share from which on branches surely look for everything.
-const FULL_SHARE: f32 = 0.1;
+/// Share from which on branches surely look for everything. Looking more often costs more than the noise that it takes away.
+const FULL_SHARE: f32 = 0.3;
 
 /// A camera path on its way, or a branch of one.
 #[derive(Clone, Copy)]

@@ -2,7 +2,7 @@
 
 use beamfarm_shared::beam::PhotonBeam;
 use beamfarm_shared::beam::trace::trace_photons;
-use beamfarm_shared::plan::RenderPlan;
+use beamfarm_shared::plan::{KernelRadii, RenderPlan};
 use beamfarm_tests::render::scene;
 
 /// Index of the glass.

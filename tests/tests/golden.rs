@@ -7,9 +7,9 @@ use beamfarm_shared::pass::render_pass;
 use beamfarm_shared::plan::RenderPlan;
 use beamfarm_tests::render::{average, scene};
 
-const FOG_HASH: &str = "6b7850954006390d46d6404e34fccfc3e60d9cb5dc1c1caa8acdd6cfcee8f0f5";
-const SMOKE_HASH: &str = "e5aa8e340aebaed1c8b1e3d780f9bb0d18f213363f9d8681bfda2089cf58f7fb";
-const SURFACES_HASH: &str = "50d840054a9ac1b796904053ac87a7d6b3cfdd562d251794ad25a73568051f54";
+const FOG_HASH: &str = "2b5b62a47011bb30281868ab1f36bba00e7eb852d22fa2f7ec161241468d314e";
+const SMOKE_HASH: &str = "01d335cbe46a4e37f85f32ef26f5f525940d89ad5f8c611a8864d902eb1d5e4e";
+const SURFACES_HASH: &str = "750f1262c2674a82dd5596b381550982fcb37fc0f89023cb3e7c2f763ad890aa";
 
 const FOG: &str = r#"
 [image]

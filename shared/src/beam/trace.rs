@@ -84,8 +84,8 @@ pub fn trace_photons(scene: &Scene, plan: &RenderPlan, pass_index: u64) -> Photo
     joined
 }
 
-/// Expected photons of a pass in a kernel of the largest radius, for a density per area of 1: what weighs photons that were
-/// reflected once against gather rays to the same light.
+/// Expected photons of a pass in a kernel as wide as those of unscattered light get, for a density per area of 1: what weighs
+/// photons that were reflected once against gather rays to the same light.
 pub(crate) fn first_odds(plan: &RenderPlan, pass_index: u64) -> f32 {
     let scale = Schedule::new(&plan.settings).surface_scale(pass_index) as f32;
     let radius = plan.radii.ceiling * scale;

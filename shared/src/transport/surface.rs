@@ -25,8 +25,7 @@ pub(super) struct Vertex<'a> {
 }
 
 impl CameraTracer<'_> {
-    /// Radiance that leaves x towards the camera path, its own emission apart. `beta`: throughput from the film to x, for
-    /// the record.
+    /// Radiance that leaves x towards the camera path, its own emission apart. `beta`: throughput from the film to x.
     pub(super) fn scattered(
         &self,
         x: &Vertex,
@@ -47,7 +46,11 @@ impl CameraTracer<'_> {
         };
         let (mut radiance, light) = self.light_sample(x, sampler, balanced);
         record.add(Part::Direct, light, beta * radiance);
-        radiance += self.gather_ray(x, sampler, beta, record);
+        // Where fog hides most of it, what a gather ray brings is not worth one each time.
+        let odds = (beta.max_element() / SURE_THROUGHPUT).min(1.0);
+        if odds == 1.0 || sampler.next_1d() < odds {
+            radiance += self.gather_ray(x, sampler, beta / odds, record) / odds;
+        }
         if self.plan.photons_at_first_surface {
             let weight = |photon: &SurfacePhoton, wi: Vec3| {
                 if photon.odds == f32::INFINITY {
@@ -302,6 +305,9 @@ fn gather_share(odds: f32, density: f32) -> f32 {
         0.0
     }
 }
+
+/// Throughput from which on a gather ray is surely sent.
+const SURE_THROUGHPUT: f32 = 0.5;
 
 /// Ratio from which on photons count all.
 const SURE_RATIO: f32 = 3.0;

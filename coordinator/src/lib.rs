@@ -9,4 +9,7 @@ pub mod ledger;
 pub mod server;
 mod service;
 
-pub use farm::{End, Farm, JobSpec, Progress, Timing};
+pub use farm::{
+    DoneBlock, End, Entry, EntryState, Event, EventKind, ExtendError, Farm, JobSpec, Progress,
+    Start, Timing, WorkerState, WorkerView,
+};

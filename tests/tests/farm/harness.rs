@@ -1,6 +1,6 @@
 //! A coordinator in this process, and a worker under a test's control.
 
-use beamfarm_coordinator::{End, Farm, JobSpec, Timing, server};
+use beamfarm_coordinator::{End, Farm, JobSpec, Start, Timing, server};
 use beamfarm_proto::wire::farm_client::FarmClient;
 use beamfarm_proto::wire::submit_request::Part;
 use beamfarm_proto::{FileHash, Grant, LeaseId, VERSION, WireHash, wire};
@@ -86,7 +86,9 @@ pub fn spec(passes: u64) -> JobSpec {
         width: WIDTH,
         height: HEIGHT,
         layers: Vec::new(),
+        first_pass: 0,
         passes,
+        audit_every: 0,
     }
 }
 
@@ -121,7 +123,7 @@ impl Coordinator {
 
     pub async fn start_on(listener: std::net::TcpListener, spec: JobSpec, timing: Timing) -> Self {
         let address = listener.local_addr().unwrap();
-        let farm = Farm::new(spec, timing);
+        let farm = Farm::new(spec, timing, Start::default());
         let serving = farm.clone();
         let server = Builder::new_multi_thread()
             .worker_threads(1)

@@ -245,7 +245,9 @@ impl JobArgs {
             width: camera.width,
             height: camera.height,
             layers: loaded.layers,
+            first_pass: 0,
             passes,
+            audit_every: 0,
             bundle: loaded.bundle,
         }
     }

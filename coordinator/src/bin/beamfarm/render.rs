@@ -5,7 +5,7 @@ use crate::failure::Failure;
 use crate::job::JobArgs;
 use crate::local::{self, Crew};
 use crate::output::Output;
-use beamfarm_coordinator::{Farm, Timing};
+use beamfarm_coordinator::{Farm, Start, Timing};
 use clap::Args;
 use std::net::Ipv4Addr;
 use tokio::net::TcpListener;
@@ -59,7 +59,7 @@ pub fn main(args: RenderArgs, log: Option<&str>) -> Result<(), Failure> {
             .await
             .map_err(|error| Failure::io(format!("cannot listen on 127.0.0.1: {error}")))?;
         let address = listener.local_addr().map_err(Failure::io)?;
-        let farm = Farm::new(spec, Timing::default());
+        let farm = Farm::new(spec, Timing::default(), Start::default());
         let crew = Crew {
             workers,
             threads,

@@ -4,7 +4,7 @@ use crate::conduct::conduct;
 use crate::failure::Failure;
 use crate::job::JobArgs;
 use crate::output::Output;
-use beamfarm_coordinator::{Farm, Timing};
+use beamfarm_coordinator::{Farm, Start, Timing};
 use clap::Args;
 use std::net::SocketAddr;
 use tokio::net::TcpListener;
@@ -50,7 +50,7 @@ pub fn main(args: ServeArgs) -> Result<(), Failure> {
         if !args.job.quiet {
             println!("listening on http://{address}");
         }
-        let farm = Farm::new(spec, Timing::default());
+        let farm = Farm::new(spec, Timing::default(), Start::default());
         let crew = std::future::pending();
         conduct(&args.job, &output, exposure, farm, listener, crew).await
     })?;

@@ -310,6 +310,11 @@ impl Ledger {
         }
     }
 
+    /// Have so many passes, at least as many as before.
+    pub fn extend(&mut self, passes: u64) {
+        self.rules.passes = self.rules.passes.max(passes);
+    }
+
     /// All passes below the limit are done.
     pub fn is_complete(&self) -> bool {
         self.prefix >= self.limit()

@@ -2,20 +2,30 @@
 //!
 //! Locks are held for the length of a look-up or of an addition of images, and never across an `.await`.
 
+mod events;
+mod progress;
+mod start;
+
+pub use events::{Event, EventKind};
+pub use progress::{End, Progress, WorkerState, WorkerView};
+pub use start::{DoneBlock, Entry, EntryState, Start};
+
+use events::Events;
+
 use crate::examine::{Claim, Examined, Flaw, examine};
-use crate::ledger::{Accepted, Failure, Ledger, LedgerError, PixelHash, Rules};
+use crate::ledger::{Accepted, Ledger, LedgerError, PixelHash, Rules};
 use beamfarm_proto::bytes::Bytes;
 use beamfarm_proto::{FileHash, Grant, Job, LeaseId, Manifest, WorkerId};
 use beamfarm_shared::bundle::Bundle;
-use beamfarm_shared::job::{Block, JobSettings, PassStats};
+use beamfarm_shared::job::{Block, JobSettings, MAX_PASSES};
 use beamfarm_shared::layer::Layer;
-use beamfarm_shared::merge::{Average, TreeSum};
+use beamfarm_shared::merge::{Average, Node, TreeSum};
 use beamfarm_shared::radius::Schedule;
 use std::collections::BTreeMap;
 use std::hash::{BuildHasher, Hasher, RandomState};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
-use tokio::sync::{Notify, watch};
+use tokio::sync::{Notify, mpsc, watch};
 use tokio::time::{Instant, timeout_at};
 use tracing::{debug, error, info, warn};
 
@@ -38,8 +48,12 @@ pub struct JobSpec {
     pub height: u32,
     /// Layers that passes have beside their radiance.
     pub layers: Vec<Layer>,
-    /// Number of passes.
+    /// First pass; zero unless the passes are part of a job that several farms share.
+    pub first_pass: u64,
+    /// First pass that is not to be rendered: as many as there are, when the first is zero.
     pub passes: u64,
+    /// One block in so many, chosen at random, is rendered again by another worker and compared; 0: none.
+    pub audit_every: u64,
 }
 
 /// How quickly the loss of a worker is noticed when its connection does not break.
@@ -60,47 +74,10 @@ impl Default for Timing {
     }
 }
 
-/// How a job ended.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum End {
-    /// All passes are there.
-    Complete,
-    /// Someone called [`Farm::stop`].
-    Stopped,
-    /// A pass could not be rendered; those before it are there.
-    Failed(Failure),
-}
-
-/// Where a job stands.
-#[derive(Clone, Debug, Default)]
-pub struct Progress {
-    /// Complete passes from zero on: what an image can be made of.
-    pub prefix: u64,
-    /// Passes that counted, with those beyond a gap.
-    pub passes: u64,
-    /// Passes that the job will have.
-    pub limit: u64,
-    /// Workers with a connection.
-    pub workers: u32,
-    /// Workers that ever registered.
-    pub registered: u32,
-    /// Counters, over all passes that counted.
-    pub stats: PassStats,
-    /// Deliveries of a pass that was there already, with the same bits.
-    pub duplicates: u64,
-    /// Deliveries that were refused.
-    pub refused: u64,
-    /// Attempts at a pass that failed.
-    pub failures: u64,
-    /// Leases that ended without a result.
-    pub lost_leases: u64,
-    /// Passes that were delivered twice with different bits. Any is one too many.
-    pub divergent: u64,
-}
-
 struct Books {
     ledger: Ledger,
     progress: Progress,
+    events: Events,
 }
 
 /// A job in the making.
@@ -115,11 +92,13 @@ pub struct Farm {
     /// Told whenever a pass becomes open again, or nothing more will.
     opened: Notify,
     end: watch::Sender<Option<End>>,
+    #[expect(dead_code, reason = "until blocks are entered")]
+    entries: Option<mpsc::UnboundedSender<Entry>>,
 }
 
 impl Farm {
     /// A farm for this job. Time starts now.
-    pub fn new(spec: JobSpec, timing: Timing) -> Arc<Self> {
+    pub fn new(spec: JobSpec, timing: Timing, start: Start) -> Arc<Self> {
         let job = Job {
             scene: spec.bundle.hash(),
             manifest: Manifest::from(&spec.bundle),
@@ -139,7 +118,10 @@ impl Farm {
         let first_worker = RandomState::new().build_hasher().finish() >> 32;
         Arc::new(Self {
             schedule: Schedule::new(&job.settings),
-            sum: Mutex::new(TreeSum::new(job.width, job.height).with_layers(job.layers.len())),
+            sum: Mutex::new(start.sum.unwrap_or_else(|| {
+                TreeSum::new(job.width, job.height).with_layers(job.layers.len())
+            })),
+            entries: start.entries,
             job,
             files: files.map(|bytes| (FileHash::of(&bytes), bytes)).collect(),
             timing,
@@ -147,6 +129,7 @@ impl Farm {
             books: Mutex::new(Books {
                 ledger: Ledger::new(rules, first_worker),
                 progress: Progress::default(),
+                events: Events::default(),
             }),
             opened: Notify::new(),
             end: watch::Sender::new(None),
@@ -183,6 +166,52 @@ impl Farm {
     /// Hash of the pixels of a pass that is there, its layers among them: [`beamfarm_shared::exr::node_hash`].
     pub fn pixel_hash(&self, pass_index: u64) -> Option<PixelHash> {
         self.books().ledger.pixel_hash(pass_index)
+    }
+
+    /// The nodes of the sum of all that is there, to be kept on a disk. Takes as long as copying them.
+    pub fn nodes(&self) -> Vec<Node> {
+        self.sum().nodes().cloned().collect()
+    }
+
+    /// What happened lately, from the event of this number on.
+    pub fn events(&self, since: u64) -> Vec<Event> {
+        self.books().events.since(since)
+    }
+
+    /// Give no more passes away, or do so again. What is being rendered comes in.
+    pub fn pause(&self, paused: bool) {
+        let mut books = self.books();
+        if books.progress.paused == paused {
+            return;
+        }
+        books.progress.paused = paused;
+        let text = if paused { "paused" } else { "resumed" };
+        books.events.push(EventKind::Control, text.into());
+        drop(books);
+        info!("{text}");
+        self.opened.notify_waiters();
+    }
+
+    /// Ask for more passes, so many in all, while the job is not over.
+    pub fn extend(&self, passes: u64) -> Result<(), ExtendError> {
+        let mut books = self.books();
+        if self.end.borrow().is_some() || books.ledger.failed().is_some() {
+            return Err(ExtendError::Over);
+        }
+        let limit = books.ledger.limit();
+        if passes < limit {
+            return Err(ExtendError::Fewer { limit });
+        }
+        if passes > MAX_PASSES {
+            return Err(ExtendError::TooMany);
+        }
+        books.ledger.extend(passes);
+        let text = format!("extended from {limit} to {passes} passes");
+        info!("{text}");
+        books.events.push(EventKind::Control, text);
+        drop(books);
+        self.opened.notify_waiters();
+        Ok(())
     }
 
     /// End the job with what is there.
@@ -235,6 +264,12 @@ impl Farm {
             let opened = self.opened.notified();
             if self.end.borrow().is_some() {
                 return Ok(Grant::Done);
+            }
+            if self.books().progress.paused {
+                if timeout_at(patience, opened).await.is_err() {
+                    return Ok(Grant::NotNow);
+                }
+                continue;
             }
             let now = self.now();
             let grant = self.books().ledger.lease(worker, now)?;
@@ -393,6 +428,23 @@ impl Farm {
     fn sum(&self) -> MutexGuard<'_, TreeSum> {
         self.sum.lock().unwrap_or_else(PoisonError::into_inner)
     }
+}
+
+/// Why a job cannot have so many passes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum ExtendError {
+    /// It is.
+    #[error("the job is over")]
+    Over,
+    /// Some may have been rendered.
+    #[error("the job has {limit} passes already; expected more")]
+    Fewer {
+        /// What it has.
+        limit: u64,
+    },
+    /// Counts beyond are not exact.
+    #[error("expected at most {MAX_PASSES} passes")]
+    TooMany,
 }
 
 /// Why a delivery was refused.

@@ -1,0 +1,108 @@
+//! What happened lately, for people who watch.
+
+use std::collections::VecDeque;
+use std::time::SystemTime;
+
+/// Events that are remembered.
+const REMEMBERED: usize = 500;
+
+/// What kind of thing happened.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[non_exhaustive]
+pub enum EventKind {
+    /// A worker registered.
+    Joined,
+    /// A worker signed off, or its connection broke.
+    Left,
+    /// Leases ended without a result.
+    Lost,
+    /// An attempt at a block failed.
+    Failed,
+    /// What a worker sent was refused.
+    Refused,
+    /// Two workers delivered other bits for the same block, or a third one decided which are right.
+    Divergent,
+    /// A worker is shut out.
+    ShutOut,
+    /// Passes that counted do so no more, and are rendered again.
+    Dropped,
+    /// Somebody paused the job, resumed it, or asked for more passes.
+    Control,
+    /// The job is over.
+    Ended,
+}
+
+impl EventKind {
+    /// One word, for logs.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::Joined => "joined",
+            Self::Left => "left",
+            Self::Lost => "lost",
+            Self::Failed => "failed",
+            Self::Refused => "refused",
+            Self::Divergent => "divergent",
+            Self::ShutOut => "shut-out",
+            Self::Dropped => "dropped",
+            Self::Control => "control",
+            Self::Ended => "ended",
+        }
+    }
+}
+
+/// Something that happened.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Event {
+    /// Events are numbered from zero; those that are forgotten leave a gap at the beginning.
+    pub number: u64,
+    /// When.
+    pub time: SystemTime,
+    /// What kind of thing.
+    pub kind: EventKind,
+    /// What, in a sentence. Names of workers in it come from outside, quoted.
+    pub text: String,
+}
+
+/// The last events.
+#[derive(Debug, Default)]
+pub(super) struct Events {
+    next: u64,
+    ring: VecDeque<Event>,
+}
+
+impl Events {
+    pub fn push(&mut self, kind: EventKind, text: String) {
+        if self.ring.len() >= REMEMBERED {
+            self.ring.pop_front();
+        }
+        self.ring.push_back(Event {
+            number: self.next,
+            time: SystemTime::now(),
+            kind,
+            text,
+        });
+        self.next += 1;
+    }
+
+    pub fn since(&self, number: u64) -> Vec<Event> {
+        let new = self.ring.iter().filter(|event| event.number >= number);
+        new.cloned().collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn old_events_are_forgotten() {
+        let mut events = Events::default();
+        for i in 0..REMEMBERED + 3 {
+            events.push(EventKind::Joined, i.to_string());
+        }
+        let all = events.since(0);
+        assert_eq!(all.len(), REMEMBERED);
+        assert_eq!((all[0].number, &*all[0].text), (3, "3"));
+        assert_eq!(events.since(REMEMBERED as u64 + 2).len(), 1);
+    }
+}

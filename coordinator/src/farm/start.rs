@@ -1,0 +1,79 @@
+//! What a job begins with, and what it tells whoever keeps its books.
+
+use crate::ledger::PixelHash;
+use beamfarm_shared::job::Block;
+use beamfarm_shared::merge::TreeSum;
+use std::time::{Duration, SystemTime};
+use tokio::sync::mpsc;
+
+/// What a job begins with: nothing, for a new one.
+#[derive(Debug, Default)]
+pub struct Start {
+    /// The sum of the passes that are there. Of the job's size and layers.
+    pub sum: Option<TreeSum>,
+    /// Blocks that were rendered in an earlier life of the job, each of them part of the sum: the others are rendered again.
+    /// Passes of the sum that no block of these covers count as well; nobody is found out later to have rendered them
+    /// wrong.
+    pub done: Vec<DoneBlock>,
+    /// Who is told what becomes of blocks. Unbounded, as nothing of it may be lost; an entry takes some hundred bytes.
+    pub entries: Option<mpsc::UnboundedSender<Entry>>,
+}
+
+/// A block that an earlier life of the job took in.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct DoneBlock {
+    /// Which passes.
+    pub block: Block,
+    /// Hash of its pixels.
+    pub hash: PixelHash,
+    /// Name of the worker that rendered it.
+    pub worker: String,
+    /// Whether another worker had confirmed it.
+    pub audited: bool,
+}
+
+/// What became of a block.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum EntryState {
+    /// It counts.
+    Done,
+    /// An attempt at it failed.
+    Failed,
+    /// Another worker rendered it again, with the same bits.
+    Audited,
+    /// It counted and does so no more, because its worker is not to be trusted; it will be rendered again.
+    Dropped,
+}
+
+impl EntryState {
+    /// As the ledger file has it.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::Done => "done",
+            Self::Failed => "failed",
+            Self::Audited => "audited",
+            Self::Dropped => "dropped",
+        }
+    }
+}
+
+/// A line for the ledger file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Entry {
+    /// When it happened.
+    pub time: SystemTime,
+    /// The block.
+    pub block: Block,
+    /// What became of it.
+    pub state: EntryState,
+    /// Name of the worker that rendered, failed or confirmed it.
+    pub worker: String,
+    /// Radius scale of its first pass.
+    pub radius_scale: f64,
+    /// Hash of its pixels; `None` for a failure.
+    pub hash: Option<PixelHash>,
+    /// Time between lease and result. Zero when dropped.
+    pub took: Duration,
+    /// What a failing worker said.
+    pub message: Option<String>,
+}

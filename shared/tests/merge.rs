@@ -4,7 +4,7 @@
 
 use beamfarm_shared::film::Film;
 use beamfarm_shared::job::{Block, MAX_PASSES};
-use beamfarm_shared::merge::{Average, MAX_RADIANCE, MergeError, Node, TreeSum};
+use beamfarm_shared::merge::{Average, MAX_RADIANCE, MergeError, Node, TreeSum, next_boundary};
 use proptest::prelude::*;
 
 /// SplitMix64 (Steele et al. 2014): enough randomness for a test, addressed by a counter.
@@ -148,7 +148,7 @@ proptest! {
 
         // What is held is all there is: a sum made of it alone goes on to the same bits.
         let mut copy = TreeSum::new(2, 1);
-        let mut nodes: Vec<Node> = sum.nodes().cloned().collect();
+        let mut nodes: Vec<Node> = sum.nodes().map(|node| Node::clone(node)).collect();
         nodes.reverse();
         for node in nodes {
             copy.insert(node).unwrap();
@@ -185,7 +185,7 @@ proptest! {
         }
         let block = Block { level, index: index >> level };
         let first = block.passes().find(|pass| there.iter().any(|b| b.passes().contains(pass)));
-        let before: Vec<Node> = sum.nodes().cloned().collect();
+        let before: Vec<_> = sum.nodes().cloned().collect();
         let result = sum.insert(block_node(seed, block));
         match first {
             Some(pass_index) => {
@@ -194,6 +194,151 @@ proptest! {
             }
             None => prop_assert_eq!(result, Ok(())),
         }
+    }
+}
+
+/// The block, or its parts, none of which is across a boundary.
+fn cut(block: Block) -> Vec<Block> {
+    if !TreeSum::is_across(block) {
+        return vec![block];
+    }
+    let child = |side| Block {
+        level: block.level - 1,
+        index: 2 * block.index + side,
+    };
+    [0, 1]
+        .into_iter()
+        .flat_map(|side| cut(child(side)))
+        .collect()
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(200) })]
+
+    #[test]
+    fn every_boundary_can_be_looked_at_in_any_order(passes in 2u64..=256, seed: u64, late in 0u64..3) {
+        let mut sum = TreeSum::new(2, 1).with_fence(0);
+        let blocks: Vec<Block> = random_blocks(passes, seed).into_iter().flat_map(cut).collect();
+        let mut looked = Vec::new();
+        for (i, block) in blocks.into_iter().enumerate() {
+            sum.insert(block_node(seed, block)).unwrap();
+            // Whether someone looks at once or later must not matter.
+            if hash(seed, i as u64) % 3 < late {
+                continue;
+            }
+            while let Some(fence) = sum.fence().filter(|fence| *fence <= sum.prefix()) {
+                assert_is_reference(&sum.average_of(fence).unwrap(), seed, fence);
+                looked.push(fence);
+                sum.lift_fence();
+            }
+            if sum.prefix() > 0 {
+                assert_is_reference(&sum.average().unwrap(), seed, sum.prefix());
+            }
+        }
+        while let Some(fence) = sum.fence().filter(|fence| *fence <= sum.prefix()) {
+            assert_is_reference(&sum.average_of(fence).unwrap(), seed, fence);
+            looked.push(fence);
+            sum.lift_fence();
+        }
+        let all = (1..9).flat_map(|k| [1 << k, 3 << (k - 1)]);
+        prop_assert_eq!(looked, all.filter(|b| *b <= passes).collect::<Vec<u64>>());
+        // All that was kept apart is joined again.
+        prop_assert_eq!(sum.nodes().count(), passes.count_ones() as usize);
+        assert_is_reference(&sum.average().unwrap(), seed, passes);
+    }
+
+    #[test]
+    fn sums_of_disjoint_ranges_make_one(cuts in proptest::collection::vec(1u64..100, 1..4), seed: u64) {
+        let mut whole = TreeSum::new(2, 1);
+        let mut start = 0;
+        for length in cuts {
+            let end = start + length;
+            let mut part = TreeSum::new(2, 1).with_first_pass(start).with_fence(0);
+            prop_assert_eq!(part.prefix(), start);
+            for pass in (start..end).rev() {
+                part.insert(block_node(seed, Block::leaf(pass))).unwrap();
+            }
+            prop_assert_eq!((part.prefix(), part.passes()), (end, length));
+            prop_assert_eq!(part.average().is_some(), start == 0);
+            for node in part.nodes() {
+                whole.insert_shared(node.clone()).unwrap();
+            }
+            start = end;
+        }
+        assert_is_reference(&whole.average().unwrap(), seed, start);
+    }
+}
+
+#[test]
+fn boundaries_are_powers_of_two_and_those_between() {
+    let mut boundaries = vec![next_boundary(0)];
+    while boundaries.len() < 12 {
+        boundaries.push(next_boundary(boundaries[boundaries.len() - 1] + 1));
+    }
+    assert_eq!(boundaries, [2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96]);
+    for passes in 0..1000 {
+        let next = next_boundary(passes);
+        assert!(next >= passes && next_boundary(next) == next);
+        assert!((passes.max(2)..next).all(|p| next_boundary(p) == next));
+    }
+    for level in 1..8 {
+        for index in 0..20 {
+            let block = Block { level, index };
+            let mut inside = block.passes().skip(1);
+            let across = inside.any(|p| p >= 2 && next_boundary(p) == p);
+            assert_eq!(TreeSum::is_across(block), across, "{block}");
+            assert!(index < 2 || !across);
+        }
+    }
+}
+
+/// A block that reaches across the fence comes in whole, and only the boundaries within it are out of reach.
+#[test]
+fn a_block_across_the_fence_is_taken_as_it_is() {
+    let mut sum = TreeSum::new(2, 1).with_fence(0);
+    sum.insert(block_node(1, Block { level: 2, index: 0 }))
+        .unwrap();
+    assert!(sum.average_of(2).is_none() && sum.average_of(3).is_none());
+    assert_is_reference(&sum.average_of(4).unwrap(), 1, 4);
+}
+
+#[test]
+fn percentiles_are_of_blocks() {
+    // Ten blocks in a row: equal radiance, errors of 1 % to 10 %.
+    let mut sum = TreeSum::new(80, 8);
+    for pass in 0..2 {
+        let mut film = Film::new(80, 8);
+        for (i, pixel) in film.pixels.iter_mut().enumerate() {
+            let error = 0.01 * (1 + i % 80 / 8) as f32;
+            *pixel = [1.0 + if pass == 0 { error } else { -error }; 3];
+        }
+        sum.insert(Node::leaf(pass, film)).unwrap();
+    }
+    let average = sum.average().unwrap();
+    let errors = average.errors();
+    for (percentile, expected) in [
+        (1, 0.01),
+        (10, 0.01),
+        (11, 0.02),
+        (50, 0.05),
+        (95, 0.1),
+        (100, 0.1),
+    ] {
+        let error = errors.at(Some(percentile));
+        assert!(
+            (error / expected - 1.0).abs() < 1e-4,
+            "{percentile}: {error}"
+        );
+    }
+    let mean_square = (1..=10).map(|i| f64::from(i * i)).sum::<f64>() / 10.0;
+    let error = errors.at(None);
+    assert!(
+        (error / (0.01 * mean_square.sqrt()) - 1.0).abs() < 1e-4,
+        "{error}"
+    );
+    assert_eq!(error, average.relative_standard_error());
+    for beyond in [0, 101] {
+        assert_eq!(errors.at(Some(beyond)), f64::INFINITY);
     }
 }
 

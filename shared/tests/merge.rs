@@ -248,6 +248,30 @@ proptest! {
     }
 
     #[test]
+    fn what_was_taken_out_can_come_in_again(passes in 1u64..=64, seed: u64, level in 0u32..4, index in 0u64..64) {
+        let mut sum = TreeSum::new(2, 1).with_fence(0);
+        for pass in 0..passes {
+            sum.insert(block_node(seed, Block::leaf(pass))).unwrap();
+            while sum.fence().is_some_and(|fence| fence <= sum.prefix()) {
+                sum.lift_fence();
+            }
+        }
+        let block = Block { level, index: index >> level };
+        let removed = sum.remove(block);
+        prop_assert!(block.passes().all(|pass| !sum.contains(pass)));
+        let gone: Vec<u64> = removed.iter().flat_map(Block::passes).collect();
+        prop_assert_eq!(gone.len() as u64 + sum.passes(), passes);
+        for pass in gone.into_iter().rev() {
+            sum.insert(block_node(seed, Block::leaf(pass))).unwrap();
+        }
+        while let Some(fence) = sum.fence().filter(|fence| *fence <= passes) {
+            assert_is_reference(&sum.average_of(fence).unwrap(), seed, fence);
+            sum.lift_fence();
+        }
+        assert_is_reference(&sum.average().unwrap(), seed, passes);
+    }
+
+    #[test]
     fn sums_of_disjoint_ranges_make_one(cuts in proptest::collection::vec(1u64..100, 1..4), seed: u64) {
         let mut whole = TreeSum::new(2, 1);
         let mut start = 0;

@@ -19,7 +19,7 @@ use beamfarm_proto::{FileHash, Grant, Job, LeaseId, Manifest, WorkerId};
 use beamfarm_shared::bundle::Bundle;
 use beamfarm_shared::job::{Block, JobSettings, MAX_PASSES};
 use beamfarm_shared::layer::Layer;
-use beamfarm_shared::merge::{Average, Node, TreeSum};
+use beamfarm_shared::merge::{Average, TreeSum};
 use beamfarm_shared::radius::Schedule;
 use std::collections::BTreeMap;
 use std::hash::{BuildHasher, Hasher, RandomState};
@@ -160,7 +160,7 @@ impl Farm {
     /// The average of the complete prefix; nothing before the first pass is there. Takes as long as a few copies of the
     /// image.
     pub fn average(&self) -> Option<Average> {
-        self.sum().average()
+        self.snapshot().average()
     }
 
     /// Hash of the pixels of a pass that is there, its layers among them: [`beamfarm_shared::exr::node_hash`].
@@ -168,9 +168,9 @@ impl Farm {
         self.books().ledger.pixel_hash(pass_index)
     }
 
-    /// The nodes of the sum of all that is there, to be kept on a disk. Takes as long as copying them.
-    pub fn nodes(&self) -> Vec<Node> {
-        self.sum().nodes().cloned().collect()
+    /// The sum of all that is there, to be kept on a disk. Shares its images, so it takes no time.
+    pub fn snapshot(&self) -> TreeSum {
+        self.sum().clone()
     }
 
     /// What happened lately, from the event of this number on.

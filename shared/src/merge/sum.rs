@@ -122,6 +122,32 @@ impl TreeSum {
         self.nodes.insert(node.block.start(), node);
     }
 
+    /// Take out every node that holds passes of the block, and say which blocks these were. What was added up cannot be taken
+    /// apart, so passes around the block go as well. The fence falls back to before them, and nodes across it go too.
+    pub fn remove(&mut self, block: Block) -> Vec<Block> {
+        let mut removed = Vec::new();
+        while let Some(pass_index) = self.first_overlap(block) {
+            let before = self.nodes.range(..=pass_index).next_back();
+            let Some(start) = before.map(|(start, _)| *start) else {
+                break;
+            };
+            removed.extend(self.nodes.remove(&start).map(|node| node.block));
+        }
+        if let (Some(fence), Some(first)) = (self.fence, removed.first()) {
+            let fence = fence.min(next_boundary(first.start() + 1));
+            self.fence = Some(fence);
+            let nodes = self.nodes.values().map(|node| node.block);
+            let across: Vec<Block> = nodes
+                .filter(|block| Self::is_across_from(*block, fence))
+                .collect();
+            for block in &across {
+                self.nodes.remove(&block.start());
+            }
+            removed.extend(across);
+        }
+        removed
+    }
+
     /// Whether the fence forbids to join the block and its sibling.
     fn is_kept_apart(&self, block: Block) -> bool {
         let fenced = |fence| Self::is_across_from(block.parent(), fence);

@@ -1,0 +1,278 @@
+//! How many workers a coordinator can serve: `cargo run --release -p beamfarm-tests --example farm_scale -- [WORKERS] [BLOCKS]`.
+//!
+//! A coordinator in a process of its own takes blocks of 1280 x 720 pixels from simulated workers, tasks of this process that
+//! send ready-made images, each over its own connection. What it takes in per second of its own CPU time is compared with
+//! what one core can copy and sum.
+
+use beamfarm_coordinator::{Farm, JobSpec, Timing, server};
+use beamfarm_proto::bytes::Bytes;
+use beamfarm_proto::wire::farm_client::FarmClient;
+use beamfarm_proto::wire::submit_request::Part;
+use beamfarm_proto::{CHUNK_BYTES, FileHash, Grant, VERSION, WireHash, wire};
+use beamfarm_shared::bundle::Bundle;
+use beamfarm_shared::exr::{BlockMeta, encode_block};
+use beamfarm_shared::film::Film;
+use beamfarm_shared::job::{Block, JobSettings, ScheduleKind};
+use beamfarm_shared::merge::{Node, TreeSum};
+use beamfarm_shared::radius::Schedule;
+use beamfarm_shared::sampler::{Purpose, Sampler};
+use std::io::{BufRead, BufReader};
+use std::process::{Command, Stdio};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::{Duration, Instant};
+use tokio::net::TcpListener;
+use tokio::sync::mpsc;
+use tokio_stream::wrappers::ReceiverStream;
+
+type AnyError = Box<dyn std::error::Error + Send + Sync>;
+
+const WIDTH: u32 = 1280;
+const HEIGHT: u32 = 720;
+
+fn settings() -> JobSettings {
+    JobSettings {
+        seed: 0,
+        alpha: 0.5,
+        schedule: ScheduleKind::Pass,
+        paths_per_pass: 1,
+        reference_paths: 1,
+    }
+}
+
+fn main() -> Result<(), AnyError> {
+    let mut args = std::env::args().skip(1);
+    let first = args.next();
+    if first.as_deref() == Some("coordinator") {
+        let passes = args.next().ok_or("expected a number of passes")?.parse()?;
+        return coordinator(passes);
+    }
+    let workers = first.map_or(Ok(1000), |text| text.parse())?;
+    let blocks: u64 = args.next().map_or(Ok(1000), |text| text.parse())?;
+    let (copied, added) = one_core();
+    println!(
+        "one core copies a block of {WIDTH} x {HEIGHT} in {:.1} ms and sums it in {:.1} ms",
+        1e3 * copied,
+        1e3 * added
+    );
+    let mut child = Command::new(std::env::current_exe()?)
+        .args(["coordinator", &blocks.to_string()])
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .spawn()?;
+    let mut lines = BufReader::new(child.stdout.take().ok_or("no stdout")?).lines();
+    let url = lines.next().ok_or("no address")??;
+    let before = cpu_seconds(child.id())?;
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()?;
+    let begun = Instant::now();
+    runtime.block_on(crowd(&url, workers, blocks, child.id()))?;
+    let wall = begun.elapsed().as_secs_f64();
+    let cpu = cpu_seconds(child.id())? - before;
+    drop(child.stdin.take());
+    child.wait()?;
+    let per_block = cpu / blocks as f64;
+    println!(
+        "{workers} workers, {blocks} blocks in {wall:.1} s: {:.1} blocks/s, {:.1} ms of the coordinator's CPU time a block, {:.2} of what one core can copy and sum",
+        blocks as f64 / wall,
+        1e3 * per_block,
+        (copied + added) / per_block
+    );
+    Ok(())
+}
+
+/// Serve one job. Ends with its standard input.
+fn coordinator(passes: u64) -> Result<(), AnyError> {
+    let scene = "scene.toml".to_owned();
+    let spec = JobSpec {
+        bundle: Bundle {
+            files: [(scene.clone(), Vec::new())].into(),
+            scene,
+        },
+        settings: settings(),
+        width: WIDTH,
+        height: HEIGHT,
+        layers: Vec::new(),
+        passes,
+    };
+    let runtime = tokio::runtime::Runtime::new()?;
+    runtime.block_on(async {
+        let listener = TcpListener::bind("127.0.0.1:0").await?;
+        println!("http://{}", listener.local_addr()?);
+        let farm = Farm::new(spec, Timing::default());
+        let ended = tokio::task::spawn_blocking(|| {
+            let _ = std::io::copy(&mut std::io::stdin().lock(), &mut std::io::sink());
+        });
+        server::run(listener, farm, async {
+            let _ = ended.await;
+        })
+        .await?;
+        Ok(())
+    })
+}
+
+/// Seconds that one core takes to copy a block's bytes, and to add it to the sum.
+fn one_core() -> (f64, f64) {
+    const BLOCKS: u64 = 64;
+    let film = noise();
+    let bytes = vec![1u8; (WIDTH * HEIGHT) as usize * 12];
+    let mut copy = vec![0u8; bytes.len()];
+    let begun = Instant::now();
+    for _ in 0..BLOCKS {
+        copy.copy_from_slice(std::hint::black_box(&bytes));
+        std::hint::black_box(&mut copy);
+    }
+    let copied = begun.elapsed().as_secs_f64() / BLOCKS as f64;
+    let mut sum = TreeSum::new(WIDTH, HEIGHT);
+    let schedule = Schedule::new(&settings());
+    let mut added = 0.0;
+    for pass in 0..BLOCKS {
+        let node = Node::leaf(pass, film.clone()).with_radius_scale(schedule.scale(pass));
+        let begun = Instant::now();
+        if let Err(error) = sum.insert(node) {
+            eprintln!("{error}");
+        }
+        added += begun.elapsed().as_secs_f64();
+    }
+    (copied, added / BLOCKS as f64)
+}
+
+fn noise() -> Film {
+    let mut film = Film::new(WIDTH, HEIGHT);
+    let mut sampler = Sampler::new(0, 0, Purpose::Test, 0);
+    for pixel in &mut film.pixels {
+        *pixel = [0; 3].map(|_| sampler.next_1d());
+    }
+    film
+}
+
+/// All workers at once, until all blocks have been taken.
+async fn crowd(url: &str, workers: u64, blocks: u64, coordinator: u32) -> Result<(), AnyError> {
+    let film = Arc::new(noise());
+    let taken = Arc::new(AtomicU64::new(0));
+    let mut tasks = tokio::task::JoinSet::new();
+    for index in 0..workers {
+        tasks.spawn(worker(url.to_owned(), index, film.clone(), taken.clone()));
+    }
+    let mut told = 0;
+    let mut ticks = tokio::time::interval(Duration::from_millis(100));
+    loop {
+        tokio::select! {
+            _ = ticks.tick() => {
+                let now = taken.load(Ordering::Relaxed);
+                if now >= told {
+                    println!("{now:6} blocks taken, the coordinator holds {:.0} MB", resident(coordinator)? / 1e6);
+                    told = now + blocks / 10;
+                }
+            }
+            ended = tasks.join_next() => match ended {
+                Some(ended) => ended??,
+                None => return Ok(()),
+            },
+        }
+    }
+}
+
+async fn worker(
+    url: String,
+    index: u64,
+    film: Arc<Film>,
+    taken: Arc<AtomicU64>,
+) -> Result<(), AnyError> {
+    let mut farm = FarmClient::connect(url).await?;
+    let request = wire::RegisterRequest {
+        version: VERSION.into(),
+        name: format!("simulated {index}"),
+        threads: 1,
+        ..Default::default()
+    };
+    let reply = farm.register(request).await?.into_inner();
+    let scene = reply.job.unwrap_or_default().scene;
+    let (beats, receiver) = mpsc::channel(4);
+    let beat = wire::Heartbeat {
+        worker: reply.worker,
+        leases: Vec::new(),
+    };
+    beats.send(beat).await?;
+    let mut notices = farm
+        .attend(ReceiverStream::new(receiver))
+        .await?
+        .into_inner();
+    let work = async {
+        loop {
+            let request = wire::LeaseRequest {
+                worker: reply.worker,
+                scene: scene.clone(),
+            };
+            let grant = Grant::try_from(farm.lease(request).await?.into_inner())?;
+            let (lease, block) = match grant {
+                Grant::Lease(lease, block) => (lease, block),
+                Grant::NotNow => continue,
+                Grant::Done => return Ok::<(), AnyError>(()),
+            };
+            let bytes = image(block, &scene, &film)?;
+            let header = wire::SubmitHeader {
+                worker: reply.worker,
+                lease: lease.0,
+                block: Some(block.into()),
+                size: bytes.len() as u64,
+                hash: FileHash::of(&bytes).to_wire(),
+                stats: None,
+            };
+            let mut rest = bytes;
+            let chunks = std::iter::from_fn(move || {
+                let chunk = rest.split_to(rest.len().min(CHUNK_BYTES));
+                (!chunk.is_empty()).then_some(Part::Data(chunk))
+            });
+            let parts = std::iter::once(Part::Header(header)).chain(chunks);
+            let parts = parts.map(|part| wire::SubmitRequest { part: Some(part) });
+            farm.submit(tokio_stream::iter(parts)).await?;
+            taken.fetch_add(1, Ordering::Relaxed);
+        }
+    };
+    tokio::select! {
+        ended = work => ended,
+        _ = notices.message() => Ok(()),
+    }
+}
+
+fn image(block: Block, scene: &[u8], film: &Film) -> Result<Bytes, AnyError> {
+    let schedule = Schedule::new(&settings());
+    let mut sum = TreeSum::new(WIDTH, HEIGHT);
+    for pass in block.passes() {
+        let node = Node::leaf(pass, film.clone()).with_radius_scale(schedule.scale(pass));
+        sum.insert(node)?;
+    }
+    let node = sum.nodes().next().ok_or("an empty block")?;
+    let meta = BlockMeta {
+        scene: beamfarm_shared::job::SceneHash(scene.try_into()?),
+        block,
+        seed: settings().seed,
+        alpha: settings().alpha,
+        radius_scale: schedule.scale(block.start()),
+        version: VERSION.into(),
+    };
+    Ok(encode_block(node, &meta, &[])?.into())
+}
+
+/// CPU seconds of a process so far (Linux).
+fn cpu_seconds(pid: u32) -> Result<f64, AnyError> {
+    let text = std::fs::read_to_string(format!("/proc/{pid}/stat"))?;
+    let fields: Vec<&str> = text
+        .rsplit(')')
+        .next()
+        .unwrap_or("")
+        .split_whitespace()
+        .collect();
+    let ticks = |i: usize| fields.get(i).and_then(|f| f.parse::<f64>().ok());
+    Ok((ticks(11).unwrap_or(0.0) + ticks(12).unwrap_or(0.0)) / 100.0)
+}
+
+/// Bytes of memory of a process (Linux).
+fn resident(pid: u32) -> Result<f64, AnyError> {
+    let text = std::fs::read_to_string(format!("/proc/{pid}/status"))?;
+    let line = text.lines().find_map(|line| line.strip_prefix("VmRSS:"));
+    let kilobytes = line.and_then(|line| line.split_whitespace().next()?.parse::<f64>().ok());
+    Ok(kilobytes.unwrap_or(0.0) * 1024.0)
+}

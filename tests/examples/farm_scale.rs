@@ -4,7 +4,7 @@
 //! send ready-made images, each over its own connection. What it takes in per second of its own CPU time is compared with
 //! what one core can copy and sum.
 
-use beamfarm_coordinator::{Farm, JobSpec, Timing, server};
+use beamfarm_coordinator::{Farm, JobSpec, Start, Timing, server};
 use beamfarm_proto::bytes::Bytes;
 use beamfarm_proto::wire::farm_client::FarmClient;
 use beamfarm_proto::wire::submit_request::Part;
@@ -94,13 +94,15 @@ fn coordinator(passes: u64) -> Result<(), AnyError> {
         width: WIDTH,
         height: HEIGHT,
         layers: Vec::new(),
+        first_pass: 0,
         passes,
+        audit_every: 0,
     };
     let runtime = tokio::runtime::Runtime::new()?;
     runtime.block_on(async {
         let listener = TcpListener::bind("127.0.0.1:0").await?;
         println!("http://{}", listener.local_addr()?);
-        let farm = Farm::new(spec, Timing::default());
+        let farm = Farm::new(spec, Timing::default(), Start::default());
         let ended = tokio::task::spawn_blocking(|| {
             let _ = std::io::copy(&mut std::io::stdin().lock(), &mut std::io::sink());
         });

@@ -194,6 +194,36 @@ impl Node {
         self.check_shape(width, height, layers)?;
         // Exact: a power of two times an f32. Rounding is monotonic, so sums of values in range stay within it.
         let limit = MAX_RADIANCE * self.block.len() as f32;
+        let sound = |film: &Film, least: f32, most: f32| {
+            let values = film.pixels.as_flattened().iter();
+            // Without a way out, so that many are compared at a time.
+            values.fold(true, |sound, v| sound & (least <= *v) & (*v <= most))
+        };
+        let mut films = self.layers.iter().chain([&self.sum]);
+        let mut count = 0;
+        let mut first = None;
+        if !films.all(|film| sound(film, -limit, limit))
+            || !sound(&self.squared_difference, 0.0, f32::MAX)
+        {
+            (count, first) = self.count_bad(limit);
+        }
+        let sums = self.radius_sums.as_ref();
+        if count == 0 && sums.is_some_and(|sums| !sums.is_sound(width, height)) {
+            (count, first) = (1, Some([0, 0]));
+        }
+        match first {
+            None => Ok(()),
+            Some(first) => Err(MergeError::NonFinite {
+                block: self.block,
+                count,
+                first,
+            }),
+        }
+    }
+
+    /// How many values are out of range, and the column and row of the first.
+    fn count_bad(&self, limit: f32) -> (u64, Option<[u32; 2]>) {
+        let width = self.sum.width;
         let mut count = 0;
         let mut first = None;
         for (i, (sum, difference)) in self
@@ -218,18 +248,7 @@ impl Node {
                 first.get_or_insert([i as u32 % width, i as u32 / width]);
             }
         }
-        let sums = self.radius_sums.as_ref();
-        if count == 0 && sums.is_some_and(|sums| !sums.is_sound(width, height)) {
-            (count, first) = (1, Some([0, 0]));
-        }
-        match first {
-            None => Ok(()),
-            Some(first) => Err(MergeError::NonFinite {
-                block: self.block,
-                count,
-                first,
-            }),
-        }
+        (count, first)
     }
 
     fn check_shape(&self, width: u32, height: u32, layers: usize) -> Result<(), MergeError> {

@@ -1,11 +1,14 @@
 //! The coordinator: hands passes out, checks what comes back, and adds it up.
 //!
 //! [`ledger`] decides who renders what and knows neither clock nor network; [`farm`] is the job as a whole, shared by all
-//! calls; [`server`] is the way in. The renderer is not needed here: a scene is bytes and a hash.
+//! calls; [`server`] is the way in, for those whom [`security`] lets pass. The renderer is not needed here: a scene is bytes and a hash.
 
 mod examine;
 pub mod farm;
 pub mod ledger;
+pub mod limits;
+pub mod listener;
+pub mod security;
 pub mod server;
 mod service;
 
@@ -13,3 +16,4 @@ pub use farm::{
     DoneBlock, End, Entry, EntryState, Event, EventKind, ExtendError, Farm, JobSpec, Progress,
     Start, Timing, WorkerState, WorkerView,
 };
+pub use listener::Entrance;

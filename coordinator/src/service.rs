@@ -3,6 +3,7 @@
 use crate::examine::{Claim, Flaw};
 use crate::farm::{Farm, Refusal};
 use crate::ledger::{Accepted, LedgerError};
+use crate::limits::{Limits, Pace};
 use beamfarm_proto::wire::farm_server::Farm as FarmService;
 use beamfarm_proto::wire::submit_request::Part;
 use beamfarm_proto::{CHUNK_BYTES, FileHash, LeaseId, VERSION, WireHash, WorkerId, wire};
@@ -22,14 +23,16 @@ pub(crate) struct Service {
     farm: Arc<Farm>,
     /// Deliveries that are decoded at the same time; others wait as bytes.
     decoders: Arc<Semaphore>,
+    limits: Limits,
 }
 
 impl Service {
-    pub fn new(farm: Arc<Farm>) -> Self {
+    pub fn new(farm: Arc<Farm>, limits: Limits) -> Self {
         let cores = std::thread::available_parallelism().map_or(1, usize::from);
         Self {
             farm,
             decoders: Arc::new(Semaphore::new(cores)),
+            limits,
         }
     }
 
@@ -135,6 +138,7 @@ impl FarmService for Service {
         farm.beat(worker, first.leases.into_iter().map(LeaseId))?;
         let attendance = farm.attend(worker);
         let (sender, receiver) = mpsc::channel(1);
+        let pace = Pace::new(self.limits.beats_per_second);
         tokio::spawn(async move {
             let _attendance = attendance;
             loop {
@@ -145,6 +149,7 @@ impl FarmService for Service {
                             if farm.beat(worker, leases).is_err() {
                                 break;
                             }
+                            pace.next().await;
                         }
                         // Hung up, cut off, or not making sense.
                         _ => break,

@@ -3,10 +3,12 @@
 
 mod convert;
 mod domain;
+mod token;
 
 pub use convert::{WireError, WireHash};
 pub use domain::{FileEntry, FileHash, Grant, Job, LeaseId, Manifest, WorkerId};
 pub use prost::bytes;
+pub use token::{TOKEN_VARIABLE, Token};
 
 /// The generated code. Its comments are farm.proto's.
 #[allow(missing_docs, clippy::all)]

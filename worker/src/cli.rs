@@ -1,6 +1,7 @@
 //! The command line of a worker, shared by `beamfarm worker` and `beamfarm-worker`.
 
 use crate::run::{Config, Summary, WorkerError, run};
+use crate::security::SecurityArgs;
 use crate::{cache, exit, signals};
 use clap::Args;
 use std::path::PathBuf;
@@ -14,9 +15,13 @@ use tracing_subscriber::fmt::MakeWriter;
 /// Options of a worker.
 #[derive(Args, Clone, Debug)]
 pub struct WorkerArgs {
-    /// Coordinator to work for: http://HOST:PORT
+    /// Coordinator to work for: http://HOST:PORT or https://HOST:PORT
     #[arg(long, value_name = "URL", env = "BEAMFARM_CONNECT")]
     pub connect: String,
+
+    /// Who to be, and whom to believe.
+    #[command(flatten)]
+    pub security: SecurityArgs,
 
     /// Rendering threads [default: one per core]
     #[arg(long, value_name = "T", value_parser = clap::value_parser!(u16).range(1..))]
@@ -99,7 +104,9 @@ pub fn main(args: WorkerArgs) -> ExitCode {
         Err(error) => {
             eprintln!("error: {error}");
             match error {
-                WorkerError::Address { .. } | WorkerError::Scene(_) => exit::USAGE,
+                WorkerError::Address { .. } | WorkerError::Security(_) | WorkerError::Scene(_) => {
+                    exit::USAGE
+                }
                 WorkerError::Unreachable { .. } => exit::UNREACHABLE,
                 WorkerError::Refused(_) => exit::REFUSED,
                 WorkerError::Internal(_) => exit::IO,
@@ -128,6 +135,7 @@ async fn work(args: WorkerArgs) -> Result<Summary, WorkerError> {
     };
     let config = Config {
         url,
+        credentials: args.security.read().map_err(WorkerError::Security)?,
         threads: args.threads.map_or(cores, usize::from),
         name: args.name.unwrap_or_else(machine_name),
         cache: match args.no_cache {

@@ -1,6 +1,7 @@
 //! The coordinator as a worker sees it. Every call goes on trying while the coordinator cannot be reached, until the
 //! worker's patience ends.
 
+use crate::security::{Link, describe};
 use beamfarm_proto::bytes::Bytes;
 use beamfarm_proto::wire::farm_client::FarmClient;
 use beamfarm_proto::wire::submit_request::Part;
@@ -13,14 +14,8 @@ use std::time::Duration;
 use tokio::sync::mpsc;
 use tokio::time::{Instant, sleep};
 use tokio_stream::wrappers::ReceiverStream;
-use tonic::transport::{Channel, Endpoint};
 use tonic::{Code, Status, Streaming};
 
-/// How often an idle connection is probed, and how long the answer may take.
-const PROBE_EVERY: Duration = Duration::from_secs(10);
-const PROBE_TIMEOUT: Duration = Duration::from_secs(20);
-/// Time for a connection to come about.
-const CONNECT_TIMEOUT: Duration = Duration::from_secs(5);
 /// Pauses between attempts double from the first to the second of these.
 const FIRST_PAUSE: Duration = Duration::from_millis(50);
 const LONGEST_PAUSE: Duration = Duration::from_secs(5);
@@ -63,23 +58,17 @@ pub struct Delivery {
 /// A connection to a coordinator. Clones share it.
 #[derive(Clone, Debug)]
 pub struct Client {
-    farm: FarmClient<Channel>,
+    farm: FarmClient<Link>,
     patience: Duration,
 }
 
 impl Client {
-    /// Does not connect yet. `url`: http://host:port.
-    pub fn new(url: &str, patience: Duration) -> Result<Self, tonic::transport::Error> {
-        let endpoint = Endpoint::from_shared(url.to_owned())?
-            .connect_timeout(CONNECT_TIMEOUT)
-            .http2_keep_alive_interval(PROBE_EVERY)
-            .keep_alive_timeout(PROBE_TIMEOUT)
-            .keep_alive_while_idle(true)
-            .tcp_nodelay(true);
-        Ok(Self {
-            farm: FarmClient::new(endpoint.connect_lazy()),
+    /// Calls over this connection.
+    pub fn new(link: Link, patience: Duration) -> Self {
+        Self {
+            farm: FarmClient::new(link),
             patience,
-        })
+        }
     }
 
     /// Introduce the worker, which holds this scene already, if any.
@@ -112,7 +101,7 @@ impl Client {
 
     /// A file of the scene; its size and content are checked.
     pub async fn fetch(&self, file: &FileEntry) -> Result<Vec<u8>, CallError> {
-        let fetch = |mut farm: FarmClient<Channel>| async move {
+        let fetch = |mut farm: FarmClient<Link>| async move {
             let hash = file.hash.to_wire();
             let request = wire::FetchFileRequest { hash };
             let mut chunks = farm.fetch_file(request).await?.into_inner();
@@ -207,7 +196,7 @@ impl Client {
         .map(|_| ())
     }
 
-    async fn persist<T, F>(&self, call: impl Fn(FarmClient<Channel>) -> F) -> Result<T, CallError>
+    async fn persist<T, F>(&self, call: impl Fn(FarmClient<Link>) -> F) -> Result<T, CallError>
     where
         F: Future<Output = Result<T, Status>>,
     {
@@ -237,15 +226,4 @@ impl Client {
             pause = (2 * pause).min(LONGEST_PAUSE);
         }
     }
-}
-
-/// A status of a connection that failed says no more than "transport error"; its sources do.
-fn describe(status: &Status) -> String {
-    let mut source = std::error::Error::source(status);
-    let mut message = status.message().to_owned();
-    while let Some(error) = source {
-        message = error.to_string();
-        source = error.source();
-    }
-    message
 }

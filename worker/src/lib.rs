@@ -14,6 +14,7 @@ mod client;
 pub mod exit;
 mod render;
 mod run;
+pub mod security;
 pub mod signals;
 
 pub use run::{Config, Summary, WorkerError, run};

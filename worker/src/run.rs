@@ -3,6 +3,7 @@
 use crate::cache::Cache;
 use crate::client::{CallError, Client, Delivery, Registration};
 use crate::render::{Prepared, Renderer};
+use crate::security::Credentials;
 use beamfarm_proto::{Grant, Job, LeaseId, VERSION, wire};
 use beamfarm_shared::bundle::Bundle;
 use beamfarm_shared::error::SceneError;
@@ -27,8 +28,10 @@ const LEASE_AHEAD: f64 = 0.75;
 /// What a worker is told on its command line.
 #[derive(Clone, Debug)]
 pub struct Config {
-    /// Coordinator, as http://host:port.
+    /// Coordinator, as http://host:port or https://host:port.
     pub url: String,
+    /// Who to be there, and whom to believe.
+    pub credentials: Credentials,
     /// Rendering threads, at least one.
     pub threads: usize,
     /// Name for the coordinator's log.
@@ -50,13 +53,16 @@ pub struct Summary {
 #[derive(Debug, thiserror::Error)]
 pub enum WorkerError {
     /// The coordinator's address makes no sense.
-    #[error("{url}: expected http://HOST:PORT ({message})")]
+    #[error("{url}: expected http://HOST:PORT or https://HOST:PORT ({message})")]
     Address {
         /// What was given.
         url: String,
         /// What is wrong with it.
         message: String,
     },
+    /// A certificate, a key or the token cannot be read.
+    #[error("{0}")]
+    Security(String),
     /// The coordinator cannot be reached, or no longer.
     #[error("cannot reach the coordinator at {url}: {message}")]
     Unreachable {
@@ -85,11 +91,12 @@ enum SessionEnd {
 
 /// Work for a coordinator until its job is over, or until `drain` becomes true and the pass at hand is delivered.
 pub async fn run(config: Config, drain: watch::Receiver<bool>) -> Result<Summary, WorkerError> {
-    let address = |error: tonic::transport::Error| WorkerError::Address {
+    let address = |message| WorkerError::Address {
         url: config.url.clone(),
-        message: error.to_string(),
+        message,
     };
-    let client = Client::new(&config.url, config.patience).map_err(address)?;
+    let link = config.credentials.link(&config.url).map_err(address)?;
+    let client = Client::new(link, config.patience);
     let renderer = Renderer::new(config.threads)?;
     let cache = Cache::new(config.cache.clone());
     let mut loaded: Option<(Job, Arc<Prepared>)> = None;

@@ -1,6 +1,12 @@
 //! A coordinator in this process, and a worker under a test's control.
 
+<<<<<<< HEAD
 use beamfarm_coordinator::{End, Farm, JobSpec, Start, Timing, server};
+=======
+use beamfarm_coordinator::limits::Limits;
+use beamfarm_coordinator::security::Security;
+use beamfarm_coordinator::{End, Entrance, Farm, JobSpec, Timing, server};
+>>>>>>> 496e590 (TLS, tokens, and limits on connections: who may come in, and what they may take)
 use beamfarm_proto::wire::farm_client::FarmClient;
 use beamfarm_proto::wire::submit_request::Part;
 use beamfarm_proto::{FileHash, Grant, LeaseId, VERSION, WireHash, wire};
@@ -122,6 +128,16 @@ impl Coordinator {
     }
 
     pub async fn start_on(listener: std::net::TcpListener, spec: JobSpec, timing: Timing) -> Self {
+        let doors = (Security::default(), Limits::default());
+        Self::start_behind(listener, spec, timing, doors).await
+    }
+
+    pub async fn start_behind(
+        listener: std::net::TcpListener,
+        spec: JobSpec,
+        timing: Timing,
+        (security, limits): (Security, Limits),
+    ) -> Self {
         let address = listener.local_addr().unwrap();
         let farm = Farm::new(spec, timing, Start::default());
         let serving = farm.clone();
@@ -135,7 +151,12 @@ impl Coordinator {
             let ended = async {
                 serving.ended().await;
             };
-            server::run(listener, serving.clone(), ended).await.unwrap();
+            let entrance = Entrance {
+                listener,
+                security,
+                limits,
+            };
+            server::run(entrance, serving.clone(), ended).await;
         });
         Self {
             farm,
@@ -180,6 +201,7 @@ pub fn start_worker(url: String, threads: usize, patience: Duration) -> WorkerHa
     let (drain, receiver) = watch::channel(false);
     let config = beamfarm_worker::Config {
         url,
+        credentials: Default::default(),
         threads,
         name: "test".into(),
         cache: None,

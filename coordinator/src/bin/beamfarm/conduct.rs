@@ -5,7 +5,7 @@ use crate::history::History;
 use crate::job::JobArgs;
 use crate::output::Output;
 use crate::progress::{self, si};
-use beamfarm_coordinator::{End, Farm, server};
+use beamfarm_coordinator::{End, Entrance, Farm, server};
 use beamfarm_proto::VERSION;
 use beamfarm_shared::exr::{ImageMeta, Maker, pixel_hash};
 use beamfarm_shared::merge::Average;
@@ -14,7 +14,6 @@ use std::convert::Infallible;
 use std::future::Future;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
-use tokio::net::TcpListener;
 use tokio::sync::oneshot;
 
 /// Why no more passes were taken.
@@ -36,7 +35,7 @@ pub async fn conduct(
     output: &Output,
     exposure: f32,
     farm: Arc<Farm>,
-    listener: TcpListener,
+    entrance: impl Into<Entrance>,
     crew: impl Future<Output = Result<(), String>>,
 ) -> Result<(), Failure> {
     let started = Instant::now();
@@ -47,7 +46,7 @@ pub async fn conduct(
         // Comes as an error: nothing is ever sent.
         let _ = closed.await;
     };
-    let mut server = tokio::spawn(server::run(listener, farm.clone(), closed));
+    let mut server = tokio::spawn(server::run(entrance.into(), farm.clone(), closed));
     let time = async {
         match args.time {
             Some(time) => tokio::time::sleep(time).await,
@@ -80,8 +79,7 @@ pub async fn conduct(
             _ = drain.wait_for(|drain| *drain) => Stop::Signal,
             message = crew_broken => Stop::Broken(message),
             served = &mut server => match served {
-                Ok(Ok(())) => broken("the server", "ended early".into()),
-                Ok(Err(error)) => broken("the server", error.to_string()),
+                Ok(()) => broken("the server", "ended early".into()),
                 Err(error) => broken("the server", error.to_string()),
             },
             never = show => match never {},

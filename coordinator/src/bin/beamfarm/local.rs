@@ -118,8 +118,21 @@ async fn keep(
     }
 }
 
+/// What may be set for coordinators elsewhere.
+const ELSEWHERE: [&str; 5] = [
+    "BEAMFARM_TLS_CA",
+    "BEAMFARM_TLS_CERT",
+    "BEAMFARM_TLS_KEY",
+    "BEAMFARM_TOKEN",
+    "BEAMFARM_TOKEN_FILE",
+];
+
 fn start(place: usize, crew: &Crew, program: &PathBuf) -> std::io::Result<Child> {
-    Command::new(program)
+    let mut command = Command::new(program);
+    for variable in ELSEWHERE {
+        command.env_remove(variable);
+    }
+    command
         .args(["worker", "--connect", &crew.url])
         .args(["--threads", &crew.threads.to_string()])
         .args(["--name", &format!("local {place}")])

@@ -16,6 +16,7 @@ mod progress;
 mod reference;
 mod render;
 mod replay;
+mod security;
 mod serve;
 
 use beamfarm_shared::scene::json_schema;
@@ -37,8 +38,9 @@ Examples:
                                                   error against time, as tables and plots
 
   Over several machines:
-  beamfarm serve scene.toml --listen 0.0.0.0:7325
-  beamfarm worker --connect http://HOST:7325      on each of them
+  beamfarm serve scene.toml --listen 0.0.0.0:7325 --token-file token
+  beamfarm worker --connect http://HOST:7325 --token-file token
+                                                  on each of them
 
 Lengths are in scene units, radiance in W/(m^2 sr), times as 90s, 5m or 1h30m.
 The image is the average of passes 0 to N-1 whatever the number of workers: the same scene and seed
@@ -94,8 +96,9 @@ enum Command {
 
 const WORKER_EXAMPLES: &str = "\
 Examples:
-  beamfarm worker --connect http://coordinator:7325
-  beamfarm worker --connect http://coordinator:7325 --threads 8 --patience 10m
+  beamfarm worker --connect http://coordinator:7325 --token-file token
+  beamfarm worker --connect https://coordinator:7325 --tls-ca ca.pem --tls-cert me.pem --tls-key me.key
+  beamfarm worker --connect http://localhost:7325 --threads 8 --patience 10m
 
 SIGINT and SIGTERM let it deliver the pass at hand; a second one kills it. A worker that dies loses
 nothing: its pass is handed out again.";

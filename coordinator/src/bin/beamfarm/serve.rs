@@ -4,7 +4,8 @@ use crate::conduct::conduct;
 use crate::failure::Failure;
 use crate::job::JobArgs;
 use crate::output::Output;
-use beamfarm_coordinator::{Farm, Start, Timing};
+use crate::security::ListenArgs;
+use beamfarm_coordinator::{Entrance, Farm, Start, Timing};
 use clap::Args;
 use std::net::SocketAddr;
 use tokio::net::TcpListener;
@@ -12,11 +13,15 @@ use tokio::net::TcpListener;
 pub const EXAMPLES: &str = "\
 Examples:
   beamfarm serve scene.toml                             workers on this machine only
-  beamfarm serve scene.toml --listen 0.0.0.0:7325       workers from anywhere
-  beamfarm worker --connect http://HOST:7325            on each machine that is to work
+  openssl rand -hex 32 > token
+  beamfarm serve scene.toml --listen 0.0.0.0:7325 --token-file token
+                                                        workers from anywhere, who have the token
+  beamfarm worker --connect http://HOST:7325 --token-file token
+                                                        on each machine that is to work
+  beamfarm serve scene.toml --listen 0.0.0.0:7325 --tls-cert a.pem --tls-key a.key --tls-client-ca ca.pem
+                                                        encrypted, for workers with a certificate
 
-Whoever can reach the port can read the scene and send passes: listen on trusted networks only. SIGINT
-and SIGTERM write the passes that are complete; a second one kills.";
+SIGINT and SIGTERM write the passes that are complete; a second one kills.";
 
 #[derive(Args)]
 pub struct ServeArgs {
@@ -26,9 +31,13 @@ pub struct ServeArgs {
     /// Address and port to listen on; port 0 takes a free one
     #[arg(long, value_name = "ADDR:PORT", default_value = "127.0.0.1:7325")]
     listen: SocketAddr,
+
+    #[command(flatten)]
+    security: ListenArgs,
 }
 
 pub fn main(args: ServeArgs) -> Result<(), Failure> {
+    let security = args.security.read(args.listen)?;
     let loaded = args.job.settings.load()?;
     let exposure = args.job.exposure(&loaded)?;
     let output = Output::new(
@@ -48,11 +57,15 @@ pub fn main(args: ServeArgs) -> Result<(), Failure> {
             .map_err(|error| Failure::io(format!("cannot listen on {}: {error}", args.listen)))?;
         let address = listener.local_addr().map_err(Failure::io)?;
         if !args.job.quiet {
-            println!("listening on http://{address}");
+            println!("listening on {}://{address}", security.scheme());
         }
         let farm = Farm::new(spec, Timing::default(), Start::default());
+        let entrance = Entrance {
+            security,
+            ..listener.into()
+        };
         let crew = std::future::pending();
-        conduct(&args.job, &output, exposure, farm, listener, crew).await
+        conduct(&args.job, &output, exposure, farm, entrance, crew).await
     })?;
     for part in left_out {
         println!("left out: {part}");

@@ -1,0 +1,76 @@
+//! Who may connect: options of what listens.
+
+use crate::failure::Failure;
+use beamfarm_coordinator::security::{Security, Tls};
+use beamfarm_proto::Token;
+use clap::Args;
+use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
+use tracing::warn;
+
+#[derive(Args, Clone, Debug)]
+pub struct ListenArgs {
+    /// Certificate to show to those who connect, as PEM, with those between it and its authority: encrypts all traffic
+    #[arg(
+        long,
+        value_name = "FILE",
+        env = "BEAMFARM_TLS_CERT",
+        requires = "tls_key"
+    )]
+    tls_cert: Option<PathBuf>,
+
+    /// Its private key, as PEM
+    #[arg(
+        long,
+        value_name = "FILE",
+        env = "BEAMFARM_TLS_KEY",
+        requires = "tls_cert"
+    )]
+    tls_key: Option<PathBuf>,
+
+    /// Let in nobody without a certificate from these authorities, as PEM
+    #[arg(
+        long,
+        value_name = "FILE",
+        env = "BEAMFARM_TLS_CLIENT_CA",
+        requires = "tls_cert"
+    )]
+    tls_client_ca: Option<PathBuf>,
+
+    /// Let in nobody without the token in this file; without it BEAMFARM_TOKEN may hold the token itself
+    #[arg(long, value_name = "FILE", env = "BEAMFARM_TOKEN_FILE")]
+    token_file: Option<PathBuf>,
+
+    /// Let everybody in who can reach the port, from other machines too
+    #[arg(long)]
+    insecure_listen: bool,
+}
+
+impl ListenArgs {
+    /// Read what the options name, for a listener at this address.
+    pub fn read(&self, address: SocketAddr) -> Result<Security, Failure> {
+        let pem = |path: &Path| {
+            std::fs::read(path)
+                .map_err(|error| Failure::usage(format!("{}: {error}", path.display())))
+        };
+        let tls = match (&self.tls_cert, &self.tls_key) {
+            (Some(cert), Some(key)) => {
+                let clients = self.tls_client_ca.as_deref().map(pem).transpose()?;
+                let tls = Tls::new(&pem(cert)?, &pem(key)?, clients.as_deref());
+                Some(tls.map_err(|error| Failure::usage(format!("TLS: {error}")))?)
+            }
+            _ => None,
+        };
+        let token = Token::read(self.token_file.as_deref()).map_err(Failure::usage)?;
+        let security = Security { tls, token };
+        security
+            .check(address, self.insecure_listen)
+            .map_err(|error| Failure::usage(format!("--listen {error}")))?;
+        if !address.ip().is_loopback() && security.tls.is_none() {
+            warn!(
+                "there is no TLS: whoever listens on the network sees the token, the scene and the image"
+            );
+        }
+        Ok(security)
+    }
+}

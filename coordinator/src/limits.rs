@@ -1,0 +1,209 @@
+//! What one peer may take of the coordinator's time and memory.
+
+use axum::body::Body;
+use http_body::{Body as HttpBody, Frame, SizeHint};
+use std::pin::Pin;
+use std::sync::{Mutex, PoisonError};
+use std::task::{Context, Poll};
+use std::time::Duration;
+use tokio::time::{Instant, Sleep, sleep_until};
+
+/// Limits of a listener.
+#[derive(Clone, Copy, Debug)]
+pub struct Limits {
+    /// Connections at a time; more are closed at once.
+    pub connections: usize,
+    /// Time for a connection to become one: TLS, and its first request that may come in.
+    pub greeting: Duration,
+    /// Calls that one connection may have open. A worker needs about four.
+    pub calls: u32,
+    /// Requests a second on one connection, over some time; more have to wait.
+    pub requests_per_second: f64,
+    /// Bytes of all headers of a request.
+    pub header_bytes: u32,
+    /// Bytes of the body of a request that is no gRPC call; calls have [`crate::server::MESSAGE_BYTES`] a message.
+    pub form_bytes: usize,
+    /// Time that a request's body may stand still, the time for its first byte among it; and for a peer to take what is
+    /// sent to it.
+    pub stall: Duration,
+    /// Bytes a second that a body must bring, over some time.
+    pub slowest: f64,
+    /// Messages a second of one worker's heartbeat; more have to wait.
+    pub beats_per_second: f64,
+    /// How often an idle connection is probed, and how long the answer may take: machines that lose their network or
+    /// their power do not close connections.
+    pub probe_every: Duration,
+    /// See `probe_every`.
+    pub probe_timeout: Duration,
+}
+
+impl Default for Limits {
+    fn default() -> Self {
+        Self {
+            connections: 16384,
+            greeting: Duration::from_secs(10),
+            calls: 64,
+            requests_per_second: 1000.0,
+            header_bytes: 16 << 10,
+            form_bytes: 64 << 10,
+            stall: Duration::from_secs(20),
+            slowest: 16384.0,
+            beats_per_second: 100.0,
+            probe_every: Duration::from_secs(10),
+            probe_timeout: Duration::from_secs(20),
+        }
+    }
+}
+
+/// A bucket of as many tokens as come in a second: what happens more often has to wait.
+#[derive(Debug)]
+pub(crate) struct Pace {
+    rate: f64,
+    /// Tokens that were there at that time; below zero they are owed.
+    state: Mutex<(f64, Instant)>,
+}
+
+impl Pace {
+    pub fn new(rate: f64) -> Self {
+        Self {
+            rate,
+            state: Mutex::new((rate.max(1.0), Instant::now())),
+        }
+    }
+
+    /// Returns when the next one may happen.
+    pub async fn next(&self) {
+        let wait = {
+            let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
+            let now = Instant::now();
+            let earned = now.duration_since(state.1).as_secs_f64() * self.rate;
+            *state = ((state.0 + earned).min(self.rate.max(1.0)) - 1.0, now);
+            -state.0 / self.rate
+        };
+        if wait > 0.0 {
+            tokio::time::sleep(Duration::from_secs_f64(wait)).await;
+        }
+    }
+}
+
+/// A request's body that must keep coming: it may stand still for a while, and has to be as fast as the slowest over its
+/// whole length.
+pub(crate) struct Steady {
+    body: Body,
+    limits: Limits,
+    begun: Instant,
+    bytes: f64,
+    /// Bytes that may still come, if there is a limit.
+    room: Option<usize>,
+    deadline: Pin<Box<Sleep>>,
+}
+
+impl Steady {
+    pub fn new(body: Body, limits: Limits, room: Option<usize>) -> Self {
+        let begun = Instant::now();
+        Self {
+            body,
+            limits,
+            begun,
+            bytes: 0.0,
+            room,
+            deadline: Box::pin(sleep_until(begun + limits.stall)),
+        }
+    }
+}
+
+impl HttpBody for Steady {
+    type Data = axum::body::Bytes;
+    type Error = axum::Error;
+
+    fn poll_frame(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+    ) -> Poll<Option<Result<Frame<Self::Data>, Self::Error>>> {
+        let late = |what: String| Poll::Ready(Some(Err(axum::Error::new(Late(what)))));
+        match Pin::new(&mut self.body).poll_frame(context) {
+            Poll::Pending => {}
+            Poll::Ready(Some(Ok(frame))) => {
+                let length = frame.data_ref().map_or(0, |data| data.len());
+                if let Some(room) = &mut self.room {
+                    match room.checked_sub(length) {
+                        Some(rest) => *room = rest,
+                        None => return late("the body is too long".into()),
+                    }
+                }
+                self.bytes += length as f64;
+                let stall = self.limits.stall;
+                let earned = Duration::from_secs_f64(self.bytes / self.limits.slowest);
+                let deadline = (Instant::now() + stall).min(self.begun + stall + earned);
+                self.deadline.as_mut().reset(deadline);
+                return Poll::Ready(Some(Ok(frame)));
+            }
+            other => return other,
+        }
+        match self.deadline.as_mut().poll(context) {
+            Poll::Pending => Poll::Pending,
+            Poll::Ready(()) => late("the body comes too slowly".into()),
+        }
+    }
+
+    fn is_end_stream(&self) -> bool {
+        self.body.is_end_stream()
+    }
+
+    fn size_hint(&self) -> SizeHint {
+        self.body.size_hint()
+    }
+}
+
+/// Why a body was cut off.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+struct Late(String);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use http_body_util::BodyExt;
+    use tokio_stream::StreamExt;
+
+    #[tokio::test(start_paused = true)]
+    async fn what_is_too_frequent_waits() {
+        let pace = Pace::new(10.0);
+        let begun = Instant::now();
+        for _ in 0..10 {
+            pace.next().await;
+        }
+        assert_eq!(begun.elapsed(), Duration::ZERO);
+        for _ in 0..20 {
+            pace.next().await;
+        }
+        let taken = begun.elapsed().as_secs_f64();
+        assert!((1.9..2.2).contains(&taken), "{taken}");
+    }
+
+    /// Seconds that a body of `chunks` pieces of `size` bytes, `pause` apart, may come, and whether all of it did.
+    async fn receive(chunks: usize, size: usize, pause: f64, room: Option<usize>) -> (f64, bool) {
+        let pieces = tokio_stream::iter(0..chunks).then(move |_| async move {
+            tokio::time::sleep(Duration::from_secs_f64(pause)).await;
+            Ok::<_, std::convert::Infallible>(vec![0u8; size])
+        });
+        let body = Body::from_stream(pieces);
+        let begun = Instant::now();
+        let whole = Steady::new(body, Limits::default(), room).collect().await;
+        (begun.elapsed().as_secs_f64(), whole.is_ok())
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn bodies_have_to_keep_coming() {
+        // A minute at twice the slowest rate.
+        assert!(receive(60, 32768, 1.0, None).await.1);
+        // Drops: each in time, all of them too slow.
+        let (seconds, whole) = receive(1000, 1, 1.0, None).await;
+        assert!(!whole && (20.0..21.0).contains(&seconds), "{seconds}");
+        // A large piece earns time, but not to stand still.
+        let (seconds, whole) = receive(2, 10 << 20, 30.0, None).await;
+        assert!(!whole && (20.0..21.0).contains(&seconds), "{seconds}");
+        assert!(receive(2, 10, 0.0, Some(20)).await.1);
+        assert!(!receive(2, 10, 0.0, Some(19)).await.1);
+    }
+}

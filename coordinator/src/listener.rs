@@ -1,0 +1,213 @@
+//! Connections, from the moment that they are accepted: who gets one, what it may take, and when it ends.
+
+use crate::limits::{Limits, Pace, Steady};
+use crate::security::{Security, is_grpc};
+use axum::Router;
+use axum::body::Body;
+use http::{Request, Response};
+use hyper::body::Incoming;
+use hyper_util::rt::{TokioExecutor, TokioIo, TokioTimer};
+use hyper_util::server::conn::auto;
+use hyper_util::server::graceful::{GracefulShutdown, Watcher};
+use std::convert::Infallible;
+use std::future::Future;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+use tokio::io::{AsyncRead, AsyncWrite};
+use tokio::net::{TcpListener, TcpStream};
+use tokio::sync::Semaphore;
+use tokio::task::JoinSet;
+use tokio::time::{sleep, timeout};
+use tokio_io_timeout::TimeoutStream;
+use tower::ServiceExt;
+use tracing::{debug, warn};
+
+/// Bytes that may be on their way to the coordinator, in one delivery and in one connection: at 100 ms of latency these
+/// let 40 MB/s and 160 MB/s through.
+const DELIVERY_WINDOW: u32 = 4 << 20;
+const CONNECTION_WINDOW: u32 = 16 << 20;
+/// Calls that a peer may begin and break off before they are looked at (HTTP/2 rapid reset).
+const BROKEN_OFF: usize = 32;
+/// Pause after the system refused a connection: it is out of file descriptors, say.
+const REFUSED_PAUSE: Duration = Duration::from_millis(100);
+/// The only call whose body stands still by design. It has a time limit of its own.
+const HEARTBEAT: &str = "/beamfarm.v1.Farm/Attend";
+
+/// A socket, and what is asked of those who connect to it.
+pub struct Entrance {
+    /// Where they connect to.
+    pub listener: TcpListener,
+    /// Who may come in.
+    pub security: Security,
+    /// What they may take.
+    pub limits: Limits,
+}
+
+impl From<TcpListener> for Entrance {
+    /// For peers that are trusted: nothing is asked of them.
+    fn from(listener: TcpListener) -> Self {
+        Self {
+            listener,
+            security: Security::default(),
+            limits: Limits::default(),
+        }
+    }
+}
+
+/// What all connections of a listener share.
+struct Shared {
+    router: Router,
+    security: Security,
+    limits: Limits,
+    /// The listener is for this machine alone.
+    local: bool,
+}
+
+/// Serve `router` until `shutdown` resolves, then let requests that are open come to their end.
+pub(crate) async fn serve(entrance: Entrance, router: Router, shutdown: impl Future<Output = ()>) {
+    let Entrance {
+        listener,
+        security,
+        limits,
+    } = entrance;
+    let address = listener.local_addr();
+    let shared = Arc::new(Shared {
+        router,
+        security,
+        limits,
+        local: address.is_ok_and(|address| address.ip().is_loopback()),
+    });
+    let places = Arc::new(Semaphore::new(limits.connections));
+    let graceful = GracefulShutdown::new();
+    // Dropping it ends what is still open.
+    let mut connections = JoinSet::new();
+    tokio::pin!(shutdown);
+    let mut full = false;
+    loop {
+        let (stream, peer) = tokio::select! {
+            accepted = listener.accept() => match accepted {
+                Ok(accepted) => accepted,
+                Err(error) => {
+                    warn!("cannot accept a connection: {error}");
+                    sleep(REFUSED_PAUSE).await;
+                    continue;
+                }
+            },
+            Some(_) = connections.join_next() => continue,
+            () = &mut shutdown => break,
+        };
+        let Ok(place) = places.clone().try_acquire_owned() else {
+            if !std::mem::replace(&mut full, true) {
+                warn!(
+                    "{} connections: {peer} and more are turned away",
+                    limits.connections
+                );
+            }
+            continue;
+        };
+        full = false;
+        let (shared, watcher) = (shared.clone(), graceful.watcher());
+        connections.spawn(async move {
+            let _place = place;
+            match connection(stream, shared, watcher).await {
+                Ok(()) => debug!("{peer}: the connection is over"),
+                Err(error) => debug!("{peer}: {error}"),
+            }
+        });
+    }
+    drop(listener);
+    graceful.shutdown().await;
+}
+
+type ConnectionError = Box<dyn std::error::Error + Send + Sync>;
+
+async fn connection(
+    stream: TcpStream,
+    shared: Arc<Shared>,
+    watcher: Watcher,
+) -> Result<(), ConnectionError> {
+    stream.set_nodelay(true)?;
+    let mut stream = TimeoutStream::new(stream);
+    // For peers that do not read what they asked for.
+    stream.set_write_timeout(Some(shared.limits.stall));
+    let stream = Box::pin(stream);
+    let Some(tls) = &shared.security.tls else {
+        return requests(stream, shared, watcher).await;
+    };
+    let acceptor = tokio_rustls::TlsAcceptor::from(tls.config.clone());
+    let stream = timeout(shared.limits.greeting, acceptor.accept(stream)).await??;
+    requests(stream, shared, watcher).await
+}
+
+async fn requests(
+    stream: impl AsyncRead + AsyncWrite + Unpin + Send + 'static,
+    shared: Arc<Shared>,
+    watcher: Watcher,
+) -> Result<(), ConnectionError> {
+    let limits = shared.limits;
+    let greeted = Arc::new(AtomicBool::new(false));
+    let pace = Arc::new(Pace::new(limits.requests_per_second));
+    let service = {
+        let (shared, greeted) = (shared.clone(), greeted.clone());
+        hyper::service::service_fn(move |request| {
+            let (shared, greeted, pace) = (shared.clone(), greeted.clone(), pace.clone());
+            async move {
+                pace.next().await;
+                Ok::<_, Infallible>(shared.respond(request, &greeted).await)
+            }
+        })
+    };
+    let mut builder = auto::Builder::new(TokioExecutor::new());
+    builder
+        .http1()
+        .timer(TokioTimer::new())
+        .header_read_timeout(limits.greeting)
+        .max_buf_size((limits.header_bytes as usize).max(8192));
+    builder
+        .http2()
+        .timer(TokioTimer::new())
+        .keep_alive_interval(limits.probe_every)
+        .keep_alive_timeout(limits.probe_timeout)
+        .initial_stream_window_size(DELIVERY_WINDOW)
+        .initial_connection_window_size(CONNECTION_WINDOW)
+        .max_concurrent_streams(limits.calls)
+        .max_header_list_size(limits.header_bytes)
+        .max_pending_accept_reset_streams(BROKEN_OFF);
+    let connection = builder.serve_connection(TokioIo::new(stream), service);
+    let connection = watcher.watch(connection.into_owned());
+    let stranger = async {
+        loop {
+            sleep(limits.greeting).await;
+            if !greeted.load(Ordering::Relaxed) {
+                break;
+            }
+        }
+    };
+    tokio::select! {
+        served = connection => served,
+        () = stranger => Err("nothing that may come in".into()),
+    }
+}
+
+impl Shared {
+    async fn respond(&self, request: Request<Incoming>, greeted: &AtomicBool) -> Response<Body> {
+        if let Some(refusal) = self.security.refuse(&request, self.local) {
+            return refusal;
+        }
+        greeted.store(true, Ordering::Relaxed);
+        let room = (!is_grpc(request.headers())).then_some(self.limits.form_bytes);
+        let heartbeat = request.uri().path() == HEARTBEAT && room.is_none();
+        let request = request.map(|body| {
+            let body = Body::new(body);
+            match heartbeat {
+                true => body,
+                false => Body::new(Steady::new(body, self.limits, room)),
+            }
+        });
+        match self.router.clone().oneshot(request).await {
+            Ok(response) => response,
+            Err(never) => match never {},
+        }
+    }
+}

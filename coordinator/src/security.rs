@@ -1,0 +1,347 @@
+//! Who may come in: TLS, certificates of clients, and the token.
+
+use axum::response::{IntoResponse, Response};
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use beamfarm_proto::Token;
+use http::{HeaderMap, HeaderValue, Request, StatusCode, header};
+use rustls::pki_types::pem::PemObject;
+use rustls::pki_types::{CertificateDer, PrivateKeyDer};
+use rustls::server::WebPkiClientVerifier;
+use rustls::{RootCertStore, ServerConfig};
+use std::net::{IpAddr, SocketAddr};
+use std::sync::Arc;
+use tonic::Status;
+
+/// What answers that the coordinator lives. Says nothing of the job, and asks for no token.
+pub const HEALTH: &str = "/healthz";
+
+/// What a listener asks of those who connect to it. Nothing by default.
+#[derive(Clone, Debug, Default)]
+pub struct Security {
+    /// TLS, with what it asks of clients.
+    pub tls: Option<Tls>,
+    /// What every request but [`HEALTH`] has to tell.
+    pub token: Option<Token>,
+}
+
+/// TLS 1.3 on this side.
+#[derive(Clone, Debug)]
+pub struct Tls {
+    pub(crate) config: Arc<ServerConfig>,
+    /// Nobody gets in without a certificate.
+    clients: bool,
+}
+
+impl Tls {
+    /// From PEM: the certificate with those between it and its authority, its private key, and the authorities that vouch
+    /// for clients, which then must show a certificate. The error is for people.
+    pub fn new(chain: &[u8], key: &[u8], clients: Option<&[u8]>) -> Result<Self, String> {
+        let chain = certificates(chain, "the certificate")?;
+        let key = PrivateKeyDer::from_pem_slice(key)
+            .map_err(|error| format!("the private key is not PEM: {error}"))?;
+        let provider = Arc::new(rustls::crypto::ring::default_provider());
+        let config = ServerConfig::builder_with_provider(provider.clone())
+            .with_protocol_versions(&[&rustls::version::TLS13])
+            .map_err(|error| error.to_string())?;
+        let config = match clients {
+            None => config.with_no_client_auth(),
+            Some(authorities) => {
+                let mut roots = RootCertStore::empty();
+                for authority in certificates(authorities, "the authority of clients")? {
+                    roots
+                        .add(authority)
+                        .map_err(|error| format!("the authority of clients: {error}"))?;
+                }
+                let verifier =
+                    WebPkiClientVerifier::builder_with_provider(Arc::new(roots), provider)
+                        .build()
+                        .map_err(|error| format!("the authority of clients: {error}"))?;
+                config.with_client_cert_verifier(verifier)
+            }
+        };
+        let mut config = config
+            .with_single_cert(chain, key)
+            .map_err(|error| format!("certificate and private key: {error}"))?;
+        config.alpn_protocols = vec![b"h2".to_vec(), b"http/1.1".to_vec()];
+        Ok(Self {
+            config: Arc::new(config),
+            clients: clients.is_some(),
+        })
+    }
+}
+
+fn certificates(pem: &[u8], what: &str) -> Result<Vec<CertificateDer<'static>>, String> {
+    let found: Result<Vec<_>, _> = CertificateDer::pem_slice_iter(pem).collect();
+    match found {
+        Ok(found) if !found.is_empty() => Ok(found),
+        Ok(_) => Err(format!("{what}: no CERTIFICATE in PEM")),
+        Err(error) => Err(format!("{what} is not PEM: {error}")),
+    }
+}
+
+impl Security {
+    /// Whether strangers are kept out.
+    pub fn keeps_strangers_out(&self) -> bool {
+        self.token.is_some() || self.tls.as_ref().is_some_and(|tls| tls.clients)
+    }
+
+    /// Refuses an address that other machines reach when strangers are let in, unless that was asked for by name.
+    pub fn check(&self, address: SocketAddr, insecure: bool) -> Result<(), String> {
+        if address.ip().is_loopback() || self.keeps_strangers_out() || insecure {
+            return Ok(());
+        }
+        Err(format!(
+            "{address} can be reached from other machines, and whoever reaches it could read the scene and send passes.\n\
+             Give it a token (--token-file FILE, or BEAMFARM_TOKEN) or ask for certificates (--tls-cert, --tls-key and \
+             --tls-client-ca);\n--insecure-listen lets everybody in"
+        ))
+    }
+
+    /// The scheme of its addresses.
+    pub fn scheme(&self) -> &'static str {
+        match self.tls {
+            Some(_) => "https",
+            None => "http",
+        }
+    }
+
+    /// The answer to those who may not come in. `local`: the listener is for this machine alone.
+    pub(crate) fn refuse<B>(&self, request: &Request<B>, local: bool) -> Option<Response> {
+        let headers = request.headers();
+        if request.uri().path() == HEALTH {
+            return None;
+        }
+        if from_other_site(request) {
+            let message = "a page of another site has no business here";
+            return Some(answer(headers, Status::permission_denied(message)));
+        }
+        let Some(token) = &self.token else {
+            return (local && rebound(request)).then(|| {
+                let message =
+                    "expected localhost or an address as host; with a token any name will do";
+                answer(headers, Status::permission_denied(message))
+            });
+        };
+        if secret(headers).is_some_and(|it| token.matches(&it)) {
+            return None;
+        }
+        let message = match headers.contains_key(header::AUTHORIZATION) {
+            true => "this is not the coordinator's token",
+            false => "the coordinator asks for a token (--token-file FILE, or BEAMFARM_TOKEN)",
+        };
+        Some(answer(headers, Status::unauthenticated(message)))
+    }
+}
+
+/// The token in a request: as bearer, or as the password of whatever user, which is what browsers can ask for.
+fn secret(headers: &HeaderMap) -> Option<Vec<u8>> {
+    let value = headers.get(header::AUTHORIZATION)?.as_bytes();
+    let space = value.iter().position(|byte| *byte == b' ')?;
+    let (scheme, rest) = (&value[..space], value[space..].trim_ascii());
+    if scheme.eq_ignore_ascii_case(b"bearer") {
+        return Some(rest.to_vec());
+    }
+    if !scheme.eq_ignore_ascii_case(b"basic") {
+        return None;
+    }
+    let mut pair = STANDARD.decode(rest).ok()?;
+    let colon = pair.iter().position(|byte| *byte == b':')?;
+    Some(pair.split_off(colon + 1))
+}
+
+fn text<'a>(headers: &'a HeaderMap, name: &str) -> Option<&'a str> {
+    headers.get(name).and_then(|value| value.to_str().ok())
+}
+
+fn host<B>(request: &Request<B>) -> &str {
+    match request.uri().authority() {
+        Some(authority) => authority.as_str(),
+        None => text(request.headers(), "host").unwrap_or_default(),
+    }
+}
+
+/// Whether a browser sends this for a page of some other site. It adds the password that it remembers, and asks nobody.
+fn from_other_site<B>(request: &Request<B>) -> bool {
+    let headers = request.headers();
+    if let Some("cross-site" | "same-site") = text(headers, "sec-fetch-site") {
+        // Links from elsewhere may lead here.
+        let link = text(headers, "sec-fetch-mode") == Some("navigate");
+        return !(link && request.method().is_safe());
+    }
+    let origin = text(headers, "origin");
+    let origin = origin.map(|origin| origin.split_once("://").map_or("", |it| it.1));
+    origin.is_some_and(|origin| origin != host(request))
+}
+
+/// Whether this may come from a page that reaches this machine by a name of its own (DNS rebinding), which makes it the
+/// same site. `localhost` and addresses are nobody's to point elsewhere; workers are no browsers, and say no origin.
+fn rebound<B>(request: &Request<B>) -> bool {
+    if is_grpc(request.headers()) && !request.headers().contains_key(header::ORIGIN) {
+        return false;
+    }
+    let authority = host(request).parse::<http::uri::Authority>();
+    let name = authority.as_ref().map_or("", |authority| authority.host());
+    let bare = name.trim_start_matches('[').trim_end_matches(']');
+    bare != "localhost" && bare.parse::<IpAddr>().is_err()
+}
+
+pub(crate) fn is_grpc(headers: &HeaderMap) -> bool {
+    let kind = headers.get(header::CONTENT_TYPE);
+    kind.is_some_and(|kind| kind.as_bytes().starts_with(b"application/grpc"))
+}
+
+/// A refusal that whoever asked understands.
+pub(crate) fn answer(asked: &HeaderMap, status: Status) -> Response {
+    if is_grpc(asked) {
+        return status.into_http();
+    }
+    let code = match status.code() {
+        tonic::Code::Unauthenticated => StatusCode::UNAUTHORIZED,
+        tonic::Code::PermissionDenied => StatusCode::FORBIDDEN,
+        _ => StatusCode::SERVICE_UNAVAILABLE,
+    };
+    let mut response = (code, format!("{}\n", status.message())).into_response();
+    if code == StatusCode::UNAUTHORIZED {
+        let challenge = HeaderValue::from_static("Basic realm=\"beamfarm\", charset=\"UTF-8\"");
+        let headers = response.headers_mut();
+        headers.insert(header::WWW_AUTHENTICATE, challenge);
+    }
+    response
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn request(headers: &[(&str, &str)]) -> Request<()> {
+        let mut request = Request::builder().uri("/");
+        for (name, value) in headers {
+            request = request.header(*name, *value);
+        }
+        request.body(()).unwrap()
+    }
+
+    const TOKEN: &str = "0123456789abcdef";
+
+    fn with_token() -> Security {
+        Security {
+            token: Some(Token::parse(TOKEN).unwrap()),
+            tls: None,
+        }
+    }
+
+    #[test]
+    fn the_token_opens_as_bearer_and_as_password() {
+        let security = with_token();
+        let basic = |pair: &str| format!("Basic {}", STANDARD.encode(pair));
+        let good = [
+            format!("Bearer {TOKEN}"),
+            format!("bearer  {TOKEN} "),
+            basic(&format!("anybody:{TOKEN}")),
+            basic(&format!(":{TOKEN}")),
+        ];
+        for value in good {
+            let refused = security.refuse(&request(&[("authorization", &value)]), true);
+            assert!(refused.is_none(), "{value}");
+        }
+        let bad = [
+            String::new(),
+            TOKEN.into(),
+            "Bearer".into(),
+            "Bearer ".into(),
+            format!("Bearer {TOKEN}0"),
+            format!("Digest {TOKEN}"),
+            "Basic %%%".into(),
+            basic(TOKEN),
+            basic(&format!("{TOKEN}:")),
+        ];
+        for value in bad {
+            let refused = security.refuse(&request(&[("authorization", &value)]), true);
+            assert_eq!(refused.unwrap().status(), StatusCode::UNAUTHORIZED);
+        }
+        let refused = security.refuse(&request(&[]), true).unwrap();
+        assert!(refused.headers().contains_key(header::WWW_AUTHENTICATE));
+        let health = Request::builder().uri(HEALTH).body(()).unwrap();
+        assert!(security.refuse(&health, true).is_none());
+        let grpc = request(&[("content-type", "application/grpc")]);
+        let refused = security.refuse(&grpc, true).unwrap();
+        assert_eq!(refused.status(), StatusCode::OK);
+        assert_eq!(refused.headers()["grpc-status"], "16");
+    }
+
+    #[test]
+    fn pages_of_other_sites_are_refused() {
+        let grpc = ("content-type", "application/grpc");
+        let password = format!("Bearer {TOKEN}");
+        let password = ("authorization", password.as_str());
+        let refused = |security: &Security, local, headers: &[(&str, &str)]| {
+            let answer = security.refuse(&request(headers), local);
+            answer.is_some_and(|answer| answer.status() != StatusCode::UNAUTHORIZED)
+        };
+        let open = Security::default();
+        let mine: [&[(&str, &str)]; 7] = [
+            &[("host", "localhost:7325")],
+            &[("host", "127.0.0.1:7325")],
+            &[("host", "[::1]:7325")],
+            &[("host", "10.0.0.7")],
+            &[("host", "gateway:7325"), grpc],
+            &[("host", "localhost:1"), ("origin", "http://localhost:1")],
+            &[
+                ("host", "localhost:1"),
+                ("sec-fetch-site", "cross-site"),
+                ("sec-fetch-mode", "navigate"),
+            ],
+        ];
+        for headers in mine {
+            assert!(!refused(&open, true, headers), "{headers:?}");
+        }
+        let rebound: [&[(&str, &str)]; 3] = [
+            &[("host", "rebound.example:7325")],
+            &[],
+            &[
+                ("host", "rebound.example"),
+                grpc,
+                ("origin", "http://rebound.example"),
+            ],
+        ];
+        for headers in rebound {
+            assert!(refused(&open, true, headers), "{headers:?}");
+            assert!(!refused(&open, false, headers), "{headers:?}");
+            assert!(!refused(&with_token(), true, headers), "{headers:?}");
+        }
+        let cross: [&[(&str, &str)]; 3] = [
+            &[
+                ("host", "localhost:1"),
+                ("origin", "http://other.example"),
+                password,
+            ],
+            &[("host", "localhost:1"), ("origin", "null"), password],
+            &[
+                ("host", "localhost:1"),
+                ("sec-fetch-site", "cross-site"),
+                password,
+            ],
+        ];
+        for headers in cross {
+            assert!(refused(&open, false, headers), "{headers:?}");
+            assert!(refused(&with_token(), false, headers), "{headers:?}");
+        }
+    }
+
+    #[test]
+    fn strangers_are_let_in_by_name_only() {
+        let open = Security::default();
+        let loopback = ["127.0.0.1:1", "127.9.9.9:1", "[::1]:1"];
+        for address in loopback {
+            assert!(open.check(address.parse().unwrap(), false).is_ok());
+        }
+        for address in ["0.0.0.0:1", "10.0.0.1:1", "[::]:1", "[fe80::1]:1"] {
+            let address = address.parse().unwrap();
+            let refused = open.check(address, false).unwrap_err();
+            assert!(refused.contains("--token-file"), "{refused}");
+            assert!(open.check(address, true).is_ok());
+            assert!(with_token().check(address, false).is_ok());
+        }
+    }
+}

@@ -1,0 +1,111 @@
+//! The secret that both sides may share, as it is written in files and in the environment.
+
+use std::fmt;
+use std::path::Path;
+
+/// The environment variable that may hold it.
+pub const TOKEN_VARIABLE: &str = "BEAMFARM_TOKEN";
+/// Fewest characters. 16 of 64 kinds are 96 bits, if they were chosen by chance.
+const SHORTEST: usize = 16;
+/// Most of them: what fits into a header with much else.
+const LONGEST: usize = 1024;
+
+/// A bearer token: 16 to 1024 visible ASCII characters. Compared in constant time, and never shown.
+#[derive(Clone)]
+pub struct Token(String);
+
+impl Token {
+    /// The token in this text, with white space around it, as editors leave it.
+    pub fn parse(text: &str) -> Result<Self, String> {
+        let text = text.trim();
+        if !(SHORTEST..=LONGEST).contains(&text.len()) {
+            return Err(format!(
+                "a token of {} characters; expected {SHORTEST} to {LONGEST}, as `openssl rand -hex 32` makes them",
+                text.len()
+            ));
+        }
+        // HTTP Basic cuts what comes before the password off at a colon, so the token may have one.
+        if !text.bytes().all(|byte| byte.is_ascii_graphic()) {
+            return Err("expected one word of visible ASCII characters as token".into());
+        }
+        Ok(Self(text.into()))
+    }
+
+    /// The token in this file, or without a file the one in `BEAMFARM_TOKEN`, or none where that is not set or empty.
+    pub fn read(file: Option<&Path>) -> Result<Option<Self>, String> {
+        let (place, text) = match file {
+            Some(file) => {
+                let place = file.display().to_string();
+                let text = std::fs::read_to_string(file);
+                (
+                    place.clone(),
+                    text.map_err(|error| format!("{place}: {error}"))?,
+                )
+            }
+            None => match std::env::var(TOKEN_VARIABLE) {
+                Ok(text) if text.is_empty() => return Ok(None),
+                Ok(text) => (TOKEN_VARIABLE.into(), text),
+                Err(std::env::VarError::NotPresent) => return Ok(None),
+                Err(error) => return Err(format!("{TOKEN_VARIABLE}: {error}")),
+            },
+        };
+        let token = Self::parse(&text).map_err(|message| format!("{place}: {message}"))?;
+        Ok(Some(token))
+    }
+
+    /// The value of the header `authorization`.
+    pub fn bearer(&self) -> String {
+        format!("Bearer {}", self.0)
+    }
+
+    /// Whether `given` is this token. Takes the same time wherever they differ: hashes are compared, in constant time.
+    pub fn matches(&self, given: &[u8]) -> bool {
+        blake3::hash(self.0.as_bytes()) == blake3::hash(given)
+    }
+}
+
+impl fmt::Debug for Token {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("Token(…)")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const GOOD: &str = "0123456789abcdef";
+
+    #[test]
+    fn tokens_are_words_of_some_length() {
+        let token = Token::parse(&format!(" {GOOD}\r\n")).unwrap();
+        assert!(token.matches(GOOD.as_bytes()));
+        assert_eq!(token.bearer(), format!("Bearer {GOOD}"));
+        for wrong in [&GOOD[..15], &GOOD[1..], "", "0123456789abcdeF"] {
+            assert!(!token.matches(wrong.as_bytes()));
+        }
+        assert!(!token.matches(format!("{GOOD}0").as_bytes()));
+        let long = "x".repeat(1025);
+        for bad in ["", "short", "0123456789 abcdef", "0123456789abcdéf", &long] {
+            assert!(Token::parse(bad).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn no_message_shows_the_token() {
+        let token = Token::parse(GOOD).unwrap();
+        assert!(!format!("{token:?}").contains(GOOD));
+        let two = format!("{GOOD} secret");
+        assert!(!Token::parse(&two).unwrap_err().contains("secret"));
+    }
+
+    #[test]
+    fn a_file_holds_one() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("token");
+        assert!(Token::read(Some(&file)).unwrap_err().contains("token"));
+        std::fs::write(&file, format!("{GOOD}\n")).unwrap();
+        let token = Token::read(Some(&file)).unwrap().unwrap();
+        assert!(token.matches(GOOD.as_bytes()));
+    }
+}

@@ -1,0 +1,157 @@
+//! How this side of a connection proves who it is, and whom it believes.
+
+use beamfarm_proto::Token;
+use clap::Args;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+use tonic::metadata::{Ascii, MetadataValue};
+use tonic::service::Interceptor;
+use tonic::service::interceptor::InterceptedService;
+use tonic::transport::{Certificate, Channel, ClientTlsConfig, Endpoint, Identity};
+use tonic::{Request, Status};
+
+/// How often an idle connection is probed, and how long the answer may take.
+const PROBE_EVERY: Duration = Duration::from_secs(10);
+const PROBE_TIMEOUT: Duration = Duration::from_secs(20);
+/// Time for a connection to come about, and for its TLS.
+const CONNECT_TIMEOUT: Duration = Duration::from_secs(5);
+
+/// Options of whatever connects to a coordinator.
+#[derive(Args, Clone, Debug, Default)]
+pub struct SecurityArgs {
+    /// Certificates of the authorities that may vouch for the coordinator, as PEM [default: the machine's]
+    #[arg(long, value_name = "FILE", env = "BEAMFARM_TLS_CA")]
+    pub tls_ca: Option<PathBuf>,
+
+    /// Certificate to show to the coordinator, as PEM, with those between it and its authority
+    #[arg(
+        long,
+        value_name = "FILE",
+        env = "BEAMFARM_TLS_CERT",
+        requires = "tls_key"
+    )]
+    pub tls_cert: Option<PathBuf>,
+
+    /// Its private key, as PEM
+    #[arg(
+        long,
+        value_name = "FILE",
+        env = "BEAMFARM_TLS_KEY",
+        requires = "tls_cert"
+    )]
+    pub tls_key: Option<PathBuf>,
+
+    /// File with the coordinator's token; without it BEAMFARM_TOKEN may hold the token itself
+    #[arg(long, value_name = "FILE", env = "BEAMFARM_TOKEN_FILE")]
+    pub token_file: Option<PathBuf>,
+}
+
+impl SecurityArgs {
+    /// Read what the options name. The error is for people.
+    pub fn read(&self) -> Result<Credentials, String> {
+        let pem = |path: &Path| {
+            std::fs::read(path).map_err(|error| format!("{}: {error}", path.display()))
+        };
+        let authority = self.tls_ca.as_deref().map(pem).transpose()?;
+        let identity = match (&self.tls_cert, &self.tls_key) {
+            (Some(cert), Some(key)) => Some(Identity::from_pem(pem(cert)?, pem(key)?)),
+            _ => None,
+        };
+        Ok(Credentials {
+            authority: authority.map(Certificate::from_pem),
+            identity,
+            token: Token::read(self.token_file.as_deref())?,
+        })
+    }
+}
+
+/// What [`SecurityArgs`] name. Nothing at all by default, which is enough for a coordinator on this machine.
+#[derive(Clone, Debug, Default)]
+pub struct Credentials {
+    /// Who may vouch for the coordinator; the machine's authorities when there is none.
+    pub authority: Option<Certificate>,
+    /// What to show to it.
+    pub identity: Option<Identity>,
+    /// What to tell it.
+    pub token: Option<Token>,
+}
+
+/// A connection that says the token with every call.
+pub type Link = InterceptedService<Channel, Bearer>;
+
+/// Adds the token to calls.
+#[derive(Clone, Debug)]
+pub struct Bearer(Option<MetadataValue<Ascii>>);
+
+impl Interceptor for Bearer {
+    fn call(&mut self, mut request: Request<()>) -> Result<Request<()>, Status> {
+        if let Some(token) = &self.0 {
+            request
+                .metadata_mut()
+                .insert("authorization", token.clone());
+        }
+        Ok(request)
+    }
+}
+
+impl Credentials {
+    /// A connection to `url`, http://HOST:PORT or https://HOST:PORT, that comes about with its first call. The error says
+    /// what is wrong with the address, or with the certificates.
+    pub fn link(&self, url: &str) -> Result<Link, String> {
+        let mut endpoint = Endpoint::from_shared(url.to_owned())
+            .map_err(|error| describe(&error))?
+            .connect_timeout(CONNECT_TIMEOUT)
+            .http2_keep_alive_interval(PROBE_EVERY)
+            .keep_alive_timeout(PROBE_TIMEOUT)
+            .keep_alive_while_idle(true)
+            .tcp_nodelay(true);
+        match endpoint.uri().scheme_str() {
+            Some("https") => {
+                let mut tls = ClientTlsConfig::new().timeout(CONNECT_TIMEOUT);
+                tls = match &self.authority {
+                    Some(authority) => tls.ca_certificate(authority.clone()),
+                    None => tls.with_native_roots(),
+                };
+                if let Some(identity) = &self.identity {
+                    tls = tls.identity(identity.clone());
+                }
+                endpoint = endpoint
+                    .tls_config(tls)
+                    .map_err(|error| format!("TLS: {}", describe(&error)))?;
+            }
+            Some("http") if self.authority.is_some() || self.identity.is_some() => {
+                return Err("there are certificates, but the address is not https://".into());
+            }
+            Some("http") => {}
+            _ => return Err("neither http:// nor https://".into()),
+        }
+        let mut bearer = None;
+        if let Some(token) = &self.token {
+            let value = MetadataValue::try_from(token.bearer());
+            let mut value = value.map_err(|error| error.to_string())?;
+            value.set_sensitive(true);
+            bearer = Some(value);
+            let host = endpoint.uri().host().unwrap_or_default();
+            if endpoint.uri().scheme_str() == Some("http") && !is_loopback(host) {
+                tracing::warn!("the token goes to {host} unencrypted: https:// would hide it");
+            }
+        }
+        let channel = endpoint.connect_lazy();
+        Ok(InterceptedService::new(channel, Bearer(bearer)))
+    }
+}
+
+fn is_loopback(host: &str) -> bool {
+    let host = host.trim_start_matches('[').trim_end_matches(']');
+    let address = host.parse::<std::net::IpAddr>();
+    host == "localhost" || address.is_ok_and(|address| address.is_loopback())
+}
+
+/// The innermost of an error's causes: those around it say no more than "transport error".
+pub fn describe(error: &dyn std::error::Error) -> String {
+    let mut innermost = error;
+    while let Some(source) = innermost.source() {
+        innermost = source;
+    }
+    innermost.to_string()
+}

@@ -109,7 +109,7 @@ fn coordinator(passes: u64) -> Result<(), AnyError> {
         server::run(listener, farm, async {
             let _ = ended.await;
         })
-        .await?;
+        .await;
         Ok(())
     })
 }

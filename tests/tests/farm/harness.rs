@@ -1,12 +1,8 @@
 //! A coordinator in this process, and a worker under a test's control.
 
-<<<<<<< HEAD
-use beamfarm_coordinator::{End, Farm, JobSpec, Start, Timing, server};
-=======
 use beamfarm_coordinator::limits::Limits;
 use beamfarm_coordinator::security::Security;
-use beamfarm_coordinator::{End, Entrance, Farm, JobSpec, Timing, server};
->>>>>>> 496e590 (TLS, tokens, and limits on connections: who may come in, and what they may take)
+use beamfarm_coordinator::{End, Entrance, Farm, JobSpec, Start, Timing, server};
 use beamfarm_proto::wire::farm_client::FarmClient;
 use beamfarm_proto::wire::submit_request::Part;
 use beamfarm_proto::{FileHash, Grant, LeaseId, VERSION, WireHash, wire};

@@ -4,5 +4,7 @@
 
 mod calls;
 mod harness;
+mod limits;
+mod security;
 mod submissions;
 mod workers;

@@ -1,0 +1,254 @@
+//! Peers that take more than their share: of connections, calls, bytes and time.
+
+use crate::harness::{Coordinator, LONG, RawWorker, film, free_port, leaf, spec};
+use beamfarm_coordinator::limits::Limits;
+use beamfarm_coordinator::security::{Security, Tls};
+use beamfarm_coordinator::{End, Timing};
+use beamfarm_proto::wire::farm_client::FarmClient;
+use beamfarm_proto::wire::submit_request::Part;
+use beamfarm_proto::{Token, VERSION, wire};
+use rcgen::{CertificateParams, KeyPair};
+use std::time::{Duration, Instant};
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::net::TcpStream;
+use tokio::time::timeout;
+use tokio_stream::StreamExt;
+use tonic::metadata::AsciiMetadataValue;
+use tonic::{Code, Request};
+
+const SOON: Duration = Duration::from_millis(300);
+/// Waiting for something that must happen. Failing is better than waiting forever.
+const PATIENCE: Duration = Duration::from_secs(20);
+
+async fn coordinator(limits: Limits, security: Security) -> Coordinator {
+    let timing = Timing {
+        heartbeat: LONG,
+        lease: LONG,
+        ..Timing::default()
+    };
+    Coordinator::start_behind(free_port(), spec(2), timing, (security, limits)).await
+}
+
+/// Waits until the other side hangs up, and returns what it said before.
+async fn hung_up(mut stream: TcpStream) -> Vec<u8> {
+    let mut said = Vec::new();
+    let _ = timeout(PATIENCE, stream.read_to_end(&mut said))
+        .await
+        .unwrap();
+    said
+}
+
+#[tokio::test]
+async fn connections_beyond_the_limit_are_closed() {
+    let limits = Limits {
+        connections: 2,
+        ..Default::default()
+    };
+    let coordinator = coordinator(limits, Security::default()).await;
+    let first = RawWorker::register(&coordinator).await;
+    let idle = TcpStream::connect(coordinator.address).await.unwrap();
+    let third = TcpStream::connect(coordinator.address).await.unwrap();
+    assert!(hung_up(third).await.is_empty());
+    // Those who are in stay in, and a place that gets free is taken again.
+    let leased = first.lease().await;
+    first.deliver(leased).await.unwrap();
+    drop(idle);
+    let begun = Instant::now();
+    while FarmClient::connect(coordinator.url()).await.is_err() {
+        assert!(begun.elapsed() < PATIENCE);
+        tokio::task::yield_now().await;
+    }
+}
+
+#[tokio::test]
+async fn connections_that_never_say_anything_useful_are_closed() {
+    let limits = Limits {
+        greeting: SOON,
+        ..Default::default()
+    };
+    let key = KeyPair::generate().unwrap();
+    let params = CertificateParams::new(["localhost".to_string()]).unwrap();
+    let certificate = params.self_signed(&key).unwrap();
+    let tls = Tls::new(
+        certificate.pem().as_bytes(),
+        key.serialize_pem().as_bytes(),
+        None,
+    );
+    let doors = [
+        Security::default(),
+        Security {
+            tls: Some(tls.unwrap()),
+            token: None,
+        },
+        Security {
+            token: Some(Token::parse("a-token-for-tests-alone").unwrap()),
+            tls: None,
+        },
+    ];
+    for security in doors {
+        let coordinator = coordinator(limits, security).await;
+        let beginnings: [&[u8]; 6] = [
+            b"",
+            b"G",
+            b"GET /healthz HTTP/1.1\r\nhost: local",
+            b"PRI * HTTP/2.0\r\n\r\nSM",
+            // A whole greeting, with empty settings, and then no request.
+            b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n\0\0\0\x04\0\0\0\0\0",
+            // Half of a TLS greeting.
+            b"\x16\x03\x01\x02\x00\x01",
+        ];
+        for beginning in beginnings {
+            let mut stream = TcpStream::connect(coordinator.address).await.unwrap();
+            stream.write_all(beginning).await.unwrap();
+            hung_up(stream).await;
+        }
+    }
+}
+
+#[tokio::test]
+async fn headers_may_drip_no_longer_than_the_greeting() {
+    let limits = Limits {
+        greeting: SOON,
+        ..Default::default()
+    };
+    let coordinator = coordinator(limits, Security::default()).await;
+    let mut stream = TcpStream::connect(coordinator.address).await.unwrap();
+    stream.write_all(b"GET / HTTP/1.1\r\n").await.unwrap();
+    let begun = Instant::now();
+    // Fails when the other side has hung up.
+    while stream.write_all(b"x: y\r\n").await.is_ok() {
+        assert!(begun.elapsed() < PATIENCE);
+        tokio::time::sleep(Duration::from_millis(20)).await;
+    }
+}
+
+#[tokio::test]
+async fn large_headers_are_refused() {
+    let coordinator = coordinator(Limits::default(), Security::default()).await;
+    let mut stream = TcpStream::connect(coordinator.address).await.unwrap();
+    let long = "x".repeat(100_000);
+    let request = format!("GET / HTTP/1.1\r\nhost: localhost\r\nlong: {long}\r\n\r\n");
+    // The other side may hang up in the middle of it.
+    let _ = stream.write_all(request.as_bytes()).await;
+    let mut said = vec![0; 12];
+    let read = timeout(PATIENCE, stream.read_exact(&mut said)).await;
+    assert!(read.unwrap().is_err() || said == b"HTTP/1.1 431");
+    let mut farm = FarmClient::connect(coordinator.url()).await.unwrap();
+    let mut request = Request::new(wire::RegisterRequest {
+        version: VERSION.into(),
+        ..Default::default()
+    });
+    let long = AsciiMetadataValue::try_from(long).unwrap();
+    request.metadata_mut().insert("long", long);
+    assert!(farm.register(request).await.is_err());
+    assert_eq!(coordinator.farm.progress().registered, 0);
+    RawWorker::register(&coordinator).await;
+}
+
+#[tokio::test]
+async fn large_messages_are_refused() {
+    let coordinator = coordinator(Limits::default(), Security::default()).await;
+    let mut worker = RawWorker::register(&coordinator).await;
+    let request = wire::RegisterRequest {
+        version: VERSION.into(),
+        name: "x".repeat(2 << 20),
+        ..Default::default()
+    };
+    let refused = worker.farm.register(request).await.unwrap_err();
+    assert_eq!(refused.code(), Code::OutOfRange, "{refused}");
+    let leased = worker.lease().await;
+    let bytes = vec![0; 2 << 20];
+    let header = worker.header(leased, &bytes[..1000]);
+    let parts = vec![Part::Header(header), Part::Data(bytes.into())];
+    let refused = worker.send(parts).await.unwrap_err();
+    assert_eq!(refused.code(), Code::OutOfRange, "{refused}");
+    worker.deliver(leased).await.unwrap();
+}
+
+#[tokio::test]
+async fn calls_beyond_the_limit_wait() {
+    let limits = Limits {
+        calls: 2,
+        ..Default::default()
+    };
+    let coordinator = coordinator(limits, Security::default()).await;
+    let worker = RawWorker::register(&coordinator).await;
+    let open = (worker.attend().await, worker.attend().await);
+    let waiting = timeout(SOON, worker.grant()).await;
+    assert!(waiting.is_err(), "a third call is open");
+    // Another connection is none of its business.
+    RawWorker::register(&coordinator).await;
+    drop(open);
+    timeout(PATIENCE, worker.lease()).await.unwrap();
+}
+
+#[tokio::test]
+async fn requests_that_come_too_often_wait() {
+    let limits = Limits {
+        requests_per_second: 50.0,
+        ..Default::default()
+    };
+    let coordinator = coordinator(limits, Security::default()).await;
+    let worker = RawWorker::register(&coordinator).await;
+    let begun = Instant::now();
+    for _ in 0..100 {
+        let request = wire::FailRequest::default();
+        assert!(worker.farm.clone().fail(request).await.is_err());
+    }
+    assert!(begun.elapsed() >= Duration::from_millis(900));
+}
+
+#[tokio::test]
+async fn an_upload_that_drips_is_cut_off() {
+    let limits = Limits {
+        stall: SOON,
+        ..Default::default()
+    };
+    let coordinator = coordinator(limits, Security::default()).await;
+    let worker = RawWorker::register(&coordinator).await;
+    let leased = worker.lease().await;
+    let bytes = crate::harness::encode(
+        &leaf(leased.1.start(), film(leased.1.start())),
+        &worker.meta(leased.1),
+    );
+    for (chunk, pause) in [(1, 10), (1000, 3_600_000)] {
+        let header = Part::Header(worker.header(leased, &bytes));
+        let data = bytes.clone();
+        let chunks = (0..bytes.len() / chunk).map(move |i| data[i * chunk..][..chunk].to_vec());
+        let drip = tokio_stream::iter(chunks).then(move |chunk| async move {
+            tokio::time::sleep(Duration::from_millis(pause)).await;
+            Part::Data(chunk.into())
+        });
+        let parts = tokio_stream::once(header)
+            .chain(drip)
+            .map(|part| wire::SubmitRequest { part: Some(part) });
+        let sent = timeout(PATIENCE, worker.farm.clone().submit(parts)).await;
+        assert!(sent.unwrap().is_err());
+    }
+    // The connection and the lease are still good.
+    worker.deliver(leased).await.unwrap();
+    let other = worker.lease().await;
+    worker.deliver(other).await.unwrap();
+    assert_eq!(coordinator.ended().await, End::Complete);
+}
+
+#[tokio::test]
+async fn an_answer_that_nobody_reads_ends_its_connection() {
+    let limits = Limits {
+        stall: SOON,
+        requests_per_second: 1e9,
+        ..Default::default()
+    };
+    let coordinator = coordinator(limits, Security::default()).await;
+    let mut stream = TcpStream::connect(coordinator.address).await.unwrap();
+    // So many requests, one behind the other, that their answers fill all buffers. None of them is read.
+    let request = b"GET /healthz HTTP/1.1\r\nhost: localhost\r\n\r\n".repeat(1000);
+    let begun = Instant::now();
+    while let Ok(sent) = timeout(PATIENCE, stream.write_all(&request)).await {
+        assert!(begun.elapsed() < 2 * PATIENCE);
+        if sent.is_err() {
+            return;
+        }
+    }
+    panic!("still connected");
+}

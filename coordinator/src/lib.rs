@@ -11,9 +11,10 @@ pub mod listener;
 pub mod security;
 pub mod server;
 mod service;
+pub mod store;
 
 pub use farm::{
     DoneBlock, End, Entry, EntryState, Event, EventKind, ExtendError, Farm, JobSpec, Progress,
-    Start, Timing, WorkerState, WorkerView,
+    Start, Target, Timing, WorkerState, WorkerView,
 };
 pub use listener::Entrance;

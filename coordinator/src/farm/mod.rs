@@ -5,12 +5,15 @@
 mod events;
 mod progress;
 mod start;
+mod stopping;
 
 pub use events::{Event, EventKind};
 pub use progress::{End, Progress, WorkerState, WorkerView};
 pub use start::{DoneBlock, Entry, EntryState, Start};
+pub use stopping::Target;
 
 use events::Events;
+use stopping::Tested;
 
 use crate::examine::{Claim, Examined, Flaw, examine};
 use crate::ledger::{Accepted, Ledger, LedgerError, PixelHash, Rules};
@@ -19,7 +22,7 @@ use beamfarm_proto::{FileHash, Grant, Job, LeaseId, Manifest, WorkerId};
 use beamfarm_shared::bundle::Bundle;
 use beamfarm_shared::job::{Block, JobSettings, MAX_PASSES};
 use beamfarm_shared::layer::Layer;
-use beamfarm_shared::merge::{Average, TreeSum};
+use beamfarm_shared::merge::TreeSum;
 use beamfarm_shared::radius::Schedule;
 use std::collections::BTreeMap;
 use std::hash::{BuildHasher, Hasher, RandomState};
@@ -89,6 +92,10 @@ pub struct Farm {
     started: Instant,
     books: Mutex<Books>,
     sum: Mutex<TreeSum>,
+    target: Option<Target>,
+    tested: Mutex<Tested>,
+    /// Time that earlier coordinators of the job took.
+    before: Duration,
     /// Told whenever a pass becomes open again, or nothing more will.
     opened: Notify,
     end: watch::Sender<Option<End>>,
@@ -119,8 +126,13 @@ impl Farm {
         Arc::new(Self {
             schedule: Schedule::new(&job.settings),
             sum: Mutex::new(start.sum.unwrap_or_else(|| {
-                TreeSum::new(job.width, job.height).with_layers(job.layers.len())
+                TreeSum::new(job.width, job.height)
+                    .with_layers(job.layers.len())
+                    .with_fence(0)
             })),
+            target: start.target,
+            tested: Mutex::new(Tested::new(start.tested)),
+            before: start.before,
             entries: start.entries,
             job,
             files: files.map(|bytes| (FileHash::of(&bytes), bytes)).collect(),
@@ -128,7 +140,10 @@ impl Farm {
             started: Instant::now(),
             books: Mutex::new(Books {
                 ledger: Ledger::new(rules, first_worker),
-                progress: Progress::default(),
+                progress: Progress {
+                    stats: start.stats,
+                    ..Progress::default()
+                },
                 events: Events::default(),
             }),
             opened: Notify::new(),
@@ -155,12 +170,6 @@ impl Farm {
             limit: books.ledger.limit(),
             ..books.progress.clone()
         }
-    }
-
-    /// The average of the complete prefix; nothing before the first pass is there. Takes as long as a few copies of the
-    /// image.
-    pub fn average(&self) -> Option<Average> {
-        self.snapshot().average()
     }
 
     /// Hash of the pixels of a pass that is there, its layers among them: [`beamfarm_shared::exr::node_hash`].
@@ -346,6 +355,7 @@ impl Farm {
             }
             let prefix = sum.prefix();
             drop(sum);
+            self.look();
             self.finish_at(prefix);
         }
         Ok(accepted)

@@ -1,8 +1,9 @@
 //! What a job begins with, and what it tells whoever keeps its books.
 
+use super::Target;
 use crate::ledger::PixelHash;
-use beamfarm_shared::job::Block;
-use beamfarm_shared::merge::TreeSum;
+use beamfarm_shared::job::{Block, PassStats};
+use beamfarm_shared::merge::{Errors, TreeSum};
 use std::time::{Duration, SystemTime};
 use tokio::sync::mpsc;
 
@@ -15,6 +16,14 @@ pub struct Start {
     /// Passes of the sum that no block of these covers count as well; nobody is found out later to have rendered them
     /// wrong.
     pub done: Vec<DoneBlock>,
+    /// When the image is good enough; `None`: only when all passes are there.
+    pub target: Option<Target>,
+    /// Prefixes that were looked at, and their errors.
+    pub tested: Vec<(u64, Errors)>,
+    /// Counters of the passes of the sum.
+    pub stats: PassStats,
+    /// Time that the job has taken until now.
+    pub before: Duration,
     /// Who is told what becomes of blocks. Unbounded, as nothing of it may be lost; an entry takes some hundred bytes.
     pub entries: Option<mpsc::UnboundedSender<Entry>>,
 }

@@ -315,6 +315,11 @@ impl Ledger {
         self.rules.passes = self.rules.passes.max(passes);
     }
 
+    /// Have so many passes, whatever was asked for. Those beyond are not needed any more.
+    pub fn set_limit(&mut self, passes: u64) {
+        self.rules.passes = passes;
+    }
+
     /// All passes below the limit are done.
     pub fn is_complete(&self) -> bool {
         self.prefix >= self.limit()

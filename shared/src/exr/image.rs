@@ -33,6 +33,26 @@ pub struct ImageMeta {
     pub standard_error: bool,
 }
 
+impl ImageMeta {
+    /// Names the passes of an image: BLAKE3, in hexadecimal, of all that they depend on and of their range. Images of the
+    /// same set have the same beauty.
+    pub fn pass_set(&self, settings: &JobSettings, average: &Average) -> String {
+        let fields = [
+            self.version.clone(),
+            self.scene.to_string(),
+            average.beauty.width.to_string(),
+            average.beauty.height.to_string(),
+            settings.seed.to_string(),
+            settings.alpha.to_string(),
+            settings.schedule.to_string(),
+            settings.paths_per_pass.to_string(),
+            settings.reference_paths.to_string(),
+            format!("0..{}", average.passes),
+        ];
+        blake3::hash(fields.join("\n").as_bytes()).to_string()
+    }
+}
+
 /// What makes an image, with its settings.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Maker {
@@ -99,6 +119,15 @@ fn encode_image(average: &Average, meta: &ImageMeta) -> Result<Vec<u8>, ImageErr
     match meta.maker {
         Maker::Passes(settings) => own.extend([
             ("beamfarmPasses", number(average.passes)?),
+            ("beamfarmFirstPass", number(0)?),
+            (
+                "beamfarmLastPass",
+                number(average.passes.saturating_sub(1))?,
+            ),
+            (
+                "beamfarmPassSet",
+                text("pass set", &meta.pass_set(&settings, average))?,
+            ),
             ("beamfarmSeed", number(settings.seed)?),
             ("beamfarmAlpha", AttributeValue::F64(settings.alpha)),
             (
@@ -369,8 +398,27 @@ mod tests {
 
         let attributes = &image.layer_data.attributes;
         assert_eq!(attributes.software_name, Some("beamfarm 0.1.0".into()));
+        let Maker::Passes(settings) = meta().maker else {
+            panic!("not of passes");
+        };
+        let pass_set = meta().pass_set(&settings, &average);
+        assert_eq!(pass_set.len(), 64);
+        let other = JobSettings {
+            seed: 0,
+            ..settings
+        };
+        assert_ne!(meta().pass_set(&other, &average), pass_set);
+        let mut longer = average.clone();
+        longer.passes += 1;
+        assert_ne!(meta().pass_set(&settings, &longer), pass_set);
         let expected = [
             ("beamfarmAlpha", AttributeValue::F64(2.0 / 3.0)),
+            ("beamfarmFirstPass", AttributeValue::Text("0".into())),
+            ("beamfarmLastPass", AttributeValue::Text("2".into())),
+            (
+                "beamfarmPassSet",
+                AttributeValue::Text(pass_set.as_str().into()),
+            ),
             ("beamfarmPasses", AttributeValue::Text("3".into())),
             ("beamfarmPathsPerPass", AttributeValue::Text("1000".into())),
             ("beamfarmReferencePaths", AttributeValue::Text("500".into())),

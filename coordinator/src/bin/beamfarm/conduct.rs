@@ -1,23 +1,27 @@
 //! A job from its first pass to its image.
 
+use crate::directory::Directory;
 use crate::failure::Failure;
 use crate::history::History;
 use crate::job::JobArgs;
 use crate::output::Output;
-use crate::progress::{self, si};
+use crate::progress;
+use crate::summary::Summary;
+use beamfarm_coordinator::store::Keeper;
 use beamfarm_coordinator::{End, Entrance, Farm, server};
 use beamfarm_proto::VERSION;
-use beamfarm_shared::exr::{ImageMeta, Maker, pixel_hash};
+use beamfarm_shared::exr::{ImageMeta, Maker};
 use beamfarm_shared::merge::Average;
 use beamfarm_worker::signals;
 use std::convert::Infallible;
 use std::future::Future;
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 use tokio::sync::oneshot;
+use tracing::{info, warn};
 
 /// Why no more passes were taken.
-enum Stop {
+pub enum Stop {
     /// The farm ended by itself.
     Ended(End),
     /// The time is over.
@@ -35,11 +39,20 @@ pub async fn conduct(
     output: &Output,
     exposure: f32,
     farm: Arc<Farm>,
+    directory: Option<Directory>,
     entrance: impl Into<Entrance>,
     crew: impl Future<Output = Result<(), String>>,
 ) -> Result<(), Failure> {
-    let started = Instant::now();
-    let history = History::new(&output.exr);
+    let before = farm.checkpoint();
+    let seconds = Duration::try_from_secs_f64(before.seconds).unwrap_or_default();
+    let history = History::new(&output.exr, before.sum.prefix(), seconds);
+    drop(before);
+    let makes_image = args.first_pass == 0;
+    let keeper = directory.map(|Directory { folder, entries }| {
+        let keeper = Keeper::start(folder, farm.clone(), entries);
+        keeper.map_err(Failure::io)
+    });
+    let keeper = keeper.transpose()?;
     let mut drain = signals::drain().map_err(Failure::io)?;
     let (close, closed) = oneshot::channel::<()>();
     let closed = async {
@@ -60,7 +73,13 @@ pub async fn conduct(
         std::future::pending::<Infallible>().await
     };
     let keep = async {
-        history.clone().keep(farm.clone()).await;
+        if makes_image {
+            history.clone().keep(farm.clone()).await;
+        }
+        std::future::pending::<Infallible>().await
+    };
+    let write_on_demand = async {
+        write_on_hangup(&farm, output, exposure).await;
         std::future::pending::<Infallible>().await
     };
     let broken = |what: &str, how: String| Stop::Broken(format!("{what}: {how}"));
@@ -74,6 +93,8 @@ pub async fn conduct(
             }
         };
         tokio::select! {
+            // First: a job that was finished before needs no crew.
+            biased;
             end = farm.ended() => Stop::Ended(end),
             () = time => Stop::Time,
             _ = drain.wait_for(|drain| *drain) => Stop::Signal,
@@ -84,127 +105,117 @@ pub async fn conduct(
             },
             never = show => match never {},
             never = keep => match never {},
+            never = write_on_demand => match never {},
         }
     };
     farm.stop();
     drop(close);
     progress::clear();
 
-    let elapsed = started.elapsed();
-    let written = write(&farm, output, exposure, elapsed, history).await;
+    let (folder, kept) = match keeper {
+        None => (None, Ok(())),
+        Some(keeper) => tokio::task::spawn_blocking(|| keeper.finish())
+            .await
+            .map_err(Failure::io)?,
+    };
+    let written = match makes_image {
+        true => write(&farm, output, exposure, Some(history)).await,
+        false => Ok(None),
+    };
     // Workers hear of the end meanwhile.
     if !server.is_finished() {
         let _ = server.await;
     }
-    let average = written?;
+    let summary = Summary {
+        args,
+        output,
+        farm: &farm,
+        image: written?,
+        stop,
+    };
     if !args.quiet {
-        summarise(&farm, average.as_ref(), output, elapsed);
+        summary.print();
     }
-    verdict(stop, &farm, average)
+    if let Some(folder) = folder {
+        let reported = folder.write_report(&summary.report());
+        kept.and(reported).map_err(|error| {
+            Failure::io(format!(
+                "{error}; what the job folder holds is older than the image"
+            ))
+        })?;
+    } else {
+        kept?;
+    }
+    summary.verdict()
 }
+
+/// An image as it was written.
+pub struct Written {
+    pub average: Average,
+    pub meta: ImageMeta,
+}
+
+/// Write the image of the complete prefix now, and go on. Returns what was written, for people.
+pub async fn write_now(
+    farm: &Arc<Farm>,
+    output: &Output,
+    exposure: f32,
+) -> Result<String, Failure> {
+    match write(farm, output, exposure, None).await? {
+        Some(Written { average, .. }) => Ok(format!(
+            "wrote {} with {} passes",
+            output.exr.display(),
+            average.passes
+        )),
+        None => Err(Failure::nothing("no pass is complete")),
+    }
+}
+
+/// Write it whenever the process is sent a SIGHUP, forever.
+#[cfg(unix)]
+async fn write_on_hangup(farm: &Arc<Farm>, output: &Output, exposure: f32) {
+    use tokio::signal::unix::{SignalKind, signal};
+    let mut hangups = match signal(SignalKind::hangup()) {
+        Ok(hangups) => hangups,
+        Err(error) => return warn!("SIGHUP: {error}"),
+    };
+    while hangups.recv().await.is_some() {
+        match write_now(farm, output, exposure).await {
+            Ok(text) => info!("{text}"),
+            Err(failure) => warn!("SIGHUP: {failure}"),
+        }
+    }
+}
+
+#[cfg(not(unix))]
+async fn write_on_hangup(_farm: &Arc<Farm>, _output: &Output, _exposure: f32) {}
 
 async fn write(
     farm: &Arc<Farm>,
     output: &Output,
     exposure: f32,
-    elapsed: Duration,
-    history: Arc<History>,
-) -> Result<Option<Average>, Failure> {
+    history: Option<Arc<History>>,
+) -> Result<Option<Written>, Failure> {
     let (farm, output) = (farm.clone(), output.clone());
     let write = move || {
-        let average = farm.average();
-        if let Some(average) = &average {
-            let meta = ImageMeta {
-                scene: farm.job().scene,
-                maker: Maker::Passes(farm.job().settings),
-                render_seconds: elapsed.as_secs_f64(),
-                version: VERSION.into(),
-                layers: farm.job().layers.clone(),
-                standard_error: output.standard_error,
-            };
-            output.write(average, &meta, exposure)?;
-            history.finish(average, &farm.progress())?;
+        let Some(average) = farm.average() else {
+            return Ok(None);
+        };
+        let meta = ImageMeta {
+            scene: farm.job().scene,
+            maker: Maker::Passes(farm.job().settings),
+            render_seconds: farm.checkpoint().seconds,
+            version: VERSION.into(),
+            layers: farm.job().layers.clone(),
+            standard_error: output.standard_error,
+        };
+        output.write(&average, &meta, exposure)?;
+        if let Some(history) = history {
+            history.finish(&average, &farm.progress())?;
         }
-        Ok(average)
+        Ok(Some(Written { average, meta }))
     };
     tokio::task::spawn_blocking(write)
         .await
         .map_err(Failure::io)?
-}
-
-fn summarise(farm: &Farm, average: Option<&Average>, output: &Output, elapsed: Duration) {
-    let progress = farm.progress();
-    let seconds = elapsed.as_secs_f64();
-    if let Some(average) = average {
-        println!(
-            "wrote {}, {} and {}",
-            output.exr.display(),
-            output.png.display(),
-            output.exr.with_extension("csv").display()
-        );
-        println!(
-            "{} passes in {seconds:.1} s ({:.2} passes/s, {}beams/s) from {} workers",
-            average.passes,
-            average.passes as f64 / seconds,
-            si(progress.stats.beams as f64 / seconds),
-            progress.registered,
-        );
-        if progress.stats.beams > 0 {
-            println!("{:.0} bytes a beam", progress.stats.bytes_per_beam());
-        }
-        let error = average.relative_standard_error();
-        if error.is_finite() {
-            println!("relative standard error {:.2} %", 100.0 * error);
-        }
-        if let Some(bias) = &average.bias {
-            println!("{bias}");
-        }
-        println!("pixels {}", pixel_hash(&average.beauty));
-    }
-    for (count, what) in [
-        (
-            progress.lost_leases,
-            "passes were lost and handed out again",
-        ),
-        (progress.duplicates, "passes arrived twice, with equal bits"),
-        (progress.failures, "attempts at a pass failed"),
-        (progress.refused, "deliveries were refused"),
-    ] {
-        if count > 0 {
-            println!("{count} {what}");
-        }
-    }
-}
-
-fn verdict(stop: Stop, farm: &Farm, average: Option<Average>) -> Result<(), Failure> {
-    let written = match &average {
-        Some(average) => format!("the image is that of the {} passes before", average.passes),
-        None => "nothing was written".into(),
-    };
-    let progress = farm.progress();
-    if let Stop::Ended(End::Failed(failure)) = stop {
-        return Err(Failure::job(format!(
-            "pass {} failed {} times: {}; {written}",
-            failure.pass_index, failure.attempts, failure.message
-        )));
-    }
-    if let Stop::Broken(message) = stop {
-        return Err(Failure::job(format!("{message}; {written}")));
-    }
-    if progress.divergent > 0 {
-        return Err(Failure::job(format!(
-            "{} passes were delivered twice with different pixels: one of the machines miscalculates, and the image is \
-             not to be trusted (the log names them)",
-            progress.divergent
-        )));
-    }
-    match (stop, average) {
-        (_, Some(_)) => Ok(()),
-        (Stop::Signal, None) => Err(Failure::nothing(
-            "stopped before the first pass was complete",
-        )),
-        (_, None) => Err(Failure::nothing(
-            "the time was over before the first pass was complete; give it more with --time",
-        )),
-    }
 }

@@ -1,5 +1,6 @@
 //! How a command fails: a message and an exit code.
 
+use beamfarm_coordinator::store::StoreError;
 use beamfarm_shared::error::{ImageError, SceneError};
 use beamfarm_worker::exit;
 use std::fmt::Display;
@@ -50,5 +51,14 @@ impl From<SceneError> for Failure {
 impl From<ImageError> for Failure {
     fn from(error: ImageError) -> Self {
         Self::io(error)
+    }
+}
+
+impl From<StoreError> for Failure {
+    fn from(error: StoreError) -> Self {
+        match error {
+            StoreError::Io { .. } | StoreError::InUse(_) => Self::io(error),
+            _ => Self::usage(error),
+        }
     }
 }

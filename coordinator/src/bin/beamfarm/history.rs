@@ -5,7 +5,7 @@ use beamfarm_coordinator::{Farm, Progress};
 use beamfarm_shared::atomic::write_file;
 use beamfarm_shared::job::PassStats;
 use beamfarm_shared::merge::Average;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
@@ -22,7 +22,7 @@ relative_standard_error (estimated; empty for one pass).";
 const LOOK: Duration = Duration::from_millis(50);
 
 /// A job when so many passes were complete.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct Row {
     passes: u64,
     wall_seconds: f64,
@@ -38,6 +38,8 @@ struct Row {
 pub struct History {
     path: PathBuf,
     started: Instant,
+    /// Time that earlier coordinators of the job took.
+    before: Duration,
     state: Mutex<State>,
 }
 
@@ -81,13 +83,32 @@ impl State {
 }
 
 impl History {
-    /// The record beside this image, empty. Time starts now.
-    pub fn new(exr: &Path) -> Arc<Self> {
+    /// The record beside this image. Of a job that goes on with so many passes after this time, it keeps the rows that
+    /// there are up to then; a new job has none. Time starts now.
+    pub fn new(exr: &Path, passes: u64, before: Duration) -> Arc<Self> {
+        let path = exr.with_extension("csv");
+        let mut rows = Vec::new();
+        if passes > 0
+            && let Ok(mut reader) = csv::Reader::from_path(&path)
+        {
+            let known = reader.deserialize().map_while(Result::ok);
+            rows.extend(known.take_while(|row: &Row| row.passes <= passes));
+        }
+        let worker_seconds = rows.last().map_or(0.0, |row| row.worker_seconds);
         Arc::new(Self {
-            path: exr.with_extension("csv"),
+            path,
             started: Instant::now(),
-            state: Mutex::default(),
+            before,
+            state: Mutex::new(State {
+                rows,
+                worker_seconds,
+                looked: before,
+            }),
         })
+    }
+
+    fn elapsed(&self) -> Duration {
+        self.before + self.started.elapsed()
     }
 
     /// Keep it up to date, forever.
@@ -99,7 +120,7 @@ impl History {
             let progress = farm.progress();
             let due = {
                 let mut state = self.state();
-                state.look(self.started.elapsed(), progress.workers);
+                state.look(self.elapsed(), progress.workers);
                 state.is_due(progress.prefix)
             };
             if !due {
@@ -121,7 +142,7 @@ impl History {
 
     /// Add the last row.
     pub fn finish(&self, average: &Average, progress: &Progress) -> Result<(), Failure> {
-        self.state().look(self.started.elapsed(), progress.workers);
+        self.state().look(self.elapsed(), progress.workers);
         self.write(average, progress)
     }
 
@@ -182,7 +203,7 @@ mod tests {
     #[test]
     fn the_file_stands_beside_the_image() {
         let folder = tempfile::tempdir().unwrap();
-        let history = History::new(&folder.path().join("a.b.exr"));
+        let history = History::new(&folder.path().join("a.b.exr"), 0, Duration::ZERO);
         let stats = PassStats {
             paths: 7,
             ..PassStats::default()
@@ -199,5 +220,14 @@ mod tests {
         assert!(lines[0].starts_with("passes,wall_seconds,worker_seconds,photon_paths"));
         assert!(lines[1].starts_with("1,") && lines[1].contains(",7,") && lines[1].ends_with(','));
         assert!(lines[2].starts_with("2,") && !lines[2].ends_with(','));
+
+        // A job that goes on keeps the rows of the passes that it has.
+        let again = History::new(&folder.path().join("a.b.exr"), 1, Duration::from_secs(9));
+        again.finish(&average(3), &progress).unwrap();
+        let text = std::fs::read_to_string(folder.path().join("a.b.csv")).unwrap();
+        let rows: Vec<&str> = text.lines().collect();
+        assert_eq!(rows.len(), 3, "{text}");
+        assert_eq!(rows[..2], lines[..2]);
+        assert!(rows[2].starts_with("3,9."), "{text}");
     }
 }

@@ -1,7 +1,7 @@
 //! The scene and the settings of a job, from the command line.
 
 use crate::failure::Failure;
-use beamfarm_coordinator::JobSpec;
+use beamfarm_coordinator::{JobSpec, Target};
 use beamfarm_shared::bundle::Bundle;
 use beamfarm_shared::job::{JobSettings, MAX_PASSES};
 use beamfarm_shared::layer::{Layer, MAX_LAYERS};
@@ -205,13 +205,36 @@ pub struct JobArgs {
     #[arg(short, long, value_name = "OUT.exr")]
     pub output: Option<PathBuf>,
 
-    /// Number of passes [default: the scene's, or no limit with --time]
+    /// Number of passes [default: the scene's, or no limit with --time or --target-error]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=MAX_PASSES))]
     pub passes: Option<u64>,
 
     /// Stop after this time with the passes that are complete by then: 60s, 5m, 1h30m
     #[arg(long, value_name = "TIME", value_parser = humantime::parse_duration)]
     pub time: Option<Duration>,
+
+    /// Stop when the relative standard error of the image is at most this: 1%, or 0.01. Looks after 2, 3, 4, 6, 8, 12, ...
+    /// passes and leaves out those beyond, so that the same scene and seed stop at the same pass on any machines
+    #[arg(long, value_name = "E", value_parser = target_error)]
+    pub target_error: Option<f64>,
+
+    /// Ask --target-error of this share of the image's blocks of 8 x 8 pixels, in percent, each for itself [default: of the
+    /// image as a whole]
+    #[arg(long, value_name = "P", requires = "target_error", value_parser = clap::value_parser!(u32).range(1..=100))]
+    pub target_percentile: Option<u32>,
+
+    /// Folder that keeps all that the job needs to go on after it was interrupted [default: OUT.job beside OUT.exr; `render`
+    /// only uses it if it is there]
+    #[arg(long, value_name = "DIR")]
+    pub job: Option<PathBuf>,
+
+    /// Insist that the job folder is there
+    #[arg(long)]
+    pub resume: bool,
+
+    /// Render only passes K to N - 1, for `beamfarm merge`
+    #[arg(long, value_name = "K", default_value_t = 0, hide_default_value = true)]
+    pub first_pass: u64,
 
     /// Exposure of the PNG in stops: 1 doubles the brightness [default: the scene's]
     #[arg(long, value_name = "EV", allow_negative_numbers = true)]
@@ -222,7 +245,25 @@ pub struct JobArgs {
     pub quiet: bool,
 }
 
+/// A share of one: with a percent sign, or below one.
+fn target_error(text: &str) -> Result<f64, String> {
+    let number = match text.strip_suffix('%') {
+        Some(percent) => percent.trim_end().parse::<f64>().map(|n| n / 100.0),
+        None => text.parse(),
+    };
+    match number {
+        Ok(number) if number > 0.0 && number < 1.0 => Ok(number),
+        _ => Err("expected a percentage as in 1%, or a fraction as in 0.01".into()),
+    }
+}
+
 impl JobArgs {
+    /// When the image is good enough.
+    pub fn target(&self) -> Option<Target> {
+        let percentile = self.target_percentile;
+        self.target_error.map(|error| Target { error, percentile })
+    }
+
     /// Exposure of the PNG, stops.
     pub fn exposure(&self, loaded: &Loaded) -> Result<f32, Failure> {
         let exposure = self.exposure.unwrap_or(loaded.defaults.exposure);
@@ -233,22 +274,56 @@ impl JobArgs {
     }
 
     /// What the coordinator is to do.
-    pub fn spec(&self, loaded: Loaded) -> JobSpec {
+    pub fn spec(&self, loaded: Loaded) -> Result<JobSpec, Failure> {
         let camera = &loaded.description.camera;
-        let passes = match (self.passes, self.time) {
+        let has_other_end = self.time.is_some() || self.target_error.is_some();
+        let passes = match (self.passes, has_other_end) {
             (Some(passes), _) => passes,
-            (None, Some(_)) => MAX_PASSES,
-            (None, None) => loaded.defaults.passes,
+            (None, true) => MAX_PASSES,
+            (None, false) => loaded.defaults.passes,
         };
-        JobSpec {
+        if self.first_pass >= passes {
+            return Err(Failure::usage(format!(
+                "--first-pass {}: expected less than the number of passes, {passes}",
+                self.first_pass
+            )));
+        }
+        if self.first_pass > 0 && self.target_error.is_some() {
+            let message =
+                "--target-error: the error of passes that do not begin with 0 is not known";
+            return Err(Failure::usage(message));
+        }
+        Ok(JobSpec {
             settings: loaded.settings,
             width: camera.width,
             height: camera.height,
             layers: loaded.layers,
-            first_pass: 0,
+            first_pass: self.first_pass,
             passes,
             audit_every: 0,
             bundle: loaded.bundle,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn target_errors_are_shares_of_one() {
+        for (text, expected) in [
+            ("1%", 0.01),
+            ("0.5 %", 0.005),
+            ("0.02", 0.02),
+            ("99%", 0.99),
+        ] {
+            assert_eq!(target_error(text), Ok(expected), "{text}");
+        }
+        for text in [
+            "", "%", "1", "2", "0", "0%", "100%", "-1%", "nan", "inf%", "1%%",
+        ] {
+            assert!(target_error(text).is_err(), "{text}");
         }
     }
 }

@@ -5,12 +5,14 @@ mod compare;
 mod conduct;
 mod convergence;
 mod convert;
+mod directory;
 mod explain;
 mod failure;
 mod figure;
 mod history;
 mod job;
 mod local;
+mod merge;
 mod output;
 mod progress;
 mod reference;
@@ -18,6 +20,7 @@ mod render;
 mod replay;
 mod security;
 mod serve;
+mod summary;
 
 use beamfarm_shared::scene::json_schema;
 use beamfarm_worker::cli::{self, LogArgs, WorkerArgs};
@@ -67,6 +70,9 @@ enum Command {
     /// Render passes for a coordinator on another machine, until its job is done
     #[command(after_help = WORKER_EXAMPLES)]
     Worker(WorkerArgs),
+    /// Make one image of jobs that rendered parts of its passes
+    #[command(after_help = merge::EXAMPLES)]
+    Merge(merge::MergeArgs),
     /// Render one pass of a scene again and print the hash of its pixels
     #[command(after_help = replay::EXAMPLES)]
     Replay(replay::ReplayArgs),
@@ -117,6 +123,7 @@ fn main() -> ExitCode {
         Command::Render(args) => render::main(args, options.log.log.as_deref()),
         Command::Serve(args) => serve::main(args),
         Command::Worker(args) => return cli::main(args),
+        Command::Merge(args) => merge::main(args),
         Command::Replay(args) => replay::main(args),
         Command::Bench(args) => bench::main(args),
         Command::BenchRun => bench::child(),

@@ -123,8 +123,8 @@ impl Meter {
             return Rates::default();
         }
         Rates {
-            passes: (progress.passes - passes_then) as f64 / seconds,
-            beams: (beams - beams_then) as f64 / seconds,
+            passes: progress.passes.saturating_sub(passes_then) as f64 / seconds,
+            beams: beams.saturating_sub(beams_then) as f64 / seconds,
         }
     }
 }

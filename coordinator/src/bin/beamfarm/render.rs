@@ -1,11 +1,12 @@
 //! `beamfarm render`: a farm of processes on this machine.
 
 use crate::conduct::conduct;
+use crate::directory::prepare;
 use crate::failure::Failure;
 use crate::job::JobArgs;
 use crate::local::{self, Crew};
 use crate::output::Output;
-use beamfarm_coordinator::{Farm, Start, Timing};
+use beamfarm_coordinator::{Farm, Timing};
 use clap::Args;
 use std::net::Ipv4Addr;
 use tokio::net::TcpListener;
@@ -52,14 +53,15 @@ pub fn main(args: RenderArgs, log: Option<&str>) -> Result<(), Failure> {
         true => Vec::new(),
         false => loaded.announce(),
     };
-    let spec = args.job.spec(loaded);
+    let mut spec = args.job.spec(loaded)?;
+    let (directory, start) = prepare(&args.job, &mut spec, &output, exposure, false)?;
     let runtime = tokio::runtime::Runtime::new().map_err(Failure::io)?;
     runtime.block_on(async {
         let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0))
             .await
             .map_err(|error| Failure::io(format!("cannot listen on 127.0.0.1: {error}")))?;
         let address = listener.local_addr().map_err(Failure::io)?;
-        let farm = Farm::new(spec, Timing::default(), Start::default());
+        let farm = Farm::new(spec, Timing::default(), start);
         let crew = Crew {
             workers,
             threads,
@@ -67,7 +69,10 @@ pub fn main(args: RenderArgs, log: Option<&str>) -> Result<(), Failure> {
             log: log.unwrap_or("warn").to_owned(),
         };
         let crew = local::run(crew, farm.clone());
-        conduct(&args.job, &output, exposure, farm, listener, crew).await
+        conduct(
+            &args.job, &output, exposure, farm, directory, listener, crew,
+        )
+        .await
     })?;
     for part in left_out {
         println!("left out: {part}");

@@ -1,11 +1,12 @@
 //! `beamfarm serve`: a farm for workers on other machines.
 
 use crate::conduct::conduct;
+use crate::directory::prepare;
 use crate::failure::Failure;
 use crate::job::JobArgs;
 use crate::output::Output;
 use crate::security::ListenArgs;
-use beamfarm_coordinator::{Entrance, Farm, Start, Timing};
+use beamfarm_coordinator::{Entrance, Farm, Timing};
 use clap::Args;
 use std::net::SocketAddr;
 use tokio::net::TcpListener;
@@ -49,7 +50,8 @@ pub fn main(args: ServeArgs) -> Result<(), Failure> {
         true => Vec::new(),
         false => loaded.announce(),
     };
-    let spec = args.job.spec(loaded);
+    let mut spec = args.job.spec(loaded)?;
+    let (directory, start) = prepare(&args.job, &mut spec, &output, exposure, true)?;
     let runtime = tokio::runtime::Runtime::new().map_err(Failure::io)?;
     runtime.block_on(async {
         let listener = TcpListener::bind(args.listen)
@@ -59,13 +61,16 @@ pub fn main(args: ServeArgs) -> Result<(), Failure> {
         if !args.job.quiet {
             println!("listening on {}://{address}", security.scheme());
         }
-        let farm = Farm::new(spec, Timing::default(), Start::default());
+        let farm = Farm::new(spec, Timing::default(), start);
         let entrance = Entrance {
             security,
             ..listener.into()
         };
         let crew = std::future::pending();
-        conduct(&args.job, &output, exposure, farm, entrance, crew).await
+        conduct(
+            &args.job, &output, exposure, farm, directory, entrance, crew,
+        )
+        .await
     })?;
     for part in left_out {
         println!("left out: {part}");

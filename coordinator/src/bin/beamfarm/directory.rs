@@ -1,0 +1,87 @@
+//! Where a job is kept while it runs, and what it begins with.
+
+use crate::failure::Failure;
+use crate::job::JobArgs;
+use crate::output::Output;
+use beamfarm_coordinator::store::{Folder, Looks, Resumed, StoreError};
+use beamfarm_coordinator::{Entry, JobSpec, Start, Target};
+use beamfarm_shared::merge::Errors;
+use std::path::PathBuf;
+use std::time::Duration;
+use tokio::sync::mpsc::{UnboundedReceiver, unbounded_channel};
+
+/// A job directory and what the farm will tell it.
+pub struct Directory {
+    pub folder: Folder,
+    pub entries: UnboundedReceiver<Entry>,
+}
+
+/// What a job begins with, and where it is kept. `by_default`: make a directory even if nobody asked for it.
+///
+/// A directory that is there is resumed; `spec` then has the number of passes that it says, unless someone asked for
+/// another.
+pub fn prepare(
+    args: &JobArgs,
+    spec: &mut JobSpec,
+    output: &Output,
+    exposure: f32,
+    by_default: bool,
+) -> Result<(Option<Directory>, Start), Failure> {
+    let mut start = Start {
+        target: args.target(),
+        ..Start::default()
+    };
+    let beside = output.exr.with_extension("job");
+    let path: Option<PathBuf> = match &args.job {
+        Some(path) => Some(path.clone()),
+        None if by_default || args.resume || args.first_pass > 0 || beside.is_dir() => Some(beside),
+        None => None,
+    };
+    let Some(path) = path else {
+        return Ok((None, start));
+    };
+    if args.resume && !path.is_dir() {
+        return Err(StoreError::Missing(path).into());
+    }
+    let looks = Looks {
+        exposure,
+        standard_error: output.standard_error,
+    };
+    let has_end = args.passes.is_some() || args.time.is_some() || args.target_error.is_some();
+    let (folder, resumed) = Folder::open(&path, spec, looks, has_end)?;
+    let (sender, entries) = unbounded_channel();
+    start.entries = Some(sender);
+    if let Some(Resumed { checkpoint, done }) = resumed {
+        let passes = checkpoint.sum.passes();
+        if !args.quiet {
+            println!("resuming {} with {passes} passes", path.display());
+        }
+        let fence = checkpoint.sum.fence().unwrap_or(0);
+        let mut tested = checkpoint.tested;
+        tested.retain(|(passes, _)| *passes < fence);
+        if let Some(target) = start.target {
+            refuse_missed(target, &tested)?;
+        }
+        start.sum = Some(checkpoint.sum);
+        start.done = done;
+        start.tested = tested;
+        start.stats = checkpoint.stats;
+        start.before = Duration::try_from_secs_f64(checkpoint.seconds).unwrap_or_default();
+    } else {
+        start.sum = Some(folder.shape().empty_sum());
+    }
+    Ok((Some(Directory { folder, entries }), start))
+}
+
+/// The image of a prefix that was passed by cannot be had any more.
+fn refuse_missed(target: Target, tested: &[(u64, Errors)]) -> Result<(), Failure> {
+    let met = tested.iter().find(|(_, errors)| target.is_met_by(errors));
+    match met {
+        None => Ok(()),
+        Some((passes, errors)) => Err(Failure::usage(format!(
+            "--target-error: the first {passes} passes of this job met it, with {:.3} %, and were added up with later ones \
+             since; ask for a smaller error, or start another job",
+            100.0 * errors.at(target.percentile)
+        ))),
+    }
+}

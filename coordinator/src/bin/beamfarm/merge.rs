@@ -1,0 +1,177 @@
+//! `beamfarm merge`: one image from jobs that rendered parts of its passes.
+
+use crate::failure::Failure;
+use crate::output::Output;
+use crate::summary::describe;
+use beamfarm_coordinator::store::{Description, Folder};
+use beamfarm_shared::exr::{ImageMeta, Maker};
+use beamfarm_shared::job::{Block, SceneHash};
+use beamfarm_shared::layer::Layer;
+use beamfarm_shared::merge::{MergeError, TreeSum};
+use clap::Args;
+use std::path::{Path, PathBuf};
+
+pub const EXAMPLES: &str = "\
+Examples:
+  beamfarm render scene.toml --passes 500 --job a.job
+  beamfarm render scene.toml --first-pass 500 --passes 1000 --job b.job     on another machine
+  beamfarm merge a.job b.job -o scene.exr
+
+The image has the bits of one job over all passes. Jobs must have the same scene, settings, size and layers, must
+not have a pass in common, and must leave none out.";
+
+#[derive(Args)]
+pub struct MergeArgs {
+    /// Job folders, none of them in use
+    #[arg(required = true, value_name = "JOB")]
+    jobs: Vec<PathBuf>,
+
+    /// Where to write the image: OUT.exr, with OUT.png beside it
+    #[arg(short, long, value_name = "OUT.exr")]
+    output: PathBuf,
+
+    /// Exposure of the PNG in stops: 1 doubles the brightness [default: the first job's]
+    #[arg(long, value_name = "EV", allow_negative_numbers = true)]
+    exposure: Option<f32>,
+
+    /// Print nothing but errors
+    #[arg(short, long)]
+    quiet: bool,
+}
+
+/// Jobs that were read so far.
+struct Merged {
+    first: PathBuf,
+    description: Description,
+    sum: TreeSum,
+    seconds: f64,
+    /// Which job has which passes.
+    parts: Vec<(PathBuf, Vec<Block>)>,
+}
+
+pub fn main(args: MergeArgs) -> Result<(), Failure> {
+    let mut merged: Option<Merged> = None;
+    for path in &args.jobs {
+        let (description, checkpoint) = Folder::inspect(path)?;
+        let Some(checkpoint) = checkpoint else {
+            let message = format!("{}: no pass of it is complete", path.display());
+            return Err(Failure::usage(message));
+        };
+        let merged = merged.get_or_insert_with(|| Merged {
+            first: path.clone(),
+            sum: TreeSum::new(description.width, description.height)
+                .with_layers(description.layers.len()),
+            description: description.clone(),
+            seconds: 0.0,
+            parts: Vec::new(),
+        });
+        let differences = merged.description.differences(&description);
+        if !differences.is_empty() {
+            return Err(Failure::usage(format!(
+                "{} and {} are different jobs: {}",
+                merged.first.display(),
+                path.display(),
+                differences
+                    .join("; ")
+                    .replace(" there, ", " and ")
+                    .replace(" here", "")
+            )));
+        }
+        for node in checkpoint.sum.nodes() {
+            let inserted = merged.sum.insert_shared(node.clone());
+            inserted.map_err(|error| overlap(&error, merged, path))?;
+        }
+        merged.seconds += checkpoint.seconds;
+        let blocks = checkpoint.sum.nodes().map(|node| node.block).collect();
+        merged.parts.push((path.clone(), blocks));
+    }
+    // There is at least one: clap says so.
+    let merged = merged.ok_or_else(|| Failure::usage("no jobs"))?;
+    write(&args, merged)
+}
+
+fn overlap(error: &MergeError, merged: &Merged, path: &Path) -> Failure {
+    if let MergeError::Overlap { pass_index, .. } = error {
+        let holds = |block: &Block| block.passes().contains(pass_index);
+        let has = |part: &&(PathBuf, Vec<Block>)| part.1.iter().any(holds);
+        if let Some((other, _)) = merged.parts.iter().find(has) {
+            return Failure::usage(format!(
+                "{} and {} both have pass {pass_index}",
+                other.display(),
+                path.display()
+            ));
+        }
+    }
+    Failure::usage(format!("{}: {error}", path.display()))
+}
+
+/// Passes that are missing before the last one that is there.
+fn gaps(sum: &TreeSum) -> Vec<String> {
+    let mut next = 0;
+    let mut gaps = Vec::new();
+    for node in sum.nodes() {
+        let passes = node.block.passes();
+        match passes.start - next {
+            0 => {}
+            1 => gaps.push(format!("pass {next}")),
+            _ => gaps.push(format!("passes {next} to {}", passes.start - 1)),
+        }
+        next = passes.end;
+    }
+    gaps
+}
+
+fn write(args: &MergeArgs, merged: Merged) -> Result<(), Failure> {
+    let Merged {
+        first,
+        description,
+        sum,
+        seconds,
+        ..
+    } = merged;
+    let gaps = gaps(&sum);
+    if !gaps.is_empty() {
+        let message = format!("{} missing: no image can be made without", gaps.join(", "));
+        return Err(Failure::usage(message));
+    }
+    let average = sum
+        .average()
+        .ok_or_else(|| Failure::nothing("no pass is complete"))?;
+    drop(sum);
+    let bad = |what: &str, text: &str| {
+        Failure::usage(format!("{}: job.json: {what} {text:?}", first.display()))
+    };
+    let scene: SceneHash = description
+        .scene
+        .parse()
+        .map_err(|_| bad("scene", &description.scene))?;
+    let layers: Result<Vec<Layer>, Failure> = description
+        .layers
+        .iter()
+        .map(|name| name.parse().map_err(|_| bad("layer", name)))
+        .collect();
+    let settings = description.settings(&first)?;
+    let meta = ImageMeta {
+        scene,
+        maker: Maker::Passes(settings),
+        render_seconds: seconds,
+        version: description.version.clone(),
+        layers: layers?,
+        standard_error: description.standard_error,
+    };
+    let output = Output::new(Some(&args.output), &args.output, description.standard_error)?;
+    let exposure = args.exposure.unwrap_or(description.exposure);
+    if !exposure.is_finite() {
+        return Err(Failure::usage("--exposure: expected a number of stops"));
+    }
+    output.write(&average, &meta, exposure)?;
+    if !args.quiet {
+        println!(
+            "wrote {} and {}",
+            output.exr.display(),
+            output.png.display()
+        );
+        describe(&average, &meta.pass_set(&settings, &average));
+    }
+    Ok(())
+}

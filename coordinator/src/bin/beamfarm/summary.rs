@@ -1,0 +1,178 @@
+//! What is said at the end of a job: on stdout, in report.json and by the exit code.
+
+use crate::conduct::{Stop, Written};
+use crate::failure::Failure;
+use crate::job::JobArgs;
+use crate::output::Output;
+use crate::progress::si;
+use beamfarm_coordinator::store::{Report, Stopped};
+use beamfarm_coordinator::{End, Farm};
+use beamfarm_proto::VERSION;
+use beamfarm_shared::exr::pixel_hash;
+use beamfarm_shared::job::MAX_PASSES;
+use beamfarm_shared::merge::Average;
+
+/// A job that is over.
+pub struct Summary<'a> {
+    pub args: &'a JobArgs,
+    pub output: &'a Output,
+    pub farm: &'a Farm,
+    /// What was written.
+    pub image: Option<Written>,
+    pub stop: Stop,
+}
+
+/// Say which passes an image is made of, and how good it is.
+pub fn describe(average: &Average, pass_set: &str) {
+    println!("passes 0 to {}, set {pass_set}", average.passes - 1);
+    let error = average.relative_standard_error();
+    if error.is_finite() {
+        println!("relative standard error {:.2} %", 100.0 * error);
+    }
+    if let Some(bias) = &average.bias {
+        println!("{bias}");
+    }
+    println!("pixels {}", pixel_hash(&average.beauty));
+}
+
+impl Summary<'_> {
+    fn pass_set(&self) -> Option<String> {
+        let Written { average, meta } = self.image.as_ref()?;
+        Some(meta.pass_set(&self.farm.job().settings, average))
+    }
+
+    fn stopped(&self) -> Stopped {
+        if self.farm.stopped_at().is_some() {
+            return Stopped::TargetError;
+        }
+        match &self.stop {
+            Stop::Ended(End::Complete) => Stopped::Complete,
+            Stop::Ended(End::Stopped) | Stop::Signal => Stopped::Asked,
+            Stop::Ended(End::Failed(_)) | Stop::Broken(_) => Stopped::Failed,
+            Stop::Time => Stopped::Time,
+        }
+    }
+
+    /// For people.
+    pub fn print(&self) {
+        let progress = self.farm.progress();
+        let seconds = self.farm.checkpoint().seconds;
+        if let Some(Written { average, .. }) = &self.image {
+            println!(
+                "wrote {}, {} and {}",
+                self.output.exr.display(),
+                self.output.png.display(),
+                self.output.exr.with_extension("csv").display()
+            );
+            println!(
+                "{} passes in {seconds:.1} s ({:.2} passes/s, {}beams/s) from {} workers",
+                average.passes,
+                average.passes as f64 / seconds,
+                si(progress.stats.beams as f64 / seconds),
+                progress.registered,
+            );
+            if progress.stats.beams > 0 {
+                println!("{:.0} bytes a beam", progress.stats.bytes_per_beam());
+            }
+            if self.stopped() == Stopped::TargetError {
+                println!("stopped at the first prefix whose error is small enough");
+            }
+            describe(average, &self.pass_set().unwrap_or_default());
+        }
+        if self.args.first_pass > 0 && progress.prefix > self.args.first_pass {
+            println!(
+                "passes {} to {} are complete; `beamfarm merge` makes an image of them and those before",
+                self.args.first_pass,
+                progress.prefix - 1
+            );
+        }
+        for (count, what) in [
+            (
+                progress.lost_leases,
+                "passes were lost and handed out again",
+            ),
+            (progress.duplicates, "passes arrived twice, with equal bits"),
+            (progress.failures, "attempts at a pass failed"),
+            (progress.refused, "deliveries were refused"),
+        ] {
+            if count > 0 {
+                println!("{count} {what}");
+            }
+        }
+    }
+
+    /// For programs.
+    pub fn report(&self) -> Report {
+        let progress = self.farm.progress();
+        let checkpoint = self.farm.checkpoint();
+        let average = self.image.as_ref().map(|written| &written.average);
+        let errors = average
+            .map(|average| average.errors())
+            .filter(|errors| errors.image.is_finite());
+        let workers = progress.workers_seen.iter();
+        let limit = self.args.passes.or_else(|| {
+            // What the target made of it is not what was asked for.
+            let is_asked = progress.limit < MAX_PASSES && self.farm.stopped_at().is_none();
+            is_asked.then_some(progress.limit)
+        });
+        Report {
+            format: Report::FORMAT,
+            version: VERSION.into(),
+            scene: self.farm.job().scene.to_string(),
+            seed: self.farm.job().settings.seed,
+            first_pass: self.args.first_pass,
+            prefix: average.map_or(checkpoint.sum.prefix(), |average| average.passes),
+            passes: checkpoint.sum.passes(),
+            limit,
+            pass_set: self.pass_set(),
+            image: average.map(|_| self.output.exr.display().to_string()),
+            pixels: average.map(|average| pixel_hash(&average.beauty)),
+            relative_standard_error: errors.map(|errors| errors.image),
+            percentiles: errors.map(|errors| [50, 90, 95, 99].map(|p| errors.at(Some(p)))),
+            bias: average.and_then(|average| average.bias.as_ref().map(ToString::to_string)),
+            seconds: checkpoint.seconds,
+            workers: workers.map(|worker| worker.name.clone()).collect(),
+            stopped: self.stopped(),
+        }
+    }
+
+    /// The exit code.
+    pub fn verdict(self) -> Result<(), Failure> {
+        let progress = self.farm.progress();
+        let is_part = self.args.first_pass > 0;
+        let written = match (&self.image, is_part) {
+            (Some(Written { average, .. }), _) => {
+                format!("the image is that of the {} passes before", average.passes)
+            }
+            (None, true) => "the job folder has the passes before".into(),
+            (None, false) => "nothing was written".into(),
+        };
+        if let Stop::Ended(End::Failed(failure)) = self.stop {
+            return Err(Failure::job(format!(
+                "pass {} failed {} times: {}; {written}",
+                failure.pass_index, failure.attempts, failure.message
+            )));
+        }
+        if let Stop::Broken(message) = self.stop {
+            return Err(Failure::job(format!("{message}; {written}")));
+        }
+        if progress.divergent > 0 {
+            return Err(Failure::job(format!(
+                "{} passes were delivered twice with different pixels: one of the machines miscalculates, and the image is \
+                 not to be trusted (the log names them)",
+                progress.divergent
+            )));
+        }
+        let has_passes = is_part && progress.prefix > self.args.first_pass;
+        match (self.stop, self.image) {
+            (_, Some(_)) => Ok(()),
+            _ if has_passes => Ok(()),
+            (Stop::Signal, None) => Err(Failure::nothing(
+                "stopped before the first pass was complete",
+            )),
+            (_, None) => Err(Failure::nothing(
+                "the time was over before the first pass was complete; give it more with --time",
+            )),
+        }
+    }
+}

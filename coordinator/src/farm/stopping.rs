@@ -1,0 +1,126 @@
+//! When the image is good enough.
+//!
+//! The error is only looked at where [`beamfarm_shared::merge::next_boundary`] says so: at prefixes of 2, 3, 4, 6, 8, 12, ... passes, each for itself
+//! and in their order, whatever came in meanwhile. So the same scene and seed end with the same pass on any farm, and
+//! the chance to stop too early by luck is taken few times.
+
+use super::Farm;
+use crate::store::Checkpoint;
+use beamfarm_shared::merge::{Average, Errors};
+use std::sync::{MutexGuard, PoisonError};
+use tracing::{debug, info};
+
+/// When to stop.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Target {
+    /// Relative standard error, as a fraction.
+    pub error: f64,
+    /// Of which percentile of the image's blocks; `None`: of the image as a whole.
+    pub percentile: Option<u32>,
+}
+
+impl Target {
+    /// Whether an image is good enough.
+    pub fn is_met_by(&self, errors: &Errors) -> bool {
+        errors.at(self.percentile) <= self.error
+    }
+}
+
+/// What is known of the prefixes that were looked at.
+#[derive(Debug, Default)]
+pub(super) struct Tested {
+    errors: Vec<(u64, Errors)>,
+    /// The prefix that is good enough, and the passes that were asked for.
+    stopped_at: Option<(u64, u64)>,
+}
+
+impl Tested {
+    pub fn new(errors: Vec<(u64, Errors)>) -> Self {
+        Self {
+            errors,
+            stopped_at: None,
+        }
+    }
+}
+
+impl Farm {
+    /// Look at the boundaries that the prefix has reached. Takes as long as a few copies of the image when there is one:
+    /// not for a thread that serves others.
+    pub(super) fn look(&self) {
+        self.look_at(&mut self.tested());
+    }
+
+    fn look_at(&self, tested: &mut Tested) {
+        if let Some((passes, asked)) = tested.stopped_at {
+            if self.sum().fence() == Some(passes) {
+                return;
+            }
+            // A worker whose passes were among them is not to be trusted.
+            tested.stopped_at = None;
+            self.books().ledger.set_limit(asked);
+            self.opened.notify_waiters();
+        }
+        loop {
+            let sum = self.snapshot();
+            let Some(fence) = sum.fence().filter(|fence| *fence <= sum.prefix()) else {
+                return;
+            };
+            let average = sum.average_of(fence);
+            drop(sum);
+            let errors = average.map_or(Errors::UNKNOWN, |average| average.errors());
+            debug!("{fence} passes: relative standard error {}", errors.image);
+            let is_met = self.target.is_some_and(|target| target.is_met_by(&errors));
+            let mut sum = self.sum();
+            if sum.fence() != Some(fence) || fence > sum.prefix() {
+                // Passes were taken out meanwhile.
+                continue;
+            }
+            if is_met {
+                info!("the error is small enough at {fence} passes");
+                let mut books = self.books();
+                tested.stopped_at = Some((fence, books.ledger.limit()));
+                books.ledger.set_limit(fence);
+                return;
+            }
+            sum.lift_fence();
+            tested.errors.retain(|(passes, _)| *passes < fence);
+            tested.errors.push((fence, errors));
+        }
+    }
+
+    /// The average of what the image is made of: the complete prefix, or the one that was good enough. Nothing before the
+    /// first pass is there. Takes as long as a few copies of the image.
+    pub fn average(&self) -> Option<Average> {
+        let mut tested = self.tested();
+        // The job may end while somebody else is about to look.
+        self.look_at(&mut tested);
+        let stopped_at = tested.stopped_at;
+        let sum = self.snapshot();
+        drop(tested);
+        match stopped_at {
+            Some((passes, _)) => sum.average_of(passes),
+            None => sum.average(),
+        }
+    }
+
+    /// The prefix at which the error was small enough.
+    pub fn stopped_at(&self) -> Option<u64> {
+        self.tested().stopped_at.map(|(passes, _)| passes)
+    }
+
+    /// All that has to be kept on a disk. Shares the images, so it takes no time.
+    pub fn checkpoint(&self) -> Checkpoint {
+        let tested = self.tested();
+        Checkpoint {
+            number: 0,
+            sum: self.snapshot(),
+            tested: tested.errors.clone(),
+            stats: self.books().progress.stats,
+            seconds: (self.before + self.started.elapsed()).as_secs_f64(),
+        }
+    }
+
+    fn tested(&self) -> MutexGuard<'_, Tested> {
+        self.tested.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}

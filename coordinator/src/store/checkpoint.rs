@@ -1,0 +1,338 @@
+//! Checkpoints: the sum of the passes in one file, which says of itself whether it is whole.
+//!
+//! A header (magic, format, length of the rest, BLAKE3 of the rest), then the rest; all numbers little-endian.
+
+use beamfarm_shared::bias::{RadiusSums, tile_count};
+use beamfarm_shared::film::Film;
+use beamfarm_shared::job::{Block, PassStats};
+use beamfarm_shared::merge::{Errors, Node, PERCENTILES, TreeSum};
+use std::io::{self, Read, Seek, SeekFrom, Write};
+
+const MAGIC: [u8; 8] = *b"BEAMSUM\n";
+const FORMAT: u32 = 1;
+const HEADER: usize = 8 + 4 + 8 + 32;
+/// Bytes that are read or written at a time.
+const BUFFER: usize = 1 << 16;
+/// Boundaries below 2^53 passes.
+const MAX_TESTED: u32 = 128;
+/// Nodes that a sum may have. As many gaps there are not.
+const MAX_NODES: u32 = 1 << 24;
+
+/// What a job has reached.
+#[derive(Clone, Debug)]
+pub struct Checkpoint {
+    /// Checkpoints of a job are numbered.
+    pub number: u64,
+    /// The passes that are there.
+    pub sum: TreeSum,
+    /// Prefixes that were tested, and their errors.
+    pub tested: Vec<(u64, Errors)>,
+    /// Counters of the passes.
+    pub stats: PassStats,
+    /// Time that the job has taken, seconds.
+    pub seconds: f64,
+}
+
+/// What the sum of a job looks like, and whose it is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Shape {
+    /// Pixels a row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// Number of layers.
+    pub layers: usize,
+    /// First pass.
+    pub first_pass: u64,
+    /// Of the job's description.
+    pub digest: [u8; 32],
+}
+
+impl Shape {
+    /// The sum of no passes.
+    pub fn empty_sum(&self) -> TreeSum {
+        let sum = TreeSum::new(self.width, self.height).with_layers(self.layers);
+        match self.first_pass {
+            0 => sum.with_fence(0),
+            first_pass => sum.with_first_pass(first_pass),
+        }
+    }
+}
+
+/// Why a file is no checkpoint of the job.
+#[derive(Debug, thiserror::Error)]
+pub enum Damage {
+    /// It cannot be read.
+    #[error("{0}")]
+    Io(#[from] io::Error),
+    /// It is not what was written.
+    #[error("{0}")]
+    Content(String),
+}
+
+fn damaged<T>(what: impl Into<String>) -> Result<T, Damage> {
+    Err(Damage::Content(what.into()))
+}
+
+/// Passes bytes on and keeps their hash.
+struct Hashing<W> {
+    inner: W,
+    hasher: blake3::Hasher,
+    length: u64,
+}
+
+impl<W: Write> Write for Hashing<W> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let written = self.inner.write(bytes)?;
+        self.hasher.update(&bytes[..written]);
+        self.length += written as u64;
+        Ok(written)
+    }
+    fn flush(&mut self) -> io::Result<()> {
+        self.inner.flush()
+    }
+}
+
+impl Checkpoint {
+    /// Write the whole file. Takes no memory to speak of.
+    pub fn write(&self, digest: &[u8; 32], mut file: impl Write + Seek) -> io::Result<()> {
+        file.write_all(&[0; HEADER])?;
+        let hashing = Hashing {
+            inner: &mut file,
+            hasher: blake3::Hasher::new(),
+            length: 0,
+        };
+        let mut out = io::BufWriter::with_capacity(BUFFER, hashing);
+        self.write_content(digest, &mut out)?;
+        out.flush()?;
+        let Hashing { hasher, length, .. } = out.get_ref();
+        let mut header = Vec::with_capacity(HEADER);
+        header.extend(MAGIC);
+        header.extend(FORMAT.to_le_bytes());
+        header.extend(length.to_le_bytes());
+        header.extend(hasher.finalize().as_bytes());
+        drop(out);
+        file.seek(SeekFrom::Start(0))?;
+        file.write_all(&header)?;
+        file.flush()
+    }
+
+    fn write_content(&self, digest: &[u8; 32], out: &mut impl Write) -> io::Result<()> {
+        let Self { sum, stats, .. } = self;
+        out.write_all(digest)?;
+        for number in [
+            self.number,
+            stats.paths,
+            stats.beams,
+            stats.beam_bytes,
+            stats.surface_photons,
+            stats.beam_evaluations,
+            stats.non_finite,
+            sum.fence().unwrap_or(0),
+        ] {
+            out.write_all(&number.to_le_bytes())?;
+        }
+        out.write_all(&self.seconds.to_le_bytes())?;
+        out.write_all(&(self.tested.len() as u32).to_le_bytes())?;
+        for (passes, errors) in &self.tested {
+            out.write_all(&passes.to_le_bytes())?;
+            for error in [errors.image].iter().chain(&errors.percentiles) {
+                out.write_all(&error.to_le_bytes())?;
+            }
+        }
+        out.write_all(&(sum.nodes().count() as u32).to_le_bytes())?;
+        for node in sum.nodes() {
+            out.write_all(&node.block.level.to_le_bytes())?;
+            out.write_all(&node.block.index.to_le_bytes())?;
+            write_film(&node.sum, out)?;
+            if node.block.level > 0 {
+                write_film(&node.squared_difference, out)?;
+            }
+            for layer in &node.layers {
+                write_film(layer, out)?;
+            }
+            match &node.radius_sums {
+                None => out.write_all(&[0])?,
+                Some(sums) => {
+                    out.write_all(&[1])?;
+                    out.write_all(&sums.to_bytes())?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Read what [`Self::write`] wrote, for a job of this shape. Any change of the bytes is found.
+    pub fn read(shape: &Shape, mut file: impl Read + Seek) -> Result<Self, Damage> {
+        let size = file.seek(SeekFrom::End(0))?;
+        if size < HEADER as u64 {
+            return damaged(format!("{size} bytes, which is too short"));
+        }
+        file.seek(SeekFrom::Start(0))?;
+        let mut input = Input(io::BufReader::with_capacity(BUFFER, &mut file));
+        if input.array()? != MAGIC {
+            return damaged("not a checkpoint");
+        }
+        match input.u32()? {
+            FORMAT => {}
+            other => return damaged(format!("format {other}; expected {FORMAT}")),
+        }
+        let (length, expected) = (input.u64()?, size - HEADER as u64);
+        if length != expected {
+            return damaged(format!("{expected} bytes of content; expected {length}"));
+        }
+        let hash: [u8; 32] = input.array()?;
+        let mut hasher = blake3::Hasher::new();
+        let mut buffer = [0; BUFFER];
+        loop {
+            match input.0.read(&mut buffer)? {
+                0 => break,
+                read => hasher.update(&buffer[..read]),
+            };
+        }
+        if hasher.finalize() != blake3::Hash::from_bytes(hash) {
+            return damaged("the checksum is wrong");
+        }
+        input.0.seek(SeekFrom::Start(HEADER as u64))?;
+        Self::read_content(shape, input)
+    }
+
+    fn read_content<R: Read>(shape: &Shape, mut input: Input<R>) -> Result<Self, Damage> {
+        if input.array()? != shape.digest {
+            return damaged("it belongs to another job");
+        }
+        let number = input.u64()?;
+        let stats = PassStats {
+            paths: input.u64()?,
+            beams: input.u64()?,
+            beam_bytes: input.u64()?,
+            surface_photons: input.u64()?,
+            beam_evaluations: input.u64()?,
+            non_finite: input.u64()?,
+        };
+        let fence = input.u64()?;
+        let seconds = input.f64()?;
+        let tested = input.u32()?;
+        if tested > MAX_TESTED {
+            return damaged(format!("{tested} tested prefixes"));
+        }
+        let mut boundaries = Vec::new();
+        for _ in 0..tested {
+            let passes = input.u64()?;
+            let mut errors = Errors::UNKNOWN;
+            errors.image = input.f64()?;
+            for error in &mut errors.percentiles {
+                *error = input.f64()?;
+            }
+            boundaries.push((passes, errors));
+        }
+        let mut sum = shape.empty_sum();
+        if fence > 0 {
+            sum = sum.with_fence(fence);
+        }
+        let nodes = input.u32()?;
+        if nodes > MAX_NODES {
+            return damaged(format!("{nodes} nodes"));
+        }
+        debug_assert_eq!(PERCENTILES, 100);
+        for _ in 0..nodes {
+            let node = input.node(shape)?;
+            if node.block.start() < shape.first_pass {
+                return damaged(format!("{} is before the first", node.block));
+            }
+            if let Err(error) = sum.insert(node) {
+                return damaged(error.to_string());
+            }
+        }
+        if input.0.read(&mut [0])? != 0 {
+            return damaged("more behind its end");
+        }
+        Ok(Self {
+            number,
+            sum,
+            tested: boundaries,
+            stats,
+            seconds,
+        })
+    }
+}
+
+fn write_film(film: &Film, out: &mut impl Write) -> io::Result<()> {
+    let mut buffer = Vec::with_capacity(BUFFER);
+    for pixels in film.pixels.chunks(BUFFER / 12) {
+        buffer.clear();
+        buffer.extend(
+            pixels
+                .iter()
+                .flatten()
+                .flat_map(|value| value.to_le_bytes()),
+        );
+        out.write_all(&buffer)?;
+    }
+    Ok(())
+}
+
+struct Input<R>(R);
+
+impl<R: Read> Input<R> {
+    fn array<const N: usize>(&mut self) -> io::Result<[u8; N]> {
+        let mut bytes = [0; N];
+        self.0.read_exact(&mut bytes)?;
+        Ok(bytes)
+    }
+    fn u32(&mut self) -> io::Result<u32> {
+        self.array().map(u32::from_le_bytes)
+    }
+    fn u64(&mut self) -> io::Result<u64> {
+        self.array().map(u64::from_le_bytes)
+    }
+    fn f64(&mut self) -> io::Result<f64> {
+        self.array().map(f64::from_le_bytes)
+    }
+
+    fn film(&mut self, shape: &Shape) -> io::Result<Film> {
+        let mut film = Film::new(shape.width, shape.height);
+        let mut buffer = [0; BUFFER / 12 * 12];
+        for pixels in film.pixels.chunks_mut(BUFFER / 12) {
+            let bytes = &mut buffer[..12 * pixels.len()];
+            self.0.read_exact(bytes)?;
+            let values = pixels.iter_mut().flatten();
+            for (value, bytes) in values.zip(bytes.as_chunks().0) {
+                *value = f32::from_le_bytes(*bytes);
+            }
+        }
+        Ok(film)
+    }
+
+    fn node(&mut self, shape: &Shape) -> Result<Node, Damage> {
+        let (level, index) = (self.u32()?, self.u64()?);
+        let Some(block) = Block::new(level, index) else {
+            return damaged(format!("block {index} of level {level}"));
+        };
+        let sum = self.film(shape)?;
+        let squared_difference = match level {
+            0 => Film::new(shape.width, shape.height),
+            _ => self.film(shape)?,
+        };
+        let layers = (0..shape.layers).map(|_| self.film(shape));
+        let layers = layers.collect::<io::Result<_>>()?;
+        let radius_sums = match self.array()? {
+            [0] => None,
+            _ => {
+                let mut bytes = vec![0; 8 * (3 + 4 * tile_count(shape.width, shape.height))];
+                self.0.read_exact(&mut bytes)?;
+                RadiusSums::from_bytes(&bytes)
+            }
+        };
+        Ok(Node {
+            block,
+            sum,
+            squared_difference,
+            layers,
+            radius_sums,
+        })
+    }
+}
+
+#[cfg(test)]
+pub(super) mod tests;

@@ -1,0 +1,198 @@
+//! job.json: what is rendered.
+
+use super::StoreError;
+use beamfarm_proto::{FileHash, VERSION};
+use beamfarm_shared::job::{JobSettings, ScheduleKind};
+use beamfarm_shared::layer::Layer;
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+
+/// Of job.json, ledger.jsonl and report.json.
+pub(super) const FORMAT: u32 = 1;
+
+/// What a job renders, as job.json says it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Description {
+    /// Version of the format.
+    format: u32,
+    /// Version of the program: another one may render other bits.
+    pub version: String,
+    /// Hash of the scene bundle.
+    pub scene: String,
+    /// Path of the scene file among `files`.
+    pub scene_file: String,
+    /// The scene's files.
+    pub files: Vec<File>,
+    /// Seed of the whole job.
+    pub seed: u64,
+    /// Trade of variance against bias, as text: not every reader of JSON keeps all bits of a number.
+    pub alpha: String,
+    /// When the radius shrinks.
+    pub schedule: ScheduleKind,
+    /// Photon paths of a pass.
+    pub paths_per_pass: u32,
+    /// Photon paths that base radii are meant for.
+    pub reference_paths: u32,
+    /// Pixels a row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// Names of the layers.
+    pub layers: Vec<String>,
+    /// First pass.
+    pub first_pass: u64,
+    /// First pass that is not to be rendered; `None`: no limit.
+    pub passes: Option<u64>,
+    /// Exposure of the PNG in stops.
+    pub exposure: f32,
+    /// Whether the image gets its standard error.
+    pub standard_error: bool,
+}
+
+/// How the image is written; no two jobs differ by it.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Looks {
+    /// Exposure of the PNG in stops.
+    pub exposure: f32,
+    /// Whether the image gets its standard error.
+    pub standard_error: bool,
+}
+
+/// A file of the scene.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct File {
+    /// Its key in the bundle.
+    pub path: String,
+    /// BLAKE3 of its bytes, in hexadecimal.
+    pub hash: String,
+    /// Its size in bytes.
+    pub size: u64,
+}
+
+impl Description {
+    /// Of this job.
+    pub fn new(spec: &crate::JobSpec, looks: Looks) -> Self {
+        let settings = spec.settings;
+        let file = |(path, bytes): (&String, &Vec<u8>)| File {
+            path: path.clone(),
+            hash: FileHash::of(bytes).to_string(),
+            size: bytes.len() as u64,
+        };
+        Self {
+            format: FORMAT,
+            version: VERSION.into(),
+            scene: spec.bundle.hash().to_string(),
+            scene_file: spec.bundle.scene.clone(),
+            files: spec.bundle.files.iter().map(file).collect(),
+            seed: settings.seed,
+            alpha: settings.alpha.to_string(),
+            schedule: settings.schedule,
+            paths_per_pass: settings.paths_per_pass,
+            reference_paths: settings.reference_paths,
+            width: spec.width,
+            height: spec.height,
+            layers: spec.layers.iter().map(Layer::to_string).collect(),
+            first_pass: spec.first_pass,
+            passes: (spec.passes < beamfarm_shared::job::MAX_PASSES).then_some(spec.passes),
+            exposure: looks.exposure,
+            standard_error: looks.standard_error,
+        }
+    }
+
+    /// The settings of the passes.
+    pub fn settings(&self, path: &Path) -> Result<JobSettings, StoreError> {
+        let foreign = |message: String| StoreError::Foreign {
+            path: path.to_owned(),
+            message,
+        };
+        let alpha = self.alpha.parse();
+        let settings = JobSettings {
+            seed: self.seed,
+            alpha: alpha.map_err(|_| foreign(format!("alpha is {:?}", self.alpha)))?,
+            schedule: self.schedule,
+            paths_per_pass: self.paths_per_pass,
+            reference_paths: self.reference_paths,
+        };
+        settings
+            .check()
+            .map_err(|error| foreign(error.to_string()))?;
+        Ok(settings)
+    }
+
+    /// Everything in which two jobs differ whose passes cannot become one image: nothing, if they can.
+    pub fn differences(&self, other: &Self) -> Vec<String> {
+        let list = |names: &[String]| match names.is_empty() {
+            true => "none".to_owned(),
+            false => names.join(","),
+        };
+        let fields = |job: &Self| {
+            [
+                ("program version", job.version.clone()),
+                ("scene", job.scene.clone()),
+                ("seed", job.seed.to_string()),
+                ("alpha", job.alpha.clone()),
+                ("schedule", job.schedule.to_string()),
+                ("paths per pass", job.paths_per_pass.to_string()),
+                ("reference paths", job.reference_paths.to_string()),
+                ("width", job.width.to_string()),
+                ("height", job.height.to_string()),
+                ("layers", list(&job.layers)),
+            ]
+        };
+        let pairs = fields(self).into_iter().zip(fields(other));
+        pairs
+            .filter(|((_, mine), (_, theirs))| mine != theirs)
+            .map(|((name, mine), (_, theirs))| format!("{name} {mine} there, {theirs} here"))
+            .collect()
+    }
+
+    /// Hash of all that [`Self::differences`] looks at, and of the first pass.
+    pub(super) fn digest(&self) -> [u8; 32] {
+        let mut hasher = blake3::Hasher::new();
+        let mut field = |text: &str| {
+            hasher.update(&(text.len() as u64).to_le_bytes());
+            hasher.update(text.as_bytes());
+        };
+        for text in [&self.version, &self.scene, &self.alpha] {
+            field(text);
+        }
+        field(&self.schedule.to_string());
+        for number in [
+            self.seed,
+            self.paths_per_pass.into(),
+            self.reference_paths.into(),
+            self.width.into(),
+            self.height.into(),
+            self.first_pass,
+        ] {
+            field(&number.to_string());
+        }
+        self.layers.iter().for_each(|layer| field(layer));
+        *hasher.finalize().as_bytes()
+    }
+
+    /// In the order of job.json's fields, a line each.
+    pub(super) fn to_json(&self) -> Result<Vec<u8>, serde_json::Error> {
+        let mut json = serde_json::to_vec_pretty(self)?;
+        json.push(b'\n');
+        Ok(json)
+    }
+
+    /// What [`Self::to_json`] wrote.
+    pub(super) fn from_json(path: &Path, json: &[u8]) -> Result<Self, StoreError> {
+        #[derive(Deserialize)]
+        struct Format {
+            format: u32,
+        }
+        let foreign = |message: String| StoreError::Foreign {
+            path: path.to_owned(),
+            message,
+        };
+        let wrong = |error: serde_json::Error| foreign(error.to_string());
+        let format: Format = serde_json::from_slice(json).map_err(wrong)?;
+        match format.format {
+            FORMAT => serde_json::from_slice(json).map_err(wrong),
+            other => Err(foreign(format!("format {other}; expected {FORMAT}"))),
+        }
+    }
+}

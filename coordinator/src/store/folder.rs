@@ -1,0 +1,325 @@
+//! The directory as a whole: made, found again, and written to.
+
+use super::StoreError;
+use super::checkpoint::{Checkpoint, Shape};
+use super::description::{Description, Looks};
+use super::lines::Lines;
+use super::report::Report;
+use crate::JobSpec;
+use crate::farm::{DoneBlock, Entry};
+use beamfarm_proto::FileHash;
+use beamfarm_shared::atomic::{sync_folder, write_file};
+use beamfarm_shared::bundle::Bundle;
+use beamfarm_shared::error::ImageError;
+use std::fs::{self, File, TryLockError};
+use std::io::{self, ErrorKind};
+use std::path::{Path, PathBuf};
+use tracing::warn;
+
+const JOB: &str = "job.json";
+const LOCK: &str = "lock";
+const LEDGER: &str = "ledger.jsonl";
+const REPORT: &str = "report.json";
+const SCENE: &str = "scene";
+const CHECKPOINTS: [&str; 2] = ["checkpoint-0", "checkpoint-1"];
+/// Behind the name of a checkpoint that is being written.
+const PART: &str = "part";
+
+/// A job directory that is this process's alone.
+pub struct Folder {
+    path: PathBuf,
+    description: Description,
+    shape: Shape,
+    lines: Lines,
+    next_number: u64,
+    /// Holds the lock.
+    _lock: File,
+}
+
+/// What an earlier coordinator left.
+#[derive(Debug)]
+pub struct Resumed {
+    /// What is there.
+    pub checkpoint: Checkpoint,
+    /// Who rendered what of it, as far as the ledger knows.
+    pub done: Vec<DoneBlock>,
+}
+
+impl Folder {
+    /// The directory of this job: a new one, or one that holds the same job, with what it has reached.
+    ///
+    /// `limit_asked`: whether the number of passes is what someone asked for. If not, that of the directory counts, and
+    /// `spec` is changed.
+    pub fn open(
+        path: &Path,
+        spec: &mut JobSpec,
+        looks: Looks,
+        limit_asked: bool,
+    ) -> Result<(Self, Option<Resumed>), StoreError> {
+        fs::create_dir_all(path).map_err(StoreError::io(path))?;
+        let known = match read_description(path) {
+            Ok(known) => known,
+            Err(StoreError::Missing(_)) => {
+                refuse_foreign(path)?;
+                return Self::create(path, spec, looks).map(|folder| (folder, None));
+            }
+            Err(error) => return Err(error),
+        };
+        let lock = lock(path)?;
+        let mut description = Description::new(spec, looks);
+        let mut differences = known.differences(&description);
+        if known.first_pass != description.first_pass {
+            let (there, here) = (known.first_pass, description.first_pass);
+            differences.push(format!("first pass {there} there, {here} here"));
+        }
+        if !differences.is_empty() {
+            return Err(StoreError::Different {
+                path: path.to_owned(),
+                differences: differences.join("; "),
+            });
+        }
+        if !limit_asked {
+            description.passes = known.passes;
+            spec.passes = known.passes.unwrap_or(beamfarm_shared::job::MAX_PASSES);
+        }
+        let (mut folder, checkpoint) = Self::with(path, description, lock)?;
+        let held = checkpoint.as_ref().and_then(|c| c.sum.nodes().last());
+        let held = held.map_or(0, |node| node.block.passes().end);
+        if held > spec.passes {
+            return Err(StoreError::Different {
+                path: path.to_owned(),
+                differences: format!(
+                    "passes up to {held} there, {} here; the number of passes can be raised, not lowered",
+                    spec.passes
+                ),
+            });
+        }
+        write_bundle(path, &spec.bundle)?;
+        if folder.description.passes != known.passes {
+            folder.write_description()?;
+        }
+        let resumed = checkpoint
+            .map(|checkpoint| {
+                let done = folder.lines.done(&checkpoint.sum);
+                let done = done.map_err(StoreError::io(&folder.path.join(LEDGER)))?;
+                Ok(Resumed { checkpoint, done })
+            })
+            .transpose()?;
+        Ok((folder, resumed))
+    }
+
+    /// An existing directory and what it holds, whatever job it is.
+    pub fn inspect(path: &Path) -> Result<(Description, Option<Checkpoint>), StoreError> {
+        let description = read_description(path)?;
+        let lock = lock(path)?;
+        let (folder, checkpoint) = Self::with(path, description, lock)?;
+        Ok((folder.description, checkpoint))
+    }
+
+    fn create(path: &Path, spec: &JobSpec, looks: Looks) -> Result<Self, StoreError> {
+        let lock = lock(path)?;
+        write_bundle(path, &spec.bundle)?;
+        let (folder, _) = Self::with(path, Description::new(spec, looks), lock)?;
+        // Last: what has a job.json has all the rest.
+        folder.write_description()?;
+        Ok(folder)
+    }
+
+    fn with(
+        path: &Path,
+        description: Description,
+        lock: File,
+    ) -> Result<(Self, Option<Checkpoint>), StoreError> {
+        let shape = Shape {
+            width: description.width,
+            height: description.height,
+            layers: description.layers.len(),
+            first_pass: description.first_pass,
+            digest: description.digest(),
+        };
+        let checkpoint = newest_checkpoint(path, &shape);
+        let folder = Self {
+            lines: Lines::open(&path.join(LEDGER), description.seed)?,
+            path: path.to_owned(),
+            description,
+            shape,
+            next_number: checkpoint.as_ref().map_or(0, |c| c.number + 1),
+            _lock: lock,
+        };
+        Ok((folder, checkpoint))
+    }
+
+    /// Where it is.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The sum of no passes of this job.
+    pub fn shape(&self) -> Shape {
+        self.shape
+    }
+
+    /// What is rendered.
+    pub fn description(&self) -> &Description {
+        &self.description
+    }
+
+    /// Have at least so many passes in job.json: someone asked for more.
+    pub(super) fn extend(&mut self, passes: u64) -> Result<(), StoreError> {
+        if self.description.passes.is_none_or(|known| known >= passes) {
+            return Ok(());
+        }
+        self.description.passes = Some(passes);
+        self.write_description()
+    }
+
+    fn write_description(&self) -> Result<(), StoreError> {
+        let path = self.path.join(JOB);
+        let json = self.description.to_json();
+        let json = json.map_err(|error| StoreError::io(&path)(error.into()))?;
+        write_whole(&path, &json)
+    }
+
+    /// Write the report.
+    pub fn write_report(&self, report: &Report) -> Result<(), StoreError> {
+        let path = self.path.join(REPORT);
+        let json = report.to_json();
+        let json = json.map_err(|error| StoreError::io(&path)(error.into()))?;
+        write_whole(&path, &json)
+    }
+
+    pub(super) fn enter(&mut self, entry: &Entry) {
+        self.lines.push(entry);
+    }
+
+    pub(super) fn append(&mut self) -> Result<(), StoreError> {
+        let appended = self.lines.append();
+        appended.map_err(StoreError::io(&self.path.join(LEDGER)))
+    }
+
+    /// Write a checkpoint over the older one. When that fails, both are as they were.
+    pub fn save(&mut self, checkpoint: &mut Checkpoint) -> Result<(), StoreError> {
+        checkpoint.number = self.next_number;
+        // Before what is built on it. That the ledger cannot be written must not keep a checkpoint from being.
+        let synced = self.lines.sync();
+        let name = CHECKPOINTS[(self.next_number % 2) as usize];
+        let path = self.path.join(name);
+        let part = path.with_added_extension(PART);
+        let write = || {
+            let file = File::create(&part)?;
+            checkpoint.write(&self.shape.digest, &file)?;
+            file.sync_all()?;
+            fs::rename(&part, &path)?;
+            sync_folder(&self.path)
+        };
+        if let Err(error) = write() {
+            // Its room may be needed.
+            let _ = fs::remove_file(&part);
+            return Err(StoreError::io(&path)(error));
+        }
+        self.next_number += 1;
+        synced.map_err(StoreError::io(&self.path.join(LEDGER)))
+    }
+}
+
+fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), StoreError> {
+    write_file(path, bytes).map_err(|error| match error {
+        ImageError::Io { path, source } => StoreError::Io { path, source },
+        other => StoreError::io(path)(io::Error::other(other)),
+    })
+}
+
+fn read_description(path: &Path) -> Result<Description, StoreError> {
+    let file = path.join(JOB);
+    match fs::read(&file) {
+        Ok(json) => Description::from_json(&file, &json),
+        Err(error) if error.kind() == ErrorKind::NotFound => {
+            Err(StoreError::Missing(path.to_owned()))
+        }
+        Err(error) => Err(StoreError::io(&file)(error)),
+    }
+}
+
+/// Only what a coordinator may have left that was killed before it had written job.json.
+fn refuse_foreign(path: &Path) -> Result<(), StoreError> {
+    for entry in fs::read_dir(path).map_err(StoreError::io(path))? {
+        let name = entry.map_err(StoreError::io(path))?.file_name();
+        let name = name.to_string_lossy();
+        let own = [LOCK, SCENE, LEDGER].contains(&&*name) || name.starts_with(".beamfarm-");
+        if !own {
+            return Err(StoreError::Foreign {
+                path: path.to_owned(),
+                message: format!("it has no {JOB}, but {name:?}"),
+            });
+        }
+    }
+    Ok(())
+}
+
+fn lock(path: &Path) -> Result<File, StoreError> {
+    let name = path.join(LOCK);
+    let file = File::options()
+        .write(true)
+        .create(true)
+        .truncate(false)
+        .open(&name);
+    let file = file.map_err(StoreError::io(&name))?;
+    match file.try_lock() {
+        Ok(()) => Ok(file),
+        Err(TryLockError::WouldBlock) => Err(StoreError::InUse(path.to_owned())),
+        Err(TryLockError::Error(error)) if error.kind() == ErrorKind::Unsupported => {
+            warn!("{}: this file system has no locks", name.display());
+            Ok(file)
+        }
+        Err(TryLockError::Error(error)) => Err(StoreError::io(&name)(error)),
+    }
+}
+
+/// Those files of the scene that are not there yet.
+fn write_bundle(path: &Path, bundle: &Bundle) -> Result<(), StoreError> {
+    let folder = path.join(SCENE);
+    fs::create_dir_all(&folder).map_err(StoreError::io(&folder))?;
+    for bytes in bundle.files.values() {
+        let file = folder.join(FileHash::of(bytes).to_string());
+        let there = fs::metadata(&file).is_ok_and(|known| known.len() == bytes.len() as u64);
+        if !there {
+            write_whole(&file, bytes)?;
+        }
+    }
+    Ok(())
+}
+
+fn newest_checkpoint(path: &Path, shape: &Shape) -> Option<Checkpoint> {
+    let mut newest: Option<Checkpoint> = None;
+    let mut damaged = Vec::new();
+    for name in CHECKPOINTS {
+        let file = path.join(name);
+        let read = match File::open(&file) {
+            Ok(open) => Checkpoint::read(shape, open),
+            Err(error) if error.kind() == ErrorKind::NotFound => continue,
+            Err(error) => Err(error.into()),
+        };
+        match read {
+            Ok(checkpoint) => {
+                if newest.as_ref().is_none_or(|c| c.number < checkpoint.number) {
+                    newest = Some(checkpoint);
+                }
+            }
+            Err(damage) => damaged.push((file, damage)),
+        }
+    }
+    let instead = match &newest {
+        Some(checkpoint) => format!(
+            "the other one is used, with {} passes",
+            checkpoint.sum.passes()
+        ),
+        None => "there is no other one: the job starts from nothing".into(),
+    };
+    for (file, damage) in damaged {
+        warn!("{} is damaged ({damage}); {instead}", file.display());
+    }
+    newest
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,231 @@
+use super::*;
+use crate::store::checkpoint::tests::checkpoint;
+use beamfarm_shared::job::{JobSettings, ScheduleKind};
+use beamfarm_shared::layer::Layer;
+
+fn spec(passes: u64) -> JobSpec {
+    let scene = "scene.toml".to_string();
+    JobSpec {
+        bundle: Bundle {
+            files: [(scene.clone(), b"a".to_vec()), ("b".into(), b"b".to_vec())].into(),
+            scene,
+        },
+        settings: JobSettings {
+            seed: u64::MAX,
+            alpha: 2.0 / 3.0,
+            schedule: ScheduleKind::Pass,
+            paths_per_pass: 500,
+            reference_paths: 500,
+        },
+        width: 5,
+        height: 3,
+        layers: vec![Layer::Depth, Layer::Albedo],
+        first_pass: 0,
+        passes,
+        audit_every: 0,
+    }
+}
+
+fn open(path: &Path, spec: &mut JobSpec) -> Result<(Folder, Option<Resumed>), StoreError> {
+    Folder::open(path, spec, Looks::default(), true)
+}
+
+/// Passes that are there after opening.
+fn passes(path: &Path) -> u64 {
+    let (_, resumed) = open(path, &mut spec(100)).unwrap();
+    resumed.map_or(0, |resumed| resumed.checkpoint.sum.passes())
+}
+
+#[test]
+fn a_job_is_found_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("deep/a.job");
+    let (mut job, resumed) = open(&path, &mut spec(8)).unwrap();
+    assert!(resumed.is_none());
+    // One at a time.
+    let error = open(&path, &mut spec(8)).err().unwrap();
+    assert!(matches!(error, StoreError::InUse(_)), "{error}");
+    for n in 1..6 {
+        job.save(&mut checkpoint(0..n)).unwrap();
+    }
+    drop(job);
+    let (job, resumed) = open(&path, &mut spec(8)).unwrap();
+    let resumed = resumed.unwrap();
+    assert_eq!(
+        (resumed.checkpoint.number, resumed.checkpoint.sum.prefix()),
+        (4, 5)
+    );
+    assert_eq!(job.next_number, 5);
+    let mut names: Vec<_> = fs::read_dir(&path)
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .collect();
+    names.sort();
+    assert_eq!(
+        names,
+        ["checkpoint-0", "checkpoint-1", JOB, LEDGER, LOCK, SCENE]
+    );
+    let file = path.join(SCENE).join(FileHash::of(b"b").to_string());
+    assert_eq!(fs::read(file).unwrap(), b"b");
+}
+
+#[test]
+fn another_job_is_refused_by_what_differs() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.job");
+    let (mut job, _) = open(&path, &mut spec(8)).unwrap();
+    job.save(&mut checkpoint(0..5)).unwrap();
+    drop(job);
+    type Change = fn(&mut JobSpec);
+    let cases: [(Change, &str); 8] = [
+        (
+            |s| s.settings.seed = 3,
+            "seed 18446744073709551615 there, 3 here",
+        ),
+        (
+            |s| s.settings.alpha = 0.6,
+            "alpha 0.6666666666666666 there, 0.6 here",
+        ),
+        (
+            |s| s.settings.paths_per_pass = 7,
+            "paths per pass 500 there, 7 here",
+        ),
+        (|s| s.width = 6, "width 5 there, 6 here"),
+        (
+            |s| s.layers.truncate(1),
+            "layers depth,albedo there, depth here",
+        ),
+        (|s| s.first_pass = 2, "first pass 0 there, 2 here"),
+        (|s| s.passes = 4, "passes up to 5 there, 4 here"),
+        (
+            |s| drop(s.bundle.files.insert("b".into(), b"c".to_vec())),
+            "scene ",
+        ),
+    ];
+    for (change, expected) in cases {
+        let mut other = spec(8);
+        change(&mut other);
+        let error = open(&path, &mut other).err().unwrap();
+        assert!(matches!(error, StoreError::Different { .. }), "{error}");
+        assert!(error.to_string().contains(expected), "{error}");
+    }
+    // More passes are welcome, and stay asked for.
+    drop(open(&path, &mut spec(9)).unwrap());
+    let mut unasked = spec(3);
+    drop(Folder::open(&path, &mut unasked, Looks::default(), false).unwrap());
+    assert_eq!(unasked.passes, 9);
+}
+
+#[test]
+fn other_folders_are_left_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("thesis.tex"), "").unwrap();
+    let error = open(folder.path(), &mut spec(8)).err().unwrap();
+    assert!(
+        error
+            .to_string()
+            .contains("no job.json, but \"thesis.tex\""),
+        "{error}"
+    );
+    assert!(!folder.path().join(LOCK).exists());
+    for (json, expected) in [
+        ("{", "EOF"),
+        ("{\"format\":9}", "format 9; expected 1"),
+        ("{\"format\":1}", "missing field"),
+    ] {
+        let folder = tempfile::tempdir().unwrap();
+        fs::write(folder.path().join(JOB), json).unwrap();
+        let error = open(folder.path(), &mut spec(8)).err().unwrap();
+        assert!(error.to_string().contains(expected), "{error}");
+    }
+}
+
+/// Killed between any two steps of making the directory.
+#[test]
+fn half_made_directories_are_finished() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.job");
+    drop(open(&path, &mut spec(8)).unwrap());
+    fs::remove_file(path.join(JOB)).unwrap();
+    drop(open(&path, &mut spec(8)).unwrap());
+    fs::remove_file(path.join(JOB)).unwrap();
+    fs::remove_file(path.join(LEDGER)).unwrap();
+    let scene = path.join(SCENE).join(FileHash::of(b"b").to_string());
+    fs::remove_file(&scene).unwrap();
+    drop(open(&path, &mut spec(8)).unwrap());
+    assert!(path.join(JOB).exists() && scene.exists());
+}
+
+#[test]
+fn a_damaged_checkpoint_gives_way_to_the_one_before() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.job");
+    let (mut job, _) = open(&path, &mut spec(100)).unwrap();
+    for n in 1..4 {
+        job.save(&mut checkpoint(0..n)).unwrap();
+    }
+    drop(job);
+    // Number 0 of one pass was written over by number 2 of three.
+    let [even, odd] = CHECKPOINTS.map(|name| path.join(name));
+    let good = fs::read(&even).unwrap();
+    assert_eq!(passes(&path), 3);
+    let damage = |bytes: &mut Vec<u8>| {
+        let middle = bytes.len() / 2;
+        bytes[middle] ^= 1;
+    };
+    let mut bad = good.clone();
+    damage(&mut bad);
+    fs::write(&even, &bad).unwrap();
+    assert_eq!(passes(&path), 2);
+    fs::write(&even, &good[..good.len() - 1]).unwrap();
+    assert_eq!(passes(&path), 2);
+    fs::write(&even, b"").unwrap();
+    assert_eq!(passes(&path), 2);
+    // The next one goes over the damaged one.
+    let (mut job, _) = open(&path, &mut spec(100)).unwrap();
+    job.save(&mut checkpoint(0..6)).unwrap();
+    drop(job);
+    assert_eq!(passes(&path), 6);
+    for file in [&even, &odd] {
+        let mut bytes = fs::read(file).unwrap();
+        damage(&mut bytes);
+        fs::write(file, bytes).unwrap();
+    }
+    assert_eq!(passes(&path), 0);
+}
+
+/// A half-written file beside the checkpoints changes nothing, and the next one takes its place.
+#[test]
+fn what_was_being_written_when_the_power_went_is_ignored() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.job");
+    let (mut job, _) = open(&path, &mut spec(100)).unwrap();
+    job.save(&mut checkpoint(0..2)).unwrap();
+    fs::write(path.join("checkpoint-1.part"), b"half").unwrap();
+    drop(job);
+    assert_eq!(passes(&path), 2);
+    let (mut job, _) = open(&path, &mut spec(100)).unwrap();
+    job.save(&mut checkpoint(0..3)).unwrap();
+    assert!(!path.join("checkpoint-1.part").exists());
+    drop(job);
+    assert_eq!(passes(&path), 3);
+}
+
+/// What cannot be written leaves both checkpoints as they were.
+#[test]
+fn a_failed_checkpoint_costs_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.job");
+    let (mut job, _) = open(&path, &mut spec(100)).unwrap();
+    job.save(&mut checkpoint(0..2)).unwrap();
+    // A folder is in the way of the next one.
+    let part = path.join("checkpoint-1.part");
+    fs::create_dir(&part).unwrap();
+    let error = job.save(&mut checkpoint(0..3)).unwrap_err();
+    assert!(error.to_string().contains("checkpoint-1"), "{error}");
+    assert_eq!(job.next_number, 1);
+    fs::remove_dir(&part).unwrap();
+    job.save(&mut checkpoint(0..3)).unwrap();
+    drop(job);
+    assert_eq!(passes(&path), 3);
+}

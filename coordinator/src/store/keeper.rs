@@ -1,0 +1,143 @@
+//! Keeps a job directory up to date while the job runs.
+
+use super::{Folder, StoreError};
+use crate::farm::{Entry, Farm};
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+use tokio::sync::mpsc::UnboundedReceiver;
+use tracing::{debug, info, warn};
+
+/// Time between looks at what has come in.
+const LOOK: Duration = Duration::from_millis(100);
+/// Time between checkpoints at least,
+const EVERY: Duration = Duration::from_secs(1);
+/// and times the time that the last one took: a fiftieth of the time at most goes into them.
+const SHARE: u32 = 50;
+/// Time before the next attempt when one failed.
+const RETRY: Duration = Duration::from_secs(5);
+
+/// A thread that writes lines and checkpoints. It holds no more than the images that the sum has anyway, and those that
+/// were joined while they were being written.
+pub struct Keeper {
+    stop: Sender<()>,
+    thread: JoinHandle<(Folder, Result<(), StoreError>)>,
+}
+
+impl Keeper {
+    /// Keep the directory of this farm, which tells about its blocks through `entries`.
+    pub fn start(
+        folder: Folder,
+        farm: Arc<Farm>,
+        entries: UnboundedReceiver<Entry>,
+    ) -> std::io::Result<Self> {
+        let (stop, stopped) = channel();
+        let thread = std::thread::Builder::new()
+            .name("job directory".into())
+            .spawn(move || {
+                let mut work = Work::new(folder, farm, entries);
+                work.run(&stopped);
+                let last = work.finish();
+                (work.folder, last)
+            })?;
+        Ok(Self { stop, thread })
+    }
+
+    /// Write the last checkpoint and give the directory back. Takes as long as writing it: not for a thread that serves
+    /// others.
+    pub fn finish(self) -> (Option<Folder>, Result<(), StoreError>) {
+        // Fails when the thread has ended by itself, which only a panic can cause.
+        let _ = self.stop.send(());
+        match self.thread.join() {
+            Ok((folder, last)) => (Some(folder), last),
+            Err(_) => {
+                let error = std::io::Error::other("its keeper panicked");
+                (
+                    None,
+                    Err(StoreError::io(std::path::Path::new("job directory"))(error)),
+                )
+            }
+        }
+    }
+}
+
+struct Work {
+    folder: Folder,
+    farm: Arc<Farm>,
+    entries: UnboundedReceiver<Entry>,
+    /// What the last checkpoint held: passes, and the fence.
+    saved: (u64, Option<u64>),
+    /// Time of the next checkpoint.
+    due: Instant,
+    /// The last attempt failed.
+    failing: bool,
+}
+
+impl Work {
+    fn new(folder: Folder, farm: Arc<Farm>, entries: UnboundedReceiver<Entry>) -> Self {
+        let start = farm.checkpoint();
+        Self {
+            folder,
+            saved: (start.sum.passes(), start.sum.fence()),
+            farm,
+            entries,
+            due: Instant::now(),
+            failing: false,
+        }
+    }
+
+    fn run(&mut self, stopped: &Receiver<()>) {
+        while stopped.recv_timeout(LOOK) == Err(RecvTimeoutError::Timeout) {
+            self.take_lines();
+            if Instant::now() < self.due {
+                continue;
+            }
+            let done = self.folder.append().and_then(|()| self.save());
+            match done {
+                Ok(()) if self.failing => {
+                    self.failing = false;
+                    info!("{}: written again", self.folder.path().display());
+                }
+                Ok(()) => {}
+                Err(error) => {
+                    warn!("{error}; the job goes on, and writes it again in {RETRY:?}");
+                    self.failing = true;
+                    self.due = Instant::now() + RETRY;
+                }
+            }
+        }
+    }
+
+    fn take_lines(&mut self) {
+        while let Ok(entry) = self.entries.try_recv() {
+            self.folder.enter(&entry);
+        }
+    }
+
+    /// Write a checkpoint, if it would be another one than the last.
+    fn save(&mut self) -> Result<(), StoreError> {
+        self.folder.extend(self.farm.progress().limit)?;
+        let mut checkpoint = self.farm.checkpoint();
+        let state = (checkpoint.sum.passes(), checkpoint.sum.fence());
+        if state == self.saved {
+            return Ok(());
+        }
+        let begun = Instant::now();
+        self.folder.save(&mut checkpoint)?;
+        let took = begun.elapsed();
+        debug!(
+            "checkpoint {} of {} passes in {took:?}",
+            checkpoint.number, state.0
+        );
+        self.saved = state;
+        self.due = Instant::now() + EVERY.max(SHARE * took);
+        Ok(())
+    }
+
+    fn finish(&mut self) -> Result<(), StoreError> {
+        self.take_lines();
+        let appended = self.folder.append();
+        self.save().and(appended)
+    }
+}

@@ -1,0 +1,235 @@
+//! ledger.jsonl: a line for whatever became of a block.
+
+use super::StoreError;
+use crate::farm::{DoneBlock, Entry, EntryState};
+use beamfarm_proto::VERSION;
+use beamfarm_shared::job::Block;
+use beamfarm_shared::merge::TreeSum;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+use std::time::UNIX_EPOCH;
+use tracing::warn;
+
+/// Bytes that wait for a disk that is full. Beyond it lines are lost, not the job.
+const WAITING: usize = 1 << 20;
+/// Of a line that is read.
+const MAX_LINE: u64 = 1 << 16;
+
+#[derive(Serialize, Deserialize)]
+struct Line {
+    block: (u32, u64),
+    state: String,
+    worker: String,
+    radius_scale: f64,
+    seed: u64,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    hash: Option<String>,
+    seconds: f64,
+    build: String,
+    /// Seconds since 1970.
+    time: f64,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    message: Option<String>,
+}
+
+/// The ledger file, open for appending.
+pub(super) struct Lines {
+    path: PathBuf,
+    file: File,
+    /// Up to here it is whole lines.
+    length: u64,
+    seed: u64,
+    waiting: Vec<u8>,
+    lost: u64,
+}
+
+impl Lines {
+    /// Open or create it, and cut off a last line that was torn when the coordinator died.
+    pub fn open(path: &Path, seed: u64) -> Result<Self, StoreError> {
+        let file = File::options()
+            .read(true)
+            .write(true)
+            .create(true)
+            .truncate(false)
+            .open(path)
+            .map_err(StoreError::io(path))?;
+        let mut lines = Self {
+            path: path.to_owned(),
+            file,
+            length: 0,
+            seed,
+            waiting: Vec::new(),
+            lost: 0,
+        };
+        lines.cut().map_err(StoreError::io(path))?;
+        Ok(lines)
+    }
+
+    fn cut(&mut self) -> io::Result<()> {
+        let size = self.file.seek(SeekFrom::End(0))?;
+        let mut end = size;
+        let mut buffer = [0; 4096];
+        // Backwards to the last end of a line.
+        while end > 0 {
+            let start = end.saturating_sub(buffer.len() as u64);
+            let part = &mut buffer[..(end - start) as usize];
+            self.file.seek(SeekFrom::Start(start))?;
+            self.file.read_exact(part)?;
+            if let Some(at) = part.iter().rposition(|byte| *byte == b'\n') {
+                end = start + at as u64 + 1;
+                break;
+            }
+            end = start;
+        }
+        if end < size {
+            warn!(
+                "{}: the last {} bytes are half a line and are cut off",
+                self.path.display(),
+                size - end
+            );
+            self.file.set_len(end)?;
+        }
+        self.length = end;
+        Ok(())
+    }
+
+    /// Add a line, in memory.
+    pub fn push(&mut self, entry: &Entry) {
+        let line = Line {
+            block: (entry.block.level, entry.block.index),
+            state: entry.state.as_str().into(),
+            worker: entry.worker.clone(),
+            radius_scale: entry.radius_scale,
+            seed: self.seed,
+            hash: entry
+                .hash
+                .map(|hash| blake3::Hash::from_bytes(hash).to_string()),
+            seconds: entry.took.as_secs_f64(),
+            build: VERSION.into(),
+            time: entry
+                .time
+                .duration_since(UNIX_EPOCH)
+                .map_or(0.0, |time| time.as_secs_f64()),
+            message: entry.message.clone(),
+        };
+        if self.waiting.len() > WAITING {
+            self.lost += 1;
+            return;
+        }
+        // Cannot fail: there are no maps with odd keys, and writing to memory works.
+        if serde_json::to_writer(&mut self.waiting, &line).is_ok() {
+            self.waiting.push(b'\n');
+        }
+    }
+
+    /// Hand what is in memory over to the disk. After an error it stays in memory, and the file ends with a whole line.
+    pub fn append(&mut self) -> io::Result<()> {
+        if self.waiting.is_empty() {
+            return Ok(());
+        }
+        let write = |file: &mut File, bytes: &[u8], at: u64| {
+            file.seek(SeekFrom::Start(at))?;
+            file.write_all(bytes)
+        };
+        if let Err(error) = write(&mut self.file, &self.waiting, self.length) {
+            // If this fails too, the next write goes to the same place.
+            let _ = self.file.set_len(self.length);
+            return Err(error);
+        }
+        self.length += self.waiting.len() as u64;
+        self.waiting.clear();
+        if self.lost > 0 {
+            warn!(
+                "{}: {} lines were lost while the disk was full",
+                self.path.display(),
+                self.lost
+            );
+            self.lost = 0;
+        }
+        Ok(())
+    }
+
+    /// As [`Self::append`], and wait until the disk has it.
+    pub fn sync(&mut self) -> io::Result<()> {
+        self.append()?;
+        self.file.sync_data()
+    }
+
+    /// The blocks that count, of those that are part of the sum. Lines that make no sense are left out.
+    pub fn done(&mut self, sum: &TreeSum) -> io::Result<Vec<DoneBlock>> {
+        self.file.seek(SeekFrom::Start(0))?;
+        let mut reader = BufReader::new(&self.file);
+        // By first pass. Disjoint: of overlapping ones, which come from different lives of the job, the last counts.
+        let mut done: BTreeMap<u64, DoneBlock> = BTreeMap::new();
+        let mut bytes = Vec::new();
+        loop {
+            bytes.clear();
+            if reader
+                .by_ref()
+                .take(MAX_LINE)
+                .read_until(b'\n', &mut bytes)?
+                == 0
+            {
+                break;
+            }
+            let Ok(line) = serde_json::from_slice::<Line>(&bytes) else {
+                continue;
+            };
+            let Some(block) = Block::new(line.block.0, line.block.1) else {
+                continue;
+            };
+            if line.state == EntryState::Dropped.as_str() {
+                take_out(&mut done, block);
+            } else if line.state == EntryState::Audited.as_str() {
+                let known = done.get_mut(&block.start());
+                if let Some(known) = known.filter(|known| known.block == block) {
+                    known.audited = true;
+                }
+            } else if line.state == EntryState::Done.as_str()
+                && let Some(hash) = line.hash.and_then(|hash| blake3::Hash::from_hex(hash).ok())
+            {
+                let known = DoneBlock {
+                    block,
+                    hash: *hash.as_bytes(),
+                    worker: line.worker,
+                    audited: false,
+                };
+                take_out(&mut done, block);
+                done.insert(block.start(), known);
+            }
+        }
+        let held = |block: &Block| {
+            let mut covered = block.start();
+            for node in sum.nodes() {
+                if node.block.start() <= covered {
+                    covered = covered.max(node.block.passes().end);
+                }
+            }
+            covered >= block.passes().end
+        };
+        Ok(done
+            .into_values()
+            .filter(|known| held(&known.block))
+            .collect())
+    }
+}
+
+fn take_out(done: &mut BTreeMap<u64, DoneBlock>, block: Block) {
+    let passes = block.passes();
+    let before = done.range(..passes.start).next_back();
+    let before = before.filter(|(_, known)| known.block.passes().end > passes.start);
+    let starts: Vec<u64> = before
+        .into_iter()
+        .chain(done.range(passes))
+        .map(|(start, _)| *start)
+        .collect();
+    for start in starts {
+        done.remove(&start);
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,108 @@
+use super::*;
+use beamfarm_shared::film::Film;
+use beamfarm_shared::merge::Node;
+use std::time::{Duration, SystemTime};
+
+fn entry(block: Block, state: EntryState, hash: u8) -> Entry {
+    Entry {
+        time: SystemTime::now(),
+        block,
+        state,
+        worker: "a \"name\"\n".into(),
+        radius_scale: 0.5,
+        hash: Some([hash; 32]),
+        took: Duration::from_millis(1500),
+        message: None,
+    }
+}
+
+fn leaf(pass: u64) -> Block {
+    Block::leaf(pass)
+}
+
+fn sum(passes: impl IntoIterator<Item = u64>) -> TreeSum {
+    let mut sum = TreeSum::new(1, 1);
+    for pass in passes {
+        sum.insert(Node::leaf(pass, Film::new(1, 1))).unwrap();
+    }
+    sum
+}
+
+#[test]
+fn a_line_a_block_and_a_torn_one_is_cut_off() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("ledger.jsonl");
+    let mut lines = Lines::open(&path, 11).unwrap();
+    let pair = Block { level: 1, index: 1 };
+    for entry in [
+        entry(leaf(0), EntryState::Done, 1),
+        entry(leaf(1), EntryState::Failed, 0),
+        entry(leaf(1), EntryState::Done, 2),
+        entry(leaf(0), EntryState::Audited, 1),
+        entry(pair, EntryState::Done, 3),
+        entry(leaf(4), EntryState::Done, 4),
+        entry(leaf(4), EntryState::Dropped, 4),
+        entry(leaf(5), EntryState::Done, 5),
+    ] {
+        lines.push(&entry);
+    }
+    lines.sync().unwrap();
+    let whole = std::fs::read(&path).unwrap();
+    let text = String::from_utf8(whole.clone()).unwrap();
+    assert_eq!(text.lines().count(), 8);
+    let first: serde_json::Value = serde_json::from_str(text.lines().next().unwrap()).unwrap();
+    assert_eq!(first["block"], serde_json::json!([0, 0]));
+    assert_eq!(first["seed"], 11);
+    assert_eq!(first["state"], "done");
+    assert_eq!(first["seconds"], 1.5);
+
+    let last = text.trim_end().rfind('\n').unwrap() + 1;
+    for end in last + 1..whole.len() {
+        std::fs::write(&path, &whole[..end]).unwrap();
+        let mut lines = Lines::open(&path, 11).unwrap();
+        assert_eq!(std::fs::read(&path).unwrap(), whole[..last]);
+        // What comes next is whole again.
+        lines.push(&entry(leaf(5), EntryState::Done, 5));
+        lines.append().unwrap();
+        assert_eq!(std::fs::read_to_string(&path).unwrap().lines().count(), 8);
+    }
+
+    // Of what is part of the sum.
+    let done = lines.done(&sum(0..5)).unwrap();
+    let found: Vec<(Block, u8, bool)> = done
+        .iter()
+        .map(|d| (d.block, d.hash[0], d.audited))
+        .collect();
+    assert_eq!(
+        found,
+        [(leaf(0), 1, true), (leaf(1), 2, false), (pair, 3, false)]
+    );
+    assert_eq!(done[0].worker, "a \"name\"\n");
+    assert_eq!(lines.done(&sum([0, 3])).unwrap().len(), 1);
+}
+
+#[test]
+fn of_overlapping_blocks_the_last_counts() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut lines = Lines::open(&folder.path().join("ledger.jsonl"), 0).unwrap();
+    let quad = Block { level: 2, index: 0 };
+    lines.push(&entry(quad, EntryState::Done, 1));
+    lines.push(&entry(leaf(2), EntryState::Done, 2));
+    lines.push(&entry(leaf(7), EntryState::Done, 2));
+    lines.push(&entry(Block { level: 2, index: 1 }, EntryState::Done, 3));
+    lines.append().unwrap();
+    let done = lines.done(&sum(0..8)).unwrap();
+    let found: Vec<u8> = done.iter().map(|d| d.hash[0]).collect();
+    assert_eq!(found, [2, 3]);
+}
+
+#[test]
+fn foreign_lines_are_left_out() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("ledger.jsonl");
+    std::fs::write(&path, "{}\nnonsense\n\n{\"block\":[60,1]}\n\u{0}\n").unwrap();
+    let mut lines = Lines::open(&path, 0).unwrap();
+    lines.push(&entry(leaf(0), EntryState::Done, 1));
+    lines.append().unwrap();
+    assert_eq!(lines.done(&sum(0..1)).unwrap().len(), 1);
+}

@@ -20,8 +20,9 @@ pub const REFUSED: u8 = 6;
 pub const HELP: &str = "\
 Exit codes:
   0  done; also after SIGINT or SIGTERM when what was complete has been written
-  1  a file or the network: an image cannot be written, a port is taken
-  2  wrong usage, or a scene or image that cannot be used
+  1  a file or the network: an image or the job folder cannot be written, a port
+     is taken, another coordinator uses the job folder
+  2  wrong usage, or a scene, image or job folder that cannot be used
   3  worker: the coordinator cannot be reached; worth another try
   4  stopped before the first pass was complete: nothing was written
   5  the job failed (a pass cannot be rendered, workers keep dying, two machines

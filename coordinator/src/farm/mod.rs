@@ -123,7 +123,11 @@ impl Farm {
         };
         // Worker numbers only have to differ from those of a coordinator that stood here before.
         let first_worker = RandomState::new().build_hasher().finish() >> 32;
-        Arc::new(Self {
+        let mut ledger = Ledger::new(rules, first_worker);
+        if let Some(sum) = &start.sum {
+            ledger.resume(spec.first_pass, sum.nodes().map(|node| node.block));
+        }
+        let farm = Arc::new(Self {
             schedule: Schedule::new(&job.settings),
             sum: Mutex::new(start.sum.unwrap_or_else(|| {
                 TreeSum::new(job.width, job.height)
@@ -139,7 +143,7 @@ impl Farm {
             timing,
             started: Instant::now(),
             books: Mutex::new(Books {
-                ledger: Ledger::new(rules, first_worker),
+                ledger,
                 progress: Progress {
                     stats: start.stats,
                     ..Progress::default()
@@ -148,7 +152,11 @@ impl Farm {
             }),
             opened: Notify::new(),
             end: watch::Sender::new(None),
-        })
+        });
+        farm.look();
+        let prefix = farm.sum().prefix();
+        farm.finish_at(prefix);
+        farm
     }
 
     /// The job.

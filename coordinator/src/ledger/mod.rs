@@ -132,6 +132,25 @@ impl Ledger {
         }
     }
 
+    /// Begin with this pass, and with these blocks done.
+    pub fn resume(&mut self, first_pass: u64, blocks: impl IntoIterator<Item = Block>) {
+        (self.prefix, self.next) = (first_pass, first_pass);
+        for block in blocks {
+            let end = block.passes().end;
+            for pass in self.next..end {
+                self.returned.insert(Block::leaf(pass));
+            }
+            for pass in block.passes() {
+                self.returned.remove(&Block::leaf(pass));
+                self.done.insert(Block::leaf(pass), ([0; 32], WorkerId(0)));
+            }
+            self.next = self.next.max(end);
+        }
+        while self.done.contains_key(&Block::leaf(self.prefix)) {
+            self.prefix += 1;
+        }
+    }
+
     /// A new worker.
     pub fn register(&mut self) -> WorkerId {
         let worker = WorkerId(self.next_worker);

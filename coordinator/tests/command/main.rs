@@ -5,3 +5,4 @@
 mod bench;
 mod runs;
 mod setup;
+mod store;

@@ -132,10 +132,20 @@ impl Coordinator {
         listener: std::net::TcpListener,
         spec: JobSpec,
         timing: Timing,
+        doors: (Security, Limits),
+    ) -> Self {
+        Self::start_with(listener, spec, timing, doors, Start::default()).await
+    }
+
+    pub async fn start_with(
+        listener: std::net::TcpListener,
+        spec: JobSpec,
+        timing: Timing,
         (security, limits): (Security, Limits),
+        start: Start,
     ) -> Self {
         let address = listener.local_addr().unwrap();
-        let farm = Farm::new(spec, timing, Start::default());
+        let farm = Farm::new(spec, timing, start);
         let serving = farm.clone();
         let server = Builder::new_multi_thread()
             .worker_threads(1)

@@ -6,5 +6,6 @@ mod calls;
 mod harness;
 mod limits;
 mod security;
+mod stopping;
 mod submissions;
 mod workers;

@@ -53,14 +53,14 @@ pub fn prepare(
     start.entries = Some(sender);
     if let Some(Resumed { checkpoint, done }) = resumed {
         let passes = checkpoint.sum.passes();
-        if !args.quiet {
-            println!("resuming {} with {passes} passes", path.display());
-        }
         let fence = checkpoint.sum.fence().unwrap_or(0);
         let mut tested = checkpoint.tested;
         tested.retain(|(passes, _)| *passes < fence);
         if let Some(target) = start.target {
             refuse_missed(target, &tested)?;
+        }
+        if !args.quiet {
+            println!("resuming {} with {passes} passes", path.display());
         }
         start.sum = Some(checkpoint.sum);
         start.done = done;

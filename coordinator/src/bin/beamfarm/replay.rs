@@ -4,6 +4,7 @@ use crate::failure::Failure;
 use crate::job::SettingsArgs;
 use crate::output::Output;
 use beamfarm_proto::VERSION;
+use beamfarm_shared::atomic::write_file;
 use beamfarm_shared::exr::{BlockMeta, encode_block, pixel_hash};
 use beamfarm_shared::job::{Block, MAX_PASSES};
 use beamfarm_shared::merge::Node;
@@ -89,8 +90,7 @@ pub fn main(args: ReplayArgs) -> Result<(), Failure> {
         };
         let node = Node::leaf(args.pass, image.film).with_layers(image.layers);
         let bytes = encode_block(&node, &meta, &layers)?;
-        std::fs::write(&output.exr, bytes)
-            .map_err(|error| Failure::io(format!("{}: {error}", output.exr.display())))?;
+        write_file(&output.exr, &bytes)?;
     }
     Ok(())
 }

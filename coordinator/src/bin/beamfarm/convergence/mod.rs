@@ -4,6 +4,7 @@ mod plot;
 
 use crate::failure::Failure;
 use crate::job::ImportArgs;
+use beamfarm_shared::atomic::write_file;
 use beamfarm_shared::convergence::{Moments, Prediction, Runs, Theory};
 use beamfarm_shared::job::JobSettings;
 use beamfarm_shared::plan::Scene;
@@ -156,8 +157,7 @@ pub fn main(args: ConvergenceArgs) -> Result<(), Failure> {
 }
 
 fn write(path: &Path, text: &str) -> Result<(), Failure> {
-    std::fs::write(path, text)
-        .map_err(|error| Failure::io(format!("{}: {error}", path.display())))?;
+    write_file(path, text.as_bytes())?;
     println!("wrote {}", path.display());
     Ok(())
 }

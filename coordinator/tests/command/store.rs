@@ -1,0 +1,463 @@
+//! Jobs that are killed, resumed, extended, divided and stopped.
+
+use crate::setup::*;
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+fn folder() -> tempfile::TempDir {
+    folder_with(&scene([48, 32], 24, 6000))
+}
+
+/// SplitMix64: places to be killed at.
+fn random(seed: u64) -> u64 {
+    let mut z = seed.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    z ^ (z >> 31)
+}
+
+fn pixels(stdout: &str) -> String {
+    line(stdout, "pixels").to_owned()
+}
+
+fn report(job: &Path) -> serde_json::Value {
+    serde_json::from_slice(&std::fs::read(job.join("report.json")).unwrap()).unwrap()
+}
+
+fn attribute(path: &Path, name: &str) -> String {
+    let image = exr::image::read::read_first_flat_layer_from_file(path).unwrap();
+    let value = &image.layer_data.attributes.other[&exr::prelude::Text::from(name)];
+    match value {
+        exr::meta::attribute::AttributeValue::Text(text) => text.to_string(),
+        other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn a_coordinator_killed_again_and_again_ends_with_the_same_bits() {
+    let folder = folder();
+    let path = folder.path();
+    let undisturbed = succeed(path, &["render", "scene.toml", "-o", "whole.exr"]);
+    let args = [
+        "render",
+        "scene.toml",
+        "-o",
+        "a.exr",
+        "--job",
+        "a.job",
+        "--workers",
+        "2",
+        "--threads",
+        "1",
+    ];
+    let job = path.join("a.job");
+    let mut kills = 0;
+    let end = loop {
+        let mut child = beamfarm(path, &args).spawn().unwrap();
+        // From before the first look at the directory to after some checkpoints.
+        let patience = Duration::from_millis(random(kills) % 1200);
+        let begun = Instant::now();
+        let ended = loop {
+            if let Some(status) = child.try_wait().unwrap() {
+                break Some(status);
+            }
+            if begun.elapsed() > patience && kills < 12 {
+                break None;
+            }
+            std::thread::sleep(Duration::from_millis(2));
+        };
+        if ended.is_some() {
+            break child.wait_with_output().unwrap();
+        }
+        child.kill().unwrap();
+        child.wait().unwrap();
+        kills += 1;
+    };
+    assert!(kills > 2, "it was never killed");
+    let stdout = String::from_utf8(end.stdout).unwrap();
+    let stderr = String::from_utf8(end.stderr).unwrap();
+    assert!(end.status.success(), "{stderr}");
+    assert_eq!(pixels(&stdout), pixels(&undisturbed));
+    let report = report(&job);
+    assert_eq!(
+        (&report["prefix"], &report["stopped"]),
+        (&24.into(), &"complete".into())
+    );
+    assert!(line(&stdout, "pixels").ends_with(report["pixels"].as_str().unwrap()));
+    let ledger = std::fs::read_to_string(job.join("ledger.jsonl")).unwrap();
+    for entry in ledger.lines() {
+        let entry: serde_json::Value = serde_json::from_str(entry).unwrap();
+        assert_eq!(entry["state"], "done");
+    }
+    // Each image says what it holds.
+    let output = path.join("a.exr");
+    assert_eq!(attribute(&output, "beamfarmPasses"), "24");
+    assert_eq!(attribute(&output, "beamfarmLastPass"), "23");
+    let set = attribute(&output, "beamfarmPassSet");
+    assert_eq!(set, attribute(&path.join("whole.exr"), "beamfarmPassSet"));
+    assert_eq!(report["pass_set"], set);
+    assert!(
+        stdout.contains(&format!("passes 0 to 23, set {set}")),
+        "{stdout}"
+    );
+}
+
+#[test]
+fn a_finished_job_can_have_more_passes() {
+    let folder = folder();
+    let path = folder.path();
+    let whole = succeed(
+        path,
+        &["render", "scene.toml", "--passes", "13", "-o", "whole.exr"],
+    );
+    let args = |passes| ["render", "scene.toml", "--job", "a.job", "--passes", passes];
+    succeed(path, &args("5"));
+    let rows = || std::fs::read_to_string(path.join("scene.csv")).unwrap();
+    let before = rows();
+    assert_eq!(attribute(&path.join("scene.exr"), "beamfarmPasses"), "5");
+    let stdout = succeed(path, &args("13"));
+    assert!(stdout.contains("resuming a.job with 5 passes"), "{stdout}");
+    assert_eq!(pixels(&stdout), pixels(&whole));
+    assert!(rows().starts_with(&before), "{} {before}", rows());
+    assert!(rows().lines().last().unwrap().starts_with("13,"));
+
+    // Finished: the image is written again, whatever became of it.
+    std::fs::remove_file(path.join("scene.exr")).unwrap();
+    let stdout = succeed(
+        path,
+        &["render", "scene.toml", "--job", "a.job", "--resume"],
+    );
+    assert_eq!(pixels(&stdout), pixels(&whole));
+    assert!(path.join("scene.exr").exists());
+
+    let (code, stderr) = fail(path, &args("12"));
+    assert_eq!(code, 2);
+    assert!(stderr.contains("can be raised, not lowered"), "{stderr}");
+    let (code, stderr) = fail(
+        path,
+        &[
+            "render",
+            "scene.toml",
+            "--job",
+            "a.job",
+            "--seed",
+            "5",
+            "--aov",
+            "depth",
+        ],
+    );
+    assert_eq!(code, 2);
+    assert!(
+        stderr.contains("seed 0 there, 5 here; layers none there, depth here"),
+        "{stderr}"
+    );
+    let (code, stderr) = fail(path, &["render", "scene.toml", "--resume"]);
+    assert_eq!(code, 2);
+    assert!(stderr.contains("scene.job: no job to resume"), "{stderr}");
+}
+
+#[test]
+fn jobs_of_disjoint_passes_make_one_image() {
+    let folder = folder();
+    let path = folder.path();
+    let whole = succeed(
+        path,
+        &[
+            "render",
+            "scene.toml",
+            "--passes",
+            "12",
+            "-o",
+            "whole.exr",
+            "--aov",
+            "depth,stderr",
+        ],
+    );
+    let part = |job: &str, first: &str, passes: &str, more: &[&str]| {
+        let mut args = vec![
+            "render",
+            "scene.toml",
+            "--job",
+            job,
+            "--aov",
+            "depth,stderr",
+        ];
+        args.extend(["--first-pass", first, "--passes", passes]);
+        args.extend(more);
+        succeed(path, &args)
+    };
+    part("a.job", "0", "3", &[]);
+    let image = std::fs::metadata(path.join("scene.exr"))
+        .unwrap()
+        .modified()
+        .unwrap();
+    let stdout = part("b.job", "3", "7", &[]);
+    assert!(stdout.contains("passes 3 to 6 are complete"), "{stdout}");
+    part("c.job", "7", "12", &[]);
+    part("d.job", "7", "9", &["--seed", "9"]);
+    assert_eq!(
+        std::fs::metadata(path.join("scene.exr"))
+            .unwrap()
+            .modified()
+            .unwrap(),
+        image
+    );
+
+    let merged = succeed(
+        path,
+        &["merge", "c.job", "a.job", "b.job", "-o", "merged.exr"],
+    );
+    assert_eq!(pixels(&merged), pixels(&whole));
+    assert_eq!(line(&merged, "passes 0 to"), line(&whole, "passes 0 to"));
+    let compared = succeed(path, &["compare", "merged.exr", "whole.exr"]);
+    assert!(compared.contains("identical"), "{compared}");
+    // But for the time, they are the same files: layers, errors and all.
+    let channels = |name: &str| {
+        let image = exr::image::read::read_first_flat_layer_from_file(path.join(name)).unwrap();
+        image.layer_data.channel_data
+    };
+    assert_eq!(channels("merged.exr"), channels("whole.exr"));
+
+    for (jobs, expected) in [
+        (&["a.job", "c.job"][..], "passes 3 to 6 missing"),
+        (&["b.job"], "passes 0 to 2 missing"),
+        (
+            &["a.job", "b.job", "a.job"],
+            "a.job and a.job both have pass 0",
+        ),
+        (
+            &["a.job", "d.job"],
+            "a.job and d.job are different jobs: seed 0 and 9",
+        ),
+        (&["a.job", "e.job"], "e.job: no job to resume"),
+    ] {
+        let mut args = vec!["merge"];
+        args.extend(jobs);
+        args.extend(["-o", "bad.exr"]);
+        let (code, stderr) = fail(path, &args);
+        assert_eq!(code, 2, "{stderr}");
+        assert!(stderr.contains(expected), "{stderr}");
+        assert!(!path.join("bad.exr").exists());
+    }
+}
+
+#[test]
+fn the_same_error_is_reached_at_the_same_pass() {
+    let folder = folder();
+    let path = folder.path();
+    let mut found = Vec::new();
+    for (workers, name) in [("1", "a.exr"), ("2", "b.exr"), ("4", "c.exr")] {
+        let args = [
+            "render",
+            "scene.toml",
+            "--target-error",
+            "8%",
+            "--workers",
+            workers,
+            "--threads",
+            "1",
+            "-o",
+            name,
+        ];
+        let stdout = succeed(path, &args);
+        assert!(stdout.contains("stopped at the first prefix"), "{stdout}");
+        found.push((
+            attribute(&path.join(name), "beamfarmPasses"),
+            pixels(&stdout),
+        ));
+    }
+    assert_eq!(found[0], found[1]);
+    assert_eq!(found[0], found[2]);
+    let passes: u64 = found[0].0.parse().unwrap();
+    assert!(
+        passes >= 3 && (passes.is_power_of_two() || (passes / 3 * 2).is_power_of_two()),
+        "{passes}"
+    );
+    // It is the image of so many passes.
+    let plain = succeed(path, &["render", "scene.toml", "--passes", &found[0].0]);
+    assert_eq!(pixels(&plain), found[0].1);
+
+    // A job that goes on from fewer passes stops there too; one that missed it says so.
+    let job = ["render", "scene.toml", "--job", "a.job", "-o", "d.exr"];
+    let run = |more: &[&str]| succeed(path, &[&job[..], more].concat());
+    run(&["--passes", "2"]);
+    let stopped = run(&["--target-error", "8%"]);
+    assert_eq!(pixels(&stopped), found[0].1);
+    assert_eq!(report(&path.join("a.job"))["stopped"], "target-error");
+    // Again the same, then more.
+    assert_eq!(pixels(&run(&["--target-error", "8%"])), found[0].1);
+    let more = (2 * passes + 1).to_string();
+    run(&["--passes", &more]);
+    let (code, stderr) = fail(path, &[&job[..], &["--target-error", "8%"]].concat());
+    assert_eq!(code, 2);
+    assert!(
+        stderr.contains(&format!("the first {passes} passes of this job met it")),
+        "{stderr}"
+    );
+    let (code, _) = fail(path, &["render", "scene.toml", "--target-error", "1"]);
+    assert_eq!(code, 2);
+}
+
+#[test]
+fn a_percentile_asks_for_more_than_the_mean_of_squares() {
+    let folder = folder();
+    let path = folder.path();
+    let run = |percentile: &str| {
+        let args = [
+            "render",
+            "scene.toml",
+            "--target-error",
+            "10%",
+            "--target-percentile",
+            percentile,
+        ];
+        succeed(path, &args);
+        attribute(&path.join("scene.exr"), "beamfarmPasses")
+            .parse::<u64>()
+            .unwrap()
+    };
+    let (half, nearly_all) = (run("50"), run("99"));
+    assert!(half <= nearly_all && nearly_all > 2, "{half} {nearly_all}");
+}
+
+#[cfg(unix)]
+#[test]
+fn two_coordinators_cannot_have_one_directory() {
+    let folder = folder();
+    let path = folder.path();
+    let args = [
+        "render",
+        "scene.toml",
+        "--job",
+        "a.job",
+        "--time",
+        "1h",
+        "--log",
+        "debug",
+    ];
+    let (child, mut log) = spawn(beamfarm(path, &args));
+    wait_for(&mut log, "checkpoint 0 of");
+    let output = run(path, &args);
+    assert_eq!(output.status.code(), Some(1));
+    let stderr = String::from_utf8(output.stderr).unwrap();
+    assert!(
+        stderr.contains("another coordinator uses this job directory"),
+        "{stderr}"
+    );
+    // A hangup writes what is complete and ends nothing.
+    signal("-HUP", &child.id().to_string());
+    wait_for(&mut log, "wrote scene.exr with ");
+    assert!(
+        attribute(&path.join("scene.exr"), "beamfarmPasses")
+            .parse::<u64>()
+            .unwrap()
+            > 0
+    );
+    wait_for(&mut log, "pass ");
+    signal("-TERM", &child.id().to_string());
+    let (output, log) = finish(child, log);
+    assert_eq!(output.status.code(), Some(0), "{log}");
+    assert_eq!(report(&path.join("a.job"))["stopped"], "asked");
+}
+
+/// A file system that holds two images, but not two checkpoints: with root's help; else the test says nothing.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_full_disk_costs_nothing() {
+    use std::process::Command;
+    let folder = folder();
+    let path = folder.path();
+    let undisturbed = succeed(path, &["render", "scene.toml", "--passes", "40"]);
+    let disk = path.join("disk");
+    std::fs::create_dir(&disk).unwrap();
+    let mount = Command::new("mount")
+        .args(["-t", "tmpfs", "-o", "size=2m", "none"])
+        .arg(&disk)
+        .output();
+    if !mount.is_ok_and(|output| output.status.success()) {
+        eprintln!("no file system can be mounted here");
+        return;
+    }
+    let args = [
+        "render",
+        "scene.toml",
+        "-o",
+        "full.exr",
+        "--passes",
+        "40",
+        "--job",
+        "disk/a.job",
+        "--log",
+        "beamfarm_coordinator=debug,warn",
+    ];
+    let (mut child, mut log) = spawn(beamfarm(path, &args));
+    wait_for(&mut log, "checkpoint 0 of");
+    std::fs::write(disk.join("ballast"), vec![0; 1 << 20]).unwrap_or_default();
+    let mut ballast = std::fs::File::create(disk.join("more")).unwrap();
+    // All that is left, in the end a byte at a time.
+    for size in [4096, 1] {
+        while std::io::Write::write_all(&mut ballast, &vec![0; size]).is_ok() {}
+    }
+    let warning = wait_for(&mut log, "the job goes on, and writes it again");
+    assert!(warning.contains("5s"), "{warning}");
+    child.kill().unwrap();
+    child.wait().unwrap();
+    drop(log);
+    // The checkpoint from before is good.
+    std::fs::remove_file(disk.join("ballast")).unwrap();
+    drop(ballast);
+    std::fs::remove_file(disk.join("more")).unwrap();
+    let (child, log) = spawn(beamfarm(path, &args));
+    let (output, log) = finish(child, log);
+    assert!(
+        Command::new("umount")
+            .arg(&disk)
+            .status()
+            .unwrap()
+            .success()
+    );
+    assert!(output.status.success(), "{log}");
+    let stdout = String::from_utf8(output.stdout).unwrap();
+    assert!(stdout.contains("resuming disk/a.job"), "{stdout}");
+    assert_eq!(pixels(&stdout), pixels(&undisturbed));
+}
+
+/// A limit on the size of files stands for a disk that is full to the end.
+#[cfg(unix)]
+#[test]
+fn a_job_whose_checkpoints_cannot_be_written_still_makes_its_image() {
+    use std::process::{Command, Stdio};
+    let folder = folder();
+    let path = folder.path();
+    let undisturbed = succeed(path, &["render", "scene.toml", "--passes", "7"]);
+    let binary = env!("CARGO_BIN_EXE_beamfarm");
+    // 32 blocks of 512 or 1024 bytes: more than the image takes, less than its sum.
+    let script = format!(
+        "ulimit -f 40; trap '' XFSZ; exec {binary} render scene.toml -o full.exr --passes 7 --job a.job --workers 2 --threads 1"
+    );
+    let output = Command::new("sh")
+        .args(["-c", &script])
+        .current_dir(path)
+        .stdin(Stdio::null())
+        .output()
+        .unwrap();
+    let stderr = String::from_utf8(output.stderr).unwrap();
+    let stdout = String::from_utf8(output.stdout).unwrap();
+    assert_eq!(output.status.code(), Some(1), "{stderr}");
+    assert!(stderr.contains("checkpoint-"), "{stderr}");
+    assert!(stderr.contains("older than the image"), "{stderr}");
+    assert_eq!(pixels(&stdout), pixels(&undisturbed));
+    // Nothing half-written is left, and the job goes on from what was.
+    assert!(!path.join("a.job/checkpoint-0.part").exists());
+    let args = [
+        "render",
+        "scene.toml",
+        "-o",
+        "full.exr",
+        "--passes",
+        "7",
+        "--job",
+        "a.job",
+    ];
+    assert_eq!(pixels(&succeed(path, &args)), pixels(&undisturbed));
+}

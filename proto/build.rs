@@ -1,7 +1,10 @@
-//! Compiles farm.proto with a protobuf compiler written in Rust, so that no protoc is needed.
+//! Compiles farm.proto and control.proto with a protobuf compiler written in Rust, so that no protoc is needed.
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    println!("cargo:rerun-if-changed=farm.proto");
-    let descriptors = protox::compile(["farm.proto"], ["."])?;
+    let files = ["farm.proto", "control.proto"];
+    for file in files {
+        println!("cargo:rerun-if-changed={file}");
+    }
+    let descriptors = protox::compile(files, ["."])?;
     tonic_prost_build::configure()
         .bytes(".")
         .compile_fds(descriptors)?;

@@ -1,8 +1,10 @@
 //! The coordinator: hands passes out, checks what comes back, and adds it up.
 //!
 //! [`ledger`] decides who renders what and knows neither clock nor network; [`farm`] is the job as a whole, shared by all
-//! calls; [`server`] is the way in, for those whom [`security`] lets pass. The renderer is not needed here: a scene is bytes and a hash.
+//! calls; [`server`] is the way in, for workers and those who [`watch`], as far as [`security`] lets
+//! them pass. The renderer is not needed here: a scene is bytes and a hash.
 
+mod control;
 mod examine;
 pub mod farm;
 pub mod ledger;
@@ -12,9 +14,13 @@ pub mod security;
 pub mod server;
 mod service;
 pub mod store;
+pub mod tev;
+pub mod watch;
+mod web;
 
 pub use farm::{
     DoneBlock, End, Entry, EntryState, Event, EventKind, ExtendError, Farm, JobSpec, Progress,
     Start, Target, Timing, WorkerState, WorkerView,
 };
 pub use listener::Entrance;
+pub use watch::{Terms, Watch};

@@ -1,41 +1,51 @@
 //! The way into a farm.
 
+use crate::control;
 use crate::farm::Farm;
 use crate::listener::{self, Entrance};
-use crate::security::HEALTH;
 use crate::service::Service;
+use crate::watch::Watch;
+use crate::web;
 use axum::Router;
-use axum::routing::get;
+use axum::extract::Request;
+use axum::middleware::{Next, from_fn};
 use beamfarm_proto::CHUNK_BYTES;
+use beamfarm_proto::wire::control_server::ControlServer;
 use beamfarm_proto::wire::farm_server::FarmServer;
 use std::future::Future;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::time::{MissedTickBehavior, interval, sleep};
 use tonic::service::Routes;
+use tracing::{Instrument, error_span};
 
 /// Bytes of a message: a chunk, with what is around it.
 pub const MESSAGE_BYTES: usize = CHUNK_BYTES + (64 << 10);
 /// Time for workers to hear that the job is over.
 const FAREWELL: Duration = Duration::from_secs(2);
 
-/// Serve the farm until `shutdown` resolves, then for as long as workers need to hear of it, at most two seconds.
+/// Longest time for pages that are open to fetch the last picture.
+const LAST_LOOK: Duration = Duration::from_secs(2);
+
+/// Serve the farm, and those who watch it, until `shutdown` resolves, then for as long as workers need to hear of it, at most two seconds.
 ///
 /// To end well, end the job first: that is what workers wait to hear.
 pub async fn run(
     entrance: impl Into<Entrance>,
-    farm: Arc<Farm>,
+    watch: Arc<Watch>,
     shutdown: impl Future<Output = ()>,
 ) {
     let (closing, mut closed) = tokio::sync::watch::channel(false);
     let entrance = entrance.into();
-    let router = router(&farm, &entrance);
+    let farm = watch.farm().clone();
+    let router = router(&watch, &entrance).await;
     let server = listener::serve(entrance, router, async move {
         // An error means that the sender is gone, with the same consequence.
         let _ = closed.wait_for(|closing| *closing).await;
     });
     let farewell = async {
         shutdown.await;
+        watch.left_alone(LAST_LOOK).await;
         closing.send_replace(true);
         sleep(FAREWELL).await;
     };
@@ -43,16 +53,32 @@ pub async fn run(
         () = server => {}
         () = farewell => {}
         () = expire(&farm) => {}
+        () = watch.run() => {}
     }
 }
 
 /// All that the port answers. Who may ask is decided before.
-fn router(farm: &Arc<Farm>, entrance: &Entrance) -> Router {
-    let service = Service::new(farm.clone(), entrance.limits);
+async fn router(watch: &Arc<Watch>, entrance: &Entrance) -> Router {
+    let service = Service::new(watch.farm().clone(), entrance.limits);
     let calls = FarmServer::new(service).max_decoding_message_size(MESSAGE_BYTES);
-    Routes::new(calls)
+    let steering = ControlServer::new(control::Service::new(watch.clone()));
+    let (health, health_service) = tonic_health::server::health_reporter();
+    health.set_serving::<FarmServer<Service>>().await;
+    health
+        .set_serving::<ControlServer<control::Service>>()
+        .await;
+    // Every line of the log says which job it is about.
+    let job: Arc<str> = watch.id().into();
+    let name_job = from_fn(move |request: Request, next: Next| {
+        next.run(request)
+            .instrument(error_span!("job", job = &*job))
+    });
+    Routes::from(web::routes(watch.clone()))
+        .add_service(calls)
+        .add_service(steering.max_decoding_message_size(MESSAGE_BYTES))
+        .add_service(health_service)
         .into_axum_router()
-        .route(HEALTH, get(async || "ok\n"))
+        .layer(name_job)
 }
 
 async fn expire(farm: &Farm) {

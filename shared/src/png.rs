@@ -14,10 +14,6 @@ pub fn write_png(path: &Path, film: &Film, exposure_stops: f32) -> Result<(), Im
 
 /// The bytes of that file.
 pub fn encode_png(film: &Film, exposure_stops: f32) -> Result<Vec<u8>, ImageError> {
-    let failed = |error: png::EncodingError| ImageError::Encode {
-        field: "PNG",
-        message: error.to_string(),
-    };
     let scale = libm::exp2f(exposure_stops);
     let mut data = Vec::with_capacity(3 * film.pixels.len());
     for (y, row) in film.pixels.chunks(film.width.max(1) as usize).enumerate() {
@@ -26,13 +22,22 @@ pub fn encode_png(film: &Film, exposure_stops: f32) -> Result<Vec<u8>, ImageErro
             data.extend(pixel.map(|v| (srgb(v * scale) * 255.0 + threshold) as u8));
         }
     }
+    encode_rgb(film.width, film.height, &data)
+}
+
+/// A PNG of sRGB bytes, three a pixel, row after row from the top.
+pub fn encode_rgb(width: u32, height: u32, data: &[u8]) -> Result<Vec<u8>, ImageError> {
+    let failed = |error: png::EncodingError| ImageError::Encode {
+        field: "PNG",
+        message: error.to_string(),
+    };
     let mut bytes = Vec::new();
-    let mut encoder = png::Encoder::new(&mut bytes, film.width, film.height);
+    let mut encoder = png::Encoder::new(&mut bytes, width, height);
     encoder.set_color(png::ColorType::Rgb);
     encoder.set_depth(png::BitDepth::Eight);
     encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
     let mut writer = encoder.write_header().map_err(failed)?;
-    writer.write_image_data(&data).map_err(failed)?;
+    writer.write_image_data(data).map_err(failed)?;
     writer.finish().map_err(failed)?;
     Ok(bytes)
 }

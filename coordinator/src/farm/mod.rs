@@ -236,6 +236,11 @@ impl Farm {
         self.finish(End::Stopped);
     }
 
+    /// How the job ended, if it has.
+    pub fn end(&self) -> Option<End> {
+        self.end.borrow().clone()
+    }
+
     /// Resolves when the job is over.
     pub async fn ended(&self) -> End {
         let mut end = self.end.subscribe();

@@ -1,0 +1,167 @@
+//! The calls of control.proto.
+
+use crate::farm::{End, Event, ExtendError, Farm, WorkerView};
+use crate::watch::{Watch, unix_time};
+use beamfarm_proto::bytes::Bytes;
+use beamfarm_proto::wire::control_server::Control;
+use beamfarm_proto::{VERSION, wire};
+use std::sync::Arc;
+use std::time::Duration;
+use tonic::{Request, Response, Status};
+use tracing::info;
+
+/// Events that a reply lists.
+const EVENTS: usize = 100;
+
+pub(crate) struct Service {
+    watch: Arc<Watch>,
+}
+
+impl Service {
+    pub fn new(watch: Arc<Watch>) -> Self {
+        Self { watch }
+    }
+
+    /// The farm, if there is anything left to steer.
+    fn running(&self) -> Result<&Farm, Status> {
+        match self.watch.farm().end() {
+            None => Ok(self.watch.farm()),
+            Some(_) => Err(Status::failed_precondition("the job is over")),
+        }
+    }
+}
+
+fn milliseconds(time: Duration) -> u64 {
+    u64::try_from(time.as_millis()).unwrap_or(u64::MAX)
+}
+
+fn worker(view: WorkerView) -> wire::Worker {
+    wire::Worker {
+        id: view.id.0,
+        name: view.name,
+        threads: view.threads,
+        passes: view.passes,
+        seconds_per_pass: view.seconds_per_pass,
+        last_seen_ms: milliseconds(view.last_seen),
+        audits_passed: view.audits_passed,
+        audits_failed: view.audits_failed,
+        state: view.state.as_str().into(),
+    }
+}
+
+fn event(event: Event) -> wire::Event {
+    wire::Event {
+        time_ms: milliseconds(unix_time(event.time)),
+        kind: event.kind.as_str().into(),
+        text: event.text,
+    }
+}
+
+#[tonic::async_trait]
+impl Control for Service {
+    async fn status(
+        &self,
+        _: Request<wire::StatusRequest>,
+    ) -> Result<Response<wire::StatusReply>, Status> {
+        let watch = &self.watch;
+        // For its error; there is nothing to be said of it before the first pass.
+        let _ = watch.picture().await;
+        let progress = watch.farm().progress();
+        let (state, failure) = match watch.farm().end() {
+            None if progress.paused => (wire::JobState::Paused, String::new()),
+            None => (wire::JobState::Running, String::new()),
+            Some(End::Complete) => (wire::JobState::Complete, String::new()),
+            Some(End::Stopped) => (wire::JobState::Stopped, String::new()),
+            Some(End::Failed(failure)) => {
+                let message = format!("pass {}: {}", failure.pass_index, failure.message);
+                (wire::JobState::Failed, message)
+            }
+        };
+        let job = watch.farm().job();
+        let last = watch.curve().last().copied();
+        let mut events = watch.farm().events(0);
+        let old = events.len().saturating_sub(EVENTS);
+        events.drain(..old);
+        Ok(Response::new(wire::StatusReply {
+            version: VERSION.into(),
+            job: watch.id().into(),
+            scene: Bytes::copy_from_slice(&job.scene.0),
+            width: job.width,
+            height: job.height,
+            state: state.into(),
+            failure,
+            prefix: progress.prefix,
+            passes: progress.passes,
+            limit: progress.limit,
+            elapsed_ms: milliseconds(watch.elapsed()),
+            remaining_ms: watch.remaining(&progress).map(milliseconds),
+            passes_per_second: watch.rates().passes,
+            relative_standard_error: last.map(|point| point.error),
+            error_passes: last.map_or(0, |point| point.passes),
+            connected: progress.workers,
+            counters: Some(wire::Counters {
+                registered: progress.registered,
+                duplicates: progress.duplicates,
+                refused: progress.refused,
+                failures: progress.failures,
+                lost_leases: progress.lost_leases,
+                divergent: progress.divergent,
+                audits: progress.audits,
+                dropped: progress.dropped,
+                photon_paths: progress.stats.paths,
+                beams: progress.stats.beams,
+            }),
+            workers: progress.workers_seen.into_iter().map(worker).collect(),
+            events: events.into_iter().map(event).collect(),
+        }))
+    }
+
+    async fn cancel(
+        &self,
+        _: Request<wire::CancelRequest>,
+    ) -> Result<Response<wire::CancelReply>, Status> {
+        let farm = self.running()?;
+        info!("cancelled by a call");
+        farm.stop();
+        let prefix = farm.progress().prefix;
+        Ok(Response::new(wire::CancelReply { prefix }))
+    }
+
+    async fn pause(
+        &self,
+        _: Request<wire::PauseRequest>,
+    ) -> Result<Response<wire::PauseReply>, Status> {
+        self.running()?.pause(true);
+        Ok(Response::new(wire::PauseReply {}))
+    }
+
+    async fn resume(
+        &self,
+        _: Request<wire::ResumeRequest>,
+    ) -> Result<Response<wire::ResumeReply>, Status> {
+        self.running()?.pause(false);
+        Ok(Response::new(wire::ResumeReply {}))
+    }
+
+    async fn extend(
+        &self,
+        request: Request<wire::ExtendRequest>,
+    ) -> Result<Response<wire::ExtendReply>, Status> {
+        match self.running()?.extend(request.into_inner().passes) {
+            Ok(()) => Ok(Response::new(wire::ExtendReply {})),
+            Err(error @ ExtendError::Over) => Err(Status::failed_precondition(error.to_string())),
+            Err(error) => Err(Status::invalid_argument(error.to_string())),
+        }
+    }
+
+    async fn write_now(
+        &self,
+        _: Request<wire::WriteNowRequest>,
+    ) -> Result<Response<wire::WriteNowReply>, Status> {
+        self.running()?;
+        match self.watch.write_now().await {
+            Ok(message) => Ok(Response::new(wire::WriteNowReply { message })),
+            Err(message) => Err(Status::internal(message)),
+        }
+    }
+}

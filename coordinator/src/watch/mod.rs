@@ -1,0 +1,299 @@
+//! A job as those see it who look on and steer: the page, the metrics, `beamfarm status`, tev.
+//!
+//! All of them ask the same [`Watch`], which measures rates, remembers how the error fell, and makes pictures only while
+//! somebody looks.
+
+mod meter;
+pub(crate) mod picture;
+
+pub use meter::{Meter, Rates};
+
+use crate::farm::{Farm, Progress};
+use beamfarm_proto::Job;
+use beamfarm_proto::wire;
+use beamfarm_shared::job::MAX_PASSES;
+use picture::{Picture, Pictures};
+use prost::Message;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, SystemTime};
+use tokio::sync::{OwnedSemaphorePermit, Semaphore, mpsc, oneshot};
+use tokio::time::{Instant, MissedTickBehavior, interval, timeout};
+
+/// Time between looks at the number of passes.
+const LOOK: Duration = Duration::from_secs(1);
+/// Points of the curve that are kept: more than a plot can show. Beyond, every other one is forgotten.
+const POINTS: usize = 400;
+/// Pages that may be open at the same time.
+const PAGES: usize = 64;
+/// Requests to write the image that may wait. Each waits for the one before.
+const WAITING_WRITES: usize = 4;
+
+/// When a job ends, as far as the farm itself does not know, and what it is called.
+#[derive(Clone, Debug, Default)]
+pub struct Terms {
+    /// What people call it: the scene's name, say.
+    pub title: String,
+    /// Time after which it stops.
+    pub time: Option<Duration>,
+    /// Exposure of the picture that is shown first, stops.
+    pub exposure: f32,
+}
+
+/// The estimated error when so many passes were complete.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Point {
+    /// Passes.
+    pub passes: u64,
+    /// Since the coordinator started.
+    pub seconds: f64,
+    /// Relative standard error.
+    pub error: f64,
+}
+
+/// A request to write the image of the complete passes now. The answer says what was written, or why nothing was.
+pub type WriteRequest = oneshot::Sender<Result<String, String>>;
+
+/// A job as those see it who look on.
+pub struct Watch {
+    farm: Arc<Farm>,
+    terms: Terms,
+    id: String,
+    started: Instant,
+    state: Mutex<State>,
+    pictures: Pictures,
+    /// Places for pages that are open.
+    places: Arc<Semaphore>,
+    writer: Mutex<Option<mpsc::Sender<WriteRequest>>>,
+}
+
+#[derive(Default)]
+struct State {
+    meter: Meter,
+    rates: Rates,
+    curve: Vec<Point>,
+    /// When the job ended.
+    ended: Option<Duration>,
+}
+
+impl Watch {
+    /// Watch this farm. Time starts now.
+    pub fn new(farm: Arc<Farm>, terms: Terms) -> Arc<Self> {
+        let id = job_id(&terms.title, farm.job());
+        Arc::new(Self {
+            pictures: Pictures::new(farm.clone()),
+            places: Arc::new(Semaphore::new(PAGES)),
+            farm,
+            terms,
+            id,
+            started: Instant::now(),
+            state: Mutex::default(),
+            writer: Mutex::default(),
+        })
+    }
+
+    /// The farm that is watched.
+    pub fn farm(&self) -> &Arc<Farm> {
+        &self.farm
+    }
+
+    /// Name of the job in logs: its title and the first digits of a hash over all that its passes depend on.
+    pub fn id(&self) -> &str {
+        &self.id
+    }
+
+    /// When the job ends, and what it is called.
+    pub fn terms(&self) -> &Terms {
+        &self.terms
+    }
+
+    /// Keep rates and the curve up to date, forever.
+    pub async fn run(&self) {
+        let mut ticks = interval(LOOK);
+        ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        let mut known = 0;
+        loop {
+            tokio::select! {
+                _ = ticks.tick() => {}
+                _ = self.farm.ended(), if self.state().ended.is_none() => {
+                    let now = self.started.elapsed();
+                    self.state().ended = Some(now);
+                }
+            }
+            let progress = self.farm.progress();
+            let now = self.elapsed();
+            {
+                let mut state = self.state();
+                state.rates = state
+                    .meter
+                    .rates(now, progress.passes, progress.stats.beams);
+            }
+            // So that there is a curve for those who come later: a handful of looks in the life of a job.
+            if progress.prefix >= 2 && progress.prefix >= 2 * known {
+                known = progress.prefix;
+                self.picture().await;
+            }
+            self.pictures.forget().await;
+        }
+    }
+
+    /// Since the job started; when it has ended, how long it took.
+    pub fn elapsed(&self) -> Duration {
+        let ended = self.state().ended;
+        ended.unwrap_or_else(|| self.started.elapsed())
+    }
+
+    /// Passes and beams per second, over the last seconds.
+    pub fn rates(&self) -> Rates {
+        self.state().rates
+    }
+
+    /// How the error fell, as far as anybody looked.
+    pub fn curve(&self) -> Vec<Point> {
+        self.state().curve.clone()
+    }
+
+    /// Enter into the curve what somebody learnt of the error.
+    pub fn note_error(&self, passes: u64, error: f64) {
+        if !error.is_finite() {
+            return;
+        }
+        let seconds = self.elapsed().as_secs_f64();
+        let mut state = self.state();
+        if state.curve.last().is_some_and(|last| last.passes >= passes) {
+            return;
+        }
+        if state.curve.len() >= POINTS {
+            let mut number = 0;
+            state.curve.retain(|_| {
+                number += 1;
+                number % 2 == 0
+            });
+        }
+        state.curve.push(Point {
+            passes,
+            seconds,
+            error,
+        });
+    }
+
+    /// The picture of the complete passes, or one that is about a second old; `None` before the first pass.
+    pub(crate) async fn picture(&self) -> Option<Arc<Picture>> {
+        let picture = self.pictures.latest().await?;
+        self.note_error(picture.average.passes, picture.error);
+        Some(picture)
+    }
+
+    /// A place for a page that is open, until it is dropped; `None` when there are too many.
+    pub(crate) fn sit_down(&self) -> Option<OwnedSemaphorePermit> {
+        self.places.clone().try_acquire_owned().ok()
+    }
+
+    /// Resolves when no page is open, or after this time.
+    pub(crate) async fn left_alone(&self, patience: Duration) {
+        let _ = timeout(patience, self.places.acquire_many(PAGES as u32)).await;
+    }
+
+    pub(crate) fn pictures(&self) -> &Pictures {
+        &self.pictures
+    }
+
+    /// Share of the job that is done, by passes or by time, whichever is nearer to its end.
+    pub fn fraction(&self, progress: &Progress) -> f64 {
+        fraction(progress, self.elapsed(), self.terms.time)
+    }
+
+    /// Time to the end, by passes or by time, whichever comes first. `None` while nothing is known.
+    pub fn remaining(&self, progress: &Progress) -> Option<Duration> {
+        let rate = self.rates().passes;
+        remaining(progress, self.elapsed(), self.terms.time, rate)
+    }
+
+    /// The requests to write the image, for the one who can. Until somebody asks for them nobody can.
+    pub fn write_requests(&self) -> mpsc::Receiver<WriteRequest> {
+        let (sender, receiver) = mpsc::channel(WAITING_WRITES);
+        *self.writer.lock().unwrap_or_else(PoisonError::into_inner) = Some(sender);
+        receiver
+    }
+
+    /// Have the image of the complete passes written. Returns what was written.
+    pub async fn write_now(&self) -> Result<String, String> {
+        let writer = self
+            .writer
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .clone();
+        let writer = writer.ok_or("this coordinator writes no images")?;
+        let (reply, written) = oneshot::channel();
+        let busy = |_| "the image is being written already".to_owned();
+        writer.try_send(reply).map_err(busy)?;
+        let over = |_| "the job is over; its image is written at its end".to_owned();
+        written.await.map_err(over)?
+    }
+
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+fn fraction(progress: &Progress, elapsed: Duration, time: Option<Duration>) -> f64 {
+    let passes = progress.prefix as f64 / progress.limit.max(1) as f64;
+    let time = time.map_or(0.0, |time| elapsed.as_secs_f64() / time.as_secs_f64());
+    passes.max(time).min(1.0)
+}
+
+fn remaining(
+    progress: &Progress,
+    elapsed: Duration,
+    time: Option<Duration>,
+    rate: f64,
+) -> Option<Duration> {
+    let left = progress.limit.saturating_sub(progress.passes) as f64;
+    // Not a number of seconds as long as nothing is known.
+    let by_passes = Duration::try_from_secs_f64(left / rate).ok();
+    let by_passes = by_passes.filter(|_| !progress.paused && progress.limit < MAX_PASSES);
+    let by_time = time.map(|time| time.saturating_sub(elapsed));
+    by_passes.into_iter().chain(by_time).min()
+}
+
+fn job_id(title: &str, job: &Job) -> String {
+    let hash = blake3::hash(&wire::Job::from(job).encode_to_vec()).to_hex();
+    match title {
+        "" => hash[..8].to_owned(),
+        title => format!("{title}-{}", &hash[..8]),
+    }
+}
+
+/// Seconds since 1970, for messages and pages.
+pub(crate) fn unix_time(time: SystemTime) -> Duration {
+    time.duration_since(SystemTime::UNIX_EPOCH)
+        .unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_nearer_end_counts() {
+        let (minute, ten) = (Duration::from_secs(60), Duration::from_secs(10));
+        let mut progress = Progress {
+            prefix: 50,
+            passes: 50,
+            limit: 100,
+            ..Progress::default()
+        };
+        assert_eq!(fraction(&progress, ten, Some(minute)), 0.5);
+        let five = Some(Duration::from_secs(5));
+        assert_eq!(remaining(&progress, ten, Some(minute), 10.0), five);
+        let fifty = Some(Duration::from_secs(50));
+        assert_eq!(remaining(&progress, ten, Some(minute), 0.5), fifty);
+        assert_eq!(remaining(&progress, ten, None, 0.0), None);
+        progress.paused = true;
+        assert_eq!(remaining(&progress, ten, None, 10.0), None);
+        progress = Progress {
+            limit: MAX_PASSES,
+            ..Progress::default()
+        };
+        assert_eq!(remaining(&progress, ten, None, 10.0), None);
+    }
+}

@@ -1,0 +1,238 @@
+//! The error against time as a picture: both axes logarithmic, as errors fall by powers of time.
+
+use crate::watch::Point;
+use askama::Template;
+use std::fmt::Write;
+
+/// The picture's size, and the part of it between the axes, in its own units.
+const WIDTH: f64 = 640.0;
+const HEIGHT: f64 = 260.0;
+const LEFT: f64 = 58.0;
+const RIGHT: f64 = 624.0;
+const TOP: f64 = 14.0;
+const BOTTOM: f64 = 216.0;
+
+/// A line of the grid and its label.
+struct Tick {
+    at: f64,
+    label: String,
+}
+
+#[derive(Template)]
+#[template(path = "watch/curve.svg", escape = "html")]
+struct Curve {
+    width: f64,
+    height: f64,
+    left: f64,
+    right: f64,
+    top: f64,
+    bottom: f64,
+    x_ticks: Vec<Tick>,
+    y_ticks: Vec<Tick>,
+    line: String,
+    dots: Vec<(f64, f64, String)>,
+    words: String,
+}
+
+/// The picture as SVG; `None` for less than two points.
+pub(super) fn svg(points: &[Point]) -> Option<String> {
+    let usable = |point: &&Point| point.seconds > 0.0 && point.error > 0.0;
+    let points: Vec<&Point> = points.iter().filter(usable).collect();
+    let (first, last) = (points.first()?, points.last()?);
+    if first.seconds >= last.seconds {
+        return None;
+    }
+    let errors = || points.iter().map(|point| point.error);
+    let x = Axis::new(first.seconds, last.seconds, LEFT, RIGHT);
+    let y = Axis::new(
+        errors().fold(f64::INFINITY, f64::min),
+        errors().fold(0.0, f64::max),
+        BOTTOM,
+        TOP,
+    );
+    let mut line = String::new();
+    for point in &points {
+        // Writing into a string cannot fail.
+        let _ = write!(line, "{:.1},{:.1} ", x.at(point.seconds), y.at(point.error));
+    }
+    // As many dots as can be told apart.
+    let every = points.len().div_ceil(24);
+    let dots = points.iter().rev().step_by(every).map(|point| {
+        let label = format!(
+            "{} after {}, {} passes",
+            percent(point.error),
+            seconds(point.seconds),
+            point.passes
+        );
+        (x.at(point.seconds), y.at(point.error), label)
+    });
+    let curve = Curve {
+        width: WIDTH,
+        height: HEIGHT,
+        left: LEFT,
+        right: RIGHT,
+        top: TOP,
+        bottom: BOTTOM,
+        x_ticks: x.ticks(seconds),
+        y_ticks: y.ticks(percent),
+        line,
+        dots: dots.collect(),
+        words: format!(
+            "The estimated error fell from {} after {} to {} after {}.",
+            percent(first.error),
+            seconds(first.seconds),
+            percent(last.error),
+            seconds(last.seconds)
+        ),
+    };
+    curve.render().ok()
+}
+
+struct Axis {
+    low: f64,
+    high: f64,
+    from: f64,
+    to: f64,
+}
+
+impl Axis {
+    /// An axis over at least the values between `low` and `high`, which go from and to these places.
+    fn new(low: f64, high: f64, from: f64, to: f64) -> Self {
+        let (low, high) = (libm::log10(low), libm::log10(high));
+        // At least a factor of two, so that a line that hardly falls does not look steep.
+        let missing = (0.301 - (high - low)).max(0.0) / 2.0;
+        Self {
+            low: low - missing - 0.02,
+            high: high + missing + 0.02,
+            from,
+            to,
+        }
+    }
+
+    fn at(&self, value: f64) -> f64 {
+        let share = (libm::log10(value) - self.low) / (self.high - self.low);
+        self.from + share * (self.to - self.from)
+    }
+
+    /// Round numbers: powers of ten with as many steps between as there is space for.
+    fn ticks(&self, label: fn(f64) -> String) -> Vec<Tick> {
+        let decades = self.high - self.low;
+        let steps: &[f64] = match decades {
+            d if d > 4.0 => &[1.0],
+            d if d > 2.0 => &[1.0, 3.0],
+            d if d > 0.9 => &[1.0, 2.0, 5.0],
+            _ => &[1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0],
+        };
+        let decades = self.low.floor() as i32..=self.high.ceil() as i32;
+        let values = decades.flat_map(|decade| {
+            let power = libm::exp10(f64::from(decade));
+            steps.iter().map(move |step| step * power)
+        });
+        let inside = |value: &f64| {
+            let log = libm::log10(*value);
+            log >= self.low && log <= self.high
+        };
+        let tick = |value: f64| Tick {
+            at: self.at(value),
+            label: label(value),
+        };
+        values.filter(inside).map(tick).collect()
+    }
+}
+
+/// `2.5 %`, with as many digits as mean something.
+pub(super) fn percent(error: f64) -> String {
+    let percent = 100.0 * error;
+    let digits = match percent {
+        p if p >= 10.0 => 0,
+        p if p >= 1.0 => 1,
+        p if p >= 0.1 => 2,
+        _ => 3,
+    };
+    let text = format!("{percent:.digits$}");
+    let text = match text.contains('.') {
+        true => text.trim_end_matches('0').trim_end_matches('.'),
+        false => &text,
+    };
+    format!("{text} %")
+}
+
+/// `90 s`, `12 min`, `3.5 h`.
+fn seconds(seconds: f64) -> String {
+    let (value, unit) = match seconds {
+        s if s < 120.0 => (s, "s"),
+        s if s < 7200.0 => (s / 60.0, "min"),
+        s if s < 172_800.0 => (s / 3600.0, "h"),
+        s => (s / 86_400.0, "d"),
+    };
+    let digits = usize::from(value < 10.0) + usize::from(value < 1.0);
+    let text = format!("{value:.digits$}");
+    let text = match text.contains('.') {
+        true => text.trim_end_matches('0').trim_end_matches('.'),
+        false => &text,
+    };
+    format!("{text} {unit}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn point(passes: u64, seconds: f64, error: f64) -> Point {
+        Point {
+            passes,
+            seconds,
+            error,
+        }
+    }
+
+    #[test]
+    fn a_power_law_is_a_straight_line() {
+        let points: Vec<Point> = (1..=8)
+            .map(|i| point(1 << i, f64::from(1 << i), 0.3 / f64::from(1 << i).sqrt()))
+            .collect();
+        let svg = svg(&points).unwrap();
+        let line = svg.split("points=\"").nth(1).unwrap();
+        let line = line.split('"').next().unwrap();
+        let places: Vec<(f64, f64)> = line
+            .split_whitespace()
+            .map(|pair| {
+                let (x, y) = pair.split_once(',').unwrap();
+                (x.parse().unwrap(), y.parse().unwrap())
+            })
+            .collect();
+        assert_eq!(places.len(), 8);
+        let step = (places[1].0 - places[0].0, places[1].1 - places[0].1);
+        for pair in places.windows(2) {
+            assert!((pair[1].0 - pair[0].0 - step.0).abs() < 0.21);
+            assert!((pair[1].1 - pair[0].1 - step.1).abs() < 0.21);
+        }
+        // Time goes right, less error is further down.
+        assert!(step.0 > 0.0 && step.1 > 0.0);
+        for (x, y) in places {
+            assert!((LEFT..=RIGHT).contains(&x) && (TOP..=BOTTOM).contains(&y));
+        }
+        roxmltree::Document::parse(svg.trim()).unwrap();
+    }
+
+    #[test]
+    fn too_little_is_no_curve() {
+        assert!(svg(&[]).is_none());
+        assert!(svg(&[point(2, 1.0, 0.1)]).is_none());
+        assert!(svg(&[point(2, 1.0, 0.0), point(4, 2.0, 0.1)]).is_none());
+        let flat = [point(2, 1.0, 0.1), point(4, 1.001, 0.1)];
+        assert!(!svg(&flat).unwrap().contains("NaN"));
+    }
+
+    #[test]
+    fn numbers_are_short() {
+        assert_eq!(percent(0.1234), "12 %");
+        assert_eq!(percent(0.01234), "1.2 %");
+        assert_eq!(percent(0.002), "0.2 %");
+        assert_eq!(percent(1.0), "100 %");
+        assert_eq!(seconds(0.5), "0.5 s");
+        assert_eq!(seconds(90.0), "90 s");
+        assert_eq!(seconds(150.0), "2.5 min");
+        assert_eq!(seconds(36_000.0), "10 h");
+    }
+}

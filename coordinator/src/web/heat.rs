@@ -1,0 +1,147 @@
+//! Where the error of a picture is, as colours: from dark blue over grey to yellow, so that people who see no difference of
+//! red and green, or no colours at all, see the same.
+
+use beamfarm_shared::error::ImageError;
+use beamfarm_shared::merge::Average;
+use beamfarm_shared::png::encode_rgb;
+
+/// The scale's ends: relative standard errors of 0.1 % and 100 %, in powers of ten.
+const LOW: f64 = -3.0;
+const HIGH: f64 = 0.0;
+/// Errors are relative to the mean over so many pixels each way, as in [`Average::relative_standard_error`].
+const BLOCK: usize = 8;
+/// Nuñez, Anderton, Renslow 2018, "Optimizing colormaps with consideration for color vision deficiency": cividis, at equal
+/// steps, sRGB.
+const CIVIDIS: [[u8; 3]; 9] = [
+    [0, 34, 78],
+    [26, 56, 111],
+    [66, 78, 108],
+    [96, 101, 111],
+    [125, 124, 120],
+    [156, 149, 118],
+    [190, 175, 109],
+    [224, 203, 91],
+    [254, 232, 56],
+];
+
+/// The error's picture.
+pub(crate) fn encode(average: &Average) -> Result<Vec<u8>, ImageError> {
+    let data: Vec<u8> = squares(average)
+        .into_iter()
+        .flat_map(|square| colour(square.sqrt()))
+        .collect();
+    encode_rgb(average.beauty.width, average.beauty.height, &data)
+}
+
+/// Colour of a relative standard error.
+pub(crate) fn colour(error: f64) -> [u8; 3] {
+    // An error of zero, in the black around a scene, is at the lower end; an infinite one at the upper.
+    let position = (libm::log10(error.max(0.0)) - LOW) / (HIGH - LOW);
+    let position = position.clamp(0.0, 1.0) * (CIVIDIS.len() - 1) as f64;
+    let below = (position as usize).min(CIVIDIS.len() - 2);
+    let share = position - below as f64;
+    std::array::from_fn(|c| {
+        let (low, high) = (CIVIDIS[below][c], CIVIDIS[below + 1][c]);
+        (f64::from(low) + share * (f64::from(high) - f64::from(low)) + 0.5) as u8
+    })
+}
+
+/// The scale as a row of colours, each with its place between 0 and 320.
+pub(crate) fn scale() -> Vec<(String, u32)> {
+    let step = |i: u32| {
+        let exponent = LOW + (HIGH - LOW) * (f64::from(i) + 0.5) / 64.0;
+        let [r, g, b] = colour(libm::exp10(exponent));
+        (format!("#{r:02x}{g:02x}{b:02x}"), 5 * i)
+    };
+    (0..64).map(step).collect()
+}
+
+/// Squared relative standard error of each pixel, averaged over its channels. Their mean over the picture is the square of
+/// [`Average::relative_standard_error`].
+fn squares(average: &Average) -> Vec<f64> {
+    let beauty = &average.beauty.pixels;
+    let (width, height) = (
+        average.beauty.width as usize,
+        average.beauty.height as usize,
+    );
+    let values = || beauty.iter().flatten().map(|v| f64::from(*v));
+    let mean = values().map(f64::abs).sum::<f64>() / (3 * beauty.len()).max(1) as f64;
+    let mut squares = vec![0.0; beauty.len()];
+    for y0 in (0..height).step_by(BLOCK) {
+        for x0 in (0..width).step_by(BLOCK) {
+            let (x1, y1) = (width.min(x0 + BLOCK), height.min(y0 + BLOCK));
+            let pixels = || (y0..y1).flat_map(move |y| (x0..x1).map(move |x| y * width + x));
+            let count = ((x1 - x0) * (y1 - y0)) as f64;
+            let radiance: [f64; 3] = std::array::from_fn(|c| {
+                let sum: f64 = pixels().map(|i| f64::from(beauty[i][c])).sum();
+                (sum / count).abs().max(0.1 * mean)
+            });
+            for i in pixels() {
+                let square = |c: usize| {
+                    let error = f64::from(average.standard_error.pixels[i][c]);
+                    match error == 0.0 {
+                        true => 0.0,
+                        false => error * error / (radiance[c] * radiance[c]),
+                    }
+                };
+                squares[i] = (square(0) + square(1) + square(2)) / 3.0;
+            }
+        }
+    }
+    squares
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use beamfarm_shared::film::Film;
+    use beamfarm_shared::merge::{Node, TreeSum};
+
+    #[test]
+    fn the_map_is_the_error_of_the_picture() {
+        let mut sum = TreeSum::new(19, 11);
+        for pass in 0..4u64 {
+            let mut film = Film::new(19, 11);
+            for (i, pixel) in film.pixels.iter_mut().enumerate() {
+                let v = (i as u64 * 7 + pass * pass * 13) % 31;
+                *pixel = [v as f32, 2.0 + v as f32 * 0.1, (v % 3) as f32];
+            }
+            sum.insert(Node::leaf(pass, film)).unwrap();
+        }
+        let average = sum.average().unwrap();
+        let squares = squares(&average);
+        let mean = (squares.iter().sum::<f64>() / squares.len() as f64).sqrt();
+        let expected = average.relative_standard_error();
+        assert!((mean / expected - 1.0).abs() < 1e-12, "{mean} {expected}");
+        assert!(encode(&average).unwrap().starts_with(b"\x89PNG"));
+    }
+
+    /// Rec. 601 luma rises all along, so that the scale reads without colours.
+    #[test]
+    fn brighter_is_worse() {
+        let luma = |error: f64| {
+            let [r, g, b] = colour(error).map(f64::from);
+            0.299 * r + 0.587 * g + 0.114 * b
+        };
+        let errors: Vec<f64> = (0..=60)
+            .map(|i| libm::exp10(LOW + f64::from(i) * 0.05))
+            .collect();
+        assert!(errors.windows(2).all(|w| luma(w[0]) < luma(w[1])));
+        assert_eq!(colour(0.0), CIVIDIS[0]);
+        assert_eq!(colour(1e-9), CIVIDIS[0]);
+        assert_eq!(colour(f64::INFINITY), CIVIDIS[8]);
+        assert_eq!(colour(f64::NAN), CIVIDIS[0]);
+    }
+
+    #[test]
+    fn one_pass_knows_no_error() {
+        let mut sum = TreeSum::new(2, 1);
+        sum.insert(Node::leaf(0, Film::new(2, 1))).unwrap();
+        let average = sum.average().unwrap();
+        assert!(
+            squares(&average)
+                .iter()
+                .all(|square| *square == f64::INFINITY)
+        );
+    }
+}

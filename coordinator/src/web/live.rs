@@ -1,0 +1,110 @@
+//! What open pages are told: pieces of the page, whenever they change. They are made once for all pages, and only while
+//! there are any.
+
+use super::{Web, page};
+use crate::watch::Watch;
+use axum::extract::State;
+use axum::http::StatusCode;
+use axum::response::sse::{Event, KeepAlive, Sse};
+use axum::response::{IntoResponse, Response};
+use std::convert::Infallible;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+use tokio::sync::{mpsc, watch};
+use tokio::task::JoinHandle;
+use tokio::time::{MissedTickBehavior, interval, sleep};
+use tokio_stream::wrappers::ReceiverStream;
+
+/// Time between looks at the farm.
+const LOOK: Duration = Duration::from_secs(1);
+/// Time for pages to fetch the last picture when the job is over.
+const LAST_LOOK: Duration = Duration::from_secs(1);
+
+/// A piece of the page: the name of its place, and what stands there. `over` is the last.
+type Piece = (&'static str, Arc<str>);
+type Pieces = Vec<Piece>;
+
+/// What open pages are told.
+pub(super) struct Live {
+    watch: Arc<Watch>,
+    pieces: watch::Sender<Pieces>,
+    maker: Mutex<Option<JoinHandle<()>>>,
+}
+
+impl Live {
+    pub fn new(watch: Arc<Watch>) -> Self {
+        Self {
+            watch,
+            pieces: watch::Sender::default(),
+            maker: Mutex::default(),
+        }
+    }
+
+    fn subscribe(&self) -> watch::Receiver<Pieces> {
+        let mut maker = self.maker.lock().unwrap_or_else(PoisonError::into_inner);
+        let receiver = self.pieces.subscribe();
+        if maker.as_ref().is_none_or(JoinHandle::is_finished) {
+            self.pieces.send_replace(Pieces::new());
+            *maker = Some(tokio::spawn(make(self.watch.clone(), self.pieces.clone())));
+        }
+        receiver
+    }
+}
+
+/// Make the pieces as long as somebody wants them.
+async fn make(watch: Arc<Watch>, pieces: watch::Sender<Pieces>) {
+    let mut ticks = interval(LOOK);
+    ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    loop {
+        let over = tokio::select! {
+            biased;
+            _ = watch.farm().ended() => true,
+            _ = ticks.tick() => false,
+            () = pieces.closed() => return,
+        };
+        let made = page::pieces(&watch).await.into_iter();
+        let over_piece = over.then(|| ("over", Arc::from("")));
+        let made = made.map(|(name, text)| (name, text.into()));
+        pieces.send_replace(made.chain(over_piece).collect());
+        if over {
+            return;
+        }
+    }
+}
+
+pub(super) async fn stream(State(web): State<Arc<Web>>) -> Response {
+    let Some(place) = web.watch.sit_down() else {
+        let message = "too many pages are open\n";
+        return (StatusCode::SERVICE_UNAVAILABLE, message).into_response();
+    };
+    let mut news = web.live.subscribe();
+    let (sender, receiver) = mpsc::channel::<Result<Event, Infallible>>(16);
+    tokio::spawn(async move {
+        let mut sent = Pieces::new();
+        loop {
+            let pieces = news.borrow_and_update().clone();
+            for piece in &pieces {
+                if sent.contains(piece) {
+                    continue;
+                }
+                let event = Event::default().event(piece.0).data(&*piece.1);
+                if sender.send(Ok(event)).await.is_err() {
+                    return;
+                }
+            }
+            if pieces.last().is_some_and(|(name, _)| *name == "over") {
+                break;
+            }
+            sent = pieces;
+            tokio::select! {
+                changed = news.changed() => if changed.is_err() { return },
+                () = sender.closed() => return,
+            }
+        }
+        drop(sender);
+        sleep(LAST_LOOK).await;
+        drop(place);
+    });
+    let stream = Sse::new(ReceiverStream::new(receiver));
+    stream.keep_alive(KeepAlive::default()).into_response()
+}

@@ -1,0 +1,157 @@
+//! The page that shows a job, and what machines read of it: `/metrics` and `/healthz`. Everything is compiled in, and
+//! nothing is loaded from elsewhere.
+
+mod curve;
+pub(crate) mod heat;
+mod live;
+mod metrics;
+mod page;
+
+use crate::security::HEALTH;
+use crate::watch::Watch;
+use crate::watch::picture::View;
+use axum::Router;
+use axum::extract::{Query, State};
+use axum::http::header::{
+    CACHE_CONTROL, CONTENT_SECURITY_POLICY, CONTENT_TYPE, REFERRER_POLICY, X_CONTENT_TYPE_OPTIONS,
+};
+use axum::http::{HeaderMap, HeaderName, HeaderValue, Request, StatusCode};
+use axum::middleware::{Next, from_fn};
+use axum::response::{IntoResponse, Redirect, Response};
+use axum::routing::{get, post};
+use live::Live;
+use serde::Deserialize;
+use std::sync::Arc;
+
+/// Nothing but what this server sends, and what the script makes of it. No page may frame it, and no form of it goes elsewhere.
+const POLICY: &str = "default-src 'none'; img-src 'self' blob:; style-src 'self'; script-src 'self'; connect-src 'self'; \
+                      form-action 'self'; base-uri 'none'; frame-ancestors 'none'";
+/// Names the passes of a picture.
+const PASSES: HeaderName = HeaderName::from_static("beamfarm-passes");
+/// Exposures that pictures are made for, stops.
+const EXPOSURES: std::ops::RangeInclusive<f32> = -20.0..=20.0;
+
+/// What the handlers share.
+pub(crate) struct Web {
+    watch: Arc<Watch>,
+    live: Live,
+}
+
+/// The routes of the page.
+pub(crate) fn routes(watch: Arc<Watch>) -> Router {
+    let web = Arc::new(Web {
+        live: Live::new(watch.clone()),
+        watch,
+    });
+    Router::new()
+        .route("/", get(show))
+        .route("/image.png", get(image))
+        .route("/live", get(live::stream))
+        .route("/write", post(write))
+        .route(
+            "/page.css",
+            get(|| file("text/css; charset=utf-8", include_str!("page.css"))),
+        )
+        .route(
+            "/page.js",
+            get(|| file("text/javascript; charset=utf-8", include_str!("page.js"))),
+        )
+        .route(
+            "/icon.svg",
+            get(|| file("image/svg+xml", include_str!("icon.svg"))),
+        )
+        .route("/metrics", get(metrics::serve))
+        .route(HEALTH, get(|| file("text/plain; charset=utf-8", "ok\n")))
+        .layer(from_fn(harden))
+        .with_state(web)
+}
+
+async fn harden(request: Request<axum::body::Body>, next: Next) -> Response {
+    let mut response = next.run(request).await;
+    for (name, value) in [
+        (CONTENT_SECURITY_POLICY, POLICY),
+        (X_CONTENT_TYPE_OPTIONS, "nosniff"),
+        (REFERRER_POLICY, "no-referrer"),
+        (CACHE_CONTROL, "no-store"),
+        (
+            HeaderName::from_static("cross-origin-resource-policy"),
+            "same-origin",
+        ),
+    ] {
+        response
+            .headers_mut()
+            .insert(name, HeaderValue::from_static(value));
+    }
+    response
+}
+
+async fn file(kind: &'static str, text: &'static str) -> impl IntoResponse {
+    ([(CONTENT_TYPE, kind)], text)
+}
+
+/// What a page shows, in its address.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(default)]
+struct Asked {
+    /// Stops.
+    exposure: Option<String>,
+    /// `error` for the map of the error.
+    view: Option<String>,
+    passes: Option<u64>,
+    /// What became of a request to write.
+    written: Option<bool>,
+}
+
+impl Asked {
+    /// Exposure, stops. What makes no sense is as if it was not there.
+    fn exposure(&self, watch: &Watch) -> f32 {
+        let asked = self.exposure.as_deref().and_then(|text| text.parse().ok());
+        let exposure: f32 = asked
+            .filter(|stops: &f32| stops.is_finite())
+            .unwrap_or(watch.terms().exposure);
+        exposure.clamp(*EXPOSURES.start(), *EXPOSURES.end())
+    }
+    fn view(&self, watch: &Watch) -> View {
+        match self.view.as_deref() {
+            Some("error") => View::Error,
+            _ => View::Beauty {
+                centistops: (100.0 * self.exposure(watch)).round() as i32,
+            },
+        }
+    }
+}
+
+async fn show(State(web): State<Arc<Web>>, Query(asked): Query<Asked>) -> Response {
+    page::page(&web, &asked).await
+}
+
+async fn image(State(web): State<Arc<Web>>, Query(asked): Query<Asked>) -> Response {
+    let pictures = web.watch.pictures();
+    let Some(picture) = pictures.of(asked.passes).await else {
+        return (StatusCode::NOT_FOUND, "no pass is complete yet\n").into_response();
+    };
+    let passes = picture.average.passes.to_string();
+    match pictures.png(picture, asked.view(&web.watch)).await {
+        Ok(png) => (
+            [(CONTENT_TYPE, "image/png".to_owned()), (PASSES, passes)],
+            png,
+        )
+            .into_response(),
+        Err(error) => (StatusCode::INTERNAL_SERVER_ERROR, error.to_string()).into_response(),
+    }
+}
+
+/// The button: as the call of the same name. Pages of other sites are kept out before. Scripts get the words, forms go back to the page.
+async fn write(State(web): State<Arc<Web>>, headers: HeaderMap) -> Response {
+    let written = web.watch.write_now().await;
+    let from_script = headers
+        .get("accept")
+        .is_some_and(|accept| accept == "text/plain");
+    match written {
+        _ if !from_script => {
+            Redirect::to(&format!("/?written={}", written.is_ok())).into_response()
+        }
+        Ok(message) => message.into_response(),
+        Err(message) => (StatusCode::CONFLICT, message).into_response(),
+    }
+}

@@ -1,0 +1,414 @@
+//! The page and its pieces. They are made here whole, numbers, tables and curve, so that the page is complete without a
+//! script; the script only puts newer pieces in their places.
+
+use super::{Asked, EXPOSURES, Web, curve};
+use crate::farm::{End, Event, EventKind, Progress, WorkerState, WorkerView};
+use crate::watch::{Watch, unix_time};
+use askama::Template;
+use axum::http::StatusCode;
+use axum::response::{Html, IntoResponse, Response};
+use beamfarm_proto::VERSION;
+use beamfarm_shared::job::MAX_PASSES;
+use std::time::{Duration, SystemTime};
+
+/// Workers and events that a page lists.
+const WORKERS: usize = 200;
+const EVENTS: usize = 60;
+const TROUBLES: usize = 10;
+/// Workers heard of this recently are simply there.
+const RECENT: Duration = Duration::from_secs(15);
+
+/// Where the job stands, in a shape and in words.
+struct Headline {
+    shape: &'static str,
+    words: String,
+    /// Class of its style.
+    class: &'static str,
+}
+
+#[derive(Template)]
+#[template(path = "watch/state.html")]
+struct StatePiece {
+    title: String,
+    headline: Headline,
+    percent: f64,
+    prefix: u64,
+    /// `of N`, if there is a number.
+    limit: String,
+    ahead: u64,
+    facts: Vec<(&'static str, String)>,
+}
+
+struct Row {
+    name: String,
+    threads: u32,
+    passes: u64,
+    rate: String,
+    seen: String,
+    audits: String,
+    shape: &'static str,
+    state: &'static str,
+    class: &'static str,
+    doing: String,
+}
+
+#[derive(Template)]
+#[template(path = "watch/workers.html")]
+struct WorkersPiece {
+    rows: Vec<Row>,
+    more: usize,
+    connected: u32,
+}
+
+struct Line {
+    time: String,
+    kind: &'static str,
+    text: String,
+}
+
+#[derive(Template)]
+#[template(path = "watch/failures.html")]
+struct FailuresPiece {
+    counts: Vec<(&'static str, u64)>,
+    troubles: Vec<Line>,
+}
+
+#[derive(Template)]
+#[template(path = "watch/log.html")]
+struct LogPiece {
+    lines: Vec<Line>,
+}
+
+#[derive(Template)]
+#[template(path = "watch/page.html")]
+struct Page {
+    name: String,
+    job: String,
+    version: &'static str,
+    scene: String,
+    width: u32,
+    height: u32,
+    pieces: [String; 5],
+    /// Passes of the picture; zero when there is none.
+    shown: u64,
+    exposure: f32,
+    lowest: f32,
+    highest: f32,
+    error_view: bool,
+    scale: Vec<(String, u32)>,
+    written: Option<bool>,
+}
+
+/// The pieces, by the names of their places; `image` is the number of passes of the picture that there is.
+pub(super) async fn pieces(watch: &Watch) -> Vec<(&'static str, String)> {
+    let picture = watch.picture().await;
+    let shown = picture.map_or(0, |picture| picture.average.passes);
+    let [state, curve, workers, failures, log] = texts(watch);
+    vec![
+        ("state", state),
+        ("image", shown.to_string()),
+        ("curve", curve),
+        ("workers", workers),
+        ("failures", failures),
+        ("log", log),
+    ]
+}
+
+/// The page.
+pub(super) async fn page(web: &Web, asked: &Asked) -> Response {
+    let watch = &*web.watch;
+    let picture = watch.picture().await;
+    let job = watch.farm().job();
+    let page = Page {
+        name: match watch.terms().title.as_str() {
+            "" => "a job".into(),
+            title => title.to_owned(),
+        },
+        job: watch.id().to_owned(),
+        version: VERSION,
+        scene: job.scene.to_string(),
+        width: job.width,
+        height: job.height,
+        pieces: texts(watch),
+        shown: picture.map_or(0, |picture| picture.average.passes),
+        exposure: asked.exposure(watch),
+        lowest: *EXPOSURES.start(),
+        highest: *EXPOSURES.end(),
+        error_view: asked.view.as_deref() == Some("error"),
+        scale: super::heat::scale(),
+        written: asked.written,
+    };
+    match page.render() {
+        Ok(text) => Html(text).into_response(),
+        Err(error) => (StatusCode::INTERNAL_SERVER_ERROR, error.to_string()).into_response(),
+    }
+}
+
+fn texts(watch: &Watch) -> [String; 5] {
+    let progress = watch.farm().progress();
+    let events = watch.farm().events(0);
+    let text =
+        |rendered: askama::Result<String>| rendered.unwrap_or_else(|error| error.to_string());
+    let curve = curve::svg(&watch.curve());
+    [
+        text(state(watch, &progress).render()),
+        curve.unwrap_or_else(|| {
+            "<p class=\"soft\">There is a curve as soon as the error is known at two times: from four passes on.</p>".into()
+        }),
+        text(workers(&progress).render()),
+        text(failures(&progress, &events).render()),
+        text(log(&events).render()),
+    ]
+}
+
+fn headline(watch: &Watch, progress: &Progress) -> Headline {
+    let headline = |shape, words: &str, class| Headline {
+        shape,
+        words: words.to_owned(),
+        class,
+    };
+    match watch.farm().end() {
+        Some(End::Complete) => headline("✓", "Complete", "good"),
+        Some(End::Stopped) => headline("■", "Stopped", "still"),
+        Some(End::Failed(failure)) => {
+            let words = format!("Failed: pass {}: {}", failure.pass_index, failure.message);
+            headline("✕", &words, "bad")
+        }
+        None if progress.paused => headline("❚❚", "Paused", "still"),
+        None if progress.workers == 0 => headline("…", "Waiting for workers", "still"),
+        None => headline("▶", "Rendering", "good"),
+    }
+}
+
+fn state(watch: &Watch, progress: &Progress) -> StatePiece {
+    let headline = headline(watch, progress);
+    // Rounded down: nothing looks finished that is not.
+    let percent = (1000.0 * watch.fraction(progress)).floor() / 10.0;
+    let rates = watch.rates();
+    let over = watch.farm().end().is_some();
+    let ends = match (over, watch.remaining(progress)) {
+        (true, _) => "over".into(),
+        (false, Some(left)) => format!("in about {}", roughly(left)),
+        (false, None) => "not known yet".into(),
+    };
+    let error = match watch.curve().last() {
+        Some(point) => format!(
+            "{} after {} passes",
+            curve::percent(point.error),
+            point.passes
+        ),
+        None => "known from two passes on".into(),
+    };
+    let mut facts = vec![
+        ("Ends", ends),
+        ("Running for", roughly(watch.elapsed())),
+        ("Rate", format!("{:.2} passes/s", rates.passes)),
+        ("Estimated error", error),
+        ("Workers", progress.workers.to_string()),
+    ];
+    if let Some(time) = watch.terms().time {
+        facts.push(("Time limit", roughly(time)));
+    }
+    StatePiece {
+        title: format!("{percent:.0} % {}", headline.words),
+        headline,
+        percent,
+        prefix: progress.prefix,
+        limit: match progress.limit {
+            MAX_PASSES => String::new(),
+            limit => format!(" of {limit}"),
+        },
+        ahead: progress.passes.saturating_sub(progress.prefix),
+        facts,
+    }
+}
+
+fn workers(progress: &Progress) -> WorkersPiece {
+    let mut views: Vec<&WorkerView> = progress.workers_seen.iter().collect();
+    // Those that are there first, each in the order of registration.
+    views.sort_by_key(|view| matches!(view.state, WorkerState::Gone));
+    let more = views.len().saturating_sub(WORKERS);
+    WorkersPiece {
+        rows: views.into_iter().take(WORKERS).map(row).collect(),
+        more,
+        connected: progress.workers,
+    }
+}
+
+fn row(view: &WorkerView) -> Row {
+    let (shape, class) = match view.state {
+        WorkerState::Working => ("●", "good"),
+        WorkerState::Idle => ("○", "still"),
+        WorkerState::BackingOff => ("◑", "still"),
+        WorkerState::Gone => ("–", "soft"),
+        WorkerState::ShutOut => ("✕", "bad"),
+    };
+    Row {
+        name: view.name.clone(),
+        threads: view.threads,
+        passes: view.passes,
+        rate: match view.seconds_per_pass {
+            Some(seconds) if seconds > 0.0 => format!("{:.2}/s", 1.0 / seconds),
+            _ => "–".into(),
+        },
+        seen: match view.last_seen {
+            seen if seen < RECENT => "now".into(),
+            seen => format!("{} ago", roughly(seen)),
+        },
+        audits: match (view.audits_passed, view.audits_failed) {
+            (0, 0) => "–".into(),
+            (passed, 0) => format!("{passed} ✓"),
+            (passed, failed) => format!("{passed} ✓ {failed} ✕"),
+        },
+        shape,
+        state: view.state.as_str(),
+        class,
+        doing: match view.rendering {
+            Some((block, _)) => block.to_string(),
+            None => String::new(),
+        },
+    }
+}
+
+fn failures(progress: &Progress, events: &[Event]) -> FailuresPiece {
+    let counts = [
+        (
+            "leases ended without a result; their passes are handed out again",
+            progress.lost_leases,
+        ),
+        ("attempts at a block of passes failed", progress.failures),
+        ("deliveries were refused", progress.refused),
+        (
+            "blocks are in dispute: two workers delivered other bits",
+            progress.divergent,
+        ),
+        (
+            "passes were taken out again, because of who rendered them",
+            progress.dropped,
+        ),
+    ];
+    let is_trouble = |event: &&Event| {
+        use EventKind::{Divergent, Dropped, Failed, Lost, Refused, ShutOut};
+        matches!(
+            event.kind,
+            Divergent | Dropped | Failed | Lost | Refused | ShutOut
+        )
+    };
+    let troubles = events.iter().rev().filter(is_trouble).take(TROUBLES);
+    FailuresPiece {
+        counts: counts.into_iter().filter(|(_, count)| *count > 0).collect(),
+        troubles: troubles.map(line).collect(),
+    }
+}
+
+fn log(events: &[Event]) -> LogPiece {
+    LogPiece {
+        lines: events.iter().rev().take(EVENTS).map(line).collect(),
+    }
+}
+
+fn line(event: &Event) -> Line {
+    Line {
+        time: clock(event.time),
+        kind: event.kind.as_str(),
+        text: event.text.clone(),
+    }
+}
+
+/// `14:07:32`, UTC.
+fn clock(time: SystemTime) -> String {
+    let seconds = unix_time(time).as_secs();
+    let (hours, minutes) = (seconds / 3600 % 24, seconds / 60 % 60);
+    format!("{hours:02}:{minutes:02}:{:02}", seconds % 60)
+}
+
+/// `40 s`, `3 min 20 s`, `2 h 5 min`, `4 d 3 h`.
+fn roughly(time: Duration) -> String {
+    let seconds = time.as_secs();
+    match seconds {
+        s if s < 60 => format!("{s} s"),
+        s if s < 3600 => format!("{} min {} s", s / 60, s % 60),
+        s if s < 86_400 => format!("{} h {} min", s / 3600, s / 60 % 60),
+        s => format!("{} d {} h", s / 86_400, s / 3600 % 24),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use beamfarm_proto::WorkerId;
+
+    #[test]
+    fn names_of_workers_are_text() {
+        let view = WorkerView {
+            id: WorkerId(1),
+            name: "<script>alert(1)</script>\" onload=\"x".into(),
+            threads: 4,
+            passes: 12,
+            seconds_per_pass: Some(0.25),
+            last_seen: Duration::from_secs(1),
+            audits_passed: 2,
+            audits_failed: 1,
+            state: WorkerState::ShutOut,
+            rendering: None,
+        };
+        let progress = Progress {
+            workers_seen: vec![view; WORKERS + 3],
+            ..Progress::default()
+        };
+        let text = workers(&progress).render().unwrap();
+        assert!(
+            !text.contains("<script") && !text.contains("\" onload"),
+            "{text}"
+        );
+        assert!(text.contains("&#60;script&#62;alert(1)"), "{text}");
+        assert!(text.contains("4.00/s") && text.contains("2 ✓ 1 ✕") && text.contains("shut out"));
+        assert!(text.contains("3 more"), "{text}");
+    }
+
+    #[test]
+    fn texts_of_events_are_text() {
+        let event = Event {
+            number: 0,
+            time: SystemTime::UNIX_EPOCH + Duration::from_secs(86_400 + 3723),
+            kind: EventKind::Failed,
+            text: "<img src=x onerror=y>".into(),
+        };
+        let events = [event];
+        let texts = [
+            log(&events).render().unwrap(),
+            failures(&Progress::default(), &events).render().unwrap(),
+        ];
+        for text in texts {
+            assert!(
+                text.contains("&#60;img") && !text.contains("<img"),
+                "{text}"
+            );
+            assert!(text.contains("01:02:03"));
+        }
+    }
+
+    #[test]
+    fn no_failures_are_said_to_be_none() {
+        let text = failures(&Progress::default(), &[]).render().unwrap();
+        assert!(text.contains("None"), "{text}");
+        let progress = Progress {
+            lost_leases: 3,
+            ..Progress::default()
+        };
+        let text = failures(&progress, &[]).render().unwrap();
+        assert!(
+            text.contains("3 leases") || text.contains("<b>3</b> leases"),
+            "{text}"
+        );
+    }
+
+    #[test]
+    fn times_are_short() {
+        let roughly = |seconds| roughly(Duration::from_secs(seconds));
+        assert_eq!(roughly(59), "59 s");
+        assert_eq!(roughly(61), "1 min 1 s");
+        assert_eq!(roughly(7260), "2 h 1 min");
+        assert_eq!(roughly(90_000), "1 d 1 h");
+    }
+}

@@ -3,7 +3,7 @@
 use crate::run::{Config, Summary, WorkerError, run};
 use crate::security::SecurityArgs;
 use crate::{cache, exit, signals};
-use clap::Args;
+use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
@@ -55,6 +55,20 @@ pub struct LogArgs {
     /// What to log on standard error: error, warn, info, debug, or a filter such as beamfarm_coordinator=debug
     #[arg(long, value_name = "FILTER", env = "RUST_LOG", global = true)]
     pub log: Option<String>,
+
+    /// Form of the log: lines for people, or one JSON object a line
+    #[arg(long, value_enum, value_name = "FORM", default_value_t, global = true)]
+    pub log_format: LogFormat,
+}
+
+/// Form of the log.
+#[derive(ValueEnum, Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum LogFormat {
+    /// Lines for people.
+    #[default]
+    Text,
+    /// One JSON object a line.
+    Json,
 }
 
 impl LogArgs {
@@ -70,12 +84,22 @@ impl LogArgs {
             Err(_) => filter.to_owned(),
         };
         let filter = EnvFilter::try_new(filter).map_err(|error| format!("--log: {error}"))?;
-        tracing_subscriber::fmt()
+        let log = tracing_subscriber::fmt()
             .with_env_filter(filter)
-            .with_writer(writer)
-            .with_ansi(std::io::IsTerminal::is_terminal(&std::io::stderr()))
-            .with_target(false)
-            .init();
+            .with_writer(writer);
+        match self.log_format {
+            LogFormat::Text => log
+                .with_ansi(std::io::IsTerminal::is_terminal(&std::io::stderr()))
+                .with_target(false)
+                .init(),
+            // A span's fields stand beside the event's, so that a query needs no path to them.
+            LogFormat::Json => log
+                .json()
+                .flatten_event(true)
+                .with_current_span(true)
+                .with_span_list(false)
+                .init(),
+        }
         Ok(())
     }
 }

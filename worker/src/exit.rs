@@ -6,7 +6,7 @@ pub const DONE: u8 = 0;
 pub const IO: u8 = 1;
 /// Wrong usage, or a scene or image that cannot be used (clap's code for usage too).
 pub const USAGE: u8 = 2;
-/// The worker cannot reach the coordinator, or lost it and did not find it again. Worth another try later.
+/// The worker, or a command that asks a coordinator something, cannot reach it, or lost it and did not find it again. Worth another try later.
 pub const UNREACHABLE: u8 = 3;
 /// Stopped before the first pass was complete: there is nothing to write.
 pub const NOTHING: u8 = 4;
@@ -23,7 +23,7 @@ Exit codes:
   1  a file or the network: an image or the job folder cannot be written, a port
      is taken, another coordinator uses the job folder
   2  wrong usage, or a scene, image or job folder that cannot be used
-  3  worker: the coordinator cannot be reached; worth another try
+  3  the coordinator cannot be reached; worth another try
   4  stopped before the first pass was complete: nothing was written
   5  the job failed (a pass cannot be rendered, workers keep dying, two machines
      disagree about a pass); the passes before it were written, if any

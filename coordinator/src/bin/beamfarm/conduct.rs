@@ -4,11 +4,12 @@ use crate::directory::Directory;
 use crate::failure::Failure;
 use crate::history::History;
 use crate::job::JobArgs;
+use crate::onlookers::{log_configuration, write_on_request};
 use crate::output::Output;
 use crate::progress;
 use crate::summary::Summary;
 use beamfarm_coordinator::store::Keeper;
-use beamfarm_coordinator::{End, Entrance, Farm, server};
+use beamfarm_coordinator::{End, Entrance, Farm, Terms, Watch, server};
 use beamfarm_proto::VERSION;
 use beamfarm_shared::exr::{ImageMeta, Maker};
 use beamfarm_shared::merge::Average;
@@ -18,7 +19,7 @@ use std::future::Future;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::sync::oneshot;
-use tracing::{info, warn};
+use tracing::{Instrument, error_span};
 
 /// Why no more passes were taken.
 pub enum Stop {
@@ -43,6 +44,29 @@ pub async fn conduct(
     entrance: impl Into<Entrance>,
     crew: impl Future<Output = Result<(), String>>,
 ) -> Result<(), Failure> {
+    let terms = Terms {
+        title: output.title(),
+        time: args.time,
+        exposure,
+    };
+    let watch = Watch::new(farm, terms);
+    let span = error_span!("job", job = watch.id());
+    let job = run(args, output, &watch, directory, entrance.into(), crew);
+    let done = job.instrument(span).await;
+    args.onlookers.tell_end(&done);
+    done
+}
+
+async fn run(
+    args: &JobArgs,
+    output: &Output,
+    watch: &Arc<Watch>,
+    directory: Option<Directory>,
+    entrance: Entrance,
+    crew: impl Future<Output = Result<(), String>>,
+) -> Result<(), Failure> {
+    let farm = watch.farm().clone();
+    let exposure = watch.terms().exposure;
     let before = farm.checkpoint();
     let seconds = Duration::try_from_secs_f64(before.seconds).unwrap_or_default();
     let history = History::new(&output.exr, before.sum.prefix(), seconds);
@@ -59,7 +83,10 @@ pub async fn conduct(
         // Comes as an error: nothing is ever sent.
         let _ = closed.await;
     };
-    let mut server = tokio::spawn(server::run(entrance.into(), farm.clone(), closed));
+    let address = entrance.listener.local_addr().map_err(Failure::io)?;
+    log_configuration(watch, address, &output.exr, farm.progress().limit);
+    let mut server = tokio::spawn(server::run(entrance, watch.clone(), closed).in_current_span());
+    let told = args.onlookers.tell(watch);
     let time = async {
         match args.time {
             Some(time) => tokio::time::sleep(time).await,
@@ -68,7 +95,7 @@ pub async fn conduct(
     };
     let show = async {
         if !args.quiet {
-            progress::show(farm.clone(), args.time).await;
+            progress::show(watch.clone()).await;
         }
         std::future::pending::<Infallible>().await
     };
@@ -78,10 +105,7 @@ pub async fn conduct(
         }
         std::future::pending::<Infallible>().await
     };
-    let write_on_demand = async {
-        write_on_hangup(&farm, output, exposure).await;
-        std::future::pending::<Infallible>().await
-    };
+    let write_on_request = write_on_request(watch, || write_now(&farm, output, exposure));
     let broken = |what: &str, how: String| Stop::Broken(format!("{what}: {how}"));
     let stop = {
         tokio::pin!(crew);
@@ -105,7 +129,10 @@ pub async fn conduct(
             },
             never = show => match never {},
             never = keep => match never {},
-            never = write_on_demand => match never {},
+            failed = write_on_request => match failed {
+                Ok(never) => match never {},
+                Err(error) => broken("SIGHUP", error.to_string()),
+            },
         }
     };
     farm.stop();
@@ -122,7 +149,8 @@ pub async fn conduct(
         true => write(&farm, output, exposure, Some(history)).await,
         false => Ok(None),
     };
-    // Workers hear of the end meanwhile.
+    // Workers and onlookers hear of the end meanwhile.
+    told.last_words().await;
     if !server.is_finished() {
         let _ = server.await;
     }
@@ -156,11 +184,7 @@ pub struct Written {
 }
 
 /// Write the image of the complete prefix now, and go on. Returns what was written, for people.
-pub async fn write_now(
-    farm: &Arc<Farm>,
-    output: &Output,
-    exposure: f32,
-) -> Result<String, Failure> {
+async fn write_now(farm: &Arc<Farm>, output: &Output, exposure: f32) -> Result<String, Failure> {
     match write(farm, output, exposure, None).await? {
         Some(Written { average, .. }) => Ok(format!(
             "wrote {} with {} passes",
@@ -170,25 +194,6 @@ pub async fn write_now(
         None => Err(Failure::nothing("no pass is complete")),
     }
 }
-
-/// Write it whenever the process is sent a SIGHUP, forever.
-#[cfg(unix)]
-async fn write_on_hangup(farm: &Arc<Farm>, output: &Output, exposure: f32) {
-    use tokio::signal::unix::{SignalKind, signal};
-    let mut hangups = match signal(SignalKind::hangup()) {
-        Ok(hangups) => hangups,
-        Err(error) => return warn!("SIGHUP: {error}"),
-    };
-    while hangups.recv().await.is_some() {
-        match write_now(farm, output, exposure).await {
-            Ok(text) => info!("{text}"),
-            Err(failure) => warn!("SIGHUP: {failure}"),
-        }
-    }
-}
-
-#[cfg(not(unix))]
-async fn write_on_hangup(_farm: &Arc<Farm>, _output: &Output, _exposure: f32) {}
 
 async fn write(
     farm: &Arc<Farm>,

@@ -26,6 +26,12 @@ impl Failure {
     pub fn job(message: impl Display) -> Self {
         Self::new(exit::FAILED, format!("error: {message}"))
     }
+    pub fn unreachable(message: impl Display) -> Self {
+        Self::new(exit::UNREACHABLE, format!("error: {message}"))
+    }
+    pub fn refused(message: impl Display) -> Self {
+        Self::new(exit::REFUSED, format!("error: {message}"))
+    }
     fn new(code: u8, message: String) -> Self {
         Self { code, message }
     }

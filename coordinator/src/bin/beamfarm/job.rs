@@ -1,6 +1,7 @@
 //! The scene and the settings of a job, from the command line.
 
 use crate::failure::Failure;
+use crate::onlookers::OnlookerArgs;
 use beamfarm_coordinator::{JobSpec, Target};
 use beamfarm_shared::bundle::Bundle;
 use beamfarm_shared::job::{JobSettings, MAX_PASSES};
@@ -243,6 +244,9 @@ pub struct JobArgs {
     /// Print nothing but errors
     #[arg(short, long)]
     pub quiet: bool,
+
+    #[command(flatten)]
+    pub onlookers: OnlookerArgs,
 }
 
 /// A share of one: with a percent sign, or below one.

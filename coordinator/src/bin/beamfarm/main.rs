@@ -13,13 +13,17 @@ mod history;
 mod job;
 mod local;
 mod merge;
+mod onlookers;
 mod output;
 mod progress;
 mod reference;
+mod remote;
 mod render;
 mod replay;
 mod security;
 mod serve;
+mod status;
+mod steer;
 mod summary;
 
 use beamfarm_shared::scene::json_schema;
@@ -44,6 +48,8 @@ Examples:
   beamfarm serve scene.toml --listen 0.0.0.0:7325 --token-file token
   beamfarm worker --connect http://HOST:7325 --token-file token
                                                   on each of them
+  beamfarm status http://HOST:7325 --token-file token
+                                                  how it stands; or open the URL in a browser
 
 Lengths are in scene units, radiance in W/(m^2 sr), times as 90s, 5m or 1h30m.
 The image is the average of passes 0 to N-1 whatever the number of workers: the same scene and seed
@@ -73,6 +79,24 @@ enum Command {
     /// Make one image of jobs that rendered parts of its passes
     #[command(after_help = merge::EXAMPLES)]
     Merge(merge::MergeArgs),
+    /// Print how a job stands
+    #[command(after_help = status::EXAMPLES)]
+    Status(status::StatusArgs),
+    /// End a job; what is complete is written
+    #[command(after_help = steer::CANCEL_EXAMPLES)]
+    Cancel(remote::RemoteArgs),
+    /// Hand out no more passes of a job until `resume`
+    #[command(after_help = steer::PAUSE_EXAMPLES)]
+    Pause(remote::RemoteArgs),
+    /// Hand out the passes of a paused job again
+    #[command(after_help = steer::PAUSE_EXAMPLES)]
+    Resume(remote::RemoteArgs),
+    /// Let a job that runs have more passes
+    #[command(after_help = steer::EXTEND_EXAMPLES)]
+    Extend(steer::ExtendArgs),
+    /// Write the image of a job that runs now, and let it go on
+    #[command(after_help = steer::WRITE_EXAMPLES)]
+    Write(remote::RemoteArgs),
     /// Render one pass of a scene again and print the hash of its pixels
     #[command(after_help = replay::EXAMPLES)]
     Replay(replay::ReplayArgs),
@@ -124,6 +148,12 @@ fn main() -> ExitCode {
         Command::Serve(args) => serve::main(args),
         Command::Worker(args) => return cli::main(args),
         Command::Merge(args) => merge::main(args),
+        Command::Status(args) => status::main(args),
+        Command::Cancel(args) => steer::cancel(args),
+        Command::Pause(args) => steer::pause(args),
+        Command::Resume(args) => steer::resume(args),
+        Command::Extend(args) => steer::extend(args),
+        Command::Write(args) => steer::write(args),
         Command::Replay(args) => replay::main(args),
         Command::Bench(args) => bench::main(args),
         Command::BenchRun => bench::child(),

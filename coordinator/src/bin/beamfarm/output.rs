@@ -60,6 +60,12 @@ impl Output {
         })
     }
 
+    /// What people call the picture: its file's name.
+    pub fn title(&self) -> String {
+        let stem = self.exr.file_stem().unwrap_or_default();
+        stem.to_string_lossy().into_owned()
+    }
+
     /// Write both.
     pub fn write(
         &self,

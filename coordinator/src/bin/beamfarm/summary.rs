@@ -167,7 +167,7 @@ impl Summary<'_> {
         match (self.stop, self.image) {
             (_, Some(_)) => Ok(()),
             _ if has_passes => Ok(()),
-            (Stop::Signal, None) => Err(Failure::nothing(
+            (Stop::Signal | Stop::Ended(End::Stopped), None) => Err(Failure::nothing(
                 "stopped before the first pass was complete",
             )),
             (_, None) => Err(Failure::nothing(

@@ -1,0 +1,202 @@
+//! Those who watch a job and are told by its own process: tev, OpenJD's runners, the log; and those who ask for its image
+//! before its end.
+
+use crate::failure::Failure;
+use beamfarm_coordinator::{Watch, tev};
+use beamfarm_proto::VERSION;
+use clap::Args;
+use std::convert::Infallible;
+use std::fmt::Display;
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Duration;
+use tokio::sync::mpsc;
+use tokio::time::{MissedTickBehavior, interval, timeout};
+use tracing::{info, warn};
+
+/// Time between looks at the progress, for OpenJD.
+const LOOK: Duration = Duration::from_secs(1);
+/// Time for tev to take the last image.
+const LAST_IMAGE: Duration = Duration::from_secs(5);
+
+/// Who is told.
+#[derive(Args, Clone, Debug)]
+pub struct OnlookerArgs {
+    /// Show the image in tev while it converges: HOST:PORT, where PORT is tev's, 14158 by default
+    #[arg(long, value_name = "HOST:PORT", value_parser = tev_address)]
+    pub display_server: Option<String>,
+
+    /// Print openjd_progress, openjd_status and openjd_fail lines on standard output, for runners of Open Job Description
+    #[arg(long)]
+    pub openjd: bool,
+}
+
+fn tev_address(text: &str) -> Result<String, String> {
+    let port = text.rsplit_once(':').map(|(_, port)| port);
+    match port {
+        None => Ok(format!("{text}:14158")),
+        Some(port) if port.parse::<u16>().is_ok() => Ok(text.to_owned()),
+        Some(_) => Err("expected HOST:PORT".to_owned()),
+    }
+}
+
+impl OnlookerArgs {
+    /// Tell them about the job until it ends. To be awaited at the end.
+    pub fn tell(&self, watch: &Arc<Watch>) -> Told {
+        let tev = self
+            .display_server
+            .clone()
+            .map(|address| tokio::spawn(tev::show(watch.clone(), address)));
+        let openjd = self
+            .openjd
+            .then(|| tokio::spawn(print_progress(watch.clone())));
+        Told { tev, openjd }
+    }
+
+    /// How the job ended, for OpenJD.
+    pub fn tell_end<T>(&self, end: &Result<T, Failure>) {
+        if let (true, Err(failure)) = (self.openjd, end) {
+            openjd("fail", &failure.to_string());
+        }
+    }
+}
+
+/// Those that are told.
+pub struct Told {
+    tev: Option<tokio::task::JoinHandle<()>>,
+    openjd: Option<tokio::task::JoinHandle<()>>,
+}
+
+impl Told {
+    /// The job is over: let them have the last word.
+    pub async fn last_words(self) {
+        if let Some(openjd) = self.openjd {
+            let _ = openjd.await;
+        }
+        if let Some(tev) = self.tev {
+            let _ = timeout(LAST_IMAGE, tev).await;
+        }
+    }
+}
+
+async fn print_progress(watch: Arc<Watch>) {
+    let mut ticks = interval(LOOK);
+    ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    let mut printed = None;
+    loop {
+        let over = tokio::select! {
+            _ = ticks.tick() => false,
+            _ = watch.farm().ended() => true,
+        };
+        let progress = watch.farm().progress();
+        // Rounded down: nothing looks finished that is not.
+        let permille = (1000.0 * watch.fraction(&progress)) as u64;
+        if printed != Some((permille, progress.prefix)) {
+            printed = Some((permille, progress.prefix));
+            openjd("progress", &format!("{}.{}", permille / 10, permille % 10));
+            let (prefix, limit) = (progress.prefix, progress.limit);
+            openjd(
+                "status",
+                &format!("{prefix} of {limit} passes, {} workers", progress.workers),
+            );
+        }
+        if over {
+            return;
+        }
+    }
+}
+
+/// A line for OpenJD. It is one line whatever is in it.
+fn openjd(what: &str, text: &str) {
+    println!("openjd_{what}: {}", text.replace(['\n', '\r'], " "));
+}
+
+/// Write the image whenever somebody asks for it: by a call, by the page's button, by SIGHUP. Forever.
+pub async fn write_on_request<F>(
+    watch: &Watch,
+    write: impl Fn() -> F,
+) -> Result<Infallible, std::io::Error>
+where
+    F: Future<Output = Result<String, Failure>>,
+{
+    let mut requests = watch.write_requests();
+    let mut signals = hang_ups()?;
+    loop {
+        let reply = tokio::select! {
+            Some(reply) = requests.recv() => Some(reply),
+            Some(()) = signals.recv() => None,
+        };
+        let written = write().await.map_err(|failure| failure.to_string());
+        match &written {
+            Ok(message) => info!("{message}"),
+            Err(message) => warn!("{message}"),
+        }
+        if let Some(reply) = reply {
+            // Who asked may be gone.
+            let _ = reply.send(written);
+        }
+    }
+}
+
+/// A message for each SIGHUP.
+fn hang_ups() -> Result<mpsc::Receiver<()>, std::io::Error> {
+    let (sender, receiver) = mpsc::channel(1);
+    #[cfg(unix)]
+    {
+        use tokio::signal::unix::{SignalKind, signal};
+        let mut signals = signal(SignalKind::hangup())?;
+        tokio::spawn(async move {
+            while signals.recv().await.is_some() {
+                if let Err(mpsc::error::TrySendError::Closed(())) = sender.try_send(()) {
+                    return;
+                }
+            }
+        });
+    }
+    #[cfg(not(unix))]
+    tokio::spawn(async move {
+        std::future::pending::<()>().await;
+        drop(sender);
+    });
+    Ok(receiver)
+}
+
+/// Write into the log what is in force, from whatever source it comes.
+pub fn log_configuration(watch: &Watch, listen: impl Display, output: &Path, passes: u64) {
+    let job = watch.farm().job();
+    let timing = watch.farm().timing();
+    let settings = job.settings;
+    let time = watch.terms().time.map(humantime::format_duration);
+    let layers: Vec<String> = job.layers.iter().map(ToString::to_string).collect();
+    info!(
+        version = VERSION,
+        scene = %job.scene,
+        width = job.width,
+        height = job.height,
+        layers = layers.join(","),
+        passes,
+        time = time.map_or("no limit".into(), |time| time.to_string()),
+        seed = settings.seed,
+        alpha = settings.alpha,
+        schedule = ?settings.schedule,
+        paths_per_pass = settings.paths_per_pass,
+        heartbeat = ?timing.heartbeat,
+        lease = ?timing.lease,
+        %listen,
+        output = %output.display(),
+        "configuration"
+    );
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tev_has_a_usual_port() {
+        assert_eq!(tev_address("host").unwrap(), "host:14158");
+        assert_eq!(tev_address("host:1").unwrap(), "host:1");
+        assert_eq!(tev_address("[::1]:14158").unwrap(), "[::1]:14158");
+        assert!(tev_address("host:tev").is_err());
+    }
+}

@@ -1,0 +1,76 @@
+//! A coordinator that runs elsewhere, as the commands that ask it something see it.
+
+use crate::failure::Failure;
+use beamfarm_proto::wire::control_client::ControlClient;
+use beamfarm_worker::security::{Link, SecurityArgs};
+use clap::Args;
+use std::time::Duration;
+use tokio::time::timeout;
+use tonic::{Code, Status};
+
+/// Time for an answer: writing a large image takes a while.
+const ANSWER: Duration = Duration::from_secs(120);
+/// A status with thousands of workers.
+const MESSAGE_BYTES: usize = 64 << 20;
+
+/// Which coordinator.
+#[derive(Args, Clone, Debug)]
+pub struct RemoteArgs {
+    /// The coordinator: http://HOST:PORT, or https://HOST:PORT
+    #[arg(value_name = "URL")]
+    pub url: String,
+
+    #[command(flatten)]
+    pub security: SecurityArgs,
+}
+
+impl RemoteArgs {
+    /// Ask it something.
+    pub fn call<F>(self, ask: impl FnOnce(ControlClient<Link>) -> F) -> Result<(), Failure>
+    where
+        F: Future<Output = Result<(), Failure>>,
+    {
+        let runtime = tokio::runtime::Builder::new_current_thread()
+            .enable_all()
+            .build()
+            .map_err(Failure::io)?;
+        let url = match self.url.contains("://") {
+            true => self.url,
+            false => format!("http://{}", self.url),
+        };
+        let credentials = self.security.read().map_err(Failure::usage)?;
+        runtime.block_on(async {
+            let wrong = |error| Failure::usage(format!("{url}: {error}"));
+            let link = credentials.link(&url).map_err(wrong)?;
+            let control = ControlClient::new(link).max_decoding_message_size(MESSAGE_BYTES);
+            let late = |_| Failure::unreachable(format!("{url} does not answer"));
+            timeout(ANSWER, ask(control)).await.map_err(late)?
+        })
+    }
+}
+
+/// What a refused or broken call means for the command.
+pub fn failed(status: Status) -> Failure {
+    let message = status.message();
+    match status.code() {
+        Code::InvalidArgument => Failure::usage(message),
+        Code::Unavailable | Code::DeadlineExceeded | Code::Cancelled | Code::Unknown => {
+            Failure::unreachable(format!("cannot reach the coordinator: {}", reason(&status)))
+        }
+        Code::Unimplemented => Failure::io("this coordinator is of another version"),
+        Code::Unauthenticated | Code::PermissionDenied => Failure::refused(message),
+        _ => Failure::io(message),
+    }
+}
+
+/// The innermost of a status's causes: those around it say no more than "transport error".
+fn reason(status: &Status) -> String {
+    let mut reason: &dyn std::error::Error = status;
+    while let Some(source) = reason.source() {
+        reason = source;
+    }
+    match reason.downcast_ref::<Status>() {
+        Some(status) => status.message().to_owned(),
+        None => reason.to_string(),
+    }
+}

@@ -4,7 +4,7 @@
 //! send ready-made images, each over its own connection. What it takes in per second of its own CPU time is compared with
 //! what one core can copy and sum.
 
-use beamfarm_coordinator::{Farm, JobSpec, Start, Timing, server};
+use beamfarm_coordinator::{Farm, JobSpec, Start, Terms, Timing, Watch, server};
 use beamfarm_proto::bytes::Bytes;
 use beamfarm_proto::wire::farm_client::FarmClient;
 use beamfarm_proto::wire::submit_request::Part;
@@ -106,7 +106,8 @@ fn coordinator(passes: u64) -> Result<(), AnyError> {
         let ended = tokio::task::spawn_blocking(|| {
             let _ = std::io::copy(&mut std::io::stdin().lock(), &mut std::io::sink());
         });
-        server::run(listener, farm, async {
+        let watch = Watch::new(farm, Terms::default());
+        server::run(listener, watch, async {
             let _ = ended.await;
         })
         .await;

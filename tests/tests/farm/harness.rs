@@ -2,7 +2,7 @@
 
 use beamfarm_coordinator::limits::Limits;
 use beamfarm_coordinator::security::Security;
-use beamfarm_coordinator::{End, Entrance, Farm, JobSpec, Start, Timing, server};
+use beamfarm_coordinator::{End, Entrance, Farm, JobSpec, Start, Terms, Timing, Watch, server};
 use beamfarm_proto::wire::farm_client::FarmClient;
 use beamfarm_proto::wire::submit_request::Part;
 use beamfarm_proto::{FileHash, Grant, LeaseId, VERSION, WireHash, wire};
@@ -103,6 +103,7 @@ pub fn free_port() -> std::net::TcpListener {
 /// A coordinator. Its server dies with it.
 pub struct Coordinator {
     pub farm: Arc<Farm>,
+    pub watch: Arc<Watch>,
     pub address: SocketAddr,
     /// All of the server: when it goes, connections break without a farewell, as when a process is killed.
     server: Option<Runtime>,
@@ -146,7 +147,8 @@ impl Coordinator {
     ) -> Self {
         let address = listener.local_addr().unwrap();
         let farm = Farm::new(spec, timing, start);
-        let serving = farm.clone();
+        let watch = Watch::new(farm.clone(), Terms::default());
+        let (serving, watching) = (farm.clone(), watch.clone());
         let server = Builder::new_multi_thread()
             .worker_threads(1)
             .enable_all()
@@ -162,10 +164,11 @@ impl Coordinator {
                 security,
                 limits,
             };
-            server::run(entrance, serving.clone(), ended).await;
+            server::run(entrance, watching, ended).await;
         });
         Self {
             farm,
+            watch,
             address,
             server: Some(server),
         }

@@ -2,10 +2,13 @@
 
 #![allow(clippy::unwrap_used)]
 
+mod browser;
 mod calls;
 mod harness;
 mod limits;
 mod security;
 mod stopping;
 mod submissions;
+mod tev;
+mod watching;
 mod workers;

@@ -1,0 +1,304 @@
+//! The page in a browser that people have: Chromium without a window, over its DevTools protocol.
+
+use crate::harness::{Coordinator, RawWorker, film, leaf, spec};
+use base64::Engine;
+use beamfarm_shared::exr::encode_block;
+use serde_json::{Value, json};
+use std::ffi::OsString;
+use std::io::{BufRead, BufReader};
+use std::net::TcpStream;
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+use tempfile::TempDir;
+use tungstenite::stream::MaybeTlsStream;
+use tungstenite::{Message, WebSocket};
+
+/// Nothing here takes this long, even on a busy machine.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+/// The browser: the one that is named, or one with a usual name.
+fn chromium() -> Option<OsString> {
+    let named = std::env::var_os("BEAMFARM_CHROMIUM");
+    let usual = ["chromium", "chromium-browser", "google-chrome"];
+    named
+        .into_iter()
+        .chain(usual.map(OsString::from))
+        .find(|program| {
+            let version = Command::new(program)
+                .arg("--version")
+                .stdout(Stdio::null())
+                .stderr(Stdio::null())
+                .status();
+            version.is_ok_and(|status| status.success())
+        })
+}
+
+/// A browser with one page.
+struct Browser {
+    process: Child,
+    socket: WebSocket<MaybeTlsStream<TcpStream>>,
+    session: Option<String>,
+    calls: u64,
+    _profile: TempDir,
+}
+
+impl Drop for Browser {
+    fn drop(&mut self) {
+        let _ = self.process.kill();
+        let _ = self.process.wait();
+    }
+}
+
+impl Browser {
+    /// Start it and open a page; `None`, and a loud word, where there is no browser.
+    fn open(url: &str) -> Option<Self> {
+        let Some(program) = chromium() else {
+            eprintln!("SKIPPED: there is no Chromium here (Debian: apt-get install chromium)");
+            return None;
+        };
+        let profile = tempfile::tempdir().unwrap();
+        let mut folder = OsString::from("--user-data-dir=");
+        folder.push(profile.path());
+        let mut process = Command::new(program)
+            .args(["--headless=new", "--no-sandbox", "--disable-gpu"])
+            .args([
+                "--disable-dev-shm-usage",
+                "--no-first-run",
+                "--hide-scrollbars",
+            ])
+            .args([
+                "--disable-background-networking",
+                "--remote-debugging-port=0",
+            ])
+            .arg(folder)
+            .arg("about:blank")
+            .stdout(Stdio::null())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut lines = BufReader::new(process.stderr.take().unwrap()).lines();
+        let address = lines.find_map(|line| {
+            let line = line.unwrap();
+            Some(line.strip_prefix("DevTools listening on ")?.to_owned())
+        });
+        // Nobody reads on: the pipe must not fill up.
+        std::thread::spawn(move || lines.for_each(drop));
+        let (socket, _) = tungstenite::connect(address.unwrap()).unwrap();
+        if let MaybeTlsStream::Plain(stream) = socket.get_ref() {
+            stream.set_read_timeout(Some(PATIENCE)).unwrap();
+        }
+        let mut browser = Self {
+            process,
+            socket,
+            session: None,
+            calls: 0,
+            _profile: profile,
+        };
+        let target = browser.call("Target.createTarget", json!({"url": "about:blank"}));
+        let attach = json!({"targetId": target["targetId"], "flatten": true});
+        let attached = browser.call("Target.attachToTarget", attach);
+        browser.session = Some(attached["sessionId"].as_str().unwrap().to_owned());
+        browser.call("Page.enable", json!({}));
+        // What the page's policy forbids, and what its script does wrong.
+        let listen = "window.wrongs = [];
+            addEventListener('securitypolicyviolation', (e) => wrongs.push(`policy: ${e.violatedDirective}`));
+            addEventListener('error', (e) => wrongs.push(`error: ${e.message}`));
+            addEventListener('unhandledrejection', (e) => wrongs.push(`rejection: ${e.reason}`));";
+        let script = json!({"source": listen});
+        browser.call("Page.addScriptToEvaluateOnNewDocument", script);
+        browser.call("Page.navigate", json!({"url": url}));
+        Some(browser)
+    }
+
+    fn call(&mut self, method: &str, params: Value) -> Value {
+        self.calls += 1;
+        let mut call = json!({"id": self.calls, "method": method, "params": params});
+        if let Some(session) = &self.session {
+            call["sessionId"] = json!(session);
+        }
+        self.socket.send(Message::text(call.to_string())).unwrap();
+        loop {
+            let Message::Text(text) = self.socket.read().unwrap() else {
+                continue;
+            };
+            let mut answer: Value = serde_json::from_str(&text).unwrap();
+            if answer["id"] == json!(self.calls) {
+                assert!(answer["error"].is_null(), "{method}: {answer}");
+                return answer["result"].take();
+            }
+        }
+    }
+
+    fn evaluate(&mut self, expression: &str) -> Value {
+        let params = json!({"expression": expression, "returnByValue": true, "awaitPromise": true});
+        let mut answer = self.call("Runtime.evaluate", params);
+        assert!(
+            answer["exceptionDetails"].is_null(),
+            "{expression}: {answer}"
+        );
+        answer["result"]["value"].take()
+    }
+
+    /// Wait until this is true.
+    fn wait_for(&mut self, condition: &str) {
+        let begun = Instant::now();
+        while self.evaluate(condition) != json!(true) {
+            if begun.elapsed() > PATIENCE {
+                let page = self.evaluate("document.body.innerText");
+                panic!("waited for {condition}; the page says {page}");
+            }
+            std::thread::sleep(Duration::from_millis(50));
+        }
+    }
+
+    /// Mean of the picture's values, from 0 to 255, and a number that changes with any of them.
+    fn picture(&mut self) -> (f64, f64) {
+        let sums = self.evaluate(
+            "(() => {
+                const image = document.getElementById('shown');
+                const canvas = document.createElement('canvas');
+                canvas.width = image.naturalWidth;
+                canvas.height = image.naturalHeight;
+                const context = canvas.getContext('2d');
+                context.drawImage(image, 0, 0);
+                const data = context.getImageData(0, 0, canvas.width, canvas.height).data;
+                let sum = 0, hash = 0, count = 0;
+                for (let i = 0; i < data.length; i++) {
+                    if (i % 4 === 3) continue;
+                    sum += data[i];
+                    count += 1;
+                    hash = (hash * 31 + data[i]) % 1000000007;
+                }
+                return [sum / count, hash];
+            })()",
+        );
+        (sums[0].as_f64().unwrap(), sums[1].as_f64().unwrap())
+    }
+
+    /// The whole page in a window of this width, as PNG.
+    fn screenshot(&mut self, path: &Path, width: u32, scheme: &str) {
+        let scheme = json!({"features": [{"name": "prefers-color-scheme", "value": scheme}]});
+        self.call("Emulation.setEmulatedMedia", scheme);
+        let mut size =
+            json!({"width": width, "height": 800, "deviceScaleFactor": 1, "mobile": width < 600});
+        self.call("Emulation.setDeviceMetricsOverride", size.clone());
+        size["height"] = self.evaluate("document.documentElement.scrollHeight");
+        self.call("Emulation.setDeviceMetricsOverride", size);
+        let picture = self.call("Page.captureScreenshot", json!({"format": "png"}));
+        let bytes = base64::engine::general_purpose::STANDARD
+            .decode(picture["data"].as_str().unwrap())
+            .unwrap();
+        std::fs::write(path, bytes).unwrap();
+    }
+}
+
+async fn deliver(worker: &RawWorker, passes: u64) {
+    let mut delivered = 0;
+    while delivered < passes {
+        let leased = worker.lease().await;
+        let block = leased.1;
+        let nodes = block.passes().map(|pass| leaf(pass, film(pass)));
+        let node = nodes.reduce(|a, b| beamfarm_shared::merge::Node::join(a, b).unwrap());
+        let bytes = encode_block(&node.unwrap(), &worker.meta(block), &[]).unwrap();
+        worker.submit(leased, bytes).await.unwrap();
+        delivered += block.len();
+    }
+}
+
+const SET: &str = "(id, value) => {
+    const input = document.getElementById(id);
+    input.value = value;
+    input.dispatchEvent(new Event('input'));
+}";
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_image_changes_and_the_numbers_move() {
+    let coordinator = Coordinator::start(spec(6)).await;
+    let worker = RawWorker::register(&coordinator).await;
+    let _attendance = worker.attend().await;
+    let Some(mut page) = Browser::open(&coordinator.url()) else {
+        return;
+    };
+    let state = |text: &str| {
+        format!("document.getElementById('state')?.innerText.includes('{text}') ?? false")
+    };
+    let shows = |passes: u64| {
+        format!(
+            "document.getElementById('shown')?.dataset.passes === '{passes}' && document.getElementById('shown').complete"
+        )
+    };
+    page.wait_for(&state("0 of 6 passes"));
+    deliver(&worker, 2).await;
+    page.wait_for(&state("2 of 6 passes"));
+    page.wait_for(&shows(2));
+    let (mean, first) = page.picture();
+    deliver(&worker, 2).await;
+    page.wait_for(&state("4 of 6 passes"));
+    page.wait_for(&shows(4));
+    let (_, second) = page.picture();
+    assert_ne!(first, second);
+    let percent = page.evaluate("document.querySelector('progress').value");
+    assert_eq!(percent, json!(66.6));
+    let title = page.evaluate("document.title");
+    assert!(
+        title.as_str().unwrap().starts_with("67 % Rendering")
+            || title.as_str().unwrap().starts_with("66 % Rendering"),
+        "{title}"
+    );
+
+    // The slider, the map of the error, and the zoom.
+    page.evaluate(&format!("({SET})('exposure', '-3')"));
+    page.wait_for("document.getElementById('caption').innerText.includes('-3 EV')");
+    let (darker, _) = page.picture();
+    assert!(darker < 0.8 * mean, "{darker} {mean}");
+    page.evaluate(&format!("({SET})('view', 'error')"));
+    page.wait_for(
+        "document.getElementById('caption').innerText.startsWith('Error of passes 0 to 3')",
+    );
+    assert_eq!(
+        page.evaluate("document.getElementById('scale').hidden"),
+        json!(false)
+    );
+    page.evaluate(&format!("({SET})('zoom', '4')"));
+    assert_eq!(
+        page.evaluate("document.getElementById('shown').clientWidth"),
+        json!(160)
+    );
+
+    deliver(&worker, 2).await;
+    page.wait_for(&state("Complete"));
+    page.wait_for("document.getElementById('connection').innerText.includes('is over')");
+    page.wait_for(&shows(6));
+    assert_eq!(
+        page.evaluate("document.querySelectorAll('#curve circle').length > 1"),
+        json!(true)
+    );
+    assert_eq!(page.evaluate("window.wrongs"), json!([]));
+    // Nothing is wider than a phone.
+    let size = json!({"width": 360, "height": 800, "deviceScaleFactor": 1, "mobile": true});
+    page.call("Emulation.setDeviceMetricsOverride", size);
+    assert_eq!(
+        page.evaluate("document.documentElement.scrollWidth"),
+        json!(360)
+    );
+}
+
+/// Pictures of the page while a scene renders, for the README: light, dark and as on a phone, into the folder that
+/// BEAMFARM_SCREENSHOTS names. Run it with `--ignored`.
+#[tokio::test(flavor = "multi_thread")]
+#[ignore = "for the README's picture"]
+async fn the_page_in_pictures() {
+    let folder = std::env::var_os("BEAMFARM_SCREENSHOTS").expect("BEAMFARM_SCREENSHOTS=FOLDER");
+    let url = std::env::var("BEAMFARM_URL").expect("BEAMFARM_URL=http://HOST:PORT");
+    let mut page = Browser::open(&url).unwrap();
+    page.wait_for("document.getElementById('shown')?.dataset.passes > 0");
+    for (name, width, scheme) in [
+        ("light", 1200, "light"),
+        ("dark", 1200, "dark"),
+        ("phone", 390, "light"),
+    ] {
+        let path = Path::new(&folder).join(format!("{name}.png"));
+        page.screenshot(&path, width, scheme);
+    }
+}

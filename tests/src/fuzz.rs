@@ -235,7 +235,7 @@ pub fn layers() -> [Layer; 2] {
     [Layer::Depth, Layer::Light(LightGroup::named("key"))]
 }
 
-/// A message; the first byte says which.
+/// A message of the farm; the first byte says which.
 pub fn wire(data: &[u8]) {
     let Some((kind, data)) = data.split_first() else {
         return;
@@ -257,9 +257,17 @@ pub fn wire(data: &[u8]) {
                 let _ = header.block.map(Block::try_from);
             }
         }
+        // Nothing is taken out of these but numbers and text.
         _ => {
-            let _ = wire::Heartbeat::decode(data);
             let _ = wire::RegisterRequest::decode(data);
+            let _ = wire::FetchFileRequest::decode(data);
+            let _ = wire::FileChunk::decode(data);
+            let _ = wire::Heartbeat::decode(data);
+            let _ = wire::Notice::decode(data);
+            let _ = wire::LeaseRequest::decode(data);
+            let _ = wire::SubmitReply::decode(data);
+            let _ = wire::FailRequest::decode(data);
+            let _ = wire::FailReply::decode(data);
         }
     }
 }

@@ -5,6 +5,7 @@
 mod browser;
 mod calls;
 mod harness;
+mod hostile;
 mod limits;
 mod security;
 mod stopping;

@@ -1,0 +1,152 @@
+#!/usr/bin/env bash
+# A Slurm of this machine alone, the batch script on it, and the image against one that was rendered without: the same
+# bits, also when the job is requeued in the middle. Usage: slurm.sh PATH/TO/beamfarm
+#
+# Needs root, and slurmctld, slurmd, the client commands and munge. Where they are missing it says so, loudly, and
+# succeeds, unless BEAMFARM_NEED_SLURM=1.
+set -euo pipefail
+repository=$(cd "$(dirname "$0")/../.." && pwd)
+BEAMFARM=$(realpath "$1")
+export BEAMFARM
+
+for program in slurmctld slurmd munged sbatch srun scontrol sinfo; do
+    if ! command -v "$program" >/dev/null || ((EUID != 0)); then
+        echo "SKIPPED: the test of the Slurm script needs root, and $program" >&2
+        [[ ${BEAMFARM_NEED_SLURM:-0} == 0 ]] || exit 1
+        exit 0
+    fi
+done
+
+folder=$(mktemp -d)
+daemons=()
+finish() {
+    local code=$?
+    if ((code != 0)); then
+        tail -n 40 "$folder"/*.log >&2 || true
+    fi
+    scancel --user=root >/dev/null 2>&1 || true
+    ((${#daemons[@]} == 0)) || kill "${daemons[@]}" 2>/dev/null || true
+    wait || true
+    rm -rf "$folder"
+    exit "$code"
+}
+trap finish EXIT
+
+# wait_for SECONDS WHAT COMMAND...
+wait_for() {
+    local tries=$(($1 * 5)) what=$2
+    shift 2
+    until "$@"; do
+        if ((--tries <= 0)); then
+            echo "waited too long for $what" >&2
+            return 1
+        fi
+        sleep 0.2
+    done
+}
+
+free_port() {
+    python3 -c 'import socket; s = socket.socket(); s.bind(("127.0.0.1", 0)); print(s.getsockname()[1])'
+}
+
+host=$(hostname -s)
+export SLURM_CONF=$folder/slurm.conf
+mkdir "$folder/state" "$folder/spool" "$folder/munge"
+chmod 755 "$folder" "$folder/munge"
+head -c 1024 /dev/urandom >"$folder/munge/key"
+chmod 400 "$folder/munge/key"
+cat >"$SLURM_CONF" <<CONF
+ClusterName=test
+SlurmctldHost=$host(127.0.0.1)
+SlurmUser=root
+SlurmdUser=root
+SlurmctldPort=$(free_port)
+SlurmdPort=$(free_port)
+AuthType=auth/munge
+AuthInfo=socket=$folder/munge/socket
+CredType=cred/munge
+StateSaveLocation=$folder/state
+SlurmdSpoolDir=$folder/spool
+SlurmctldPidFile=$folder/slurmctld.pid
+SlurmdPidFile=$folder/slurmd.pid
+SlurmctldLogFile=$folder/slurmctld.log
+SlurmdLogFile=$folder/slurmd.log
+ProctrackType=proctrack/linuxproc
+TaskPlugin=task/none
+SwitchType=switch/none
+MpiDefault=none
+SelectType=select/cons_tres
+SelectTypeParameters=CR_CPU
+SlurmdParameters=config_overrides
+AccountingStorageType=accounting_storage/none
+JobAcctGatherType=jobacct_gather/none
+JobRequeue=1
+ReturnToService=2
+# A requeued job starts again soon.
+SchedulerParameters=sched_interval=1,sched_min_interval=0,requeue_setup_env_fail
+KillWait=15
+NodeName=$host NodeAddr=127.0.0.1 CPUs=4 State=UNKNOWN
+PartitionName=all Nodes=ALL Default=YES MaxTime=INFINITE State=UP
+CONF
+
+munged --foreground --force --key-file="$folder/munge/key" --socket="$folder/munge/socket" \
+    --pid-file="$folder/munge/pid" --seed-file="$folder/munge/seed" --log-file="$folder/munged.log" \
+    >"$folder/munged.log" 2>&1 &
+daemons+=($!)
+wait_for 10 munged test -S "$folder/munge/socket"
+slurmctld -D >"$folder/slurmctld.out.log" 2>&1 &
+daemons+=($!)
+slurmd -D >"$folder/slurmd.out.log" 2>&1 &
+daemons+=($!)
+is_idle() { [[ $(sinfo --noheader --format=%t 2>/dev/null) == idle ]]; }
+wait_for 60 "the node" is_idle
+
+cd "$folder"
+cp -r "$repository/scenes/sphere-caustic.toml" "$repository/scenes/meshes" . 2>/dev/null ||
+    cp "$repository/scenes/sphere-caustic.toml" .
+pixels() { grep -h '^pixels ' "$1" | tail -n 1; }
+state() { scontrol show job "$1" 2>/dev/null | sed -n 's/.*JobState=\([A-Z]*\).*/\1/p'; }
+completed() {
+    case $(state "$1") in
+    COMPLETED) return 0 ;;
+    FAILED | TIMEOUT | CANCELLED | NODE_FAIL)
+        echo "job $1: $(state "$1")" >&2
+        exit 1
+        ;;
+    *) return 1 ;;
+    esac
+}
+# submit NAME PASSES
+submit() {
+    BEAMFARM_HOST=127.0.0.1 sbatch --parsable --ntasks=3 --ntasks-per-node=3 --cpus-per-task=1 --output="$1.log" \
+        "$repository/deploy/slurm/beamfarm.sbatch" sphere-caustic.toml "$1.exr" --passes "$2"
+}
+same() {
+    [[ -n $(pixels "$1.log") && $(pixels "$1.log") == $(pixels "$2.log") ]] || {
+        echo "$1 and $2 have different pixels: '$(pixels "$1.log")', '$(pixels "$2.log")'" >&2
+        exit 1
+    }
+}
+
+short=${BEAMFARM_SLURM_PASSES:-8}
+long=$((short * 4))
+"$BEAMFARM" render sphere-caustic.toml --passes "$short" -o local.exr >local.log
+"$BEAMFARM" render sphere-caustic.toml --passes "$long" -o local-long.exr >local-long.log
+
+job=$(submit plain "$short")
+wait_for 240 "job $job" completed "$job"
+same plain local
+echo "slurm: the batch script's image has the bits of a local one"
+
+job=$(submit requeued "$long")
+# Some passes are there and some are not.
+begun() { [[ -s requeued.job/ledger.jsonl ]]; }
+wait_for 120 "the first passes" begun
+scontrol requeue "$job"
+wait_for 300 "job $job after it was requeued" completed "$job"
+grep -q 'start number 2' requeued.log || {
+    echo "the job was not requeued in mid-job" >&2
+    exit 1
+}
+same requeued local-long
+echo "slurm: requeued in mid-job, the image has the same bits"

@@ -44,6 +44,10 @@ pub struct WorkerArgs {
     #[arg(long, value_name = "TIME", default_value = "60s", value_parser = humantime::parse_duration)]
     pub patience: Duration,
 
+    /// Exit with 75 instead of 0 after SIGTERM or SIGINT, for schedulers that start whatever failed again elsewhere
+    #[arg(long)]
+    pub preemptible: bool,
+
     /// End when standard input does, and leave Ctrl-C to the parent process
     #[arg(long, hide = true)]
     pub with_parent: bool,
@@ -121,9 +125,12 @@ pub fn main(args: WorkerArgs) -> ExitCode {
         Err(error) => Err(WorkerError::Internal(error.to_string())),
     };
     let code = match result {
-        Ok(summary) => {
+        Ok((summary, stopped)) => {
             tracing::info!("done after {} passes", summary.passes);
-            exit::DONE
+            match stopped {
+                true => exit::PREEMPTED,
+                false => exit::DONE,
+            }
         }
         Err(error) => {
             eprintln!("error: {error}");
@@ -140,7 +147,8 @@ pub fn main(args: WorkerArgs) -> ExitCode {
     ExitCode::from(code)
 }
 
-async fn work(args: WorkerArgs) -> Result<Summary, WorkerError> {
+/// What it did, and whether that ended by a signal that means to start it again.
+async fn work(args: WorkerArgs) -> Result<(Summary, bool), WorkerError> {
     let internal = |error: std::io::Error| WorkerError::Internal(error.to_string());
     let drain = if args.with_parent {
         signals::ignore_interrupt().map_err(internal)?;
@@ -168,7 +176,9 @@ async fn work(args: WorkerArgs) -> Result<Summary, WorkerError> {
         },
         patience: args.patience,
     };
-    run(config, drain).await
+    let summary = run(config, drain.clone()).await?;
+    let stopped = args.preemptible && *drain.borrow();
+    Ok((summary, stopped))
 }
 
 /// The parent holds the other end of standard input: it closes when the parent dies, in whatever way.

@@ -15,6 +15,9 @@ pub const NOTHING: u8 = 4;
 pub const FAILED: u8 = 5;
 /// The coordinator refused the worker: another version, or wrong results. Not worth another try.
 pub const REFUSED: u8 = 6;
+/// With `--preemptible`: stopped by a signal before the job was over. Worth another try elsewhere (EX_TEMPFAIL of
+/// sysexits.h).
+pub const PREEMPTED: u8 = 75;
 
 /// The list for `--help`.
 pub const HELP: &str = "\
@@ -29,4 +32,5 @@ Exit codes:
      disagree about a pass); the passes before it were written, if any
   6  worker: refused by the coordinator (another version, wrong results); not
      worth another try
+  75 with --preemptible: stopped by a signal before the job was over
   130, 143  killed by a second SIGINT or SIGTERM";

@@ -32,6 +32,9 @@ impl Failure {
     pub fn refused(message: impl Display) -> Self {
         Self::new(exit::REFUSED, format!("error: {message}"))
     }
+    pub fn preempted(message: impl Display) -> Self {
+        Self::new(exit::PREEMPTED, format!("error: {message}"))
+    }
     fn new(code: u8, message: String) -> Self {
         Self { code, message }
     }

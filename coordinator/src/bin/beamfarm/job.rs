@@ -233,6 +233,11 @@ pub struct JobArgs {
     #[arg(long)]
     pub resume: bool,
 
+    /// Exit with 75 instead of 0 when SIGTERM or SIGINT ends the job before its last pass, for schedulers that start whatever
+    /// failed again: the next start goes on from the job folder
+    #[arg(long)]
+    pub preemptible: bool,
+
     /// Render only passes K to N - 1, for `beamfarm merge`
     #[arg(long, value_name = "K", default_value_t = 0, hide_default_value = true)]
     pub first_pass: u64,

@@ -163,6 +163,11 @@ impl Summary<'_> {
                 progress.divergent
             )));
         }
+        if let (Stop::Signal, true) = (&self.stop, self.args.preemptible) {
+            return Err(Failure::preempted(format!(
+                "stopped by a signal; {written}"
+            )));
+        }
         let has_passes = is_part && progress.prefix > self.args.first_pass;
         match (self.stop, self.image) {
             (_, Some(_)) => Ok(()),

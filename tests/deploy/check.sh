@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # The files of deploy/ against what reads them: Kubernetes' API schemas, OpenJD's, the Compose specification's, systemd's
-# own check, bash. Usage: check.sh
+# own check, bash. The OpenJD template is run as well, and its image's bits compared. Usage: check.sh PATH/TO/beamfarm
 set -euo pipefail
+program=$(realpath "$1")
 cd "$(dirname "$0")/../../deploy"
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
@@ -31,6 +32,19 @@ done
 echo "kubernetes: valid for 1.31 and 1.37"
 
 "$work/venv/bin/openjd" check openjd/beamfarm.yaml
+cp ../scenes/sphere-caustic.toml "$work"
+"$program" render "$work/sphere-caustic.toml" --passes 2 -o "$work/local.exr" >"$work/local"
+"$work/venv/bin/openjd" run openjd/beamfarm.yaml --step render -p "Program=$program" -p Workers=1 -p Passes=2 \
+    -p "Scene=$work/sphere-caustic.toml" -p "Output=$work/out.exr" >"$work/openjd" 2>&1 || {
+    cat "$work/openjd" >&2
+    exit 1
+}
+pixels=$(sed -n 's/^pixels //p' "$work/local")
+if [[ -z $pixels ]] || ! grep -q "$pixels" "$work/openjd"; then
+    echo "the image of the OpenJD job has other bits" >&2
+    exit 1
+fi
+echo "openjd: the template's image has the bits of a local one"
 
 "$work/venv/bin/python" - <<'PYTHON'
 import pathlib, yaml

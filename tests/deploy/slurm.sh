@@ -63,7 +63,8 @@ SlurmdUser=root
 SlurmctldPort=$(free_port)
 SlurmdPort=$(free_port)
 AuthType=auth/munge
-AuthInfo=socket=$folder/munge/socket
+# A requeued job waits until its credential has expired.
+AuthInfo=socket=$folder/munge/socket,cred_expire=10
 CredType=cred/munge
 StateSaveLocation=$folder/state
 SlurmdSpoolDir=$folder/spool
@@ -82,8 +83,7 @@ AccountingStorageType=accounting_storage/none
 JobAcctGatherType=jobacct_gather/none
 JobRequeue=1
 ReturnToService=2
-# A requeued job starts again soon.
-SchedulerParameters=sched_interval=1,sched_min_interval=0,requeue_setup_env_fail
+SchedulerParameters=sched_interval=1,sched_min_interval=0
 KillWait=15
 NodeName=$host NodeAddr=127.0.0.1 CPUs=4 State=UNKNOWN
 PartitionName=all Nodes=ALL Default=YES MaxTime=INFINITE State=UP
@@ -128,7 +128,7 @@ same() {
     }
 }
 
-short=${BEAMFARM_SLURM_PASSES:-8}
+short=${BEAMFARM_SLURM_PASSES:-6}
 long=$((short * 4))
 "$BEAMFARM" render sphere-caustic.toml --passes "$short" -o local.exr >local.log
 "$BEAMFARM" render sphere-caustic.toml --passes "$long" -o local-long.exr >local-long.log
@@ -140,7 +140,7 @@ echo "slurm: the batch script's image has the bits of a local one"
 
 job=$(submit requeued "$long")
 # Some passes are there and some are not.
-begun() { [[ -s requeued.job/ledger.jsonl ]]; }
+begun() { [[ -s requeued.job/checkpoint-0 && -s requeued.job/checkpoint-1 ]]; }
 wait_for 120 "the first passes" begun
 scontrol requeue "$job"
 wait_for 300 "job $job after it was requeued" completed "$job"

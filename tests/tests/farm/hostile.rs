@@ -1,5 +1,8 @@
 //! Every call of the farm with messages that are damaged: the coordinator answers, lives, and renders the right image.
 
+// Messages grow.
+#![allow(clippy::needless_update)]
+
 use crate::harness::{Coordinator, RawWorker, encode, film, leaf, spec};
 use beamfarm_coordinator::End;
 use beamfarm_proto::bytes::{Buf, BufMut, Bytes};

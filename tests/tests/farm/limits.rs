@@ -24,7 +24,6 @@ async fn coordinator(limits: Limits, security: Security) -> Coordinator {
     let timing = Timing {
         heartbeat: LONG,
         lease: LONG,
-        ..Timing::default()
     };
     Coordinator::start_behind(free_port(), spec(2), timing, (security, limits)).await
 }

@@ -45,7 +45,6 @@ async fn coordinator(security: Security) -> Coordinator {
     let timing = Timing {
         heartbeat: Duration::from_millis(50),
         lease: LONG,
-        ..Timing::default()
     };
     Coordinator::start_behind(free_port(), spec(1), timing, (security, Limits::default())).await
 }

@@ -48,8 +48,8 @@ pub struct Resumed {
 impl Folder {
     /// The directory of this job: a new one, or one that holds the same job, with what it has reached.
     ///
-    /// `limit_asked`: whether the number of passes is what someone asked for. If not, that of the directory counts, and
-    /// `spec` is changed.
+    /// `limit_asked`: whether someone asked for the number of passes, or for another end. If not, that of the directory counts,
+    /// if it has one, and `spec` is changed.
     pub fn open(
         path: &Path,
         spec: &mut JobSpec,
@@ -66,7 +66,7 @@ impl Folder {
             Err(error) => return Err(error),
         };
         let lock = lock(path)?;
-        let mut description = Description::new(spec, looks);
+        let description = Description::new(spec, looks);
         let mut differences = known.differences(&description);
         if known.first_pass != description.first_pass {
             let (there, here) = (known.first_pass, description.first_pass);
@@ -78,13 +78,14 @@ impl Folder {
                 differences: differences.join("; "),
             });
         }
-        if !limit_asked {
-            description.passes = known.passes;
-            spec.passes = known.passes.unwrap_or(beamfarm_shared::job::MAX_PASSES);
-        }
         let (mut folder, checkpoint) = Self::with(path, description, lock)?;
         let held = checkpoint.as_ref().and_then(|c| c.sum.nodes().last());
         let held = held.map_or(0, |node| node.block.passes().end);
+        if !limit_asked {
+            // A job without a limit was ended by something else, which nobody asks for now.
+            spec.passes = known.passes.unwrap_or(spec.passes.max(held));
+            folder.description.passes = known.passes;
+        }
         if held > spec.passes {
             return Err(StoreError::Different {
                 path: path.to_owned(),
@@ -118,6 +119,12 @@ impl Folder {
 
     fn create(path: &Path, spec: &JobSpec, looks: Looks) -> Result<Self, StoreError> {
         let lock = lock(path)?;
+        if let Some(parent) = path
+            .parent()
+            .filter(|parent| !parent.as_os_str().is_empty())
+        {
+            sync_folder(parent).map_err(StoreError::io(parent))?;
+        }
         write_bundle(path, &spec.bundle)?;
         let (folder, _) = Self::with(path, Description::new(spec, looks), lock)?;
         // Last: what has a job.json has all the rest.

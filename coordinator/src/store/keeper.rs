@@ -93,7 +93,8 @@ impl Work {
             if Instant::now() < self.due {
                 continue;
             }
-            let done = self.folder.append().and_then(|()| self.save());
+            let appended = self.folder.append();
+            let done = self.save().and(appended);
             match done {
                 Ok(()) if self.failing => {
                     self.failing = false;
@@ -123,6 +124,8 @@ impl Work {
         if state == self.saved {
             return Ok(());
         }
+        // Blocks are entered before they are added to the sum: with these, the ledger knows all of the checkpoint.
+        self.take_lines();
         let begun = Instant::now();
         self.folder.save(&mut checkpoint)?;
         let took = begun.elapsed();

@@ -114,6 +114,14 @@ fn another_job_is_refused_by_what_differs() {
     let mut unasked = spec(3);
     drop(Folder::open(&path, &mut unasked, Looks::default(), false).unwrap());
     assert_eq!(unasked.passes, 9);
+    // Nor does a job that had no limit go on forever when nobody says when to end.
+    let mut endless = spec(beamfarm_shared::job::MAX_PASSES);
+    drop(open(&path, &mut endless).unwrap());
+    for (scene, expected) in [(3, 5), (7, 7)] {
+        let mut unasked = spec(scene);
+        drop(Folder::open(&path, &mut unasked, Looks::default(), false).unwrap());
+        assert_eq!(unasked.passes, expected);
+    }
 }
 
 #[test]

@@ -2,7 +2,6 @@
 
 use crate::harness::*;
 use beamfarm_coordinator::{End, Start, Target};
-use beamfarm_proto::Grant;
 use beamfarm_shared::exr::pixel_hash;
 use beamfarm_shared::merge::{Average, TreeSum};
 use beamfarm_shared::sampler::{Purpose, Sampler};
@@ -49,11 +48,14 @@ async fn stop(target: Target, seed: u64) -> (Option<u64>, Average) {
         leased.swap(i, j.min(i));
     }
     for (worker, lease) in leased {
-        // Some come in after the end.
-        worker.deliver(lease).await.unwrap();
+        // Some come after the end, when nobody may be there any more.
+        let taken = worker.deliver(lease).await;
+        assert!(
+            taken.is_ok() || coordinator.farm.end().is_some(),
+            "{taken:?}"
+        );
     }
     assert_eq!(coordinator.ended().await, End::Complete);
-    assert_eq!(workers[0].grant().await.unwrap(), Grant::Done);
     let farm = coordinator.farm.clone();
     let average = tokio::task::spawn_blocking(move || farm.average());
     (

@@ -112,6 +112,7 @@ impl Control for Service {
                 beams: progress.stats.beams,
             }),
             workers: progress.workers_seen.into_iter().map(worker).collect(),
+            first_pass: watch.terms().first_pass,
             events: events.into_iter().map(event).collect(),
         }))
     }

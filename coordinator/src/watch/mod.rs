@@ -35,6 +35,10 @@ pub struct Terms {
     pub title: String,
     /// Time after which it stops.
     pub time: Option<Duration>,
+    /// Error at which it stops, for people.
+    pub target: Option<f64>,
+    /// First pass that it renders. Only from zero on do passes make an image.
+    pub first_pass: u64,
     /// Exposure of the picture that is shown first, stops.
     pub exposure: f32,
 }
@@ -199,13 +203,13 @@ impl Watch {
 
     /// Share of the job that is done, by passes or by time, whichever is nearer to its end.
     pub fn fraction(&self, progress: &Progress) -> f64 {
-        fraction(progress, self.elapsed(), self.terms.time)
+        fraction(progress, self.elapsed(), &self.terms)
     }
 
     /// Time to the end, by passes or by time, whichever comes first. `None` while nothing is known.
     pub fn remaining(&self, progress: &Progress) -> Option<Duration> {
         let rate = self.rates().passes;
-        remaining(progress, self.elapsed(), self.terms.time, rate)
+        remaining(progress, self.elapsed(), &self.terms, rate)
     }
 
     /// The requests to write the image, for the one who can. Until somebody asks for them nobody can.
@@ -235,23 +239,23 @@ impl Watch {
     }
 }
 
-fn fraction(progress: &Progress, elapsed: Duration, time: Option<Duration>) -> f64 {
-    let passes = progress.prefix as f64 / progress.limit.max(1) as f64;
-    let time = time.map_or(0.0, |time| elapsed.as_secs_f64() / time.as_secs_f64());
+fn fraction(progress: &Progress, elapsed: Duration, terms: &Terms) -> f64 {
+    let first = terms.first_pass;
+    let all = progress.limit.saturating_sub(first).max(1);
+    let passes = progress.prefix.saturating_sub(first) as f64 / all as f64;
+    let time = terms
+        .time
+        .map_or(0.0, |time| elapsed.as_secs_f64() / time.as_secs_f64());
     passes.max(time).min(1.0)
 }
 
-fn remaining(
-    progress: &Progress,
-    elapsed: Duration,
-    time: Option<Duration>,
-    rate: f64,
-) -> Option<Duration> {
-    let left = progress.limit.saturating_sub(progress.passes) as f64;
+fn remaining(progress: &Progress, elapsed: Duration, terms: &Terms, rate: f64) -> Option<Duration> {
+    let done = terms.first_pass.saturating_add(progress.passes);
+    let left = progress.limit.saturating_sub(done) as f64;
     // Not a number of seconds as long as nothing is known.
     let by_passes = Duration::try_from_secs_f64(left / rate).ok();
     let by_passes = by_passes.filter(|_| !progress.paused && progress.limit < MAX_PASSES);
-    let by_time = time.map(|time| time.saturating_sub(elapsed));
+    let by_time = terms.time.map(|time| time.saturating_sub(elapsed));
     by_passes.into_iter().chain(by_time).min()
 }
 
@@ -275,25 +279,38 @@ mod tests {
 
     #[test]
     fn the_nearer_end_counts() {
-        let (minute, ten) = (Duration::from_secs(60), Duration::from_secs(10));
+        let ten = Duration::from_secs(10);
+        let open = Terms::default();
+        let minute = Terms {
+            time: Some(Duration::from_secs(60)),
+            ..Terms::default()
+        };
         let mut progress = Progress {
             prefix: 50,
             passes: 50,
             limit: 100,
             ..Progress::default()
         };
-        assert_eq!(fraction(&progress, ten, Some(minute)), 0.5);
+        assert_eq!(fraction(&progress, ten, &minute), 0.5);
         let five = Some(Duration::from_secs(5));
-        assert_eq!(remaining(&progress, ten, Some(minute), 10.0), five);
+        assert_eq!(remaining(&progress, ten, &minute, 10.0), five);
         let fifty = Some(Duration::from_secs(50));
-        assert_eq!(remaining(&progress, ten, Some(minute), 0.5), fifty);
-        assert_eq!(remaining(&progress, ten, None, 0.0), None);
+        assert_eq!(remaining(&progress, ten, &minute, 0.5), fifty);
+        assert_eq!(remaining(&progress, ten, &open, 0.0), None);
+        // Half of the second half.
+        let part = Terms {
+            first_pass: 50,
+            ..Terms::default()
+        };
+        (progress.prefix, progress.passes) = (75, 25);
+        assert_eq!(fraction(&progress, ten, &part), 0.5);
+        assert_eq!(remaining(&progress, ten, &part, 5.0), five);
         progress.paused = true;
-        assert_eq!(remaining(&progress, ten, None, 10.0), None);
+        assert_eq!(remaining(&progress, ten, &open, 10.0), None);
         progress = Progress {
             limit: MAX_PASSES,
             ..Progress::default()
         };
-        assert_eq!(remaining(&progress, ten, None, 10.0), None);
+        assert_eq!(remaining(&progress, ten, &open, 10.0), None);
     }
 }

@@ -63,7 +63,8 @@ async fn make(watch: Arc<Watch>, pieces: watch::Sender<Pieces>) {
             () = pieces.closed() => return,
         };
         let made = page::pieces(&watch).await.into_iter();
-        let over_piece = over.then(|| ("over", Arc::from("")));
+        // Browsers drop events without data.
+        let over_piece = over.then(|| ("over", Arc::from("over")));
         let made = made.map(|(name, text)| (name, text.into()));
         pieces.send_replace(made.chain(over_piece).collect());
         if over {

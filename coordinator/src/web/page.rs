@@ -89,6 +89,8 @@ struct Page {
     width: u32,
     height: u32,
     pieces: [String; 5],
+    /// The job has no passes from zero on, and so no image.
+    is_part: bool,
     /// Passes of the picture; zero when there is none.
     shown: u64,
     exposure: f32,
@@ -130,6 +132,7 @@ pub(super) async fn page(web: &Web, asked: &Asked) -> Response {
         width: job.width,
         height: job.height,
         pieces: texts(watch),
+        is_part: watch.terms().first_pass > 0,
         shown: picture.map_or(0, |picture| picture.average.passes),
         exposure: asked.exposure(watch),
         lowest: *EXPOSURES.start(),
@@ -206,6 +209,9 @@ fn state(watch: &Watch, progress: &Progress) -> StatePiece {
         ("Estimated error", error),
         ("Workers", progress.workers.to_string()),
     ];
+    if let Some(error) = watch.terms().target {
+        facts.push(("Stops at", curve::percent(error)));
+    }
     if let Some(time) = watch.terms().time {
         facts.push(("Time limit", roughly(time)));
     }
@@ -218,7 +224,9 @@ fn state(watch: &Watch, progress: &Progress) -> StatePiece {
             MAX_PASSES => String::new(),
             limit => format!(" of {limit}"),
         },
-        ahead: progress.passes.saturating_sub(progress.prefix),
+        ahead: progress
+            .passes
+            .saturating_sub(progress.prefix.saturating_sub(watch.terms().first_pass)),
         facts,
     }
 }

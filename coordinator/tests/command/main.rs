@@ -5,4 +5,5 @@
 mod bench;
 mod runs;
 mod setup;
+mod steering;
 mod store;

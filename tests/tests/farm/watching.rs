@@ -180,7 +180,7 @@ async fn an_open_page_hears_the_news_and_the_end() {
     worker.deliver(leased).await.unwrap();
     wait_for("state", "Complete").await;
     wait_for("image", "data: 4").await;
-    wait_for("over", "data").await;
+    wait_for("over", "data: over").await;
     // There is time for the last picture.
     let last = ask(&coordinator, "GET /image.png?passes=4").await;
     assert_eq!(last.header("beamfarm-passes"), Some("4"));

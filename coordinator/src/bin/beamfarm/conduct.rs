@@ -47,6 +47,8 @@ pub async fn conduct(
     let terms = Terms {
         title: output.title(),
         time: args.time,
+        target: args.target_error,
+        first_pass: args.first_pass,
         exposure,
     };
     let watch = Watch::new(farm, terms);

@@ -55,6 +55,7 @@ struct Report {
     height: u32,
     state: &'static str,
     failure: Option<String>,
+    first_pass: u64,
     prefix: u64,
     passes: u64,
     limit: u64,
@@ -131,6 +132,7 @@ impl From<wire::StatusReply> for Report {
             height: reply.height,
             state,
             failure: Some(reply.failure).filter(|failure| !failure.is_empty()),
+            first_pass: reply.first_pass,
             prefix: reply.prefix,
             passes: reply.passes,
             limit: reply.limit,
@@ -204,7 +206,9 @@ impl Report {
             lines.push(format!("failure   {}", plain(failure)));
         }
         // Rounded down: nothing looks finished that is not.
-        let percent = 100.0 * self.prefix as f64 / self.limit.max(1) as f64;
+        let done = self.prefix.saturating_sub(self.first_pass) as f64;
+        let all = self.limit.saturating_sub(self.first_pass).max(1) as f64;
+        let percent = 100.0 * done / all;
         let percent = (10.0 * percent).floor() / 10.0;
         lines.push(match self.limit {
             MAX_PASSES => format!("passes    {}", self.prefix),

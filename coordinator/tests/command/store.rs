@@ -55,7 +55,7 @@ fn a_coordinator_killed_again_and_again_ends_with_the_same_bits() {
     let end = loop {
         let mut child = beamfarm(path, &args).spawn().unwrap();
         // From before the first look at the directory to after some checkpoints.
-        let patience = Duration::from_millis(random(kills) % 1200);
+        let patience = Duration::from_millis(random(kills) % 300);
         let begun = Instant::now();
         let ended = loop {
             if let Some(status) = child.try_wait().unwrap() {

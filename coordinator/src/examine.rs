@@ -111,7 +111,11 @@ pub fn examine(
     }
     Ok(Examined {
         pixels: pixel_hash(&node.sum),
-        hash: node_hash(&node),
+        // Of several passes there is more than pixels: all of the file, which is made of nothing else.
+        hash: match claim.block.level {
+            0 => node_hash(&node),
+            _ => claim.hash.0,
+        },
         node,
     })
 }

@@ -7,6 +7,7 @@
 mod control;
 mod examine;
 pub mod farm;
+mod intake;
 pub mod ledger;
 pub mod limits;
 pub mod listener;

@@ -2,13 +2,14 @@
 
 use crate::examine::{Claim, Flaw};
 use crate::farm::{Farm, Refusal};
-use crate::ledger::{Accepted, LedgerError};
+use crate::intake::Intake;
+use crate::ledger::{Accepted, LedgerError, Sentence};
 use crate::limits::{Limits, Pace};
 use beamfarm_proto::wire::farm_server::Farm as FarmService;
 use beamfarm_proto::wire::submit_request::Part;
 use beamfarm_proto::{CHUNK_BYTES, FileHash, LeaseId, VERSION, WireHash, WorkerId, wire};
 use beamfarm_shared::exr::encoded_size;
-use beamfarm_shared::job::SceneHash;
+use beamfarm_shared::job::{Block, SceneHash};
 use std::sync::Arc;
 use tokio::sync::{Semaphore, mpsc};
 use tokio::time::sleep;
@@ -18,21 +19,28 @@ use tracing::warn;
 
 /// Longest name of a worker, and longest message about a failure, in bytes.
 const TEXT_BYTES: usize = 1000;
+/// Blocks that a worker may claim.
+const HELD: usize = 16;
 
 pub(crate) struct Service {
     farm: Arc<Farm>,
     /// Deliveries that are decoded at the same time; others wait as bytes.
     decoders: Arc<Semaphore>,
     limits: Limits,
+    intake: Arc<Intake>,
 }
 
 impl Service {
     pub fn new(farm: Arc<Farm>, limits: Limits) -> Self {
         let cores = std::thread::available_parallelism().map_or(1, usize::from);
+        let job = farm.job();
+        let largest = encoded_size(job.width, job.height, &job.layers) as u64;
+        let intake = Arc::new(Intake::new(largest));
         Self {
             farm,
             decoders: Arc::new(Semaphore::new(cores)),
             limits,
+            intake,
         }
     }
 
@@ -51,9 +59,8 @@ impl From<LedgerError> for Status {
         let message = error.to_string();
         match error {
             LedgerError::UnknownWorker(_) => Self::not_found(message),
-            LedgerError::ShutOut(_) => Self::permission_denied(message),
+            LedgerError::ShutOut(..) => Self::permission_denied(message),
             LedgerError::NotLeased { .. } => Self::invalid_argument(message),
-            LedgerError::Divergent { .. } => Self::data_loss(message),
         }
     }
 }
@@ -65,6 +72,45 @@ impl From<Refusal> for Status {
             Refusal::Flaw(Flaw::Damaged) => Self::aborted(Flaw::Damaged.to_string()),
             Refusal::Flaw(flaw) => Self::invalid_argument(flaw.to_string()),
         }
+    }
+}
+
+/// Leases with the number of passes that are rendered of each.
+fn leases(beat: &wire::Heartbeat) -> Vec<(LeaseId, u64)> {
+    let rendered = beat.rendered.iter().copied().chain(std::iter::repeat(0));
+    let leases = beat.leases.iter().map(|lease| LeaseId(*lease));
+    leases.zip(rendered).collect()
+}
+
+/// Why the bytes of a delivery are not there.
+enum BodyError {
+    /// The connection.
+    Cut(Status),
+    /// The sender.
+    Wrong(String),
+}
+
+async fn read_body(
+    parts: &mut Streaming<wire::SubmitRequest>,
+    size: u64,
+) -> Result<Vec<u8>, BodyError> {
+    let mut bytes = Vec::with_capacity(size as usize);
+    while let Some(part) = parts.message().await.map_err(BodyError::Cut)? {
+        let Some(Part::Data(data)) = part.part else {
+            return Err(BodyError::Wrong("a part that is not data".into()));
+        };
+        if (bytes.len() + data.len()) as u64 > size {
+            let message = format!("more than the {size} bytes announced");
+            return Err(BodyError::Wrong(message));
+        }
+        bytes.extend_from_slice(&data);
+    }
+    match bytes.len() as u64 == size {
+        true => Ok(bytes),
+        false => Err(BodyError::Wrong(format!(
+            "{} bytes of the {size} announced",
+            bytes.len()
+        ))),
     }
 }
 
@@ -90,12 +136,26 @@ impl FarmService for Service {
             // A worker with another scene may stay: the reply tells it what to fetch.
             SceneHash::from_wire(&request.scene, "scene")?;
         }
-        let worker = self.farm.register(name, request.threads);
+        let canary = FileHash::from_wire(&request.canary, "canary")?;
+        let registered = self.farm.register(name, request.threads, canary.0);
+        let refused = |sentence: Sentence| Status::permission_denied(sentence.to_string());
+        let worker = registered.map_err(refused)?;
+        let mut leases = Vec::new();
+        if request.scene == self.farm.job().scene.to_wire() {
+            let held = request.held.into_iter().take(HELD);
+            let held = held.filter_map(|block| Block::try_from(block).ok());
+            leases = self.farm.claim(worker, held);
+        }
+        let lease = |(lease, block): (LeaseId, Block)| wire::Lease {
+            lease: lease.0,
+            block: Some(block.into()),
+        };
         let heartbeat = self.farm.timing().heartbeat;
         Ok(Response::new(wire::RegisterReply {
             worker: worker.0,
             job: Some(self.farm.job().into()),
             heartbeat_ms: u32::try_from(heartbeat.as_millis()).unwrap_or(u32::MAX),
+            leases: leases.into_iter().map(lease).collect(),
         }))
     }
 
@@ -135,8 +195,8 @@ impl FarmService for Service {
         };
         let worker = WorkerId(first.worker);
         let farm = self.farm.clone();
-        farm.beat(worker, first.leases.into_iter().map(LeaseId))?;
-        let attendance = farm.attend(worker);
+        farm.beat(worker, leases(&first))?;
+        let attendance = farm.attend(worker)?;
         let (sender, receiver) = mpsc::channel(1);
         let pace = Pace::new(self.limits.beats_per_second);
         tokio::spawn(async move {
@@ -145,8 +205,8 @@ impl FarmService for Service {
                 tokio::select! {
                     beat = beats.message() => match beat {
                         Ok(Some(beat)) if beat.worker == worker.0 => {
-                            let leases = beat.leases.into_iter().map(LeaseId);
-                            if farm.beat(worker, leases).is_err() {
+                            if let Err(error) = farm.beat(worker, leases(&beat)) {
+                                let _ = sender.send(Err(error.into())).await;
                                 break;
                             }
                             pace.next().await;
@@ -201,30 +261,25 @@ impl FarmService for Service {
         if claim.size > limit {
             return refuse(format!("{} bytes; expected at most {limit}", claim.size));
         }
-        let mut bytes = Vec::with_capacity(claim.size as usize);
-        while let Some(part) = parts.message().await? {
-            let Some(Part::Data(data)) = part.part else {
-                return refuse("a part that is not data".into());
-            };
-            if (bytes.len() + data.len()) as u64 > claim.size {
-                return refuse(format!("more than the {} bytes announced", claim.size));
-            }
-            bytes.extend_from_slice(&data);
-        }
-        if (bytes.len() as u64) < claim.size {
-            let (found, announced) = (bytes.len(), claim.size);
-            return refuse(format!("{found} bytes of the {announced} announced"));
-        }
+        let _delivery = self.intake.admit(claim.size).await?;
+        let bytes = match read_body(&mut parts, claim.size).await {
+            Ok(bytes) => bytes,
+            Err(BodyError::Cut(status)) => return Err(status),
+            Err(BodyError::Wrong(message)) => return refuse(message),
+        };
         let permit = self.decoders.clone().acquire_owned().await;
         let farm = self.farm.clone();
         let submitted = tokio::task::spawn_blocking(move || {
             let _permit = permit;
-            farm.submit(&claim, &bytes)
+            let accepted = farm.submit(&claim, &bytes);
+            (accepted, bytes)
         });
-        let accepted = submitted
+        let (accepted, bytes) = submitted
             .await
-            .map_err(|error| Status::internal(error.to_string()))??;
-        let duplicate = accepted == Accepted::Duplicate;
+            .map_err(|error| Status::internal(error.to_string()))?;
+        drop(bytes);
+        self.farm.set_intake(self.intake.seconds_per_block());
+        let duplicate = accepted? != Accepted::New;
         Ok(Response::new(wire::SubmitReply { duplicate }))
     }
 
@@ -234,7 +289,19 @@ impl FarmService for Service {
     ) -> Result<Response<wire::FailReply>, Status> {
         let request = request.into_inner();
         let (worker, lease) = (WorkerId(request.worker), LeaseId(request.lease));
-        self.farm.fail(worker, lease, shortened(&request.message))?;
+        let message = shortened(&request.message);
+        self.farm.fail(worker, lease, request.pass_index, message)?;
         Ok(Response::new(wire::FailReply {}))
+    }
+
+    async fn give_back(
+        &self,
+        request: Request<wire::GiveBackRequest>,
+    ) -> Result<Response<wire::GiveBackReply>, Status> {
+        let request = request.into_inner();
+        let leases = request.leases.into_iter().map(LeaseId).collect();
+        let worker = WorkerId(request.worker);
+        self.farm.give_back(worker, &leases, request.leaving)?;
+        Ok(Response::new(wire::GiveBackReply {}))
     }
 }

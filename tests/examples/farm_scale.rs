@@ -188,6 +188,7 @@ async fn worker(
         version: VERSION.into(),
         name: format!("simulated {index}"),
         threads: 1,
+        canary: vec![1; 32].into(),
         ..Default::default()
     };
     let reply = farm.register(request).await?.into_inner();
@@ -195,7 +196,7 @@ async fn worker(
     let (beats, receiver) = mpsc::channel(4);
     let beat = wire::Heartbeat {
         worker: reply.worker,
-        leases: Vec::new(),
+        ..Default::default()
     };
     beats.send(beat).await?;
     let mut notices = farm

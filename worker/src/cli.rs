@@ -44,6 +44,11 @@ pub struct WorkerArgs {
     #[arg(long, value_name = "TIME", default_value = "60s", value_parser = humantime::parse_duration)]
     pub patience: Duration,
 
+    /// After SIGINT or SIGTERM, how long to go on with what is being rendered. What cannot be done in that time is given
+    /// back at once, for others to render
+    #[arg(long, value_name = "TIME", default_value = "20s", value_parser = humantime::parse_duration)]
+    pub grace: Duration,
+
     /// Exit with 75 instead of 0 after SIGTERM or SIGINT, for schedulers that start whatever failed again elsewhere
     #[arg(long)]
     pub preemptible: bool,
@@ -175,6 +180,7 @@ async fn work(args: WorkerArgs) -> Result<(Summary, bool), WorkerError> {
             false => Some(args.cache.unwrap_or_else(cache::default_folder)),
         },
         patience: args.patience,
+        grace: args.grace,
     };
     let summary = run(config, drain.clone()).await?;
     let stopped = args.preemptible && *drain.borrow();

@@ -6,10 +6,12 @@ use beamfarm_proto::bytes::Bytes;
 use beamfarm_proto::wire::farm_client::FarmClient;
 use beamfarm_proto::wire::submit_request::Part;
 use beamfarm_proto::{
-    CHUNK_BYTES, FileEntry, FileHash, Grant, Job, LeaseId, VERSION, WireHash, WorkerId, wire,
+    CHUNK_BYTES, FileEntry, FileHash, Grant, Job, LeaseId, VERSION, WireError, WireHash, WorkerId,
+    wire,
 };
 use beamfarm_shared::job::{Block, PassStats, SceneHash};
 use std::future::Future;
+use std::hash::{BuildHasher, Hasher, RandomState};
 use std::time::Duration;
 use tokio::sync::mpsc;
 use tokio::time::{Instant, sleep};
@@ -40,6 +42,19 @@ pub struct Registration {
     pub job: Job,
     /// Time between heartbeats.
     pub heartbeat: Duration,
+    /// Leases of those of the blocks held that are still wanted.
+    pub leases: Vec<(LeaseId, Block)>,
+}
+
+/// How a worker introduces itself.
+#[derive(Clone, Debug)]
+pub struct Introduction {
+    /// Name for the coordinator's log.
+    pub name: String,
+    /// Rendering threads.
+    pub threads: u32,
+    /// Hash of the test picture.
+    pub canary: [u8; 32],
 }
 
 /// A rendered block on its way.
@@ -71,18 +86,27 @@ impl Client {
         }
     }
 
-    /// Introduce the worker, which holds this scene already, if any.
+    /// The same, but with less patience.
+    pub fn hasty(&self, patience: Duration) -> Self {
+        let farm = self.farm.clone();
+        let patience = patience.min(self.patience);
+        Self { farm, patience }
+    }
+
+    /// Introduce the worker, which holds this scene already, if any, and these blocks of it.
     pub async fn register(
         &self,
-        name: &str,
-        threads: u32,
+        introduction: &Introduction,
         scene: Option<SceneHash>,
+        held: Vec<Block>,
     ) -> Result<Registration, CallError> {
         let request = wire::RegisterRequest {
             version: VERSION.into(),
             scene: scene.map(|scene| scene.to_wire()).unwrap_or_default(),
-            name: name.into(),
-            threads,
+            name: introduction.name.clone(),
+            threads: introduction.threads,
+            canary: FileHash(introduction.canary).to_wire(),
+            held: held.into_iter().map(wire::Block::from).collect(),
         };
         let reply = self
             .persist(|mut farm| {
@@ -91,10 +115,17 @@ impl Client {
             })
             .await?
             .into_inner();
+        let refused = |error: WireError| CallError::Refused(error.to_string());
         let job = reply.job.unwrap_or_default();
+        let mut leases = Vec::new();
+        for lease in reply.leases {
+            let block = Block::try_from(lease.block.unwrap_or_default()).map_err(refused)?;
+            leases.push((LeaseId(lease.lease), block));
+        }
         Ok(Registration {
+            leases,
             worker: WorkerId(reply.worker),
-            job: Job::try_from(job).map_err(|error| CallError::Refused(error.to_string()))?,
+            job: Job::try_from(job).map_err(refused)?,
             heartbeat: Duration::from_millis(reply.heartbeat_ms.max(1).into()),
         })
     }
@@ -176,17 +207,39 @@ impl Client {
         .map(|_| ())
     }
 
-    /// Say that a leased block cannot be rendered.
+    /// Give leases back, or sign off.
+    pub async fn give_back(
+        &self,
+        worker: WorkerId,
+        leases: Vec<LeaseId>,
+        leaving: bool,
+    ) -> Result<(), CallError> {
+        let request = wire::GiveBackRequest {
+            worker: worker.0,
+            leases: leases.into_iter().map(|lease| lease.0).collect(),
+            leaving,
+        };
+        self.persist(|mut farm| {
+            let request = request.clone();
+            async move { farm.give_back(request).await }
+        })
+        .await
+        .map(|_| ())
+    }
+
+    /// Say that a leased block cannot be rendered, because of this pass of it.
     pub async fn fail(
         &self,
         worker: WorkerId,
         lease: LeaseId,
+        pass_index: u64,
         message: &str,
     ) -> Result<(), CallError> {
         let request = wire::FailRequest {
             worker: worker.0,
             lease: lease.0,
             message: message.into(),
+            pass_index,
         };
         self.persist(|mut farm| {
             let request = request.clone();
@@ -200,7 +253,7 @@ impl Client {
     where
         F: Future<Output = Result<T, Status>>,
     {
-        let begun = Instant::now();
+        let mut begun = Instant::now();
         let mut pause = FIRST_PAUSE;
         loop {
             let status = match call(self.farm.clone()).await {
@@ -216,14 +269,23 @@ impl Client {
                 | Code::Unimplemented
                 | Code::DataLoss
                 | Code::OutOfRange => return Err(CallError::Refused(status.message().into())),
+                // It is there, and has too much to do.
+                Code::ResourceExhausted => begun = Instant::now(),
                 _ => {}
             }
             if begun.elapsed() + pause > self.patience {
                 return Err(CallError::Unreachable(describe(&status)));
             }
-            tracing::debug!("{}; trying again in {pause:?}", describe(&status));
-            sleep(pause).await;
+            let wait = pause.mul_f64(jitter());
+            tracing::debug!("{}; trying again in {wait:?}", describe(&status));
+            sleep(wait).await;
             pause = (2 * pause).min(LONGEST_PAUSE);
         }
     }
+}
+
+/// Between 0.5 and 1.5, another every time: workers that lost their coordinator together do not come back together.
+fn jitter() -> f64 {
+    let random = RandomState::new().build_hasher().finish() >> 32;
+    0.5 + random as f64 / f64::from(u32::MAX)
 }

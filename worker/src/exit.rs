@@ -13,7 +13,7 @@ pub const NOTHING: u8 = 4;
 /// The job failed: a pass cannot be rendered, workers keep dying, or two machines disagree about a pass. The image before
 /// it was written, if there is one.
 pub const FAILED: u8 = 5;
-/// The coordinator refused the worker: another version, or wrong results. Not worth another try.
+/// The coordinator refused the worker: another version, another test picture, or wrong results. Not worth another try.
 pub const REFUSED: u8 = 6;
 /// With `--preemptible`: stopped by a signal before the job was over. Worth another try elsewhere (EX_TEMPFAIL of
 /// sysexits.h).
@@ -30,7 +30,7 @@ Exit codes:
   4  stopped before the first pass was complete: nothing was written
   5  the job failed (a pass cannot be rendered, workers keep dying, two machines
      disagree about a pass); the passes before it were written, if any
-  6  worker: refused by the coordinator (another version, wrong results); not
-     worth another try
+  6  worker: refused by the coordinator (another version, a machine that computes
+     other bits, wrong results); not worth another try
   75 with --preemptible: stopped by a signal before the job was over
   130, 143  killed by a second SIGINT or SIGTERM";

@@ -9,12 +9,15 @@
 //! wait.
 
 mod cache;
+mod canary;
 pub mod cli;
 mod client;
 pub mod exit;
 mod render;
 mod run;
 pub mod security;
+mod session;
 pub mod signals;
 
+pub use canary::canary;
 pub use run::{Config, Summary, WorkerError, run};

@@ -1,10 +1,14 @@
 //! The rendering threads.
 
+use crate::canary::canary;
 use crate::run::WorkerError;
 use beamfarm_proto::Job;
 use beamfarm_shared::bundle::Bundle;
-use beamfarm_shared::pass::{PassImage, render_pass};
+use beamfarm_shared::job::{Block, PassStats};
+use beamfarm_shared::merge::Node;
+use beamfarm_shared::pass::render_pass;
 use beamfarm_shared::plan::{RenderPlan, Scene};
+use beamfarm_shared::radius::Schedule;
 use beamfarm_shared::scene::SceneDescription;
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -16,6 +20,43 @@ use tokio::sync::oneshot;
 pub struct Prepared {
     scene: Scene,
     plan: RenderPlan,
+}
+
+impl Prepared {
+    /// Render a pass and add it to the sums of the passes before it.
+    fn add(&self, pass_index: u64, nodes: &mut Vec<Node>) -> Result<PassStats, String> {
+        let image = render_pass(&self.scene, &self.plan, pass_index);
+        let bad = image.stats.non_finite;
+        if bad > 0 {
+            return Err(format!("{bad} pixel values are not finite"));
+        }
+        let count = image.layers.len();
+        let scale = Schedule::new(&self.plan.settings).scale(pass_index);
+        let leaf = Node::leaf(pass_index, image.film).with_layers(image.layers);
+        let mut node = leaf.with_radius_scale(scale);
+        let (width, height) = (node.sum.width, node.sum.height);
+        // Looked at here, so that the pass can be named and not only the block.
+        node.check(width, height, count)
+            .map_err(|error| error.to_string())?;
+        while nodes
+            .last()
+            .is_some_and(|left| left.block == node.block.sibling())
+            && node.block.index % 2 == 1
+            && let Some(left) = nodes.pop()
+        {
+            node = Node::join(left, node).map_err(|error| error.to_string())?;
+        }
+        nodes.push(node);
+        Ok(image.stats)
+    }
+}
+
+/// A pass that cannot be rendered.
+#[derive(Debug)]
+pub struct Failed {
+    pub pass_index: u64,
+    /// Why.
+    pub message: String,
 }
 
 /// Threads that do nothing but render.
@@ -60,21 +101,43 @@ impl Renderer {
         }
     }
 
-    /// Render a pass. The error says what became of it instead.
-    pub async fn pass(
+    /// Hash of the test picture that this machine makes.
+    pub async fn canary(&self) -> Result<[u8; 32], WorkerError> {
+        match self.run(canary).await {
+            Ok(hash) => Ok(hash?),
+            Err(message) => Err(WorkerError::Internal(message)),
+        }
+    }
+
+    /// Render a block, one pass after the other, and add them up as a tree. `rendered` is told the number of passes that
+    /// are there.
+    pub async fn block(
         &self,
         prepared: &Arc<Prepared>,
-        pass_index: u64,
-    ) -> Result<PassImage, String> {
-        let prepared = prepared.clone();
-        let image = self
-            .run(move || render_pass(&prepared.scene, &prepared.plan, pass_index))
-            .await?;
-        let bad = image.stats.non_finite;
-        if bad > 0 {
-            return Err(format!("{bad} pixel values are not finite"));
+        block: Block,
+        rendered: impl Fn(u64),
+    ) -> Result<(Node, PassStats), Failed> {
+        // Nodes of falling level: the binary digits of the number of passes that are there.
+        let mut nodes: Vec<Node> = Vec::new();
+        let mut stats = PassStats::default();
+        for pass_index in block.passes() {
+            let prepared = prepared.clone();
+            let done = self.run(move || prepared.add(pass_index, &mut nodes).map(|s| (nodes, s)));
+            let failed = |message| Failed {
+                pass_index,
+                message,
+            };
+            let (grown, of_pass) = done.await.and_then(|done| done).map_err(failed)?;
+            nodes = grown;
+            stats += of_pass;
+            rendered(pass_index + 1 - block.start());
         }
-        Ok(image)
+        let missing = || Failed {
+            pass_index: block.start(),
+            message: "its passes do not add up".into(),
+        };
+        let node = nodes.pop().filter(|node| node.block == block);
+        node.map(|node| (node, stats)).ok_or_else(missing)
     }
 
     async fn run<T: Send + 'static>(

@@ -2,11 +2,14 @@
 //!
 //! Locks are held for the length of a look-up or of an addition of images, and never across an `.await`.
 
+mod calls;
 mod events;
 mod progress;
+mod settle;
 mod start;
 mod stopping;
 
+pub(crate) use calls::Refusal;
 pub use events::{Event, EventKind};
 pub use progress::{End, Progress, WorkerState, WorkerView};
 pub use start::{DoneBlock, Entry, EntryState, Start};
@@ -15,10 +18,9 @@ pub use stopping::Target;
 use events::Events;
 use stopping::Tested;
 
-use crate::examine::{Claim, Examined, Flaw, examine};
-use crate::ledger::{Accepted, Ledger, LedgerError, PixelHash, Rules};
+use crate::ledger::{Done, Ledger, PixelHash, Rules};
 use beamfarm_proto::bytes::Bytes;
-use beamfarm_proto::{FileHash, Grant, Job, LeaseId, Manifest, WorkerId};
+use beamfarm_proto::{FileHash, Job, Manifest};
 use beamfarm_shared::bundle::Bundle;
 use beamfarm_shared::job::{Block, JobSettings, MAX_PASSES};
 use beamfarm_shared::layer::Layer;
@@ -29,12 +31,14 @@ use std::hash::{BuildHasher, Hasher, RandomState};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 use tokio::sync::{Notify, mpsc, watch};
-use tokio::time::{Instant, timeout_at};
-use tracing::{debug, error, info, warn};
+use tokio::time::Instant;
+use tracing::{info, warn};
 
 /// Attempts at one pass before the job gives up. Passes are deterministic, so a second attempt only rules out a machine
 /// that miscalculates, and a third one two of them.
 const ATTEMPTS_PER_PASS: u32 = 3;
+/// Failures in a row before a worker is shut out.
+const FAILURES_PER_WORKER: u32 = 5;
 /// Wrong results before a worker is shut out. The worker's own program stops at its first.
 const REFUSALS_PER_WORKER: u32 = 3;
 
@@ -60,6 +64,9 @@ pub struct JobSpec {
 }
 
 /// How quickly the loss of a worker is noticed when its connection does not break.
+///
+/// A worker whose attempt failed gets nothing for a tenth of a heartbeat, twice as long after the next failure, and so on up
+/// to 6.4 heartbeats.
 #[derive(Clone, Copy, Debug)]
 pub struct Timing {
     /// Time between heartbeats.
@@ -99,7 +106,6 @@ pub struct Farm {
     /// Told whenever a pass becomes open again, or nothing more will.
     opened: Notify,
     end: watch::Sender<Option<End>>,
-    #[expect(dead_code, reason = "until blocks are entered")]
     entries: Option<mpsc::UnboundedSender<Entry>>,
 }
 
@@ -115,25 +121,43 @@ impl Farm {
             layers: spec.layers,
         };
         let files = spec.bundle.files.into_values().map(Bytes::from);
+        let salt = [0; 4].map(|_: u64| RandomState::new().build_hasher().finish());
+        let mut audit_salt = [0; 32];
+        for (bytes, salt) in audit_salt.chunks_mut(8).zip(salt) {
+            bytes.copy_from_slice(&salt.to_le_bytes());
+        }
         let rules = Rules {
+            first_pass: spec.first_pass,
             passes: spec.passes,
             lease: timing.lease,
             failures_per_pass: ATTEMPTS_PER_PASS,
+            failures_per_worker: FAILURES_PER_WORKER,
             refusals_per_worker: REFUSALS_PER_WORKER,
+            back_off: timing.heartbeat / 10,
+            audit_every: spec.audit_every,
+            audit_salt,
         };
         // Worker numbers only have to differ from those of a coordinator that stood here before.
         let first_worker = RandomState::new().build_hasher().finish() >> 32;
         let mut ledger = Ledger::new(rules, first_worker);
-        if let Some(sum) = &start.sum {
-            ledger.resume(spec.first_pass, sum.nodes().map(|node| node.block));
-        }
+        let empty = || {
+            TreeSum::new(job.width, job.height)
+                .with_layers(job.layers.len())
+                .with_first_pass(spec.first_pass)
+                .with_fence(0)
+        };
+        let sum = start.sum.unwrap_or_else(empty);
+        // What the sum does not hold is rendered again.
+        let held = start.done.iter().filter(|done| covers(&sum, done.block));
+        ledger.resume(held.map(|done| {
+            let by = (&*done.worker, done.hash);
+            (done.block, Some(by), done.audited)
+        }));
+        let nodes: Vec<Block> = sum.nodes().map(|node| node.block).collect();
+        ledger.resume_rest(nodes);
         let farm = Arc::new(Self {
             schedule: Schedule::new(&job.settings),
-            sum: Mutex::new(start.sum.unwrap_or_else(|| {
-                TreeSum::new(job.width, job.height)
-                    .with_layers(job.layers.len())
-                    .with_fence(0)
-            })),
+            sum: Mutex::new(sum),
             target: start.target,
             tested: Mutex::new(Tested::new(start.tested)),
             before: start.before,
@@ -154,8 +178,7 @@ impl Farm {
             end: watch::Sender::new(None),
         });
         farm.look();
-        let prefix = farm.sum().prefix();
-        farm.finish_at(prefix);
+        farm.settle();
         farm
     }
 
@@ -171,18 +194,29 @@ impl Farm {
 
     /// Where the job stands.
     pub fn progress(&self) -> Progress {
+        let now = self.now();
         let books = self.books();
+        let (audits_pending, divergent) = books.ledger.audits_pending();
         Progress {
             prefix: books.ledger.prefix(),
             passes: books.ledger.done(),
             limit: books.ledger.limit(),
+            workers_seen: books.ledger.views(now),
+            audits_pending,
+            divergent,
             ..books.progress.clone()
         }
     }
 
-    /// Hash of the pixels of a pass that is there, its layers among them: [`beamfarm_shared::exr::node_hash`].
-    pub fn pixel_hash(&self, pass_index: u64) -> Option<PixelHash> {
-        self.books().ledger.pixel_hash(pass_index)
+    /// Blocks that are there, in the order of their passes.
+    pub fn blocks(&self) -> Vec<Done> {
+        self.books().ledger.blocks().copied().collect()
+    }
+
+    /// Hash of the pixels of a block that is there, its layers among them: [`beamfarm_shared::exr::node_hash`] for a single
+    /// pass, that of the whole file for several.
+    pub fn block_hash(&self, block: Block) -> Option<PixelHash> {
+        self.books().ledger.block_hash(block)
     }
 
     /// The sum of all that is there, to be kept on a disk. Shares its images, so it takes no time.
@@ -252,192 +286,22 @@ impl Farm {
             .unwrap_or(End::Stopped)
     }
 
-    /// End the leases that have run out. To be called about once a heartbeat.
+    /// End the leases that have run out, and the job if nobody is left to wait for. To be called about once a heartbeat.
     pub fn expire(&self) {
         let now = self.now();
         let mut books = self.books();
         let expired = books.ledger.expire(now);
         books.progress.lost_leases += expired as u64;
+        if expired > 0 {
+            let text = format!("{expired} leases ran out; their passes are handed out again");
+            warn!("{text}");
+            books.events.push(EventKind::Lost, text);
+        }
         drop(books);
         if expired > 0 {
-            warn!("{expired} leases ran out; their passes are handed out again");
             self.opened.notify_waiters();
         }
-    }
-
-    pub(crate) fn file(&self, hash: FileHash) -> Option<Bytes> {
-        self.files.get(&hash).cloned()
-    }
-
-    pub(crate) fn register(&self, name: &str, threads: u32) -> WorkerId {
-        let mut books = self.books();
-        let worker = books.ledger.register();
-        books.progress.registered += 1;
-        drop(books);
-        info!("worker {} is {name:?} with {threads} threads", worker.0);
-        worker
-    }
-
-    /// The next pass, as soon as there is one, or `NotNow` after the time between heartbeats.
-    pub(crate) async fn lease(&self, worker: WorkerId) -> Result<Grant, LedgerError> {
-        let patience = Instant::now() + self.timing.heartbeat;
-        loop {
-            // Before the look at the ledger, so that no news slips in between.
-            let opened = self.opened.notified();
-            if self.end.borrow().is_some() {
-                return Ok(Grant::Done);
-            }
-            if self.books().progress.paused {
-                if timeout_at(patience, opened).await.is_err() {
-                    return Ok(Grant::NotNow);
-                }
-                continue;
-            }
-            let now = self.now();
-            let grant = self.books().ledger.lease(worker, now)?;
-            if let Grant::Lease(lease, block) = grant {
-                debug!("{block} leased to worker {} (lease {})", worker.0, lease.0);
-            }
-            if grant != Grant::NotNow {
-                return Ok(grant);
-            }
-            if timeout_at(patience, opened).await.is_err() {
-                return Ok(Grant::NotNow);
-            }
-        }
-    }
-
-    pub(crate) fn beat(
-        &self,
-        worker: WorkerId,
-        leases: impl IntoIterator<Item = LeaseId>,
-    ) -> Result<(), LedgerError> {
-        let now = self.now();
-        self.books().ledger.beat(worker, leases, now)
-    }
-
-    /// Count the worker as present until the value is dropped, which ends its leases.
-    pub(crate) fn attend(self: &Arc<Self>, worker: WorkerId) -> Attendance {
-        self.books().progress.workers += 1;
-        let farm = self.clone();
-        Attendance { farm, worker }
-    }
-
-    /// Whether a block that is about to arrive can be one that was asked for.
-    pub(crate) fn check(&self, claim: &Claim) -> Result<(), LedgerError> {
-        let books = self.books();
-        books.ledger.check(claim.worker, claim.lease, claim.block)
-    }
-
-    /// Look a delivered block over and add it to the sum. Takes milliseconds: not for a thread that serves others.
-    /// Returns whether it was there before.
-    pub(crate) fn submit(&self, claim: &Claim, bytes: &[u8]) -> Result<Accepted, Refusal> {
-        let Examined { node, pixels, hash } = match examine(&self.job, &self.schedule, claim, bytes)
-        {
-            Ok(examined) => examined,
-            Err(flaw) => {
-                self.reject(claim, &flaw);
-                return Err(flaw.into());
-            }
-        };
-        let accepted = {
-            let mut books = self.books();
-            let accepted = books
-                .ledger
-                .accept(claim.worker, claim.lease, claim.block, hash);
-            match accepted {
-                Ok(Accepted::New) => books.progress.stats += claim.stats,
-                Ok(Accepted::Duplicate) => books.progress.duplicates += 1,
-                Ok(Accepted::NotNeeded) => {}
-                Err(LedgerError::Divergent { .. }) => books.progress.divergent += 1,
-                Err(_) => books.progress.refused += 1,
-            }
-            accepted
-        };
-        let accepted = accepted.inspect_err(|error| error!("{error}"))?;
-        debug!(
-            "{} from worker {}: {accepted:?}, pixels {}",
-            claim.block, claim.worker.0, pixels
-        );
-        if accepted == Accepted::New {
-            let mut sum = self.sum();
-            if let Err(error) = sum.insert(node) {
-                // The ledger lets no block in twice and `examine` checked all else.
-                error!("{error}");
-                return Err(Refusal::Flaw(Flaw::Foreign(error.to_string())));
-            }
-            let prefix = sum.prefix();
-            drop(sum);
-            self.look();
-            self.finish_at(prefix);
-        }
-        Ok(accepted)
-    }
-
-    /// A worker could not render what it leased.
-    pub(crate) fn fail(
-        &self,
-        worker: WorkerId,
-        lease: LeaseId,
-        message: &str,
-    ) -> Result<(), LedgerError> {
-        let mut books = self.books();
-        let block = books.ledger.leased_block(lease).unwrap_or(Block::leaf(0));
-        books.ledger.fail(worker, lease, block, message)?;
-        books.progress.failures += 1;
-        drop(books);
-        warn!("{block} failed on worker {}: {message}", worker.0);
-        self.opened.notify_waiters();
-        let prefix = self.sum().prefix();
-        self.finish_at(prefix);
-        Ok(())
-    }
-
-    /// Enter into the books that a delivery does not count.
-    pub(crate) fn reject(&self, claim: &Claim, flaw: &Flaw) {
-        let Claim {
-            worker,
-            lease,
-            block,
-            ..
-        } = *claim;
-        warn!("{block} from worker {} is refused: {flaw}", worker.0);
-        self.books().progress.refused += 1;
-        match flaw {
-            Flaw::Damaged => {}
-            Flaw::Foreign(_) => {
-                self.books().ledger.refuse(worker, lease, block);
-                self.opened.notify_waiters();
-            }
-            Flaw::Pixels(message) => {
-                // The caller checked the lease; a worker that went away since changes nothing.
-                let _ = self.fail(worker, lease, message);
-            }
-        }
-    }
-
-    fn finish_at(&self, prefix: u64) {
-        let end = {
-            let books = self.books();
-            if prefix < books.ledger.limit() {
-                return;
-            }
-            match books.ledger.failed() {
-                Some(failure) => End::Failed(failure.clone()),
-                None => End::Complete,
-            }
-        };
-        self.finish(end);
-    }
-
-    fn finish(&self, end: End) {
-        let first = |known: &mut Option<End>| {
-            let first = known.is_none();
-            known.get_or_insert(end);
-            first
-        };
-        self.end.send_if_modified(first);
-        self.opened.notify_waiters();
+        self.settle();
     }
 
     fn now(&self) -> Duration {
@@ -470,39 +334,8 @@ pub enum ExtendError {
     TooMany,
 }
 
-/// Why a delivery was refused.
-#[derive(Debug, thiserror::Error)]
-pub(crate) enum Refusal {
-    /// Because of what is in it.
-    #[error(transparent)]
-    Flaw(#[from] Flaw),
-    /// Because of who sent it, or because of what is there already.
-    #[error(transparent)]
-    Ledger(#[from] LedgerError),
-}
-
-/// A worker's presence. Ends its leases when dropped.
-pub(crate) struct Attendance {
-    farm: Arc<Farm>,
-    worker: WorkerId,
-}
-
-impl Drop for Attendance {
-    fn drop(&mut self) {
-        let mut books = self.farm.books();
-        let lost = books.ledger.lost(self.worker);
-        books.progress.workers = books.progress.workers.saturating_sub(1);
-        books.progress.lost_leases += lost as u64;
-        drop(books);
-        let ended = self.farm.end.borrow().is_some();
-        if !ended && lost > 0 {
-            warn!(
-                "worker {} is gone; its {lost} passes are handed out again",
-                self.worker.0
-            );
-        } else if !ended {
-            info!("worker {} is gone", self.worker.0);
-        }
-        self.farm.opened.notify_waiters();
-    }
+/// All of the block's passes are part of the sum.
+fn covers(sum: &TreeSum, block: Block) -> bool {
+    let mut nodes = sum.nodes().map(|node| node.block.passes());
+    nodes.any(|node| node.start <= block.start() && block.passes().end <= node.end)
 }

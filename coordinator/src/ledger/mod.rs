@@ -1,28 +1,53 @@
 //! Who renders what: a state machine of leases. It has no clock, no lock and no network; whoever calls it says what time
 //! it is, as the time since the job began.
 //!
-//! A pass is `open`, `leased` or `done`. Open passes are handed out lowest first, so that the prefix of passes that are
-//! done, which is all that an image may be made of, grows without gaps.
+//! A pass is open, leased or done. Open passes are handed out lowest first, in aligned blocks, so that the prefix of
+//! passes that are done, which is all that an image may be made of, grows without gaps. What nobody is left to do but wait
+//! for is handed out a second time; as passes replay bit for bit, the first result counts and the second confirms it.
 
+mod audit;
+mod hand_out;
+mod level;
+mod ranges;
+mod register;
+mod standing;
+
+pub use standing::Sentence;
+
+use crate::farm::{WorkerState, WorkerView};
+use audit::Audit;
 use beamfarm_proto::{Grant, LeaseId, WorkerId};
 use beamfarm_shared::job::Block;
+use ranges::Ranges;
+use standing::Worker;
 use std::collections::{BTreeMap, BTreeSet};
+use std::ops::Range;
 use std::time::Duration;
 
 /// Hash of a delivered block's pixels.
 pub type PixelHash = [u8; 32];
 
-/// How patient a ledger is.
+/// How patient and how suspicious a ledger is.
 #[derive(Clone, Copy, Debug)]
 pub struct Rules {
-    /// Passes to render: [0, passes).
+    /// First pass to render.
+    pub first_pass: u64,
+    /// First pass not to render.
     pub passes: u64,
     /// A lease ends this long after it was given or last mentioned in a heartbeat.
     pub lease: Duration,
     /// The job fails when one pass failed this often.
     pub failures_per_pass: u32,
+    /// A worker is shut out when this many of its attempts in a row failed.
+    pub failures_per_worker: u32,
     /// A worker is shut out when it sent this many wrong results.
     pub refusals_per_worker: u32,
+    /// A worker whose attempt failed gets nothing for this long; twice as long after the next failure, and so on.
+    pub back_off: Duration,
+    /// One block in so many is rendered again by another worker; 0: none.
+    pub audit_every: u64,
+    /// Which blocks that are: nobody can know beforehand who does not know this.
+    pub audit_salt: [u8; 32],
 }
 
 /// What a worker may not do.
@@ -31,9 +56,9 @@ pub enum LedgerError {
     /// Not registered here.
     #[error("worker {0:?} is not registered here")]
     UnknownWorker(WorkerId),
-    /// Sent too many wrong results.
-    #[error("worker {0:?} is shut out after too many wrong results")]
-    ShutOut(WorkerId),
+    /// Not to be trusted.
+    #[error("worker {0:?} is shut out: {1}")]
+    ShutOut(WorkerId, Sentence),
     /// The lease was never given to this worker for this block.
     #[error("lease {lease:?} of {block:?} was never given to worker {worker:?}")]
     NotLeased {
@@ -44,16 +69,6 @@ pub enum LedgerError {
         /// The block claimed.
         block: Block,
     },
-    /// A block arrived twice, with different bits: one of the two machines is not to be trusted.
-    #[error("pass {} was delivered twice with different pixels, first by worker {first:?}, then by {second:?}", block.start())]
-    Divergent {
-        /// The block.
-        block: Block,
-        /// Whose pixels count.
-        first: WorkerId,
-        /// Whose pixels differ.
-        second: WorkerId,
-    },
 }
 
 /// What became of a block that passed every check.
@@ -63,7 +78,11 @@ pub enum Accepted {
     New,
     /// It was there already, with the same bits.
     Duplicate,
-    /// It lies beyond a pass that failed for good.
+    /// It was there already, with the same bits, from another worker: now it is certain.
+    Confirmed,
+    /// It was there already, with other bits. Others will decide.
+    Disputed,
+    /// It lies beyond a pass that failed for good, or others have rendered some of its passes.
     NotNeeded,
 }
 
@@ -74,43 +93,81 @@ pub struct Failure {
     pub pass_index: u64,
     /// How often it was tried.
     pub attempts: u32,
+    /// By how many workers.
+    pub workers: u32,
     /// What the last attempt said.
     pub message: String,
+}
+
+/// What follows from what others did, for whoever writes a log.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Note {
+    /// A worker is shut out.
+    ShutOut(WorkerId, Sentence),
+    /// Two workers disagree about a block.
+    Disputed(Block, WorkerId, WorkerId),
+    /// Another worker found the same bits.
+    Confirmed(Block, WorkerId, PixelHash),
+}
+
+/// A block that counts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Done {
+    /// Which passes.
+    pub block: Block,
+    /// Whose pixels, and their hash; unknown for passes of a sum that an earlier life of the job left.
+    pub by: Option<(WorkerId, PixelHash)>,
+    /// Two workers found these pixels.
+    pub confirmed: bool,
 }
 
 #[derive(Clone, Copy, Debug)]
 struct Lease {
     worker: WorkerId,
     block: Block,
+    begun: Duration,
     expires: Duration,
+    /// Passes of it that the worker has rendered.
+    rendered: u64,
+    /// Somebody else has rendered it already.
+    audit: bool,
 }
 
-#[derive(Clone, Copy, Debug, Default)]
-struct Worker {
-    refusals: u32,
-    accepted: u64,
+/// Attempts at a pass that failed.
+#[derive(Clone, Debug, Default)]
+struct Attempts {
+    count: u32,
+    workers: BTreeSet<WorkerId>,
 }
 
 /// The ledger of one job.
 #[derive(Debug)]
 pub struct Ledger {
     rules: Rules,
+    open: Ranges,
     /// Every lease ever given; the lease's number is its place. Kept, because a result may come long after its lease
     /// has ended, and is as good as any.
     leases: Vec<Lease>,
     /// Those that have not ended.
     active: BTreeSet<LeaseId>,
-    /// Lowest pass never handed out.
-    next: u64,
-    /// Handed out once, lost, and to be handed out again. All below `next`.
-    returned: BTreeSet<Block>,
-    done: BTreeMap<Block, (PixelHash, WorkerId)>,
+    /// By first pass; disjoint.
+    done: BTreeMap<u64, Done>,
+    passes_done: u64,
     /// Lowest pass that is not done.
     prefix: u64,
     workers: BTreeMap<WorkerId, Worker>,
     next_worker: u64,
-    failures: BTreeMap<Block, u32>,
+    /// Test picture of most workers, and the names of those that made each.
+    canary: Option<PixelHash>,
+    canaries: BTreeMap<PixelHash, BTreeSet<String>>,
+    attempts: BTreeMap<u64, Attempts>,
+    audits: BTreeMap<Block, Audit>,
+    /// Blocks of workers that are not to be trusted, still counted.
+    stained: Vec<Block>,
+    notes: Vec<Note>,
     failed: Option<Failure>,
+    /// Seconds that taking a block in takes.
+    intake: f64,
 }
 
 impl Ledger {
@@ -118,108 +175,67 @@ impl Ledger {
     /// the coordinator before is not taken for one of this.
     pub fn new(rules: Rules, first_worker: u64) -> Self {
         Self {
-            rules,
+            open: Ranges::from(rules.first_pass..rules.passes),
             leases: Vec::new(),
             active: BTreeSet::new(),
-            next: 0,
-            returned: BTreeSet::new(),
             done: BTreeMap::new(),
-            prefix: 0,
+            passes_done: 0,
+            prefix: rules.first_pass,
             workers: BTreeMap::new(),
             next_worker: first_worker,
-            failures: BTreeMap::new(),
+            canary: None,
+            canaries: BTreeMap::new(),
+            attempts: BTreeMap::new(),
+            audits: BTreeMap::new(),
+            stained: Vec::new(),
+            notes: Vec::new(),
             failed: None,
+            intake: 0.0,
+            rules,
         }
     }
 
-    /// Begin with this pass, and with these blocks done.
-    pub fn resume(&mut self, first_pass: u64, blocks: impl IntoIterator<Item = Block>) {
-        (self.prefix, self.next) = (first_pass, first_pass);
-        for block in blocks {
-            let end = block.passes().end;
-            for pass in self.next..end {
-                self.returned.insert(Block::leaf(pass));
-            }
-            for pass in block.passes() {
-                self.returned.remove(&Block::leaf(pass));
-                self.done.insert(Block::leaf(pass), ([0; 32], WorkerId(0)));
-            }
-            self.next = self.next.max(end);
-        }
-        while self.done.contains_key(&Block::leaf(self.prefix)) {
-            self.prefix += 1;
-        }
-    }
-
-    /// A new worker.
-    pub fn register(&mut self) -> WorkerId {
-        let worker = WorkerId(self.next_worker);
-        self.next_worker = self.next_worker.wrapping_add(1);
-        self.workers.insert(worker, Worker::default());
-        worker
-    }
-
-    /// The lowest open pass, if there is one.
-    pub fn lease(&mut self, worker: WorkerId, now: Duration) -> Result<Grant, LedgerError> {
-        let entry = self.worker(worker)?;
-        if entry.refusals >= self.rules.refusals_per_worker {
-            return Err(LedgerError::ShutOut(worker));
-        }
-        if self.is_complete() {
-            return Ok(Grant::Done);
-        }
-        self.expire(now);
-        let block = match self.returned.pop_first() {
-            Some(block) => block,
-            None if self.next < self.limit() => {
-                self.next += 1;
-                Block::leaf(self.next - 1)
-            }
-            None => return Ok(Grant::NotNow),
-        };
-        let lease = LeaseId(self.leases.len() as u64);
-        self.leases.push(Lease {
-            worker,
-            block,
-            expires: now + self.rules.lease,
-        });
-        self.active.insert(lease);
-        Ok(Grant::Lease(lease, block))
-    }
-
-    /// A sign of life: these leases are still worked on.
+    /// A sign of life: these leases are still worked on, and so many passes of each are rendered.
     pub fn beat(
         &mut self,
         worker: WorkerId,
-        leases: impl IntoIterator<Item = LeaseId>,
+        leases: impl IntoIterator<Item = (LeaseId, u64)>,
         now: Duration,
     ) -> Result<(), LedgerError> {
-        self.worker(worker)?;
-        for id in leases {
+        self.admitted(worker)?.seen(now);
+        for (id, rendered) in leases {
             if !self.active.contains(&id) {
                 continue;
             }
             let lease = &mut self.leases[id.0 as usize];
             if lease.worker == worker {
                 lease.expires = now + self.rules.lease;
+                lease.rendered = rendered.min(lease.block.len());
             }
         }
         Ok(())
     }
 
-    /// The worker's connection broke: its leases end. What it still delivers is welcome.
-    pub fn lost(&mut self, worker: WorkerId) -> usize {
-        self.end_leases(|lease| lease.worker == worker)
-    }
-
     /// End the leases that have run out.
     pub fn expire(&mut self, now: Duration) -> usize {
-        self.end_leases(|lease| lease.expires <= now)
+        self.end_leases(|_, lease| lease.expires <= now)
+    }
+
+    /// The worker does not want these leases any more, which is nobody's fault.
+    pub fn give_back(
+        &mut self,
+        worker: WorkerId,
+        leases: &BTreeSet<LeaseId>,
+    ) -> Result<usize, LedgerError> {
+        self.worker(worker)?;
+        Ok(self.end_leases(|id, lease| lease.worker == worker && leases.contains(&id)))
     }
 
     /// Is this the lease that the worker was given for this block? It need not be active.
     pub fn check(&self, worker: WorkerId, lease: LeaseId, block: Block) -> Result<(), LedgerError> {
-        self.worker(worker)?;
+        if let Some(sentence) = self.worker(worker)?.shut_out {
+            return Err(LedgerError::ShutOut(worker, sentence));
+        }
         let given = usize::try_from(lease.0)
             .ok()
             .and_then(|i| self.leases.get(i));
@@ -240,78 +256,117 @@ impl Ledger {
         lease: LeaseId,
         block: Block,
         pixels: PixelHash,
+        now: Duration,
     ) -> Result<Accepted, LedgerError> {
         self.check(worker, lease, block)?;
-        self.active.remove(&lease);
-        if let Some(&(known, first)) = self.done.get(&block) {
-            return if known == pixels {
-                Ok(Accepted::Duplicate)
-            } else {
-                let second = worker;
-                Err(LedgerError::Divergent {
-                    block,
-                    first,
-                    second,
-                })
-            };
+        let took = now.saturating_sub(self.leases[lease.0 as usize].begun);
+        let entry = self.admitted(worker)?;
+        entry.seen(now);
+        entry.delivered(block.len(), took);
+        let known = self.done.get(&block.start()).copied();
+        if let Some(known) = known.filter(|known| known.block == block) {
+            self.active.remove(&lease);
+            return self.compare(worker, known, pixels, now);
         }
-        if block.start() >= self.limit() {
+        let wider = |id: &LeaseId| {
+            let other = self.leases[id.0 as usize].block;
+            other.level > block.level && other.passes().contains(&block.start())
+        };
+        if block.passes().end > self.limit()
+            || self.first_done(block.passes()).is_some()
+            || self.active.iter().any(wider)
+        {
+            self.end_lease(lease);
             return Ok(Accepted::NotNeeded);
         }
-        // Another worker may be rendering it again: its lease must not put the block back.
+        // Others may be rendering some of it again: their leases must not put it back.
         let leases = &self.leases;
-        self.active
-            .retain(|id| leases[id.0 as usize].block != block);
-        self.returned.remove(&block);
-        self.done.insert(block, (pixels, worker));
-        if let Some(entry) = self.workers.get_mut(&worker) {
-            entry.accepted += 1;
-        }
-        while self.done.contains_key(&Block::leaf(self.prefix)) {
-            self.prefix += 1;
+        self.active.retain(|id| {
+            !block
+                .passes()
+                .contains(&leases[id.0 as usize].block.start())
+        });
+        self.open.remove(block.passes());
+        self.enter(Done {
+            block,
+            by: Some((worker, pixels)),
+            confirmed: false,
+        });
+        if self.is_audited(block) {
+            self.audits.insert(block, Audit::new(worker, pixels, now));
         }
         Ok(Accepted::New)
     }
 
-    /// The leased block cannot be rendered. After some attempts the job ends before it. A lease fails at most once: what
-    /// is said about one that has ended changes nothing.
+    fn enter(&mut self, done: Done) {
+        if let Some(entry) = done.by.and_then(|(id, _)| self.workers.get_mut(&id)) {
+            entry.passes += done.block.len();
+        }
+        self.passes_done += done.block.len();
+        self.done.insert(done.block.start(), done);
+        while let Some(next) = self.done.get(&self.prefix) {
+            self.prefix = next.block.passes().end;
+        }
+    }
+
+    /// The leased block cannot be rendered, because of this pass of it. After some attempts the job ends before that. A
+    /// lease fails at most once: what is said about one that has ended changes nothing.
     pub fn fail(
         &mut self,
         worker: WorkerId,
         lease: LeaseId,
-        block: Block,
+        pass_index: u64,
         message: &str,
+        now: Duration,
     ) -> Result<(), LedgerError> {
+        let block = self.leased_block(lease).unwrap_or(Block::leaf(0));
         self.check(worker, lease, block)?;
         if !self.active.contains(&lease) {
             return Ok(());
         }
-        self.release(lease);
-        let attempts = self.failures.entry(block).or_default();
-        *attempts += 1;
-        let attempts = *attempts;
-        let pass_index = block.start();
-        if attempts >= self.rules.failures_per_pass
-            && pass_index < self.limit()
-            && !self.done.contains_key(&block)
-        {
+        self.end_lease(lease);
+        let rules = self.rules;
+        if self.admitted(worker)?.failed(&rules, now) {
+            self.shut_out(worker, Sentence::Failures);
+        }
+        if let Some(audit) = self.audits.get_mut(&block) {
+            audit.unable.insert(worker);
+        }
+        let pass_index = match block.passes().contains(&pass_index) {
+            true => pass_index,
+            false => block.start(),
+        };
+        if self.first_done(pass_index..pass_index + 1).is_some() {
+            return Ok(());
+        }
+        let attempts = self.attempts.entry(pass_index).or_default();
+        attempts.count += 1;
+        attempts.workers.insert(worker);
+        let attempts = attempts.clone();
+        if attempts.count >= self.rules.failures_per_pass && pass_index < self.limit() {
             self.failed = Some(Failure {
                 pass_index,
-                attempts,
+                attempts: attempts.count,
+                workers: attempts.workers.len() as u32,
                 message: message.into(),
             });
-            self.returned.retain(|b| b.start() < pass_index);
+            self.open.remove(pass_index..u64::MAX);
         }
         Ok(())
     }
 
     /// What the worker sent was wrong, which says nothing about the block.
     pub fn refuse(&mut self, worker: WorkerId, lease: LeaseId, block: Block) {
-        if let Some(entry) = self.workers.get_mut(&worker) {
-            entry.refusals += 1;
+        let limit = self.rules.refusals_per_worker;
+        let Some(entry) = self.workers.get_mut(&worker) else {
+            return;
+        };
+        entry.refusals += 1;
+        if entry.refusals >= limit {
+            self.shut_out(worker, Sentence::Refusals);
         }
         if self.check(worker, lease, block).is_ok() {
-            self.release(lease);
+            self.end_lease(lease);
         }
     }
 
@@ -321,37 +376,53 @@ impl Ledger {
         self.leases.get(place).map(|lease| lease.block)
     }
 
-    /// Passes that the job will have: those asked for, or those before the one that failed.
+    /// When that was.
+    pub fn leased_at(&self, lease: LeaseId) -> Option<Duration> {
+        let place = usize::try_from(lease.0).ok()?;
+        self.leases.get(place).map(|lease| lease.begun)
+    }
+
+    /// So long does it take to take a block in, in seconds.
+    pub fn set_intake(&mut self, seconds: f64) {
+        self.intake = seconds;
+    }
+
+    /// First pass that the job will not have.
     pub fn limit(&self) -> u64 {
-        match &self.failed {
-            Some(failure) => failure.pass_index,
-            None => self.rules.passes,
-        }
+        let failed = self.failed.as_ref().map(|failure| failure.pass_index);
+        failed.map_or(self.rules.passes, |failed| failed.min(self.rules.passes))
     }
 
     /// Have so many passes, at least as many as before.
     pub fn extend(&mut self, passes: u64) {
-        self.rules.passes = self.rules.passes.max(passes);
+        if passes > self.rules.passes {
+            self.set_limit(passes);
+        }
     }
 
     /// Have so many passes, whatever was asked for. Those beyond are not needed any more.
     pub fn set_limit(&mut self, passes: u64) {
+        let before = self.rules.passes;
         self.rules.passes = passes;
+        self.open.remove(self.limit()..u64::MAX);
+        if before < passes {
+            self.reopen_passes(before..passes);
+        }
     }
 
-    /// All passes below the limit are done.
+    /// All passes below the limit are done, by workers that are trusted.
     pub fn is_complete(&self) -> bool {
-        self.prefix >= self.limit()
+        self.prefix >= self.limit() && self.stained.is_empty()
     }
 
-    /// Passes [0, prefix) are done.
+    /// All passes below [`Self::limit`] and from the first on, up to this one, are done.
     pub fn prefix(&self) -> u64 {
         self.prefix
     }
 
     /// Passes that are done, with those beyond the prefix.
     pub fn done(&self) -> u64 {
-        self.done.len() as u64
+        self.passes_done
     }
 
     /// The pass that ended the job, if one did.
@@ -359,40 +430,62 @@ impl Ledger {
         self.failed.as_ref()
     }
 
-    /// The pixels of a pass that is done.
-    pub fn pixel_hash(&self, pass_index: u64) -> Option<PixelHash> {
-        self.done.get(&Block::leaf(pass_index)).map(|done| done.0)
+    /// The pixels of a block that is done.
+    pub fn block_hash(&self, block: Block) -> Option<PixelHash> {
+        let done = self.done.get(&block.start())?;
+        let (_, hash) = done.by.filter(|_| done.block == block)?;
+        Some(hash)
     }
 
-    /// Passes that counted, per worker.
-    pub fn accepted_per_worker(&self) -> impl Iterator<Item = (WorkerId, u64)> + '_ {
-        self.workers.iter().map(|(id, entry)| (*id, entry.accepted))
+    /// Blocks that are done, in the order of their passes.
+    pub fn blocks(&self) -> impl Iterator<Item = &Done> + '_ {
+        self.done.values()
     }
 
-    fn worker(&self, worker: WorkerId) -> Result<&Worker, LedgerError> {
-        let unknown = LedgerError::UnknownWorker(worker);
-        self.workers.get(&worker).ok_or(unknown)
+    /// What followed from what others did, since this was last asked.
+    pub fn take_notes(&mut self) -> Vec<Note> {
+        std::mem::take(&mut self.notes)
     }
 
-    fn release(&mut self, lease: LeaseId) {
-        if self.active.remove(&lease) {
-            let block = self.leases[lease.0 as usize].block;
-            if block.start() < self.limit() {
-                self.returned.insert(block);
-            }
+    /// First of these passes that is done.
+    fn first_done(&self, passes: Range<u64>) -> Option<u64> {
+        let before = self.done.range(..passes.start).next_back();
+        if before.is_some_and(|(_, done)| done.block.passes().end > passes.start) {
+            return Some(passes.start);
         }
+        self.done.range(passes).next().map(|(start, _)| *start)
     }
 
-    fn end_leases(&mut self, ended: impl Fn(&Lease) -> bool) -> usize {
+    fn end_leases(&mut self, ended: impl Fn(LeaseId, &Lease) -> bool) -> usize {
         let leases = &self.leases;
         let ended: Vec<LeaseId> = self
             .active
             .iter()
             .copied()
-            .filter(|id| ended(&leases[id.0 as usize]))
+            .filter(|id| ended(*id, &leases[id.0 as usize]))
             .collect();
-        ended.iter().for_each(|id| self.release(*id));
+        ended.iter().for_each(|id| self.end_lease(*id));
         ended.len()
+    }
+
+    /// Its passes are open again, but for those that are done or that somebody else holds.
+    fn end_lease(&mut self, lease: LeaseId) {
+        if self.active.remove(&lease) && !self.leases[lease.0 as usize].audit {
+            self.reopen_passes(self.leases[lease.0 as usize].block.passes());
+        }
+    }
+
+    fn reopen_passes(&mut self, passes: Range<u64>) {
+        let mut again = Ranges::from(passes.start..passes.end.min(self.limit()));
+        let held = self.active.iter().map(|id| &self.leases[id.0 as usize]);
+        for lease in held.filter(|lease| !lease.audit) {
+            again.remove(lease.block.passes());
+        }
+        let first = self.done.range(..passes.start).next_back();
+        for done in first.into_iter().chain(self.done.range(passes)) {
+            again.remove(done.1.block.passes());
+        }
+        again.iter().for_each(|range| self.open.insert(range));
     }
 }
 

@@ -5,7 +5,7 @@ use beamfarm_coordinator::{End, Timing};
 use beamfarm_proto::wire::farm_client::FarmClient;
 use beamfarm_proto::{FileHash, Grant, VERSION, WireHash, wire};
 use beamfarm_shared::exr::pixel_hash;
-use beamfarm_shared::job::SceneHash;
+use beamfarm_shared::job::{Block, SceneHash};
 use beamfarm_shared::merge::TreeSum;
 use std::time::Duration;
 use tonic::Code;
@@ -96,7 +96,7 @@ async fn a_silent_worker_loses_its_pass() {
     assert!(!silent.deliver(leased).await.unwrap().duplicate);
     assert!(other.deliver(again).await.unwrap().duplicate);
     assert_eq!(coordinator.ended().await, End::Complete);
-    assert_eq!(coordinator.farm.progress().duplicates, 1);
+    assert_eq!(coordinator.farm.progress().audits, 1);
 }
 
 #[tokio::test]
@@ -122,7 +122,8 @@ async fn arrival_order_does_not_change_a_bit() {
         assert_eq!(coordinator.ended().await, End::Complete);
         assert_eq!(coordinator.farm.average().unwrap(), expected);
         for pass_index in 0..PASSES {
-            let hash = coordinator.farm.pixel_hash(pass_index).unwrap();
+            let pass = Block::leaf(pass_index);
+            let hash = coordinator.farm.block_hash(pass).unwrap();
             assert_eq!(FileHash(hash).to_string(), pixel_hash(&film(pass_index)));
         }
     }
@@ -187,6 +188,7 @@ async fn a_pass_that_cannot_be_rendered_ends_the_job_before_it() {
             worker: worker.id,
             lease: bad.0.0,
             message: "2 pixel values are not finite".into(),
+            pass_index: 3,
         };
         worker.farm.clone().fail(request).await.unwrap();
         if attempt < 3 {

@@ -3,6 +3,7 @@
 use beamfarm_coordinator::limits::Limits;
 use beamfarm_coordinator::security::Security;
 use beamfarm_coordinator::{End, Entrance, Farm, JobSpec, Start, Terms, Timing, Watch, server};
+use beamfarm_proto::bytes::Bytes;
 use beamfarm_proto::wire::farm_client::FarmClient;
 use beamfarm_proto::wire::submit_request::Part;
 use beamfarm_proto::{FileHash, Grant, LeaseId, VERSION, WireHash, wire};
@@ -14,7 +15,7 @@ use beamfarm_shared::merge::Node;
 use beamfarm_shared::radius::Schedule;
 use beamfarm_shared::sampler::{Purpose, Sampler};
 use std::net::SocketAddr;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 use tokio::net::TcpListener;
 use tokio::runtime::{Builder, Runtime};
@@ -174,6 +175,17 @@ impl Coordinator {
         }
     }
 
+    /// A coordinator that begins with what another one left.
+    pub async fn resume_on(
+        listener: std::net::TcpListener,
+        spec: JobSpec,
+        timing: Timing,
+        start: Start,
+    ) -> Self {
+        let doors = (Security::default(), Limits::default());
+        Self::start_with(listener, spec, timing, doors, start).await
+    }
+
     /// How the job ends. Failing is better than waiting forever.
     pub async fn ended(&self) -> End {
         let patience = Duration::from_secs(120);
@@ -207,6 +219,15 @@ impl WorkerHandle {
 }
 
 pub fn start_worker(url: String, threads: usize, patience: Duration) -> WorkerHandle {
+    start_worker_with(url, threads, patience, LONG)
+}
+
+pub fn start_worker_with(
+    url: String,
+    threads: usize,
+    patience: Duration,
+    grace: Duration,
+) -> WorkerHandle {
     let (drain, receiver) = watch::channel(false);
     let config = beamfarm_worker::Config {
         url,
@@ -215,6 +236,7 @@ pub fn start_worker(url: String, threads: usize, patience: Duration) -> WorkerHa
         name: "test".into(),
         cache: None,
         patience,
+        grace,
     };
     let task = tokio::spawn(beamfarm_worker::run(config, receiver));
     WorkerHandle { drain, task }
@@ -232,11 +254,16 @@ pub type Attendance = (mpsc::Sender<wire::Heartbeat>, Streaming<wire::Notice>);
 
 impl RawWorker {
     pub async fn register(coordinator: &Coordinator) -> Self {
+        Self::named(coordinator, "raw").await
+    }
+
+    pub async fn named(coordinator: &Coordinator, name: &str) -> Self {
         let mut farm = FarmClient::connect(coordinator.url()).await.unwrap();
         let request = wire::RegisterRequest {
             version: VERSION.into(),
-            name: "raw".into(),
+            name: name.into(),
             threads: 1,
+            canary: canary(),
             ..Default::default()
         };
         let reply = farm.register(request).await.unwrap().into_inner();
@@ -251,7 +278,7 @@ impl RawWorker {
         let (sender, beats) = mpsc::channel(4);
         let beat = wire::Heartbeat {
             worker: self.id,
-            leases: Vec::new(),
+            ..Default::default()
         };
         sender.try_send(beat).unwrap();
         let notices = self
@@ -323,11 +350,7 @@ impl RawWorker {
 
     /// Deliver the picture of [`film`].
     pub async fn deliver(&self, leased: (LeaseId, Block)) -> Result<wire::SubmitReply, Status> {
-        let pass_index = leased.1.start();
-        let bytes = encode(
-            &Node::leaf(pass_index, film(pass_index)),
-            &self.meta(leased.1),
-        );
+        let bytes = encode(&node(leased.1), &self.meta(leased.1));
         self.submit(leased, bytes).await
     }
 
@@ -343,10 +366,30 @@ impl RawWorker {
     }
 }
 
+/// Hash of the test picture, as every worker of the library sends it.
+pub fn canary() -> Bytes {
+    static CANARY: OnceLock<[u8; 32]> = OnceLock::new();
+    let hash = CANARY.get_or_init(|| beamfarm_worker::canary().unwrap());
+    Bytes::copy_from_slice(hash)
+}
+
 /// A pass as the farm knows it.
 pub fn leaf(pass_index: u64, film: Film) -> Node {
     let scale = Schedule::new(&settings()).scale(pass_index);
     Node::leaf(pass_index, film).with_radius_scale(scale)
+}
+
+/// A block of passes that nobody has to render.
+pub fn node(block: Block) -> Node {
+    match block.level {
+        0 => leaf(block.start(), film(block.start())),
+        _ => {
+            let level = block.level - 1;
+            let index = 2 * block.index;
+            let left = Block { level, index };
+            Node::join(node(left), node(left.sibling())).unwrap()
+        }
+    }
 }
 
 pub fn encode(node: &Node, meta: &BlockMeta) -> Vec<u8> {

@@ -2,8 +2,10 @@
 
 #![allow(clippy::unwrap_used)]
 
+mod audits;
 mod browser;
 mod calls;
+mod chaos;
 mod harness;
 mod hostile;
 mod limits;

@@ -71,6 +71,7 @@ async fn work(url: String, credentials: Credentials) -> WorkerResult {
 async fn register(url: &str, credentials: &Credentials) -> Code {
     let request = wire::RegisterRequest {
         version: VERSION.into(),
+        canary: vec![1; 32].into(),
         ..Default::default()
     };
     let mut farm = FarmClient::new(credentials.link(url).unwrap());

@@ -213,18 +213,27 @@ async fn duplicates_count_once_and_other_bits_are_an_error() {
     let coordinator = Coordinator::start(spec(2)).await;
     let worker = RawWorker::register(&coordinator).await;
     let leased = worker.lease().await;
+    let next = worker.lease().await;
     assert!(!worker.deliver(leased).await.unwrap().duplicate);
     assert!(worker.deliver(leased).await.unwrap().duplicate);
     let mut other = film(0);
     other.pixels[7][1] = other.pixels[7][1].next_up();
     let bytes = encode(&Node::leaf(0, other), &worker.meta(leased.1));
     let status = worker.submit(leased, bytes).await.unwrap_err();
-    assert_eq!(status.code(), Code::DataLoss);
+    assert_eq!(status.code(), Code::PermissionDenied);
     assert!(status.message().contains("different pixels"), "{status}");
     let progress = coordinator.farm.progress();
-    assert_eq!((progress.duplicates, progress.divergent), (1, 1));
-    assert_eq!(progress.passes, 1);
-    assert_eq!(coordinator.farm.average().unwrap().beauty, film(0));
+    assert_eq!((progress.duplicates, progress.dropped), (1, 1));
+    // It says two things: neither is believed.
+    assert_eq!(progress.passes, 0);
+    let status = worker.deliver(next).await.unwrap_err();
+    assert_eq!(status.code(), Code::PermissionDenied);
+    let other = RawWorker::named(&coordinator, "other").await;
+    for _ in 0..2 {
+        let leased = other.lease().await;
+        other.deliver(leased).await.unwrap();
+    }
+    assert_eq!(coordinator.ended().await, End::Complete);
 }
 
 #[tokio::test]

@@ -191,6 +191,7 @@ async fn names_of_workers_cannot_write_the_page() {
     let coordinator = Coordinator::start(spec(2)).await;
     let mut farm = FarmClient::connect(coordinator.url()).await.unwrap();
     let request = wire::RegisterRequest {
+        canary: crate::harness::canary(),
         version: VERSION.into(),
         name: "</td><script>alert(1)</script>".into(),
         threads: 3,

@@ -2,11 +2,13 @@
 
 use crate::harness::{
     Coordinator, LONG, RawWorker, SCENE, WIDTH, free_port, leaf, settings, spec, start_worker,
+    start_worker_with,
 };
-use beamfarm_coordinator::{End, Timing};
+use beamfarm_coordinator::{End, JobSpec, Timing, WorkerState, WorkerView};
 use beamfarm_proto::FileHash;
 use beamfarm_shared::bundle::Bundle;
 use beamfarm_shared::exr::pixel_hash;
+use beamfarm_shared::job::Block;
 use beamfarm_shared::merge::{Average, TreeSum};
 use beamfarm_shared::pass::render_pass;
 use beamfarm_shared::plan::{RenderPlan, Scene};
@@ -50,9 +52,12 @@ async fn workers_and_threads_do_not_change_a_bit() {
             average == expected,
             "{workers} workers of {threads} threads"
         );
-        for (pass_index, hash) in hashes.iter().enumerate() {
-            let known = coordinator.farm.pixel_hash(pass_index as u64).unwrap();
-            assert_eq!(FileHash(known).to_string(), *hash);
+        for done in coordinator.farm.blocks() {
+            let (_, known) = done.by.unwrap();
+            if done.block.level == 0 {
+                let hash = &hashes[done.block.start() as usize];
+                assert_eq!(FileHash(known).to_string(), *hash);
+            }
         }
     }
 }
@@ -138,4 +143,63 @@ async fn a_scene_that_the_worker_cannot_read_is_named() {
         Err(WorkerError::Scene(error)) => assert!(error.to_string().contains("scene.toml:")),
         other => panic!("{other:?}"),
     }
+}
+
+/// The job with passes of a second or so.
+fn slow(passes: u64) -> JobSpec {
+    let mut spec = spec(passes);
+    spec.settings.paths_per_pass = 100_000;
+    spec
+}
+
+/// Wait until the worker of this name renders something.
+async fn rendering(coordinator: &Coordinator, name: &str) -> Block {
+    loop {
+        let workers = coordinator.farm.progress().workers_seen;
+        let found = workers.iter().find(|worker| worker.name == name);
+        if let Some((block, _)) = found.and_then(|worker| worker.rendering) {
+            return block;
+        }
+        tokio::time::sleep(Duration::from_millis(2)).await;
+    }
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_worker_without_time_gives_its_pass_back() {
+    let coordinator = Coordinator::start(slow(1)).await;
+    let worker = start_worker_with(coordinator.url(), 1, LONG, Duration::ZERO);
+    assert_eq!(rendering(&coordinator, "test").await, Block::leaf(0));
+    worker.drain.send_replace(true);
+    assert_eq!(worker.join().await.unwrap().passes, 0);
+    // The lease would run for an hour.
+    let other = RawWorker::register(&coordinator).await;
+    assert_eq!(other.lease().await.1, Block::leaf(0));
+    let progress = coordinator.farm.progress();
+    assert_eq!((progress.failures, progress.passes), (0, 0));
+    let left = |worker: &WorkerView| (worker.name == "test").then_some(worker.state);
+    let states: Vec<_> = progress.workers_seen.iter().filter_map(left).collect();
+    assert_eq!(states, [WorkerState::Gone]);
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_restarted_coordinator_gets_what_was_being_rendered() {
+    let timing = Timing {
+        heartbeat: Duration::from_millis(50),
+        lease: LONG,
+    };
+    let port = free_port();
+    let listener = port.try_clone().unwrap();
+    let first = Coordinator::start_on(listener, slow(2), timing).await;
+    let other = RawWorker::register(&first).await;
+    assert_eq!(other.lease().await.1, Block::leaf(0));
+    let worker = first.worker(1);
+    assert_eq!(rendering(&first, "test").await, Block::leaf(1));
+    drop(first);
+    // It would lease pass 0 here if it began anew.
+    let second = Coordinator::start_on(port, slow(2), timing).await;
+    assert_eq!(rendering(&second, "test").await, Block::leaf(1));
+    assert_eq!(second.ended().await, End::Complete);
+    assert_eq!(worker.join().await.unwrap().passes, 2);
+    let progress = second.farm.progress();
+    assert_eq!((progress.duplicates, progress.refused), (0, 0));
 }

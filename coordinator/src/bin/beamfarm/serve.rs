@@ -35,6 +35,11 @@ pub struct ServeArgs {
 
     #[command(flatten)]
     security: ListenArgs,
+
+    /// One block in N is rendered again by another worker, and compared bit for bit; 0: none. When two workers disagree a
+    /// third one decides; the wrong one is shut out, and what nobody confirmed of it is rendered again
+    #[arg(long, value_name = "N", default_value_t = 64)]
+    audit_share: u64,
 }
 
 pub fn main(args: ServeArgs) -> Result<(), Failure> {
@@ -51,6 +56,7 @@ pub fn main(args: ServeArgs) -> Result<(), Failure> {
         false => loaded.announce(),
     };
     let mut spec = args.job.spec(loaded)?;
+    spec.audit_every = args.audit_share;
     let (directory, start) = prepare(&args.job, &mut spec, &output, exposure, true)?;
     let runtime = tokio::runtime::Runtime::new().map_err(Failure::io)?;
     runtime.block_on(async {

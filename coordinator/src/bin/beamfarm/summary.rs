@@ -89,9 +89,17 @@ impl Summary<'_> {
         for (count, what) in [
             (
                 progress.lost_leases,
-                "passes were lost and handed out again",
+                "leases were lost and handed out again",
             ),
-            (progress.duplicates, "passes arrived twice, with equal bits"),
+            (progress.duplicates, "blocks arrived twice, with equal bits"),
+            (
+                progress.audits,
+                "blocks were rendered by two workers, with equal bits",
+            ),
+            (
+                progress.dropped,
+                "passes were dropped for their worker's wrong pixels, and rendered again",
+            ),
             (progress.failures, "attempts at a pass failed"),
             (progress.refused, "deliveries were refused"),
         ] {
@@ -158,7 +166,7 @@ impl Summary<'_> {
         }
         if progress.divergent > 0 {
             return Err(Failure::job(format!(
-                "{} passes were delivered twice with different pixels: one of the machines miscalculates, and the image is \
+                "{} blocks were delivered twice with different pixels, and nobody decided which are right: a machine miscalculates, and the image is \
                  not to be trusted (the log names them)",
                 progress.divergent
             )));

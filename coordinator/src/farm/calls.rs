@@ -1,0 +1,318 @@
+//! What workers ask of a farm.
+
+use super::{EntryState, EventKind, Farm};
+use crate::examine::{Claim, Examined, Flaw, examine};
+use crate::ledger::{Accepted, LedgerError, PixelHash, Sentence};
+use beamfarm_proto::bytes::Bytes;
+use beamfarm_proto::{FileHash, Grant, LeaseId, WorkerId};
+use beamfarm_shared::job::Block;
+use std::collections::BTreeSet;
+use std::sync::Arc;
+use tokio::time::{Instant, timeout_at};
+use tracing::{debug, error, info, warn};
+
+impl Farm {
+    pub(crate) fn file(&self, hash: FileHash) -> Option<Bytes> {
+        self.files.get(&hash).cloned()
+    }
+
+    pub(crate) fn register(
+        &self,
+        name: &str,
+        threads: u32,
+        canary: PixelHash,
+    ) -> Result<WorkerId, Sentence> {
+        let now = self.now();
+        let mut books = self.books();
+        let registered = books.ledger.register(name, threads, canary, now);
+        match registered {
+            Ok(worker) => {
+                books.progress.registered += 1;
+                let text = format!("worker {} is {name:?} with {threads} threads", worker.0);
+                info!("{text}");
+                books.events.push(EventKind::Joined, text);
+            }
+            Err(sentence) => {
+                let text = format!("{name:?} is refused: {sentence}");
+                error!("{text}");
+                books.events.push(EventKind::ShutOut, text);
+            }
+        }
+        drop(books);
+        self.settle();
+        registered
+    }
+
+    /// Leases of blocks that the worker has or is rendering, as far as they are wanted.
+    pub(crate) fn claim(
+        &self,
+        worker: WorkerId,
+        blocks: impl IntoIterator<Item = Block>,
+    ) -> Vec<(LeaseId, Block)> {
+        let now = self.now();
+        let mut books = self.books();
+        let claims = blocks.into_iter();
+        claims
+            .filter_map(|block| Some((books.ledger.claim(worker, block, now)?, block)))
+            .collect()
+    }
+
+    /// The next block, as soon as there is one, or `NotNow` after the time between heartbeats.
+    pub(crate) async fn lease(&self, worker: WorkerId) -> Result<Grant, LedgerError> {
+        let patience = Instant::now() + self.timing.heartbeat;
+        loop {
+            // Before the look at the ledger, so that no news slips in between.
+            let opened = self.opened.notified();
+            if self.end.borrow().is_some() {
+                return Ok(Grant::Done);
+            }
+            let (grant, again) = {
+                let now = self.now();
+                let mut books = self.books();
+                if books.progress.paused {
+                    books.ledger.beat(worker, [], now)?;
+                    (Grant::NotNow, None)
+                } else {
+                    let grant = books.ledger.lease(worker, now)?;
+                    (grant, books.ledger.ask_again(worker, now))
+                }
+            };
+            match grant {
+                Grant::Lease(lease, block) => {
+                    debug!("{block} leased to worker {} (lease {})", worker.0, lease.0);
+                    return Ok(grant);
+                }
+                // The last ones that could have checked something are gone.
+                Grant::Done => self.settle(),
+                Grant::NotNow => {}
+            }
+            if grant == Grant::Done {
+                return Ok(grant);
+            }
+            let again = again.map(|again| self.started + again);
+            let until = again.map_or(patience, |again| again.min(patience));
+            if timeout_at(until, opened).await.is_err() && Instant::now() >= patience {
+                return Ok(Grant::NotNow);
+            }
+        }
+    }
+
+    /// A sign of life, with leases and the number of passes rendered of each.
+    pub(crate) fn beat(
+        &self,
+        worker: WorkerId,
+        leases: impl IntoIterator<Item = (LeaseId, u64)>,
+    ) -> Result<(), LedgerError> {
+        let now = self.now();
+        self.books().ledger.beat(worker, leases, now)
+    }
+
+    /// Count the worker as present until the value is dropped, which ends its leases.
+    pub(crate) fn attend(self: &Arc<Self>, worker: WorkerId) -> Result<Attendance, LedgerError> {
+        let now = self.now();
+        let mut books = self.books();
+        books.ledger.attend(worker, now)?;
+        books.progress.workers += 1;
+        drop(books);
+        let farm = self.clone();
+        Ok(Attendance { farm, worker })
+    }
+
+    /// The worker does not want these leases any more; when it leaves, none at all.
+    pub(crate) fn give_back(
+        &self,
+        worker: WorkerId,
+        leases: &BTreeSet<LeaseId>,
+        leaving: bool,
+    ) -> Result<(), LedgerError> {
+        let mut books = self.books();
+        let mut count = books.ledger.give_back(worker, leases)?;
+        if leaving {
+            count += books.ledger.lost(worker);
+            let name = books.ledger.name(worker).to_owned();
+            let text = format!(
+                "worker {} ({name:?}) signs off and gives {count} leases back",
+                worker.0
+            );
+            info!("{text}");
+            books.events.push(EventKind::Left, text);
+        }
+        drop(books);
+        self.opened.notify_waiters();
+        self.settle();
+        Ok(())
+    }
+
+    /// Taking a block in takes so many seconds: what the size of blocks depends on.
+    pub(crate) fn set_intake(&self, seconds: f64) {
+        self.books().ledger.set_intake(seconds);
+    }
+
+    /// Whether a block that is about to arrive can be one that was asked for.
+    pub(crate) fn check(&self, claim: &Claim) -> Result<(), LedgerError> {
+        let books = self.books();
+        books.ledger.check(claim.worker, claim.lease, claim.block)
+    }
+
+    /// Look a delivered block over and add it to the sum. Takes milliseconds: not for a thread that serves others.
+    pub(crate) fn submit(&self, claim: &Claim, bytes: &[u8]) -> Result<Accepted, Refusal> {
+        let Examined { node, pixels, hash } = match examine(&self.job, &self.schedule, claim, bytes)
+        {
+            Ok(examined) => examined,
+            Err(flaw) => {
+                self.reject(claim, &flaw);
+                return Err(flaw.into());
+            }
+        };
+        let Claim { worker, block, .. } = *claim;
+        let accepted = {
+            // The sum first, so that books and sum change together: a block of a worker that is being shut out must be in
+            // neither or in both.
+            let mut sum = self.sum();
+            let now = self.now();
+            let mut books = self.books();
+            let accepted = books.ledger.accept(worker, claim.lease, block, hash, now);
+            match accepted {
+                Ok(Accepted::New) => {
+                    books.progress.stats += claim.stats;
+                    let begun = books.ledger.leased_at(claim.lease).unwrap_or(now);
+                    let took = now.saturating_sub(begun);
+                    self.enter(
+                        &books,
+                        EntryState::Done,
+                        block,
+                        worker,
+                        Some(hash),
+                        took,
+                        None,
+                    );
+                }
+                Ok(Accepted::Duplicate) => books.progress.duplicates += 1,
+                Ok(_) => {}
+                Err(_) => books.progress.refused += 1,
+            }
+            drop(books);
+            if accepted == Ok(Accepted::New)
+                && let Err(error) = sum.insert(node)
+            {
+                // The ledger lets no pass in twice and `examine` checked all else.
+                error!("{error}");
+                return Err(Refusal::Flaw(Flaw::Foreign(error.to_string())));
+            }
+            accepted
+        };
+        debug!(
+            "{block} from worker {}: {accepted:?}, pixels {pixels}",
+            worker.0
+        );
+        if accepted == Ok(Accepted::New) {
+            self.look();
+        }
+        self.settle();
+        Ok(accepted?)
+    }
+
+    /// A worker could not render what it leased, because of this pass.
+    pub(crate) fn fail(
+        &self,
+        worker: WorkerId,
+        lease: LeaseId,
+        pass_index: u64,
+        message: &str,
+    ) -> Result<(), LedgerError> {
+        let now = self.now();
+        let mut books = self.books();
+        let block = books.ledger.leased_block(lease).unwrap_or(Block::leaf(0));
+        books.ledger.fail(worker, lease, pass_index, message, now)?;
+        books.progress.failures += 1;
+        let begun = books.ledger.leased_at(lease).unwrap_or(now);
+        let took = now.saturating_sub(begun);
+        let said = Some(message.to_owned());
+        self.enter(&books, EntryState::Failed, block, worker, None, took, said);
+        let name = books.ledger.name(worker).to_owned();
+        let text = format!(
+            "{block} failed on worker {} ({name:?}): {message}",
+            worker.0
+        );
+        warn!("{text}");
+        books.events.push(EventKind::Failed, text);
+        drop(books);
+        self.opened.notify_waiters();
+        self.settle();
+        Ok(())
+    }
+
+    /// Enter into the books that a delivery does not count.
+    pub(crate) fn reject(&self, claim: &Claim, flaw: &Flaw) {
+        let Claim {
+            worker,
+            lease,
+            block,
+            ..
+        } = *claim;
+        let mut books = self.books();
+        books.progress.refused += 1;
+        let name = books.ledger.name(worker).to_owned();
+        let text = format!(
+            "{block} from worker {} ({name:?}) is refused: {flaw}",
+            worker.0
+        );
+        warn!("{text}");
+        books.events.push(EventKind::Refused, text);
+        match flaw {
+            Flaw::Damaged => return,
+            // A worker looks at every pass that it adds up: it is to blame for what is wrong in the sum of several.
+            Flaw::Pixels(message) if block.level == 0 => {
+                drop(books);
+                // The caller checked the lease; a worker that went away since changes nothing.
+                let _ = self.fail(worker, lease, block.start(), message);
+                return;
+            }
+            Flaw::Foreign(_) | Flaw::Pixels(_) => books.ledger.refuse(worker, lease, block),
+        }
+        drop(books);
+        self.opened.notify_waiters();
+        self.settle();
+    }
+}
+
+/// Why a delivery was refused.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum Refusal {
+    /// Because of what is in it.
+    #[error(transparent)]
+    Flaw(#[from] Flaw),
+    /// Because of who sent it, or because of what is there already.
+    #[error(transparent)]
+    Ledger(#[from] LedgerError),
+}
+
+/// A worker's presence. Ends its leases when dropped.
+pub(crate) struct Attendance {
+    farm: Arc<Farm>,
+    worker: WorkerId,
+}
+
+impl Drop for Attendance {
+    fn drop(&mut self) {
+        let Self { farm, worker } = self;
+        let mut books = farm.books();
+        let lost = books.ledger.detach(*worker);
+        books.progress.workers = books.progress.workers.saturating_sub(1);
+        books.progress.lost_leases += lost as u64;
+        if farm.end.borrow().is_none() {
+            let name = books.ledger.name(*worker).to_owned();
+            let mut text = format!("worker {} ({name:?}) is gone", worker.0);
+            if lost > 0 {
+                text += &format!("; its {lost} leases are handed out again");
+                warn!("{text}");
+            } else {
+                info!("{text}");
+            }
+            books.events.push(EventKind::Left, text);
+        }
+        drop(books);
+        farm.opened.notify_waiters();
+        farm.settle();
+    }
+}

@@ -1,0 +1,150 @@
+//! What follows from a change of the books.
+
+use super::{Books, End, Entry, EntryState, EventKind, Farm};
+use crate::ledger::{Failure, Note, PixelHash};
+use beamfarm_proto::WorkerId;
+use beamfarm_shared::job::Block;
+use std::time::{Duration, SystemTime};
+use tracing::{error, warn};
+
+impl Farm {
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "one for each column of the entry"
+    )]
+    pub(super) fn enter(
+        &self,
+        books: &Books,
+        state: EntryState,
+        block: Block,
+        worker: WorkerId,
+        hash: Option<PixelHash>,
+        took: Duration,
+        message: Option<String>,
+    ) {
+        let Some(entries) = &self.entries else {
+            return;
+        };
+        // Fails when nobody keeps the entries any more.
+        let _ = entries.send(Entry {
+            time: SystemTime::now(),
+            block,
+            state,
+            worker: books.ledger.name(worker).to_owned(),
+            radius_scale: self.schedule.scale(block.start()),
+            hash,
+            took,
+            message,
+        });
+    }
+
+    /// Do what follows from the last change: take back what must not count, tell who watches, end the job.
+    pub(super) fn settle(&self) {
+        let mut books = self.books();
+        for note in books.ledger.take_notes() {
+            self.announce(&mut books, note);
+        }
+        let stained = !books.ledger.stained().is_empty();
+        let over = books.ledger.is_over(self.now());
+        let end = over.then(|| match books.ledger.failed() {
+            Some(failure) => End::Failed(failure.clone()),
+            None => End::Complete,
+        });
+        drop(books);
+        if stained {
+            self.take_back();
+        } else if let Some(end) = end {
+            // A block is in the books a moment before it is in the sum.
+            drop(self.sum());
+            self.finish(end);
+        }
+    }
+
+    fn take_back(&self) {
+        let mut sum = self.sum();
+        let mut books = self.books();
+        let stained = books.ledger.stained().to_vec();
+        let mut nodes = Vec::new();
+        for block in &stained {
+            nodes.extend(sum.remove(*block));
+        }
+        let dropped = books.ledger.reopen(&nodes);
+        drop(sum);
+        let passes: u64 = dropped.iter().map(|done| done.block.len()).sum();
+        for done in &dropped {
+            if let Some((worker, hash)) = done.by {
+                let (state, took) = (EntryState::Dropped, Duration::ZERO);
+                self.enter(&books, state, done.block, worker, Some(hash), took, None);
+            }
+        }
+        if passes > 0 {
+            books.progress.dropped += passes;
+            let text = format!("{passes} passes are dropped and will be rendered again");
+            warn!("{text}");
+            books.events.push(EventKind::Dropped, text);
+        }
+        drop(books);
+        // What was found good enough may be gone.
+        self.look();
+        self.opened.notify_waiters();
+    }
+
+    fn announce(&self, books: &mut Books, note: Note) {
+        let who =
+            |worker: WorkerId| format!("worker {} ({:?})", worker.0, books.ledger.name(worker));
+        let (kind, text) = match note {
+            Note::ShutOut(worker, sentence) => {
+                let text = format!("{} is shut out: {sentence}", who(worker));
+                (EventKind::ShutOut, text)
+            }
+            Note::Disputed(block, first, second) => {
+                let (first, second) = (who(first), who(second));
+                let text = format!("{first} and {second} delivered different pixels for {block}");
+                (EventKind::Divergent, text)
+            }
+            Note::Confirmed(block, worker, hash) => {
+                let audited = EntryState::Audited;
+                self.enter(
+                    books,
+                    audited,
+                    block,
+                    worker,
+                    Some(hash),
+                    Duration::ZERO,
+                    None,
+                );
+                books.progress.audits += 1;
+                return;
+            }
+        };
+        error!("{text}");
+        books.events.push(kind, text);
+        // Those that wait may be wanted as judges.
+        self.opened.notify_waiters();
+    }
+
+    pub(super) fn finish(&self, end: End) {
+        let text = match &end {
+            End::Complete => "the job is complete".to_owned(),
+            End::Stopped => "the job was stopped".to_owned(),
+            End::Failed(failure) => {
+                let Failure {
+                    pass_index,
+                    attempts,
+                    workers,
+                    message,
+                } = failure;
+                format!("pass {pass_index} failed {attempts} times on {workers} workers: {message}")
+            }
+        };
+        let first = |known: &mut Option<End>| {
+            let first = known.is_none();
+            known.get_or_insert(end);
+            first
+        };
+        if self.end.send_if_modified(first) {
+            self.books().events.push(EventKind::Ended, text);
+        }
+        self.opened.notify_waiters();
+    }
+}

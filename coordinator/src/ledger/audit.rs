@@ -1,0 +1,219 @@
+//! Blocks that several workers render, and what follows when their bits differ.
+//!
+//! A block is checked because it was drawn, or because it happened to be rendered twice. When two workers disagree, others
+//! render it until two agree; all that do not are shut out. What they delivered and nobody confirmed is taken back: the
+//! caller removes it from the sum ([`Ledger::stained`]), tells what went with it ([`Ledger::reopen`]), and it is rendered
+//! again.
+
+use super::standing::Sentence;
+use super::{Accepted, Done, Ledger, LedgerError, Note, PixelHash};
+use beamfarm_proto::WorkerId;
+use beamfarm_shared::job::Block;
+use std::collections::BTreeSet;
+use std::time::Duration;
+
+/// A block that shall be rendered again.
+#[derive(Clone, Debug)]
+pub(super) struct Audit {
+    /// What workers found, those whose pixels count first.
+    pub votes: Vec<(WorkerId, PixelHash)>,
+    /// Workers that failed to render it.
+    pub unable: BTreeSet<WorkerId>,
+    /// When it was drawn, or the dispute began.
+    since: Duration,
+}
+
+impl Audit {
+    pub fn new(worker: WorkerId, pixels: PixelHash, now: Duration) -> Self {
+        Self {
+            votes: vec![(worker, pixels)],
+            unable: BTreeSet::new(),
+            since: now,
+        }
+    }
+
+    /// Two workers disagree.
+    fn is_disputed(&self) -> bool {
+        self.votes.windows(2).any(|votes| votes[0].1 != votes[1].1)
+    }
+
+    /// The worker can say something new.
+    fn may_judge(&self, worker: WorkerId) -> bool {
+        !self.unable.contains(&worker) && self.votes.iter().all(|(voter, _)| *voter != worker)
+    }
+
+    /// Pixels that two workers found.
+    fn verdict(&self) -> Option<PixelHash> {
+        let found = |hash: &PixelHash| self.votes.iter().filter(|(_, h)| h == hash).count();
+        let twice = self.votes.iter().find(|(_, hash)| found(hash) > 1);
+        twice.map(|(_, hash)| *hash)
+    }
+}
+
+impl Ledger {
+    /// Whether the block is drawn: one in [`super::Rules::audit_every`] is.
+    pub(super) fn is_audited(&self, block: Block) -> bool {
+        let every = self.rules.audit_every;
+        if every == 0 {
+            return false;
+        }
+        let mut hasher = blake3::Hasher::new_keyed(&self.rules.audit_salt);
+        hasher.update(&block.start().to_le_bytes());
+        hasher.update(&block.level.to_le_bytes());
+        let bytes = hasher.finalize();
+        let number = bytes.as_bytes()[..8].iter();
+        let number = number.fold(0, |number, byte| number << 8 | u64::from(*byte));
+        number.is_multiple_of(every)
+    }
+
+    /// A block that this worker may check, disputed ones first.
+    pub(super) fn audit_for(&self, worker: WorkerId) -> Option<Block> {
+        let disputed = |audit: &Audit| audit.is_disputed();
+        let free = |block: &Block| self.copies(*block).all(|lease| !lease.audit);
+        let audits = self.wanted();
+        let mine = audits.filter(|(block, audit)| audit.may_judge(worker) && free(block));
+        let first = mine.min_by_key(|(block, audit)| (!disputed(audit), block.start()));
+        first.map(|(block, _)| *block)
+    }
+
+    /// Nothing is left to do: all passes are there, and those that somebody could check are checked.
+    pub fn is_over(&self, now: Duration) -> bool {
+        let waits = |audit: &Audit| {
+            let judges = self.workers.iter();
+            let mut judges = judges.filter(|(_, worker)| worker.is_present(&self.rules, now));
+            let judge = judges.any(|(id, _)| audit.may_judge(*id));
+            // Somebody may still come and decide.
+            judge || (audit.is_disputed() && now < audit.since + self.rules.lease)
+        };
+        self.is_complete() && !self.wanted().any(|(_, audit)| waits(audit))
+    }
+
+    /// Those of blocks that the job will have.
+    fn wanted(&self) -> impl Iterator<Item = (&Block, &Audit)> {
+        let limit = self.limit();
+        let audits = self.audits.iter();
+        audits.filter(move |(block, _)| block.start() < limit)
+    }
+
+    /// Blocks that shall be rendered again and were not yet, and how many of them are disputed.
+    pub fn audits_pending(&self) -> (u64, u64) {
+        let disputed = self.wanted().filter(|(_, audit)| audit.is_disputed());
+        (self.wanted().count() as u64, disputed.count() as u64)
+    }
+
+    /// A block that is there was delivered again.
+    pub(super) fn compare(
+        &mut self,
+        worker: WorkerId,
+        known: Done,
+        pixels: PixelHash,
+        now: Duration,
+    ) -> Result<Accepted, LedgerError> {
+        let block = known.block;
+        let Some((first, hash)) = known.by else {
+            return Ok(Accepted::Duplicate);
+        };
+        let audit = self.audits.get(&block);
+        let alone = [(first, hash)];
+        let votes = audit.map_or(&alone[..], |audit| &audit.votes);
+        if let Some((_, before)) = votes.iter().find(|(voter, _)| *voter == worker) {
+            if *before == pixels {
+                return Ok(Accepted::Duplicate);
+            }
+            self.convict(worker, Sentence::Contradiction);
+            return Err(LedgerError::ShutOut(worker, Sentence::Contradiction));
+        }
+        if known.confirmed {
+            // Two against one.
+            return match hash == pixels {
+                true => Ok(Accepted::Duplicate),
+                false => {
+                    self.convict(worker, Sentence::WrongPixels);
+                    Err(LedgerError::ShutOut(worker, Sentence::WrongPixels))
+                }
+            };
+        }
+        let audit = self
+            .audits
+            .entry(block)
+            .or_insert_with(|| Audit::new(first, hash, now));
+        let news = !audit.is_disputed();
+        audit.votes.push((worker, pixels));
+        let Some(winner) = audit.verdict() else {
+            if news {
+                audit.since = now;
+                self.notes.push(Note::Disputed(block, first, worker));
+            }
+            return Ok(Accepted::Disputed);
+        };
+        let votes = self.audits.remove(&block).map(|audit| audit.votes);
+        let votes = votes.unwrap_or_default();
+        if winner == hash {
+            if let Some(done) = self.done.get_mut(&block.start()) {
+                done.confirmed = true;
+            }
+            if let Some(entry) = self.workers.get_mut(&first) {
+                entry.audits_passed += 1;
+            }
+            self.notes.push(Note::Confirmed(block, worker, pixels));
+        }
+        for (voter, vote) in votes {
+            if vote != winner {
+                self.convict(voter, Sentence::WrongPixels);
+            }
+        }
+        match pixels == winner {
+            true => Ok(Accepted::Confirmed),
+            false => Err(LedgerError::ShutOut(worker, Sentence::WrongPixels)),
+        }
+    }
+
+    /// The worker is not to be trusted: shut it out, and mark what it did and nobody confirmed.
+    pub(super) fn convict(&mut self, worker: WorkerId, sentence: Sentence) {
+        if let Some(entry) = self.workers.get_mut(&worker) {
+            entry.audits_failed += 1;
+        }
+        self.shut_out(worker, sentence);
+        let by = |done: &&Done| !done.confirmed && done.by.is_some_and(|(id, _)| id == worker);
+        let stained = self.done.values().filter(by).map(|done| done.block);
+        self.stained.extend(stained);
+        self.audits.retain(|_, audit| {
+            let counts = audit
+                .votes
+                .first()
+                .is_some_and(|(first, _)| *first == worker);
+            audit.votes.retain(|(voter, _)| *voter != worker);
+            !counts
+        });
+    }
+
+    /// Blocks that still count and must not: to be taken out of the sum, and then to be named to [`Self::reopen`].
+    pub fn stained(&self) -> &[Block] {
+        &self.stained
+    }
+
+    /// These blocks are no longer part of the sum, with all that they cover: their passes are open again. Returns what
+    /// counted until now.
+    pub fn reopen(&mut self, blocks: &[Block]) -> Vec<Done> {
+        let mut dropped = Vec::new();
+        for block in blocks {
+            let covered = self.done.range(block.passes());
+            dropped.extend(covered.map(|(_, done)| *done));
+        }
+        for done in &dropped {
+            self.done.remove(&done.block.start());
+            self.audits.remove(&done.block);
+            self.passes_done -= done.block.len();
+            self.prefix = self.prefix.min(done.block.start());
+            if let Some(entry) = done.by.and_then(|(id, _)| self.workers.get_mut(&id)) {
+                entry.passes = entry.passes.saturating_sub(done.block.len());
+            }
+        }
+        for done in &dropped {
+            self.end_leases(|_, lease| lease.audit && lease.block == done.block);
+            self.reopen_passes(done.block.passes());
+        }
+        self.stained.clear();
+        dropped
+    }
+}

@@ -1,0 +1,154 @@
+//! Which block a worker gets.
+
+use super::level::{self, Load};
+use super::{Lease, Ledger, LedgerError};
+use beamfarm_proto::{Grant, LeaseId, WorkerId};
+use beamfarm_shared::job::Block;
+use std::collections::BTreeMap;
+use std::ops::Range;
+use std::time::Duration;
+
+/// A lease is a straggler when it has run for so many times the average of others.
+const STRAGGLER: f64 = 2.0;
+/// Leases of one block at the same time.
+const COPIES: usize = 2;
+
+impl Ledger {
+    /// The next block for this worker, if there is one: something to be checked, the lowest open passes, or what others
+    /// take long for.
+    pub fn lease(&mut self, worker: WorkerId, now: Duration) -> Result<Grant, LedgerError> {
+        self.admitted(worker)?.seen(now);
+        self.expire(now);
+        if self.is_over(now) {
+            return Ok(Grant::Done);
+        }
+        if self.workers[&worker].not_before > now {
+            return Ok(Grant::NotNow);
+        }
+        let audit = self.audit_for(worker);
+        let block = audit
+            .or_else(|| self.next_block(worker, now))
+            .or_else(|| self.straggler(worker, now));
+        Ok(match block {
+            Some(block) => Grant::Lease(self.grant(worker, block, audit.is_some(), now), block),
+            None => Grant::NotNow,
+        })
+    }
+
+    /// Lease this very block: the worker has it, or is rendering it, from before the coordinator was restarted.
+    pub fn claim(&mut self, worker: WorkerId, block: Block, now: Duration) -> Option<LeaseId> {
+        let fits = block.level <= level::highest_at(block.start());
+        let open = fits && self.open.contains(&block.passes());
+        let admitted = self.admitted(worker).is_ok();
+        (open && admitted).then(|| self.grant(worker, block, false, now))
+    }
+
+    fn grant(&mut self, worker: WorkerId, block: Block, audit: bool, now: Duration) -> LeaseId {
+        let lease = LeaseId(self.leases.len() as u64);
+        self.leases.push(Lease {
+            worker,
+            block,
+            begun: now,
+            expires: now + self.rules.lease,
+            rendered: 0,
+            audit,
+        });
+        self.active.insert(lease);
+        if !audit {
+            self.open.remove(block.passes());
+        }
+        lease
+    }
+
+    /// The lowest open passes that the worker may try.
+    fn next_block(&self, worker: WorkerId, now: Duration) -> Option<Block> {
+        let load = self.load(now);
+        let open = self.open.count();
+        for Range { mut start, end } in self.open.iter() {
+            while start < end {
+                let Some(attempts) = self.attempts.get(&start) else {
+                    // Passes that failed are tried on their own.
+                    let next = self.attempts.range(start..end).next();
+                    let end = next.map_or(end, |(pass, _)| *pass);
+                    return Some(level::first_block(&(start..end), open, &load));
+                };
+                let somebody_else = self.workers.iter().any(|(id, w)| {
+                    w.is_present(&self.rules, now) && !attempts.workers.contains(id)
+                });
+                if !attempts.workers.contains(&worker) || !somebody_else {
+                    return Some(Block::leaf(start));
+                }
+                start += 1;
+            }
+        }
+        None
+    }
+
+    fn load(&self, now: Duration) -> Load {
+        let present = self.workers.values();
+        let present = present.filter(|worker| worker.is_present(&self.rules, now));
+        Load {
+            workers: present.count() as u64,
+            pass: self.seconds_per_pass().unwrap_or(0.0),
+            intake: self.intake,
+        }
+    }
+
+    /// Average of the workers that have rendered something and are not gone.
+    fn seconds_per_pass(&self) -> Option<f64> {
+        let there = self.workers.values().filter(|worker| !worker.gone);
+        let times: Vec<f64> = there.filter_map(|worker| worker.seconds_per_pass).collect();
+        (!times.is_empty()).then(|| times.iter().sum::<f64>() / times.len() as f64)
+    }
+
+    /// Leases that this worker could take over, with the time from which on each is a straggler.
+    fn stragglers(&self, worker: WorkerId) -> Vec<(Duration, Block)> {
+        let Some(pass) = self.seconds_per_pass() else {
+            return Vec::new();
+        };
+        // When it was first leased, how often it is, and whether this worker may have it.
+        let mut blocks: BTreeMap<Block, (Duration, usize, bool)> = BTreeMap::new();
+        for LeaseId(place) in &self.active {
+            let lease = &self.leases[*place as usize];
+            if lease.audit {
+                continue;
+            }
+            let unable = self.attempts.get(&lease.block.start());
+            let unable = unable.is_some_and(|attempts| attempts.workers.contains(&worker));
+            let first = (lease.begun, 0, !unable);
+            let (begun, copies, free) = blocks.entry(lease.block).or_insert(first);
+            *begun = lease.begun.min(*begun);
+            *copies += 1;
+            *free &= lease.worker != worker;
+        }
+        let free = blocks.into_iter();
+        let free = free.filter(|(_, (_, copies, free))| *copies < COPIES && *free);
+        let due = |(block, (begun, ..)): (Block, (Duration, usize, bool))| {
+            let long = STRAGGLER * pass * block.len() as f64;
+            Some((begun + Duration::try_from_secs_f64(long).ok()?, block))
+        };
+        free.filter_map(due).collect()
+    }
+
+    pub(super) fn copies(&self, block: Block) -> impl Iterator<Item = &Lease> {
+        let leases = self.active.iter().map(|id| &self.leases[id.0 as usize]);
+        leases.filter(move |lease| lease.block == block)
+    }
+
+    fn straggler(&self, worker: WorkerId, now: Duration) -> Option<Block> {
+        let due = self.stragglers(worker).into_iter();
+        let due = due.filter(|(due, _)| *due <= now);
+        due.min().map(|(_, block)| block)
+    }
+
+    /// When a worker for which there is nothing now should ask again, although nothing happens until then.
+    pub fn ask_again(&self, worker: WorkerId, now: Duration) -> Option<Duration> {
+        let known = self.workers.get(&worker)?;
+        let first = self.stragglers(worker).into_iter();
+        let first = first.map(|(due, _)| due).min();
+        match known.not_before > now {
+            true => Some(known.not_before),
+            false => first,
+        }
+    }
+}

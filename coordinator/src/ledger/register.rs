@@ -1,0 +1,215 @@
+//! Workers come and go.
+
+use super::standing::{Sentence, Worker};
+use super::{Done, LeaseId, Ledger, LedgerError, Note, PixelHash, WorkerState, WorkerView};
+use beamfarm_proto::WorkerId;
+use beamfarm_shared::job::Block;
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+/// Names remembered for each test picture. More would not make a majority any surer.
+const VOTERS: usize = 1000;
+/// Workers that are gone, of those that are shown.
+const GONE_SHOWN: usize = 200;
+
+impl Ledger {
+    /// A new worker, that rendered the test picture with these pixels.
+    ///
+    /// The picture of most names counts, and the first in a tie. When that changes, those who made the other one are shut
+    /// out like workers that were found to have delivered wrong pixels.
+    pub fn register(
+        &mut self,
+        name: &str,
+        threads: u32,
+        canary: PixelHash,
+        now: Duration,
+    ) -> Result<WorkerId, Sentence> {
+        let convicted = |worker: &Worker| {
+            let wrong = [Sentence::WrongPixels, Sentence::Contradiction];
+            worker.name == name && worker.shut_out.is_some_and(|s| wrong.contains(&s))
+        };
+        if self.workers.values().any(convicted) {
+            return Err(Sentence::Name);
+        }
+        let voters = self.canaries.entry(canary).or_default();
+        if voters.len() < VOTERS {
+            voters.insert(name.into());
+        }
+        let votes = voters.len();
+        let reference = *self.canary.get_or_insert(canary);
+        if canary != reference {
+            if votes
+                <= self
+                    .canaries
+                    .get(&reference)
+                    .map_or(0, |voters| voters.len())
+            {
+                return Err(Sentence::Canary);
+            }
+            self.canary = Some(canary);
+            let wrong = self.workers.iter();
+            let wrong = wrong.filter(|(_, worker)| worker.canary == Some(reference));
+            let wrong: Vec<WorkerId> = wrong.map(|(id, _)| *id).collect();
+            for id in wrong {
+                self.convict(id, Sentence::Canary);
+            }
+        }
+        Ok(self.add(Worker::new(name, threads, Some(canary), now)))
+    }
+
+    fn add(&mut self, worker: Worker) -> WorkerId {
+        let id = WorkerId(self.next_worker);
+        self.next_worker = self.next_worker.wrapping_add(1);
+        self.workers.insert(id, worker);
+        id
+    }
+
+    /// Enter what an earlier life of the job has done: before anything else.
+    pub fn resume<'a>(
+        &mut self,
+        blocks: impl IntoIterator<Item = (Block, Option<(&'a str, PixelHash)>, bool)>,
+    ) {
+        let mut names: BTreeMap<&str, WorkerId> = BTreeMap::new();
+        for (block, by, confirmed) in blocks {
+            if self.first_done(block.passes()).is_some() {
+                continue;
+            }
+            let by = by.map(|(name, hash)| {
+                let known = names.get(name).copied();
+                let id =
+                    known.unwrap_or_else(|| self.add(Worker::new(name, 0, None, Duration::ZERO)));
+                names.insert(name, id);
+                (id, hash)
+            });
+            self.open.remove(block.passes());
+            self.enter(Done {
+                block,
+                by,
+                confirmed,
+            });
+        }
+    }
+
+    /// Enter passes of a sum of whose making nothing is known.
+    pub fn resume_rest(&mut self, nodes: impl IntoIterator<Item = Block>) {
+        for node in nodes {
+            let mut rest = vec![node];
+            while let Some(block) = rest.pop() {
+                let known = self.done.get(&block.start());
+                if known.is_some_and(|done| done.block == block) {
+                    continue;
+                }
+                if self.first_done(block.passes()).is_none() {
+                    self.resume([(block, None, false)]);
+                } else if block.level > 0 {
+                    let left = Block {
+                        level: block.level - 1,
+                        index: 2 * block.index,
+                    };
+                    rest.extend([left.sibling(), left]);
+                }
+            }
+        }
+    }
+
+    /// The worker opened a stream of heartbeats.
+    pub fn attend(&mut self, worker: WorkerId, now: Duration) -> Result<(), LedgerError> {
+        let entry = self.admitted(worker)?;
+        entry.seen(now);
+        entry.attending += 1;
+        Ok(())
+    }
+
+    /// The worker's stream of heartbeats broke. When it was its last, its leases end; what it still delivers is welcome.
+    pub fn detach(&mut self, worker: WorkerId) -> usize {
+        let Some(entry) = self.workers.get_mut(&worker) else {
+            return 0;
+        };
+        entry.attending = entry.attending.saturating_sub(1);
+        match entry.attending {
+            0 => self.lost(worker),
+            _ => 0,
+        }
+    }
+
+    /// The worker is gone: its leases end.
+    pub fn lost(&mut self, worker: WorkerId) -> usize {
+        if let Some(entry) = self.workers.get_mut(&worker) {
+            entry.gone = true;
+        }
+        self.end_leases(|_, lease| lease.worker == worker)
+    }
+
+    /// Give the worker nothing more.
+    pub(super) fn shut_out(&mut self, worker: WorkerId, sentence: Sentence) {
+        let Some(entry) = self.workers.get_mut(&worker) else {
+            return;
+        };
+        if entry.shut_out.is_none() {
+            entry.shut_out = Some(sentence);
+            self.notes.push(Note::ShutOut(worker, sentence));
+        }
+        self.end_leases(|_, lease| lease.worker == worker);
+    }
+
+    pub(super) fn worker(&self, worker: WorkerId) -> Result<&Worker, LedgerError> {
+        let unknown = LedgerError::UnknownWorker(worker);
+        self.workers.get(&worker).ok_or(unknown)
+    }
+
+    /// A worker that is not shut out.
+    pub(super) fn admitted(&mut self, worker: WorkerId) -> Result<&mut Worker, LedgerError> {
+        let unknown = LedgerError::UnknownWorker(worker);
+        let entry = self.workers.get_mut(&worker).ok_or(unknown)?;
+        match entry.shut_out {
+            Some(sentence) => Err(LedgerError::ShutOut(worker, sentence)),
+            None => Ok(entry),
+        }
+    }
+
+    /// What the worker calls itself.
+    pub fn name(&self, worker: WorkerId) -> &str {
+        self.workers.get(&worker).map_or("", |entry| &entry.name)
+    }
+
+    /// The workers that are there, and those that were here last.
+    pub fn views(&self, now: Duration) -> Vec<WorkerView> {
+        let mut held: BTreeMap<WorkerId, (Block, u64)> = BTreeMap::new();
+        for LeaseId(place) in &self.active {
+            let lease = &self.leases[*place as usize];
+            held.entry(lease.worker)
+                .or_insert((lease.block, lease.rendered));
+        }
+        let view = |(id, worker): (&WorkerId, &Worker)| WorkerView {
+            id: *id,
+            name: worker.name.clone(),
+            threads: worker.threads,
+            passes: worker.passes,
+            seconds_per_pass: worker.seconds_per_pass,
+            last_seen: now.saturating_sub(worker.last_seen),
+            audits_passed: worker.audits_passed,
+            audits_failed: worker.audits_failed,
+            state: match worker {
+                _ if worker.shut_out.is_some() => WorkerState::ShutOut,
+                _ if !worker.is_present(&self.rules, now) => WorkerState::Gone,
+                _ if worker.not_before > now => WorkerState::BackingOff,
+                _ if held.contains_key(id) => WorkerState::Working,
+                _ => WorkerState::Idle,
+            },
+            rendering: held.get(id).copied(),
+        };
+        let mut views: Vec<WorkerView> = Vec::new();
+        let mut gone = 0;
+        for worker in self.workers.iter().rev() {
+            if !worker.1.is_present(&self.rules, now) {
+                gone += 1;
+                if gone > GONE_SHOWN {
+                    continue;
+                }
+            }
+            views.push(view(worker));
+        }
+        views.reverse();
+        views
+    }
+}

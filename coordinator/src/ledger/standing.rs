@@ -1,0 +1,103 @@
+//! What is known about a worker.
+
+use super::{PixelHash, Rules};
+use std::time::Duration;
+
+/// A worker waits at most so many times [`Rules::back_off`] after a failure.
+const LONGEST_BACK_OFF: u32 = 64;
+/// Part that the last block has in a worker's time per pass.
+const RECENT: f64 = 0.3;
+
+/// Why a worker is shut out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum Sentence {
+    /// What it sent was no block of this job, again and again.
+    #[error("it sent wrong results too often")]
+    Refusals,
+    /// It failed again and again, with no success in between.
+    #[error("too many of its attempts in a row failed")]
+    Failures,
+    /// Others rendered one of its blocks with other bits.
+    #[error("it delivered other pixels than two other workers did")]
+    WrongPixels,
+    /// It delivered the same block twice, with different bits.
+    #[error("it delivered different pixels for the same passes")]
+    Contradiction,
+    /// Most workers compute other bits.
+    #[error("its test picture differs from that of most other workers: it computes other bits")]
+    Canary,
+    /// A worker of the same name did.
+    #[error("a worker of this name delivered wrong pixels")]
+    Name,
+}
+
+/// A worker.
+#[derive(Clone, Debug)]
+pub(super) struct Worker {
+    pub name: String,
+    pub threads: u32,
+    /// Hash of its test picture; `None` for one that an earlier life of the job knew.
+    pub canary: Option<PixelHash>,
+    pub refusals: u32,
+    pub failures_in_a_row: u32,
+    /// Gets nothing before this time.
+    pub not_before: Duration,
+    pub last_seen: Duration,
+    /// Open streams of heartbeats.
+    pub attending: u32,
+    pub gone: bool,
+    pub shut_out: Option<Sentence>,
+    /// Passes that count.
+    pub passes: u64,
+    pub seconds_per_pass: Option<f64>,
+    pub audits_passed: u64,
+    pub audits_failed: u64,
+}
+
+impl Worker {
+    pub fn new(name: &str, threads: u32, canary: Option<PixelHash>, now: Duration) -> Self {
+        Self {
+            name: name.into(),
+            threads,
+            canary,
+            refusals: 0,
+            failures_in_a_row: 0,
+            not_before: Duration::ZERO,
+            last_seen: now,
+            attending: 0,
+            gone: canary.is_none(),
+            shut_out: None,
+            passes: 0,
+            seconds_per_pass: None,
+            audits_passed: 0,
+            audits_failed: 0,
+        }
+    }
+
+    /// There, and to be given passes.
+    pub fn is_present(&self, rules: &Rules, now: Duration) -> bool {
+        let seen = self.last_seen + rules.lease > now;
+        !self.gone && self.shut_out.is_none() && seen
+    }
+
+    pub fn seen(&mut self, now: Duration) {
+        self.last_seen = self.last_seen.max(now);
+        self.gone = false;
+    }
+
+    /// A result arrived.
+    pub fn delivered(&mut self, passes: u64, took: Duration) {
+        self.failures_in_a_row = 0;
+        let last = took.as_secs_f64() / passes as f64;
+        let mean = self.seconds_per_pass.unwrap_or(last);
+        self.seconds_per_pass = Some(mean + RECENT * (last - mean));
+    }
+
+    /// An attempt failed. Returns whether that was one too many.
+    pub fn failed(&mut self, rules: &Rules, now: Duration) -> bool {
+        let doublings = self.failures_in_a_row.min(LONGEST_BACK_OFF.ilog2());
+        self.failures_in_a_row += 1;
+        self.not_before = now + rules.back_off * (1 << doublings);
+        self.failures_in_a_row >= rules.failures_per_worker
+    }
+}

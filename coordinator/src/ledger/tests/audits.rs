@@ -1,0 +1,256 @@
+//! Workers that compute other bits.
+
+use super::*;
+
+const AUDITS: Rules = Rules {
+    audit_every: 1,
+    ..RULES
+};
+
+fn lease(ledger: &mut Ledger, worker: WorkerId) -> (LeaseId, Block) {
+    match ledger.lease(worker, at(0)) {
+        Ok(Grant::Lease(lease, block)) => (lease, block),
+        other => panic!("{other:?}"),
+    }
+}
+
+fn accept(
+    ledger: &mut Ledger,
+    worker: WorkerId,
+    (lease, block): (LeaseId, Block),
+    hash: PixelHash,
+) -> Result<Accepted, LedgerError> {
+    ledger.accept(worker, lease, block, hash, at(0))
+}
+
+/// A block by the first worker is checked by the second, whose result differs, and then by the third.
+fn disputed(first: PixelHash, second: PixelHash) -> (Ledger, [WorkerId; 3], (LeaseId, Block)) {
+    let mut ledger = Ledger::new(AUDITS, 0);
+    let workers = ["a", "b", "c"].map(|name| join(&mut ledger, name));
+    let [a, b, c] = workers;
+    let leased = lease(&mut ledger, a);
+    assert_eq!(accept(&mut ledger, a, leased, first), Ok(Accepted::New));
+    let check = lease(&mut ledger, b);
+    assert_eq!(check.1, leased.1);
+    assert_eq!(
+        accept(&mut ledger, b, check, second),
+        Ok(Accepted::Disputed)
+    );
+    assert_eq!(ledger.take_notes(), [Note::Disputed(leased.1, a, b)]);
+    assert_eq!(ledger.audits_pending(), (1, 1));
+    let check = lease(&mut ledger, c);
+    assert_eq!(check.1, leased.1);
+    (ledger, workers, check)
+}
+
+#[test]
+fn a_worker_does_not_check_itself() {
+    let mut ledger = Ledger::new(AUDITS, 0);
+    let worker = join(&mut ledger, "a");
+    for pass in 0..4 {
+        let leased = lease(&mut ledger, worker);
+        assert_eq!(leased.1, Block::leaf(pass));
+        accept(&mut ledger, worker, leased, pixels(leased.1)).unwrap();
+    }
+    // Alone it may end.
+    assert!(ledger.is_over(at(0)));
+    assert_eq!(ledger.audits_pending(), (4, 0));
+    let mut ledger = Ledger::new(AUDITS, 0);
+    let (a, b) = (join(&mut ledger, "a"), join(&mut ledger, "b"));
+    for _ in 0..4 {
+        let leased = lease(&mut ledger, a);
+        accept(&mut ledger, a, leased, pixels(leased.1)).unwrap();
+    }
+    assert!(ledger.is_complete() && !ledger.is_over(at(0)));
+    for _ in 0..4 {
+        let leased = lease(&mut ledger, b);
+        assert_eq!(
+            accept(&mut ledger, b, leased, pixels(leased.1)),
+            Ok(Accepted::Confirmed)
+        );
+    }
+    assert!(ledger.is_over(at(0)));
+    let views = ledger.views(at(0));
+    assert_eq!((views[0].passes, views[0].audits_passed), (4, 4));
+}
+
+#[test]
+fn an_auditor_that_leaves_does_not_hold_the_job_up() {
+    let mut ledger = Ledger::new(AUDITS, 0);
+    let (a, b) = (join(&mut ledger, "a"), join(&mut ledger, "b"));
+    for _ in 0..4 {
+        let leased = lease(&mut ledger, a);
+        accept(&mut ledger, a, leased, pixels(leased.1)).unwrap();
+    }
+    lease(&mut ledger, b);
+    assert!(!ledger.is_over(at(0)));
+    ledger.lost(b);
+    assert!(ledger.is_over(at(0)));
+}
+
+#[test]
+fn a_third_worker_decides_against_the_first() {
+    let good = pixels(Block::leaf(0));
+    let (mut ledger, [a, b, c], check) = disputed([9; 32], good);
+    // What the liar did beside goes as well.
+    assert_eq!(accept(&mut ledger, c, check, good), Ok(Accepted::Confirmed));
+    assert_eq!(
+        ledger.take_notes(),
+        [Note::ShutOut(a, Sentence::WrongPixels)]
+    );
+    assert_eq!(ledger.stained(), [Block::leaf(0)]);
+    assert!(!ledger.is_over(at(0)));
+    let dropped = ledger.reopen(&[Block::leaf(0)]);
+    assert_eq!(dropped.len(), 1);
+    assert_eq!((ledger.done(), ledger.prefix()), (0, 0));
+    assert_eq!(lease(&mut ledger, b).1, Block::leaf(0));
+    let shut_out = Err(LedgerError::ShutOut(a, Sentence::WrongPixels));
+    assert_eq!(ledger.lease(a, at(0)), shut_out);
+    // It does not come back under its name.
+    assert_eq!(ledger.register("a", 1, CANARY, at(0)), Err(Sentence::Name));
+}
+
+#[test]
+fn a_third_worker_decides_against_the_second() {
+    let good = pixels(Block::leaf(0));
+    let (mut ledger, [a, b, c], check) = disputed(good, [9; 32]);
+    assert_eq!(accept(&mut ledger, c, check, good), Ok(Accepted::Confirmed));
+    let notes = ledger.take_notes();
+    let sentence = Sentence::WrongPixels;
+    assert_eq!(
+        notes,
+        [
+            Note::Confirmed(Block::leaf(0), c, good),
+            Note::ShutOut(b, sentence)
+        ]
+    );
+    assert!(ledger.stained().is_empty());
+    assert_eq!(ledger.views(at(0))[0].audits_passed, 1);
+    assert_eq!(
+        ledger.lease(b, at(0)),
+        Err(LedgerError::ShutOut(b, sentence))
+    );
+    assert!(matches!(ledger.lease(a, at(0)), Ok(Grant::Lease(..))));
+}
+
+#[test]
+fn the_third_may_be_the_liar_or_a_second_one() {
+    let good = pixels(Block::leaf(0));
+    let (mut ledger, [a, b, c], check) = disputed([8; 32], good);
+    assert_eq!(
+        accept(&mut ledger, c, check, [9; 32]),
+        Ok(Accepted::Disputed)
+    );
+    let d = join(&mut ledger, "d");
+    let check = lease(&mut ledger, d);
+    assert_eq!(accept(&mut ledger, d, check, good), Ok(Accepted::Confirmed));
+    let out: Vec<_> = [a, b, c, d]
+        .map(|w| ledger.check(w, LeaseId(0), Block::leaf(9)))
+        .into();
+    let is_out: Vec<bool> = out
+        .iter()
+        .map(|r| matches!(r, Err(LedgerError::ShutOut(..))))
+        .collect();
+    assert_eq!(is_out, [true, false, true, false]);
+}
+
+#[test]
+fn a_dispute_that_nobody_can_decide_ends_with_patience() {
+    let mut ledger = Ledger::new(
+        Rules {
+            passes: 1,
+            ..AUDITS
+        },
+        0,
+    );
+    let (a, b) = (join(&mut ledger, "a"), join(&mut ledger, "b"));
+    let leased = lease(&mut ledger, a);
+    accept(&mut ledger, a, leased, [8; 32]).unwrap();
+    let check = lease(&mut ledger, b);
+    accept(&mut ledger, b, check, [9; 32]).unwrap();
+    assert!(!ledger.is_over(at(29)));
+    assert!(ledger.is_over(at(30)));
+    assert_eq!(ledger.audits_pending(), (1, 1));
+}
+
+#[test]
+fn a_worker_that_contradicts_itself_is_out() {
+    let mut ledger = Ledger::new(RULES, 0);
+    let (a, b) = (join(&mut ledger, "a"), join(&mut ledger, "b"));
+    let leased = lease(&mut ledger, a);
+    accept(&mut ledger, a, leased, [8; 32]).unwrap();
+    let sentence = Sentence::Contradiction;
+    assert_eq!(
+        accept(&mut ledger, a, leased, [9; 32]),
+        Err(LedgerError::ShutOut(a, sentence))
+    );
+    assert_eq!(ledger.stained(), [Block::leaf(0)]);
+    ledger.reopen(&[Block::leaf(0)]);
+    assert_eq!(lease(&mut ledger, b).1, Block::leaf(0));
+}
+
+#[test]
+fn what_was_confirmed_stays() {
+    let mut ledger = Ledger::new(RULES, 0);
+    let (a, b) = (join(&mut ledger, "a"), join(&mut ledger, "b"));
+    let zero = lease(&mut ledger, a);
+    ledger.lost(a);
+    let again = lease(&mut ledger, b);
+    accept(&mut ledger, a, zero, pixels(zero.1)).unwrap();
+    assert_eq!(
+        accept(&mut ledger, b, again, pixels(zero.1)),
+        Ok(Accepted::Confirmed)
+    );
+    let one = lease(&mut ledger, a);
+    accept(&mut ledger, a, one, pixels(one.1)).unwrap();
+    ledger.convict(a, Sentence::WrongPixels);
+    assert_eq!(ledger.stained(), [Block::leaf(1)]);
+    // The sum holds passes 0 and 1 in one node: both go.
+    assert_eq!(ledger.reopen(&[Block { level: 1, index: 0 }]).len(), 2);
+    assert_eq!(lease(&mut ledger, b).1, Block::leaf(0));
+}
+
+#[test]
+fn the_share_of_audits_is_what_was_asked_for() {
+    let ledger = Ledger::new(
+        Rules {
+            audit_every: 64,
+            ..RULES
+        },
+        0,
+    );
+    let drawn = (0..64_000)
+        .filter(|i| ledger.is_audited(Block::leaf(*i)))
+        .count();
+    // Binomial: 1000, standard deviation 31.4; four of them.
+    assert!((875..1125).contains(&drawn), "{drawn}");
+    let other = Ledger::new(
+        Rules {
+            audit_every: 64,
+            audit_salt: [1; 32],
+            ..RULES
+        },
+        0,
+    );
+    assert!((0..64_000).any(|i| {
+        let block = Block::leaf(i);
+        ledger.is_audited(block) != other.is_audited(block)
+    }));
+    assert!(!(0..1000).any(|i| Ledger::new(RULES, 0).is_audited(Block::leaf(i))));
+}
+
+#[test]
+fn most_test_pictures_count() {
+    let mut ledger = Ledger::new(RULES, 0);
+    let mut join = |name: &str, canary: u8| ledger.register(name, 1, [canary; 32], at(0));
+    let first = join("a", 1).unwrap();
+    assert_eq!(join("b", 2), Err(Sentence::Canary));
+    // The same machine again says nothing new.
+    assert_eq!(join("b", 2), Err(Sentence::Canary));
+    // Now there are two against one.
+    let third = join("c", 2).unwrap();
+    assert_eq!(join("d", 1), Err(Sentence::Canary));
+    let shut_out = Err(LedgerError::ShutOut(first, Sentence::Canary));
+    assert_eq!(ledger.lease(first, at(0)), shut_out);
+    assert_eq!(lease(&mut ledger, third).1, Block::leaf(0));
+}

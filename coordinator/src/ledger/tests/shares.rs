@@ -1,0 +1,270 @@
+//! Which worker gets what: blocks, failures, stragglers, claims, resumed jobs.
+
+use super::*;
+
+fn block_of(grant: Result<Grant, LedgerError>) -> (LeaseId, Block) {
+    match grant {
+        Ok(Grant::Lease(lease, block)) => (lease, block),
+        other => panic!("{other:?}"),
+    }
+}
+
+fn rules(passes: u64) -> Rules {
+    Rules { passes, ..RULES }
+}
+
+/// A ledger in which the passes before `first` are done, each in one second by a worker that is there, and taking in takes
+/// as long.
+fn busy(first: u64, passes: u64) -> (Ledger, WorkerId) {
+    let mut ledger = Ledger::new(rules(passes), 0);
+    let worker = join(&mut ledger, "busy");
+    for i in 0..first {
+        let (lease, block) = block_of(ledger.lease(worker, at(i)));
+        ledger
+            .accept(worker, lease, block, pixels(block), at(i + 1))
+            .unwrap();
+    }
+    ledger.set_intake(1.0);
+    (ledger, worker)
+}
+
+#[test]
+fn a_coordinator_in_a_hurry_leases_blocks() {
+    let (mut ledger, worker) = busy(64, 1024);
+    let now = at(65);
+    let mut others = vec![worker];
+    others.extend((0..3).map(|i| ledger.register(&format!("{i}"), 1, CANARY, now).unwrap()));
+    // Four workers, each a pass a second, blocks of a second: 2^3.
+    let blocks: Vec<Block> = others
+        .iter()
+        .map(|w| block_of(ledger.lease(*w, now)).1)
+        .collect();
+    let expected: Vec<Block> = (8..12).map(|index| Block { level: 3, index }).collect();
+    assert_eq!(blocks, expected);
+}
+
+#[test]
+fn a_block_is_done_as_a_whole() {
+    let (mut ledger, worker) = busy(64, 1024);
+    let (lease, block) = block_of(ledger.lease(worker, at(64)));
+    assert_eq!(
+        block,
+        Block {
+            level: 1,
+            index: 32
+        }
+    );
+    assert_eq!(
+        ledger.accept(worker, lease, block, pixels(block), at(66)),
+        Ok(Accepted::New)
+    );
+    assert_eq!((ledger.prefix(), ledger.done()), (66, 66));
+    assert_eq!(ledger.block_hash(block), Some(pixels(block)));
+    assert_eq!(ledger.block_hash(Block::leaf(64)), None);
+}
+
+#[test]
+fn a_block_in_which_a_pass_fails_is_taken_apart() {
+    let (mut ledger, bad) = busy(64, 1024);
+    let now = at(64);
+    let good = ledger.register("good", 1, CANARY, now).unwrap();
+    ledger.set_intake(4.0);
+    let (lease, block) = block_of(ledger.lease(bad, now));
+    assert_eq!(block, Block { level: 4, index: 4 });
+    ledger.fail(bad, lease, 69, "NaN", now).unwrap();
+    // Each gets all but the bad pass, and only who has not failed gets that.
+    let next = |ledger: &mut Ledger, worker| block_of(ledger.lease(worker, now)).1;
+    let passes = |block: Block| block.passes();
+    assert_eq!(passes(next(&mut ledger, bad)), 64..68);
+    assert_eq!(passes(next(&mut ledger, bad)), 68..69);
+    assert_eq!(passes(next(&mut ledger, bad)), 70..72);
+    let (lease, block) = block_of(ledger.lease(good, now));
+    assert_eq!(block, Block::leaf(69));
+    assert_eq!(
+        ledger.accept(good, lease, block, pixels(block), now),
+        Ok(Accepted::New)
+    );
+    assert!(ledger.failed().is_none());
+}
+
+#[test]
+fn a_poison_pass_goes_to_several_workers() {
+    let mut ledger = Ledger::new(rules(4), 0);
+    let workers: Vec<_> = (0..4).map(|_| join(&mut ledger, "worker")).collect();
+    for (i, worker) in workers.iter().take(3).enumerate() {
+        assert!(ledger.failed().is_none());
+        let (lease, block) = block_of(ledger.lease(*worker, at(i as u64)));
+        assert_eq!(block, Block::leaf(0));
+        ledger.fail(*worker, lease, 0, "NaN", at(i as u64)).unwrap();
+    }
+    let failure = ledger.failed().unwrap();
+    assert_eq!((failure.pass_index, failure.workers), (0, 3));
+    assert!(ledger.is_complete());
+}
+
+#[test]
+fn a_worker_that_fails_waits_and_is_shut_out_in_the_end() {
+    let rules = Rules {
+        back_off: Duration::from_secs(1),
+        ..rules(100)
+    };
+    let mut ledger = Ledger::new(rules, 0);
+    let (bad, good) = (join(&mut ledger, "bad"), join(&mut ledger, "good"));
+    let mut now = at(0);
+    for pause in [1, 2, 4, 8] {
+        let (lease, block) = block_of(ledger.lease(bad, now));
+        ledger.fail(bad, lease, block.start(), "no", now).unwrap();
+        assert_eq!(ledger.lease(bad, now), Ok(Grant::NotNow));
+        assert_eq!(ledger.ask_again(bad, now), Some(now + at(pause)));
+        now += at(pause);
+        ledger.beat(good, [], now).unwrap();
+    }
+    let (lease, block) = block_of(ledger.lease(bad, now));
+    ledger.fail(bad, lease, block.start(), "no", now).unwrap();
+    let sentence = Sentence::Failures;
+    assert_eq!(ledger.take_notes(), [Note::ShutOut(bad, sentence)]);
+    assert_eq!(
+        ledger.lease(bad, now),
+        Err(LedgerError::ShutOut(bad, sentence))
+    );
+    // The other one gets what it failed, and a success would have made it good.
+    assert_eq!(block_of(ledger.lease(good, now)).1, Block::leaf(0));
+}
+
+#[test]
+fn an_idle_worker_takes_over_what_others_take_long_for() {
+    let mut ledger = Ledger::new(rules(3), 0);
+    let (slow, quick) = (join(&mut ledger, "slow"), join(&mut ledger, "quick"));
+    let old = block_of(ledger.lease(slow, at(0)));
+    for i in 0..2 {
+        let (lease, block) = block_of(ledger.lease(quick, at(i)));
+        ledger
+            .accept(quick, lease, block, pixels(block), at(i + 1))
+            .unwrap();
+    }
+    // A second is usual; two are long.
+    let mut early = Ledger::new(rules(1), 0);
+    let (a, b) = (join(&mut early, "a"), join(&mut early, "b"));
+    block_of(early.lease(a, at(0)));
+    assert_eq!(early.lease(b, at(20)), Ok(Grant::NotNow));
+    assert_eq!(ledger.ask_again(quick, at(2)), Some(at(2)));
+    let again = block_of(ledger.lease(quick, at(2)));
+    assert_eq!(again.1, old.1);
+    // Not a third time.
+    let third = join(&mut ledger, "third");
+    assert_eq!(ledger.lease(third, at(9)), Ok(Grant::NotNow));
+    assert_eq!(
+        ledger.accept(quick, again.0, again.1, pixels(again.1), at(9)),
+        Ok(Accepted::New)
+    );
+    let late = ledger.accept(slow, old.0, old.1, pixels(old.1), at(10));
+    assert_eq!(late, Ok(Accepted::Confirmed));
+    assert_eq!(
+        ledger.take_notes(),
+        [Note::Confirmed(old.1, slow, pixels(old.1))]
+    );
+}
+
+#[test]
+fn leases_that_are_given_back_are_open_at_once_and_no_failures() {
+    let mut ledger = Ledger::new(rules(4), 0);
+    let (leaving, other) = (join(&mut ledger, "leaving"), join(&mut ledger, "other"));
+    let kept = block_of(ledger.lease(leaving, at(0)));
+    let given = block_of(ledger.lease(leaving, at(0)));
+    assert_eq!(ledger.give_back(other, &[given.0].into()), Ok(0));
+    assert_eq!(
+        ledger.give_back(leaving, &[given.0, LeaseId(77)].into()),
+        Ok(1)
+    );
+    assert_eq!(block_of(ledger.lease(other, at(0))).1, given.1);
+    assert_eq!(ledger.lost(leaving), 1);
+    assert_eq!(block_of(ledger.lease(other, at(0))).1, kept.1);
+    assert!(ledger.attempts.is_empty());
+}
+
+#[test]
+fn a_restarted_coordinator_takes_what_workers_hold() {
+    let mut ledger = Ledger::new(rules(100), 0);
+    let worker = join(&mut ledger, "worker");
+    let held = Block { level: 2, index: 5 };
+    let lease = ledger.claim(worker, held, at(0)).unwrap();
+    assert_eq!(ledger.claim(worker, held, at(0)), None);
+    for wrong in [
+        Block { level: 3, index: 0 },
+        Block {
+            level: 0,
+            index: 100,
+        },
+        Block {
+            level: 52,
+            index: 1,
+        },
+    ] {
+        assert_eq!(ledger.claim(worker, wrong, at(0)), None);
+    }
+    assert_eq!(
+        ledger.accept(worker, lease, held, pixels(held), at(1)),
+        Ok(Accepted::New)
+    );
+    assert_eq!((ledger.prefix(), ledger.done()), (0, 4));
+    assert_eq!(block_of(ledger.lease(worker, at(1))).1, Block::leaf(0));
+}
+
+#[test]
+fn a_late_block_does_not_count_where_a_part_of_it_does() {
+    let (mut ledger, slow) = busy(64, 1024);
+    let old = block_of(ledger.lease(slow, at(64)));
+    assert_eq!(
+        old.1,
+        Block {
+            level: 1,
+            index: 32
+        }
+    );
+    ledger.lost(slow);
+    ledger.set_intake(0.0);
+    let quick = ledger.register("quick", 1, CANARY, at(64)).unwrap();
+    let part = block_of(ledger.lease(quick, at(64)));
+    assert_eq!(part.1, Block::leaf(64));
+    ledger
+        .accept(quick, part.0, part.1, pixels(part.1), at(65))
+        .unwrap();
+    let late = ledger.accept(slow, old.0, old.1, pixels(old.1), at(65));
+    assert_eq!(late, Ok(Accepted::NotNeeded));
+    assert_eq!(block_of(ledger.lease(quick, at(65))).1, Block::leaf(65));
+}
+
+#[test]
+fn a_resumed_job_goes_on_where_it_was() {
+    let mut ledger = Ledger::new(rules(20), 0);
+    let known = |block: Block| (block, Some(("old", pixels(block))), false);
+    ledger.resume([known(Block { level: 1, index: 0 }), known(Block::leaf(2))]);
+    ledger.resume_rest([Block { level: 2, index: 0 }, Block { level: 1, index: 4 }]);
+    assert_eq!((ledger.prefix(), ledger.done()), (4, 6));
+    let worker = join(&mut ledger, "new");
+    let passes: Vec<u64> = (0..6).map(|_| granted(&mut ledger, worker, 0).1).collect();
+    assert_eq!(passes, [4, 5, 6, 7, 10, 11]);
+    ledger.extend(21);
+    assert_eq!(ledger.limit(), 21);
+    let passes: Vec<u64> = (0..9).map(|_| granted(&mut ledger, worker, 0).1).collect();
+    assert_eq!(passes.last(), Some(&20));
+}
+
+#[test]
+fn a_range_of_passes_begins_where_it_should() {
+    let mut ledger = Ledger::new(
+        Rules {
+            first_pass: 10,
+            ..rules(12)
+        },
+        0,
+    );
+    let worker = join(&mut ledger, "worker");
+    assert_eq!(ledger.prefix(), 10);
+    for pass in 10..12 {
+        let leased = granted(&mut ledger, worker, 0);
+        assert_eq!(leased.1, pass);
+        deliver(&mut ledger, worker, leased).unwrap();
+    }
+    assert!(ledger.is_complete());
+}

@@ -1,0 +1,116 @@
+//! Workers that compute other bits are found, and the image is right.
+
+use crate::harness::{Coordinator, RawWorker, canary, encode, node, spec};
+use beamfarm_coordinator::{End, EventKind, WorkerState};
+use beamfarm_proto::wire::farm_client::FarmClient;
+use beamfarm_proto::{Grant, VERSION, wire};
+use beamfarm_shared::job::Block;
+use beamfarm_shared::merge::{Average, TreeSum};
+use std::sync::Arc;
+use tonic::{Code, Status};
+
+const PASSES: u64 = 60;
+
+fn expected() -> Average {
+    let first = node(Block::leaf(0));
+    let mut sum = TreeSum::new(first.sum.width, first.sum.height);
+    for pass_index in 0..PASSES {
+        sum.insert(node(Block::leaf(pass_index))).unwrap();
+    }
+    sum.average().unwrap()
+}
+
+/// Deliver whatever is leased until the job is over or the coordinator wants nothing more. A liar's pictures differ from
+/// what they should be in the last bit of one pixel, in a block out of `lies`.
+async fn work(worker: Arc<RawWorker>, lies: Option<u64>) -> Result<(), Status> {
+    let _attendance = worker.attend().await;
+    let mut count = 0;
+    loop {
+        let (lease, block) = match worker.grant().await? {
+            Grant::Lease(lease, block) => (lease, block),
+            Grant::NotNow => continue,
+            Grant::Done => return Ok(()),
+        };
+        let mut node = node(block);
+        if lies.is_some_and(|lies| count % lies == 0) {
+            let pixel = &mut node.sum.pixels[count as usize];
+            pixel[1] = pixel[1].next_up();
+        }
+        count += 1;
+        let bytes = encode(&node, &worker.meta(block));
+        worker.submit((lease, block), bytes).await?;
+        tokio::task::yield_now().await;
+    }
+}
+
+async fn liar_among(honest: usize, lies: u64) {
+    let mut spec = spec(PASSES);
+    spec.audit_every = 1;
+    let coordinator = Coordinator::start(spec).await;
+    let liar = Arc::new(RawWorker::named(&coordinator, "liar").await);
+    let lying = tokio::spawn(work(liar.clone(), Some(lies)));
+    let mut others = Vec::new();
+    for i in 0..honest {
+        let worker = RawWorker::named(&coordinator, &format!("honest {i}")).await;
+        others.push(tokio::spawn(work(Arc::new(worker), None)));
+    }
+    assert_eq!(coordinator.ended().await, End::Complete);
+    assert!(coordinator.farm.average().unwrap() == expected());
+    for other in others {
+        other.await.unwrap().unwrap();
+    }
+    let caught = lying.await.unwrap().unwrap_err();
+    assert_eq!(caught.code(), Code::PermissionDenied, "{caught}");
+    let progress = coordinator.farm.progress();
+    assert_eq!(progress.divergent, 0);
+    let views = progress.workers_seen;
+    let view = views.iter().find(|view| view.id.0 == liar.id).unwrap();
+    assert_eq!((view.state, view.passes), (WorkerState::ShutOut, 0));
+    assert!(view.audits_failed > 0);
+    let mut honest = views.iter().filter(|view| view.id.0 != liar.id);
+    assert!(honest.all(|view| view.audits_failed == 0));
+    let events = coordinator.farm.events(0);
+    assert!(
+        events
+            .iter()
+            .any(|event| event.kind == EventKind::Divergent)
+    );
+    assert!(events.iter().any(|event| event.kind == EventKind::ShutOut));
+    // Nor does it come back.
+    let mut farm = FarmClient::connect(coordinator.url()).await.unwrap();
+    let again = wire::RegisterRequest {
+        version: VERSION.into(),
+        name: "liar".into(),
+        canary: canary(),
+        ..Default::default()
+    };
+    let refused = farm.register(again).await.unwrap_err();
+    assert_eq!(refused.code(), Code::PermissionDenied);
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_worker_that_always_lies_is_found() {
+    liar_among(2, 1).await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_machine_with_other_bits_does_not_get_in() {
+    let coordinator = Coordinator::start(spec(1)).await;
+    RawWorker::named(&coordinator, "first").await;
+    let mut farm = FarmClient::connect(coordinator.url()).await.unwrap();
+    let mut request = wire::RegisterRequest {
+        version: VERSION.into(),
+        name: "second".into(),
+        canary: vec![3; 32].into(),
+        ..Default::default()
+    };
+    let refused = farm.register(request.clone()).await.unwrap_err();
+    assert_eq!(refused.code(), Code::PermissionDenied);
+    assert!(refused.message().contains("other bits"), "{refused}");
+    request.canary = vec![3; 31].into();
+    let refused = farm.register(request).await.unwrap_err();
+    assert_eq!(refused.code(), Code::InvalidArgument);
+    assert_eq!(coordinator.farm.progress().registered, 1);
+    let events = coordinator.farm.events(0);
+    assert!(events.iter().any(|event| event.text.contains("second")));
+}

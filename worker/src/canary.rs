@@ -1,0 +1,60 @@
+//! A test picture: machines that make the same one render the same bits, as far as a few milliseconds can tell.
+
+use beamfarm_shared::bundle::Bundle;
+use beamfarm_shared::error::SceneError;
+use beamfarm_shared::exr::node_hash;
+use beamfarm_shared::merge::Node;
+use beamfarm_shared::pass::render_pass;
+use beamfarm_shared::plan::{RenderPlan, Scene};
+use beamfarm_shared::scene::SceneDescription;
+
+const SCENE: &str = include_str!("canary.toml");
+const NAME: &str = "canary.toml";
+
+/// Hash of the picture's pixels.
+pub fn canary() -> Result<[u8; 32], SceneError> {
+    let description = SceneDescription::load(&Bundle {
+        scene: NAME.into(),
+        files: [(NAME.into(), SCENE.into())].into(),
+    })?;
+    let settings = description.defaults.job_settings();
+    let scene = Scene::new(description);
+    let plan = RenderPlan::new(&scene, settings);
+    let image = render_pass(&scene, &plan, 0);
+    Ok(node_hash(
+        &Node::leaf(0, image.film).with_layers(image.layers),
+    ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::time::{Duration, Instant};
+
+    #[test]
+    fn it_is_quick_and_the_same_on_any_number_of_threads() {
+        let begun = Instant::now();
+        let first = canary().unwrap();
+        // Some 10 ms; a machine under load may take longer.
+        assert!(begun.elapsed() < Duration::from_secs(2));
+        for threads in [1, 3] {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+            assert_eq!(pool.unwrap().install(canary).unwrap(), first);
+        }
+        assert_ne!(first, [0; 32]);
+    }
+
+    #[test]
+    fn there_is_something_in_it() {
+        let bundle = Bundle {
+            scene: NAME.into(),
+            files: [(NAME.into(), SCENE.into())].into(),
+        };
+        let scene = Scene::new(SceneDescription::load(&bundle).unwrap());
+        let settings = scene.description().defaults.job_settings();
+        let image = render_pass(&scene, &RenderPlan::new(&scene, settings), 0);
+        assert!(image.stats.beams > 0 && image.stats.beam_evaluations > 0);
+        let lit = image.film.pixels.iter().filter(|pixel| pixel[0] > 0.0);
+        assert!(lit.count() > 200);
+    }
+}

@@ -1,0 +1,427 @@
+//! The time between a registration and the end of the job.
+//!
+//! A coordinator that was restarted does not know its workers. They register again, claim the blocks that they have in hand
+//! or are rendering, and go on; only another job ends the session.
+
+use crate::client::{CallError, Client, Delivery, Introduction, Registration};
+use crate::render::{Failed, Prepared, Renderer};
+use crate::run::{Summary, drained};
+use beamfarm_proto::{Grant, Job, LeaseId, VERSION, WorkerId, wire};
+use beamfarm_shared::exr::{BlockMeta, encode_block};
+use beamfarm_shared::job::{Block, PassStats};
+use beamfarm_shared::merge::Node;
+use beamfarm_shared::radius::Schedule;
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+use tokio::sync::{mpsc, oneshot, watch};
+use tokio::time::{interval, sleep};
+use tracing::{debug, info, warn};
+
+/// The next block is leased when this part of the time that the current one will probably take is over. Early enough that
+/// rendering need not wait for it; late enough that a worker does not sit on a block that another one, with nothing to do,
+/// could have begun.
+const LEASE_AHEAD: f64 = 0.75;
+/// Time for giving leases back and signing off.
+const FAREWELL: Duration = Duration::from_secs(3);
+
+/// Why a session ended.
+pub(crate) enum SessionEnd {
+    /// The job is over, or the worker was told to finish.
+    Over,
+    /// The coordinator has another job.
+    OtherJob(Registration),
+}
+
+/// A block that the worker holds a lease of.
+#[derive(Clone, Copy)]
+struct Held {
+    lease: LeaseId,
+    begun: bool,
+    /// Passes that are rendered.
+    rendered: u64,
+}
+
+/// What the coordinator knows of the worker.
+struct State {
+    worker: WorkerId,
+    /// How often the worker has registered.
+    generation: u64,
+    /// For the heartbeat: from the moment they are leased until they are delivered.
+    held: BTreeMap<Block, Held>,
+    other_job: Option<Registration>,
+}
+
+/// A block that is rendered and not yet delivered.
+struct Finished {
+    block: Block,
+    result: Result<(Node, PassStats), Failed>,
+}
+
+pub(crate) struct Session<'a> {
+    client: &'a Client,
+    renderer: &'a Renderer,
+    introduction: &'a Introduction,
+    job: Job,
+    heartbeat: Duration,
+    prepared: Arc<Prepared>,
+    grace: Duration,
+    drain: watch::Receiver<bool>,
+    state: Mutex<State>,
+    /// Held while registering again.
+    renewing: tokio::sync::Mutex<()>,
+}
+
+impl<'a> Session<'a> {
+    pub fn new(
+        client: &'a Client,
+        renderer: &'a Renderer,
+        introduction: &'a Introduction,
+        registration: Registration,
+        prepared: Arc<Prepared>,
+        grace: Duration,
+        drain: watch::Receiver<bool>,
+    ) -> Self {
+        Self {
+            client,
+            renderer,
+            introduction,
+            job: registration.job,
+            heartbeat: registration.heartbeat,
+            prepared,
+            grace,
+            drain,
+            state: Mutex::new(State {
+                worker: registration.worker,
+                generation: 0,
+                held: BTreeMap::new(),
+                other_job: None,
+            }),
+            renewing: tokio::sync::Mutex::default(),
+        }
+    }
+
+    pub async fn run(&self, summary: &mut Summary) -> Result<SessionEnd, CallError> {
+        // One block waits here while the one before is on its way and the one after is being rendered.
+        let (finished, deliveries) = mpsc::channel(1);
+        let work =
+            async { tokio::try_join!(self.render(finished), self.deliver(deliveries, summary)) };
+        let end = tokio::select! {
+            end = work => end.map(|_| ()),
+            end = self.send_heartbeats() => end,
+            () = self.run_out_of_grace() => Ok(()),
+        };
+        if let Err(CallError::Forgotten) = end
+            && let Some(registration) = self.state().other_job.take()
+        {
+            return Ok(SessionEnd::OtherJob(registration));
+        }
+        if *self.drain.borrow() && !matches!(end, Err(CallError::Refused(_))) {
+            info!("signing off");
+            self.give_back(|_| true, true).await;
+            return Ok(SessionEnd::Over);
+        }
+        end.map(|()| SessionEnd::Over)
+    }
+
+    /// Lease and render, one block after the other, until there is nothing more to do.
+    async fn render(&self, finished: mpsc::Sender<Finished>) -> Result<(), CallError> {
+        let mut pace: Option<Duration> = None;
+        let mut next = self.lease().await?;
+        while let Some(block) = next {
+            if !self.begin(block) {
+                // Given back, or not granted again by a restarted coordinator.
+                next = self.lease().await?;
+                continue;
+            }
+            let expected = pace.map(|pace| pace * block.len().try_into().unwrap_or(u32::MAX));
+            let (over, rendered) = oneshot::channel::<()>();
+            let finished = &finished;
+            let render = async move {
+                let begun = Instant::now();
+                let render = self.renderer.block(&self.prepared, block, |rendered| {
+                    if let Some(held) = self.state().held.get_mut(&block) {
+                        held.rendered = rendered;
+                    }
+                });
+                let result = tokio::select! {
+                    result = render => result,
+                    () = self.become_hopeless(begun, expected) => {
+                        self.give_back(|held| *held == block, false).await;
+                        return None;
+                    }
+                };
+                let took = begun.elapsed();
+                debug!("{block} took {:.3} s", took.as_secs_f64());
+                drop(over);
+                // Fails when delivering has failed, which ends the session.
+                let _ = finished.send(Finished { block, result }).await;
+                Some(took)
+            };
+            let lease_ahead = async {
+                match expected {
+                    Some(expected) => {
+                        let _ = tokio::time::timeout(expected.mul_f64(LEASE_AHEAD), rendered).await;
+                    }
+                    None => {
+                        let _ = rendered.await;
+                    }
+                }
+                self.lease().await
+            };
+            let (took, ahead) = tokio::join!(render, lease_ahead);
+            next = ahead?;
+            pace = took.map(|took| took.div_f64(block.len() as f64));
+        }
+        Ok(())
+    }
+
+    /// Resolves when the worker shall finish and the block cannot be done in time.
+    async fn become_hopeless(&self, begun: Instant, expected: Option<Duration>) {
+        drained(self.drain.clone()).await;
+        let rest = expected.map(|expected| expected.saturating_sub(begun.elapsed()));
+        if rest.is_none_or(|rest| rest <= self.grace) {
+            std::future::pending::<()>().await;
+        }
+    }
+
+    /// Give back what is not begun as soon as the worker shall finish; resolves when its time is over.
+    async fn run_out_of_grace(&self) {
+        drained(self.drain.clone()).await;
+        let begun = |block: &Block| self.state().held.get(block).is_some_and(|held| held.begun);
+        let waiting: Vec<Block> = {
+            let held: Vec<Block> = self.state().held.keys().copied().collect();
+            held.into_iter().filter(|block| !begun(block)).collect()
+        };
+        let give_back = async {
+            if !waiting.is_empty() {
+                self.give_back(|block| waiting.contains(block), false).await;
+            }
+            std::future::pending::<()>().await;
+        };
+        tokio::select! {
+            () = give_back => {}
+            () = sleep(self.grace) => info!("the time to finish is over"),
+        }
+    }
+
+    /// Give leases back, as far as the coordinator can be reached.
+    async fn give_back(&self, which: impl Fn(&Block) -> bool, leaving: bool) {
+        let (worker, leases) = {
+            let mut state = self.state();
+            let blocks: Vec<Block> = state.held.keys().copied().filter(which).collect();
+            let leases: Vec<LeaseId> = blocks
+                .iter()
+                .filter_map(|block| Some(state.held.remove(block)?.lease))
+                .collect();
+            (state.worker, leases)
+        };
+        let client = self.client.hasty(FAREWELL);
+        let call = client.give_back(worker, leases, leaving);
+        match tokio::time::timeout(FAREWELL, call).await {
+            Ok(Ok(())) => {}
+            // It will find out when the connection closes.
+            failed => debug!("cannot give leases back: {failed:?}"),
+        }
+    }
+
+    /// The next block; `None` when there will be none, or when this worker shall finish.
+    async fn lease(&self) -> Result<Option<Block>, CallError> {
+        loop {
+            let (worker, generation) = self.identity();
+            let grant = tokio::select! {
+                biased;
+                () = drained(self.drain.clone()) => return Ok(None),
+                grant = self.client.lease(worker, self.job.scene) => grant,
+            };
+            match grant {
+                Ok(Grant::Lease(lease, block)) => {
+                    let held = Held {
+                        lease,
+                        begun: false,
+                        rendered: 0,
+                    };
+                    let mut state = self.state();
+                    if state.generation == generation {
+                        state.held.insert(block, held);
+                    }
+                    return Ok(Some(block));
+                }
+                Ok(Grant::NotNow) => {}
+                Ok(Grant::Done) => return Ok(None),
+                Err(CallError::Forgotten) => self.renew(generation).await?,
+                Err(error) => return Err(error),
+            }
+        }
+    }
+
+    /// Note that the block is being rendered, if it is still held.
+    fn begin(&self, block: Block) -> bool {
+        let mut state = self.state();
+        let held = state.held.get_mut(&block);
+        held.map(|held| held.begun = true).is_some()
+    }
+
+    /// Encode and upload, one block at a time.
+    async fn deliver(
+        &self,
+        mut finished: mpsc::Receiver<Finished>,
+        summary: &mut Summary,
+    ) -> Result<(), CallError> {
+        while let Some(Finished { block, result }) = finished.recv().await {
+            let encoded = match result {
+                Ok((node, stats)) => encode(&self.job, node).await.map(|bytes| (bytes, stats)),
+                Err(failed) => Err(failed),
+            };
+            if let Err(Failed {
+                pass_index,
+                message,
+            }) = &encoded
+            {
+                warn!("pass {pass_index}: {message}");
+            }
+            // Once more for each coordinator that has forgotten the worker, as long as it wants the block.
+            while let Some((worker, lease, generation)) = self.lease_of(block) {
+                let sent = match &encoded {
+                    Ok((bytes, stats)) => {
+                        let delivery = Delivery {
+                            lease,
+                            block,
+                            bytes: bytes.clone(),
+                            stats: *stats,
+                        };
+                        self.client.submit(worker, &delivery).await
+                    }
+                    Err(failed) => {
+                        let (pass_index, message) = (failed.pass_index, &failed.message);
+                        self.client.fail(worker, lease, pass_index, message).await
+                    }
+                };
+                match sent {
+                    Ok(()) => {
+                        summary.passes += if encoded.is_ok() { block.len() } else { 0 };
+                        break;
+                    }
+                    Err(CallError::Forgotten) => self.renew(generation).await?,
+                    Err(error) => return Err(error),
+                }
+            }
+            self.state().held.remove(&block);
+        }
+        Ok(())
+    }
+
+    fn lease_of(&self, block: Block) -> Option<(WorkerId, LeaseId, u64)> {
+        let state = self.state();
+        let lease = state.held.get(&block)?.lease;
+        Some((state.worker, lease, state.generation))
+    }
+
+    fn identity(&self) -> (WorkerId, u64) {
+        let state = self.state();
+        (state.worker, state.generation)
+    }
+
+    /// Register again, unless somebody else did so since `generation`. What is held and still wanted is kept.
+    async fn renew(&self, generation: u64) -> Result<(), CallError> {
+        let _renewing = self.renewing.lock().await;
+        if self.state().generation != generation {
+            return Ok(());
+        }
+        warn!("the coordinator has forgotten this worker: registering again");
+        let held: Vec<Block> = self.state().held.keys().copied().collect();
+        let scene = Some(self.job.scene);
+        let registration = self.client.register(self.introduction, scene, held).await?;
+        let mut state = self.state();
+        if registration.job != self.job {
+            state.other_job = Some(registration);
+            return Err(CallError::Forgotten);
+        }
+        state.worker = registration.worker;
+        state.generation += 1;
+        let leases: BTreeMap<Block, LeaseId> = registration
+            .leases
+            .iter()
+            .map(|(lease, block)| (*block, *lease))
+            .collect();
+        state.held.retain(|block, held| match leases.get(block) {
+            Some(lease) => {
+                held.lease = *lease;
+                true
+            }
+            None => false,
+        });
+        Ok(())
+    }
+
+    /// Send heartbeats until the coordinator says that the job is over.
+    async fn send_heartbeats(&self) -> Result<(), CallError> {
+        let mut ticks = interval(self.heartbeat);
+        loop {
+            let (_, generation) = self.identity();
+            let (beats, mut notices) = match self.client.attend(self.beat()).await {
+                Ok(streams) => streams,
+                Err(CallError::Forgotten) => {
+                    self.renew(generation).await?;
+                    continue;
+                }
+                Err(error) => return Err(error),
+            };
+            loop {
+                tokio::select! {
+                    notice = notices.message() => match notice {
+                        Ok(Some(notice)) if notice.done => return Ok(()),
+                        Ok(Some(_)) => {}
+                        Err(status) if status.code() == tonic::Code::PermissionDenied => {
+                            return Err(CallError::Refused(status.message().into()));
+                        }
+                        // Cut off. The next attempt tells whether the coordinator is still there.
+                        Ok(None) | Err(_) => break,
+                    },
+                    _ = ticks.tick() => {
+                        if self.identity().1 != generation {
+                            break;
+                        }
+                        // Room for several: a full channel means that the connection stalls, and that it will break.
+                        let _ = beats.try_send(self.beat());
+                    }
+                }
+            }
+            debug!("the stream of heartbeats broke; opening it again");
+            sleep(self.heartbeat.min(Duration::from_millis(200))).await;
+        }
+    }
+
+    fn beat(&self) -> wire::Heartbeat {
+        let state = self.state();
+        wire::Heartbeat {
+            worker: state.worker.0,
+            leases: state.held.values().map(|held| held.lease.0).collect(),
+            rendered: state.held.values().map(|held| held.rendered).collect(),
+        }
+    }
+
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+async fn encode(job: &Job, node: Node) -> Result<beamfarm_proto::bytes::Bytes, Failed> {
+    let block = node.block;
+    let meta = BlockMeta {
+        scene: job.scene,
+        block,
+        seed: job.settings.seed,
+        alpha: job.settings.alpha,
+        radius_scale: Schedule::new(&job.settings).scale(block.start()),
+        version: VERSION.into(),
+    };
+    let layers = job.layers.clone();
+    let encode = move || encode_block(&node, &meta, &layers).map_err(|error| error.to_string());
+    let encoded = tokio::task::spawn_blocking(encode).await;
+    let encoded = encoded.unwrap_or_else(|error| Err(error.to_string()));
+    encoded.map(Into::into).map_err(|message| Failed {
+        pass_index: block.start(),
+        message,
+    })
+}

@@ -255,6 +255,10 @@ fn write_seeds() {
             layers: layers().iter().map(|layer| layer.to_string()).collect(),
         }),
         heartbeat_ms: 100,
+        leases: vec![wire::Lease {
+            lease: 4,
+            block: Some(block.into()),
+        }],
     };
     message("register", 0, register.encode_to_vec());
     let lease = beamfarm_proto::Grant::Lease(beamfarm_proto::LeaseId(4), block);
@@ -274,6 +278,7 @@ fn write_seeds() {
     let heartbeat = wire::Heartbeat {
         worker: 5,
         leases: vec![1, 2, 300],
+        rendered: vec![0, 1, 2],
     };
     message("heartbeat", 3, heartbeat.encode_to_vec());
 }

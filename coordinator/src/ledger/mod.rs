@@ -16,7 +16,7 @@ pub use standing::Sentence;
 
 use crate::farm::{WorkerState, WorkerView};
 use audit::Audit;
-use beamfarm_proto::{Grant, LeaseId, WorkerId};
+use beamfarm_proto::{LeaseId, WorkerId};
 use beamfarm_shared::job::Block;
 use ranges::Ranges;
 use standing::Worker;

@@ -57,6 +57,7 @@ async fn worker_process() {
     let (_drain, receiver) = tokio::sync::watch::channel(false);
     let config = beamfarm_worker::Config {
         url,
+        credentials: Default::default(),
         threads: 1,
         name: std::env::var(NAME).unwrap(),
         cache: None,
@@ -323,7 +324,7 @@ async fn round(truth: &Arc<Truth>, round: u64) {
         .collect();
     let mut imp = tokio::spawn(mischief(coordinator.clone(), truth.clone(), round));
     // After this many acts of violence, if at all.
-    let mut restart = (round % 2 == 0).then(|| 2 + dice.below(6));
+    let mut restart = round.is_multiple_of(2).then(|| 2 + dice.below(6));
     let begun = std::time::Instant::now();
     for act in 0.. {
         assert!(

@@ -63,6 +63,7 @@ async fn work(url: String, credentials: Credentials) -> WorkerResult {
         name: "test".into(),
         cache: None,
         patience: Duration::from_millis(300),
+        grace: Duration::from_secs(10),
     };
     beamfarm_worker::run(config, receiver).await
 }

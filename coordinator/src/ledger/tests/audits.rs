@@ -1,6 +1,7 @@
 //! Workers that compute other bits.
 
 use super::*;
+use beamfarm_proto::Grant;
 
 const AUDITS: Rules = Rules {
     audit_every: 1,

@@ -1,6 +1,7 @@
 //! Whatever happens, no pass is lost and none counts twice.
 
 use super::*;
+use beamfarm_proto::Grant;
 use proptest::prelude::*;
 
 /// What can happen to a farm.

@@ -1,4 +1,5 @@
 use super::*;
+use beamfarm_proto::Grant;
 
 mod audits;
 mod interleavings;

@@ -1,6 +1,7 @@
 //! Which worker gets what: blocks, failures, stragglers, claims, resumed jobs.
 
 use super::*;
+use beamfarm_proto::Grant;
 
 fn block_of(grant: Result<Grant, LedgerError>) -> (LeaseId, Block) {
     match grant {

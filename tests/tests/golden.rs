@@ -7,8 +7,8 @@ use beamfarm_shared::pass::render_pass;
 use beamfarm_shared::plan::RenderPlan;
 use beamfarm_tests::render::{average, scene};
 
-const FOG_HASH: &str = "2b5b62a47011bb30281868ab1f36bba00e7eb852d22fa2f7ec161241468d314e";
-const SMOKE_HASH: &str = "01d335cbe46a4e37f85f32ef26f5f525940d89ad5f8c611a8864d902eb1d5e4e";
+const FOG_HASH: &str = "28b839947f76f7c70489e860c75fa2b7c04ec8d14e60e86b03db53c80232e151";
+const SMOKE_HASH: &str = "005f0b5555263ce6711228856b5f6d152c5957eef1ecc86bbc730f7bb3735580";
 const SURFACES_HASH: &str = "750f1262c2674a82dd5596b381550982fcb37fc0f89023cb3e7c2f763ad890aa";
 
 const FOG: &str = r#"

@@ -72,7 +72,7 @@ async fn work(url: String, credentials: Credentials) -> WorkerResult {
 async fn register(url: &str, credentials: &Credentials) -> Code {
     let request = wire::RegisterRequest {
         version: VERSION.into(),
-        canary: vec![1; 32].into(),
+        canary: crate::harness::canary(),
         ..Default::default()
     };
     let mut farm = FarmClient::new(credentials.link(url).unwrap());

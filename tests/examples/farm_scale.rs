@@ -224,14 +224,25 @@ async fn worker(
                 hash: FileHash::of(&bytes).to_wire(),
                 stats: None,
             };
-            let mut rest = bytes;
-            let chunks = std::iter::from_fn(move || {
-                let chunk = rest.split_to(rest.len().min(CHUNK_BYTES));
-                (!chunk.is_empty()).then_some(Part::Data(chunk))
-            });
-            let parts = std::iter::once(Part::Header(header)).chain(chunks);
-            let parts = parts.map(|part| wire::SubmitRequest { part: Some(part) });
-            farm.submit(tokio_stream::iter(parts)).await?;
+            // As workers do: when too much arrives at the same time, again a little later.
+            let mut pause = Duration::from_millis(50);
+            loop {
+                let mut rest = bytes.clone();
+                let chunks = std::iter::from_fn(move || {
+                    let chunk = rest.split_to(rest.len().min(CHUNK_BYTES));
+                    (!chunk.is_empty()).then_some(Part::Data(chunk))
+                });
+                let parts = std::iter::once(Part::Header(header.clone())).chain(chunks);
+                let parts = parts.map(|part| wire::SubmitRequest { part: Some(part) });
+                match farm.submit(tokio_stream::iter(parts)).await {
+                    Ok(_) => break,
+                    Err(status) if status.code() == tonic::Code::ResourceExhausted => {
+                        tokio::time::sleep(pause).await;
+                        pause = (2 * pause).min(Duration::from_secs(5));
+                    }
+                    Err(status) => return Err(status.into()),
+                }
+            }
             taken.fetch_add(1, Ordering::Relaxed);
         }
     };

@@ -15,19 +15,21 @@ use beamfarm_proto::wire::farm_server::FarmServer;
 use std::future::Future;
 use std::sync::Arc;
 use std::time::Duration;
-use tokio::time::{MissedTickBehavior, interval, sleep};
+use tokio::time::{MissedTickBehavior, interval, sleep, timeout};
 use tonic::service::Routes;
 use tracing::{Instrument, error_span};
 
 /// Bytes of a message: a chunk, with what is around it.
 pub const MESSAGE_BYTES: usize = CHUNK_BYTES + (64 << 10);
-/// Time for workers to hear that the job is over.
+/// Longest time for workers to hear that the job is over.
 const FAREWELL: Duration = Duration::from_secs(2);
-
 /// Longest time for pages that are open to fetch the last picture.
 const LAST_LOOK: Duration = Duration::from_secs(2);
+/// Longest time for replies that are under way.
+const LAST_WORDS: Duration = Duration::from_secs(2);
 
-/// Serve the farm, and those who watch it, until `shutdown` resolves, then for as long as workers need to hear of it, at most two seconds.
+/// Serve the farm, and those who watch it, until `shutdown` resolves, then until every worker has heard of it and hung up,
+/// and every open page has its last picture, for a few seconds at most.
 ///
 /// To end well, end the job first: that is what workers wait to hear.
 pub async fn run(
@@ -45,9 +47,13 @@ pub async fn run(
     });
     let farewell = async {
         shutdown.await;
-        watch.left_alone(LAST_LOOK).await;
+        // Calls are answered meanwhile: nobody who asks for the last time shall find a closed door.
+        let _ = tokio::join!(
+            watch.left_alone(LAST_LOOK),
+            timeout(FAREWELL, farm.deserted())
+        );
         closing.send_replace(true);
-        sleep(FAREWELL).await;
+        sleep(LAST_WORDS).await;
     };
     tokio::select! {
         () = server => {}

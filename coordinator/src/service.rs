@@ -12,7 +12,7 @@ use beamfarm_shared::exr::encoded_size;
 use beamfarm_shared::job::{Block, SceneHash};
 use std::sync::Arc;
 use tokio::sync::{Semaphore, mpsc};
-use tokio::time::sleep;
+use tokio::time::{sleep, timeout};
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::{Request, Response, Status, Streaming};
 use tracing::warn;
@@ -217,6 +217,8 @@ impl FarmService for Service {
                     _ = farm.ended() => {
                         // Fails when the worker has gone.
                         let _ = sender.send(Ok(wire::Notice { done: true })).await;
+                        // It is there until it hangs up.
+                        while let Ok(Ok(Some(_))) = timeout(farm.timing().lease, beats.message()).await {}
                         break;
                     }
                     () = sender.closed() => break,

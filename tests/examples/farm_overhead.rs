@@ -1,7 +1,10 @@
 //! What the farm costs: `cargo run --release -p beamfarm-tests --example farm_overhead -- target/release/beamfarm SCENE PASSES`.
 //!
-//! Runs `beamfarm render` with two worker processes of one thread, and the same passes in this process on two threads
-//! without coordinator, network or images, in turns; the ratios of the pairs tell the overhead.
+//! Runs `beamfarm serve`, with its job folder, and two worker processes of one thread, and the same passes in this
+//! process on two threads without coordinator, network or images, in turns; the ratios of the pairs tell the overhead.
+//!
+//! The workers are this program too: the compiler makes other machine code of the renderer for each program, and that
+//! would be measured with it.
 
 use beamfarm_shared::exr::pixel_hash;
 use beamfarm_shared::merge::{Node, TreeSum};
@@ -9,11 +12,12 @@ use beamfarm_shared::pass::render_pass;
 use beamfarm_shared::plan::{RenderPlan, Scene};
 use beamfarm_shared::radius::Schedule;
 use beamfarm_shared::scene::{ImportOptions, SceneFile};
+use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
-use std::process::Command;
+use std::process::{Child, Command, Stdio};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 type AnyError = Box<dyn std::error::Error + Send + Sync>;
 
@@ -24,6 +28,9 @@ fn main() -> Result<(), AnyError> {
     let mut args = std::env::args().skip(1);
     let usage = "expected the program, a scene and a number of passes";
     let program = args.next().ok_or(usage)?;
+    if program == "worker" {
+        return serve_as_worker(args.next().ok_or(usage)?);
+    }
     let scene = args.next().ok_or(usage)?;
     let passes: u64 = args.next().ok_or(usage)?.parse()?;
     let folder = tempfile::tempdir()?;
@@ -59,6 +66,23 @@ fn main() -> Result<(), AnyError> {
     Ok(())
 }
 
+/// Render for this coordinator.
+fn serve_as_worker(url: String) -> Result<(), AnyError> {
+    let config = beamfarm_worker::Config {
+        url,
+        credentials: Default::default(),
+        threads: 1,
+        name: "overhead".into(),
+        cache: None,
+        patience: Duration::from_secs(10),
+        grace: Duration::ZERO,
+    };
+    let (_drain, drain) = tokio::sync::watch::channel(false);
+    let runtime = tokio::runtime::Runtime::new()?;
+    runtime.block_on(beamfarm_worker::run(config, drain))?;
+    Ok(())
+}
+
 /// Seconds, and the hash of the pixels.
 fn by_farm(
     program: &str,
@@ -67,16 +91,32 @@ fn by_farm(
     output: &Path,
 ) -> Result<(f64, String), AnyError> {
     let begun = Instant::now();
-    let run = Command::new(program)
-        .args(["render", scene, "--passes", &passes.to_string()])
-        .args(["--workers", &THREADS.to_string(), "--threads", "1", "-o"])
+    let mut coordinator = Command::new(program)
+        .args(["serve", scene, "--passes", &passes.to_string()])
+        .args(["--listen", "127.0.0.1:0", "-o"])
         .arg(output)
-        .output()?;
+        .stdout(Stdio::piped())
+        .stderr(Stdio::null())
+        .spawn()?;
+    let mut said = BufReader::new(coordinator.stdout.take().ok_or("no stdout")?);
+    let mut line = String::new();
+    said.read_line(&mut line)?;
+    let url = line.trim().rsplit(' ').next().unwrap_or_default();
+    let start = |_| {
+        let mut worker = Command::new(std::env::current_exe()?);
+        worker.args(["worker", url]).spawn()
+    };
+    let mut workers: Vec<Child> = (0..THREADS).map(start).collect::<Result<_, _>>()?;
+    let mut text = String::new();
+    said.read_to_string(&mut text)?;
+    coordinator.wait()?;
+    for worker in &mut workers {
+        worker.wait()?;
+    }
     let seconds = begun.elapsed().as_secs_f64();
-    let text = String::from_utf8_lossy(&run.stdout);
+    std::fs::remove_dir_all(output.with_extension("job"))?;
     let hash = text.lines().find_map(|line| line.strip_prefix("pixels "));
-    let hash = hash.ok_or_else(|| String::from_utf8_lossy(&run.stderr).into_owned())?;
-    Ok((seconds, hash.to_owned()))
+    Ok((seconds, hash.ok_or("no image")?.to_owned()))
 }
 
 /// The same by two threads of this process that take pass after pass.

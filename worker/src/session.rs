@@ -68,6 +68,8 @@ pub(crate) struct Session<'a> {
     grace: Duration,
     drain: watch::Receiver<bool>,
     state: Mutex<State>,
+    /// Something is on its way to the coordinator.
+    delivering: watch::Sender<bool>,
     /// Held while registering again.
     renewing: tokio::sync::Mutex<()>,
 }
@@ -97,6 +99,7 @@ impl<'a> Session<'a> {
                 held: BTreeMap::new(),
                 other_job: None,
             }),
+            delivering: watch::Sender::new(false),
             renewing: tokio::sync::Mutex::default(),
         }
     }
@@ -106,10 +109,22 @@ impl<'a> Session<'a> {
         let (finished, deliveries) = mpsc::channel(1);
         let work =
             async { tokio::try_join!(self.render(finished), self.deliver(deliveries, summary)) };
-        let end = tokio::select! {
-            end = work => end.map(|_| ()),
-            end = self.send_heartbeats() => end,
-            () = self.run_out_of_grace() => Ok(()),
+        let end = {
+            tokio::pin!(work);
+            tokio::select! {
+                end = &mut work => end.map(|_| ()),
+                end = self.send_heartbeats() => {
+                    // The notice of the end may overtake the reply to the last delivery.
+                    let mut delivering = self.delivering.subscribe();
+                    tokio::select! {
+                        _ = &mut work => {}
+                        _ = delivering.wait_for(|delivering| !delivering) => {}
+                        () = sleep(FAREWELL) => {}
+                    }
+                    end
+                }
+                () = self.run_out_of_grace() => Ok(()),
+            }
         };
         if let Err(CallError::Forgotten) = end
             && let Some(registration) = self.state().other_job.take()
@@ -269,6 +284,7 @@ impl<'a> Session<'a> {
         summary: &mut Summary,
     ) -> Result<(), CallError> {
         while let Some(Finished { block, result }) = finished.recv().await {
+            self.delivering.send_replace(true);
             let encoded = match result {
                 Ok((node, stats)) => encode(&self.job, node).await.map(|bytes| (bytes, stats)),
                 Err(failed) => Err(failed),
@@ -307,6 +323,7 @@ impl<'a> Session<'a> {
                 }
             }
             self.state().held.remove(&block);
+            self.delivering.send_replace(false);
         }
         Ok(())
     }

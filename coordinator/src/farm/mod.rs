@@ -286,6 +286,18 @@ impl Farm {
             .unwrap_or(End::Stopped)
     }
 
+    /// Resolves when no worker is left: each has hung up or signed off.
+    pub(crate) async fn deserted(&self) {
+        loop {
+            // Before the look at the ledger, so that no news slips in between.
+            let changed = self.opened.notified();
+            if !self.books().ledger.has_company() {
+                return;
+            }
+            changed.await;
+        }
+    }
+
     /// End the leases that have run out, and the job if nobody is left to wait for. To be called about once a heartbeat.
     pub fn expire(&self) {
         let now = self.now();

@@ -132,6 +132,11 @@ impl Ledger {
         }
     }
 
+    /// Some worker has neither hung up nor signed off. It may be silent, or shut out.
+    pub fn has_company(&self) -> bool {
+        self.workers.values().any(|worker| !worker.gone)
+    }
+
     /// The worker is gone: its leases end.
     pub fn lost(&mut self, worker: WorkerId) -> usize {
         if let Some(entry) = self.workers.get_mut(&worker) {

@@ -106,6 +106,8 @@ pub struct Coordinator {
     pub farm: Arc<Farm>,
     pub watch: Arc<Watch>,
     pub address: SocketAddr,
+    /// The server does not close when the job is over.
+    staying: watch::Sender<bool>,
     /// All of the server: when it goes, connections break without a farewell, as when a process is killed.
     server: Option<Runtime>,
 }
@@ -155,10 +157,12 @@ impl Coordinator {
             .enable_all()
             .build()
             .unwrap();
+        let (staying, mut stays) = watch::channel(false);
         server.spawn(async move {
             let listener = TcpListener::from_std(listener).unwrap();
             let ended = async {
                 serving.ended().await;
+                let _ = stays.wait_for(|stays| !stays).await;
             };
             let entrance = Entrance {
                 listener,
@@ -171,6 +175,7 @@ impl Coordinator {
             farm,
             watch,
             address,
+            staying,
             server: Some(server),
         }
     }
@@ -184,6 +189,11 @@ impl Coordinator {
     ) -> Self {
         let doors = (Security::default(), Limits::default());
         Self::start_with(listener, spec, timing, doors, start).await
+    }
+
+    /// Go on answering after the job's end, until dropped.
+    pub fn stay(&self) {
+        self.staying.send_replace(true);
     }
 
     /// How the job ends. Failing is better than waiting forever.

@@ -3,7 +3,7 @@
 use crate::ledger::PixelHash;
 use beamfarm_proto::{FileHash, Job, LeaseId, VERSION, WireError, WireHash, WorkerId, wire};
 use beamfarm_shared::error::ImageError;
-use beamfarm_shared::exr::{decode_block, node_hash, pixel_hash};
+use beamfarm_shared::exr::{decode_block, node_hashes};
 use beamfarm_shared::job::{Block, PassStats};
 use beamfarm_shared::merge::Node;
 use beamfarm_shared::radius::Schedule;
@@ -59,7 +59,7 @@ pub struct Examined {
     pub node: Node,
     /// Hash of its radiance, for people.
     pub pixels: String,
-    /// Hash of all of it: equal when the bits are.
+    /// Its [`node_hash`](beamfarm_shared::exr::node_hash): equal when the bits are.
     pub hash: PixelHash,
 }
 
@@ -109,13 +109,6 @@ pub fn examine(
         let count = claim.stats.non_finite;
         return Err(Flaw::Pixels(format!("{count} pixel values are not finite")));
     }
-    Ok(Examined {
-        pixels: pixel_hash(&node.sum),
-        // Of several passes there is more than pixels: all of the file, which is made of nothing else.
-        hash: match claim.block.level {
-            0 => node_hash(&node),
-            _ => claim.hash.0,
-        },
-        node,
-    })
+    let (pixels, hash) = node_hashes(&node);
+    Ok(Examined { node, pixels, hash })
 }

@@ -155,6 +155,9 @@ impl Farm {
         }));
         let nodes: Vec<Block> = sum.nodes().map(|node| node.block).collect();
         ledger.resume_rest(nodes);
+        for done in &start.done {
+            ledger.expect(done.block, &done.worker, done.hash);
+        }
         let farm = Arc::new(Self {
             schedule: Schedule::new(&job.settings),
             sum: Mutex::new(sum),
@@ -213,8 +216,7 @@ impl Farm {
         self.books().ledger.blocks().copied().collect()
     }
 
-    /// Hash of the pixels of a block that is there, its layers among them: [`beamfarm_shared::exr::node_hash`] for a single
-    /// pass, that of the whole file for several.
+    /// Hash of a block that is there: its [`beamfarm_shared::exr::node_hash`].
     pub fn block_hash(&self, block: Block) -> Option<PixelHash> {
         self.books().ledger.block_hash(block)
     }

@@ -108,7 +108,7 @@ impl Farm {
         self.tested().stopped_at.map(|(passes, _)| passes)
     }
 
-    /// All that has to be kept on a disk. Shares the images, so it takes no time.
+    /// All that has to be kept on a disk, but for what the disk knows better. Shares the images, so it takes no time.
     pub fn checkpoint(&self) -> Checkpoint {
         let tested = self.tested();
         Checkpoint {
@@ -117,6 +117,7 @@ impl Farm {
             tested: tested.errors.clone(),
             stats: self.books().progress.stats,
             seconds: (self.before + self.started.elapsed()).as_secs_f64(),
+            ledger: 0,
         }
     }
 

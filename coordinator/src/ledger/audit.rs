@@ -71,7 +71,7 @@ impl Ledger {
         let disputed = |audit: &Audit| audit.is_disputed();
         let free = |block: &Block| self.copies(*block).all(|lease| !lease.audit);
         let audits = self.wanted();
-        let mine = audits.filter(|(block, audit)| audit.may_judge(worker) && free(block));
+        let mine = audits.filter(|(block, audit)| self.may_judge(audit, worker) && free(block));
         let first = mine.min_by_key(|(block, audit)| (!disputed(audit), block.start()));
         first.map(|(block, _)| *block)
     }
@@ -81,7 +81,7 @@ impl Ledger {
         let waits = |audit: &Audit| {
             let judges = self.workers.iter();
             let mut judges = judges.filter(|(_, worker)| worker.is_present(&self.rules, now));
-            let judge = judges.any(|(id, _)| audit.may_judge(*id));
+            let judge = judges.any(|(id, _)| self.may_judge(audit, *id));
             // Somebody may still come and decide.
             judge || (audit.is_disputed() && now < audit.since + self.rules.lease)
         };
@@ -123,6 +123,13 @@ impl Ledger {
             self.convict(worker, Sentence::Contradiction);
             return Err(LedgerError::ShutOut(worker, Sentence::Contradiction));
         }
+        let same = |(voter, before): &(WorkerId, PixelHash)| {
+            *before == pixels && self.was_earlier(*voter, worker)
+        };
+        if votes.iter().any(same) {
+            // Says nothing new.
+            return Ok(Accepted::Duplicate);
+        }
         if known.confirmed {
             // Two against one.
             return match hash == pixels {
@@ -157,15 +164,71 @@ impl Ledger {
             }
             self.notes.push(Note::Confirmed(block, worker, pixels));
         }
-        for (voter, vote) in votes {
-            if vote != winner {
-                self.convict(voter, Sentence::WrongPixels);
+        for (voter, _) in votes.iter().filter(|(_, vote)| *vote != winner) {
+            self.convict(*voter, Sentence::WrongPixels);
+            let others = self.workers.keys().copied();
+            let later: Vec<WorkerId> = others
+                .filter(|later| self.was_earlier(*voter, *later))
+                .filter(|later| votes.iter().all(|(good, _)| good != later))
+                .collect();
+            for later in later {
+                self.convict(later, Sentence::Name);
             }
         }
         match pixels == winner {
             true => Ok(Accepted::Confirmed),
             false => Err(LedgerError::ShutOut(worker, Sentence::WrongPixels)),
         }
+    }
+
+    /// The first is what an earlier life of the job knew of a worker of the second's name.
+    fn was_earlier(&self, earlier: WorkerId, worker: WorkerId) -> bool {
+        let name = self.name(worker);
+        earlier != worker && self.earlier_workers.get(name) == Some(&earlier)
+    }
+
+    /// The worker can say something new: it is none of those that did, not even under another number.
+    fn may_judge(&self, audit: &Audit, worker: WorkerId) -> bool {
+        let mut voters = audit.votes.iter();
+        audit.may_judge(worker) && !voters.any(|(voter, _)| self.was_earlier(*voter, worker))
+    }
+
+    /// A block that was rendered once more because an earlier life of the job had lost it counts, but when it is another one
+    /// than it was, others have to decide.
+    pub(super) fn compare_with_earlier(
+        &mut self,
+        block: Block,
+        vote: (WorkerId, PixelHash),
+        now: Duration,
+    ) {
+        let lost = self.earlier.range(..block.passes().end).rev();
+        let overlapping = lost.take_while(|(_, (lost, _))| lost.passes().end > block.start());
+        let overlapping: Vec<u64> = overlapping.map(|(start, _)| *start).collect();
+        for start in overlapping {
+            let Some((lost, votes)) = self.earlier.remove(&start) else {
+                continue;
+            };
+            if lost == block {
+                self.dispute(block, vote, votes, now);
+            }
+        }
+    }
+
+    /// Others have to decide if one of these earlier votes is another one than that which counts.
+    pub(super) fn dispute(
+        &mut self,
+        block: Block,
+        vote: (WorkerId, PixelHash),
+        earlier: Vec<(WorkerId, PixelHash)>,
+        now: Duration,
+    ) {
+        let Some((other, _)) = earlier.iter().find(|(_, hash)| *hash != vote.1) else {
+            return;
+        };
+        self.notes.push(Note::Disputed(block, *other, vote.0));
+        let mut audit = Audit::new(vote.0, vote.1, now);
+        audit.votes.extend(earlier);
+        self.audits.insert(block, audit);
     }
 
     /// The worker is not to be trusted: shut it out, and mark what it did and nobody confirmed.
@@ -177,6 +240,9 @@ impl Ledger {
         let by = |done: &&Done| !done.confirmed && done.by.is_some_and(|(id, _)| id == worker);
         let stained = self.done.values().filter(by).map(|done| done.block);
         self.stained.extend(stained);
+        for (_, votes) in self.earlier.values_mut() {
+            votes.retain(|(voter, _)| *voter != worker);
+        }
         self.audits.retain(|_, audit| {
             let counts = audit
                 .votes

@@ -70,7 +70,7 @@ impl Ledger {
                     // Passes that failed are tried on their own.
                     let next = self.attempts.range(start..end).next();
                     let end = next.map_or(end, |(pass, _)| *pass);
-                    return Some(level::first_block(&(start..end), open, &load));
+                    return Some(self.first_block(start..end, open, &load));
                 };
                 let somebody_else = self.workers.iter().any(|(id, w)| {
                     w.is_present(&self.rules, now) && !attempts.workers.contains(id)
@@ -82,6 +82,22 @@ impl Ledger {
             }
         }
         None
+    }
+
+    /// The first block of these open passes: one that an earlier life of the job lost, as it was, so that it can be compared.
+    fn first_block(&self, range: Range<u64>, open: u64, load: &Load) -> Block {
+        let lost = self.earlier.range(range.clone()).next();
+        let end = match lost {
+            Some((start, (block, _))) if *start == range.start => {
+                if block.passes().end <= range.end {
+                    return *block;
+                }
+                range.end
+            }
+            Some((start, _)) => *start,
+            None => range.end,
+        };
+        level::first_block(&(range.start..end), open, load)
     }
 
     fn load(&self, now: Duration) -> Load {

@@ -24,7 +24,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 use std::time::Duration;
 
-/// Hash of a delivered block's pixels.
+/// Hash of a delivered block: its [`beamfarm_shared::exr::node_hash`].
 pub type PixelHash = [u8; 32];
 
 /// How patient and how suspicious a ledger is.
@@ -160,6 +160,10 @@ pub struct Ledger {
     /// Test picture of most workers, and the names of those that made each.
     canary: Option<PixelHash>,
     canaries: BTreeMap<PixelHash, BTreeSet<String>>,
+    /// Workers that an earlier life of the job knew, by name.
+    earlier_workers: BTreeMap<String, WorkerId>,
+    /// By first pass, disjoint: blocks that an earlier life of the job accepted and lost, and whose pixels they had.
+    earlier: BTreeMap<u64, (Block, Vec<(WorkerId, PixelHash)>)>,
     attempts: BTreeMap<u64, Attempts>,
     audits: BTreeMap<Block, Audit>,
     /// Blocks of workers that are not to be trusted, still counted.
@@ -185,6 +189,8 @@ impl Ledger {
             next_worker: first_worker,
             canary: None,
             canaries: BTreeMap::new(),
+            earlier_workers: BTreeMap::new(),
+            earlier: BTreeMap::new(),
             attempts: BTreeMap::new(),
             audits: BTreeMap::new(),
             stained: Vec::new(),
@@ -295,6 +301,7 @@ impl Ledger {
         if self.is_audited(block) {
             self.audits.insert(block, Audit::new(worker, pixels, now));
         }
+        self.compare_with_earlier(block, (worker, pixels), now);
         Ok(Accepted::New)
     }
 

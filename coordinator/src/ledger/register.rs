@@ -1,5 +1,6 @@
 //! Workers come and go.
 
+use super::level;
 use super::standing::{Sentence, Worker};
 use super::{Done, LeaseId, Ledger, LedgerError, Note, PixelHash, WorkerState, WorkerView};
 use beamfarm_proto::WorkerId;
@@ -69,24 +70,59 @@ impl Ledger {
         &mut self,
         blocks: impl IntoIterator<Item = (Block, Option<(&'a str, PixelHash)>, bool)>,
     ) {
-        let mut names: BTreeMap<&str, WorkerId> = BTreeMap::new();
         for (block, by, confirmed) in blocks {
             if self.first_done(block.passes()).is_some() {
                 continue;
             }
-            let by = by.map(|(name, hash)| {
-                let known = names.get(name).copied();
-                let id =
-                    known.unwrap_or_else(|| self.add(Worker::new(name, 0, None, Duration::ZERO)));
-                names.insert(name, id);
-                (id, hash)
-            });
+            let by = by.map(|(name, hash)| (self.earlier_worker(name), hash));
             self.open.remove(block.passes());
             self.enter(Done {
                 block,
                 by,
                 confirmed,
             });
+        }
+    }
+
+    fn earlier_worker(&mut self, name: &str) -> WorkerId {
+        if let Some(id) = self.earlier_workers.get(name) {
+            return *id;
+        }
+        let id = self.add(Worker::new(name, 0, None, Duration::ZERO));
+        self.earlier_workers.insert(name.into(), id);
+        id
+    }
+
+    /// Enter that an earlier life of the job accepted this block with these pixels: after [`Self::resume`] and
+    /// [`Self::resume_rest`]. Those that are not done any more are leased again as they were, to be compared.
+    pub fn expect(&mut self, block: Block, name: &str, hash: PixelHash) {
+        if let Some(known) = self.done.get(&block.start()).copied() {
+            if let Some(vote) = known
+                .by
+                .filter(|_| known.block == block && !known.confirmed)
+                && vote.1 != hash
+            {
+                let earlier = (self.earlier_worker(name), hash);
+                self.dispute(block, vote, vec![earlier], Duration::ZERO);
+            }
+            return;
+        }
+        let fits = block.level <= level::highest_at(block.start());
+        if !fits || self.first_done(block.passes()).is_some() {
+            return;
+        }
+        let other = self.earlier.range(..block.passes().end).next_back();
+        let other = other.map(|(_, (other, _))| *other);
+        if other.is_some_and(|other| other != block && other.passes().end > block.start()) {
+            return;
+        }
+        let earlier = (self.earlier_worker(name), hash);
+        let (_, votes) = self
+            .earlier
+            .entry(block.start())
+            .or_insert((block, Vec::new()));
+        if !votes.contains(&earlier) {
+            votes.push(earlier);
         }
     }
 

@@ -9,7 +9,7 @@ use beamfarm_shared::merge::{Errors, Node, PERCENTILES, TreeSum};
 use std::io::{self, Read, Seek, SeekFrom, Write};
 
 const MAGIC: [u8; 8] = *b"BEAMSUM\n";
-const FORMAT: u32 = 1;
+const FORMAT: u32 = 2;
 const HEADER: usize = 8 + 4 + 8 + 32;
 /// Bytes that are read or written at a time.
 const BUFFER: usize = 1 << 16;
@@ -31,6 +31,8 @@ pub struct Checkpoint {
     pub stats: PassStats,
     /// Time that the job has taken, seconds.
     pub seconds: f64,
+    /// Bytes of the ledger file whose lines the sum follows. Of what later ones say it may know or not.
+    pub ledger: u64,
 }
 
 /// What the sum of a job looks like, and whose it is.
@@ -94,6 +96,18 @@ impl<W: Write> Write for Hashing<W> {
 }
 
 impl Checkpoint {
+    /// Of no passes.
+    pub fn new(shape: &Shape) -> Self {
+        Self {
+            number: 0,
+            sum: shape.empty_sum(),
+            tested: Vec::new(),
+            stats: PassStats::default(),
+            seconds: 0.0,
+            ledger: 0,
+        }
+    }
+
     /// Write the whole file. Takes no memory to speak of.
     pub fn write(&self, digest: &[u8; 32], mut file: impl Write + Seek) -> io::Result<()> {
         file.write_all(&[0; HEADER])?;
@@ -129,6 +143,7 @@ impl Checkpoint {
             stats.beam_evaluations,
             stats.non_finite,
             sum.fence().unwrap_or(0),
+            self.ledger,
         ] {
             out.write_all(&number.to_le_bytes())?;
         }
@@ -194,10 +209,14 @@ impl Checkpoint {
             return damaged("the checksum is wrong");
         }
         input.0.seek(SeekFrom::Start(HEADER as u64))?;
-        Self::read_content(shape, input)
+        Self::read_content(shape, length, input)
     }
 
-    fn read_content<R: Read>(shape: &Shape, mut input: Input<R>) -> Result<Self, Damage> {
+    fn read_content<R: Read>(
+        shape: &Shape,
+        length: u64,
+        mut input: Input<R>,
+    ) -> Result<Self, Damage> {
         if input.array()? != shape.digest {
             return damaged("it belongs to another job");
         }
@@ -211,6 +230,7 @@ impl Checkpoint {
             non_finite: input.u64()?,
         };
         let fence = input.u64()?;
+        let ledger = input.u64()?;
         let seconds = input.f64()?;
         let tested = input.u32()?;
         if tested > MAX_TESTED {
@@ -234,6 +254,13 @@ impl Checkpoint {
         if nodes > MAX_NODES {
             return damaged(format!("{nodes} nodes"));
         }
+        // Before there is room made for them.
+        let pixels = u64::from(shape.width) * u64::from(shape.height);
+        if nodes > 0 && pixels.saturating_mul(12) > length {
+            return damaged(format!(
+                "{length} bytes of content, which is less than an image"
+            ));
+        }
         debug_assert_eq!(PERCENTILES, 100);
         for _ in 0..nodes {
             let node = input.node(shape)?;
@@ -253,6 +280,7 @@ impl Checkpoint {
             tested: boundaries,
             stats,
             seconds,
+            ledger,
         })
     }
 }

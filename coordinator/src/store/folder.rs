@@ -1,7 +1,7 @@
 //! The directory as a whole: made, found again, and written to.
 
 use super::StoreError;
-use super::checkpoint::{Checkpoint, Shape};
+use super::checkpoint::{Checkpoint, Damage, Shape};
 use super::description::{Description, Looks};
 use super::lines::Lines;
 use super::report::Report;
@@ -11,19 +11,22 @@ use beamfarm_proto::FileHash;
 use beamfarm_shared::atomic::{sync_folder, write_file};
 use beamfarm_shared::bundle::Bundle;
 use beamfarm_shared::error::ImageError;
+use beamfarm_shared::job::Block;
 use std::fs::{self, File, TryLockError};
 use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 use tracing::warn;
 
-const JOB: &str = "job.json";
+pub(super) const JOB: &str = "job.json";
 const LOCK: &str = "lock";
-const LEDGER: &str = "ledger.jsonl";
+pub(super) const LEDGER: &str = "ledger.jsonl";
 const REPORT: &str = "report.json";
-const SCENE: &str = "scene";
+pub(super) const SCENE: &str = "scene";
 const CHECKPOINTS: [&str; 2] = ["checkpoint-0", "checkpoint-1"];
 /// Behind the name of a checkpoint that is being written.
 const PART: &str = "part";
+/// Before the names of other files that are being written.
+const TEMPORARY: &str = ".beamfarm-";
 
 /// A job directory that is this process's alone.
 pub struct Folder {
@@ -41,7 +44,7 @@ pub struct Folder {
 pub struct Resumed {
     /// What is there.
     pub checkpoint: Checkpoint,
-    /// Who rendered what of it, as far as the ledger knows.
+    /// Who rendered what, as far as the ledger knows, and what the checkpoint does not hold.
     pub done: Vec<DoneBlock>,
 }
 
@@ -57,15 +60,20 @@ impl Folder {
         limit_asked: bool,
     ) -> Result<(Self, Option<Resumed>), StoreError> {
         fs::create_dir_all(path).map_err(StoreError::io(path))?;
+        match read_description(path) {
+            Ok(_) => {}
+            Err(StoreError::Missing(_)) => refuse_foreign(path)?,
+            Err(error) => return Err(error),
+        }
+        let lock = lock(path)?;
+        // Only now: another coordinator may have been at work until a moment ago.
         let known = match read_description(path) {
             Ok(known) => known,
             Err(StoreError::Missing(_)) => {
-                refuse_foreign(path)?;
-                return Self::create(path, spec, looks).map(|folder| (folder, None));
+                return Self::create(path, spec, looks, lock).map(|folder| (folder, None));
             }
             Err(error) => return Err(error),
         };
-        let lock = lock(path)?;
         let description = Description::new(spec, looks);
         let mut differences = known.differences(&description);
         if known.first_pass != description.first_pass {
@@ -99,13 +107,16 @@ impl Folder {
         if folder.description.passes != known.passes {
             folder.write_description()?;
         }
-        let resumed = checkpoint
-            .map(|checkpoint| {
-                let done = folder.lines.done(&checkpoint.sum);
-                let done = done.map_err(StoreError::io(&folder.path.join(LEDGER)))?;
-                Ok(Resumed { checkpoint, done })
-            })
-            .transpose()?;
+        let done = folder.lines.done();
+        let done = done.map_err(StoreError::io(&folder.path.join(LEDGER)))?;
+        let resumed = match checkpoint {
+            Some(checkpoint) => Some(Resumed { checkpoint, done }),
+            None if done.is_empty() => None,
+            None => Some(Resumed {
+                checkpoint: Checkpoint::new(&folder.shape),
+                done,
+            }),
+        };
         Ok((folder, resumed))
     }
 
@@ -117,14 +128,8 @@ impl Folder {
         Ok((folder.description, checkpoint))
     }
 
-    fn create(path: &Path, spec: &JobSpec, looks: Looks) -> Result<Self, StoreError> {
-        let lock = lock(path)?;
-        if let Some(parent) = path
-            .parent()
-            .filter(|parent| !parent.as_os_str().is_empty())
-        {
-            sync_folder(parent).map_err(StoreError::io(parent))?;
-        }
+    fn create(path: &Path, spec: &JobSpec, looks: Looks, lock: File) -> Result<Self, StoreError> {
+        sync_parent(path)?;
         write_bundle(path, &spec.bundle)?;
         let (folder, _) = Self::with(path, Description::new(spec, looks), lock)?;
         // Last: what has a job.json has all the rest.
@@ -132,7 +137,7 @@ impl Folder {
         Ok(folder)
     }
 
-    fn with(
+    pub(super) fn with(
         path: &Path,
         description: Description,
         lock: File,
@@ -144,9 +149,16 @@ impl Folder {
             first_pass: description.first_pass,
             digest: description.digest(),
         };
-        let checkpoint = newest_checkpoint(path, &shape);
+        clean(path);
+        let ledger = path.join(LEDGER);
+        let lines = Lines::open(&ledger, description.seed)?;
+        let mut checkpoint = newest_checkpoint(path, &shape)?;
+        if let Some(checkpoint) = &mut checkpoint {
+            let dropped = lines.dropped(checkpoint.ledger);
+            drop_again(checkpoint, dropped.map_err(StoreError::io(&ledger))?);
+        }
         let folder = Self {
-            lines: Lines::open(&path.join(LEDGER), description.seed)?,
+            lines,
             path: path.to_owned(),
             description,
             shape,
@@ -180,11 +192,20 @@ impl Folder {
         self.write_description()
     }
 
-    fn write_description(&self) -> Result<(), StoreError> {
+    pub(super) fn write_description(&self) -> Result<(), StoreError> {
         let path = self.path.join(JOB);
         let json = self.description.to_json();
         let json = json.map_err(|error| StoreError::io(&path)(error.into()))?;
         write_whole(&path, &json)
+    }
+
+    /// The report says how the job ended: one that goes on has none.
+    pub(super) fn withdraw_report(&self) -> Result<(), StoreError> {
+        let path = self.path.join(REPORT);
+        match fs::remove_file(&path) {
+            Err(error) if error.kind() != ErrorKind::NotFound => Err(StoreError::io(&path)(error)),
+            _ => Ok(()),
+        }
     }
 
     /// Write the report.
@@ -199,6 +220,17 @@ impl Folder {
         self.lines.push(entry);
     }
 
+    /// Bytes of all lines that were entered.
+    pub(super) fn ledger_end(&self) -> u64 {
+        self.lines.end()
+    }
+
+    /// As [`Self::append`], and wait until the disk has it.
+    pub(super) fn sync(&mut self) -> Result<(), StoreError> {
+        let synced = self.lines.sync();
+        synced.map_err(StoreError::io(&self.path.join(LEDGER)))
+    }
+
     pub(super) fn append(&mut self) -> Result<(), StoreError> {
         let appended = self.lines.append();
         appended.map_err(StoreError::io(&self.path.join(LEDGER)))
@@ -208,7 +240,7 @@ impl Folder {
     pub fn save(&mut self, checkpoint: &mut Checkpoint) -> Result<(), StoreError> {
         checkpoint.number = self.next_number;
         // Before what is built on it. That the ledger cannot be written must not keep a checkpoint from being.
-        let synced = self.lines.sync();
+        let synced = self.sync();
         let name = CHECKPOINTS[(self.next_number % 2) as usize];
         let path = self.path.join(name);
         let part = path.with_added_extension(PART);
@@ -225,11 +257,21 @@ impl Folder {
             return Err(StoreError::io(&path)(error));
         }
         self.next_number += 1;
-        synced.map_err(StoreError::io(&self.path.join(LEDGER)))
+        synced
     }
 }
 
-fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), StoreError> {
+/// Wait until the disk has the directory's name.
+pub(super) fn sync_parent(path: &Path) -> Result<(), StoreError> {
+    match path.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => {
+            sync_folder(parent).map_err(StoreError::io(parent))
+        }
+        _ => Ok(()),
+    }
+}
+
+pub(super) fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), StoreError> {
     write_file(path, bytes).map_err(|error| match error {
         ImageError::Io { path, source } => StoreError::Io { path, source },
         other => StoreError::io(path)(io::Error::other(other)),
@@ -248,11 +290,11 @@ fn read_description(path: &Path) -> Result<Description, StoreError> {
 }
 
 /// Only what a coordinator may have left that was killed before it had written job.json.
-fn refuse_foreign(path: &Path) -> Result<(), StoreError> {
+pub(super) fn refuse_foreign(path: &Path) -> Result<(), StoreError> {
     for entry in fs::read_dir(path).map_err(StoreError::io(path))? {
         let name = entry.map_err(StoreError::io(path))?.file_name();
         let name = name.to_string_lossy();
-        let own = [LOCK, SCENE, LEDGER].contains(&&*name) || name.starts_with(".beamfarm-");
+        let own = [LOCK, SCENE, LEDGER].contains(&&*name) || name.starts_with(TEMPORARY);
         if !own {
             return Err(StoreError::Foreign {
                 path: path.to_owned(),
@@ -263,7 +305,7 @@ fn refuse_foreign(path: &Path) -> Result<(), StoreError> {
     Ok(())
 }
 
-fn lock(path: &Path) -> Result<File, StoreError> {
+pub(super) fn lock(path: &Path) -> Result<File, StoreError> {
     let name = path.join(LOCK);
     let file = File::options()
         .write(true)
@@ -296,7 +338,40 @@ fn write_bundle(path: &Path, bundle: &Bundle) -> Result<(), StoreError> {
     Ok(())
 }
 
-fn newest_checkpoint(path: &Path, shape: &Shape) -> Option<Checkpoint> {
+/// Remove what a coordinator was writing when it was killed: it takes room.
+fn clean(path: &Path) {
+    let folders = [path.to_owned(), path.join(SCENE)];
+    let entries = folders
+        .iter()
+        .filter_map(|folder| fs::read_dir(folder).ok());
+    for entry in entries.flatten().flatten() {
+        let name = entry.file_name();
+        let name = name.to_string_lossy();
+        let part = |name: &str| Path::new(name).with_added_extension(PART);
+        let is_part = CHECKPOINTS.map(part).contains(&PathBuf::from(&*name));
+        if is_part || name.starts_with(TEMPORARY) {
+            // If it stays, it only takes room.
+            let _ = fs::remove_file(entry.path());
+        }
+    }
+}
+
+/// Blocks that were found to be wrong after the checkpoint was written, or while it was. What was rendered in place of them
+/// may be there already; it is rendered once more.
+fn drop_again(checkpoint: &mut Checkpoint, blocks: Vec<Block>) {
+    let before = checkpoint.sum.passes();
+    for block in blocks {
+        checkpoint.sum.remove(block);
+    }
+    let dropped = before - checkpoint.sum.passes();
+    if dropped > 0 {
+        warn!(
+            "{dropped} passes of the checkpoint are dropped: their worker was found to be wrong after it was written"
+        );
+    }
+}
+
+fn newest_checkpoint(path: &Path, shape: &Shape) -> Result<Option<Checkpoint>, StoreError> {
     let mut newest: Option<Checkpoint> = None;
     let mut damaged = Vec::new();
     for name in CHECKPOINTS {
@@ -305,6 +380,13 @@ fn newest_checkpoint(path: &Path, shape: &Shape) -> Option<Checkpoint> {
             Ok(open) => Checkpoint::read(shape, open),
             Err(error) if error.kind() == ErrorKind::NotFound => continue,
             Err(error) => Err(error.into()),
+        };
+        // A disk that cannot be read now may be readable later: nothing is to be written over it.
+        let read = match read {
+            Err(Damage::Io(error)) if error.kind() != ErrorKind::UnexpectedEof => {
+                return Err(StoreError::io(&file)(error));
+            }
+            read => read,
         };
         match read {
             Ok(checkpoint) => {
@@ -325,7 +407,7 @@ fn newest_checkpoint(path: &Path, shape: &Shape) -> Option<Checkpoint> {
     for (file, damage) in damaged {
         warn!("{} is damaged ({damage}); {instead}", file.display());
     }
-    newest
+    Ok(newest)
 }
 
 #[cfg(test)]

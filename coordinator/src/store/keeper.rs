@@ -1,6 +1,6 @@
 //! Keeps a job directory up to date while the job runs.
 
-use super::{Folder, StoreError};
+use super::{Checkpoint, Folder, StoreError};
 use crate::farm::{Entry, Farm};
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
@@ -31,7 +31,9 @@ impl Keeper {
         folder: Folder,
         farm: Arc<Farm>,
         entries: UnboundedReceiver<Entry>,
-    ) -> std::io::Result<Self> {
+    ) -> Result<Self, StoreError> {
+        folder.withdraw_report()?;
+        let path = folder.path().to_owned();
         let (stop, stopped) = channel();
         let thread = std::thread::Builder::new()
             .name("job directory".into())
@@ -40,7 +42,8 @@ impl Keeper {
                 work.run(&stopped);
                 let last = work.finish();
                 (work.folder, last)
-            })?;
+            })
+            .map_err(StoreError::io(&path))?;
         Ok(Self { stop, thread })
     }
 
@@ -66,20 +69,38 @@ struct Work {
     folder: Folder,
     farm: Arc<Farm>,
     entries: UnboundedReceiver<Entry>,
-    /// What the last checkpoint held: passes, and the fence.
-    saved: (u64, Option<u64>),
+    /// What the last checkpoint held.
+    saved: State,
     /// Time of the next checkpoint.
     due: Instant,
     /// The last attempt failed.
     failing: bool,
 }
 
+/// Sums that agree in this are the same.
+#[derive(PartialEq, Eq)]
+struct State {
+    passes: u64,
+    fence: Option<u64>,
+    /// Passes that were taken out of it until now, and may have come back with other pixels.
+    dropped: u64,
+}
+
+impl State {
+    fn new(checkpoint: &Checkpoint, dropped: u64) -> Self {
+        Self {
+            passes: checkpoint.sum.passes(),
+            fence: checkpoint.sum.fence(),
+            dropped,
+        }
+    }
+}
+
 impl Work {
     fn new(folder: Folder, farm: Arc<Farm>, entries: UnboundedReceiver<Entry>) -> Self {
-        let start = farm.checkpoint();
         Self {
             folder,
-            saved: (start.sum.passes(), start.sum.fence()),
+            saved: State::new(&farm.checkpoint(), 0),
             farm,
             entries,
             due: Instant::now(),
@@ -90,12 +111,17 @@ impl Work {
     fn run(&mut self, stopped: &Receiver<()>) {
         while stopped.recv_timeout(LOOK) == Err(RecvTimeoutError::Timeout) {
             self.take_lines();
-            if Instant::now() < self.due {
+            let is_due = Instant::now() >= self.due;
+            if self.failing && !is_due {
                 continue;
             }
+            // Lines do not wait for checkpoints: what is rendered again after a crash is compared with them.
             let appended = self.folder.append();
-            let done = self.save().and(appended);
-            match done {
+            let saved = match is_due {
+                true => self.save(),
+                false => Ok(()),
+            };
+            match saved.and(appended) {
                 Ok(()) if self.failing => {
                     self.failing = false;
                     info!("{}: written again", self.folder.path().display());
@@ -118,29 +144,36 @@ impl Work {
 
     /// Write a checkpoint, if it would be another one than the last.
     fn save(&mut self) -> Result<(), StoreError> {
-        self.folder.extend(self.farm.progress().limit)?;
-        let mut checkpoint = self.farm.checkpoint();
-        let state = (checkpoint.sum.passes(), checkpoint.sum.fence());
+        let progress = self.farm.progress();
+        let extended = self.folder.extend(progress.limit);
+        // A block's line is entered together with the change of the sum: the sum follows these.
+        self.take_lines();
+        let ledger = self.folder.ledger_end();
+        let mut checkpoint = Checkpoint {
+            ledger,
+            ..self.farm.checkpoint()
+        };
+        let state = State::new(&checkpoint, progress.dropped);
         if state == self.saved {
-            return Ok(());
+            return extended;
         }
-        // Blocks are entered before they are added to the sum: with these, the ledger knows all of the checkpoint.
+        // With these, the ledger knows all of the checkpoint.
         self.take_lines();
         let begun = Instant::now();
         self.folder.save(&mut checkpoint)?;
         let took = begun.elapsed();
         debug!(
             "checkpoint {} of {} passes in {took:?}",
-            checkpoint.number, state.0
+            checkpoint.number, state.passes
         );
         self.saved = state;
         self.due = Instant::now() + EVERY.max(SHARE * took);
-        Ok(())
+        extended
     }
 
     fn finish(&mut self) -> Result<(), StoreError> {
         self.take_lines();
-        let appended = self.folder.append();
-        self.save().and(appended)
+        let synced = self.folder.sync();
+        self.save().and(synced)
     }
 }

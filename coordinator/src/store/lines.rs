@@ -4,7 +4,6 @@ use super::StoreError;
 use crate::farm::{DoneBlock, Entry, EntryState};
 use beamfarm_proto::VERSION;
 use beamfarm_shared::job::Block;
-use beamfarm_shared::merge::TreeSum;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -158,62 +157,76 @@ impl Lines {
         self.file.sync_data()
     }
 
-    /// The blocks that count, of those that are part of the sum. Lines that make no sense are left out.
-    pub fn done(&mut self, sum: &TreeSum) -> io::Result<Vec<DoneBlock>> {
-        self.file.seek(SeekFrom::Start(0))?;
-        let mut reader = BufReader::new(&self.file);
+    /// Bytes of all lines, those that are still in memory included.
+    pub fn end(&self) -> u64 {
+        self.length + self.waiting.len() as u64
+    }
+
+    /// Blocks that counted, as the last word on them is, in the order of their passes. Where lives of the job found other
+    /// pixels and nobody decided which are right, the older ones follow, behind all others. Lines that make no sense are
+    /// left out.
+    pub fn done(&self) -> io::Result<Vec<DoneBlock>> {
         // By first pass. Disjoint: of overlapping ones, which come from different lives of the job, the last counts.
         let mut done: BTreeMap<u64, DoneBlock> = BTreeMap::new();
-        let mut bytes = Vec::new();
-        loop {
-            bytes.clear();
-            if reader
-                .by_ref()
-                .take(MAX_LINE)
-                .read_until(b'\n', &mut bytes)?
-                == 0
-            {
-                break;
-            }
-            let Ok(line) = serde_json::from_slice::<Line>(&bytes) else {
-                continue;
-            };
-            let Some(block) = Block::new(line.block.0, line.block.1) else {
-                continue;
-            };
+        let mut contested: Vec<DoneBlock> = Vec::new();
+        self.each(0, |line, block| {
+            let hash = line.hash.and_then(|hash| blake3::Hash::from_hex(hash).ok());
             if line.state == EntryState::Dropped.as_str() {
                 take_out(&mut done, block);
+                contested.retain(|known| known.block != block);
             } else if line.state == EntryState::Audited.as_str() {
                 let known = done.get_mut(&block.start());
                 if let Some(known) = known.filter(|known| known.block == block) {
                     known.audited = true;
+                    contested.retain(|known| known.block != block);
                 }
             } else if line.state == EntryState::Done.as_str()
-                && let Some(hash) = line.hash.and_then(|hash| blake3::Hash::from_hex(hash).ok())
+                && let Some(hash) = hash
             {
-                let known = DoneBlock {
+                let new = DoneBlock {
                     block,
                     hash: *hash.as_bytes(),
                     worker: line.worker,
                     audited: false,
                 };
+                let before = done.get(&block.start());
+                let before = before.filter(|b| b.block == block && b.hash != new.hash);
+                contested.extend(before.cloned());
                 take_out(&mut done, block);
-                done.insert(block.start(), known);
+                done.insert(block.start(), new);
+            }
+        })?;
+        Ok(done.into_values().chain(contested).collect())
+    }
+
+    /// Blocks that were dropped, according to the lines behind so many bytes.
+    pub fn dropped(&self, from: u64) -> io::Result<Vec<Block>> {
+        let mut dropped = Vec::new();
+        self.each(from, |line, block| {
+            if line.state == EntryState::Dropped.as_str() {
+                dropped.push(block);
+            }
+        })?;
+        Ok(dropped)
+    }
+
+    fn each(&self, from: u64, mut tell: impl FnMut(Line, Block)) -> io::Result<()> {
+        let mut file = &self.file;
+        file.seek(SeekFrom::Start(from))?;
+        let mut reader = BufReader::new(file);
+        let mut bytes = Vec::new();
+        loop {
+            bytes.clear();
+            let mut line = reader.by_ref().take(MAX_LINE);
+            if line.read_until(b'\n', &mut bytes)? == 0 {
+                return Ok(());
+            }
+            if let Ok(line) = serde_json::from_slice::<Line>(&bytes)
+                && let Some(block) = Block::new(line.block.0, line.block.1)
+            {
+                tell(line, block);
             }
         }
-        let held = |block: &Block| {
-            let mut covered = block.start();
-            for node in sum.nodes() {
-                if node.block.start() <= covered {
-                    covered = covered.max(node.block.passes().end);
-                }
-            }
-            covered >= block.passes().end
-        };
-        Ok(done
-            .into_values()
-            .filter(|known| held(&known.block))
-            .collect())
     }
 }
 

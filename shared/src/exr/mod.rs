@@ -6,7 +6,8 @@ mod image;
 
 pub use block::{BlockMeta, decode_block, encode_block, encoded_size};
 pub use image::{
-    ImageMeta, Maker, decode_rgb, node_hash, pixel_hash, read_rgb, read_standard_error, write_image,
+    ImageMeta, Maker, decode_rgb, node_hash, node_hashes, pixel_hash, read_rgb,
+    read_standard_error, write_image,
 };
 #[cfg(feature = "render")]
 pub(crate) use image::{check_claims, without_panic};

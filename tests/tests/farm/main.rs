@@ -9,6 +9,7 @@ mod chaos;
 mod harness;
 mod hostile;
 mod limits;
+mod resumed;
 mod security;
 mod stopping;
 mod submissions;

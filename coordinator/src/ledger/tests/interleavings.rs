@@ -284,10 +284,17 @@ proptest! {
         first_pass in 0..10u64,
         passes in 1..150u64,
         audit_every in 0..4u64,
+        lost in prop::collection::vec((0..170u64, 0..4u32, any::<bool>()), 0..30),
         events in prop::collection::vec(event(), 0..300),
     ) {
         let rules = Rules { first_pass, ..patient(first_pass + passes, audit_every) };
         let mut farm = Farm::new(rules, 0);
+        // An earlier life of the job had these, with these pixels or others.
+        for (pass, level, right) in lost {
+            let block = Block { level, index: pass >> level };
+            let hash = if right { pixels(block) } else { [9; 32] };
+            farm.ledger.expect(block, "before", hash);
+        }
         events.into_iter().for_each(|event| farm.happen(event));
         farm.finish();
         prop_assert_eq!(farm.ledger.prefix(), farm.ledger.limit());

@@ -2,6 +2,7 @@ use super::*;
 use beamfarm_proto::Grant;
 
 mod audits;
+mod earlier;
 mod interleavings;
 mod shares;
 

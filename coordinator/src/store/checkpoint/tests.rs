@@ -44,6 +44,7 @@ pub fn checkpoint(passes: impl IntoIterator<Item = u64>) -> Checkpoint {
             non_finite: 6,
         },
         seconds: 1.5,
+        ledger: 0,
     }
 }
 
@@ -60,7 +61,10 @@ fn read(bytes: &[u8]) -> Result<Checkpoint, Damage> {
 #[test]
 fn what_was_written_is_read() {
     for passes in [vec![], vec![0], (0..7).collect(), vec![9, 0, 1, 4]] {
-        let checkpoint = checkpoint(passes);
+        let checkpoint = Checkpoint {
+            ledger: 77,
+            ..checkpoint(passes)
+        };
         let again = read(&bytes(&checkpoint)).unwrap();
         assert_eq!(
             again.sum.nodes().collect::<Vec<_>>(),
@@ -69,7 +73,7 @@ fn what_was_written_is_read() {
         assert_eq!(again.sum.fence(), checkpoint.sum.fence());
         assert_eq!(again.tested, checkpoint.tested);
         assert_eq!(again.stats, checkpoint.stats);
-        assert_eq!((again.number, again.seconds), (3, 1.5));
+        assert_eq!((again.number, again.seconds, again.ledger), (3, 1.5, 77));
     }
 }
 

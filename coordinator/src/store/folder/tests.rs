@@ -237,3 +237,103 @@ fn a_failed_checkpoint_costs_nothing() {
     drop(job);
     assert_eq!(passes(&path), 3);
 }
+
+/// What was being written takes no room any more; what is not the program's is left alone.
+#[test]
+fn what_was_being_written_is_removed() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.job");
+    drop(open(&path, &mut spec(8)).unwrap());
+    let names = ["checkpoint-0.part", ".beamfarm-a", "scene/.beamfarm-b"];
+    let gone = names.map(|name| path.join(name));
+    let stays = ["notes.part", "scene/notes"].map(|name| path.join(name));
+    for file in gone.iter().chain(&stays) {
+        fs::write(file, "half").unwrap();
+    }
+    drop(open(&path, &mut spec(8)).unwrap());
+    assert!(!gone.iter().any(|file| file.exists()));
+    assert!(stays.iter().all(|file| file.exists()));
+}
+
+#[test]
+fn a_checkpoint_that_cannot_be_read_is_not_written_over() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.job");
+    let (mut job, _) = open(&path, &mut spec(100)).unwrap();
+    job.save(&mut checkpoint(0..2)).unwrap();
+    drop(job);
+    // Opens, but cannot be read, whoever asks.
+    fs::create_dir(path.join("checkpoint-1")).unwrap();
+    let error = open(&path, &mut spec(100)).err().unwrap();
+    assert!(matches!(error, StoreError::Io { .. }), "{error}");
+    assert!(error.to_string().contains("checkpoint-1"), "{error}");
+    fs::remove_dir(path.join("checkpoint-1")).unwrap();
+    assert_eq!(passes(&path), 2);
+}
+
+fn entry(pass: u64, state: crate::EntryState) -> Entry {
+    Entry {
+        time: std::time::SystemTime::now(),
+        block: Block::leaf(pass),
+        state,
+        worker: "a".into(),
+        radius_scale: 1.0,
+        hash: Some([pass as u8; 32]),
+        took: std::time::Duration::ZERO,
+        message: None,
+    }
+}
+
+/// Killed between the verdict on a worker and the next checkpoint.
+#[test]
+fn wrong_passes_do_not_come_back_from_a_checkpoint() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.job");
+    let (mut job, _) = open(&path, &mut spec(100)).unwrap();
+    let (done, dropped) = (crate::EntryState::Done, crate::EntryState::Dropped);
+    for pass in [0, 1, 2, 3, 4] {
+        job.enter(&entry(pass, done));
+    }
+    // A verdict that the first checkpoint knows of.
+    job.enter(&entry(4, dropped));
+    job.enter(&entry(4, done));
+    job.save(&mut Checkpoint {
+        ledger: job.ledger_end(),
+        ..checkpoint(0..5)
+    })
+    .unwrap();
+    let found = |path: &Path| {
+        let (_, resumed) = open(path, &mut spec(100)).unwrap();
+        let Resumed { checkpoint, done } = resumed.unwrap();
+        let done: Vec<u64> = done.iter().map(|done| done.block.start()).collect();
+        (checkpoint.sum.passes(), checkpoint.sum.prefix(), done)
+    };
+    job.enter(&entry(3, dropped));
+    job.append().unwrap();
+    drop(job);
+    let (passes, prefix, known) = found(&path);
+    // Whatever pass 3 was added to goes with it; pass 4 stays, whether or not the prefix reaches it.
+    assert!(prefix <= 3 && passes < 5, "{prefix} {passes}");
+    assert_eq!(known, [0, 1, 2, 4]);
+    // The line has been torn: nobody had been told.
+    let ledger = path.join(LEDGER);
+    let bytes = fs::read(&ledger).unwrap();
+    fs::write(&ledger, &bytes[..bytes.len() - 1]).unwrap();
+    assert_eq!(found(&path), (5, 5, vec![0, 1, 2, 3, 4]));
+}
+
+/// Without a checkpoint, what was rendered can still be compared.
+#[test]
+fn lines_without_a_checkpoint_are_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.job");
+    let (mut job, _) = open(&path, &mut spec(8)).unwrap();
+    job.enter(&entry(3, crate::EntryState::Done));
+    job.append().unwrap();
+    drop(job);
+    let (job, resumed) = open(&path, &mut spec(8)).unwrap();
+    let resumed = resumed.unwrap();
+    assert_eq!(resumed.checkpoint.sum.passes(), 0);
+    assert_eq!(resumed.done[0].hash, [3; 32]);
+    assert_eq!(job.next_number, 0);
+}

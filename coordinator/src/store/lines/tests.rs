@@ -1,6 +1,4 @@
 use super::*;
-use beamfarm_shared::film::Film;
-use beamfarm_shared::merge::Node;
 use std::time::{Duration, SystemTime};
 
 fn entry(block: Block, state: EntryState, hash: u8) -> Entry {
@@ -18,14 +16,6 @@ fn entry(block: Block, state: EntryState, hash: u8) -> Entry {
 
 fn leaf(pass: u64) -> Block {
     Block::leaf(pass)
-}
-
-fn sum(passes: impl IntoIterator<Item = u64>) -> TreeSum {
-    let mut sum = TreeSum::new(1, 1);
-    for pass in passes {
-        sum.insert(Node::leaf(pass, Film::new(1, 1))).unwrap();
-    }
-    sum
 }
 
 #[test]
@@ -67,18 +57,46 @@ fn a_line_a_block_and_a_torn_one_is_cut_off() {
         assert_eq!(std::fs::read_to_string(&path).unwrap().lines().count(), 8);
     }
 
-    // Of what is part of the sum.
-    let done = lines.done(&sum(0..5)).unwrap();
+    let done = lines.done().unwrap();
     let found: Vec<(Block, u8, bool)> = done
         .iter()
         .map(|d| (d.block, d.hash[0], d.audited))
         .collect();
     assert_eq!(
         found,
-        [(leaf(0), 1, true), (leaf(1), 2, false), (pair, 3, false)]
+        [
+            (leaf(0), 1, true),
+            (leaf(1), 2, false),
+            (pair, 3, false),
+            (leaf(5), 5, false)
+        ]
     );
     assert_eq!(done[0].worker, "a \"name\"\n");
-    assert_eq!(lines.done(&sum([0, 3])).unwrap().len(), 1);
+    // Behind the line that says so there is nothing about it.
+    assert_eq!(lines.dropped(0).unwrap(), [leaf(4)]);
+    assert_eq!(lines.dropped(last as u64).unwrap(), []);
+    assert_eq!(lines.dropped(1 << 40).unwrap(), []);
+}
+
+/// What lives of the job disagree about is told, unless it was decided.
+#[test]
+fn other_pixels_for_the_same_block_are_not_forgotten() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut lines = Lines::open(&folder.path().join("ledger.jsonl"), 0).unwrap();
+    for pass in 0..3 {
+        lines.push(&entry(leaf(pass), EntryState::Done, 1));
+        lines.push(&entry(leaf(pass), EntryState::Done, 1));
+        lines.push(&entry(leaf(pass), EntryState::Done, 2));
+    }
+    lines.push(&entry(leaf(1), EntryState::Audited, 2));
+    lines.push(&entry(leaf(2), EntryState::Dropped, 2));
+    lines.append().unwrap();
+    let done = lines.done().unwrap();
+    let found: Vec<_> = done
+        .iter()
+        .map(|d| (d.block.start(), d.hash[0], d.audited))
+        .collect();
+    assert_eq!(found, [(0, 2, false), (1, 2, true), (0, 1, false)]);
 }
 
 #[test]
@@ -91,7 +109,7 @@ fn of_overlapping_blocks_the_last_counts() {
     lines.push(&entry(leaf(7), EntryState::Done, 2));
     lines.push(&entry(Block { level: 2, index: 1 }, EntryState::Done, 3));
     lines.append().unwrap();
-    let done = lines.done(&sum(0..8)).unwrap();
+    let done = lines.done().unwrap();
     let found: Vec<u8> = done.iter().map(|d| d.hash[0]).collect();
     assert_eq!(found, [2, 3]);
 }
@@ -104,5 +122,5 @@ fn foreign_lines_are_left_out() {
     let mut lines = Lines::open(&path, 0).unwrap();
     lines.push(&entry(leaf(0), EntryState::Done, 1));
     lines.append().unwrap();
-    assert_eq!(lines.done(&sum(0..1)).unwrap().len(), 1);
+    assert_eq!(lines.done().unwrap().len(), 1);
 }

@@ -1,0 +1,107 @@
+//! Blocks that were accepted after the last checkpoint, and are rendered again when the job is resumed.
+
+use crate::harness::{Coordinator, LONG, RawWorker, free_port, node, spec};
+use beamfarm_coordinator::{DoneBlock, End, Entry, EntryState, EventKind, Start, Timing};
+use beamfarm_proto::Grant;
+use beamfarm_shared::exr::node_hash;
+use beamfarm_shared::job::Block;
+use beamfarm_shared::merge::TreeSum;
+use std::time::Duration;
+use tokio::sync::mpsc::{UnboundedReceiver, unbounded_channel};
+
+const PASSES: u64 = 20;
+/// More than one pass.
+const PAIR: Block = Block { level: 1, index: 8 };
+
+/// A job that had these blocks, and none of them in its checkpoint.
+async fn resume(lost: Vec<(Block, [u8; 32])>) -> (Coordinator, UnboundedReceiver<Entry>) {
+    let (sender, entries) = unbounded_channel();
+    let done = lost.into_iter().map(|(block, hash)| DoneBlock {
+        block,
+        hash,
+        worker: "before".into(),
+        audited: false,
+    });
+    let start = Start {
+        done: done.collect(),
+        entries: Some(sender),
+        ..Start::default()
+    };
+    let timing = Timing {
+        heartbeat: Duration::from_millis(50),
+        lease: LONG,
+    };
+    let coordinator = Coordinator::resume_on(free_port(), spec(PASSES), timing, start).await;
+    (coordinator, entries)
+}
+
+/// Deliver all that can be had.
+async fn work(coordinator: &Coordinator, name: &str) -> Vec<Block> {
+    let worker = RawWorker::named(coordinator, name).await;
+    let mut blocks = Vec::new();
+    // Its last question may find nobody there any more.
+    while let Ok(Grant::Lease(lease, block)) = worker.grant().await {
+        worker.deliver((lease, block)).await.unwrap();
+        blocks.push(block);
+    }
+    blocks
+}
+
+fn lines(entries: &mut UnboundedReceiver<Entry>, state: EntryState) -> Vec<Entry> {
+    let entries = std::iter::from_fn(|| entries.try_recv().ok());
+    entries.filter(|entry| entry.state == state).collect()
+}
+
+#[tokio::test]
+async fn the_same_bits_again_are_nothing_to_speak_of() {
+    let lost = [PAIR, Block::leaf(3)].map(|block| (block, node_hash(&node(block))));
+    let (coordinator, mut entries) = resume(lost.into()).await;
+    let blocks = work(&coordinator, "a").await;
+    assert_eq!(coordinator.ended().await, End::Complete);
+    // As it was, so that it could be compared.
+    assert!(blocks.contains(&PAIR), "{blocks:?}");
+    let progress = coordinator.farm.progress();
+    assert_eq!((progress.divergent, progress.audits), (0, 0));
+    let events = coordinator.farm.events(0);
+    let mut kinds = events.iter().map(|event| event.kind);
+    assert!(kinds.all(|kind| kind != EventKind::Divergent));
+    // What the ledger file is told of each block, whatever its size.
+    let told = lines(&mut entries, EntryState::Done);
+    assert_eq!(told.len(), blocks.len());
+    for entry in told {
+        assert_eq!(entry.hash, Some(node_hash(&node(entry.block))));
+        assert_eq!(entry.worker, "a");
+        assert!(entry.radius_scale > 0.0 && entry.took > Duration::ZERO);
+    }
+}
+
+#[tokio::test]
+async fn other_bits_than_before_are_told_and_decided() {
+    for block in [PAIR, Block::leaf(3)] {
+        let (coordinator, mut entries) = resume(vec![(block, [9; 32])]).await;
+        let blocks = work(&coordinator, "a").await;
+        assert!(blocks.contains(&block));
+        let progress = coordinator.farm.progress();
+        assert_eq!((progress.prefix, progress.divergent), (PASSES, 1));
+        assert_eq!(coordinator.farm.end(), None, "others may still decide");
+        let events = coordinator.farm.events(0);
+        let told = events
+            .iter()
+            .filter(|event| event.kind == EventKind::Divergent);
+        let told: Vec<&str> = told.map(|event| &*event.text).collect();
+        assert_eq!(told.len(), 1);
+        assert!(told[0].contains("\"before\"") && told[0].contains(&block.to_string()));
+
+        assert_eq!(work(&coordinator, "b").await, [block]);
+        assert_eq!(coordinator.ended().await, End::Complete);
+        assert_eq!(coordinator.farm.progress().divergent, 0);
+        let audited = lines(&mut entries, EntryState::Audited);
+        assert_eq!(audited.len(), 1);
+        assert_eq!(audited[0].hash, Some(node_hash(&node(block))));
+        let mut sum = TreeSum::new(40, 30);
+        for pass in 0..PASSES {
+            sum.insert(node(Block::leaf(pass))).unwrap();
+        }
+        assert!(coordinator.farm.average() == sum.average());
+    }
+}

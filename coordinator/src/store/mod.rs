@@ -10,11 +10,12 @@
 //! | `lock` | held by the coordinator that uses the directory |
 //!
 //! Checkpoints alone decide what is there; the ledger says who rendered it. Blocks that came in after the last
-//! checkpoint are rendered again, with the same bits.
+//! checkpoint are rendered again, as the same blocks if the ledger knows of them, and compared with what it says.
 
 mod checkpoint;
 mod description;
 mod folder;
+mod joined;
 mod keeper;
 mod lines;
 mod report;
@@ -46,6 +47,9 @@ pub enum StoreError {
     /// There is none.
     #[error("{}: no job to resume", .0.display())]
     Missing(PathBuf),
+    /// There is one already.
+    #[error("{}: there is a job already", .0.display())]
+    Exists(PathBuf),
     /// There is something else.
     #[error("{}: not a job directory: {message}", path.display())]
     Foreign {

@@ -110,3 +110,11 @@ pub fn signal(name: &str, pid: &str) {
     let status = Command::new("kill").args([name, pid]).status().unwrap();
     assert!(status.success(), "kill {name} {pid}");
 }
+
+/// SplitMix64: places to be killed at.
+pub fn random(seed: u64) -> u64 {
+    let mut z = seed.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    z ^ (z >> 31)
+}

@@ -8,14 +8,6 @@ fn folder() -> tempfile::TempDir {
     folder_with(&scene([48, 32], 24, 6000))
 }
 
-/// SplitMix64: places to be killed at.
-fn random(seed: u64) -> u64 {
-    let mut z = seed.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    z ^ (z >> 31)
-}
-
 fn pixels(stdout: &str) -> String {
     line(stdout, "pixels").to_owned()
 }
@@ -37,7 +29,10 @@ fn attribute(path: &Path, name: &str) -> String {
 fn a_coordinator_killed_again_and_again_ends_with_the_same_bits() {
     let folder = folder();
     let path = folder.path();
-    let undisturbed = succeed(path, &["render", "scene.toml", "-o", "whole.exr"]);
+    // So many that it does not end before it was killed.
+    let passes = ["--passes", "120"];
+    let undisturbed = ["render", "scene.toml", "-o", "whole.exr"];
+    let undisturbed = succeed(path, &[&undisturbed[..], &passes].concat());
     let args = [
         "render",
         "scene.toml",
@@ -53,7 +48,9 @@ fn a_coordinator_killed_again_and_again_ends_with_the_same_bits() {
     let job = path.join("a.job");
     let mut kills = 0;
     let end = loop {
-        let mut child = beamfarm(path, &args).spawn().unwrap();
+        let mut child = beamfarm(path, &[&args[..], &passes].concat())
+            .spawn()
+            .unwrap();
         // From before the first look at the directory to after some checkpoints.
         let patience = Duration::from_millis(random(kills) % 300);
         let begun = Instant::now();
@@ -81,7 +78,7 @@ fn a_coordinator_killed_again_and_again_ends_with_the_same_bits() {
     let report = report(&job);
     assert_eq!(
         (&report["prefix"], &report["stopped"]),
-        (&24.into(), &"complete".into())
+        (&120.into(), &"complete".into())
     );
     assert!(line(&stdout, "pixels").ends_with(report["pixels"].as_str().unwrap()));
     let ledger = std::fs::read_to_string(job.join("ledger.jsonl")).unwrap();
@@ -91,13 +88,13 @@ fn a_coordinator_killed_again_and_again_ends_with_the_same_bits() {
     }
     // Each image says what it holds.
     let output = path.join("a.exr");
-    assert_eq!(attribute(&output, "beamfarmPasses"), "24");
-    assert_eq!(attribute(&output, "beamfarmLastPass"), "23");
+    assert_eq!(attribute(&output, "beamfarmPasses"), "120");
+    assert_eq!(attribute(&output, "beamfarmLastPass"), "119");
     let set = attribute(&output, "beamfarmPassSet");
     assert_eq!(set, attribute(&path.join("whole.exr"), "beamfarmPassSet"));
     assert_eq!(report["pass_set"], set);
     assert!(
-        stdout.contains(&format!("passes 0 to 23, set {set}")),
+        stdout.contains(&format!("passes 0 to 119, set {set}")),
         "{stdout}"
     );
 }
@@ -154,6 +151,18 @@ fn a_finished_job_can_have_more_passes() {
     let (code, stderr) = fail(path, &["render", "scene.toml", "--resume"]);
     assert_eq!(code, 2);
     assert!(stderr.contains("scene.job: no job to resume"), "{stderr}");
+
+    // The report is of a job that has ended, not of one that was killed later.
+    assert!(path.join("a.job/report.json").exists());
+    let job = ["render", "scene.toml", "--job", "a.job"];
+    let (mut child, mut log) = spawn(beamfarm(
+        path,
+        &[&job[..], &["--time", "1h", "--log", "debug"]].concat(),
+    ));
+    wait_for(&mut log, "pass 13 from");
+    child.kill().unwrap();
+    child.wait().unwrap();
+    assert!(!path.join("a.job/report.json").exists());
 }
 
 #[test]
@@ -217,6 +226,40 @@ fn jobs_of_disjoint_passes_make_one_image() {
         image.layer_data.channel_data
     };
     assert_eq!(channels("merged.exr"), channels("whole.exr"));
+
+    // As one job, which goes on.
+    let merge = ["merge", "a.job", "b.job", "c.job", "-o", "merged.exr"];
+    let merge = [&merge[..], &["--job", "all.job"]].concat();
+    let kept = succeed(path, &merge);
+    assert_eq!(line(&kept, "made"), "made all.job");
+    assert_eq!(pixels(&kept), pixels(&whole));
+    let (code, stderr) = fail(path, &merge);
+    assert_eq!(code, 2);
+    assert!(
+        stderr.contains("all.job: there is a job already"),
+        "{stderr}"
+    );
+    let aov = ["render", "scene.toml", "--aov", "depth,stderr"];
+    let again = ["--resume", "--job", "all.job", "-o", "again.exr"];
+    let again = succeed(path, &[&aov[..], &again].concat());
+    assert!(again.contains("resuming all.job with 12 passes"), "{again}");
+    assert_eq!(pixels(&again), pixels(&whole));
+    let more = ["--passes", "19", "-o", "more.exr"];
+    let more = [&aov[..], &more].concat();
+    let undisturbed = succeed(path, &more);
+    let continued = succeed(path, &[&more[..], &["--job", "all.job"]].concat());
+    assert_eq!(pixels(&continued), pixels(&undisturbed));
+    let ledger = std::fs::read_to_string(path.join("all.job/ledger.jsonl")).unwrap();
+    let mut passes: Vec<u64> = ledger
+        .lines()
+        .map(|line| serde_json::from_str::<serde_json::Value>(line).unwrap())
+        .flat_map(|line| {
+            let [level, index] = [0, 1].map(|i| line["block"][i].as_u64().unwrap());
+            index << level..(index + 1) << level
+        })
+        .collect();
+    passes.sort();
+    assert!(passes.into_iter().eq(0..19));
 
     for (jobs, expected) in [
         (&["a.job", "c.job"][..], "passes 3 to 6 missing"),

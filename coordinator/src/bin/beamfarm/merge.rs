@@ -3,11 +3,11 @@
 use crate::failure::Failure;
 use crate::output::Output;
 use crate::summary::describe;
-use beamfarm_coordinator::store::{Description, Folder};
+use beamfarm_coordinator::store::{Checkpoint, Description, Folder};
 use beamfarm_shared::exr::{ImageMeta, Maker};
-use beamfarm_shared::job::{Block, SceneHash};
+use beamfarm_shared::job::{Block, PassStats, SceneHash};
 use beamfarm_shared::layer::Layer;
-use beamfarm_shared::merge::{MergeError, TreeSum};
+use beamfarm_shared::merge::{Errors, MergeError, TreeSum};
 use clap::Args;
 use std::path::{Path, PathBuf};
 
@@ -16,6 +16,8 @@ Examples:
   beamfarm render scene.toml --passes 500 --job a.job
   beamfarm render scene.toml --first-pass 500 --passes 1000 --job b.job     on another machine
   beamfarm merge a.job b.job -o scene.exr
+  beamfarm merge a.job b.job -o scene.exr --job all.job
+  beamfarm render scene.toml --job all.job --passes 2000                    goes on from there
 
 The image has the bits of one job over all passes. Jobs must have the same scene, settings, size and layers, must
 not have a pass in common, and must leave none out.";
@@ -29,6 +31,10 @@ pub struct MergeArgs {
     /// Where to write the image: OUT.exr, with OUT.png beside it
     #[arg(short, long, value_name = "OUT.exr")]
     output: PathBuf,
+
+    /// Make a job folder of them as well, from which `render` and `serve` go on
+    #[arg(long, value_name = "DIR")]
+    job: Option<PathBuf>,
 
     /// Exposure of the PNG in stops: 1 doubles the brightness [default: the first job's]
     #[arg(long, value_name = "EV", allow_negative_numbers = true)]
@@ -45,6 +51,9 @@ struct Merged {
     description: Description,
     sum: TreeSum,
     seconds: f64,
+    stats: PassStats,
+    /// Prefixes that were tested.
+    tested: Vec<(u64, Errors)>,
     /// Which job has which passes.
     parts: Vec<(PathBuf, Vec<Block>)>,
 }
@@ -63,6 +72,8 @@ pub fn main(args: MergeArgs) -> Result<(), Failure> {
                 .with_layers(description.layers.len()),
             description: description.clone(),
             seconds: 0.0,
+            stats: PassStats::default(),
+            tested: Vec::new(),
             parts: Vec::new(),
         });
         let differences = merged.description.differences(&description);
@@ -82,6 +93,9 @@ pub fn main(args: MergeArgs) -> Result<(), Failure> {
             inserted.map_err(|error| overlap(&error, merged, path))?;
         }
         merged.seconds += checkpoint.seconds;
+        merged.stats += checkpoint.stats;
+        // That of the part which begins with pass 0: the others have no prefix.
+        merged.tested.extend(checkpoint.tested);
         let blocks = checkpoint.sum.nodes().map(|node| node.block).collect();
         merged.parts.push((path.clone(), blocks));
     }
@@ -121,7 +135,45 @@ fn gaps(sum: &TreeSum) -> Vec<String> {
     gaps
 }
 
+/// Make a job folder that goes on after these passes.
+fn keep(job: &Path, merged: &Merged) -> Result<(), Failure> {
+    let Merged {
+        description, sum, ..
+    } = merged;
+    // As in a job that has got there by itself: the next prefix to be tested lies ahead.
+    let mut kept = TreeSum::new(description.width, description.height)
+        .with_layers(description.layers.len())
+        .with_fence(sum.prefix() + 1);
+    for node in sum.nodes() {
+        kept.insert_shared(node.clone()).map_err(Failure::io)?;
+    }
+    let checkpoint = Checkpoint {
+        number: 0,
+        sum: kept,
+        tested: merged.tested.clone(),
+        stats: merged.stats,
+        seconds: merged.seconds,
+        ledger: 0,
+    };
+    let parts: Vec<PathBuf> = merged.parts.iter().map(|(part, _)| part.clone()).collect();
+    Ok(Folder::join(job, &parts, description.clone(), checkpoint)?)
+}
+
 fn write(args: &MergeArgs, merged: Merged) -> Result<(), Failure> {
+    let gaps = gaps(&merged.sum);
+    if !gaps.is_empty() {
+        let message = format!("{} missing: no image can be made without", gaps.join(", "));
+        return Err(Failure::usage(message));
+    }
+    let standard_error = merged.description.standard_error;
+    let output = Output::new(Some(&args.output), &args.output, standard_error)?;
+    let exposure = args.exposure.unwrap_or(merged.description.exposure);
+    if !exposure.is_finite() {
+        return Err(Failure::usage("--exposure: expected a number of stops"));
+    }
+    if let Some(job) = &args.job {
+        keep(job, &merged)?;
+    }
     let Merged {
         first,
         description,
@@ -129,11 +181,6 @@ fn write(args: &MergeArgs, merged: Merged) -> Result<(), Failure> {
         seconds,
         ..
     } = merged;
-    let gaps = gaps(&sum);
-    if !gaps.is_empty() {
-        let message = format!("{} missing: no image can be made without", gaps.join(", "));
-        return Err(Failure::usage(message));
-    }
     let average = sum
         .average()
         .ok_or_else(|| Failure::nothing("no pass is complete"))?;
@@ -159,13 +206,11 @@ fn write(args: &MergeArgs, merged: Merged) -> Result<(), Failure> {
         layers: layers?,
         standard_error: description.standard_error,
     };
-    let output = Output::new(Some(&args.output), &args.output, description.standard_error)?;
-    let exposure = args.exposure.unwrap_or(description.exposure);
-    if !exposure.is_finite() {
-        return Err(Failure::usage("--exposure: expected a number of stops"));
-    }
     output.write(&average, &meta, exposure)?;
     if !args.quiet {
+        if let Some(job) = &args.job {
+            println!("made {}", job.display());
+        }
         println!(
             "wrote {} and {}",
             output.exr.display(),

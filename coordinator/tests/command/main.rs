@@ -3,6 +3,8 @@
 #![allow(clippy::unwrap_used)]
 
 mod bench;
+#[cfg(unix)]
+mod chaos;
 mod runs;
 mod setup;
 mod steering;

@@ -7,7 +7,7 @@ use beamfarm_proto::bytes::Bytes;
 use beamfarm_shared::error::ImageError;
 use beamfarm_shared::merge::Average;
 use beamfarm_shared::png::encode_png;
-use std::sync::Arc;
+use std::sync::{Arc, Weak};
 use std::time::Duration;
 use tokio::sync::Mutex;
 use tokio::time::{Instant, sleep};
@@ -42,6 +42,8 @@ pub(crate) enum View {
 struct Shelf {
     /// The newest first; the one before it stays for those who are about to ask for it.
     pictures: Vec<Arc<Picture>>,
+    /// Complete passes at the last look, and whether the job was over.
+    last_look: Option<(u64, bool)>,
     due: Option<Instant>,
     asked: Option<Instant>,
 }
@@ -51,7 +53,14 @@ pub(crate) struct Pictures {
     farm: Arc<Farm>,
     shelf: Mutex<Shelf>,
     /// Held while one is encoded, and as long again: a slider takes half a core at most.
-    encoded: Arc<Mutex<Vec<(u64, View, Bytes)>>>,
+    encoded: Arc<Mutex<Vec<Encoded>>>,
+}
+
+struct Encoded {
+    /// Not its number of passes: some may be taken out, and rendered again with other bits.
+    of: Weak<Picture>,
+    view: View,
+    png: Bytes,
 }
 
 impl Pictures {
@@ -69,9 +78,10 @@ impl Pictures {
         let now = Instant::now();
         shelf.asked = Some(now);
         let newest = shelf.pictures.first().cloned();
-        let known = newest.as_ref().map_or(0, |picture| picture.average.passes);
-        let is_due = shelf.due.is_none_or(|due| now >= due) || self.farm.end().is_some();
-        if !is_due || self.farm.progress().prefix == known {
+        let over = self.farm.end().is_some();
+        let look = (self.farm.progress().prefix, over);
+        let is_due = shelf.due.is_none_or(|due| now >= due) || over;
+        if look.0 == 0 || !is_due || shelf.last_look == Some(look) {
             return newest;
         }
         let farm = self.farm.clone();
@@ -83,8 +93,11 @@ impl Pictures {
         let made = tokio::task::spawn_blocking(average).await;
         let took = now.elapsed();
         shelf.due = Some(now + PAUSE.max(took * SHARE));
+        shelf.last_look = Some(look);
         match made {
             Ok(Some(picture)) => {
+                let passes = picture.average.passes;
+                shelf.pictures.retain(|old| old.average.passes != passes);
                 shelf.pictures.insert(0, picture.clone());
                 shelf.pictures.truncate(2);
                 Some(picture)
@@ -112,10 +125,10 @@ impl Pictures {
     /// A picture as PNG.
     pub async fn png(&self, picture: Arc<Picture>, view: View) -> Result<Bytes, ImageError> {
         let mut encoded = self.encoded.clone().lock_owned().await;
-        let passes = picture.average.passes;
+        let of = Arc::downgrade(&picture);
         let mut known = encoded.iter();
-        if let Some((.., png)) = known.find(|known| known.0 == passes && known.1 == view) {
-            return Ok(png.clone());
+        if let Some(known) = known.find(|known| known.of.ptr_eq(&of) && known.view == view) {
+            return Ok(known.png.clone());
         }
         let started = Instant::now();
         let encode = move || match view {
@@ -130,7 +143,12 @@ impl Pictures {
             message: error.to_string(),
         })?;
         let png = Bytes::from(png?);
-        encoded.insert(0, (passes, view, png.clone()));
+        let known = Encoded {
+            of,
+            view,
+            png: png.clone(),
+        };
+        encoded.insert(0, known);
         encoded.truncate(ENCODED);
         let took = started.elapsed();
         tokio::spawn(async move {
@@ -148,5 +166,79 @@ impl Pictures {
             drop(shelf);
             self.encoded.lock().await.clear();
         }
+    }
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+    use crate::farm::{JobSpec, Start, Target, Timing};
+    use beamfarm_shared::bundle::Bundle;
+    use beamfarm_shared::film::Film;
+    use beamfarm_shared::job::{JobSettings, ScheduleKind};
+    use beamfarm_shared::merge::{Node, TreeSum};
+
+    /// A job of 100 passes that goes on with so many, after this time.
+    pub fn farm(passes: u64, target: Option<Target>, before: Duration) -> Arc<Farm> {
+        let mut sum = TreeSum::new(2, 1).with_fence(0);
+        for pass in 0..passes {
+            let mut film = Film::new(2, 1);
+            film.pixels.fill([1.0 + pass as f32 / 100.0; 3]);
+            sum.insert(Node::leaf(pass, film)).unwrap();
+        }
+        let spec = JobSpec {
+            bundle: Bundle::default(),
+            settings: JobSettings {
+                seed: 0,
+                alpha: 0.5,
+                schedule: ScheduleKind::Pass,
+                paths_per_pass: 1,
+                reference_paths: 1,
+            },
+            width: 2,
+            height: 1,
+            layers: Vec::new(),
+            first_pass: 0,
+            passes: 100,
+            audit_every: 0,
+        };
+        let start = Start {
+            sum: Some(sum),
+            target,
+            before,
+            ..Start::default()
+        };
+        Farm::new(spec, Timing::default(), start)
+    }
+
+    /// The image of a job that was good enough holds fewer passes than there are.
+    #[tokio::test]
+    async fn the_last_picture_is_made_once() {
+        let target = Target {
+            error: 0.5,
+            percentile: None,
+        };
+        let farm = farm(5, Some(target), Duration::ZERO);
+        assert!(farm.end().is_some());
+        assert_eq!(farm.progress().prefix, 5);
+        let pictures = Pictures::new(farm);
+        let first = pictures.latest().await.unwrap();
+        assert_eq!(first.average.passes, 2);
+        for _ in 0..3 {
+            assert!(Arc::ptr_eq(&first, &pictures.latest().await.unwrap()));
+        }
+    }
+
+    #[tokio::test]
+    async fn the_end_is_looked_at_even_if_no_pass_came() {
+        let farm = farm(3, None, Duration::ZERO);
+        let pictures = Pictures::new(farm.clone());
+        let first = pictures.latest().await.unwrap();
+        assert!(Arc::ptr_eq(&first, &pictures.latest().await.unwrap()));
+        farm.stop();
+        let last = pictures.latest().await.unwrap();
+        assert_eq!(last.average, first.average);
+        assert!(Arc::ptr_eq(&last, &pictures.latest().await.unwrap()));
+        assert_eq!(pictures.shelf.lock().await.pictures.len(), 1);
     }
 }

@@ -128,7 +128,10 @@ impl FarmService for Service {
         let name = shortened(&request.name);
         if request.version != VERSION {
             let version = shortened(&request.version);
-            warn!("{name:?} is refused: it is version {version}, this is {VERSION}");
+            warn!(
+                name,
+                "{name:?} is refused: it is version {version}, this is {VERSION}"
+            );
             let message = format!("version {version}; this coordinator is version {VERSION}");
             return Err(Status::failed_precondition(message));
         }

@@ -80,6 +80,16 @@ pub enum LogFormat {
     Json,
 }
 
+impl LogFormat {
+    /// As the option has it.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::Text => "text",
+            Self::Json => "json",
+        }
+    }
+}
+
 impl LogArgs {
     /// Start logging. A filter that makes no sense is a usage error.
     pub fn init<W>(&self, default: &str, writer: W) -> Result<(), String>

@@ -135,8 +135,11 @@ async fn work(
         };
         loaded = Some((registration.job.clone(), prepared.clone()));
         info!(
+            worker = registration.worker.0,
+            name = config.name,
             "rendering scene {} for {}",
-            registration.job.scene, config.url
+            registration.job.scene,
+            config.url
         );
         let session = Session::new(
             &client,

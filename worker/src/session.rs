@@ -132,7 +132,7 @@ impl<'a> Session<'a> {
             return Ok(SessionEnd::OtherJob(registration));
         }
         if *self.drain.borrow() && !matches!(end, Err(CallError::Refused(_))) {
-            info!("signing off");
+            info!(worker = self.identity().0.0, "signing off");
             self.give_back(|_| true, true).await;
             return Ok(SessionEnd::Over);
         }
@@ -167,7 +167,8 @@ impl<'a> Session<'a> {
                     }
                 };
                 let took = begun.elapsed();
-                debug!("{block} took {:.3} s", took.as_secs_f64());
+                let worker = self.identity().0.0;
+                debug!(worker, %block, seconds = took.as_secs_f64(), "rendered");
                 drop(over);
                 // Fails when delivering has failed, which ends the session.
                 let _ = finished.send(Finished { block, result }).await;
@@ -216,7 +217,9 @@ impl<'a> Session<'a> {
         };
         tokio::select! {
             () = give_back => {}
-            () = sleep(self.grace) => info!("the time to finish is over"),
+            () = sleep(self.grace) => {
+                info!(worker = self.identity().0.0, "the time to finish is over");
+            }
         }
     }
 
@@ -236,7 +239,7 @@ impl<'a> Session<'a> {
         match tokio::time::timeout(FAREWELL, call).await {
             Ok(Ok(())) => {}
             // It will find out when the connection closes.
-            failed => debug!("cannot give leases back: {failed:?}"),
+            failed => debug!(worker = worker.0, "cannot give leases back: {failed:?}"),
         }
     }
 
@@ -294,7 +297,8 @@ impl<'a> Session<'a> {
                 message,
             }) = &encoded
             {
-                warn!("pass {pass_index}: {message}");
+                let worker = self.identity().0.0;
+                warn!(worker, %block, pass = pass_index, "pass {pass_index}: {message}");
             }
             // Once more for each coordinator that has forgotten the worker, as long as it wants the block.
             while let Some((worker, lease, generation)) = self.lease_of(block) {
@@ -345,7 +349,10 @@ impl<'a> Session<'a> {
         if self.state().generation != generation {
             return Ok(());
         }
-        warn!("the coordinator has forgotten this worker: registering again");
+        warn!(
+            worker = self.identity().0.0,
+            "the coordinator has forgotten this worker: registering again"
+        );
         let held: Vec<Block> = self.state().held.keys().copied().collect();
         let scene = Some(self.job.scene);
         let registration = self.client.register(self.introduction, scene, held).await?;
@@ -404,7 +411,10 @@ impl<'a> Session<'a> {
                     }
                 }
             }
-            debug!("the stream of heartbeats broke; opening it again");
+            debug!(
+                worker = self.identity().0.0,
+                "the stream of heartbeats broke; opening it again"
+            );
             sleep(self.heartbeat.min(Duration::from_millis(200))).await;
         }
     }

@@ -29,12 +29,12 @@ impl Farm {
             Ok(worker) => {
                 books.progress.registered += 1;
                 let text = format!("worker {} is {name:?} with {threads} threads", worker.0);
-                info!("{text}");
+                info!(worker = worker.0, name, threads, "{text}");
                 books.events.push(EventKind::Joined, text);
             }
             Err(sentence) => {
                 let text = format!("{name:?} is refused: {sentence}");
-                error!("{text}");
+                error!(name, "{text}");
                 books.events.push(EventKind::ShutOut, text);
             }
         }
@@ -79,7 +79,7 @@ impl Farm {
             };
             match grant {
                 Grant::Lease(lease, block) => {
-                    debug!("{block} leased to worker {} (lease {})", worker.0, lease.0);
+                    debug!(worker = worker.0, %block, lease = lease.0, "leased");
                     return Ok(grant);
                 }
                 // The last ones that could have checked something are gone.
@@ -134,7 +134,7 @@ impl Farm {
                 "worker {} ({name:?}) signs off and gives {count} leases back",
                 worker.0
             );
-            info!("{text}");
+            info!(worker = worker.0, name, "{text}");
             books.events.push(EventKind::Left, text);
         }
         drop(books);
@@ -196,15 +196,12 @@ impl Farm {
                 && let Err(error) = sum.insert(node)
             {
                 // The ledger lets no pass in twice and `examine` checked all else.
-                error!("{error}");
+                error!(worker = worker.0, %block, "{error}");
                 return Err(Refusal::Flaw(Flaw::Foreign(error.to_string())));
             }
             accepted
         };
-        debug!(
-            "{block} from worker {}: {accepted:?}, pixels {pixels}",
-            worker.0
-        );
+        debug!(worker = worker.0, %block, pixels, "delivered: {accepted:?}");
         if accepted == Ok(Accepted::New) {
             self.look();
         }
@@ -234,7 +231,7 @@ impl Farm {
             "{block} failed on worker {} ({name:?}): {message}",
             worker.0
         );
-        warn!("{text}");
+        warn!(worker = worker.0, name, %block, pass = pass_index, "{text}");
         books.events.push(EventKind::Failed, text);
         drop(books);
         self.opened.notify_waiters();
@@ -257,7 +254,7 @@ impl Farm {
             "{block} from worker {} ({name:?}) is refused: {flaw}",
             worker.0
         );
-        warn!("{text}");
+        warn!(worker = worker.0, name, %block, "{text}");
         books.events.push(EventKind::Refused, text);
         match flaw {
             Flaw::Damaged => return,
@@ -305,9 +302,9 @@ impl Drop for Attendance {
             let mut text = format!("worker {} ({name:?}) is gone", worker.0);
             if lost > 0 {
                 text += &format!("; its {lost} leases are handed out again");
-                warn!("{text}");
+                warn!(worker = worker.0, name, "{text}");
             } else {
-                info!("{text}");
+                info!(worker = worker.0, name, "{text}");
             }
             books.events.push(EventKind::Left, text);
         }

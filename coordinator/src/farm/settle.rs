@@ -5,7 +5,7 @@ use crate::ledger::{Failure, Note, PixelHash};
 use beamfarm_proto::WorkerId;
 use beamfarm_shared::job::Block;
 use std::time::{Duration, SystemTime};
-use tracing::{error, warn};
+use tracing::{debug, error, info, warn};
 
 impl Farm {
     #[expect(
@@ -75,6 +75,8 @@ impl Farm {
             if let Some((worker, hash)) = done.by {
                 let (state, took) = (EntryState::Dropped, Duration::ZERO);
                 self.enter(&books, state, done.block, worker, Some(hash), took, None);
+                let name = books.ledger.name(worker);
+                warn!(worker = worker.0, name, block = %done.block, "dropped");
             }
         }
         if passes > 0 {
@@ -95,12 +97,25 @@ impl Farm {
         let (kind, text) = match note {
             Note::ShutOut(worker, sentence) => {
                 let text = format!("{} is shut out: {sentence}", who(worker));
+                let name = books.ledger.name(worker);
+                error!(worker = worker.0, name, "{text}");
                 (EventKind::ShutOut, text)
             }
             Note::Disputed(block, first, second) => {
-                let (first, second) = (who(first), who(second));
-                let text = format!("{first} and {second} delivered different pixels for {block}");
+                let (one, other) = (who(first), who(second));
+                let text = format!("{one} and {other} delivered different pixels for {block}");
+                error!(worker = first.0, other = second.0, %block, "{text}");
                 (EventKind::Divergent, text)
+            }
+            Note::Expired(block, worker) => {
+                let text = format!(
+                    "the lease of {block} ran out: nothing was heard of it from {}; it is handed out again",
+                    who(worker)
+                );
+                let name = books.ledger.name(worker);
+                warn!(worker = worker.0, name, %block, "{text}");
+                books.progress.lost_leases += 1;
+                (EventKind::Lost, text)
             }
             Note::Confirmed(block, worker, hash) => {
                 let audited = EntryState::Audited;
@@ -114,16 +129,17 @@ impl Farm {
                     None,
                 );
                 books.progress.audits += 1;
+                debug!(worker = worker.0, %block, "confirmed");
                 return;
             }
         };
-        error!("{text}");
         books.events.push(kind, text);
         // Those that wait may be wanted as judges.
         self.opened.notify_waiters();
     }
 
     pub(super) fn finish(&self, end: End) {
+        let mut pass = None;
         let text = match &end {
             End::Complete => "the job is complete".to_owned(),
             End::Stopped => "the job was stopped".to_owned(),
@@ -134,6 +150,7 @@ impl Farm {
                     workers,
                     message,
                 } = failure;
+                pass = Some(*pass_index);
                 format!("pass {pass_index} failed {attempts} times on {workers} workers: {message}")
             }
         };
@@ -143,6 +160,7 @@ impl Farm {
             first
         };
         if self.end.send_if_modified(first) {
+            info!(pass, "{text}");
             self.books().events.push(EventKind::Ended, text);
         }
         self.opened.notify_waiters();

@@ -106,6 +106,8 @@ pub enum Note {
     ShutOut(WorkerId, Sentence),
     /// Two workers disagree about a block.
     Disputed(Block, WorkerId, WorkerId),
+    /// The lease of a block ran out.
+    Expired(Block, WorkerId),
     /// Another worker found the same bits.
     Confirmed(Block, WorkerId, PixelHash),
 }
@@ -224,6 +226,10 @@ impl Ledger {
 
     /// End the leases that have run out.
     pub fn expire(&mut self, now: Duration) -> usize {
+        let leases = self.active.iter().map(|id| &self.leases[id.0 as usize]);
+        let expired = leases.filter(|lease| lease.expires <= now);
+        let notes = expired.map(|lease| Note::Expired(lease.block, lease.worker));
+        self.notes.extend(notes);
         self.end_leases(|_, lease| lease.expires <= now)
     }
 

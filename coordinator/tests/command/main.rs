@@ -5,6 +5,7 @@
 mod bench;
 #[cfg(unix)]
 mod chaos;
+mod logs;
 mod runs;
 mod setup;
 mod steering;

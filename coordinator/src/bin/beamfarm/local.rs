@@ -1,6 +1,7 @@
 //! Worker processes on this machine.
 
 use beamfarm_coordinator::Farm;
+use beamfarm_worker::cli::LogFormat;
 use std::path::PathBuf;
 use std::process::{ExitStatus, Stdio};
 use std::sync::Arc;
@@ -46,6 +47,8 @@ pub struct Crew {
     pub url: String,
     /// Filter of the workers' logs.
     pub log: String,
+    /// Form of the workers' logs.
+    pub log_format: LogFormat,
 }
 
 /// Keep the crew at work, replacing those that die, until the farm ends or workers keep dying; that is the error.
@@ -90,7 +93,9 @@ async fn keep(
     loop {
         let mut child = start(place, &crew, &program)
             .map_err(|error| format!("cannot start {}: {error}", program.display()))?;
+        let name = name(place);
         info!(
+            name,
             "started worker process {} with {} threads",
             child.id().unwrap_or_default(),
             crew.threads
@@ -113,7 +118,7 @@ async fn keep(
                 "{in_a_row} workers died in a row without delivering a pass; the last one {how}"
             ));
         }
-        warn!("a worker {how}; starting another one");
+        warn!(name, "a worker {how}; starting another one");
         sleep(PAUSE * in_a_row).await;
     }
 }
@@ -127,6 +132,10 @@ const ELSEWHERE: [&str; 5] = [
     "BEAMFARM_TOKEN_FILE",
 ];
 
+fn name(place: usize) -> String {
+    format!("local {place}")
+}
+
 fn start(place: usize, crew: &Crew, program: &PathBuf) -> std::io::Result<Child> {
     let mut command = Command::new(program);
     for variable in ELSEWHERE {
@@ -135,9 +144,10 @@ fn start(place: usize, crew: &Crew, program: &PathBuf) -> std::io::Result<Child>
     command
         .args(["worker", "--connect", &crew.url])
         .args(["--threads", &crew.threads.to_string()])
-        .args(["--name", &format!("local {place}")])
+        .args(["--name", &name(place)])
         // The scene is on this machine already.
         .args(["--no-cache", "--with-parent", "--log", &crew.log])
+        .args(["--log-format", crew.log_format.as_str()])
         .stdin(Stdio::piped())
         .stdout(Stdio::null())
         .kill_on_drop(true)

@@ -144,7 +144,7 @@ fn main() -> ExitCode {
         return Failure::usage(message).report();
     }
     let done = match options.command {
-        Command::Render(args) => render::main(args, options.log.log.as_deref()),
+        Command::Render(args) => render::main(args, &options.log),
         Command::Serve(args) => serve::main(args),
         Command::Worker(args) => return cli::main(args),
         Command::Merge(args) => merge::main(args),

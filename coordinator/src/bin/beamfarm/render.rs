@@ -7,6 +7,7 @@ use crate::job::JobArgs;
 use crate::local::{self, Crew};
 use crate::output::Output;
 use beamfarm_coordinator::{Farm, Timing};
+use beamfarm_worker::cli::LogArgs;
 use clap::Args;
 use std::net::Ipv4Addr;
 use tokio::net::TcpListener;
@@ -35,7 +36,7 @@ pub struct RenderArgs {
     threads: Option<u16>,
 }
 
-pub fn main(args: RenderArgs, log: Option<&str>) -> Result<(), Failure> {
+pub fn main(args: RenderArgs, log: &LogArgs) -> Result<(), Failure> {
     let loaded = args.job.settings.load()?;
     let exposure = args.job.exposure(&loaded)?;
     let output = Output::new(
@@ -66,7 +67,8 @@ pub fn main(args: RenderArgs, log: Option<&str>) -> Result<(), Failure> {
             workers,
             threads,
             url: format!("http://{address}"),
-            log: log.unwrap_or("warn").to_owned(),
+            log: log.log.as_deref().unwrap_or("warn").to_owned(),
+            log_format: log.log_format,
         };
         let crew = local::run(crew, farm.clone());
         conduct(

@@ -48,7 +48,7 @@ pub struct Terms {
 pub struct Point {
     /// Passes.
     pub passes: u64,
-    /// Since the coordinator started.
+    /// For which the job has run, over all its coordinators.
     pub seconds: f64,
     /// Relative standard error.
     pub error: f64,
@@ -140,15 +140,38 @@ impl Watch {
         }
     }
 
-    /// Since the job started; when it has ended, how long it took.
+    /// Since this coordinator started; when the job has ended, how long that took.
     pub fn elapsed(&self) -> Duration {
         let ended = self.state().ended;
         ended.unwrap_or_else(|| self.started.elapsed())
     }
 
+    /// The same, with the time that earlier coordinators of the job took.
+    pub fn elapsed_in_all(&self) -> Duration {
+        self.farm.before().saturating_add(self.elapsed())
+    }
+
     /// Passes and beams per second, over the last seconds.
     pub fn rates(&self) -> Rates {
         self.state().rates
+    }
+
+    /// Begin the curve with what is known from earlier coordinators of the job, in the order of passes.
+    pub fn recall(&self, points: impl IntoIterator<Item = Point>) {
+        let mut state = self.state();
+        let last = state.curve.first().map_or(u64::MAX, |point| point.passes);
+        // What came from a file may make no sense.
+        let mut known = 0;
+        let mut points: Vec<Point> = points.into_iter().take(POINTS).collect();
+        points.retain(|point| {
+            let fits = known < point.passes && point.passes < last;
+            let fits = fits && point.seconds.is_finite() && point.error.is_finite();
+            if fits {
+                known = point.passes;
+            }
+            fits
+        });
+        state.curve.splice(0..0, points);
     }
 
     /// How the error fell, as far as anybody looked.
@@ -161,7 +184,7 @@ impl Watch {
         if !error.is_finite() {
             return;
         }
-        let seconds = self.elapsed().as_secs_f64();
+        let seconds = self.elapsed_in_all().as_secs_f64();
         let mut state = self.state();
         if state.curve.last().is_some_and(|last| last.passes >= passes) {
             return;
@@ -276,6 +299,28 @@ pub(crate) fn unix_time(time: SystemTime) -> Duration {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_curve_goes_on_after_a_restart() {
+        let before = Duration::from_secs(100);
+        let farm = picture::tests::farm(8, None, before);
+        let watch = Watch::new(farm, Terms::default());
+        let point = |passes, seconds, error| Point {
+            passes,
+            seconds,
+            error,
+        };
+        let earlier = [point(2, 20.0, 0.4), point(4, 50.0, 0.3)];
+        let nonsense = [point(3, 60.0, 0.3), point(6, f64::NAN, 0.3)];
+        watch.recall(earlier.into_iter().chain(nonsense));
+        watch.note_error(4, 0.3);
+        watch.note_error(8, 0.2);
+        let curve = watch.curve();
+        assert_eq!(curve[..2], earlier);
+        assert_eq!((curve.len(), curve[2].passes), (3, 8));
+        assert!(curve[2].seconds >= 100.0);
+        assert!(watch.elapsed() < before && watch.elapsed_in_all() >= before);
+    }
 
     #[test]
     fn the_nearer_end_counts() {

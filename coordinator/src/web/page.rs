@@ -204,7 +204,7 @@ fn state(watch: &Watch, progress: &Progress) -> StatePiece {
     };
     let mut facts = vec![
         ("Ends", ends),
-        ("Running for", roughly(watch.elapsed())),
+        ("Running for", running_for(watch)),
         ("Rate", format!("{:.2} passes/s", rates.passes)),
         ("Estimated error", error),
         ("Workers", progress.workers.to_string()),
@@ -228,6 +228,17 @@ fn state(watch: &Watch, progress: &Progress) -> StatePiece {
             .passes
             .saturating_sub(progress.prefix.saturating_sub(watch.terms().first_pass)),
         facts,
+    }
+}
+
+fn running_for(watch: &Watch) -> String {
+    let now = roughly(watch.elapsed());
+    match watch.farm().before() {
+        Duration::ZERO => now,
+        _ => format!(
+            "{now}, {} with the time before it was resumed",
+            roughly(watch.elapsed_in_all())
+        ),
     }
 }
 

@@ -73,6 +73,7 @@ async fn run(
     let seconds = Duration::try_from_secs_f64(before.seconds).unwrap_or_default();
     let history = History::new(&output.exr, before.sum.prefix(), seconds);
     drop(before);
+    watch.recall(history.points());
     let makes_image = args.first_pass == 0;
     let keeper = directory.map(|Directory { folder, entries }| {
         let keeper = Keeper::start(folder, farm.clone(), entries);

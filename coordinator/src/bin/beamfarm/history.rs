@@ -1,6 +1,7 @@
 //! The error-against-time record of a job, beside its image.
 
 use crate::failure::Failure;
+use beamfarm_coordinator::watch::Point;
 use beamfarm_coordinator::{Farm, Progress};
 use beamfarm_shared::atomic::write_file;
 use beamfarm_shared::job::PassStats;
@@ -105,6 +106,19 @@ impl History {
                 looked: before,
             }),
         })
+    }
+
+    /// What it knows of the error, in the order of passes.
+    pub fn points(&self) -> Vec<Point> {
+        let rows = &self.state().rows;
+        let point = |row: &Row| {
+            row.relative_standard_error.map(|error| Point {
+                passes: row.passes,
+                seconds: row.wall_seconds,
+                error,
+            })
+        };
+        rows.iter().filter_map(point).collect()
     }
 
     fn elapsed(&self) -> Duration {
@@ -223,7 +237,10 @@ mod tests {
 
         // A job that goes on keeps the rows of the passes that it has.
         let again = History::new(&folder.path().join("a.b.exr"), 1, Duration::from_secs(9));
+        assert_eq!(again.points(), []);
         again.finish(&average(3), &progress).unwrap();
+        let point = again.points()[0];
+        assert!(point.passes == 3 && point.seconds >= 9.0 && point.error > 0.0);
         let text = std::fs::read_to_string(folder.path().join("a.b.csv")).unwrap();
         let rows: Vec<&str> = text.lines().collect();
         assert_eq!(rows.len(), 3, "{text}");

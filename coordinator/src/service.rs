@@ -15,7 +15,7 @@ use tokio::sync::{Semaphore, mpsc};
 use tokio::time::{sleep, timeout};
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::{Request, Response, Status, Streaming};
-use tracing::warn;
+use tracing::{Instrument, Span, warn};
 
 /// Longest name of a worker, and longest message about a failure, in bytes.
 const TEXT_BYTES: usize = 1000;
@@ -202,7 +202,7 @@ impl FarmService for Service {
         let attendance = farm.attend(worker)?;
         let (sender, receiver) = mpsc::channel(1);
         let pace = Pace::new(self.limits.beats_per_second);
-        tokio::spawn(async move {
+        let attend = async move {
             let _attendance = attendance;
             loop {
                 tokio::select! {
@@ -228,7 +228,8 @@ impl FarmService for Service {
                     () = sleep(farm.timing().lease) => break,
                 }
             }
-        });
+        };
+        tokio::spawn(attend.in_current_span());
         Ok(Response::new(ReceiverStream::new(receiver)))
     }
 
@@ -274,7 +275,9 @@ impl FarmService for Service {
         };
         let permit = self.decoders.clone().acquire_owned().await;
         let farm = self.farm.clone();
+        let span = Span::current();
         let submitted = tokio::task::spawn_blocking(move || {
+            let _job = span.entered();
             let _permit = permit;
             let accepted = farm.submit(&claim, &bytes);
             (accepted, bytes)

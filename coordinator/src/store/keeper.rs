@@ -35,9 +35,11 @@ impl Keeper {
         folder.withdraw_report()?;
         let path = folder.path().to_owned();
         let (stop, stopped) = channel();
+        let span = tracing::Span::current();
         let thread = std::thread::Builder::new()
             .name("job directory".into())
             .spawn(move || {
+                let _job = span.entered();
                 let mut work = Work::new(folder, farm, entries);
                 work.run(&stopped);
                 let last = work.finish();

@@ -11,7 +11,7 @@ use std::sync::{Arc, Weak};
 use std::time::Duration;
 use tokio::sync::Mutex;
 use tokio::time::{Instant, sleep};
-use tracing::warn;
+use tracing::{Span, warn};
 
 /// Least time between two averages.
 const PAUSE: Duration = Duration::from_secs(1);
@@ -85,7 +85,9 @@ impl Pictures {
             return newest;
         }
         let farm = self.farm.clone();
+        let span = Span::current();
         let average = move || {
+            let _job = span.entered();
             let average = farm.average()?;
             let error = average.relative_standard_error();
             Some(Arc::new(Picture { average, error }))

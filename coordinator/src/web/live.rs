@@ -14,6 +14,7 @@ use tokio::sync::{mpsc, watch};
 use tokio::task::JoinHandle;
 use tokio::time::{MissedTickBehavior, interval, sleep};
 use tokio_stream::wrappers::ReceiverStream;
+use tracing::Instrument;
 
 /// Time between looks at the farm.
 const LOOK: Duration = Duration::from_secs(1);
@@ -45,7 +46,8 @@ impl Live {
         let receiver = self.pieces.subscribe();
         if maker.as_ref().is_none_or(JoinHandle::is_finished) {
             self.pieces.send_replace(Pieces::new());
-            *maker = Some(tokio::spawn(make(self.watch.clone(), self.pieces.clone())));
+            let make = make(self.watch.clone(), self.pieces.clone());
+            *maker = Some(tokio::spawn(make.in_current_span()));
         }
         receiver
     }

@@ -19,7 +19,7 @@ use std::future::Future;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::sync::oneshot;
-use tracing::{Instrument, error_span};
+use tracing::{Instrument, Span, error_span};
 
 /// Why no more passes were taken.
 pub enum Stop {
@@ -205,7 +205,9 @@ async fn write(
     history: Option<Arc<History>>,
 ) -> Result<Option<Written>, Failure> {
     let (farm, output) = (farm.clone(), output.clone());
+    let span = Span::current();
     let write = move || {
+        let _job = span.entered();
         let Some(average) = farm.average() else {
             return Ok(None);
         };

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 use tokio::time::{Instant, MissedTickBehavior, interval};
-use tracing::warn;
+use tracing::{Span, warn};
 
 pub const HELP: &str = "\
 Beside the image OUT.exr stands OUT.csv: a row whenever the number of passes has doubled, and the last. Its columns:
@@ -141,9 +141,13 @@ impl History {
                 continue;
             }
             let (history, farm) = (self.clone(), farm.clone());
-            let add = move || match farm.average() {
-                Some(average) => history.write(&average, &progress),
-                None => Ok(()),
+            let span = Span::current();
+            let add = move || {
+                let _job = span.entered();
+                match farm.average() {
+                    Some(average) => history.write(&average, &progress),
+                    None => Ok(()),
+                }
             };
             match tokio::task::spawn_blocking(add).await {
                 Ok(Ok(())) => {}

@@ -10,7 +10,7 @@ use std::time::Duration;
 use tokio::process::{Child, Command};
 use tokio::task::JoinSet;
 use tokio::time::sleep;
-use tracing::{info, warn};
+use tracing::{Instrument, info, warn};
 
 /// So many workers in a row may die with no pass delivered in between. More means that the next one would die as well.
 const DEATHS_IN_A_ROW: u32 = 5;
@@ -59,7 +59,8 @@ pub async fn run(crew: Crew, farm: Arc<Farm>) -> Result<(), String> {
     let mut places = JoinSet::new();
     for place in 0..crew.workers {
         let (crew, farm) = (crew.clone(), farm.clone());
-        places.spawn(keep(place, crew, program.clone(), farm, deaths.clone()));
+        let keep = keep(place, crew, program.clone(), farm, deaths.clone());
+        places.spawn(keep.in_current_span());
     }
     while let Some(place) = places.join_next().await {
         place.map_err(|error| error.to_string())??;

@@ -12,7 +12,7 @@ use std::sync::Arc;
 use std::time::Duration;
 use tokio::sync::mpsc;
 use tokio::time::{MissedTickBehavior, interval, timeout};
-use tracing::{info, warn};
+use tracing::{Instrument, info, warn};
 
 /// Time between looks at the progress, for OpenJD.
 const LOOK: Duration = Duration::from_secs(1);
@@ -46,7 +46,7 @@ impl OnlookerArgs {
         let tev = self
             .display_server
             .clone()
-            .map(|address| tokio::spawn(tev::show(watch.clone(), address)));
+            .map(|address| tokio::spawn(tev::show(watch.clone(), address).in_current_span()));
         let openjd = self
             .openjd
             .then(|| tokio::spawn(print_progress(watch.clone())));

@@ -179,3 +179,6 @@ impl Work {
         self.save().and(synced)
     }
 }
+
+#[cfg(test)]
+mod tests;

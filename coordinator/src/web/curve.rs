@@ -5,12 +5,12 @@ use askama::Template;
 use std::fmt::Write;
 
 /// The picture's size, and the part of it between the axes, in its own units.
-const WIDTH: f64 = 640.0;
+const WIDTH: f64 = 520.0;
 const HEIGHT: f64 = 260.0;
-const LEFT: f64 = 58.0;
-const RIGHT: f64 = 624.0;
+const LEFT: f64 = 68.0;
+const RIGHT: f64 = 500.0;
 const TOP: f64 = 14.0;
-const BOTTOM: f64 = 216.0;
+const BOTTOM: f64 = 206.0;
 
 /// A line of the grid and its label.
 struct Tick {

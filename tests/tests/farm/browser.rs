@@ -176,13 +176,22 @@ impl Browser {
         (sums[0].as_f64().unwrap(), sums[1].as_f64().unwrap())
     }
 
-    /// The whole page in a window of this width, as PNG.
-    fn screenshot(&mut self, path: &Path, width: u32, scheme: &str) {
+    /// As in a window of this width; a narrow one is a phone's.
+    fn look(&mut self, width: u32, scheme: &str) -> Value {
+        let is_phone = width < 600;
         let scheme = json!({"features": [{"name": "prefers-color-scheme", "value": scheme}]});
         self.call("Emulation.setEmulatedMedia", scheme);
-        let mut size =
-            json!({"width": width, "height": 800, "deviceScaleFactor": 1, "mobile": width < 600});
+        let touch = json!({"enabled": is_phone, "maxTouchPoints": 1 + u32::from(is_phone)});
+        self.call("Emulation.setTouchEmulationEnabled", touch);
+        let (height, scale) = if is_phone { (844, 2) } else { (800, 1) };
+        let size = json!({"width": width, "height": height, "deviceScaleFactor": scale, "mobile": is_phone});
         self.call("Emulation.setDeviceMetricsOverride", size.clone());
+        size
+    }
+
+    /// The whole page in a window of this width, as PNG.
+    fn screenshot(&mut self, path: &Path, width: u32, scheme: &str) {
+        let mut size = self.look(width, scheme);
         size["height"] = self.evaluate("document.documentElement.scrollHeight");
         self.call("Emulation.setDeviceMetricsOverride", size);
         let picture = self.call("Page.captureScreenshot", json!({"format": "png"}));
@@ -275,17 +284,83 @@ async fn the_image_changes_and_the_numbers_move() {
         json!(true)
     );
     assert_eq!(page.evaluate("window.wrongs"), json!([]));
-    // Nothing is wider than a phone.
-    let size = json!({"width": 360, "height": 800, "deviceScaleFactor": 1, "mobile": true});
-    page.call("Emulation.setDeviceMetricsOverride", size);
-    assert_eq!(
-        page.evaluate("document.documentElement.scrollWidth"),
-        json!(360)
-    );
 }
 
-/// Pictures of the page while a scene renders, for the README: light, dark and as on a phone, into the folder that
-/// BEAMFARM_SCREENSHOTS names. Run it with `--ignored`.
+/// Text and what it stands on, and how far their brightness differs, where that is less than people need (WCAG 2.2, 1.4.3).
+const PALE: &str = "(() => {
+    const parse = (text) => (text.match(/[0-9.]+/g) ?? []).map(Number);
+    const luminance = ([r, g, b]) => [r, g, b]
+        .map((v) => v / 255)
+        .map((v) => v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4)
+        .reduce((sum, v, i) => sum + v * [0.2126, 0.7152, 0.0722][i], 0);
+    const ground = (element) => {
+        for (let at = element; at; at = at.parentElement) {
+            const colour = parse(getComputedStyle(at).backgroundColor);
+            if (colour.length === 3 || colour[3] === 1) return colour;
+        }
+        return [255, 255, 255];
+    };
+    const found = [];
+    for (const element of document.body.querySelectorAll('*')) {
+        const own = [...element.childNodes].some((node) => node.nodeType === 3 && node.data.trim());
+        if (!own || element.disabled || element.tagName === 'NOSCRIPT' || !element.getClientRects().length) continue;
+        const style = getComputedStyle(element);
+        const ink = element.ownerSVGElement ? style.fill : style.color;
+        const [a, b] = [luminance(parse(ink)), luminance(ground(element))];
+        const contrast = (Math.max(a, b) + 0.05) / (Math.min(a, b) + 0.05);
+        if (!(contrast >= 4.5)) found.push(`${element.textContent.trim().slice(0, 40)}: ${contrast}`);
+    }
+    return found;
+})()";
+
+/// Controls that a finger misses, on a phone.
+const SMALL: &str = "[...document.querySelectorAll('button, select, input')]
+    .map((element) => [element.id || element.textContent, element.getBoundingClientRect().height])
+    .filter(([, height]) => height > 0 && height < 44)";
+
+/// Parts of text that are too small to read.
+const TINY: &str = "[...document.querySelectorAll('svg text')]
+    .map((text) => text.getScreenCTM().a * parseFloat(getComputedStyle(text).fontSize))
+    .filter((size) => size > 0 && size < 10.5)";
+
+#[tokio::test(flavor = "multi_thread")]
+async fn everybody_can_read_it() {
+    let coordinator = Coordinator::start(spec(9)).await;
+    let name = "a-machine-with-a-name-as-long-as-names-of-machines-get.farm.example.org";
+    let worker = RawWorker::named(&coordinator, name).await;
+    let _attendance = worker.attend().await;
+    let leased = worker.lease().await;
+    worker
+        .submit(leased, b"no picture".to_vec())
+        .await
+        .unwrap_err();
+    let Some(mut page) = Browser::open(&coordinator.url()) else {
+        return;
+    };
+    for passes in [2, 4] {
+        deliver(&worker, 2).await;
+        page.wait_for(&format!(
+            "document.getElementById('shown')?.dataset.passes >= {passes}"
+        ));
+    }
+    page.wait_for("document.querySelector('#curve svg') !== null");
+    for width in [320, 390, 768, 1024, 1920] {
+        for scheme in ["light", "dark"] {
+            page.look(width, scheme);
+            let wide = page.evaluate("document.documentElement.scrollWidth");
+            assert_eq!(wide, json!(width), "{scheme}");
+            assert_eq!(page.evaluate(PALE), json!([]), "{width} {scheme}");
+            assert_eq!(page.evaluate(TINY), json!([]), "{width} {scheme}");
+            if width < 600 {
+                assert_eq!(page.evaluate(SMALL), json!([]), "{width} {scheme}");
+            }
+        }
+    }
+    assert_eq!(page.evaluate("window.wrongs"), json!([]));
+}
+
+/// Pictures of the page of a job that runs at BEAMFARM_URL, for the README and to be looked at: light, dark, as on a phone,
+/// and without scripts, into the folder that BEAMFARM_SCREENSHOTS names. Run it with `--ignored`.
 #[tokio::test(flavor = "multi_thread")]
 #[ignore = "for the README's picture"]
 async fn the_page_in_pictures() {
@@ -296,9 +371,21 @@ async fn the_page_in_pictures() {
     for (name, width, scheme) in [
         ("light", 1200, "light"),
         ("dark", 1200, "dark"),
+        ("tablet", 768, "light"),
         ("phone", 390, "light"),
+        ("phone-dark", 390, "dark"),
     ] {
         let path = Path::new(&folder).join(format!("{name}.png"));
         page.screenshot(&path, width, scheme);
     }
+    page.evaluate(&format!("({SET})('view', 'error')"));
+    page.wait_for("document.getElementById('caption').innerText.startsWith('Error of')");
+    page.screenshot(&Path::new(&folder).join("error.png"), 1200, "light");
+    page.call(
+        "Emulation.setScriptExecutionDisabled",
+        json!({"value": true}),
+    );
+    page.call("Page.navigate", json!({"url": url}));
+    std::thread::sleep(Duration::from_secs(2));
+    page.screenshot(&Path::new(&folder).join("no-script.png"), 1200, "light");
 }

@@ -2,6 +2,7 @@
 
 use crate::control;
 use crate::farm::Farm;
+use crate::limits::Limits;
 use crate::listener::{self, Entrance};
 use crate::service::Service;
 use crate::watch::Watch;
@@ -40,7 +41,7 @@ pub async fn run(
     let (closing, mut closed) = tokio::sync::watch::channel(false);
     let entrance = entrance.into();
     let farm = watch.farm().clone();
-    let router = router(&watch, &entrance).await;
+    let router = router(&watch, entrance.limits).await;
     let server = listener::serve(entrance, router, async move {
         // An error means that the sender is gone, with the same consequence.
         let _ = closed.wait_for(|closing| *closing).await;
@@ -64,8 +65,8 @@ pub async fn run(
 }
 
 /// All that the port answers. Who may ask is decided before.
-async fn router(watch: &Arc<Watch>, entrance: &Entrance) -> Router {
-    let service = Service::new(watch.farm().clone(), entrance.limits);
+pub async fn router(watch: &Arc<Watch>, limits: Limits) -> Router {
+    let service = Service::new(watch.farm().clone(), limits);
     let calls = FarmServer::new(service).max_decoding_message_size(MESSAGE_BYTES);
     let steering = ControlServer::new(control::Service::new(watch.clone()));
     let (health, health_service) = tonic_health::server::health_reporter();

@@ -4,6 +4,10 @@
 //! A reader may refuse what it gets; it must not panic, overflow the stack, take more memory than its input allows, or
 //! run for long.
 
+pub mod farm;
+
+pub use farm::{control, give_back, submit};
+
 use beamfarm_proto::{Grant, Job, wire};
 use beamfarm_shared::bundle::Bundle;
 use beamfarm_shared::exr::{decode_block, decode_rgb};
@@ -30,8 +34,16 @@ pub const TARGETS: &[Target] = &[
         run: block,
     },
     Target {
+        name: "control",
+        run: farm::control,
+    },
+    Target {
         name: "exr",
         run: exr,
+    },
+    Target {
+        name: "give_back",
+        run: farm::give_back,
     },
     Target {
         name: "gltf",
@@ -64,6 +76,10 @@ pub const TARGETS: &[Target] = &[
     Target {
         name: "scene",
         run: scene,
+    },
+    Target {
+        name: "submit",
+        run: farm::submit,
     },
     Target {
         name: "vdb",
@@ -268,6 +284,21 @@ pub fn wire(data: &[u8]) {
             let _ = wire::SubmitReply::decode(data);
             let _ = wire::FailRequest::decode(data);
             let _ = wire::FailReply::decode(data);
+            let _ = wire::GiveBackRequest::decode(data);
+            let _ = wire::GiveBackReply::decode(data);
+            // Of those who steer.
+            let _ = wire::StatusRequest::decode(data);
+            let _ = wire::StatusReply::decode(data);
+            let _ = wire::CancelRequest::decode(data);
+            let _ = wire::CancelReply::decode(data);
+            let _ = wire::PauseRequest::decode(data);
+            let _ = wire::PauseReply::decode(data);
+            let _ = wire::ResumeRequest::decode(data);
+            let _ = wire::ResumeReply::decode(data);
+            let _ = wire::ExtendRequest::decode(data);
+            let _ = wire::ExtendReply::decode(data);
+            let _ = wire::WriteNowRequest::decode(data);
+            let _ = wire::WriteNowReply::decode(data);
         }
     }
 }

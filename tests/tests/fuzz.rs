@@ -3,7 +3,7 @@
 
 #![allow(clippy::unwrap_used)]
 
-use beamfarm_tests::fuzz::{TARGETS, Target, layers, mutate};
+use beamfarm_tests::fuzz::{TARGETS, Target, farm, layers, mutate};
 use rand_pcg::Pcg32;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
@@ -151,7 +151,20 @@ macro_rules! targets {
     };
 }
 
-targets! { block exr gltf hdr jpeg mitsuba obj ply png scene vdb vol wire }
+targets! { block control exr give_back gltf hdr jpeg mitsuba obj ply png scene submit vdb vol wire }
+
+/// Otherwise mutations of them would get nowhere.
+#[test]
+fn good_deliveries_are_taken() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz/seeds/submit");
+    for name in ["open", "sealed"] {
+        let seed = std::fs::read(folder.join(name)).unwrap();
+        assert!(
+            farm::submitted(&seed),
+            "{name} is refused: of another version? The test write_seeds writes it again"
+        );
+    }
+}
 
 /// Makes the seeds of formats that only this project or a library writes.
 #[test]
@@ -281,4 +294,7 @@ fn write_seeds() {
         rendered: vec![0, 1, 2],
     };
     message("heartbeat", 3, heartbeat.encode_to_vec());
+    for (target, name, bytes) in farm::seeds() {
+        write(&format!("{target}/{name}"), &bytes);
+    }
 }

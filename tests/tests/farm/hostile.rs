@@ -89,7 +89,7 @@ async fn damaged_messages_do_no_harm() {
     let part = |part| wire::SubmitRequest { part: Some(part) }.encode_to_vec();
     // Of workers that do not exist: a damaged number must not hit the one that works on.
     let nobody = worker.id ^ 1 << 40;
-    let seeds: [(&str, Vec<Vec<u8>>); 6] = [
+    let seeds: [(&str, Vec<Vec<u8>>); 7] = [
         (
             "Register",
             vec![
@@ -142,6 +142,17 @@ async fn damaged_messages_do_no_harm() {
                     ..header
                 })),
                 part(wire::submit_request::Part::Data(exr.into())),
+            ],
+        ),
+        (
+            "GiveBack",
+            vec![
+                wire::GiveBackRequest {
+                    worker: nobody,
+                    leases: vec![leased.0.0, 1, 300],
+                    leaving: true,
+                }
+                .encode_to_vec(),
             ],
         ),
         (

@@ -108,6 +108,8 @@ pub mod plan;
 #[cfg(feature = "render")]
 pub mod reference;
 #[cfg(feature = "render")]
+pub mod rules;
+#[cfg(feature = "render")]
 pub mod sampler;
 #[cfg(feature = "render")]
 pub mod scene;

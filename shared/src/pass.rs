@@ -8,6 +8,7 @@ use crate::job::PassStats;
 use crate::math::Rgb;
 use crate::parts::{Parts, Recorder};
 use crate::plan::{RenderPlan, Scene};
+use crate::rules::{Ruled, Sight, Unruled};
 use crate::sampler::{Purpose, Sampler, mix64};
 use crate::surface::SurfacePhotonMap;
 use crate::transport::CameraTracer;
@@ -50,19 +51,17 @@ pub fn render_pass(scene: &Scene, plan: &RenderPlan, pass_index: u64) -> PassIma
         },
     );
     stats.beam_bytes = beams.as_ref().map_or(0, BeamMap::bytes) as u64;
-    let camera = CameraPass {
-        tracer: CameraTracer {
-            scene,
-            plan,
-            photons: surface.as_ref(),
-            first_odds: first_odds(plan, pass_index),
-        },
-        beams: beams.as_ref(),
+    let made = Made {
+        scene,
+        plan,
         pass_index,
-        vectors: Vectors::widest(),
-        chord_key: mix64(mix64(plan.settings.seed) ^ mix64(pass_index) ^ Purpose::Chords as u64),
+        photons: surface.as_ref(),
+        beams: beams.as_ref(),
     };
-    let (film, layers, evaluations) = camera.render();
+    let (film, layers, evaluations) = match &scene.description().rules {
+        None => made.seen(Unruled).render(),
+        Some(rules) => made.seen(Ruled(rules)).render(),
+    };
     stats.beam_evaluations = evaluations;
     stats.non_finite = layers.iter().chain([&film]).map(Film::non_finite).sum();
     PassImage {
@@ -72,8 +71,40 @@ pub fn render_pass(scene: &Scene, plan: &RenderPlan, pass_index: u64) -> PassIma
     }
 }
 
-struct CameraPass<'a> {
-    tracer: CameraTracer<'a>,
+/// What the camera finds of a pass.
+struct Made<'a> {
+    scene: &'a Scene,
+    plan: &'a RenderPlan,
+    pass_index: u64,
+    photons: Option<&'a SurfacePhotonMap>,
+    beams: Option<&'a BeamMap>,
+}
+
+impl<'a> Made<'a> {
+    fn seen<V: Sight>(&self, sight: V) -> CameraPass<'a, V> {
+        let Self {
+            plan, pass_index, ..
+        } = *self;
+        CameraPass {
+            tracer: CameraTracer {
+                scene: self.scene,
+                plan,
+                photons: self.photons,
+                first_odds: first_odds(plan, pass_index),
+                sight,
+            },
+            beams: self.beams,
+            pass_index,
+            vectors: Vectors::widest(),
+            chord_key: mix64(
+                mix64(plan.settings.seed) ^ mix64(pass_index) ^ Purpose::Chords as u64,
+            ),
+        }
+    }
+}
+
+struct CameraPass<'a, V> {
+    tracer: CameraTracer<'a, V>,
     beams: Option<&'a BeamMap>,
     pass_index: u64,
     vectors: Vectors,
@@ -95,7 +126,7 @@ struct Tile {
     evaluations: u64,
 }
 
-impl CameraPass<'_> {
+impl<V: Sight> CameraPass<'_, V> {
     /// Radiance, layers, and the number of beam evaluations.
     fn render(&self) -> (Film, Vec<Film>, u64) {
         let camera = &self.tracer.scene.description().camera;

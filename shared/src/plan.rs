@@ -11,6 +11,7 @@ use crate::medium::{Medium, MediumId};
 use crate::parts::{LayerPlan, NoSuchGroup};
 use crate::sampler::Sampler;
 use crate::scene::SceneDescription;
+use std::collections::BTreeMap;
 use std::fmt;
 
 /// A scene made ready for rays: acceleration structures built, media around the camera and the lights found.
@@ -19,6 +20,8 @@ pub struct Scene {
     description: SceneDescription,
     pub(crate) geometry: Geometry,
     pub(crate) selector: LightSelector,
+    /// By what shadow rays do not see, where that is lights: the others.
+    pub(crate) selectors: BTreeMap<u32, LightSelector>,
     /// The lights as segments in fog see them.
     pub(crate) segment_lights: SegmentLights,
     /// Medium that camera rays start in.
@@ -44,6 +47,7 @@ impl Scene {
             &description.objects,
             &description.bounds,
         );
+        let selectors = selectors(&description);
         let material = |o: &Object| &description.materials[o.material as usize];
         let passable: Vec<bool> = description
             .objects
@@ -70,6 +74,7 @@ impl Scene {
         let mut scene = Self {
             geometry,
             selector,
+            selectors,
             segment_lights,
             camera_medium: None,
             light_media: Vec::new(),
@@ -83,7 +88,10 @@ impl Scene {
         };
         scene.camera_medium = match scene.description.camera_medium {
             Some(named) => named,
-            None => scene.medium_at(scene.description.camera.position),
+            None => {
+                let hidden = scene.description.rules.as_ref().map(|rules| rules.camera);
+                scene.medium_seen(scene.description.camera.position, hidden)
+            }
         };
         scene.light_media = (0..scene.lights().len())
             .map(|i| scene.find_light_medium(i))
@@ -177,17 +185,25 @@ impl Scene {
         }
     }
 
-    /// Radiance of all environment lights from the direction `dir`.
-    pub(crate) fn environment_radiance(&self, dir: Vec3) -> Rgb {
+    /// Radiance of the environment lights that are seen from the direction `dir`.
+    pub(crate) fn environment_radiance(&self, dir: Vec3, sees: impl Fn(usize) -> bool) -> Rgb {
         let add = |sum, &light| sum + self.environment(light, dir);
-        self.environments.iter().fold(Rgb::ZERO, add)
+        let seen = self.environments.iter().filter(|&&light| sees(light));
+        seen.fold(Rgb::ZERO, add)
     }
 
     /// The medium at a point: the first boundary seen from there says on which side of it the point lies.
     pub fn medium_at(&self, point: Vec3) -> MediumId {
+        self.medium_without(point, |_| false)
+    }
+
+    /// As [`Self::medium_at`], if some objects were not there.
+    pub(crate) fn medium_without(&self, point: Vec3, hides: impl Fn(u32) -> bool) -> MediumId {
         // A direction that is parallel to nothing people model.
         let dir = Vec3::new(0.267_3, 0.872_9, 0.408_2).normalize();
-        let bounds_nothing = |object: u32| self.objects()[object as usize].boundary.is_none();
+        let bounds_nothing = |object: u32| {
+            self.objects()[object as usize].boundary.is_none() || hides(object)
+        };
         let ray = Ray { origin: point, dir };
         match self
             .geometry
@@ -200,9 +216,11 @@ impl Scene {
 
     /// The medium that a light's photons start in.
     fn find_light_medium(&self, light: usize) -> MediumId {
+        let rules = self.description.rules.as_ref();
+        let hidden = rules.map(|rules| rules.of_light[light]);
         match &self.lights()[light].kind {
             LightKind::Point { position, .. } | LightKind::Spot { position, .. } => {
-                self.medium_at(*position)
+                self.medium_seen(*position, hidden)
             }
             LightKind::Area { object, .. } => {
                 let object = &self.objects()[*object as usize];
@@ -210,7 +228,8 @@ impl Scene {
                     Some(boundary) => boundary.exterior,
                     None => {
                         let on = object.shape.sample_area(glam::Vec2::splat(0.4), 0.4);
-                        self.medium_at(on.point + on.normal * self.clearance(on.point))
+                        let point = on.point + on.normal * self.clearance(on.point);
+                        self.medium_seen(point, hidden)
                     }
                 }
             }
@@ -219,6 +238,29 @@ impl Scene {
             }
         }
     }
+}
+
+/// For each set of lights that shadow rays do not see: the others.
+fn selectors(description: &SceneDescription) -> BTreeMap<u32, LightSelector> {
+    let mut selectors = BTreeMap::new();
+    let Some(rules) = &description.rules else {
+        return selectors;
+    };
+    for sets in &rules.of_object {
+        let sees = |light: usize| !rules.hides_light(sets.shadow, light);
+        if (0..description.lights.len()).all(sees) {
+            continue;
+        }
+        selectors.entry(sets.shadow.0).or_insert_with(|| {
+            LightSelector::of_some(
+                &description.lights,
+                &description.objects,
+                &description.bounds,
+                sees,
+            )
+        });
+    }
+    selectors
 }
 
 /// From footprints to kernel radii, before the pass's scale.
@@ -314,7 +356,10 @@ impl RenderPlan {
         let lit = !description.lights.is_empty();
         let beams = scattering > 0 && lit;
         let surface_photons = surfaces > 0 && lit;
-        let photons_at_first_surface = surface_photons && (specular > 0 || scattering > 0);
+        let rules = description.rules.as_ref();
+        let ruled = rules.is_some_and(|rules| rules.touches_photons);
+        let photons_at_first_surface =
+            surface_photons && (specular > 0 || scattering > 0 || ruled);
         // Beams cost more than photons: where there are both, more paths leave photons alone, up to about one for a few
         // pixels.
         let paths = settings.paths_per_pass;
@@ -456,6 +501,19 @@ impl RenderPlan {
                     "light and BSDF sampling, balanced".into(),
                     lit_or("no surface to light directly"),
                 ),
+            ),
+            (
+                "visibility rules",
+                rules.is_some(),
+                match rules {
+                    Some(rules) => format!(
+                        "{} rule(s) in {} bytes of sets{}",
+                        rules.rules,
+                        rules.bytes(),
+                        if ruled { ", photons obey them" } else { "" }
+                    ),
+                    None => "no rule with an effect: every ray sees everything".into(),
+                },
             ),
             (
                 "thin lens",

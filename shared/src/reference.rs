@@ -338,7 +338,7 @@ impl PathTracer<'_> {
             }
         };
         let unshadowing = scene.unshadowing[choice.light];
-        match scene.unoccluded(ray, direct.distance, medium, unshadowing, sampler) {
+        match scene.unoccluded(ray, direct.distance, medium, unshadowing, |_| false, sampler) {
             Some(transmittance) => radiance * transmittance * (weight / choice.pmf),
             None => Rgb::ZERO,
         }

@@ -14,9 +14,10 @@ use crate::medium::transmittance::StepFunctions;
 use crate::medium::{Flight, Medium, MediumId, Stretch};
 use crate::plan::{RenderPlan, Scene};
 use crate::radius::Schedule;
+use crate::rules::{Ruled, Sight, Start, Unruled};
 use crate::sampler::{Purpose, Sampler};
 use crate::surface::{Arrival, SurfacePhoton};
-use crate::transport::DEEPER_ODDS;
+use crate::transport::{DEEPER_ODDS, UNSEEN};
 use rayon::prelude::*;
 
 /// Everything that the photon paths of a pass leave behind.
@@ -41,6 +42,13 @@ pub(crate) const MAX_SURVIVAL: f32 = 0.95;
 
 /// Trace the photon paths of a pass.
 pub fn trace_photons(scene: &Scene, plan: &RenderPlan, pass_index: u64) -> Photons {
+    match &scene.description().rules {
+        None => trace_with(scene, plan, pass_index, Unruled),
+        Some(rules) => trace_with(scene, plan, pass_index, Ruled(rules)),
+    }
+}
+
+fn trace_with(scene: &Scene, plan: &RenderPlan, pass_index: u64, sight: impl Sight) -> Photons {
     let schedule = Schedule::new(&plan.settings);
     let paths = plan.surface_paths;
     let beam_paths = plan.settings.paths_per_pass;
@@ -55,6 +63,7 @@ pub fn trace_photons(scene: &Scene, plan: &RenderPlan, pass_index: u64) -> Photo
         // Footprints are those of paths that leave beams.
         surface_footprint: share.sqrt(),
         first_odds: first_odds(plan, pass_index),
+        sight,
     };
     let chunks: Vec<Photons> = (0..paths.div_ceil(CHUNK))
         .into_par_iter()
@@ -92,7 +101,7 @@ pub(crate) fn first_odds(plan: &RenderPlan, pass_index: u64) -> f32 {
     plan.surface_paths as f32 * (std::f32::consts::PI * radius * radius)
 }
 
-struct Tracer<'a> {
+struct Tracer<'a, V> {
     scene: &'a Scene,
     plan: &'a RenderPlan,
     radius_scale: f32,
@@ -102,11 +111,14 @@ struct Tracer<'a> {
     beam_paths: f32,
     surface_footprint: f32,
     first_odds: f32,
+    sight: V,
 }
 
 /// A photon on its way.
-struct Photon {
+struct Photon<H> {
     ray: Ray,
+    /// What the ray does not see.
+    hidden: H,
     /// Flux, W, divided by the number of emitted paths.
     power: Rgb,
     medium: MediumId,
@@ -127,7 +139,7 @@ struct Photon {
     leaves_beams: bool,
 }
 
-impl Tracer<'_> {
+impl<V: Sight> Tracer<'_, V> {
     fn trace(&self, sampler: &mut Sampler, leaves_beams: bool, out: &mut Photons) {
         let Some(mut photon) = self.emit(sampler, leaves_beams) else {
             return;
@@ -135,7 +147,9 @@ impl Tracer<'_> {
         let objects = self.scene.objects();
         while photon.power.max_element() > 0.0 {
             let geometry = &self.scene.geometry;
-            let hit = geometry.intersect(objects, &photon.ray, f32::INFINITY, |_| false);
+            let hit = geometry.intersect(objects, &photon.ray, f32::INFINITY, |object| {
+                self.sight.hides(photon.hidden, object)
+            });
             if let Some(id) = photon.medium
                 && self.fly(&mut photon, id, hit.as_ref(), sampler, out)
             {
@@ -148,7 +162,7 @@ impl Tracer<'_> {
         }
     }
 
-    fn emit(&self, sampler: &mut Sampler, leaves_beams: bool) -> Option<Photon> {
+    fn emit(&self, sampler: &mut Sampler, leaves_beams: bool) -> Option<Photon<V::Hidden>> {
         let choice = self.scene.selector.sample(sampler.next_1d())?;
         let light = &self.scene.lights()[choice.light];
         let uniforms = EmissionUniforms {
@@ -168,6 +182,7 @@ impl Tracer<'_> {
                 origin,
                 dir: emission.dir,
             },
+            hidden: self.sight.from(Start::Light(choice.light)),
             power: emission.power / (self.paths * choice.pmf),
             medium: self.scene.medium_of_light(choice.light),
             footprint: Footprint::new(emission.dir, radius, spread(emission.pdf_dir, paths)),
@@ -186,7 +201,7 @@ impl Tracer<'_> {
     /// Fly through a medium to the next surface, leaving a beam. True: the photon was scattered on the way.
     fn fly(
         &self,
-        photon: &mut Photon,
+        photon: &mut Photon<V::Hidden>,
         id: u16,
         hit: Option<&SurfaceHit>,
         sampler: &mut Sampler,
@@ -196,7 +211,9 @@ impl Tracer<'_> {
         let length = hit.map_or(f32::INFINITY, |h| h.t);
         // Light straight from its source is sampled where the medium is homogeneous: see `transport`.
         let sampled = photon.arrival == Arrival::Direct && matches!(medium, Medium::Homogeneous(_));
-        if photon.leaves_beams && medium.scatters() && !sampled {
+        let of_medium = self.sight.from(Start::Medium(id));
+        let is_unlit = self.sight.hides_light(of_medium, photon.light);
+        if photon.leaves_beams && medium.scatters() && !sampled && !is_unlit {
             let (stretch, _) = medium.stretch(&photon.ray, length, sampler, &mut out.steps);
             if let Some(stretch) = stretch {
                 out.beams.push(self.beam(photon, id, stretch, hit));
@@ -223,6 +240,7 @@ impl Tracer<'_> {
                         origin: photon.ray.at(distance),
                         dir,
                     };
+                    photon.hidden = of_medium;
                     photon.starts_on = None;
                     photon.arrival = Arrival::Scattered;
                     photon.odds = f32::INFINITY;
@@ -235,7 +253,7 @@ impl Tracer<'_> {
     /// The beam of a photon that flies to `hit`, over the stretch of its way that can be seen.
     fn beam(
         &self,
-        photon: &Photon,
+        photon: &Photon<V::Hidden>,
         id: u16,
         stretch: Stretch,
         hit: Option<&SurfaceHit>,
@@ -272,7 +290,7 @@ impl Tracer<'_> {
     /// Leave a surface photon where one is due, and go on in a sampled direction.
     fn meet_surface(
         &self,
-        photon: &mut Photon,
+        photon: &mut Photon<V::Hidden>,
         hit: &mut SurfaceHit,
         sampler: &mut Sampler,
         out: &mut Photons,
@@ -289,6 +307,7 @@ impl Tracer<'_> {
         let wo = -dir;
         let tilt = self.scene.tilt(hit, wo);
         let specular = material.is_specular();
+        let of_object = self.sight.from(Start::Photon(hit.object));
         if !specular && photon.arrival != Arrival::Direct {
             out.surface.push(SurfacePhoton {
                 point: hit.point,
@@ -301,7 +320,10 @@ impl Tracer<'_> {
                     .surface(&photon.footprint, self.surface_footprint)
                     * self.surface_scale,
                 arrival: photon.arrival,
-                odds: photon.odds,
+                odds: match self.sight.hides_light(of_object, photon.light) {
+                    true => UNSEEN,
+                    false => photon.odds,
+                },
                 group: photon.group,
             });
         }
@@ -337,7 +359,7 @@ impl Tracer<'_> {
         {
             photon.medium = boundary.medium_towards(hit.ng, wi);
         }
-        photon.odds = if sample.delta {
+        photon.odds = if sample.delta || !self.sight.is_gathered(hit.object) {
             f32::INFINITY
         } else if tilt.is_some() {
             // The normal is another one seen from elsewhere: left to gather rays, which see it from one side only.
@@ -369,11 +391,12 @@ impl Tracer<'_> {
             Arrival::Surface
         };
         photon.ray = hit.spawn_ray(wi);
+        photon.hidden = of_object;
         photon.starts_on = Some(hit.ng);
     }
 }
 
-impl Photon {
+impl<H> Photon<H> {
     /// Russian roulette: the flux after survival is what it was before the scattering, as far as probabilities allow.
     fn survives(&mut self, flux_before: f32, sampler: &mut Sampler) -> bool {
         self.depth += 1;

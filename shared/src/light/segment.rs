@@ -123,19 +123,23 @@ impl SegmentLights {
         }
     }
 
-    /// Choose a light and a point. `None`: the light chosen does not shine on the segment.
+    /// Choose a light and a point. `None`: the light chosen does not shine on the segment. `skips`: lights that are off.
     pub fn sample(
         &self,
         segment: &FogSegment,
         selector: &LightSelector,
         u_light: f32,
         u: f32,
+        skips: impl Fn(usize) -> bool,
     ) -> Option<SegmentSample> {
         let (light, pmf, view) = if self.sources.len() <= MAX_WEIGHED {
             let mut total = 0.0;
             let mut chosen = None;
             let mut u_light = u_light;
             for (light, source) in self.sources.iter().enumerate() {
+                if skips(light) {
+                    continue;
+                }
                 let Some(view) = source.view(segment) else {
                     continue;
                 };
@@ -154,6 +158,9 @@ impl SegmentLights {
             (light, view.importance / total, view)
         } else {
             let choice = selector.sample(u_light)?;
+            if skips(choice.light) {
+                return None;
+            }
             (
                 choice.light,
                 choice.pmf,

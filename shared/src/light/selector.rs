@@ -24,9 +24,21 @@ pub struct LightChoice {
 impl LightSelector {
     /// Lights without power are never chosen.
     pub fn new(lights: &[Light], objects: &[Object], bounds: &SceneBounds) -> Self {
-        let weights: Vec<f64> = lights
-            .iter()
-            .map(|light| f64::from(mean(light.power(objects, bounds))).max(0.0))
+        Self::of_some(lights, objects, bounds, |_| true)
+    }
+
+    /// Only some of the lights are chosen.
+    pub fn of_some(
+        lights: &[Light],
+        objects: &[Object],
+        bounds: &SceneBounds,
+        is_one: impl Fn(usize) -> bool,
+    ) -> Self {
+        let weights: Vec<f64> = (0..lights.len())
+            .map(|i| match is_one(i) {
+                true => f64::from(mean(lights[i].power(objects, bounds))).max(0.0),
+                false => 0.0,
+            })
             .collect();
         let dark = weights.iter().all(|&w| w == 0.0);
         Self {

@@ -16,6 +16,7 @@ use crate::geometry::Object;
 use crate::job::{JobSettings, ScheduleKind};
 use crate::light::{Light, SceneBounds};
 use crate::medium::{Medium, MediumId};
+use crate::rules::Rules;
 use assets::gltf;
 use build::Problem;
 pub use mitsuba::{ImportOptions, Imported, Origin, import};
@@ -45,6 +46,10 @@ pub struct SceneDescription {
     pub bounds: SceneBounds,
     /// Defaults for the job.
     pub defaults: RenderDefaults,
+    /// Object visibility rules, if any has an effect.
+    pub rules: Option<Rules>,
+    /// What the scene says to no effect, each with its file and line.
+    pub notes: Vec<String>,
 }
 
 /// What the scene file says about rendering; the command line overrides it.
@@ -105,14 +110,18 @@ impl SceneDescription {
         let text = text_of(file, bytes)?;
         let record =
             SceneRecord::parse(text).map_err(|fault| source::locate(file, text, &fault))?;
-        build::build(&record, bundle).map_err(|problem| match problem {
+        let built = build::build(&record, bundle).map_err(|problem| match problem {
             Problem::Scene(fault) => source::locate(file, text, &fault),
             Problem::Asset { file, flaw } => SceneError {
                 file: PathBuf::from(file),
                 line: flaw.line,
                 message: flaw.message,
             },
-        })
+        });
+        let (mut description, notes) = built?;
+        let note = |fault: &Fault| source::locate(file, text, fault).to_string();
+        description.notes = notes.iter().map(note).collect();
+        Ok(description)
     }
 }
 

@@ -5,12 +5,13 @@ use crate::light::{FogSegment, LightHit, LightKind, SegmentSample};
 use crate::math::{PI, Ray, Rgb};
 use crate::medium::Homogeneous;
 use crate::parts::{Part, Recorder};
+use crate::rules::{Sight, Start};
 use crate::sampler::Sampler;
 
 /// Below this, how bright a light is for the phase function's peak need not be looked after.
 const FAINT: f32 = 0.02;
 
-impl CameraTracer<'_> {
+impl<V: Sight> CameraTracer<'_, V> {
     /// Light straight from a light that a segment from the ray's origin scatters once, before what `beta` is the throughput
     /// for. An unbiased estimate whose value stays bounded next to lights of any size.
     pub(super) fn single_scattering(
@@ -33,7 +34,9 @@ impl CameraTracer<'_> {
         let (u_light, u) = (sampler.next_1d(), sampler.next_1d());
         let sample = scene
             .segment_lights
-            .sample(&segment, &scene.selector, u_light, u);
+            .sample(&segment, &scene.selector, u_light, u, |light| {
+                self.sight.unlit(id, light)
+            });
         let Some(sample) = sample else {
             return Rgb::ZERO;
         };
@@ -61,9 +64,15 @@ impl CameraTracer<'_> {
         let scene = self.scene;
         let light = &scene.lights()[sample.light];
         let phase = medium.phase;
+        // What the light's photons would be hidden from.
+        let hidden = self.sight.from(Start::Light(sample.light));
+        let never_met = || {
+            scene.only_sampled(sample.light)
+                || self.sight.hides_shape_of(scene, hidden, sample.light)
+        };
         let by_phase = match &light.kind {
             LightKind::Environment(_) => 0.5,
-            LightKind::Area { .. } if !scene.only_sampled(sample.light) => {
+            LightKind::Area { .. } if !never_met() => {
                 let solid_angle = PI * sample.radius2 / sample.distance2;
                 let x = solid_angle * phase.peak();
                 if x < FAINT { 0.0 } else { 0.5 * x / (1.0 + x) }
@@ -77,7 +86,7 @@ impl CameraTracer<'_> {
                 origin: at.origin,
                 dir,
             };
-            let arrived = self.go_straight(ray, Some(id), sampler);
+            let arrived = self.go_straight(ray, Some(id), hidden, sampler);
             let (emitted, hit) = match &arrived.hit {
                 None => (scene.environment(sample.light, dir), None),
                 Some(hit) => {
@@ -108,9 +117,15 @@ impl CameraTracer<'_> {
             dir: direct.wi,
         };
         let unshadowing = scene.unshadowing[sample.light];
-        let Some(transmittance) =
-            scene.unoccluded(ray, direct.distance, Some(id), unshadowing, sampler)
-        else {
+        let hides = |object| self.sight.hides(hidden, object);
+        let Some(transmittance) = scene.unoccluded(
+            ray,
+            direct.distance,
+            Some(id),
+            unshadowing,
+            hides,
+            sampler,
+        ) else {
             return Rgb::ZERO;
         };
         let value = phase.eval_directions(at.dir, direct.wi);

@@ -39,13 +39,14 @@ use crate::math::{Frame, Ray, Rgb};
 use crate::medium::{Medium, MediumId};
 use crate::parts::{Part, Recorder};
 use crate::plan::{RenderPlan, Scene};
+use crate::rules::{Sight, Start};
 use crate::sampler::Sampler;
 use crate::surface::SurfacePhotonMap;
 use surface::Vertex;
-pub(crate) use surface::{DEEPER_ODDS, power_heuristic};
+pub(crate) use surface::{DEEPER_ODDS, UNSEEN, power_heuristic};
 
 /// What camera paths of a pass read.
-pub struct CameraTracer<'a> {
+pub struct CameraTracer<'a, V> {
     /// The scene.
     pub scene: &'a Scene,
     /// The plan.
@@ -54,6 +55,8 @@ pub struct CameraTracer<'a> {
     pub photons: Option<&'a SurfacePhotonMap>,
     /// Expected photons in a kernel, see `first_odds` in `beam::trace`.
     pub first_odds: f32,
+    /// What rays see.
+    pub sight: V,
 }
 
 /// Share of a pixel's light below which a branch does not split any more, but goes one way by chance.
@@ -65,8 +68,10 @@ const FULL_SHARE: f32 = 0.3;
 
 /// A camera path on its way, or a branch of one.
 #[derive(Clone, Copy)]
-struct Path {
+struct Path<H> {
     ray: Ray,
+    /// What the ray does not see.
+    hidden: H,
     /// Throughput from the film.
     beta: Rgb,
     medium: MediumId,
@@ -80,12 +85,12 @@ struct Path {
 }
 
 /// Branches of a camera path that have yet to be followed.
-struct Branches {
-    waiting: Vec<Path>,
+struct Branches<H> {
+    waiting: Vec<Path<H>>,
     splits: u32,
 }
 
-impl CameraTracer<'_> {
+impl<V: Sight> CameraTracer<'_, V> {
     /// Follow a camera path from a ray. Pushes its segments in scattering media and returns everything else that
     /// arrives along it: radiance at the film.
     pub fn trace(
@@ -102,6 +107,7 @@ impl CameraTracer<'_> {
         };
         let mut path = Path {
             ray,
+            hidden: self.sight.from(Start::Camera),
             beta: Rgb::ONE,
             medium: self.scene.camera_medium,
             way: Way::default(),
@@ -122,8 +128,8 @@ impl CameraTracer<'_> {
     /// Follow one branch to its end.
     fn follow(
         &self,
-        mut path: Path,
-        branches: &mut Branches,
+        mut path: Path<V::Hidden>,
+        branches: &mut Branches<V::Hidden>,
         pixel: u16,
         sampler: &mut Sampler,
         out: &mut CameraSegments,
@@ -134,19 +140,22 @@ impl CameraTracer<'_> {
         loop {
             let hit = scene
                 .geometry
-                .intersect(scene.objects(), &path.ray, f32::INFINITY, |_| false);
+                .intersect(scene.objects(), &path.ray, f32::INFINITY, |object| {
+                    self.sight.hides(path.hidden, object)
+                });
             if let Some(id) = path.medium {
                 let length = hit.as_ref().map_or(f32::INFINITY, |h| h.t);
                 radiance += self.cross_medium(&mut path, id, length, pixel, sampler, out, record);
             }
             let Some(mut hit) = hit else {
+                let sees = |light: usize| !self.sight.hides_light(path.hidden, light);
                 if record.is_on() {
-                    for &light in &scene.environments {
+                    for &light in scene.environments.iter().filter(|&&light| sees(light)) {
                         let environment = scene.environment(light, path.ray.dir);
                         record.add(Part::Direct, light, path.beta * environment);
                     }
                 }
-                return radiance + path.beta * scene.environment_radiance(path.ray.dir);
+                return radiance + path.beta * scene.environment_radiance(path.ray.dir, sees);
             };
             let emitted = path.beta * scene.emitted(&hit, path.ray.dir);
             radiance += emitted;
@@ -215,7 +224,7 @@ impl CameraTracer<'_> {
             let Some(sample) = sample else {
                 return radiance;
             };
-            if !path.turn(&vertex, &sample, scene, sampler) {
+            if !path.turn(&vertex, &sample, scene, self.sight, sampler) {
                 return radiance;
             }
         }
@@ -226,7 +235,7 @@ impl CameraTracer<'_> {
     #[allow(clippy::too_many_arguments)]
     fn cross_medium(
         &self,
-        path: &mut Path,
+        path: &mut Path<V::Hidden>,
         id: u16,
         length: f32,
         pixel: u16,
@@ -268,10 +277,10 @@ impl CameraTracer<'_> {
     /// chance, where the other would not be worth the while.
     fn split(
         &self,
-        path: &mut Path,
+        path: &mut Path<V::Hidden>,
         vertex: &Vertex,
         ways: [BsdfSample; 2],
-        branches: &mut Branches,
+        branches: &mut Branches<V::Hidden>,
         sampler: &mut Sampler,
     ) -> Option<BsdfSample> {
         let [mut strong, mut weak] = ways;
@@ -297,20 +306,21 @@ impl CameraTracer<'_> {
                 };
             }
         }
-        if other.turn(vertex, &weak, self.scene, sampler) {
+        if other.turn(vertex, &weak, self.scene, self.sight, sampler) {
             branches.waiting.push(other);
         }
         Some(strong)
     }
 }
 
-impl Path {
+impl<H> Path<H> {
     /// Leave a surface in a sampled direction. False: nothing goes on.
     fn turn(
         &mut self,
         vertex: &Vertex,
         sample: &BsdfSample,
         scene: &Scene,
+        sight: impl Sight<Hidden = H>,
         sampler: &mut Sampler,
     ) -> bool {
         let hit: &SurfaceHit = vertex.hit;
@@ -336,6 +346,10 @@ impl Path {
             self.beta /= q;
         }
         self.ray = hit.spawn_ray(wi);
+        self.hidden = sight.from(match sample.transmitted {
+            true => Start::Refracted(hit.object),
+            false => Start::Reflected(hit.object),
+        });
         self.way = self.way.then(match sample.transmitted {
             true => Turn::Refracted,
             false => Turn::Reflected,

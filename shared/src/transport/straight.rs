@@ -4,6 +4,7 @@ use super::CameraTracer;
 use crate::geometry::SurfaceHit;
 use crate::math::{Ray, Rgb};
 use crate::medium::MediumId;
+use crate::rules::Sight;
 use crate::sampler::Sampler;
 
 /// Where a ray ends that goes straight through boundaries of media.
@@ -14,9 +15,15 @@ pub(super) struct Arrived {
     pub distance: f32,
 }
 
-impl CameraTracer<'_> {
-    /// Follow a ray through boundaries of media to the next surface.
-    pub(super) fn go_straight(&self, ray: Ray, medium: MediumId, sampler: &mut Sampler) -> Arrived {
+impl<V: Sight> CameraTracer<'_, V> {
+    /// Follow a ray through boundaries of media, and what rules hide from it, to the next surface.
+    pub(super) fn go_straight(
+        &self,
+        ray: Ray,
+        medium: MediumId,
+        hidden: V::Hidden,
+        sampler: &mut Sampler,
+    ) -> Arrived {
         let scene = self.scene;
         let mut ray = ray;
         let mut arrived = Arrived {
@@ -28,7 +35,9 @@ impl CameraTracer<'_> {
         loop {
             let hit = scene
                 .geometry
-                .intersect(scene.objects(), &ray, f32::INFINITY, |_| false);
+                .intersect(scene.objects(), &ray, f32::INFINITY, |object| {
+                    self.sight.hides(hidden, object)
+                });
             let length = hit.as_ref().map_or(f32::INFINITY, |h| h.t);
             arrived.transmittance *= scene.transmittance(arrived.medium, &ray, length, sampler);
             arrived.distance += length;

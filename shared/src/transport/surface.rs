@@ -8,8 +8,9 @@ use crate::math::{Frame, Rgb, Vec2, Vec3};
 use crate::medium::MediumId;
 use crate::parts::{Part, Recorder};
 use crate::plan::Scene;
+use crate::rules::{Sight, Start};
 use crate::sampler::Sampler;
-use crate::surface::SurfacePhoton;
+use crate::surface::{Arrival, SurfacePhoton};
 
 /// A surface point from which light is asked for.
 pub(super) struct Vertex<'a> {
@@ -24,7 +25,26 @@ pub(super) struct Vertex<'a> {
     pub medium: MediumId,
 }
 
-impl CameraTracer<'_> {
+/// What light is looked for along a ray.
+#[derive(Clone, Copy)]
+struct Wanted {
+    /// Straight from lights.
+    direct: bool,
+    /// From surfaces.
+    indirect: bool,
+}
+
+/// A direction drawn by the BSDF at a surface point.
+struct Drawn {
+    wi: Vec3,
+    /// BSDF times cosine over density.
+    weight: Rgb,
+    /// Density per solid angle.
+    pdf: f32,
+    medium: MediumId,
+}
+
+impl<V: Sight> CameraTracer<'_, V> {
     /// Radiance that leaves x towards the camera path, its own emission apart. `beta`: throughput from the film to x.
     pub(super) fn scattered(
         &self,
@@ -38,13 +58,17 @@ impl CameraTracer<'_> {
         }
         let scene = self.scene;
         let balanced = |light: usize, direct: &DirectSample, wi: Vec3| {
-            if direct.delta || scene.only_sampled(light) {
+            let hidden = self.sight.from(Start::Shadow(x.hit.object));
+            if direct.delta
+                || scene.only_sampled(light)
+                || self.sight.hides_shape_of(scene, hidden, light)
+            {
                 return 1.0;
             }
-            let pdf = direct.pdf * scene.selector.pmf(light);
+            let pdf = direct.pdf * self.sight.selector(scene, x.hit.object).pmf(light);
             power_heuristic(pdf, x.bsdf.pdf(x.local_wo, wi))
         };
-        let (mut radiance, light) = self.light_sample(x, sampler, balanced);
+        let (mut radiance, light) = self.light_sample(x, Seen::First, sampler, balanced);
         record.add(Part::Direct, light, beta * radiance);
         // Where fog hides most of it, what a gather ray brings is not worth one each time.
         let odds = (beta.max_element() / SURE_THROUGHPUT).min(1.0);
@@ -52,8 +76,13 @@ impl CameraTracer<'_> {
             radiance += self.gather_ray(x, sampler, beta / odds, record) / odds;
         }
         if self.plan.photons_at_first_surface {
+            let is_glossy = self.sight.is_glossy(x.hit.object);
+            let gathers = is_glossy || self.sight.gathers(x.hit.object);
             let weight = |photon: &SurfacePhoton, wi: Vec3| {
-                if photon.odds == f32::INFINITY {
+                if V::RULED && (photon.odds == UNSEEN || is_glossy && photon.arrival == Arrival::Surface) {
+                    return 0.0;
+                }
+                if photon.odds == f32::INFINITY || !gathers {
                     return 1.0;
                 }
                 let cos = x.hit.ng.dot(photon.wi).abs();
@@ -68,14 +97,20 @@ impl CameraTracer<'_> {
     fn light_sample(
         &self,
         x: &Vertex,
+        seen: Seen,
         sampler: &mut Sampler,
         weight: impl Fn(usize, &DirectSample, Vec3) -> f32,
     ) -> (Rgb, usize) {
-        let choice = self.scene.selector.sample(sampler.next_1d());
+        let selector = match seen {
+            Seen::First => self.sight.selector(self.scene, x.hit.object),
+            Seen::ByGatherRay => &self.scene.selector,
+        };
+        let choice = selector.sample(sampler.next_1d());
         let (u, u_primitive) = (sampler.next_2d(), sampler.next_1d());
         match choice {
             Some(choice) => {
-                let radiance = self.light_towards(x, choice, (u, u_primitive), sampler, weight);
+                let radiance =
+                    self.light_towards(x, seen, choice, (u, u_primitive), sampler, weight);
                 (radiance, choice.light)
             }
             None => (Rgb::ZERO, 0),
@@ -86,6 +121,7 @@ impl CameraTracer<'_> {
     fn light_towards(
         &self,
         x: &Vertex,
+        seen: Seen,
         choice: LightChoice,
         (u, u_primitive): (Vec2, f32),
         sampler: &mut Sampler,
@@ -104,6 +140,18 @@ impl CameraTracer<'_> {
         if f == Rgb::ZERO {
             return Rgb::ZERO;
         }
+        let object = x.hit.object;
+        let hidden = match seen {
+            Seen::First => self.sight.from(Start::Shadow(object)),
+            Seen::ByGatherRay => self.sight.from(Start::Light(choice.light)),
+        };
+        let is_unlit = match seen {
+            Seen::First => self.is_unlit(x, direct.wi, choice.light),
+            Seen::ByGatherRay => self.sight.hides(hidden, object),
+        };
+        if is_unlit {
+            return Rgb::ZERO;
+        }
         let weight = weight(choice.light, &direct, wi);
         if weight == 0.0 {
             return Rgb::ZERO;
@@ -111,10 +159,22 @@ impl CameraTracer<'_> {
         let ray = x.hit.spawn_ray(direct.wi);
         let medium = x.medium_towards(scene, direct.wi);
         let unshadowing = scene.unshadowing[choice.light];
-        match scene.unoccluded(ray, direct.distance, medium, unshadowing, sampler) {
+        let hides = |object| self.sight.hides(hidden, object);
+        match scene.unoccluded(ray, direct.distance, medium, unshadowing, hides, sampler) {
             Some(tr) => f * direct.weight * tr * (wi.z.abs() * weight / choice.pmf),
             None => Rgb::ZERO,
         }
+    }
+
+    /// Whether rules keep a light's direct light, from `wi`, off x.
+    fn is_unlit(&self, x: &Vertex, wi: Vec3, light: usize) -> bool {
+        let shadow = self.sight.from(Start::Shadow(x.hit.object));
+        self.sight.hides_light(shadow, light)
+            || self.sight.is_glossy(x.hit.object) && {
+                let seen = self.sight.from(x.gloss_towards(wi));
+                self.sight.hides_light(seen, light)
+                    || self.sight.hides_shape_of(self.scene, seen, light)
+            }
     }
 
     /// The ray sampled by the BSDF at x: direct light where it meets a light, indirect light where it meets a surface
@@ -137,9 +197,56 @@ impl CameraTracer<'_> {
         if sample.wi.z * x.hit.ng.dot(wi) <= 0.0 {
             return Rgb::ZERO;
         }
-        let medium = x.medium_towards(scene, wi);
-        let arrived = self.go_straight(x.hit.spawn_ray(wi), medium, sampler);
-        let mut throughput = sample.weight * arrived.transmittance;
+        let drawn = Drawn {
+            wi,
+            weight: sample.weight,
+            pdf: sample.pdf,
+            medium: x.medium_towards(scene, wi),
+        };
+        let object = x.hit.object;
+        let shadow = self.sight.from(Start::Shadow(object));
+        let (is_glossy, gathers) = (self.sight.is_glossy(object), self.sight.gathers(object));
+        if self.sight.one_ray(object) && !is_glossy {
+            let wanted = Wanted {
+                direct: true,
+                indirect: gathers,
+            };
+            return self.along(x, &drawn, shadow, wanted, sampler, beta, record);
+        }
+        // Direct light and what surfaces send are hidden by different things.
+        let (direct, indirect) = (true, false);
+        let wanted = Wanted { direct, indirect };
+        let radiance = self.along(x, &drawn, shadow, wanted, sampler, beta, record);
+        if !is_glossy && !gathers {
+            return radiance;
+        }
+        let start = match is_glossy {
+            true => x.gloss_towards(wi),
+            false => Start::Gather,
+        };
+        let hidden = self.sight.from(start);
+        let (direct, indirect) = (false, true);
+        let wanted = Wanted { direct, indirect };
+        radiance + self.along(x, &drawn, hidden, wanted, sampler, beta, record)
+    }
+
+    /// Light that a ray drawn at x finds.
+    #[allow(clippy::too_many_arguments)]
+    #[inline]
+    fn along(
+        &self,
+        x: &Vertex,
+        drawn: &Drawn,
+        hidden: V::Hidden,
+        wanted: Wanted,
+        sampler: &mut Sampler,
+        beta: Rgb,
+        record: &mut Recorder<'_>,
+    ) -> Rgb {
+        let scene = self.scene;
+        let wi = drawn.wi;
+        let arrived = self.go_straight(x.hit.spawn_ray(wi), drawn.medium, hidden, sampler);
+        let mut throughput = drawn.weight * arrived.transmittance;
         if let Some(tilt) = x.tilt {
             throughput *= tilt.shadowing(wi);
         }
@@ -149,11 +256,15 @@ impl CameraTracer<'_> {
         let beta = beta * throughput;
         let balanced = |light: usize, hit: Option<LightHit>| {
             let pdf = scene.lights()[light].pdf_direct(scene.objects(), x.hit.point, wi, hit);
-            power_heuristic(sample.pdf, pdf * scene.selector.pmf(light))
+            let pmf = self.sight.selector(scene, x.hit.object).pmf(light);
+            power_heuristic(drawn.pdf, pdf * pmf)
         };
         let Some(mut hit) = arrived.hit else {
             let mut radiance = Rgb::ZERO;
             for &light in &scene.environments {
+                if !wanted.direct || self.is_unlit(x, wi, light) {
+                    continue;
+                }
                 let environment = scene.environment(light, wi) * balanced(light, None);
                 radiance += environment;
                 record.add(Part::Direct, light, beta * environment);
@@ -163,6 +274,8 @@ impl CameraTracer<'_> {
         let mut radiance = Rgb::ZERO;
         if let Some(light) = scene.objects()[hit.object as usize].light
             && !scene.only_sampled(light as usize)
+            && wanted.direct
+            && !self.is_unlit(x, wi, light as usize)
         {
             let emitted = scene.emitted(&hit, wi);
             if emitted != Rgb::ZERO {
@@ -176,7 +289,9 @@ impl CameraTracer<'_> {
             }
         }
         let material = scene.material(&hit);
-        if !material.is_specular() {
+        let is_glossy = self.sight.is_glossy(x.hit.object);
+        let is_found = is_glossy || self.sight.is_gathered(hit.object);
+        if wanted.indirect && is_found && !material.is_specular() {
             let tilt = scene.tilt(&mut hit, -wi);
             let frame = Frame::from_normal(hit.ns);
             let y = Vertex {
@@ -189,18 +304,23 @@ impl CameraTracer<'_> {
                 medium: arrived.medium,
             };
             if !y.bsdf.is_black() {
-                radiance += self.gathered(x, &y, sample.pdf, beta, sampler, record);
+                let photons_too = self.plan.photons_at_first_surface && !is_glossy;
+                radiance +=
+                    self.gathered(x, &y, drawn.pdf, photons_too, beta, sampler, record);
             }
         }
         throughput * radiance
     }
 
-    /// Light that y, met by a gather ray that x sent with density `pdf`, sends back to x.
+    /// Light that y, met by a gather ray that x sent with density `pdf`, sends back to x. `photons_too`: photons may have
+    /// brought it as well.
+    #[allow(clippy::too_many_arguments)]
     fn gathered(
         &self,
         x: &Vertex,
         y: &Vertex,
         pdf: f32,
+        photons_too: bool,
         beta: Rgb,
         sampler: &mut Sampler,
         record: &mut Recorder<'_>,
@@ -209,7 +329,7 @@ impl CameraTracer<'_> {
         let density = pdf / x.hit.ng.dot(y.wo).abs();
         let cos_out = y.hit.ng.dot(y.wo).abs();
         // Photons find their way from y to x where nothing at y depends on the side that it is seen from.
-        let photons_too = self.plan.photons_at_first_surface
+        let photons_too = photons_too
             && y.tilt.is_none()
             && y.local_wo.z * y.hit.ng.dot(y.wo) > 0.0;
         let share = |arriving: f32, wi: Vec3| match photons_too {
@@ -231,7 +351,7 @@ impl CameraTracer<'_> {
             let cos_in = direct.wi.dot(y.hit.ng).abs();
             share(self.first_odds * lights_density * cos_in, wi)
         };
-        let (mut radiance, light) = self.light_sample(y, sampler, weight);
+        let (mut radiance, light) = self.light_sample(y, Seen::ByGatherRay, sampler, weight);
         record.add(Part::Surface, light, beta * radiance);
         // A facet that scatters diffusely has one share for all photons.
         if !y.is_even() || share(DEEPER_ODDS, y.local_wo) > 0.0 {
@@ -306,6 +426,18 @@ fn gather_share(odds: f32, density: f32) -> f32 {
     }
 }
 
+/// How light is looked for at a surface point.
+#[derive(Clone, Copy)]
+enum Seen {
+    /// At the first surface that is not specular: shadow rays.
+    First,
+    /// As photons would bring it.
+    ByGatherRay,
+}
+
+/// The `odds` of photons that rules keep off the surface they are on: only gather rays find what it sends on.
+pub(crate) const UNSEEN: f32 = -1.0;
+
 /// Throughput from which on a gather ray is surely sent.
 const SURE_THROUGHPUT: f32 = 0.5;
 
@@ -335,6 +467,14 @@ impl Vertex<'_> {
         self.tilt.is_none()
             && self.hit.ns == self.hit.ng
             && matches!(self.bsdf, Bsdf::Diffuse { .. })
+    }
+
+    /// How a ray leaves gloss.
+    fn gloss_towards(&self, wi: Vec3) -> Start {
+        match self.hit.ng.dot(wi) * self.hit.ng.dot(self.wo) < 0.0 {
+            true => Start::Refracted(self.hit.object),
+            false => Start::Reflected(self.hit.object),
+        }
     }
 
     /// The medium that a ray from here enters: the one that the vertex was reached through, or the one beyond.

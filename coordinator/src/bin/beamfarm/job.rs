@@ -113,11 +113,12 @@ impl SettingsArgs {
                 layers.len()
             )));
         }
+        let notes = description.notes.clone();
         Ok(Loaded {
             layers,
             standard_error: aovs.contains(&Aov::Stderr),
             bundle: file.bundle,
-            notes: file.notes,
+            notes: file.notes.into_iter().chain(notes).collect(),
             left_out: file.left_out,
             description,
             defaults,
@@ -136,14 +137,14 @@ pub struct Loaded {
     pub layers: Vec<Layer>,
     /// Whether the standard error was asked for.
     pub standard_error: bool,
-    /// What was replaced of a Mitsuba scene.
+    /// What was replaced of a Mitsuba scene, and what of a scene has no effect.
     notes: Vec<String>,
     /// What was left out of a Mitsuba scene.
     left_out: Vec<String>,
 }
 
 impl Loaded {
-    /// Say on stderr what became of a Mitsuba scene. Returns what was left out, for the summary.
+    /// Say on stderr what became of the scene. Returns what was left out, for the summary.
     pub fn announce(&self) -> Vec<String> {
         announce(&self.notes, &self.left_out);
         self.left_out.clone()

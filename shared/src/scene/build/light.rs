@@ -21,16 +21,22 @@ impl Parts<'_> {
             );
         }
         for (i, record) in records.iter().enumerate() {
+            let before = self.lights.len();
+            let name = record.name.clone();
+            let name = name.unwrap_or_else(|| format!("lights[{i}]"));
             // A light that is turned off is no light.
             if let Some(kind) = self.light_kind(record)? {
-                let name = record.name.clone();
-                let name = name.unwrap_or_else(|| format!("lights[{i}]"));
                 self.lights.push(Light {
                     group: LightGroup::named(record.group.as_deref().unwrap_or(&name)),
-                    name,
+                    name: name.clone(),
                     kind,
                 });
             }
+            let group = record.group.as_deref();
+            let visible = record.visible.as_ref();
+            let added = before..self.lights.len();
+            self.names
+                .add(&name, group.as_slice(), visible, 0..0, added);
         }
         Ok(())
     }

@@ -6,6 +6,7 @@ mod gltf;
 mod light;
 mod material;
 mod medium;
+mod rules;
 mod shape;
 mod texture;
 mod view;
@@ -45,8 +46,11 @@ impl From<Fault> for Problem {
     }
 }
 
-/// Build the scene of a record, with the assets of a bundle.
-pub fn build(record: &SceneRecord, bundle: &Bundle) -> Result<SceneDescription, Problem> {
+/// Build the scene of a record, with the assets of a bundle; and what of it has no effect.
+pub fn build(
+    record: &SceneRecord,
+    bundle: &Bundle,
+) -> Result<(SceneDescription, Vec<Fault>), Problem> {
     let mut assets = Assets::new(bundle);
     let eye = gltf::eye(record, bundle)?;
     let render_origin = eye.origin.0;
@@ -65,6 +69,7 @@ pub fn build(record: &SceneRecord, bundle: &Bundle) -> Result<SceneDescription, 
         assets,
         objects: Vec::new(),
         lights: Vec::new(),
+        names: rules::Names::default(),
         // Light from far away has to be sent to all of the space that scatters it.
         points: media.corners(world_medium).chain([DVec3::ZERO]).collect(),
         media,
@@ -77,7 +82,8 @@ pub fn build(record: &SceneRecord, bundle: &Bundle) -> Result<SceneDescription, 
     for file in &record.gltf {
         parts.add_gltf(file)?;
     }
-    Ok(SceneDescription {
+    let (rules, notes) = rules::resolve(record, &parts)?;
+    let description = SceneDescription {
         camera,
         camera_medium,
         world_medium,
@@ -87,7 +93,10 @@ pub fn build(record: &SceneRecord, bundle: &Bundle) -> Result<SceneDescription, 
         media: parts.media.list,
         lights: parts.lights,
         defaults: defaults(&record.render)?,
-    })
+        rules,
+        notes: Vec::new(),
+    };
+    Ok((description, notes))
 }
 
 /// What is being built.
@@ -100,6 +109,7 @@ struct Parts<'a> {
     assets: Assets<'a>,
     objects: Vec<crate::geometry::Object>,
     lights: Vec<crate::light::Light>,
+    names: rules::Names,
     /// The camera, the lights that stand somewhere, and the corners of what fills the world, render space.
     points: Vec<DVec3>,
 }

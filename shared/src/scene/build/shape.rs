@@ -34,6 +34,16 @@ struct Surface<'r> {
 impl Parts<'_> {
     /// Add the objects of a shape: one, or one for each instance.
     pub fn add_shape(&mut self, record: &ShapeRecord, name: &str) -> Result<(), Problem> {
+        let before = [self.objects.len(), self.lights.len()];
+        self.add_objects(record, name)?;
+        let objects = before[0]..self.objects.len();
+        let lights = before[1]..self.lights.len();
+        self.names
+            .add(name, &[], record.visible.as_ref(), objects, lights);
+        Ok(())
+    }
+
+    fn add_objects(&mut self, record: &ShapeRecord, name: &str) -> Result<(), Problem> {
         if *record.kind.get_ref() == ShapeType::Instances {
             return self.add_instances(record, name);
         }

@@ -3,6 +3,7 @@
 use super::schema::one_of;
 use super::transform::Steps;
 use super::{Fault, given, only_takes};
+use crate::rules::RayType;
 use crate::scene::values::*;
 use schemars::{JsonSchema, Schema};
 use serde::Deserialize;
@@ -45,6 +46,8 @@ pub struct LightRecord {
     pub rotate_y: Option<Spanned<Number<Finite>>>,
     /// A rotation, which may mirror, in place of `rotate_y`.
     pub transform: Option<Spanned<Steps>>,
+    /// Types of rays that see it, or its light. Default: all.
+    pub visible: Option<Spanned<Vec<RayType>>>,
 }
 
 impl LightRecord {
@@ -74,7 +77,7 @@ impl LightType {
     /// The schema of each kind of light.
     fn narrow(schema: &mut Schema) {
         one_of(schema, |kind: Self| {
-            [&["name", "group"][..], kind.takes().1].concat()
+            [&["name", "group", "visible"][..], kind.takes().1].concat()
         });
     }
 

@@ -5,6 +5,7 @@ mod gltf;
 mod light;
 mod material;
 mod medium;
+mod rule;
 mod schema;
 mod shape;
 mod texture;
@@ -15,6 +16,7 @@ pub use gltf::*;
 pub use light::*;
 pub use material::*;
 pub use medium::*;
+pub use rule::*;
 pub use schema::json_schema;
 pub use shape::*;
 pub use texture::*;
@@ -56,6 +58,12 @@ pub struct SceneRecord {
     /// glTF files.
     #[serde(default)]
     pub gltf: Vec<GltfRecord>,
+    /// Names for several shapes and lights together, for rules.
+    #[serde(default)]
+    pub groups: BTreeMap<Spanned<String>, Names>,
+    /// What rays do not see.
+    #[serde(default)]
+    pub rules: Vec<RuleRecord>,
 }
 
 /// Defaults of the job.
@@ -105,6 +113,7 @@ impl SceneRecord {
         record.camera.get_ref().check()?;
         record.shapes.iter().try_for_each(ShapeRecord::check)?;
         record.lights.iter().try_for_each(LightRecord::check)?;
+        record.rules.iter().try_for_each(RuleRecord::check)?;
         Ok(record)
     }
 

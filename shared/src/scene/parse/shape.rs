@@ -3,6 +3,7 @@
 use super::schema::one_of;
 use super::transform::Steps;
 use super::{Fault, given, only_takes};
+use crate::rules::RayType;
 use crate::scene::values::*;
 use schemars::{JsonSchema, Schema};
 use serde::Deserialize;
@@ -47,6 +48,8 @@ pub struct ShapeRecord {
     pub shape: Option<Spanned<Box<ShapeRecord>>>,
     /// One transform for each copy.
     pub transforms: Option<Spanned<Vec<Spanned<Steps>>>>,
+    /// Types of rays that see it. Default: all.
+    pub visible: Option<Spanned<Vec<RayType>>>,
 }
 
 impl ShapeRecord {
@@ -67,7 +70,13 @@ impl ShapeRecord {
                     "instances of instances are not supported; expected the type of one shape",
                 ))
             }
-            Some(shape) => shape.get_ref().check(),
+            Some(shape) => match &shape.get_ref().visible {
+                Some(visible) => Err(Fault::new(
+                    visible.span(),
+                    "this field belongs to the instances, not to their shape",
+                )),
+                None => shape.get_ref().check(),
+            },
             None => Ok(()),
         }
     }
@@ -100,7 +109,7 @@ impl ShapeType {
                 Self::Instances => &[],
                 _ => Self::SURFACE,
             };
-            [&["name"], common, kind.takes().1].concat()
+            [&["name", "visible"], common, kind.takes().1].concat()
         });
     }
 

@@ -201,9 +201,8 @@ impl Scene {
     pub(crate) fn medium_without(&self, point: Vec3, hides: impl Fn(u32) -> bool) -> MediumId {
         // A direction that is parallel to nothing people model.
         let dir = Vec3::new(0.267_3, 0.872_9, 0.408_2).normalize();
-        let bounds_nothing = |object: u32| {
-            self.objects()[object as usize].boundary.is_none() || hides(object)
-        };
+        let bounds_nothing =
+            |object: u32| self.objects()[object as usize].boundary.is_none() || hides(object);
         let ray = Ray { origin: point, dir };
         match self
             .geometry
@@ -358,8 +357,7 @@ impl RenderPlan {
         let surface_photons = surfaces > 0 && lit;
         let rules = description.rules.as_ref();
         let ruled = rules.is_some_and(|rules| rules.touches_photons);
-        let photons_at_first_surface =
-            surface_photons && (specular > 0 || scattering > 0 || ruled);
+        let photons_at_first_surface = surface_photons && (specular > 0 || scattering > 0 || ruled);
         // Beams cost more than photons: where there are both, more paths leave photons alone, up to about one for a few
         // pixels.
         let paths = settings.paths_per_pass;

@@ -10,6 +10,8 @@
 //!
 //! With the beams it shares the scene (geometry, materials, lights, media), but no estimator: no photons, no kernels.
 //!
+//! Of object visibility rules it obeys all but those of photons, of which it knows nothing: see [`Rules::touches_photons`].
+//!
 //! What it does not find: point, spot and directional lights by way of specular surfaces (of probability zero: they are
 //! missing from the picture). What it finds only by chance: caustics of small lights.
 
@@ -17,11 +19,12 @@ use crate::bsdf::{Bsdf, Tilt, TransportMode};
 use crate::film::Film;
 use crate::geometry::SurfaceHit;
 use crate::job::ReferenceSettings;
-use crate::light::LightHit;
+use crate::light::{LightHit, LightKind};
 use crate::math::{Frame, Ray, Rgb, Vec3};
 use crate::medium::{Flight, MediumId};
 use crate::phase::Phase;
 use crate::plan::Scene;
+use crate::rules::{HiddenSet, ObjectSets, Rules};
 use crate::sampler::{Purpose, Sampler};
 use crate::transport::power_heuristic;
 use rayon::prelude::*;
@@ -75,6 +78,10 @@ struct PathTracer<'a> {
 struct Path {
     ray: Ray,
     medium: MediumId,
+    /// What the ray does not see.
+    hidden: HiddenSet,
+    /// From the camera over specular surfaces only.
+    is_seen: bool,
     /// Throughput from the film.
     beta: Rgb,
     /// What the compression of radiance by refraction has made of the throughput, which comes and goes along the path.
@@ -88,6 +95,8 @@ struct Path {
 
 /// A vertex at which lights were sampled as well.
 struct DrawnAt {
+    /// Rules decide which light comes straight from lights: it is sampled only.
+    is_ruled: bool,
     point: Vec3,
     /// Density of the drawn direction per solid angle.
     pdf: f32,
@@ -121,11 +130,40 @@ struct Scattering {
 }
 
 impl PathTracer<'_> {
+    fn rules(&self) -> Option<&Rules> {
+        self.scene.description().rules.as_ref()
+    }
+
+    fn hides(&self, hidden: HiddenSet, object: u32) -> bool {
+        self.rules()
+            .is_some_and(|rules| rules.hides(hidden, object))
+    }
+
+    /// Whether gloss does not show a light.
+    fn is_unlit(&self, sets: &ObjectSets, transmitted: bool, light: usize) -> bool {
+        let hidden = match transmitted {
+            true => sets.refracted,
+            false => sets.reflected,
+        };
+        let of_shape = match self.scene.lights()[light].kind {
+            LightKind::Area { object, .. } => self.hides(hidden, object),
+            _ => false,
+        };
+        sets.is_glossy && (of_shape || self.hides_light(hidden, light))
+    }
+
+    fn hides_light(&self, hidden: HiddenSet, light: usize) -> bool {
+        self.rules()
+            .is_some_and(|rules| rules.hides_light(hidden, light))
+    }
+
     fn radiance(&self, ray: Ray, sampler: &mut Sampler) -> Rgb {
         let scene = self.scene;
         let mut path = Path {
             ray,
             medium: scene.camera_medium,
+            hidden: self.rules().map_or(HiddenSet::default(), |rules| rules.camera),
+            is_seen: true,
             beta: Rgb::ONE,
             compression: 1.0,
             depth: 0,
@@ -135,7 +173,9 @@ impl PathTracer<'_> {
         while path.beta.max_element() > 0.0 {
             let hit = scene
                 .geometry
-                .intersect(scene.objects(), &path.ray, f32::INFINITY, |_| false);
+                .intersect(scene.objects(), &path.ray, f32::INFINITY, |object| {
+                    self.hides(path.hidden, object)
+                });
             let length = hit.as_ref().map_or(f32::INFINITY, |h| h.t);
             if let Some(id) = path.medium {
                 let medium = &scene.media()[id as usize];
@@ -178,6 +218,9 @@ impl PathTracer<'_> {
     /// Light of the environment for a path that leaves the scene.
     fn add_environment(&self, path: &mut Path) {
         for &light in &self.scene.environments {
+            if self.hides_light(path.hidden, light) {
+                continue;
+            }
             let radiance = self.scene.environment(light, path.ray.dir);
             path.radiance += path.beta * radiance * self.balance(path, light, None);
         }
@@ -204,6 +247,9 @@ impl PathTracer<'_> {
         let Some(vertex) = &path.drawn_at else {
             return 1.0;
         };
+        if vertex.is_ruled {
+            return 0.0;
+        }
         let scene = self.scene;
         let objects = scene.objects();
         let pdf = scene.lights()[light].pdf_direct(objects, vertex.point, path.ray.dir, hit);
@@ -223,9 +269,12 @@ impl PathTracer<'_> {
         }
         let (point, dir) = (path.ray.at(distance), path.ray.dir);
         let vertex = Vertex::Medium { point, dir, phase };
-        path.radiance += path.beta * self.direct(&vertex, path.medium, sampler);
+        let nothing = HiddenSet::default();
+        path.radiance += path.beta * self.direct(&vertex, path.medium, None, sampler);
+        (path.hidden, path.is_seen) = (nothing, false);
         let dir = phase.sample(dir, sampler.next_2d());
         path.drawn_at = Some(DrawnAt {
+            is_ruled: false,
             point,
             pdf: phase.eval_directions(path.ray.dir, dir),
             distance: 0.0,
@@ -255,6 +304,9 @@ impl PathTracer<'_> {
         }
         let frame = Frame::from_normal(hit.ns);
         let local_wo = frame.to_local(wo);
+        let sets = self.rules().filter(|_| path.is_seen);
+        let sets = sets.map(|rules| rules.of_object[hit.object as usize]);
+        let is_ruled = sets.as_ref().is_some_and(ObjectSets::decides_direct_light);
         if !material.is_specular() {
             let vertex = Vertex::Surface {
                 hit,
@@ -263,7 +315,8 @@ impl PathTracer<'_> {
                 frame,
                 local_wo,
             };
-            path.radiance += path.beta * self.direct(&vertex, path.medium, sampler);
+            path.radiance +=
+                path.beta * self.direct(&vertex, path.medium, sets.as_ref(), sampler);
         }
         let (u_lobe, u) = (sampler.next_1d(), sampler.next_2d());
         let Some(sample) = bsdf.sample(local_wo, u_lobe, u, TransportMode::Radiance) else {
@@ -284,7 +337,15 @@ impl PathTracer<'_> {
             let eta = material.eta_of_crossing(hit.ng.dot(path.ray.dir) > 0.0);
             path.compression *= eta * eta;
         }
+        let follows = |sets: &ObjectSets| sample.delta || sets.is_glossy;
+        path.hidden = match sets.filter(follows) {
+            Some(sets) if sample.transmitted => sets.refracted,
+            Some(sets) => sets.reflected,
+            None => HiddenSet::default(),
+        };
+        path.is_seen &= sample.delta;
         path.drawn_at = (!sample.delta).then_some(DrawnAt {
+            is_ruled,
             point: hit.point,
             pdf: sample.pdf,
             distance: 0.0,
@@ -295,13 +356,24 @@ impl PathTracer<'_> {
 
     /// Light of one sampled light that the vertex scatters into the path, balanced against drawing its direction.
     /// `medium`: the one that the path came to the vertex through.
-    fn direct(&self, vertex: &Vertex, medium: MediumId, sampler: &mut Sampler) -> Rgb {
+    /// `sets`: what the vertex does not see, if rules say so.
+    fn direct(
+        &self,
+        vertex: &Vertex,
+        medium: MediumId,
+        sets: Option<&ObjectSets>,
+        sampler: &mut Sampler,
+    ) -> Rgb {
         let scene = self.scene;
         let choice = scene.selector.sample(sampler.next_1d());
         let (u, u_primitive) = (sampler.next_2d(), sampler.next_1d());
         let Some(choice) = choice else {
             return Rgb::ZERO;
         };
+        let hidden = sets.map_or(HiddenSet::default(), |sets| sets.shadow);
+        if self.hides_light(hidden, choice.light) {
+            return Rgb::ZERO;
+        }
         let light = &scene.lights()[choice.light];
         let sample = light.sample_direct(scene.objects(), vertex.point(), u, u_primitive);
         let Some(direct) = sample else {
@@ -312,7 +384,7 @@ impl PathTracer<'_> {
         if radiance == Rgb::ZERO {
             return Rgb::ZERO;
         }
-        let weight = if direct.delta {
+        let weight = if direct.delta || sets.is_some_and(ObjectSets::decides_direct_light) {
             1.0
         } else {
             power_heuristic(direct.pdf * choice.pmf, scattering.pdf)
@@ -325,6 +397,9 @@ impl PathTracer<'_> {
                 ..
             } => {
                 let crosses = hit.ng.dot(direct.wi) * hit.ng.dot(frame.to_world(*local_wo)) < 0.0;
+                if sets.is_some_and(|sets| self.is_unlit(sets, crosses, choice.light)) {
+                    return Rgb::ZERO;
+                }
                 let beyond = || scene.medium_beyond(hit, direct.wi, medium);
                 let medium = if crosses { beyond() } else { medium };
                 (hit.spawn_ray(direct.wi), medium)
@@ -338,7 +413,14 @@ impl PathTracer<'_> {
             }
         };
         let unshadowing = scene.unshadowing[choice.light];
-        match scene.unoccluded(ray, direct.distance, medium, unshadowing, |_| false, sampler) {
+        match scene.unoccluded(
+            ray,
+            direct.distance,
+            medium,
+            unshadowing,
+            |object| self.hides(hidden, object),
+            sampler,
+        ) {
             Some(transmittance) => radiance * transmittance * (weight / choice.pmf),
             None => Rgb::ZERO,
         }

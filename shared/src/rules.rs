@@ -83,7 +83,7 @@ pub struct Rules {
     /// Number of rules, for `explain`.
     pub(crate) rules: usize,
     /// Some rule changes where photons go or what they leave.
-    pub(crate) touches_photons: bool,
+    pub touches_photons: bool,
 }
 
 /// What the rays that start at an object do not see.
@@ -101,6 +101,13 @@ pub(crate) struct ObjectSets {
     pub one_ray: bool,
     /// Gloss whose gather rays obey `reflected` and `refracted`.
     pub is_glossy: bool,
+}
+
+impl ObjectSets {
+    /// Whether rules have a say in the light that comes to it straight from lights.
+    pub(crate) fn decides_direct_light(&self) -> bool {
+        self.shadow != HiddenSet::default() || self.is_glossy
+    }
 }
 
 impl Rules {

@@ -33,12 +33,9 @@ impl Scene {
             return Some(self.transmittance(medium, &ray, left, sampler));
         }
         let (mut ray, mut medium, mut transmittance) = (ray, medium, Rgb::ONE);
-        while let Some(hit) = self
-            .geometry
-            .intersect(objects, &ray, reach, |object| {
-                !may_be_passed(object) || hides(object)
-            })
-        {
+        while let Some(hit) = self.geometry.intersect(objects, &ray, reach, |object| {
+            !may_be_passed(object) || hides(object)
+        }) {
             transmittance *= self.material(&hit).transparency(hit.uv);
             if transmittance == Rgb::ZERO {
                 return None;

@@ -118,14 +118,9 @@ impl<V: Sight> CameraTracer<'_, V> {
         };
         let unshadowing = scene.unshadowing[sample.light];
         let hides = |object| self.sight.hides(hidden, object);
-        let Some(transmittance) = scene.unoccluded(
-            ray,
-            direct.distance,
-            Some(id),
-            unshadowing,
-            hides,
-            sampler,
-        ) else {
+        let Some(transmittance) =
+            scene.unoccluded(ray, direct.distance, Some(id), unshadowing, hides, sampler)
+        else {
             return Rgb::ZERO;
         };
         let value = phase.eval_directions(at.dir, direct.wi);

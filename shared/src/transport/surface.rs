@@ -79,7 +79,9 @@ impl<V: Sight> CameraTracer<'_, V> {
             let is_glossy = self.sight.is_glossy(x.hit.object);
             let gathers = is_glossy || self.sight.gathers(x.hit.object);
             let weight = |photon: &SurfacePhoton, wi: Vec3| {
-                if V::RULED && (photon.odds == UNSEEN || is_glossy && photon.arrival == Arrival::Surface) {
+                if V::RULED
+                    && (photon.odds == UNSEEN || is_glossy && photon.arrival == Arrival::Surface)
+                {
                     return 0.0;
                 }
                 if photon.odds == f32::INFINITY || !gathers {
@@ -305,8 +307,7 @@ impl<V: Sight> CameraTracer<'_, V> {
             };
             if !y.bsdf.is_black() {
                 let photons_too = self.plan.photons_at_first_surface && !is_glossy;
-                radiance +=
-                    self.gathered(x, &y, drawn.pdf, photons_too, beta, sampler, record);
+                radiance += self.gathered(x, &y, drawn.pdf, photons_too, beta, sampler, record);
             }
         }
         throughput * radiance
@@ -329,9 +330,8 @@ impl<V: Sight> CameraTracer<'_, V> {
         let density = pdf / x.hit.ng.dot(y.wo).abs();
         let cos_out = y.hit.ng.dot(y.wo).abs();
         // Photons find their way from y to x where nothing at y depends on the side that it is seen from.
-        let photons_too = photons_too
-            && y.tilt.is_none()
-            && y.local_wo.z * y.hit.ng.dot(y.wo) > 0.0;
+        let photons_too =
+            photons_too && y.tilt.is_none() && y.local_wo.z * y.hit.ng.dot(y.wo) > 0.0;
         let share = |arriving: f32, wi: Vec3| match photons_too {
             true => gather_share(arriving * y.bsdf.pdf(wi, y.local_wo) / cos_out, density),
             false => 1.0,

@@ -3,6 +3,7 @@
 mod camera;
 mod hostile;
 mod media;
+mod rules;
 mod textures;
 
 use beamfarm_shared::bundle::Bundle;
@@ -47,7 +48,7 @@ fn shapes_are_checked() {
     refused(
         r#"
 [[shapes]] | type = "sphere" | radus = 1
-    5: shapes[0].radus: unknown field `radus`, expected one of `name`, `type`, `center`, `p0`, `p1`, `radius`, `file`, `face_normals`, `flip_normals`, `material`, `interior`, `exterior`, `boundary`, `emission`, `transform`, `shape`, `transforms`
+    5: shapes[0].radus: unknown field `radus`, expected one of `name`, `type`, `center`, `p0`, `p1`, `radius`, `file`, `face_normals`, `flip_normals`, `material`, `interior`, `exterior`, `boundary`, `emission`, `transform`, `shape`, `transforms`, `visible`
 [[shapes]] | type = "sphere" | radius = "big"
     5: shapes[0].radius: invalid type: string "big", expected a number above 0
 [[shapes]] | name = "ball" | type = "sphere" | radius = -1
@@ -277,9 +278,9 @@ fn settings_and_structure_are_checked() {
 [render] | radius = 0.0
     4: render.radius: expected a number above 0, found 0.0
 [light]
-    3: light: unknown field `light`, expected one of `image`, `render`, `world`, `camera`, `media`, `materials`, `shapes`, `lights`, `gltf`
+    3: light: unknown field `light`, expected one of `image`, `render`, `world`, `camera`, `media`, `materials`, `shapes`, `lights`, `gltf`, `groups`, `rules`
 x = 1
-    3: x: unknown field `x`, expected one of `image`, `render`, `world`, `camera`, `media`, `materials`, `shapes`, `lights`, `gltf`
+    3: x: unknown field `x`, expected one of `image`, `render`, `world`, `camera`, `media`, `materials`, `shapes`, `lights`, `gltf`, `groups`, `rules`
 x = 1 | x = 2
     4: duplicate key
 "#,

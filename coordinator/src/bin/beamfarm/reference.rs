@@ -86,6 +86,12 @@ pub fn main(args: ReferenceArgs) -> Result<(), Failure> {
         aov: Vec::new(),
     }
     .load()?;
+    let rules = loaded.description.rules.as_ref();
+    if rules.is_some_and(|rules| rules.touches_photons) {
+        return Err(Failure::usage(
+            "the scene has visibility rules for photons, which a path tracer does not have",
+        ));
+    }
     let exposure = args.exposure.unwrap_or(loaded.defaults.exposure);
     if !exposure.is_finite() {
         return Err(Failure::usage("--exposure: expected a number of stops"));

@@ -54,6 +54,16 @@ impl Listed {
     fn has(&self, thing: u32) -> bool {
         self.listed.contains(&thing) != self.inverted
     }
+
+    /// Whether these are all of some others, and perhaps more.
+    fn covers(&self, others: &Self) -> bool {
+        match (self.inverted, others.inverted) {
+            (false, false) => others.listed.is_subset(&self.listed),
+            (true, false) => others.listed.is_disjoint(&self.listed),
+            (true, true) => self.listed.is_subset(&others.listed),
+            (false, true) => false,
+        }
+    }
 }
 
 /// What one rule says.
@@ -101,19 +111,25 @@ struct Partition {
 impl Partition {
     fn new<'s>(count: usize, lists: impl Iterator<Item = &'s Listed>) -> Self {
         let mut class = vec![0; count];
+        let mut fresh = 1u32;
         for list in lists {
-            let mut next = BTreeMap::new();
-            for (number, class) in class.iter_mut().enumerate() {
-                let fresh = next.len() as u32;
-                *class = *next
-                    .entry((*class, list.has(number as u32)))
-                    .or_insert(fresh);
+            // What is listed leaves its class.
+            let mut moved = BTreeMap::new();
+            for &number in &list.listed {
+                let class = &mut class[number as usize];
+                *class = *moved.entry(*class).or_insert_with(|| {
+                    fresh += 1;
+                    fresh - 1
+                });
             }
         }
-        let count = class.iter().max().map_or(0, |last| *last as usize + 1);
-        let mut members = vec![0; count];
-        for (number, class) in class.iter().enumerate() {
-            members[*class as usize] = number as u32;
+        let mut members = Vec::new();
+        let mut numbers = BTreeMap::new();
+        for (number, class) in class.iter_mut().enumerate() {
+            *class = *numbers.entry(*class).or_insert_with(|| {
+                members.push(number as u32);
+                members.len() as u32 - 1
+            });
         }
         Self { class, members }
     }
@@ -370,7 +386,6 @@ impl<'a> Resolver<'a> {
             let included = includes.iter().find(lists);
             if let (Some(excluded), Some(included)) = (excluded, included)
                 && !included.list.inverted
-                && !excluded.list.inverted
             {
                 let place = if excluded.place.start > included.place.start {
                     &excluded.place
@@ -682,9 +697,9 @@ impl<'a> Resolver<'a> {
         let says_so = |other: &Clause| {
             other.includes == clause.includes
                 && other.rays.contains(&ray)
-                && (0..self.things as u32).all(|t| other.list.has(t) == clause.list.has(t))
-                && (0..self.things as u32 + 2)
-                    .all(|t| other.starts.has(t) || !clause.starts.has(t))
+                && other.list.covers(&clause.list)
+                && (!clause.includes || clause.list.covers(&other.list))
+                && other.starts.covers(&clause.starts)
         };
         let again = before.iter().any(says_so);
         again.then(|| format!("an earlier rule says the same of {name} rays"))

@@ -1,0 +1,82 @@
+//! Object visibility rules: each does to the picture what removing things by hand does.
+
+#![allow(clippy::unwrap_used)]
+
+mod golden;
+mod media;
+mod mixing;
+mod reference;
+mod views;
+
+use beamfarm_shared::pass::render_pass;
+use beamfarm_shared::plan::{RenderPlan, Scene};
+use beamfarm_tests::render::{Blocks, blocks, scene};
+
+/// The pixels of some passes, one after the other.
+fn pixels(scene: &Scene) -> Vec<[f32; 3]> {
+    let defaults = scene.description().defaults;
+    let plan = RenderPlan::new(scene, defaults.job_settings());
+    let passes = 0..defaults.passes;
+    passes
+        .flat_map(|pass_index| render_pass(scene, &plan, pass_index).film.pixels)
+        .collect()
+}
+
+/// The same bits, and not of a black picture.
+#[track_caller]
+fn same_bits(one: &str, other: &str) {
+    let (one, other) = (scene(one), scene(other));
+    let (a, b) = (pixels(&one), pixels(&other));
+    assert!(a.iter().flatten().any(|x| *x > 0.0), "black");
+    let differ = a.iter().zip(&b).filter(|(a, b)| a != b).count();
+    assert_eq!(differ, 0, "of {} pixels", a.len());
+}
+
+#[track_caller]
+fn different(one: &str, other: &str) {
+    assert!(
+        pixels(&scene(one)) != pixels(&scene(other)),
+        "the same pictures"
+    );
+}
+
+/// Means over blocks of 8 x 8 pixels are the same at a significance of 1e-4 for all of them together (Šidák), apart from
+/// `bias`, relative.
+#[track_caller]
+fn same_means(one: &str, other: &str, bias: f64) {
+    let (a, b) = (scene(one), scene(other));
+    let (a, b): (Blocks, Blocks) = (blocks(&a, 8), blocks(&b, 8));
+    let pairs: Vec<_> = (a.blocks.iter().zip(&b.blocks))
+        .flat_map(|(a, b)| a.iter().zip(b))
+        .collect();
+    let threshold = 1.0 - (1.0 - 1e-4f64).powf(1.0 / pairs.len() as f64);
+    assert!(pairs.iter().any(|(a, _)| a.mean() > 0.0), "black");
+    for (i, (a, b)) in pairs.iter().enumerate() {
+        let error = a.std_error().hypot(b.std_error()).hypot(1e-7);
+        let off = ((a.mean() - b.mean()).abs() - bias * b.mean()).max(0.0);
+        let p = beamfarm_tests::z_test::two_sided(off / error);
+        assert!(
+            p > threshold,
+            "value {i}: {:.5} ± {:.5} and {:.5} ± {:.5}",
+            a.mean(),
+            a.std_error(),
+            b.mean(),
+            b.std_error()
+        );
+    }
+}
+
+/// A picture of 24 x 16 pixels from the front.
+const VIEW: &str = r#"
+[image]
+width = 24
+height = 16
+[render]
+passes = 4
+paths = 400
+seed = 5
+[camera]
+origin = [0, 1, 5]
+target = [0, 0.7, 0]
+fov = 40
+"#;

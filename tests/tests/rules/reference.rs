@@ -1,0 +1,112 @@
+//! The path tracer, which shares no estimator with the beams, obeys the rules of all rays but photons.
+
+use super::VIEW;
+use beamfarm_shared::job::ReferenceSettings;
+use beamfarm_tests::render::{Blocks, blocks, reference_images, scene};
+use beamfarm_tests::z_test::two_sided;
+
+const ROOM: &str = r#"
+[media.fog]
+type = "homogeneous"
+sigma_a = 0.1
+sigma_s = 0.5
+[materials.boundary]
+type = "null"
+[materials.silver]
+type = "mirror"
+[materials.satin]
+type = "rough_conductor"
+alpha = 0.3
+preset = "silver"
+[materials.red]
+type = "diffuse"
+reflectance = [0.7, 0.15, 0.1]
+[[shapes]]
+name = "room"
+type = "cube"
+flip_normals = true
+transform = [{ scale = 6 }, { translate = [0, 6, 0] }]
+[[shapes]]
+name = "mirror"
+type = "rectangle"
+material = "silver"
+transform = [{ scale = 0.9 }, { rotate = { axis = [0, 1, 0], angle = 30 } }, { translate = [-1.1, 1, -1] }]
+[[shapes]]
+name = "satin"
+type = "rectangle"
+material = "satin"
+transform = [{ scale = 1 }, { rotate = { axis = [1, 0, 0], angle = -60 } }, { translate = [1, 0.5, 0] }]
+[[shapes]]
+name = "ball"
+type = "sphere"
+center = [0.2, 0.8, 0.9]
+radius = 0.4
+material = "red"
+[[shapes]]
+name = "box"
+type = "cube"
+material = "boundary"
+interior = "fog"
+transform = [{ scale = [1.2, 0.4, 0.4] }, { translate = [0, 1.4, -0.3] }]
+[[shapes]]
+name = "lamp"
+type = "sphere"
+center = [-1.5, 3.2, 0.5]
+radius = 0.7
+emission = { radiance = [6, 5, 3] }
+[[shapes]]
+name = "panel"
+type = "rectangle"
+emission = { radiance = [2, 3, 5] }
+transform = [{ scale = 0.9 }, { look_at = { origin = [2.6, 2.2, -1.4], target = [0, 0.5, 0.5] } }]
+"#;
+
+const RULES: [&str; 6] = [
+    "rays = [\"camera\"]\nexclude = [\"ball\", \"panel\"]",
+    "on = [\"mirror\"]\nrays = [\"reflected\"]\ninclude = [\"room\", \"lamp\"]",
+    "on = [\"satin\"]\nrays = [\"reflected\"]\nexclude = [\"ball\", \"panel\"]",
+    "on = [\"room\", \"ball\"]\nrays = [\"shadow\"]\nexclude = [\"lamp\"]",
+    "on = [\"satin\"]\nrays = [\"shadow\"]\ninclude = [\"lamp\", \"panel\", \"mirror\", \"box\"]",
+    "on = [\"room\"]\nrays = [\"shadow\"]\nexclude = [\"ball\"]",
+];
+
+#[test]
+fn beams_and_the_path_tracer_obey_the_same_rules() {
+    let view = VIEW
+        .replace("passes = 4", "passes = 48")
+        .replace("paths = 400", "paths = 3000\nradius = 0.06");
+    let plain = format!("{view}{ROOM}");
+    // Together they all have to do with each other.
+    let all: String = RULES
+        .iter()
+        .map(|rule| format!("[[rules]]\n{rule}\n"))
+        .collect();
+    let one_by_one = RULES.iter().map(|rule| format!("[[rules]]\n{rule}\n"));
+    for rules in one_by_one.chain([all]) {
+        let scene = scene(&format!("{plain}{rules}"));
+        assert!(
+            scene.description().notes.is_empty(),
+            "{:?}",
+            scene.description().notes
+        );
+        let beams = blocks(&scene, 8);
+        let settings = ReferenceSettings::default();
+        let truth = Blocks::new(reference_images(&scene, settings, 24, 12), 8);
+        let pairs = beams.blocks.iter().zip(&truth.blocks);
+        let pairs: Vec<_> = pairs.flat_map(|(a, b)| a.iter().zip(b)).collect();
+        let threshold = 1.0 - (1.0 - 1e-4f64).powf(1.0 / pairs.len() as f64);
+        for (i, (a, b)) in pairs.iter().enumerate() {
+            // Kernels blur by a little.
+            let off = ((a.mean() - b.mean()).abs() - 0.01 * b.mean()).max(0.0);
+            let p = two_sided(off / a.std_error().hypot(b.std_error()));
+            assert!(
+                p > threshold,
+                "{rules}, value {i}: {:.5} ± {:.5} and {:.5} ± {:.5}",
+                a.mean(),
+                a.std_error(),
+                b.mean(),
+                b.std_error()
+            );
+        }
+    }
+}

@@ -162,7 +162,9 @@ impl PathTracer<'_> {
         let mut path = Path {
             ray,
             medium: scene.camera_medium,
-            hidden: self.rules().map_or(HiddenSet::default(), |rules| rules.camera),
+            hidden: self
+                .rules()
+                .map_or(HiddenSet::default(), |rules| rules.camera),
             is_seen: true,
             beta: Rgb::ONE,
             compression: 1.0,
@@ -171,11 +173,12 @@ impl PathTracer<'_> {
             radiance: Rgb::ZERO,
         };
         while path.beta.max_element() > 0.0 {
-            let hit = scene
-                .geometry
-                .intersect(scene.objects(), &path.ray, f32::INFINITY, |object| {
-                    self.hides(path.hidden, object)
-                });
+            let hit =
+                scene
+                    .geometry
+                    .intersect(scene.objects(), &path.ray, f32::INFINITY, |object| {
+                        self.hides(path.hidden, object)
+                    });
             let length = hit.as_ref().map_or(f32::INFINITY, |h| h.t);
             if let Some(id) = path.medium {
                 let medium = &scene.media()[id as usize];
@@ -315,8 +318,7 @@ impl PathTracer<'_> {
                 frame,
                 local_wo,
             };
-            path.radiance +=
-                path.beta * self.direct(&vertex, path.medium, sets.as_ref(), sampler);
+            path.radiance += path.beta * self.direct(&vertex, path.medium, sets.as_ref(), sampler);
         }
         let (u_lobe, u) = (sampler.next_1d(), sampler.next_2d());
         let Some(sample) = bsdf.sample(local_wo, u_lobe, u, TransportMode::Radiance) else {

@@ -11,13 +11,16 @@ use crate::scene::values::Spanned;
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 
+/// Numbers of objects, and of lights.
+type Run = [Range<usize>; 2];
+
 /// What names stand for, gathered while objects and lights are made.
 #[derive(Default)]
 pub struct Names {
     /// By name: runs of objects, and of lights.
-    runs: BTreeMap<String, Vec<[Range<usize>; 2]>>,
+    runs: BTreeMap<String, Vec<Run>>,
     /// Of shapes and lights that say which rays see them.
-    visible: Vec<(Spanned<Vec<RayType>>, [Range<usize>; 2])>,
+    visible: Vec<(Spanned<Vec<RayType>>, Run)>,
 }
 
 impl Names {
@@ -202,7 +205,7 @@ impl<'a> Resolver<'a> {
         self.things as u32 + 1
     }
 
-    fn run(&self, [objects, lights]: &[Range<usize>; 2]) -> impl Iterator<Item = u32> {
+    fn run(&self, [objects, lights]: &Run) -> impl Iterator<Item = u32> {
         let first_light = self.objects;
         let lights = lights.clone().map(move |light| first_light + light);
         objects.clone().chain(lights).map(|thing| thing as u32)

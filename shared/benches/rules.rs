@@ -28,7 +28,7 @@ fn scene(ruled: bool) -> Scene {
     let mut text = String::from(
         "[image]\nwidth = 160\nheight = 120\n[camera]\norigin = [0, 0, 9]\ntarget = [0, 0, 0]\nfov = 50\n\
          [render]\npaths = 20000\n\
-         [materials.glass]\ntype = \"dielectric\"\n[materials.satin]\ntype = \"rough_plastic\"\nalpha = 0.3\n\
+         [materials.glass]\ntype = \"dielectric\"\nior = 1.5\n[materials.satin]\ntype = \"rough_plastic\"\nalpha = 0.3\n\
          [[shapes]]\nname = \"room\"\ntype = \"cube\"\nflip_normals = true\ntransform = [{ scale = 10 }]\n\
          [[lights]]\nname = \"spot\"\ntype = \"spot\"\nposition = [3, 8, 8]\ntarget = [0, 0, 0]\nintensity = 300\n\
          [[shapes]]\nname = \"lamp\"\ntype = \"sphere\"\ncenter = [-6, 7, 4]\nemission = { radiance = 9 }\n",

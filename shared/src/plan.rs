@@ -22,6 +22,8 @@ pub struct Scene {
     pub(crate) selector: LightSelector,
     /// By what shadow rays do not see, where that is lights: the others.
     pub(crate) selectors: BTreeMap<u32, LightSelector>,
+    /// The lights whose photons rules let leave something, where those are not all.
+    pub(crate) emitters: Option<LightSelector>,
     /// The lights as segments in fog see them.
     pub(crate) segment_lights: SegmentLights,
     /// Medium that camera rays start in.
@@ -47,7 +49,7 @@ impl Scene {
             &description.objects,
             &description.bounds,
         );
-        let selectors = selectors(&description);
+        let (selectors, emitters) = (selectors(&description), emitters(&description));
         let material = |o: &Object| &description.materials[o.material as usize];
         let passable: Vec<bool> = description
             .objects
@@ -75,6 +77,7 @@ impl Scene {
             geometry,
             selector,
             selectors,
+            emitters,
             segment_lights,
             camera_medium: None,
             light_media: Vec::new(),
@@ -250,7 +253,7 @@ fn selectors(description: &SceneDescription) -> BTreeMap<u32, LightSelector> {
         if (0..description.lights.len()).all(sees) {
             continue;
         }
-        selectors.entry(sets.shadow.0).or_insert_with(|| {
+        selectors.entry(sets.shadow.row).or_insert_with(|| {
             LightSelector::of_some(
                 &description.lights,
                 &description.objects,
@@ -260,6 +263,32 @@ fn selectors(description: &SceneDescription) -> BTreeMap<u32, LightSelector> {
         });
     }
     selectors
+}
+
+/// The lights whose photons leave something somewhere, unless all may.
+fn emitters(description: &SceneDescription) -> Option<LightSelector> {
+    let rules = description.rules.as_ref()?;
+    let objects = description.objects.iter().zip(&rules.of_object);
+    let surfaces = objects.filter(|(object, _)| {
+        let material = &description.materials[object.material as usize];
+        !material.is_specular()
+    });
+    let media = description.media.iter().zip(&rules.of_medium);
+    let media = media.filter(|(medium, _)| medium.scatters());
+    let mut sets: Vec<_> = surfaces.map(|(_, sets)| sets.photon).collect();
+    sets.extend(media.map(|(_, set)| *set));
+    sets.sort_unstable_by_key(|set| set.row);
+    sets.dedup();
+    let matters = |light: usize| !sets.iter().all(|set| rules.hides_light(*set, light));
+    if (0..description.lights.len()).all(matters) {
+        return None;
+    }
+    Some(LightSelector::of_some(
+        &description.lights,
+        &description.objects,
+        &description.bounds,
+        matters,
+    ))
 }
 
 /// From footprints to kernel radii, before the pass's scale.

@@ -13,7 +13,7 @@
 //! So direct light is found by shadow rules alone, and what photons bring by photon rules alone: gather rays, too, obey
 //! the photon rules of the surfaces that they find. A gather ray knows those only when it is there. So it passes what the
 //! photons of most surfaces pass (`gather`), and finds the light of surfaces whose photons pass just that; the light of all
-//! others, and all light of surfaces on which some light's photons leave nothing, is left to photons. Weights still sum to one.
+//! others is left to photons. Weights still sum to one.
 //!
 //! Gloss (rough metal and glass) with reflected or refracted rules of its own finds the light of other surfaces by gather
 //! rays alone, which then obey those rules.
@@ -54,10 +54,14 @@ impl RayType {
     ];
 }
 
-/// What a ray does not see: a row of bits, one for each class of objects and lights that rules do not tell apart. This is
-/// the row's first word; 0 for nothing.
+/// What a ray does not see: a row of bits, one for each class of objects and lights that rules do not tell apart.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct HiddenSet(pub(crate) u32);
+pub struct HiddenSet {
+    /// Where the row begins; 0 for nothing.
+    pub(crate) row: u32,
+    /// Its first word, which is all that most scenes have.
+    pub(crate) first: u32,
+}
 
 /// Rules, resolved. At least one of them has an effect.
 #[derive(Clone, Debug, Default)]
@@ -80,11 +84,17 @@ pub struct Rules {
     pub(crate) unlit: Vec<bool>,
     /// What gather rays pass.
     pub(crate) gather: HiddenSet,
+    /// By light: its kind, below [`MANY_KINDS`]; and by kind, the class.
+    pub(crate) light_kinds: (Vec<u8>, Vec<u32>),
     /// Number of rules, for `explain`.
     pub(crate) rules: usize,
     /// Some rule changes where photons go or what they leave.
     pub touches_photons: bool,
 }
+
+/// Surface photons know so many kinds of lights that rules tell apart. With more, gather rays from surfaces that some
+/// light's photons leave nothing on look for no light of other surfaces.
+pub(crate) const MANY_KINDS: usize = 256;
 
 /// What the rays that start at an object do not see.
 #[derive(Clone, Copy, Debug, Default)]
@@ -113,8 +123,15 @@ impl ObjectSets {
 impl Rules {
     #[inline]
     fn holds(&self, set: HiddenSet, thing: usize) -> bool {
-        let class = self.class[thing];
-        let word = self.rows[set.0 as usize + (class >> 5) as usize];
+        self.holds_class(set, self.class[thing])
+    }
+
+    #[inline]
+    fn holds_class(&self, set: HiddenSet, class: u32) -> bool {
+        let word = match class {
+            0..32 => set.first,
+            _ => self.rows[set.row as usize + (class >> 5) as usize],
+        };
         word >> (class & 31) & 1 == 1
     }
 
@@ -138,6 +155,8 @@ impl Rules {
             + size_of_val(&*self.of_light)
             + size_of_val(&*self.of_medium)
             + size_of_val(&*self.unlit)
+            + size_of_val(&*self.light_kinds.0)
+            + size_of_val(&*self.light_kinds.1)
     }
 }
 
@@ -175,6 +194,10 @@ pub trait Sight: Copy + Send + Sync {
     fn hides(self, hidden: Self::Hidden, object: u32) -> bool;
     /// Whether a light is not seen.
     fn hides_light(self, hidden: Self::Hidden, light: usize) -> bool;
+    /// The kind of a light: of those that rules do not tell apart.
+    fn light_kind(self, light: usize) -> u8;
+    /// Whether lights of a kind are not seen.
+    fn hides_kind(self, hidden: Self::Hidden, kind: u8) -> bool;
     /// Whether photons that come straight from a light leave nothing in a medium.
     fn unlit(self, medium: u16, light: usize) -> bool;
     /// Whether gather rays find the light that an object sends on.
@@ -187,6 +210,8 @@ pub trait Sight: Copy + Send + Sync {
     fn is_glossy(self, object: u32) -> bool;
     /// The lights that an object is lit by.
     fn selector(self, scene: &Scene, object: u32) -> &LightSelector;
+    /// The lights whose photons may leave something.
+    fn emitters(self, scene: &Scene) -> &LightSelector;
 
     /// Whether an area light is passed through: no ray meets it by chance.
     #[inline]
@@ -217,6 +242,14 @@ impl Sight for Unruled {
         false
     }
     #[inline(always)]
+    fn light_kind(self, _: usize) -> u8 {
+        0
+    }
+    #[inline(always)]
+    fn hides_kind(self, (): (), _: u8) -> bool {
+        false
+    }
+    #[inline(always)]
     fn unlit(self, _: u16, _: usize) -> bool {
         false
     }
@@ -238,6 +271,10 @@ impl Sight for Unruled {
     }
     #[inline(always)]
     fn selector(self, scene: &Scene, _: u32) -> &LightSelector {
+        &scene.selector
+    }
+    #[inline(always)]
+    fn emitters(self, scene: &Scene) -> &LightSelector {
         &scene.selector
     }
 }
@@ -272,6 +309,17 @@ impl Sight for Ruled<'_> {
         self.0.hides_light(hidden, light)
     }
     #[inline]
+    fn light_kind(self, light: usize) -> u8 {
+        self.0.light_kinds.0[light]
+    }
+    #[inline]
+    fn hides_kind(self, hidden: HiddenSet, kind: u8) -> bool {
+        match self.0.light_kinds.1.get(usize::from(kind)) {
+            Some(class) => self.0.holds_class(hidden, *class),
+            None => false,
+        }
+    }
+    #[inline]
     fn unlit(self, medium: u16, light: usize) -> bool {
         self.0.unlit[usize::from(medium) * self.0.of_light.len() + light]
     }
@@ -294,7 +342,11 @@ impl Sight for Ruled<'_> {
     #[inline]
     fn selector(self, scene: &Scene, object: u32) -> &LightSelector {
         let shadow = self.0.of_object[object as usize].shadow;
-        scene.selectors.get(&shadow.0).unwrap_or(&scene.selector)
+        scene.selectors.get(&shadow.row).unwrap_or(&scene.selector)
+    }
+    #[inline]
+    fn emitters(self, scene: &Scene) -> &LightSelector {
+        scene.emitters.as_ref().unwrap_or(&scene.selector)
     }
 }
 

@@ -40,6 +40,8 @@ pub struct SurfacePhoton {
     pub odds: f32,
     /// Group of the light that it comes from, see [`crate::parts::LayerPlan::group`].
     pub group: u16,
+    /// That light's kind, see [`crate::rules::Sight::light_kind`].
+    pub light_kind: u8,
 }
 
 impl Boundable for SurfacePhoton {
@@ -198,6 +200,7 @@ mod tests {
             arrival: Arrival::Specular,
             odds: f32::INFINITY,
             group: 0,
+            light_kind: 0,
         };
         let map = SurfacePhotonMap::new(vec![photon]);
         let n = 400;
@@ -227,6 +230,7 @@ mod tests {
                         arrival: Arrival::Surface,
                         odds: 1.0,
                         group: 0,
+                        light_kind: 0,
                     }
                 })
                 .collect();

@@ -163,7 +163,8 @@ impl<V: Sight> Tracer<'_, V> {
     }
 
     fn emit(&self, sampler: &mut Sampler, leaves_beams: bool) -> Option<Photon<V::Hidden>> {
-        let choice = self.scene.selector.sample(sampler.next_1d())?;
+        let emitters = self.sight.emitters(self.scene);
+        let choice = emitters.sample(sampler.next_1d())?;
         let light = &self.scene.lights()[choice.light];
         let uniforms = EmissionUniforms {
             position: sampler.next_2d(),
@@ -325,6 +326,7 @@ impl<V: Sight> Tracer<'_, V> {
                     false => photon.odds,
                 },
                 group: photon.group,
+                light_kind: self.sight.light_kind(photon.light),
             });
         }
         let frame = Frame::from_normal(hit.ns);

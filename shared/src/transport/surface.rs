@@ -99,13 +99,13 @@ impl<V: Sight> CameraTracer<'_, V> {
     fn light_sample(
         &self,
         x: &Vertex,
-        seen: Seen,
+        seen: Seen<V::Hidden>,
         sampler: &mut Sampler,
         weight: impl Fn(usize, &DirectSample, Vec3) -> f32,
     ) -> (Rgb, usize) {
         let selector = match seen {
             Seen::First => self.sight.selector(self.scene, x.hit.object),
-            Seen::ByGatherRay => &self.scene.selector,
+            Seen::ByGatherRay(_) => self.sight.emitters(self.scene),
         };
         let choice = selector.sample(sampler.next_1d());
         let (u, u_primitive) = (sampler.next_2d(), sampler.next_1d());
@@ -123,7 +123,7 @@ impl<V: Sight> CameraTracer<'_, V> {
     fn light_towards(
         &self,
         x: &Vertex,
-        seen: Seen,
+        seen: Seen<V::Hidden>,
         choice: LightChoice,
         (u, u_primitive): (Vec2, f32),
         sampler: &mut Sampler,
@@ -145,11 +145,13 @@ impl<V: Sight> CameraTracer<'_, V> {
         let object = x.hit.object;
         let hidden = match seen {
             Seen::First => self.sight.from(Start::Shadow(object)),
-            Seen::ByGatherRay => self.sight.from(Start::Light(choice.light)),
+            Seen::ByGatherRay(_) => self.sight.from(Start::Light(choice.light)),
         };
         let is_unlit = match seen {
             Seen::First => self.is_unlit(x, direct.wi, choice.light),
-            Seen::ByGatherRay => self.sight.hides(hidden, object),
+            Seen::ByGatherRay(by) => {
+                self.sight.hides(hidden, object) || self.sight.hides_light(by, choice.light)
+            }
         };
         if is_unlit {
             return Rgb::ZERO;
@@ -351,11 +353,17 @@ impl<V: Sight> CameraTracer<'_, V> {
             let cos_in = direct.wi.dot(y.hit.ng).abs();
             share(self.first_odds * lights_density * cos_in, wi)
         };
-        let (mut radiance, light) = self.light_sample(y, Seen::ByGatherRay, sampler, weight);
+        let by = self.sight.from(Start::Photon(x.hit.object));
+        let (mut radiance, light) = self.light_sample(y, Seen::ByGatherRay(by), sampler, weight);
         record.add(Part::Surface, light, beta * radiance);
         // A facet that scatters diffusely has one share for all photons.
         if !y.is_even() || share(DEEPER_ODDS, y.local_wo) > 0.0 {
-            let weight = |_: &SurfacePhoton, wi: Vec3| share(DEEPER_ODDS, wi);
+            let weight = |photon: &SurfacePhoton, wi: Vec3| {
+                if self.sight.hides_kind(by, photon.light_kind) {
+                    return 0.0;
+                }
+                share(DEEPER_ODDS, wi)
+            };
             radiance += self.photon_radiance(y, weight, beta, record);
         }
         radiance
@@ -428,11 +436,11 @@ fn gather_share(odds: f32, density: f32) -> f32 {
 
 /// How light is looked for at a surface point.
 #[derive(Clone, Copy)]
-enum Seen {
+enum Seen<H> {
     /// At the first surface that is not specular: shadow rays.
     First,
-    /// As photons would bring it.
-    ByGatherRay,
+    /// As photons would bring it to a surface from which they do not see this.
+    ByGatherRay(H),
 }
 
 /// The `odds` of photons that rules keep off the surface they are on: only gather rays find what it sends on.

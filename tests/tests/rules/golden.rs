@@ -110,11 +110,11 @@ const RULES: [(&str, &str); 10] = [
     ),
     (
         r#"on = ["floor", "box", "spot"] | rays = ["photon"] | exclude = ["glass", "spot"]"#,
-        "0a5a874ba2bb4f3570ac13e556c5bbbab846b0227b7dc83b952eb187c2b59b89",
+        "0e7a53ae80dc5e866ec538887edc355ba0c09fd084bb8e202b9859827acec7f1",
     ),
     (
         r#"on = ["spot", "glass", "floor"] | rays = ["photon"] | include = ["glass", "lamp"]"#,
-        "790a4eb8f8d0d71f1b9ab277443a59aee938417ea2721f6d0607aba02d72d9f2",
+        "d53c41622b6a5bf782c0dbf576e7c03c8992effef41da35c2cdb598350747794",
     ),
 ];
 

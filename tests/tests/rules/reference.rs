@@ -76,6 +76,7 @@ fn beams_and_the_path_tracer_obey_the_same_rules() {
         .replace("passes = 4", "passes = 48")
         .replace("paths = 400", "paths = 3000\nradius = 0.06");
     let plain = format!("{view}{ROOM}");
+    let plain_scene = scene(&plain);
     // Together they all have to do with each other.
     let all: String = RULES
         .iter()
@@ -92,6 +93,19 @@ fn beams_and_the_path_tracer_obey_the_same_rules() {
         let beams = blocks(&scene, 8);
         let settings = ReferenceSettings::default();
         let truth = Blocks::new(reference_images(&scene, settings, 24, 12), 8);
+        // Together the rules matter: without them the picture is another one.
+        let other = blocks(&plain_scene, 8);
+        let differ = other
+            .blocks
+            .iter()
+            .flatten()
+            .zip(truth.blocks.iter().flatten());
+        let differ =
+            differ.map(|(a, b)| (a.mean() - b.mean()).abs() / a.std_error().hypot(b.std_error()));
+        assert!(
+            rules.len() < RULES[0].len() * 3 || differ.fold(0.0, f64::max) > 8.0,
+            "{rules}: no effect"
+        );
         let pairs = beams.blocks.iter().zip(&truth.blocks);
         let pairs: Vec<_> = pairs.flat_map(|(a, b)| a.iter().zip(b)).collect();
         let threshold = 1.0 - (1.0 - 1e-4f64).powf(1.0 / pairs.len() as f64);

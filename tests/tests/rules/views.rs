@@ -279,6 +279,22 @@ fn shadow_rays_see_the_lights_that_rules_leave_them() {
     );
 }
 
+/// As long as nothing is lit by it, its photons are not even sent.
+#[test]
+fn a_light_that_lights_nothing_is_no_light() {
+    let without = format!("{VIEW}{EVERYTHING}").replace("passes = 4", "passes = 32");
+    let light =
+        "[[lights]]\nname = \"off\"\ntype = \"point\"\nposition = [0, 2, 1]\nintensity = 50\n";
+    let with = format!("{without}{light}");
+    different(&with, &without);
+    same_bits(&format!("{with}visible = []\n"), &without);
+    let rule = "[[rules]]\nrays = [\"shadow\", \"photon\"]\nexclude = [\"off\"]\n";
+    same_bits(&format!("{with}{rule}"), &without);
+    let by_group =
+        "group = \"unused\"\n[[rules]]\nrays = [\"shadow\", \"photon\"]\nexclude = [\"unused\"]\n";
+    same_bits(&format!("{with}{by_group}"), &without);
+}
+
 #[test]
 fn shadow_rays_pass_what_rules_hide() {
     let without = format!("{VIEW}{LAMPS}{OTHER_LAMP}").replace("passes = 4", "passes = 32");

@@ -38,8 +38,11 @@ impl Parts<'_> {
         self.add_objects(record, name)?;
         let objects = before[0]..self.objects.len();
         let lights = before[1]..self.lights.len();
+        let emission = record.emission.as_ref().map(Spanned::get_ref);
+        let group = emission.and_then(|emission| emission.group.as_deref());
+        let visible = record.visible.as_ref();
         self.names
-            .add(name, &[], record.visible.as_ref(), objects, lights);
+            .add(name, group.as_slice(), visible, objects, lights);
         Ok(())
     }
 

@@ -1,6 +1,6 @@
 //! Hashes of small images. They change when the renderer computes something else: then look at the pictures, check the
 //! tests of estimators, and take the new hashes over in a commit that says why. They never change with the machine, the
-//! number of threads, or the build.
+//! number of threads, or the build. Those of pictures with visibility rules are in `rules/golden.rs`.
 
 use beamfarm_shared::exr::pixel_hash;
 use beamfarm_shared::pass::render_pass;

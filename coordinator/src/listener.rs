@@ -23,10 +23,6 @@ use tokio_io_timeout::TimeoutStream;
 use tower::ServiceExt;
 use tracing::{debug, warn};
 
-/// Bytes that may be on their way to the coordinator, in one delivery and in one connection: at 100 ms of latency these
-/// let 40 MB/s and 160 MB/s through.
-const DELIVERY_WINDOW: u32 = 4 << 20;
-const CONNECTION_WINDOW: u32 = 16 << 20;
 /// Calls that a peer may begin and break off before they are looked at (HTTP/2 rapid reset).
 const BROKEN_OFF: usize = 32;
 /// Pause after the system refused a connection: it is out of file descriptors, say.
@@ -169,8 +165,8 @@ async fn requests(
         .timer(TokioTimer::new())
         .keep_alive_interval(limits.probe_every)
         .keep_alive_timeout(limits.probe_timeout)
-        .initial_stream_window_size(DELIVERY_WINDOW)
-        .initial_connection_window_size(CONNECTION_WINDOW)
+        // As much on its way as the network holds, and no more: what a thousand connections buffer is memory.
+        .adaptive_window(true)
         .max_concurrent_streams(limits.calls)
         .max_header_list_size(limits.header_bytes)
         .max_pending_accept_reset_streams(BROKEN_OFF);

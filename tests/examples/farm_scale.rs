@@ -16,14 +16,16 @@ use beamfarm_shared::job::{Block, JobSettings, ScheduleKind};
 use beamfarm_shared::merge::{Node, TreeSum};
 use beamfarm_shared::radius::Schedule;
 use beamfarm_shared::sampler::{Purpose, Sampler};
+use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader};
 use std::process::{Command, Stdio};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 use tokio::net::TcpListener;
 use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
+use tonic::transport::Channel;
 
 type AnyError = Box<dyn std::error::Error + Send + Sync>;
 
@@ -64,6 +66,8 @@ fn main() -> Result<(), AnyError> {
     let url = lines.next().ok_or("no address")??;
     let before = cpu_seconds(child.id())?;
     let runtime = tokio::runtime::Builder::new_current_thread()
+        // Making images must not keep this thread from answering.
+        .max_blocking_threads(1)
         .enable_all()
         .build()?;
     let begun = Instant::now();
@@ -152,11 +156,14 @@ fn noise() -> Film {
 
 /// All workers at once, until all blocks have been taken.
 async fn crowd(url: &str, workers: u64, blocks: u64, coordinator: u32) -> Result<(), AnyError> {
-    let film = Arc::new(noise());
+    let ready = Arc::new(ReadyMade {
+        film: noise(),
+        known: Mutex::default(),
+    });
     let taken = Arc::new(AtomicU64::new(0));
     let mut tasks = tokio::task::JoinSet::new();
     for index in 0..workers {
-        tasks.spawn(worker(url.to_owned(), index, film.clone(), taken.clone()));
+        tasks.spawn(worker(url.to_owned(), index, ready.clone(), taken.clone()));
     }
     let mut told = 0;
     let mut ticks = tokio::time::interval(Duration::from_millis(100));
@@ -177,13 +184,11 @@ async fn crowd(url: &str, workers: u64, blocks: u64, coordinator: u32) -> Result
     }
 }
 
-async fn worker(
-    url: String,
+async fn register(
+    url: &str,
     index: u64,
-    film: Arc<Film>,
-    taken: Arc<AtomicU64>,
-) -> Result<(), AnyError> {
-    let mut farm = FarmClient::connect(url).await?;
+) -> Result<(FarmClient<Channel>, wire::RegisterReply), AnyError> {
+    let mut farm = FarmClient::connect(url.to_owned()).await?;
     let request = wire::RegisterRequest {
         version: VERSION.into(),
         name: format!("simulated {index}"),
@@ -192,6 +197,23 @@ async fn worker(
         ..Default::default()
     };
     let reply = farm.register(request).await?.into_inner();
+    Ok((farm, reply))
+}
+
+async fn worker(
+    url: String,
+    index: u64,
+    ready: Arc<ReadyMade>,
+    taken: Arc<AtomicU64>,
+) -> Result<(), AnyError> {
+    // A thousand at the same moment are more than a socket lets wait: again a little later, as workers do.
+    let (mut farm, reply) = loop {
+        match register(&url, index).await {
+            Ok(registered) => break registered,
+            Err(error) => eprintln!("worker {index} tries again: {error}"),
+        }
+        tokio::time::sleep(Duration::from_millis(100 + index)).await;
+    };
     let scene = reply.job.unwrap_or_default().scene;
     let (beats, receiver) = mpsc::channel(4);
     let beat = wire::Heartbeat {
@@ -215,22 +237,24 @@ async fn worker(
                 Grant::NotNow => continue,
                 Grant::Done => return Ok::<(), AnyError>(()),
             };
-            let bytes = image(block, &scene, &film)?;
+            let (ready, scene_hash) = (ready.clone(), scene.clone());
+            let made = tokio::task::spawn_blocking(move || ready.image(block, &scene_hash));
+            let Image { head, tail, hash } = made.await??;
             let header = wire::SubmitHeader {
                 worker: reply.worker,
                 lease: lease.0,
                 block: Some(block.into()),
-                size: bytes.len() as u64,
-                hash: FileHash::of(&bytes).to_wire(),
+                size: (head.len() + tail.len()) as u64,
+                hash: hash.to_wire(),
                 stats: None,
             };
             // As workers do: when too much arrives at the same time, again a little later.
             let mut pause = Duration::from_millis(50);
             loop {
-                let mut rest = bytes.clone();
+                let mut rest = [head.clone(), tail.clone()];
                 let chunks = std::iter::from_fn(move || {
-                    let chunk = rest.split_to(rest.len().min(CHUNK_BYTES));
-                    (!chunk.is_empty()).then_some(Part::Data(chunk))
+                    let rest = rest.iter_mut().find(|rest| !rest.is_empty())?;
+                    Some(Part::Data(rest.split_to(rest.len().min(CHUNK_BYTES))))
                 });
                 let parts = std::iter::once(Part::Header(header.clone())).chain(chunks);
                 let parts = parts.map(|part| wire::SubmitRequest { part: Some(part) });
@@ -252,7 +276,38 @@ async fn worker(
     }
 }
 
-fn image(block: Block, scene: &[u8], film: &Film) -> Result<Bytes, AnyError> {
+/// A block as it is sent.
+struct Image {
+    head: Bytes,
+    /// Shared by all blocks of a level: a thousand of them would not fit into memory.
+    tail: Bytes,
+    hash: FileHash,
+}
+
+/// Makes blocks that hold the same film again and again.
+struct ReadyMade {
+    film: Film,
+    /// One of each level.
+    known: Mutex<BTreeMap<u32, Bytes>>,
+}
+
+impl ReadyMade {
+    fn image(&self, block: Block, scene: &[u8]) -> Result<Image, AnyError> {
+        let bytes = encoded(block, scene, &self.film)?;
+        let hash = FileHash::of(&bytes);
+        let mut known = self.known.lock().map_err(|_| "a thread failed")?;
+        let like = known.entry(block.level).or_insert_with(|| bytes.clone());
+        let pairs = bytes.iter().rev().zip(like.iter().rev());
+        let common = pairs.take_while(|(a, b)| a == b).count();
+        Ok(Image {
+            head: Bytes::copy_from_slice(&bytes[..bytes.len() - common]),
+            tail: like.slice(like.len() - common..),
+            hash,
+        })
+    }
+}
+
+fn encoded(block: Block, scene: &[u8], film: &Film) -> Result<Bytes, AnyError> {
     let schedule = Schedule::new(&settings());
     let mut sum = TreeSum::new(WIDTH, HEIGHT);
     for pass in block.passes() {

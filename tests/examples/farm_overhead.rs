@@ -1,7 +1,8 @@
 //! What the farm costs: `cargo run --release -p beamfarm-tests --example farm_overhead -- target/release/beamfarm SCENE PASSES`.
 //!
 //! Runs `beamfarm serve`, with its job folder, and two worker processes of one thread, and the same passes in this
-//! process on two threads without coordinator, network or images, in turns; the ratios of the pairs tell the overhead.
+//! process on two threads without coordinator, network or images, in turns; the ratios of the pairs tell the overhead, of time and of the processors' time, which other programs on the
+//! machine disturb less.
 //!
 //! The workers are this program too: the compiler makes other machine code of the renderer for each program, and that
 //! would be measured with it.
@@ -36,6 +37,7 @@ fn main() -> Result<(), AnyError> {
     let folder = tempfile::tempdir()?;
     let output = folder.path().join("farm.exr");
     let mut ratios = Vec::new();
+    let mut cpu_ratios = Vec::new();
     for pair in 0..PAIRS {
         // Whoever begins may find a warmer or a cooler machine.
         let (farm, bare) = if pair.is_multiple_of(2) {
@@ -45,24 +47,28 @@ fn main() -> Result<(), AnyError> {
             let bare = in_process(Path::new(&scene), passes)?;
             (by_farm(&program, &scene, passes, &output)?, bare)
         };
-        if farm.1 != bare.1 {
-            return Err(format!("the farm made pixels {}, this process {}", farm.1, bare.1).into());
+        if farm.pixels != bare.pixels {
+            let (farm, bare) = (farm.pixels, bare.pixels);
+            return Err(format!("the farm made pixels {farm}, this process {bare}").into());
         }
+        let ratio = farm.seconds / bare.seconds;
+        let cpu_ratio = farm.cpu_seconds / bare.cpu_seconds;
         println!(
-            "{:.2} s with the farm, {:.2} s without: {:.3}",
-            farm.0,
-            bare.0,
-            farm.0 / bare.0
+            "{:.2} s with the farm, {:.2} s without: {ratio:.3}; of the processors {:.2} s and {:.2} s: {cpu_ratio:.3}",
+            farm.seconds, bare.seconds, farm.cpu_seconds, bare.cpu_seconds
         );
-        ratios.push(farm.0 / bare.0);
+        ratios.push(ratio);
+        cpu_ratios.push(cpu_ratio);
     }
-    ratios.sort_by(f64::total_cmp);
-    println!(
-        "median of {PAIRS} ratios {:.3}, from {:.3} to {:.3}",
-        ratios[PAIRS / 2],
-        ratios[0],
-        ratios[PAIRS - 1]
-    );
+    for (what, mut ratios) in [("time", ratios), ("the processors' time", cpu_ratios)] {
+        ratios.sort_by(f64::total_cmp);
+        println!(
+            "{what}: median of {PAIRS} ratios {:.3}, from {:.3} to {:.3}",
+            ratios[PAIRS / 2],
+            ratios[0],
+            ratios[PAIRS - 1]
+        );
+    }
     Ok(())
 }
 
@@ -83,14 +89,23 @@ fn serve_as_worker(url: String) -> Result<(), AnyError> {
     Ok(())
 }
 
-/// Seconds, and the hash of the pixels.
-fn by_farm(
-    program: &str,
-    scene: &str,
-    passes: u64,
-    output: &Path,
-) -> Result<(f64, String), AnyError> {
-    let begun = Instant::now();
+/// What rendering took, and what it made.
+struct Run {
+    seconds: f64,
+    cpu_seconds: f64,
+    pixels: String,
+}
+
+/// CPU seconds of this process, and of those that it has waited for (Linux).
+fn cpu_seconds() -> Result<f64, AnyError> {
+    let text = std::fs::read_to_string("/proc/self/stat")?;
+    let fields = text.rsplit(')').next().unwrap_or("").split_whitespace();
+    let ticks = fields.skip(11).take(4).map(str::parse::<f64>);
+    Ok(ticks.sum::<Result<f64, _>>()? / 100.0)
+}
+
+fn by_farm(program: &str, scene: &str, passes: u64, output: &Path) -> Result<Run, AnyError> {
+    let (begun, before) = (Instant::now(), cpu_seconds()?);
     let mut coordinator = Command::new(program)
         .args(["serve", scene, "--passes", &passes.to_string()])
         .args(["--listen", "127.0.0.1:0", "-o"])
@@ -116,12 +131,16 @@ fn by_farm(
     let seconds = begun.elapsed().as_secs_f64();
     std::fs::remove_dir_all(output.with_extension("job"))?;
     let hash = text.lines().find_map(|line| line.strip_prefix("pixels "));
-    Ok((seconds, hash.ok_or("no image")?.to_owned()))
+    Ok(Run {
+        seconds,
+        cpu_seconds: cpu_seconds()? - before,
+        pixels: hash.ok_or("no image")?.to_owned(),
+    })
 }
 
 /// The same by two threads of this process that take pass after pass.
-fn in_process(scene: &Path, passes: u64) -> Result<(f64, String), AnyError> {
-    let begun = Instant::now();
+fn in_process(scene: &Path, passes: u64) -> Result<Run, AnyError> {
+    let (begun, before) = (Instant::now(), cpu_seconds()?);
     let description = SceneFile::read(scene, &ImportOptions::default())?.load()?;
     let settings = description.defaults.job_settings();
     let scene = Scene::new(description);
@@ -149,5 +168,9 @@ fn in_process(scene: &Path, passes: u64) -> Result<(f64, String), AnyError> {
     })?;
     let sum = sum.into_inner().map_err(|_| "a thread failed")?;
     let average = sum.average().ok_or("no passes")?;
-    Ok((begun.elapsed().as_secs_f64(), pixel_hash(&average.beauty)))
+    Ok(Run {
+        seconds: begun.elapsed().as_secs_f64(),
+        cpu_seconds: cpu_seconds()? - before,
+        pixels: pixel_hash(&average.beauty),
+    })
 }

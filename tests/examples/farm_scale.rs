@@ -1,4 +1,4 @@
-//! How many workers a coordinator can serve: `cargo run --release -p beamfarm-tests --example farm_scale -- [WORKERS] [BLOCKS]`.
+//! How many workers a coordinator can serve: `cargo run --release -p beamfarm-tests --example farm_scale -- [WORKERS] [PASSES]`.
 //!
 //! A coordinator in a process of its own takes blocks of 1280 x 720 pixels from simulated workers, tasks of this process that
 //! send ready-made images, each over its own connection. What it takes in per second of its own CPU time is compared with
@@ -50,7 +50,7 @@ fn main() -> Result<(), AnyError> {
         return coordinator(passes);
     }
     let workers = first.map_or(Ok(1000), |text| text.parse())?;
-    let blocks: u64 = args.next().map_or(Ok(1000), |text| text.parse())?;
+    let passes: u64 = args.next().map_or(Ok(1000), |text| text.parse())?;
     let (copied, added) = one_core();
     println!(
         "one core copies a block of {WIDTH} x {HEIGHT} in {:.1} ms and sums it in {:.1} ms",
@@ -58,7 +58,7 @@ fn main() -> Result<(), AnyError> {
         1e3 * added
     );
     let mut child = Command::new(std::env::current_exe()?)
-        .args(["coordinator", &blocks.to_string()])
+        .args(["coordinator", &passes.to_string()])
         .stdin(Stdio::piped())
         .stdout(Stdio::piped())
         .spawn()?;
@@ -71,15 +71,15 @@ fn main() -> Result<(), AnyError> {
         .enable_all()
         .build()?;
     let begun = Instant::now();
-    runtime.block_on(crowd(&url, workers, blocks, child.id()))?;
+    let taken = runtime.block_on(crowd(&url, workers, passes, child.id()))?;
     let wall = begun.elapsed().as_secs_f64();
     let cpu = cpu_seconds(child.id())? - before;
     drop(child.stdin.take());
     child.wait()?;
-    let per_block = cpu / blocks as f64;
+    let per_block = cpu / taken as f64;
     println!(
-        "{workers} workers, {blocks} blocks in {wall:.1} s: {:.1} blocks/s, {:.1} ms of the coordinator's CPU time a block, {:.2} of what one core can copy and sum",
-        blocks as f64 / wall,
+        "{workers} workers, {passes} passes in {taken} blocks in {wall:.1} s: {:.1} blocks/s, {:.1} ms of the coordinator's CPU time a block, {:.2} of what one core can copy and sum",
+        taken as f64 / wall,
         1e3 * per_block,
         (copied + added) / per_block
     );
@@ -155,7 +155,9 @@ fn noise() -> Film {
 }
 
 /// All workers at once, until all blocks have been taken.
-async fn crowd(url: &str, workers: u64, blocks: u64, coordinator: u32) -> Result<(), AnyError> {
+///
+/// Returns how many there were: passes arrive in larger ones when the coordinator has too much to do.
+async fn crowd(url: &str, workers: u64, passes: u64, coordinator: u32) -> Result<u64, AnyError> {
     let ready = Arc::new(ReadyMade {
         film: noise(),
         known: Mutex::default(),
@@ -173,12 +175,12 @@ async fn crowd(url: &str, workers: u64, blocks: u64, coordinator: u32) -> Result
                 let now = taken.load(Ordering::Relaxed);
                 if now >= told {
                     println!("{now:6} blocks taken, the coordinator holds {:.0} MB", resident(coordinator)? / 1e6);
-                    told = now + blocks / 10;
+                    told = now + passes / 10;
                 }
             }
             ended = tasks.join_next() => match ended {
                 Some(ended) => ended??,
-                None => return Ok(()),
+                None => return Ok(taken.load(Ordering::Relaxed)),
             },
         }
     }

@@ -28,6 +28,8 @@ pub enum Layer {
     Light(LightGroup),
     /// Photon beams that contribute to the pixel.
     BeamDensity,
+    /// Photon targets before the first surface, or on it.
+    Targets,
 }
 
 /// Name of a group of lights: 1 to 64 letters, digits, and `_`, `-`, `+`, `#`, `:`, `[`, `]`, `(`, `)` or space.
@@ -62,7 +64,7 @@ impl Layer {
     pub fn channels(&self) -> &'static [&'static str] {
         match self {
             Self::Depth => &["Z"],
-            Self::BeamDensity => &["Y"],
+            Self::BeamDensity | Self::Targets => &["Y"],
             Self::Normal => &["X", "Y", "Z"],
             _ => &["R", "G", "B"],
         }
@@ -79,6 +81,7 @@ impl fmt::Display for Layer {
             Self::Surface => "surface",
             Self::Volume => "volume",
             Self::BeamDensity => "beam_density",
+            Self::Targets => "targets",
             Self::Light(group) => return write!(f, "light_{}", group.0),
         })
     }
@@ -96,6 +99,7 @@ impl FromStr for Layer {
             "surface" => Self::Surface,
             "volume" => Self::Volume,
             "beam_density" => Self::BeamDensity,
+            "targets" => Self::Targets,
             _ => match name.strip_prefix("light_") {
                 Some(group) if LightGroup::named(group).0 == group => {
                     Self::Light(LightGroup(group.into()))
@@ -144,12 +148,13 @@ mod tests {
             Layer::Surface,
             Layer::Volume,
             Layer::BeamDensity,
+            Layer::Targets,
             Layer::Light(LightGroup::named("key light")),
             Layer::Light(LightGroup::named("")),
             Layer::Light(LightGroup::named("a.b/ü")),
         ];
         let names = layers.each_ref().map(Layer::to_string);
-        assert_eq!(names[9], "light_a_b__");
+        assert_eq!(names[10], "light_a_b__");
         let read = parse_all(names.iter().map(String::as_str)).unwrap();
         assert_eq!(read, layers);
         for bad in ["", "beauty", "Depth", "light_", "light_a.b"] {

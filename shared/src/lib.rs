@@ -11,6 +11,7 @@
 //! | which estimator counts which light path?   | `transport`                                     |
 //! | what does a pass do?                       | `pass`                                          |
 //! | which stages does a scene need?            | `plan`                                          |
+//! | what are photons aimed at?                 | `target`                                        |
 //! | how does the radius shrink?                | [`radius`]                                      |
 //! | how are passes averaged?                   | [`merge`]                                       |
 //! | what is the image compared with?           | `reference`                                     |
@@ -117,6 +118,8 @@ pub mod scene;
 mod shadow;
 #[cfg(feature = "render")]
 pub mod surface;
+#[cfg(feature = "render")]
+pub mod target;
 #[cfg(feature = "render")]
 pub mod texture;
 #[cfg(feature = "render")]

@@ -62,6 +62,11 @@ impl LayerPlan {
         self.layers.contains(&Layer::BeamDensity)
     }
 
+    /// Whether the photon targets before each pixel's first surface are counted.
+    pub fn counts_targets(&self) -> bool {
+        self.layers.contains(&Layer::Targets)
+    }
+
     /// Number of groups of lights.
     pub fn groups(&self) -> usize {
         self.groups.len()
@@ -100,6 +105,8 @@ pub struct Parts {
     pub groups: Vec<Rgb>,
     /// Photon beams that contributed.
     pub beams: u32,
+    /// Photon targets before the first surface, or on it.
+    pub targets: u32,
 }
 
 impl Parts {
@@ -127,6 +134,7 @@ impl Parts {
                 .copied()
                 .unwrap_or_default(),
             Layer::BeamDensity => Vec3::new(self.beams as f32, 0.0, 0.0),
+            Layer::Targets => Vec3::new(self.targets as f32, 0.0, 0.0),
         };
         value.to_array()
     }

@@ -5,10 +5,10 @@ use crate::beam::store::BeamMap;
 use crate::beam::trace::{Photons, first_odds, trace_photons};
 use crate::film::Film;
 use crate::job::PassStats;
-use crate::math::Rgb;
+use crate::math::{Ray, Rgb};
 use crate::parts::{Parts, Recorder};
 use crate::plan::{RenderPlan, Scene};
-use crate::rules::{Ruled, Sight, Unruled};
+use crate::rules::{Ruled, Sight, Start, Unruled};
 use crate::sampler::{Purpose, Sampler, mix64};
 use crate::surface::SurfacePhotonMap;
 use crate::transport::CameraTracer;
@@ -181,6 +181,9 @@ impl<V: Sight> CameraPass<'_, V> {
             let mut sampler = Sampler::new(seed, self.pass_index, Purpose::Camera, chunk);
             let image = camera.sample(x, y, sampler.next_2d());
             let ray = camera.ray(image, sampler.next_2d());
+            if plan.counts_targets() {
+                scratch.parts[i].targets = self.targets_along(&ray);
+            }
             let segments = &mut scratch.camera;
             let mut record = Recorder::new(plan, scratch.parts.get_mut(i));
             *value = self
@@ -204,6 +207,24 @@ impl<V: Sight> CameraPass<'_, V> {
             layers: plan.layers.iter().enumerate().map(values).collect(),
             evaluations,
         }
+    }
+
+    /// Photon targets along a camera ray, up to what it meets.
+    fn targets_along(&self, ray: &Ray) -> u32 {
+        let CameraTracer {
+            scene, plan, sight, ..
+        } = &self.tracer;
+        let Some(targets) = &plan.targets else {
+            return 0;
+        };
+        let hidden = sight.from(Start::Camera);
+        let is_passed =
+            |object: u32| scene.passable[object as usize] || sight.hides(hidden, object);
+        let objects = scene.objects();
+        let hit = scene
+            .geometry
+            .intersect(objects, ray, f32::INFINITY, is_passed);
+        targets.count(ray, hit.map_or(f32::INFINITY, |hit| hit.t))
     }
 
     fn gather_beams(

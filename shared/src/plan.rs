@@ -5,14 +5,16 @@ use crate::footprint::Footprint;
 use crate::geometry::{Geometry, Object, SurfaceHit, clearance};
 use crate::job::{JobSettings, ScheduleKind};
 use crate::layer::Layer;
-use crate::light::{Light, LightKind, LightSelector, SceneBounds, SegmentLights};
+use crate::light::{EmissionSample, Light, LightKind, LightSelector, SceneBounds, SegmentLights};
 use crate::math::{Ray, Rgb, Vec3};
 use crate::medium::{Medium, MediumId};
 use crate::parts::{LayerPlan, NoSuchGroup};
 use crate::sampler::Sampler;
 use crate::scene::SceneDescription;
+use crate::target::Targets;
 use std::collections::BTreeMap;
 use std::fmt;
+use std::sync::Arc;
 
 /// A scene made ready for rays: acceleration structures built, media around the camera and the lights found.
 #[derive(Debug)]
@@ -145,6 +147,15 @@ impl Scene {
     /// How far to move a point on a light off its surface.
     pub(crate) fn clearance(&self, point: Vec3) -> f32 {
         clearance(point.abs().max_element() + self.bounds().radius)
+    }
+
+    /// Where a photon starts, off the surface that emits it.
+    #[inline]
+    pub(crate) fn start_of(&self, emission: &EmissionSample) -> Vec3 {
+        match emission.normal {
+            Some(n) => emission.origin + n * self.clearance(emission.origin),
+            None => emission.origin,
+        }
     }
 
     /// The medium beyond a surface for a ray that crosses it in direction `dir`, coming through `current`.
@@ -361,6 +372,8 @@ pub struct RenderPlan {
     pub surface_paths: u32,
     /// Kernel radii.
     pub radii: KernelRadii,
+    /// What photons are aimed at, if they are.
+    pub targets: Option<Arc<Targets>>,
     /// What is rendered beside the beauty.
     pub layers: LayerPlan,
     explanation: Vec<(&'static str, bool, String)>,
@@ -429,6 +442,10 @@ impl RenderPlan {
         let is_sampled = |m: &&Medium| matches!(m, Medium::Homogeneous(_)) && m.scatters();
         let sampled_fog = description.media.iter().filter(is_sampled).count();
         let closed = description.media.len() - tracked.len();
+        let (targets, on_targets) = match beams || surface_photons {
+            true => Targets::prepare(scene, settings.seed, description.defaults.targeting),
+            false => (None, "no photon paths".into()),
+        };
         let explanation = vec![
             (
                 "photon paths",
@@ -443,6 +460,7 @@ impl RenderPlan {
                     "no light, or nothing that it could reach",
                 ),
             ),
+            ("photon targeting", targets.is_some(), on_targets),
             (
                 "photon beams",
                 beams,
@@ -559,6 +577,7 @@ impl RenderPlan {
             photons_at_first_surface,
             surface_paths,
             radii,
+            targets: targets.map(Arc::new),
             layers: LayerPlan::default(),
             explanation,
         }

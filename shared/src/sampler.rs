@@ -16,6 +16,10 @@ pub enum Purpose {
     Chords = 3,
     /// Paths of the reference integrator; the chunk is the pixel's index.
     Reference = 4,
+    /// Camera paths that look for photon targets; the chunk is the path's index.
+    Pilot = 5,
+    /// Photons that measure how many hit targets; the chunk is the photon's index.
+    Probes = 6,
     /// Numbers that tests draw.
     Test = 100,
 }

@@ -334,7 +334,7 @@ fn layers_stand_beside_the_same_beauty() {
     let expected = [
         "B", "G", "R", "albedo.B", "albedo.G", "albedo.R", "beam_density.Y", "depth.Z", "direct.B", "direct.G", "direct.R",
         "light_lights[0].B", "light_lights[0].G", "light_lights[0].R", "normal.X", "normal.Y", "normal.Z",
-        "stderr.B", "stderr.G", "stderr.R", "surface.B", "surface.G", "surface.R", "volume.B", "volume.G", "volume.R",
+        "stderr.B", "stderr.G", "stderr.R", "surface.B", "surface.G", "surface.R", "targets.Y", "volume.B", "volume.G", "volume.R",
     ];
     assert_eq!(channels("all.exr"), expected);
     let (code, message) = fail(folder, &["render", "scene.toml", "--aov", "deep"]);

@@ -8,7 +8,7 @@ use super::PhotonBeam;
 use crate::bsdf::TransportMode;
 use crate::footprint::{Footprint, spread};
 use crate::geometry::SurfaceHit;
-use crate::light::{EmissionUniforms, LightHit};
+use crate::light::{EmissionSample, EmissionUniforms, LightChoice, LightHit};
 use crate::math::{Frame, Ray, Rgb, Vec3, mean};
 use crate::medium::transmittance::StepFunctions;
 use crate::medium::{Flight, Medium, MediumId, Stretch};
@@ -17,6 +17,7 @@ use crate::radius::Schedule;
 use crate::rules::{Ruled, Sight, Start, Unruled};
 use crate::sampler::{Purpose, Sampler};
 use crate::surface::{Arrival, SurfacePhoton};
+use crate::target::{Aim, Targets};
 use crate::transport::{DEEPER_ODDS, UNSEEN};
 use rayon::prelude::*;
 
@@ -141,9 +142,35 @@ struct Photon<H> {
 
 impl<V: Sight> Tracer<'_, V> {
     fn trace(&self, sampler: &mut Sampler, leaves_beams: bool, out: &mut Photons) {
-        let Some(mut photon) = self.emit(sampler, leaves_beams) else {
+        let emitters = self.sight.emitters(self.scene);
+        let Some(choice) = emitters.sample(sampler.next_1d()) else {
             return;
         };
+        let targets = self.plan.targets.as_deref();
+        let aim = targets.and_then(|targets| targets.of(choice.light));
+        match aim {
+            Some(aim) if targets.is_some_and(Targets::rejects) => {
+                for _ in 0..aim.trials {
+                    let emission = self.emit(choice.light, None, sampler);
+                    let Some(photon) = self.start(choice, emission, aim.trials, leaves_beams)
+                    else {
+                        continue;
+                    };
+                    if aim.is_hit(self.scene, choice.light, &photon.ray, self.sight) {
+                        self.follow(photon, sampler, out);
+                    }
+                }
+            }
+            aim => {
+                let emission = self.emit(choice.light, aim, sampler);
+                if let Some(photon) = self.start(choice, emission, 1, leaves_beams) {
+                    self.follow(photon, sampler, out);
+                }
+            }
+        }
+    }
+
+    fn follow(&self, mut photon: Photon<V::Hidden>, sampler: &mut Sampler, out: &mut Photons) {
         let objects = self.scene.objects();
         while photon.power.max_element() > 0.0 {
             let geometry = &self.scene.geometry;
@@ -162,29 +189,41 @@ impl<V: Sight> Tracer<'_, V> {
         }
     }
 
-    fn emit(&self, sampler: &mut Sampler, leaves_beams: bool) -> Option<Photon<V::Hidden>> {
-        let emitters = self.sight.emitters(self.scene);
-        let choice = emitters.sample(sampler.next_1d())?;
-        let light = &self.scene.lights()[choice.light];
-        let uniforms = EmissionUniforms {
-            position: sampler.next_2d(),
-            direction: sampler.next_2d(),
-            primitive: sampler.next_1d(),
-        };
-        let emission = light.sample_emission(self.scene.objects(), self.scene.bounds(), uniforms);
-        let paths = self.beam_paths * choice.pmf;
+    /// Where a photon of a light starts: as the light emits it, or, if there is an aim, some of the time through that.
+    fn emit(
+        &self,
+        light: usize,
+        aim: Option<&Aim>,
+        sampler: &mut Sampler,
+    ) -> Option<EmissionSample> {
+        let light = &self.scene.lights()[light];
+        let (objects, bounds) = (self.scene.objects(), self.scene.bounds());
+        let uniforms = EmissionUniforms::draw(sampler);
+        match aim {
+            None => Some(light.sample_emission(objects, bounds, uniforms)),
+            Some(aim) => light.sample_mixture(objects, bounds, aim, uniforms, sampler.next_1d()),
+        }
+    }
+
+    /// A photon on its way from a light. `trials`: as many are started for each path.
+    fn start(
+        &self,
+        choice: LightChoice,
+        emission: Option<EmissionSample>,
+        trials: u32,
+        leaves_beams: bool,
+    ) -> Option<Photon<V::Hidden>> {
+        let emission = emission?;
+        let paths = self.beam_paths * choice.pmf * trials as f32;
         let radius = (1.0 / (std::f32::consts::PI * emission.pdf_pos * paths)).sqrt();
-        let origin = match emission.normal {
-            Some(n) => emission.origin + n * self.scene.clearance(emission.origin),
-            None => emission.origin,
-        };
+        let origin = self.scene.start_of(&emission);
         Some(Photon {
             ray: Ray {
                 origin,
                 dir: emission.dir,
             },
             hidden: self.sight.from(Start::Light(choice.light)),
-            power: emission.power / (self.paths * choice.pmf),
+            power: emission.power / (self.paths * choice.pmf * trials as f32),
             medium: self.scene.medium_of_light(choice.light),
             footprint: Footprint::new(emission.dir, radius, spread(emission.pdf_dir, paths)),
             starts_on: emission.normal,

@@ -3,6 +3,7 @@
 use super::{EmissionSample, EmissionUniforms, Light, LightKind, SceneBounds, spot};
 use crate::geometry::Object;
 use crate::math::{Frame, PI, Rgb, Vec2, Vec3};
+use crate::sampler::Sampler;
 use crate::warp;
 
 impl Light {
@@ -76,8 +77,25 @@ impl Light {
     }
 }
 
+impl EmissionUniforms {
+    /// The next ones of a stream.
+    #[inline]
+    pub fn draw(sampler: &mut Sampler) -> Self {
+        Self {
+            position: sampler.next_2d(),
+            direction: sampler.next_2d(),
+            primitive: sampler.next_1d(),
+        }
+    }
+}
+
 /// Parallel light through the disc that covers the bounds, from just outside of them.
-fn from_afar(bounds: &SceneBounds, dir: Vec3, irradiance: Rgb, u: Vec2) -> EmissionSample {
+pub(super) fn from_afar(
+    bounds: &SceneBounds,
+    dir: Vec3,
+    irradiance: Rgb,
+    u: Vec2,
+) -> EmissionSample {
     let disc = warp::concentric_disk(u);
     let offset = Frame::from_normal(dir).to_world(Vec3::new(disc.x, disc.y, -1.0));
     let area = bounds.disc_area();

@@ -116,6 +116,11 @@ impl Environment {
         }
     }
 
+    /// Whether it is brighter in some directions than in others.
+    pub fn is_uneven(&self) -> bool {
+        self.table.is_some()
+    }
+
     fn env_from_render(&self, dir: Vec3) -> Vec3 {
         self.render_from_env.transpose() * dir
     }

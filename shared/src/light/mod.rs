@@ -1,6 +1,7 @@
 //! Light sources: what they emit, and how photons and shadow rays sample them.
 
-mod cdf;
+mod aimed;
+pub(crate) mod cdf;
 mod direct;
 mod emission;
 mod environment;

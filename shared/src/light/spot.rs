@@ -58,6 +58,19 @@ pub(super) fn sample(u: Vec2, beam_width: f32, cutoff: f32) -> (Vec3, f32, f32) 
     (dir, atan2(sin_theta, 1.0 - h), pdf)
 }
 
+/// Density of [`sample`] per solid angle at an angle from the axis.
+pub(super) fn pdf(angle: f32, beam_width: f32, cutoff: f32) -> f32 {
+    let (b, c) = (one_minus_cos(beam_width), one_minus_cos(cutoff));
+    let total = effective_solid_angle(beam_width, cutoff);
+    let share = (2.0 * PI * b / total).min(1.0);
+    if angle <= beam_width || c <= b {
+        f32::from(angle <= cutoff) / total
+    } else {
+        let root = ((c - one_minus_cos(angle)) / (c - b)).max(0.0);
+        (1.0 - share) * root / (PI * (c - b))
+    }
+}
+
 #[inline]
 fn one_minus_cos(angle: f32) -> f32 {
     let half = sin(0.5 * angle);

@@ -17,6 +17,7 @@ use crate::job::{JobSettings, ScheduleKind};
 use crate::light::{Light, SceneBounds};
 use crate::medium::{Medium, MediumId};
 use crate::rules::Rules;
+use crate::target::Targeting;
 use assets::gltf;
 use build::Problem;
 pub use mitsuba::{ImportOptions, Imported, Origin, import};
@@ -69,6 +70,8 @@ pub struct RenderDefaults {
     pub exposure: f32,
     /// Fixed base radius of beams and surface photons in scene units, in place of photon differentials.
     pub radius: Option<f32>,
+    /// When photons are aimed at what the camera sees.
+    pub targeting: Targeting,
 }
 
 impl RenderDefaults {
@@ -94,6 +97,7 @@ impl Default for RenderDefaults {
             seed: 0,
             exposure: 0.0,
             radius: None,
+            targeting: Targeting::Auto,
         }
     }
 }

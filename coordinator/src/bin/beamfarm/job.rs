@@ -62,6 +62,8 @@ pub enum Aov {
     Stderr,
     /// Y: photon beams that a pass finds in the pixel
     BeamDensity,
+    /// Y: photon targets before the first surface, or on it
+    Targets,
     /// All of them
     All,
 }
@@ -83,6 +85,7 @@ impl Aov {
             Self::Volume => vec![Layer::Volume],
             Self::Lights => light_layers(description),
             Self::BeamDensity => vec![Layer::BeamDensity],
+            Self::Targets => vec![Layer::Targets],
             Self::Stderr | Self::All => Vec::new(),
         }
     }

@@ -276,6 +276,7 @@ fn defaults(record: &RenderRecord) -> Result<RenderDefaults, Fault> {
             .exposure
             .map_or(standard.exposure, |stops| stops.f32()),
         radius: record.radius.map(|radius| radius.f32()),
+        targeting: record.targeting.unwrap_or(standard.targeting),
     })
 }
 

@@ -24,6 +24,7 @@ pub use transform::*;
 
 use super::values::*;
 use crate::job::ScheduleKind;
+use crate::target::Targeting;
 use schemars::JsonSchema;
 use serde::Deserialize;
 use std::collections::BTreeMap;
@@ -86,6 +87,8 @@ pub struct RenderRecord {
     pub exposure: Option<Number<Finite>>,
     /// One base radius of all beams and surface photons, scene units, in place of photon differentials.
     pub radius: Option<Number<Positive>>,
+    /// When photons are aimed at what the camera sees. Default: auto.
+    pub targeting: Option<Targeting>,
 }
 
 /// What is around everything.

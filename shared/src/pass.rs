@@ -2,7 +2,7 @@
 
 use crate::beam::estimate::{CameraSegments, Gather, Vectors};
 use crate::beam::store::BeamMap;
-use crate::beam::trace::{Photons, first_odds, trace_photons};
+use crate::beam::trace::{Photons, first_odds, gloss_odds, trace_photons};
 use crate::film::Film;
 use crate::job::PassStats;
 use crate::math::{Ray, Rgb};
@@ -91,6 +91,7 @@ impl<'a> Made<'a> {
                 plan,
                 photons: self.photons,
                 first_odds: first_odds(plan, pass_index),
+                gloss_odds: gloss_odds(self.scene, plan, pass_index),
                 sight,
             },
             beams: self.beams,

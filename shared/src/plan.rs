@@ -368,6 +368,8 @@ pub struct RenderPlan {
     pub surface_photons: bool,
     /// Surface photons are looked up at the first surface that camera paths meet.
     pub photons_at_first_surface: bool,
+    /// They are looked up on gloss alone, where they share with gather rays what surfaces send each other.
+    pub photons_on_gloss: bool,
     /// Photon paths that leave surface photons; the first of them, as many as the settings say, leave beams as well.
     pub surface_paths: u32,
     /// Kernel radii.
@@ -400,6 +402,8 @@ impl RenderPlan {
         let rules = description.rules.as_ref();
         let ruled = rules.is_some_and(|rules| rules.touches_photons);
         let photons_at_first_surface = surface_photons && (specular > 0 || scattering > 0 || ruled);
+        let glossy = used(&|m| m.is_glossy());
+        let photons_on_gloss = surface_photons && !photons_at_first_surface && glossy > 0;
         // Beams cost more than photons: where there are both, more paths leave photons alone, up to about one for a few
         // pixels.
         let paths = settings.paths_per_pass;
@@ -539,6 +543,19 @@ impl RenderPlan {
                 ),
             ),
             (
+                "surface photons seen on gloss",
+                photons_on_gloss,
+                because(
+                    photons_on_gloss,
+                    format!("{glossy} object(s) with gloss: balanced with gather rays"),
+                    match (surface_photons, photons_at_first_surface) {
+                        (false, _) => "no surface photons",
+                        (_, true) => "seen on all surfaces",
+                        _ => "no gloss: gather rays find all indirect light",
+                    },
+                ),
+            ),
+            (
                 "direct light",
                 surface_photons,
                 because(
@@ -575,6 +592,7 @@ impl RenderPlan {
             beams,
             surface_photons,
             photons_at_first_surface,
+            photons_on_gloss,
             surface_paths,
             radii,
             targets: targets.map(Arc::new),

@@ -73,6 +73,7 @@ fn photons_take_over_what_gather_rays_leave() {
             settings.seed += u64::from(balanced);
             let mut plan = RenderPlan::new(&scene, settings);
             plan.photons_at_first_surface = balanced;
+            plan.photons_on_gloss = false;
             let passes = 0..scene.description().defaults.passes;
             Blocks::new(passes.map(|i| render_pass(&scene, &plan, i).film), 6)
         });

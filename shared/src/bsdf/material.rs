@@ -271,6 +271,11 @@ impl Material {
         }
     }
 
+    /// Whether [`Bsdf::is_glossy`] holds.
+    pub fn is_glossy(&self) -> bool {
+        self.bsdf(Vec2::ZERO).is_glossy()
+    }
+
     /// Nothing but the boundary of a medium.
     pub fn is_null(&self) -> bool {
         matches!(self.kind, MaterialKind::Null)

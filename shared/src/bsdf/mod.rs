@@ -87,6 +87,9 @@ pub enum Bsdf<'a> {
     Null,
 }
 
+/// Roughness of gloss.
+const GLOSS: std::ops::RangeInclusive<f32> = 0.02..=0.5;
+
 /// A sampled direction.
 #[derive(Clone, Copy, Debug)]
 pub struct BsdfSample {
@@ -128,6 +131,18 @@ impl Bsdf<'_> {
             Self::ThinDielectric(b) => Some(b.sheet(wo)),
             _ => None,
         }
+    }
+    /// Has a lobe that is neither so narrow that hardly a photon is seen in it nor nearly diffuse.
+    #[inline]
+    pub fn is_glossy(&self) -> bool {
+        let alpha = match self {
+            Self::RoughConductor { alpha, .. } => *alpha,
+            Self::RoughDielectric(b) => b.alpha,
+            Self::RoughPlastic(b) => b.alpha(),
+            Self::Principled(b) => b.alpha(),
+            _ => return false,
+        };
+        GLOSS.contains(&alpha)
     }
     /// Scatters nothing.
     pub fn is_black(&self) -> bool {

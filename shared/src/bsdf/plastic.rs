@@ -281,6 +281,10 @@ impl<'a> RoughPlastic<'a> {
         self.specular * (1.0 - transmitted) + self.base * (escape * transmitted)
     }
 
+    pub(super) fn alpha(&self) -> f32 {
+        self.coat.facets.alpha
+    }
+
     /// Probability of sampling the coat's reflection.
     fn specular_probability(&self, wo: Vec3) -> f32 {
         let transmitted = self.coat.transmittance(wo.z.abs());

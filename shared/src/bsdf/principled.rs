@@ -31,6 +31,10 @@ impl Principled {
         }
     }
 
+    pub(super) fn alpha(&self) -> f32 {
+        self.facets().alpha
+    }
+
     /// Fresnel's reflectance for the dielectric share, Schlick's approximation for the metallic one. `cos` to the microfacet.
     fn fresnel(&self, cos: f32) -> Rgb {
         let (dielectric, cos_t) = fresnel_dielectric(cos.min(1.0), self.eta);

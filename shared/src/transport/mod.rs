@@ -16,8 +16,8 @@
 //! | … (S, M or D) D x S* E        | gather ray from x: surface photons at D; and those at x, balanced          |
 //!
 //! The last vertex before x decides, so every path is counted once, or twice with weights that sum to one: those of
-//! `surface::gather_share`. Without S or M in the scene, photons at x are not looked up, and gather rays count all. So they do
-//! where D has a relief. The BSDF sample of the direct light and the gather ray are one ray.
+//! `surface::gather_share`. Without S or M in the scene, photons are looked up at x only where it is gloss, and elsewhere gather
+//! rays count all. So they do where D has a relief. The BSDF sample of the direct light and the gather ray are one ray.
 //!
 //! At a smooth dielectric the path goes both ways, as far as they matter. Light that a branch meets always counts; the rest
 //! (everything but `L S* E`) costs more, and is looked for along weak branches with a probability only.
@@ -55,6 +55,8 @@ pub struct CameraTracer<'a, V> {
     pub photons: Option<&'a SurfacePhotonMap>,
     /// Expected photons in a kernel, see `first_odds` in `beam::trace`.
     pub first_odds: f32,
+    /// Factor on the odds of photons on gloss against gather rays: see `gloss_odds` in `beam::trace`.
+    pub gloss_odds: f32,
     /// What rays see.
     pub sight: V,
 }

@@ -75,7 +75,7 @@ impl<V: Sight> CameraTracer<'_, V> {
         if odds == 1.0 || sampler.next_1d() < odds {
             radiance += self.gather_ray(x, sampler, beta / odds, record) / odds;
         }
-        if self.plan.photons_at_first_surface {
+        if self.sees_photons(x) {
             let is_glossy = self.sight.is_glossy(x.hit.object);
             let gathers = is_glossy || self.sight.gathers(x.hit.object);
             let weight = |photon: &SurfacePhoton, wi: Vec3| {
@@ -88,11 +88,20 @@ impl<V: Sight> CameraTracer<'_, V> {
                     return 1.0;
                 }
                 let cos = x.hit.ng.dot(photon.wi).abs();
-                1.0 - gather_share(photon.odds, x.bsdf.pdf(x.local_wo, wi) / cos)
+                1.0 - gather_share(
+                    photon.odds * self.gloss_odds,
+                    x.bsdf.pdf(x.local_wo, wi) / cos,
+                )
             };
             radiance += self.photon_radiance(x, weight, beta, record);
         }
         radiance
+    }
+
+    /// Whether surface photons are looked up at x, the first surface that is not specular.
+    #[inline]
+    fn sees_photons(&self, x: &Vertex) -> bool {
+        self.plan.photons_at_first_surface || self.plan.photons_on_gloss && x.bsdf.is_glossy()
     }
 
     /// Direct light by sampling a light, and which. `weight`: of a light's sample from a local direction.
@@ -308,7 +317,7 @@ impl<V: Sight> CameraTracer<'_, V> {
                 medium: arrived.medium,
             };
             if !y.bsdf.is_black() {
-                let photons_too = self.plan.photons_at_first_surface && !is_glossy;
+                let photons_too = self.sees_photons(x) && !is_glossy;
                 radiance += self.gathered(x, &y, drawn.pdf, photons_too, beta, sampler, record);
             }
         }
@@ -335,7 +344,10 @@ impl<V: Sight> CameraTracer<'_, V> {
         let photons_too =
             photons_too && y.tilt.is_none() && y.local_wo.z * y.hit.ng.dot(y.wo) > 0.0;
         let share = |arriving: f32, wi: Vec3| match photons_too {
-            true => gather_share(arriving * y.bsdf.pdf(wi, y.local_wo) / cos_out, density),
+            true => {
+                let odds = arriving * y.bsdf.pdf(wi, y.local_wo) / cos_out;
+                gather_share(odds * self.gloss_odds, density)
+            }
             false => 1.0,
         };
         let weight = |light: usize, direct: &DirectSample, wi: Vec3| {

@@ -1,0 +1,202 @@
+//! Surface photons seen on gloss: the same light on average as gather rays find alone, and less noise.
+
+use beamfarm_shared::pass::render_pass;
+use beamfarm_shared::plan::RenderPlan;
+use beamfarm_tests::Suite;
+use beamfarm_tests::render::{Blocks, scene};
+use beamfarm_tests::z_test::two_sided;
+
+/// A closed room whose walls are lit by a spot and a small lamp, and a ball.
+const ROOM: &str = r#"
+[image]
+width = 24
+height = 24
+[render]
+passes = PASSES
+paths = 3000
+radius = 0.03
+seed = 11
+[camera]
+origin = [0.0, 0.0, 0.95]
+target = [0.0, -0.2, -1.0]
+fov = 60.0
+[materials.wall]
+type = "diffuse"
+reflectance = [0.6, 0.5, 0.4]
+two_sided = true
+[materials.plain]
+type = "diffuse"
+reflectance = [0.3, 0.3, 0.4]
+[materials.steel]
+type = "rough_conductor"
+alpha = 0.1
+preset = "iridium"
+[materials.frosted]
+type = "rough_dielectric"
+alpha = 0.3
+ior = 1.5
+[materials.varnish]
+type = "rough_plastic"
+alpha = 0.15
+reflectance = [0.2, 0.4, 0.6]
+[materials.disney]
+type = "principled"
+base_color = [0.7, 0.4, 0.2]
+metallic = 0.5
+roughness = 0.4
+[[shapes]]
+name = "room"
+type = "cube"
+flip_normals = true
+material = "wall"
+[[shapes]]
+name = "ball"
+type = "sphere"
+center = [-0.3, -0.5, -0.4]
+radius = 0.4
+material = "GLOSS"
+[[shapes]]
+name = "other"
+type = "sphere"
+center = [0.6, -0.6, -0.3]
+radius = 0.25
+material = "OTHER"
+[[lights]]
+name = "lamp"
+type = "point"
+position = [0.7, 0.7, 0.5]
+intensity = 0.1
+[[lights]]
+name = "spot"
+type = "spot"
+position = [0.0, 0.8, 0.0]
+target = [0.6, 0.0, -1.0]
+cutoff_angle = 20
+intensity = 3
+[[shapes]]
+name = "lantern"
+type = "sphere"
+center = [-0.6, 0.8, -0.7]
+radius = 0.08
+emission = { radiance = 8.0 }
+"#;
+
+fn room(gloss: &str, other: &str, passes: u64) -> String {
+    let room = ROOM.replace("GLOSS", gloss).replace("OTHER", other);
+    room.replace("PASSES", &passes.to_string())
+}
+
+/// Blocks of the room by gather rays alone, and with photons.
+fn both(text: &str) -> [Blocks; 2] {
+    let scene = scene(text);
+    [false, true].map(|photons| {
+        let mut settings = scene.description().defaults.job_settings();
+        settings.seed += u64::from(photons);
+        let mut plan = RenderPlan::new(&scene, settings);
+        assert!(plan.photons_on_gloss && !plan.photons_at_first_surface);
+        plan.photons_on_gloss = photons;
+        let passes = 0..scene.description().defaults.passes;
+        Blocks::new(passes.map(|i| render_pass(&scene, &plan, i).film), 6)
+    })
+}
+
+fn same_means(name: &str, both: &[Blocks; 2], suite: &mut Suite) {
+    let [alone, together] = both;
+    for (i, (a, b)) in alone.blocks.iter().zip(&together.blocks).enumerate() {
+        for c in 0..3 {
+            let off = a[c].mean() - b[c].mean();
+            // Kernels blur what photons bring: another 0.5 %.
+            let error = a[c].std_error().hypot(b[c].std_error());
+            let error = error.hypot(5e-3 * a[c].mean());
+            let name = format!("{name}, block {i}, channel {c}: {off:e} off, error {error:e}");
+            suite.p_value(name, two_sided(off / error));
+        }
+    }
+    for c in 0..3 {
+        let (a, b) = (&alone.whole[c], &together.whole[c]);
+        let error = a.std_error().hypot(b.std_error());
+        assert!(error < 0.03 * a.mean(), "{name}: {error} of {}", a.mean());
+    }
+}
+
+/// Metal, frosted glass with what it transmits, a rough coat, and the principled BSDF. Significance 1e-2 for all blocks of
+/// all rooms together.
+#[test]
+fn photons_on_gloss_change_noise_and_not_light() {
+    let mut suite = Suite::new(1e-2);
+    for gloss in ["steel", "frosted", "varnish", "disney"] {
+        same_means(gloss, &both(&room(gloss, "plain", 1000)), &mut suite);
+    }
+    suite.finish();
+}
+
+/// Gloss with a rule of its own finds the light of surfaces by gather rays alone, with or without photons. Significance
+/// 1e-2 for all blocks.
+#[test]
+fn gloss_obeys_its_rules() {
+    let mut suite = Suite::new(1e-2);
+    let rule = "[[rules]]\non = [\"ball\"]\nrays = [\"reflected\"]\nexclude = [\"other\"]\n";
+    let text = format!("{}\n{rule}", room("steel", "plain", 800));
+    same_means("ruled", &both(&text), &mut suite);
+    suite.finish();
+}
+
+/// The variance of passes in the middle of a ball of metal, that shows a wall lit by the spot: less where photons are many,
+/// and not more where they are few and their kernels have become small.
+#[test]
+fn photons_on_gloss_lower_the_noise() {
+    for (paths, first, bound) in [(3000, 100, 1.0), (40_000, 0, 0.8)] {
+        let text = room("steel", "plain", 1).replace("radius = 0.03\n", "");
+        let text = text.replace("alpha = 0.1", "alpha = 0.2");
+        let text = text.replace("paths = 3000", &format!("paths = {paths}"));
+        let scene = scene(&text);
+        let [alone, together] = [false, true].map(|photons| {
+            let mut plan = RenderPlan::new(&scene, scene.description().defaults.job_settings());
+            plan.photons_on_gloss = photons;
+            let film = |i| render_pass(&scene, &plan, i).film;
+            let blocks = Blocks::new((first..first + 60).map(film), 1);
+            let pixels = blocks.blocks.iter().enumerate();
+            let on_ball = |i: usize| (13..17).contains(&(i / 24)) && (6..10).contains(&(i % 24));
+            let variances = pixels
+                .filter(|(i, _)| on_ball(*i))
+                .map(|(_, b)| b[0].variance());
+            variances.sum::<f64>()
+        });
+        assert!(
+            together < bound * alone,
+            "{paths} paths: {together} with photons, {alone} without"
+        );
+    }
+}
+
+#[test]
+fn bits_do_not_depend_on_threads() {
+    let scene = scene(&room("steel", "plain", 1));
+    let plan = RenderPlan::new(&scene, scene.description().defaults.job_settings());
+    let images = [1, 3].map(|threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
+        let pool = pool.build().expect("a pool");
+        pool.install(|| render_pass(&scene, &plan, 3).film)
+    });
+    assert_eq!(images[0], images[1]);
+}
+
+#[test]
+fn scenes_without_gloss_have_no_such_stage() {
+    for (gloss, other, expected) in [
+        ("plain", "plain", false),
+        ("steel", "plain", true),
+        ("steel", "clear", false),
+        ("frosted", "plain", true),
+    ] {
+        let clear = "[materials.clear]\ntype = \"dielectric\"\nior = 1.5\n";
+        let text = format!("{}\n{clear}", room(gloss, other, 1));
+        let scene = scene(&text);
+        let plan = RenderPlan::new(&scene, scene.description().defaults.job_settings());
+        assert_eq!(plan.photons_on_gloss, expected, "{gloss}, {other}");
+        let text = plan.to_string();
+        let mut stage = text.lines().filter(|line| line.contains("seen on gloss"));
+        let is_in = stage.next().is_some_and(|line| line.starts_with("in "));
+        assert_eq!(is_in, expected, "{text}");
+    }
+}

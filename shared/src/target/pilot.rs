@@ -51,7 +51,8 @@ pub(super) fn trace(scene: &Scene, sight: impl Sight, seed: u64) -> Vec<Vec<Plac
             by_light[light].push(place);
         }
         let most = by_light.iter().map(Vec::len).max().unwrap_or(0);
-        if most == 0 || most >= ENOUGH {
+        // What has begun so slowly does not come to enough for a light to be aimed.
+        if !(super::MIN_PLACES / 4..ENOUGH).contains(&most) {
             break;
         }
     }

@@ -84,8 +84,10 @@ fn notes(rules: &str) -> Vec<String> {
     let text = format!("{VIEW}{THINGS}{rules}");
     let scene = "scene.toml".to_string();
     let files = [(scene.clone(), text.into_bytes())].into();
-    let description = SceneDescription::load(&Bundle { scene, files }).unwrap();
-    description.notes
+    match SceneDescription::load(&Bundle { scene, files }) {
+        Ok(description) => description.notes,
+        Err(error) => panic!("{error}"),
+    }
 }
 
 #[test]

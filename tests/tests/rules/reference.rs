@@ -108,7 +108,7 @@ fn beams_and_the_path_tracer_obey_the_same_rules() {
         );
         let pairs = beams.blocks.iter().zip(&truth.blocks);
         let pairs: Vec<_> = pairs.flat_map(|(a, b)| a.iter().zip(b)).collect();
-        let threshold = 1.0 - (1.0 - 1e-4f64).powf(1.0 / pairs.len() as f64);
+        let threshold = 1.0 - libm::pow(1.0 - 1e-4, 1.0 / pairs.len() as f64);
         for (i, (a, b)) in pairs.iter().enumerate() {
             // Kernels blur by a little.
             let off = ((a.mean() - b.mean()).abs() - 0.01 * b.mean()).max(0.0);

@@ -37,9 +37,10 @@ impl Audit {
         self.votes.windows(2).any(|votes| votes[0].1 != votes[1].1)
     }
 
-    /// The worker can say something new.
+    /// The worker can say something new. Who failed to render it may try again only where others do not agree.
     fn may_judge(&self, worker: WorkerId) -> bool {
-        !self.unable.contains(&worker) && self.votes.iter().all(|(voter, _)| *voter != worker)
+        (self.is_disputed() || !self.unable.contains(&worker))
+            && self.votes.iter().all(|(voter, _)| *voter != worker)
     }
 
     /// Pixels that two workers found.

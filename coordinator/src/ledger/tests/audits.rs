@@ -75,6 +75,37 @@ fn a_worker_does_not_check_itself() {
     assert_eq!((views[0].passes, views[0].audits_passed), (4, 4));
 }
 
+/// Two of the three that are honest could not render the block when it was only to be checked.
+#[test]
+fn who_failed_to_check_may_still_decide() {
+    let mut ledger = Ledger::new(AUDITS, 0);
+    let workers = ["liar", "b", "c", "d"].map(|name| join(&mut ledger, name));
+    let [liar, b, c, d] = workers;
+    let leased = lease(&mut ledger, liar);
+    assert_eq!(
+        accept(&mut ledger, liar, leased, [3; 32]),
+        Ok(Accepted::New)
+    );
+    for worker in [b, c] {
+        let (lease, block) = lease(&mut ledger, worker);
+        assert_eq!(block, leased.1);
+        ledger.fail(worker, lease, 0, "no memory", at(0)).unwrap();
+        // Not again, as long as nobody disagrees.
+        assert_ne!(self::lease(&mut ledger, worker).1, block);
+    }
+    let right = pixels(leased.1);
+    let check = lease(&mut ledger, d);
+    assert_eq!(check.1, leased.1);
+    assert_eq!(accept(&mut ledger, d, check, right), Ok(Accepted::Disputed));
+    let check = lease(&mut ledger, b);
+    assert_eq!(check.1, leased.1);
+    assert_eq!(
+        accept(&mut ledger, b, check, right),
+        Ok(Accepted::Confirmed)
+    );
+    assert_eq!(ledger.stained(), [leased.1]);
+}
+
 #[test]
 fn an_auditor_that_leaves_does_not_hold_the_job_up() {
     let mut ledger = Ledger::new(AUDITS, 0);

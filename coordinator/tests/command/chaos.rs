@@ -214,7 +214,8 @@ impl<'a> Stage<'a> {
     /// First pass that nobody has been given.
     fn untouched(&self) -> u64 {
         let leased = self.said.iter().filter_map(|line| {
-            let (block, _) = line.split_once(" leased to worker")?;
+            let (_, lease) = line.split_once(" leased worker=")?;
+            let (block, _) = lease.split_once(" lease=")?;
             let last = block.rsplit([' ', '.']).next()?;
             last.parse::<u64>().ok()
         });

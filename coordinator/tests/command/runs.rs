@@ -74,7 +74,7 @@ fn a_killed_worker_does_not_change_a_bit() {
     let (child, mut log) = spawn(command);
     let rest = wait_for(&mut log, "started worker process ");
     let pid = rest.split(' ').next().unwrap().to_owned();
-    wait_for(&mut log, "pass 3 leased");
+    wait_for(&mut log, "block=pass 3 lease=");
     signal("-KILL", &pid);
     let (output, log) = finish(child, log);
     assert!(output.status.success(), "{log}");
@@ -109,7 +109,7 @@ fn an_interrupted_job_writes_what_is_complete() {
     let mut command = beamfarm(folder.path(), &["render", "scene.toml", "--time", "1h"]);
     command.args(["--log", "debug"]);
     let (child, mut log) = spawn(command);
-    wait_for(&mut log, "pass 0 from worker");
+    wait_for(&mut log, "block=pass 0 pixels=");
     signal("-INT", &child.id().to_string());
     let (output, log) = finish(child, log);
     assert_eq!(output.status.code(), Some(0), "{log}");
@@ -203,9 +203,9 @@ fn a_replayed_pass_has_the_pixels_of_the_farms() {
     );
     let log = String::from_utf8(output.stderr).unwrap();
     for pass in ["0", "3"] {
-        let of_pass = |l: &&str| l.contains(&format!("pass {pass} from worker"));
+        let of_pass = |l: &&str| l.contains(&format!("block=pass {pass} pixels="));
         let logged = log.lines().find(of_pass).unwrap();
-        let logged = logged.split("pixels ").nth(1).unwrap().trim();
+        let logged = logged.split("pixels=").nth(1).unwrap().trim_matches('"');
         let args = [
             "replay",
             "scene.toml",

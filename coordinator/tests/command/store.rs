@@ -159,7 +159,7 @@ fn a_finished_job_can_have_more_passes() {
         path,
         &[&job[..], &["--time", "1h", "--log", "debug"]].concat(),
     ));
-    wait_for(&mut log, "pass 13 from");
+    wait_for(&mut log, "block=pass 13 pixels=");
     child.kill().unwrap();
     child.wait().unwrap();
     assert!(!path.join("a.job/report.json").exists());

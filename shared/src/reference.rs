@@ -301,15 +301,24 @@ impl PathTracer<'_> {
         let wo = -path.ray.dir;
         let tilt = scene.tilt(hit, wo);
         let hit = &*hit;
-        let bsdf = material.bsdf(hit.uv);
+        let mut bsdf = material.bsdf(hit.uv);
         if bsdf.is_black() {
             return false;
         }
         let frame = Frame::from_normal(hit.ns);
         let local_wo = frame.to_local(wo);
         let sets = self.rules().filter(|_| path.is_seen);
-        let sets = sets.map(|rules| rules.of_object[hit.object as usize]);
+        let mut sets = sets.map(|rules| rules.of_object[hit.object as usize]);
         let is_ruled = sets.as_ref().is_some_and(ObjectSets::decides_direct_light);
+        if let Some(sets) = &mut sets
+            && sets.is_glossy
+            && let Some(lobes) = bsdf.gloss_and_base()
+        {
+            // The two lobes obey different rules: one of them, by chance.
+            sets.is_glossy = sampler.next_1d() < 0.5;
+            bsdf = lobes[usize::from(!sets.is_glossy)];
+            path.beta *= 2.0;
+        }
         if !material.is_specular() {
             let vertex = Vertex::Surface {
                 hit,

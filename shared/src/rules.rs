@@ -15,8 +15,9 @@
 //! photons of most surfaces pass (`gather`), and finds the light of surfaces whose photons pass just that; the light of all
 //! others is left to photons. Weights still sum to one.
 //!
-//! Gloss (rough metal and glass) with reflected or refracted rules of its own finds the light of other surfaces by gather
-//! rays alone, which then obey those rules.
+//! Gloss (rough metal, rough glass, and the specular lobe of rough coats and principled surfaces) with reflected or
+//! refracted rules of its own finds the light of other surfaces by gather rays alone, which then obey those rules. The
+//! diffuse lobe beneath it is looked at apart.
 //!
 //! What photons start in a medium belongs to the object that the medium fills, or to the world. An object that is passed
 //! through changes no medium.
@@ -109,7 +110,7 @@ pub(crate) struct ObjectSets {
     pub gathers: bool,
     /// Its gather rays pass what its shadow rays pass.
     pub one_ray: bool,
-    /// Gloss whose gather rays obey `reflected` and `refracted`.
+    /// It has gloss whose gather rays obey `reflected` and `refracted`.
     pub is_glossy: bool,
 }
 
@@ -206,7 +207,7 @@ pub trait Sight: Copy + Send + Sync {
     fn gathers(self, object: u32) -> bool;
     /// Whether an object's gather rays pass what its shadow rays pass.
     fn one_ray(self, object: u32) -> bool;
-    /// Whether an object is gloss whose gather rays are reflected or refracted ones.
+    /// Whether an object has gloss whose gather rays are reflected or refracted ones.
     fn is_glossy(self, object: u32) -> bool;
     /// The lights that an object is lit by.
     fn selector(self, scene: &Scene, object: u32) -> &LightSelector;

@@ -266,6 +266,7 @@ impl Material {
                 roughness: *roughness,
                 eta: *eta,
                 two_sided,
+                lobes: [1.0; 2],
             }),
             MaterialKind::Null => Bsdf::Null,
         }

@@ -122,6 +122,14 @@ impl Bsdf<'_> {
             other => other,
         }
     }
+    /// A rough specular lobe and the diffuse one beneath it, each alone; their sum is the whole. None: not such a pair.
+    pub fn gloss_and_base(self) -> Option<[Self; 2]> {
+        match self {
+            Self::RoughPlastic(b) => Some(b.lobes().map(Self::RoughPlastic)),
+            Self::Principled(b) => Some(b.lobes().map(Self::Principled)),
+            _ => None,
+        }
+    }
     /// The two ways that light takes at a smooth dielectric: samples whose `pdf` are the probabilities of them. None: not
     /// a smooth dielectric.
     #[inline]

@@ -285,6 +285,12 @@ impl<'a> RoughPlastic<'a> {
         self.coat.facets.alpha
     }
 
+    /// The coat's reflection, and the base under the coat.
+    pub(super) fn lobes(self) -> [Self; 2] {
+        let (base, specular) = (Rgb::ZERO, Rgb::ZERO);
+        [Self { base, ..self }, Self { specular, ..self }]
+    }
+
     /// Probability of sampling the coat's reflection.
     fn specular_probability(&self, wo: Vec3) -> f32 {
         let transmitted = self.coat.transmittance(wo.z.abs());

@@ -21,6 +21,8 @@ pub struct Principled {
     pub eta: f32,
     /// Reflects on both sides.
     pub two_sided: bool,
+    /// Factors, 0 or 1, on the GGX lobe and on the diffuse one.
+    pub(super) lobes: [f32; 2],
 }
 
 impl Principled {
@@ -33,6 +35,11 @@ impl Principled {
 
     pub(super) fn alpha(&self) -> f32 {
         self.facets().alpha
+    }
+
+    /// Its two lobes, each alone.
+    pub(super) fn lobes(self) -> [Self; 2] {
+        [[1.0, 0.0], [0.0, 1.0]].map(|lobes| Self { lobes, ..self })
     }
 
     /// Fresnel's reflectance for the dielectric share, Schlick's approximation for the metallic one. `cos` to the microfacet.
@@ -59,21 +66,24 @@ impl Principled {
         let facets = self.facets();
         let m = half_vector(wo, wi);
         let cos_d = wo.dot(m).abs();
-        let specular =
-            self.fresnel(cos_d) * (facets.density(m) / (facets.extent(wo) * facets.extent(wi)));
+        let [glossy, base] = self.lobes;
+        let density = glossy * facets.density(m) / (facets.extent(wo) * facets.extent(wi));
+        let specular = self.fresnel(cos_d) * density;
         // Burley 2015, eq. 4.
         let (fo, fi) = (schlick_weight(wo.z.abs()), schlick_weight(wi.z.abs()));
         let rr = 2.0 * self.roughness * cos_d * cos_d;
         let lambert = (1.0 - 0.5 * fo) * (1.0 - 0.5 * fi);
         let retro = rr * (fo + fi + fo * fi * (rr - 1.0));
-        let diffuse = (1.0 - self.metallic) * (lambert + retro) * std::f32::consts::FRAC_1_PI;
+        let diffuse =
+            base * (1.0 - self.metallic) * (lambert + retro) * std::f32::consts::FRAC_1_PI;
         specular + self.base_color * diffuse
     }
 
     /// Probability of sampling the microfacets.
     fn specular_probability(&self, wo: Vec3) -> f32 {
-        let specular = mean(self.fresnel(wo.z.abs()));
-        let diffuse = (1.0 - self.metallic) * mean(self.base_color);
+        let [glossy, base] = self.lobes;
+        let specular = glossy * mean(self.fresnel(wo.z.abs()));
+        let diffuse = base * (1.0 - self.metallic) * mean(self.base_color);
         match (specular > 0.0, diffuse > 0.0) {
             (true, true) => (specular / (specular + diffuse)).clamp(0.1, 0.9),
             (true, false) => 1.0,

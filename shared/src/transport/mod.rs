@@ -183,6 +183,7 @@ impl<V: Sight> CameraTracer<'_, V> {
                 local_wo: frame.to_local(wo),
                 hit: &hit,
                 medium: path.medium,
+                is_gloss: false,
             };
             record.first_surface(|| {
                 let camera = &scene.description().camera;

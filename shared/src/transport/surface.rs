@@ -13,6 +13,7 @@ use crate::sampler::Sampler;
 use crate::surface::{Arrival, SurfacePhoton};
 
 /// A surface point from which light is asked for.
+#[derive(Clone, Copy)]
 pub(super) struct Vertex<'a> {
     pub hit: &'a SurfaceHit,
     pub bsdf: Bsdf<'a>,
@@ -23,6 +24,8 @@ pub(super) struct Vertex<'a> {
     pub local_wo: Vec3,
     /// The medium that the ray to here came through.
     pub medium: MediumId,
+    /// Gloss that obeys rules for reflected and refracted rays.
+    pub is_gloss: bool,
 }
 
 /// What light is looked for along a ray.
@@ -53,6 +56,33 @@ impl<V: Sight> CameraTracer<'_, V> {
         beta: Rgb,
         record: &mut Recorder<'_>,
     ) -> Rgb {
+        if !self.sight.is_glossy(x.hit.object) {
+            return self.scattered_by(x, sampler, beta, record);
+        }
+        let is_gloss = true;
+        let Some([gloss, base]) = x.bsdf.gloss_and_base() else {
+            return self.scattered_by(&Vertex { is_gloss, ..*x }, sampler, beta, record);
+        };
+        // The two lobes obey different rules.
+        let bsdf = gloss;
+        let gloss = Vertex {
+            bsdf,
+            is_gloss,
+            ..*x
+        };
+        let base = Vertex { bsdf: base, ..*x };
+        self.scattered_by(&gloss, sampler, beta, record)
+            + self.scattered_by(&base, sampler, beta, record)
+    }
+
+    /// The same, where all of x obeys the same rules.
+    fn scattered_by(
+        &self,
+        x: &Vertex,
+        sampler: &mut Sampler,
+        beta: Rgb,
+        record: &mut Recorder<'_>,
+    ) -> Rgb {
         if x.bsdf.is_black() {
             return Rgb::ZERO;
         }
@@ -76,7 +106,7 @@ impl<V: Sight> CameraTracer<'_, V> {
             radiance += self.gather_ray(x, sampler, beta / odds, record) / odds;
         }
         if self.sees_photons(x) {
-            let is_glossy = self.sight.is_glossy(x.hit.object);
+            let is_glossy = self.is_glossy(x);
             let gathers = is_glossy || self.sight.gathers(x.hit.object);
             let weight = |photon: &SurfacePhoton, wi: Vec3| {
                 if V::RULED
@@ -96,6 +126,12 @@ impl<V: Sight> CameraTracer<'_, V> {
             radiance += self.photon_radiance(x, weight, beta, record);
         }
         radiance
+    }
+
+    /// Whether gather rays from x are reflected or refracted ones.
+    #[inline]
+    fn is_glossy(&self, x: &Vertex) -> bool {
+        V::RULED && x.is_gloss
     }
 
     /// Whether surface photons are looked up at x, the first surface that is not specular.
@@ -183,7 +219,7 @@ impl<V: Sight> CameraTracer<'_, V> {
     fn is_unlit(&self, x: &Vertex, wi: Vec3, light: usize) -> bool {
         let shadow = self.sight.from(Start::Shadow(x.hit.object));
         self.sight.hides_light(shadow, light)
-            || self.sight.is_glossy(x.hit.object) && {
+            || self.is_glossy(x) && {
                 let seen = self.sight.from(x.gloss_towards(wi));
                 self.sight.hides_light(seen, light)
                     || self.sight.hides_shape_of(self.scene, seen, light)
@@ -218,7 +254,7 @@ impl<V: Sight> CameraTracer<'_, V> {
         };
         let object = x.hit.object;
         let shadow = self.sight.from(Start::Shadow(object));
-        let (is_glossy, gathers) = (self.sight.is_glossy(object), self.sight.gathers(object));
+        let (is_glossy, gathers) = (self.is_glossy(x), self.sight.gathers(object));
         if self.sight.one_ray(object) && !is_glossy {
             let wanted = Wanted {
                 direct: true,
@@ -302,7 +338,7 @@ impl<V: Sight> CameraTracer<'_, V> {
             }
         }
         let material = scene.material(&hit);
-        let is_glossy = self.sight.is_glossy(x.hit.object);
+        let is_glossy = self.is_glossy(x);
         let is_found = is_glossy || self.sight.is_gathered(hit.object);
         if wanted.indirect && is_found && !material.is_specular() {
             let tilt = scene.tilt(&mut hit, -wi);
@@ -315,6 +351,7 @@ impl<V: Sight> CameraTracer<'_, V> {
                 local_wo: frame.to_local(-wi),
                 hit: &hit,
                 medium: arrived.medium,
+                is_gloss: false,
             };
             if !y.bsdf.is_black() {
                 let photons_too = self.sees_photons(x) && !is_glossy;

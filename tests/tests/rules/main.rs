@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used)]
 
+mod coats;
 mod golden;
 mod media;
 mod mixing;

@@ -70,20 +70,42 @@ const RULES: [&str; 6] = [
     "on = [\"room\"]\nrays = [\"shadow\"]\nexclude = [\"ball\"]",
 ];
 
-#[test]
-fn beams_and_the_path_tracer_obey_the_same_rules() {
+fn room() -> String {
     let view = VIEW
         .replace("passes = 4", "passes = 48")
         .replace("paths = 400", "paths = 3000\nradius = 0.06");
-    let plain = format!("{view}{ROOM}");
-    let plain_scene = scene(&plain);
-    // Together they all have to do with each other.
-    let all: String = RULES
-        .iter()
-        .map(|rule| format!("[[rules]]\n{rule}\n"))
-        .collect();
+    format!("{view}{ROOM}")
+}
+
+/// All rules at once: they all have to do with each other.
+fn all() -> String {
+    let rules = RULES.iter().map(|rule| format!("[[rules]]\n{rule}\n"));
+    rules.collect()
+}
+
+#[test]
+fn beams_and_the_path_tracer_obey_the_same_rules() {
     let one_by_one = RULES.iter().map(|rule| format!("[[rules]]\n{rule}\n"));
-    for rules in one_by_one.chain([all]) {
+    same_as_the_path_tracer(&room(), one_by_one.chain([all()]));
+}
+
+#[test]
+fn coats_obey_the_same_rules() {
+    let satin = "type = \"rough_conductor\"\nalpha = 0.3\npreset = \"silver\"";
+    let room = room();
+    assert!(room.contains(satin));
+    for coat in [
+        "type = \"rough_plastic\"\nalpha = 0.3\nior = 1.9\nreflectance = [0.2, 0.5, 0.3]",
+        "type = \"principled\"\nroughness = 0.5\nmetallic = 0.5\nbase_color = [0.4, 0.5, 0.9]",
+    ] {
+        let reflected = format!("[[rules]]\n{}\n", RULES[2]);
+        same_as_the_path_tracer(&room.replace(satin, coat), [reflected, all()]);
+    }
+}
+
+fn same_as_the_path_tracer(plain: &str, rule_sets: impl IntoIterator<Item = String>) {
+    let plain_scene = scene(plain);
+    for rules in rule_sets {
         let scene = scene(&format!("{plain}{rules}"));
         assert!(
             scene.description().notes.is_empty(),

@@ -284,12 +284,15 @@ impl<'a> Resolver<'a> {
     }
 }
 
-/// Rough, and nothing else: gather rays from it are what is seen in it.
-fn is_gloss(material: &Material) -> bool {
+/// Has a rough specular lobe: gather rays by it are what is seen in it.
+fn has_gloss(material: &Material) -> bool {
     !material.is_specular()
         && matches!(
             material.kind,
-            MaterialKind::RoughConductor { .. } | MaterialKind::RoughDielectric { .. }
+            MaterialKind::RoughConductor { .. }
+                | MaterialKind::RoughDielectric { .. }
+                | MaterialKind::RoughPlastic { .. }
+                | MaterialKind::Principled { .. }
         )
 }
 

@@ -1,6 +1,6 @@
 //! What rules say to no effect.
 
-use super::{Clause, Resolver, is_gloss, name_of};
+use super::{Clause, Resolver, has_gloss, name_of};
 use crate::bsdf::MaterialKind;
 use crate::light::LightKind;
 use crate::rules::RayType;
@@ -31,7 +31,7 @@ impl Resolver<'_> {
         match ray {
             RayType::Camera => false,
             RayType::Reflected => {
-                !material.is_null() && (material.has_delta() || is_gloss(material))
+                !material.is_null() && (material.has_delta() || has_gloss(material))
             }
             RayType::Refracted => refracts,
             RayType::Shadow => !material.is_specular(),

@@ -1,6 +1,6 @@
 //! What rays do not see, class by class.
 
-use super::{Clause, Listed, Resolver, is_gloss, name_of};
+use super::{Clause, Listed, Resolver, has_gloss, name_of};
 use crate::geometry::Object;
 use crate::light::LightKind;
 use crate::rules::{HiddenSet, MANY_KINDS, ObjectSets, RayType, Rules};
@@ -290,8 +290,8 @@ impl Resolver<'_> {
             let knows_lights = rules.light_kinds.1.len() < MANY_KINDS;
             sets.gathers = !is_passed && (knows_lights || none(rows.masked(sets.photon, &lights)));
             sets.one_ray = rows.masked(sets.shadow, &objects) == common;
-            let is_gloss = is_gloss(self.material(number));
-            sets.is_glossy = is_gloss && (sets.reflected.row != 0 || sets.refracted.row != 0);
+            let has_gloss = has_gloss(self.material(number));
+            sets.is_glossy = has_gloss && (sets.reflected.row != 0 || sets.refracted.row != 0);
         }
     }
 

@@ -91,6 +91,8 @@ pub struct Rules {
     pub(crate) rules: usize,
     /// Some rule changes where photons go or what they leave.
     pub touches_photons: bool,
+    /// Which rules those may be: where their lists are in the scene file.
+    pub(crate) photon_places: Vec<std::ops::Range<usize>>,
 }
 
 /// Surface photons know so many kinds of lights that rules tell apart. With more, gather rays from surfaces that some

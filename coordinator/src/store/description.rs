@@ -47,6 +47,9 @@ pub struct Description {
     pub exposure: f32,
     /// Whether the image gets its standard error.
     pub standard_error: bool,
+    /// Whether the scene has photons dropped that miss all targets.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub drops_photons: bool,
 }
 
 /// How the image is written; no two jobs differ by it.
@@ -56,6 +59,8 @@ pub struct Looks {
     pub exposure: f32,
     /// Whether the image gets its standard error.
     pub standard_error: bool,
+    /// Whether the scene has photons dropped that miss all targets.
+    pub drops_photons: bool,
 }
 
 /// A file of the scene.
@@ -96,6 +101,7 @@ impl Description {
             passes: (spec.passes < beamfarm_shared::job::MAX_PASSES).then_some(spec.passes),
             exposure: looks.exposure,
             standard_error: looks.standard_error,
+            drops_photons: looks.drops_photons,
         }
     }
 

@@ -7,6 +7,7 @@ mod bench;
 mod chaos;
 mod logs;
 mod runs;
+mod scenes;
 mod setup;
 mod steering;
 mod store;

@@ -111,6 +111,20 @@ pub fn signal(name: &str, pid: &str) {
     assert!(status.success(), "kill {name} {pid}");
 }
 
+/// A text that an image says about itself.
+pub fn attribute(path: &Path, name: &str) -> String {
+    find_attribute(path, name).unwrap_or_else(|| panic!("no {name}"))
+}
+
+pub fn find_attribute(path: &Path, name: &str) -> Option<String> {
+    let image = exr::image::read::read_first_flat_layer_from_file(path).unwrap();
+    let attributes = &image.layer_data.attributes.other;
+    match attributes.get(&exr::prelude::Text::from(name))? {
+        exr::meta::attribute::AttributeValue::Text(text) => Some(text.to_string()),
+        other => panic!("{other:?}"),
+    }
+}
+
 /// SplitMix64: places to be killed at.
 pub fn random(seed: u64) -> u64 {
     let mut z = seed.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15);

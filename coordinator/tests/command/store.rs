@@ -16,15 +16,6 @@ fn report(job: &Path) -> serde_json::Value {
     serde_json::from_slice(&std::fs::read(job.join("report.json")).unwrap()).unwrap()
 }
 
-fn attribute(path: &Path, name: &str) -> String {
-    let image = exr::image::read::read_first_flat_layer_from_file(path).unwrap();
-    let value = &image.layer_data.attributes.other[&exr::prelude::Text::from(name)];
-    match value {
-        exr::meta::attribute::AttributeValue::Text(text) => text.to_string(),
-        other => panic!("{other:?}"),
-    }
-}
-
 #[test]
 fn a_coordinator_killed_again_and_again_ends_with_the_same_bits() {
     let folder = folder();

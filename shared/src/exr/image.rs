@@ -31,6 +31,8 @@ pub struct ImageMeta {
     pub layers: Vec<layer::Layer>,
     /// Whether the standard error is written as well.
     pub standard_error: bool,
+    /// Whether photons that missed all targets were dropped: the image is biased, and says so.
+    pub drops_photons: bool,
 }
 
 impl ImageMeta {
@@ -152,6 +154,10 @@ fn encode_image(average: &Average, meta: &ImageMeta) -> Result<Vec<u8>, ImageErr
                 own.push(("beamfarmMaxDepth", number(depth.into())?));
             }
         }
+    }
+    if meta.drops_photons {
+        let what = "photons that missed all targets were dropped: targeting = \"reject\"";
+        own.push(("beamfarmBiased", text("bias", what)?));
     }
     let other = attributes(own);
     let layer_attributes = LayerAttributes {
@@ -368,6 +374,7 @@ mod tests {
             version: "0.1.0".into(),
             layers: vec![layer::Layer::Depth, layer::Layer::Normal],
             standard_error: true,
+            drops_photons: false,
         }
     }
 
@@ -485,6 +492,25 @@ mod tests {
             assert_eq!(*attribute, AttributeValue::Text(value.into()), "{name}");
         }
         assert!(!attributes.contains_key(&exr::prelude::Text::from("beamfarmAlpha")));
+    }
+
+    #[test]
+    fn biased_images_say_so() {
+        let attributes = |drops_photons: bool| {
+            let meta = ImageMeta {
+                drops_photons,
+                ..meta()
+            };
+            let bytes = encode_image(&average(), &meta).unwrap();
+            let header = exr::meta::MetaData::read_from_buffered(&bytes[..], true).unwrap();
+            header.headers[0].own_attributes.other.clone()
+        };
+        let name = exr::prelude::Text::from("beamfarmBiased");
+        assert_eq!(attributes(false).get(&name), None);
+        match &attributes(true)[&name] {
+            AttributeValue::Text(text) => assert!(text.to_string().contains("\"reject\"")),
+            other => panic!("{other:?}"),
+        }
     }
 
     /// The `exr` crate keeps attributes in a hash map, whose order differs each time.

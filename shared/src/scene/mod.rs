@@ -23,6 +23,7 @@ use build::Problem;
 pub use mitsuba::{ImportOptions, Imported, Origin, import};
 use parse::{Fault, SceneRecord};
 use std::collections::BTreeMap;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 /// Everything that a pass renders. Lengths in scene units; render space is world space moved so that the camera stands at
@@ -51,6 +52,8 @@ pub struct SceneDescription {
     pub rules: Option<Rules>,
     /// What the scene says to no effect, each with its file and line.
     pub notes: Vec<String>,
+    /// File, line and field of each rule that photons obey.
+    pub photon_rules: Vec<String>,
 }
 
 /// What the scene file says about rendering; the command line overrides it.
@@ -125,6 +128,10 @@ impl SceneDescription {
         let (mut description, notes) = built?;
         let note = |fault: &Fault| source::locate(file, text, fault).to_string();
         description.notes = notes.iter().map(note).collect();
+        let rules = description.rules.iter().filter(|r| r.touches_photons);
+        let places = rules.flat_map(|rules| &rules.photon_places);
+        let rule = |place: &Range<usize>| note(&Fault::new(place.clone(), "photons obey this"));
+        description.photon_rules = places.map(rule).collect();
         Ok(description)
     }
 }

@@ -19,7 +19,7 @@ use std::future::Future;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::sync::oneshot;
-use tracing::{Instrument, Span, error_span};
+use tracing::{Instrument, Span, error_span, warn};
 
 /// Why no more passes were taken.
 pub enum Stop {
@@ -88,6 +88,11 @@ async fn run(
     };
     let address = entrance.listener.local_addr().map_err(Failure::io)?;
     log_configuration(watch, address, &output.exr, farm.progress().limit);
+    if output.drops_photons {
+        warn!(
+            "the image will be biased: the scene's targeting = \"reject\" drops photons that miss all targets"
+        );
+    }
     let mut server = tokio::spawn(server::run(entrance, watch.clone(), closed).in_current_span());
     let told = args.onlookers.tell(watch);
     let time = async {
@@ -218,6 +223,7 @@ async fn write(
             version: VERSION.into(),
             layers: farm.job().layers.clone(),
             standard_error: output.standard_error,
+            drops_photons: output.drops_photons,
         };
         output.write(&average, &meta, exposure)?;
         if let Some(history) = history {

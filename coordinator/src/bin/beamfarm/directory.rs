@@ -46,6 +46,7 @@ pub fn prepare(
     let looks = Looks {
         exposure,
         standard_error: output.standard_error,
+        drops_photons: output.drops_photons,
     };
     let has_end = args.passes.is_some() || args.time.is_some() || args.target_error.is_some();
     let (folder, resumed) = Folder::open(&path, spec, looks, has_end)?;

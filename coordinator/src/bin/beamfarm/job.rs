@@ -10,6 +10,7 @@ use beamfarm_shared::parts::light_layers;
 use beamfarm_shared::scene::{
     ImportOptions, RenderDefaults, SceneDescription, SceneFile, is_mitsuba,
 };
+use beamfarm_shared::target::Targeting;
 use clap::{Args, ValueEnum};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -62,7 +63,8 @@ pub enum Aov {
     Stderr,
     /// Y: photon beams that a pass finds in the pixel
     BeamDensity,
-    /// Y: photon targets before the first surface, or on it
+    /// Y: photon targets before the first surface, or on it. Where the scene's targeting is "reject", photons that miss
+    /// them are dropped, and the image is biased
     Targets,
     /// All of them
     All,
@@ -147,6 +149,11 @@ pub struct Loaded {
 }
 
 impl Loaded {
+    /// Whether photons that miss all targets are dropped.
+    pub fn drops_photons(&self) -> bool {
+        self.defaults.targeting == Targeting::Reject
+    }
+
     /// Say on stderr what became of the scene. Returns what was left out, for the summary.
     pub fn announce(&self) -> Vec<String> {
         announce(&self.notes, &self.left_out);

@@ -205,6 +205,7 @@ fn write(args: &MergeArgs, merged: Merged) -> Result<(), Failure> {
         version: description.version.clone(),
         layers: layers?,
         standard_error: description.standard_error,
+        drops_photons: description.drops_photons,
     };
     output.write(&average, &meta, exposure)?;
     if !args.quiet {

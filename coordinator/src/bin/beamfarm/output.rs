@@ -24,6 +24,8 @@ pub struct Output {
     pub png: PathBuf,
     /// Whether the EXR gets the standard error.
     pub standard_error: bool,
+    /// Whether the EXR is to say that photons which missed all targets were dropped.
+    pub drops_photons: bool,
 }
 
 impl Output {
@@ -57,6 +59,7 @@ impl Output {
             exr,
             png,
             standard_error,
+            drops_photons: false,
         })
     }
 

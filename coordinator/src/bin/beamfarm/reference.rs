@@ -86,11 +86,13 @@ pub fn main(args: ReferenceArgs) -> Result<(), Failure> {
         aov: Vec::new(),
     }
     .load()?;
-    let rules = loaded.description.rules.as_ref();
-    if rules.is_some_and(|rules| rules.touches_photons) {
-        return Err(Failure::usage(
-            "the scene has visibility rules for photons, which a path tracer does not have",
-        ));
+    let photon_rules = &loaded.description.photon_rules;
+    if !photon_rules.is_empty() {
+        return Err(Failure::usage(format!(
+            "{}\nbut a path tracer has no photons: take \"photon\" out of the rays of what is named here (or put it into \
+             `visible`), or take many passes of `render` for the truth",
+            photon_rules.join("\n")
+        )));
     }
     let exposure = args.exposure.unwrap_or(loaded.defaults.exposure);
     if !exposure.is_finite() {
@@ -142,6 +144,7 @@ pub fn main(args: ReferenceArgs) -> Result<(), Failure> {
             version: VERSION.into(),
             layers: Vec::new(),
             standard_error: output.standard_error,
+            drops_photons: false,
         };
         output.write(average, &meta, exposure)?;
         if !args.quiet {

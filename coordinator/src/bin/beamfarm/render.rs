@@ -39,11 +39,14 @@ pub struct RenderArgs {
 pub fn main(args: RenderArgs, log: &LogArgs) -> Result<(), Failure> {
     let loaded = args.job.settings.load()?;
     let exposure = args.job.exposure(&loaded)?;
-    let output = Output::new(
-        args.job.output.as_deref(),
-        &args.job.settings.scene,
-        loaded.standard_error,
-    )?;
+    let output = Output {
+        drops_photons: loaded.drops_photons(),
+        ..Output::new(
+            args.job.output.as_deref(),
+            &args.job.settings.scene,
+            loaded.standard_error,
+        )?
+    };
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let (workers, threads) = local::split(
         args.workers.map(usize::from),

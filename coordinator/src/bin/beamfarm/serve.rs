@@ -46,11 +46,14 @@ pub fn main(args: ServeArgs) -> Result<(), Failure> {
     let security = args.security.read(args.listen)?;
     let loaded = args.job.settings.load()?;
     let exposure = args.job.exposure(&loaded)?;
-    let output = Output::new(
-        args.job.output.as_deref(),
-        &args.job.settings.scene,
-        loaded.standard_error,
-    )?;
+    let output = Output {
+        drops_photons: loaded.drops_photons(),
+        ..Output::new(
+            args.job.output.as_deref(),
+            &args.job.settings.scene,
+            loaded.standard_error,
+        )?
+    };
     let left_out = match args.job.quiet {
         true => Vec::new(),
         false => loaded.announce(),

@@ -95,6 +95,7 @@ pub fn build(
         defaults: defaults(&record.render)?,
         rules,
         notes: Vec::new(),
+        photon_rules: Vec::new(),
     };
     Ok((description, notes))
 }

@@ -6,6 +6,7 @@ use crate::light::LightKind;
 use crate::rules::{HiddenSet, MANY_KINDS, ObjectSets, RayType, Rules};
 use crate::scene::parse::Fault;
 use std::collections::BTreeMap;
+use std::ops::Range;
 
 /// Classes of numbers that no list tells apart.
 struct Partition {
@@ -204,11 +205,28 @@ impl Resolver<'_> {
             gather: nothing,
             rules: clauses.len(),
             touches_photons,
+            photon_places: self.photon_places(clauses, &things)?,
         };
         self.balance(&mut rules, &mut rows, &things);
         rules.rows = rows.all;
         rules.unlit = self.unlit(&rules);
         Ok(Some(rules))
+    }
+
+    /// Where rules are written that hide something from photons.
+    fn photon_places(
+        &self,
+        clauses: &[Clause],
+        things: &Partition,
+    ) -> Result<Vec<Range<usize>>, Fault> {
+        let mut places = Vec::new();
+        for clause in clauses {
+            let hidden = self.hidden(&[clause], RayType::Photon, things)?;
+            if hidden.iter().any(|word| *word != 0) {
+                places.push(clause.place.clone());
+            }
+        }
+        Ok(places)
     }
 
     /// Objects that a medium fills.

@@ -97,6 +97,8 @@ struct Path {
 struct DrawnAt {
     /// Rules decide which light comes straight from lights: it is sampled only.
     is_ruled: bool,
+    /// Seen by the camera: shadow rays from here obey the rules of lights.
+    is_seen: bool,
     point: Vec3,
     /// Density of the drawn direction per solid angle.
     pdf: f32,
@@ -150,6 +152,10 @@ impl PathTracer<'_> {
             _ => false,
         };
         sets.is_glossy && (of_shape || self.hides_light(hidden, light))
+    }
+
+    fn links_shadows(&self, light: usize) -> bool {
+        self.rules().is_some_and(|rules| rules.links_shadows(light))
     }
 
     fn hides_light(&self, hidden: HiddenSet, light: usize) -> bool {
@@ -250,7 +256,7 @@ impl PathTracer<'_> {
         let Some(vertex) = &path.drawn_at else {
             return 1.0;
         };
-        if vertex.is_ruled {
+        if vertex.is_ruled || vertex.is_seen && self.links_shadows(light) {
             return 0.0;
         }
         let scene = self.scene;
@@ -278,6 +284,7 @@ impl PathTracer<'_> {
         let dir = phase.sample(dir, sampler.next_2d());
         path.drawn_at = Some(DrawnAt {
             is_ruled: false,
+            is_seen: false,
             point,
             pdf: phase.eval_directions(path.ray.dir, dir),
             distance: 0.0,
@@ -357,6 +364,7 @@ impl PathTracer<'_> {
         path.is_seen &= sample.delta;
         path.drawn_at = (!sample.delta).then_some(DrawnAt {
             is_ruled,
+            is_seen: sets.is_some(),
             point: hit.point,
             pdf: sample.pdf,
             distance: 0.0,
@@ -395,7 +403,11 @@ impl PathTracer<'_> {
         if radiance == Rgb::ZERO {
             return Rgb::ZERO;
         }
-        let weight = if direct.delta || sets.is_some_and(ObjectSets::decides_direct_light) {
+        let own = self.rules().filter(|_| sets.is_some());
+        let own = own.map_or(HiddenSet::default(), |r| r.shadow_of_light[choice.light]);
+        let is_ruled =
+            own != HiddenSet::default() || sets.is_some_and(ObjectSets::decides_direct_light);
+        let weight = if direct.delta || is_ruled {
             1.0
         } else {
             power_heuristic(direct.pdf * choice.pmf, scattering.pdf)
@@ -429,7 +441,7 @@ impl PathTracer<'_> {
             direct.distance,
             medium,
             unshadowing,
-            |object| self.hides(hidden, object),
+            |object| self.hides(hidden, object) || self.hides(own, object),
             sampler,
         ) {
             Some(transmittance) => radiance * transmittance * (weight / choice.pmf),

@@ -10,6 +10,9 @@
 //! | L x, x being the first surface from E that is not specular      | shadow                    | x                   |
 //! | all others: what photons bring                                  | photon                    | where light comes from |
 //!
+//! A shadow rule that names a light among what rays start at speaks of the shadow rays to that light, wherever they start.
+//! Such light is sampled only: a ray that may meet several lights cannot obey the rules of each.
+//!
 //! So direct light is found by shadow rules alone, and what photons bring by photon rules alone: gather rays, too, obey
 //! the photon rules of the surfaces that they find. A gather ray knows those only when it is there. So it passes what the
 //! photons of most surfaces pass (`gather`), and finds the light of surfaces whose photons pass just that; the light of all
@@ -79,6 +82,8 @@ pub struct Rules {
     pub(crate) of_object: Vec<ObjectSets>,
     /// By light, for its photons.
     pub(crate) of_light: Vec<HiddenSet>,
+    /// By light, for shadow rays to it, beside what those do not see where they start.
+    pub(crate) shadow_of_light: Vec<HiddenSet>,
     /// By medium, for photons scattered there; also the lights whose photons leave nothing there.
     pub(crate) of_medium: Vec<HiddenSet>,
     /// By medium and light: nothing comes there straight from the light.
@@ -150,12 +155,19 @@ impl Rules {
         self.holds(set, self.objects + light)
     }
 
+    /// Whether shadow rays to a light obey rules of its own.
+    #[inline]
+    pub(crate) fn links_shadows(&self, light: usize) -> bool {
+        self.shadow_of_light[light] != HiddenSet::default()
+    }
+
     /// Bytes of the resolved sets.
     pub(crate) fn bytes(&self) -> usize {
         size_of_val(&*self.class)
             + size_of_val(&*self.rows)
             + size_of_val(&*self.of_object)
             + size_of_val(&*self.of_light)
+            + size_of_val(&*self.shadow_of_light)
             + size_of_val(&*self.of_medium)
             + size_of_val(&*self.unlit)
             + size_of_val(&*self.light_kinds.0)
@@ -172,8 +184,10 @@ pub enum Start {
     Reflected(u32),
     /// Refracted by an object.
     Refracted(u32),
-    /// From an object to a light.
+    /// From an object to a light: what the object's rays do not see.
     Shadow(u32),
+    /// From any object to a light: what the light's rays do not see.
+    ShadowOf(usize),
     /// A photon from an object.
     Photon(u32),
     /// A photon from a light.
@@ -197,6 +211,8 @@ pub trait Sight: Copy + Send + Sync {
     fn hides(self, hidden: Self::Hidden, object: u32) -> bool;
     /// Whether a light is not seen.
     fn hides_light(self, hidden: Self::Hidden, light: usize) -> bool;
+    /// Whether shadow rays to a light obey rules of its own.
+    fn links_shadows(self, light: usize) -> bool;
     /// The kind of a light: of those that rules do not tell apart.
     fn light_kind(self, light: usize) -> u8;
     /// Whether lights of a kind are not seen.
@@ -242,6 +258,10 @@ impl Sight for Unruled {
     }
     #[inline(always)]
     fn hides_light(self, (): (), _: usize) -> bool {
+        false
+    }
+    #[inline(always)]
+    fn links_shadows(self, _: usize) -> bool {
         false
     }
     #[inline(always)]
@@ -297,6 +317,7 @@ impl Sight for Ruled<'_> {
             Start::Reflected(object) => of(object).reflected,
             Start::Refracted(object) => of(object).refracted,
             Start::Shadow(object) => of(object).shadow,
+            Start::ShadowOf(light) => self.0.shadow_of_light[light],
             Start::Photon(object) => of(object).photon,
             Start::Light(light) => self.0.of_light[light],
             Start::Medium(medium) => self.0.of_medium[usize::from(medium)],
@@ -310,6 +331,10 @@ impl Sight for Ruled<'_> {
     #[inline]
     fn hides_light(self, hidden: HiddenSet, light: usize) -> bool {
         self.0.hides_light(hidden, light)
+    }
+    #[inline]
+    fn links_shadows(self, light: usize) -> bool {
+        self.0.links_shadows(light)
     }
     #[inline]
     fn light_kind(self, light: usize) -> u8 {

@@ -91,6 +91,7 @@ impl<V: Sight> CameraTracer<'_, V> {
             let hidden = self.sight.from(Start::Shadow(x.hit.object));
             if direct.delta
                 || scene.only_sampled(light)
+                || self.sight.links_shadows(light)
                 || self.sight.hides_shape_of(scene, hidden, light)
             {
                 return 1.0;
@@ -188,10 +189,11 @@ impl<V: Sight> CameraTracer<'_, V> {
             return Rgb::ZERO;
         }
         let object = x.hit.object;
-        let hidden = match seen {
-            Seen::First => self.sight.from(Start::Shadow(object)),
-            Seen::ByGatherRay(_) => self.sight.from(Start::Light(choice.light)),
+        let (start, end) = match seen {
+            Seen::First => (Start::Shadow(object), Start::ShadowOf(choice.light)),
+            Seen::ByGatherRay(_) => (Start::Light(choice.light), Start::Light(choice.light)),
         };
+        let (hidden, too) = (self.sight.from(start), self.sight.from(end));
         let is_unlit = match seen {
             Seen::First => self.is_unlit(x, direct.wi, choice.light),
             Seen::ByGatherRay(by) => {
@@ -208,7 +210,7 @@ impl<V: Sight> CameraTracer<'_, V> {
         let ray = x.hit.spawn_ray(direct.wi);
         let medium = x.medium_towards(scene, direct.wi);
         let unshadowing = scene.unshadowing[choice.light];
-        let hides = |object| self.sight.hides(hidden, object);
+        let hides = |object| self.sight.hides(hidden, object) || self.sight.hides(too, object);
         match scene.unoccluded(ray, direct.distance, medium, unshadowing, hides, sampler) {
             Some(tr) => f * direct.weight * tr * (wi.z.abs() * weight / choice.pmf),
             None => Rgb::ZERO,
@@ -311,7 +313,8 @@ impl<V: Sight> CameraTracer<'_, V> {
         let Some(mut hit) = arrived.hit else {
             let mut radiance = Rgb::ZERO;
             for &light in &scene.environments {
-                if !wanted.direct || self.is_unlit(x, wi, light) {
+                if !wanted.direct || self.sight.links_shadows(light) || self.is_unlit(x, wi, light)
+                {
                     continue;
                 }
                 let environment = scene.environment(light, wi) * balanced(light, None);
@@ -323,6 +326,7 @@ impl<V: Sight> CameraTracer<'_, V> {
         let mut radiance = Rgb::ZERO;
         if let Some(light) = scene.objects()[hit.object as usize].light
             && !scene.only_sampled(light as usize)
+            && !self.sight.links_shadows(light as usize)
             && wanted.direct
             && !self.is_unlit(x, wi, light as usize)
         {

@@ -7,6 +7,7 @@ mod golden;
 mod media;
 mod mixing;
 mod reference;
+mod shadows;
 mod views;
 
 use beamfarm_shared::pass::render_pass;

@@ -61,13 +61,14 @@ emission = { radiance = [2, 3, 5] }
 transform = [{ scale = 0.9 }, { look_at = { origin = [2.6, 2.2, -1.4], target = [0, 0.5, 0.5] } }]
 "#;
 
-const RULES: [&str; 6] = [
+const RULES: [&str; 7] = [
     "rays = [\"camera\"]\nexclude = [\"ball\", \"panel\"]",
     "on = [\"mirror\"]\nrays = [\"reflected\"]\ninclude = [\"room\", \"lamp\"]",
     "on = [\"satin\"]\nrays = [\"reflected\"]\nexclude = [\"ball\", \"panel\"]",
     "on = [\"room\", \"ball\"]\nrays = [\"shadow\"]\nexclude = [\"lamp\"]",
     "on = [\"satin\"]\nrays = [\"shadow\"]\ninclude = [\"lamp\", \"panel\", \"mirror\", \"box\"]",
     "on = [\"room\"]\nrays = [\"shadow\"]\nexclude = [\"ball\"]",
+    "on = [\"panel\"]\nrays = [\"shadow\"]\nexclude = [\"ball\"]",
 ];
 
 fn room() -> String {

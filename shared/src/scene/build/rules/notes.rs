@@ -1,6 +1,6 @@
 //! What rules say to no effect.
 
-use super::{Clause, Resolver, has_gloss, name_of};
+use super::{Clause, Listed, Resolver, has_gloss, name_of};
 use crate::bsdf::MaterialKind;
 use crate::light::LightKind;
 use crate::rules::RayType;
@@ -42,6 +42,12 @@ impl Resolver<'_> {
         }
     }
 
+    /// Whether shadow rays to a light obey this, wherever they start.
+    fn names_a_light(&self, clause: &Clause) -> bool {
+        let Listed { listed, inverted } = &clause.starts;
+        !inverted && listed.iter().any(|start| self.light(*start).is_some())
+    }
+
     /// Whether photons leave anything on a thing or in it.
     fn keeps_photons(&self, start: u32) -> bool {
         if start == self.world() {
@@ -80,15 +86,16 @@ impl Resolver<'_> {
         let starts = 0..self.things as u32 + 2;
         let mut starts = starts.filter(|start| clause.starts.has(*start));
         let name = name_of(ray);
-        if !starts.any(|start| self.start(start, ray)) {
+        let only_lights = !clause.list.inverted
+            && (clause.list.listed.iter()).all(|thing| *thing as usize >= self.objects);
+        let links_shadows = ray == RayType::Shadow && self.names_a_light(clause) && !only_lights;
+        if !starts.any(|start| self.start(start, ray)) && !links_shadows {
             let message = format!("no {name} rays start there: no effect on them");
             return Some(match ray {
                 RayType::Camera => format!("{message}; they start at the \"camera\""),
                 _ => message,
             });
         }
-        let only_lights = !clause.list.inverted
-            && (clause.list.listed.iter()).all(|thing| *thing as usize >= self.objects);
         if ray == RayType::Photon && only_lights {
             let mut starts = (0..self.things as u32 + 2).filter(|s| clause.starts.has(*s));
             if !starts.any(|start| self.keeps_photons(start)) {
@@ -115,6 +122,7 @@ impl Resolver<'_> {
                 && other.list.covers(&clause.list)
                 && (!clause.includes || clause.list.covers(&other.list))
                 && other.starts.covers(&clause.starts)
+                && (!links_shadows || !other.starts.inverted || other.starts.listed.is_empty())
         };
         let again = before.iter().any(says_so);
         again.then(|| format!("an earlier rule says the same of {name} rays"))

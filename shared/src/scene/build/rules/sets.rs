@@ -176,6 +176,18 @@ impl Resolver<'_> {
             photon: set(object, RayType::Photon),
             ..ObjectSets::default()
         });
+        // What is said of all but some things is said of where shadow rays start, not of the lights that they go to.
+        let mut of_named = Vec::new();
+        for &start in &starts.members {
+            let names_it = |clause: &&Clause| !clause.starts.inverted && clause.starts.has(start);
+            let here: Vec<&Clause> = clauses.iter().filter(names_it).collect();
+            let mut row = self.hidden(&here, RayType::Shadow, &things)?;
+            row.resize(words, 0);
+            of_named.push(rows.set(row));
+        }
+        let lights = self.objects..self.things;
+        let shadow_of_light = lights.map(|light| of_named[starts.class[light] as usize]);
+        let shadow_of_light: Vec<_> = shadow_of_light.collect();
         let of_light = (self.objects..self.things).map(|light| set(light as u32, RayType::Photon));
         let (of_object, of_light): (Vec<_>, Vec<_>) = (of_object.collect(), of_light.collect());
         let camera = set(self.camera(), RayType::Camera);
@@ -185,6 +197,7 @@ impl Resolver<'_> {
             || !of_light.iter().chain(&of_medium).all(is_nothing);
         let has_effect = touches_photons
             || camera != nothing
+            || !shadow_of_light.iter().all(is_nothing)
             || of_object.iter().any(|sets| {
                 let others = [sets.reflected, sets.refracted, sets.shadow];
                 !others.iter().all(is_nothing)
@@ -199,6 +212,7 @@ impl Resolver<'_> {
             camera,
             of_object,
             of_light,
+            shadow_of_light,
             of_medium,
             unlit: Vec::new(),
             light_kinds: self.light_kinds(&things),

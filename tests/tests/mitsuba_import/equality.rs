@@ -102,3 +102,46 @@ fn a_scene_and_its_native_twin_render_alike() {
     assert_eq!(xml.defaults.passes, 8);
     assert_eq!(pixels(xml), pixels(toml));
 }
+
+/// The camera sees neither lamps nor the sky, but what lies behind lamps, what they light, and their images in mirrors.
+#[test]
+fn hidden_emitters_are_passed_through() {
+    let integrator = |value: &str| {
+        format!(
+            "<integrator type=\"aov\"><integrator type=\"path\"><boolean name=\"hide_emitters\" value=\"{value}\"/>\
+             </integrator></integrator>"
+        )
+    };
+    // Before the camera, turned to it, with a wall behind.
+    let panel = "<shape type=\"rectangle\" id=\"panel\"><transform name=\"to_world\"><translate z=\"1\"/></transform>\
+                 <emitter type=\"area\"><rgb name=\"radiance\" value=\"4 0 0\"/></emitter></shape>";
+    let sky = "<emitter type=\"constant\"><rgb name=\"radiance\" value=\"0 1 0\"/></emitter>";
+    let wall = "<shape type=\"rectangle\" id=\"wall\"><transform name=\"to_world\"><scale value=\"0.5\"/></transform>";
+    let wall = |bsdf: &str| format!("{wall}<bsdf type=\"{bsdf}\"/></shape>");
+    let text = |value: &str, bsdf: &str| {
+        let wall = wall(bsdf);
+        with_sensor(&format!("{}{panel}{sky}{wall}", integrator(value)))
+    };
+    let rays = "[\"reflected\", \"refracted\", \"shadow\", \"photon\"]";
+    let hidden = native(&text("true", "diffuse"));
+    assert_eq!(hidden.matches("visible = ").count(), 2, "{hidden}");
+    assert_eq!(field(&hidden, "[[shapes]]", "visible"), Some(rays));
+    assert!(!native(&text("false", "diffuse")).contains("visible"));
+
+    let image = |value: &str, bsdf: &str| {
+        let scene = Scene::new(scene(&text(value, bsdf)));
+        let plan = RenderPlan::new(&scene, scene.description().defaults.job_settings());
+        render_pass(&scene, &plan, 0).film.pixels
+    };
+    let middle = 4 * 16 + 8;
+    let seen = image("false", "diffuse");
+    assert_eq!((seen[0], seen[middle]), ([0.0, 1.0, 0.0], [4.0, 0.0, 0.0]));
+    let hidden = image("true", "diffuse");
+    assert_eq!(hidden[0], [0.0; 3]);
+    // The wall behind the panel, in what the panel leaves it of the sky.
+    let [red, green, blue] = hidden[middle];
+    assert!(green > 0.1 && green < 0.9, "{green}");
+    assert_eq!([red, blue], [0.0; 2]);
+    // A mirror in its place would show the sky, were it not for the panel's back.
+    assert_eq!(image("true", "conductor")[middle], [0.0; 3]);
+}

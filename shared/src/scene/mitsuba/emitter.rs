@@ -57,6 +57,9 @@ impl Converter<'_> {
             "constant" => self.emission(id, "radiance", &mut light),
             _ => self.envmap(id, &mut light),
         }
+        if kind == "environment" {
+            self.hide(&mut light);
+        }
         self.sampling(id);
         self.finish(id);
         Some(light)

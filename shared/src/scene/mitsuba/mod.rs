@@ -23,7 +23,7 @@ use crate::error::SceneError;
 use log::Log;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
-use write::{Section, Written};
+use write::{Section, Toml, Written};
 use xml::{Content, Id, Kind, Objects};
 
 /// A line of one of the XML files.
@@ -125,6 +125,8 @@ struct Converter<'a> {
     media_sections: Vec<Section>,
     /// The medium outside of all shapes.
     world: Option<Id>,
+    /// Where an integrator says that the camera does not see emitters.
+    hides_emitters: Option<Place>,
     /// Objects whose members have all been asked for.
     finished: BTreeSet<Id>,
 }
@@ -144,6 +146,7 @@ impl<'a> Converter<'a> {
             media_names: ids(Kind::Medium).chain(["none".to_string()]).collect(),
             media_sections: Vec::new(),
             world: None,
+            hides_emitters: None,
             finished: BTreeSet::new(),
         }
     }
@@ -152,6 +155,7 @@ impl<'a> Converter<'a> {
         const SCENE: Id = 0;
         let scene = &self.objects.list[SCENE];
         self.world = self.world_medium(SCENE);
+        self.hides_emitters = self.hides_emitters(SCENE);
         let mut view = None;
         let mut shapes = Vec::new();
         let mut lights = Vec::new();
@@ -206,8 +210,7 @@ impl<'a> Converter<'a> {
         if let Some((count, place)) = passes
             && view.render.is_empty()
         {
-            view.render
-                .set("passes", write::Toml::Integer(count), place);
+            view.render.set("passes", Toml::Integer(count), place);
         }
         let mut sections = vec![view.image];
         if !view.render.is_empty() {
@@ -217,11 +220,7 @@ impl<'a> Converter<'a> {
             && let Some(name) = self.media.get(&world)
         {
             let mut section = Section::table("world", self.objects.list[world].place);
-            section.set(
-                "medium",
-                write::Toml::string(name),
-                self.objects.list[world].place,
-            );
+            section.set("medium", Toml::string(name), self.objects.list[world].place);
             sections.push(section);
         }
         sections.push(view.camera);
@@ -232,6 +231,31 @@ impl<'a> Converter<'a> {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         let comment = format!("Converted by beamfarm from Mitsuba's {name}.");
         Written::new(&comment, &sections)
+    }
+}
+
+impl Converter<'_> {
+    /// Where an integrator, or one within it, hides emitters from the camera.
+    fn hides_emitters(&mut self, id: Id) -> Option<Place> {
+        let mut hides = None;
+        for (_, integrator) in self.nested(id, Kind::Integrator) {
+            let name = "hide_emitters";
+            if self.boolean(integrator, name) == Some(true) {
+                hides = self.member(integrator, name).map(|member| member.place);
+            }
+            hides = self.hides_emitters(integrator).or(hides);
+        }
+        hides
+    }
+
+    /// Keep an emitter out of the camera's sight, if the integrator says so. Mitsuba's camera rays pass such shapes, and see
+    /// black instead of an environment; mirrors show both.
+    fn hide(&self, emitter: &mut Section) {
+        if let Some(place) = self.hides_emitters {
+            let rays = ["reflected", "refracted", "shadow", "photon"];
+            let rays = rays.map(Toml::string).to_vec();
+            emitter.set("visible", Toml::Array(rays), place);
+        }
     }
 }
 

@@ -11,11 +11,17 @@ impl Converter<'_> {
     pub fn shape(&mut self, id: Id, shapes: &mut Vec<Section>) {
         match self.objects.list[id].plugin.as_str() {
             "shapegroup" | "instance" => {}
-            _ => shapes.extend(self.surface(
-                id,
-                Section::item("shapes", self.objects.list[id].place),
-                true,
-            )),
+            _ => {
+                let section = Section::item("shapes", self.objects.list[id].place);
+                let mut shape = self.surface(id, section, true);
+                let mut emitters = self.nested(id, Kind::Emitter).into_iter();
+                if let Some(shape) = &mut shape
+                    && emitters.any(|(_, emitter)| self.objects.list[emitter].plugin == "area")
+                {
+                    self.hide(shape);
+                }
+                shapes.extend(shape);
+            }
         }
     }
 

@@ -1,18 +1,22 @@
-//! What surface photons seen on gloss gain over gather rays alone, as a Markdown table:
-//! `cargo run --release -p beamfarm-shared --features render --example gloss -- SCENE.toml [PASSES [FIRST]]`, of a scene with neither
-//! specular surfaces nor scattering media (with those, photons are seen on all surfaces).
+//! What gather rays beside one another, and surface photons seen on gloss, gain over one gather ray drawn by the BSDF, as a
+//! Markdown table: `cargo run --release -p beamfarm-shared --features render --example gloss -- SCENE.toml [PASSES [FIRST]]`, of a
+//! scene with neither specular surfaces nor scattering media (with those, photons are seen on all surfaces).
 //!
-//! Both ways take turns of a pass, with the same random numbers, so that whatever else the machine does meets both. Counted are
-//! pixels where the camera sees gloss alone. `variance` is that of a pass, mean over the pixels, relative to the square of
-//! their mean plus 0.01, as relMSE is; at equal time it is times the seconds of a pass. Above 1: photons are better.
-//! Everything but the times is the same on every machine.
+//! All ways take turns of a pass, so that whatever else the machine does meets all. Counted are pixels where the camera sees
+//! gloss alone. `variance` is that of a pass, mean over the pixels, relative to the square of their mean plus 0.01, as relMSE
+//! is; at equal time it is times the seconds of a pass. Gains above 1: better than one gather ray. Everything but the times is
+//! the same on every machine. With `--features evaluations` it also prints what a gather ray costs in evaluations, direct light
+//! and photons of the surfaces that it starts from included; times are then of no use.
 
 use beamfarm_shared::bsdf::{Material, MaterialKind};
+use beamfarm_shared::layer::Layer;
 use beamfarm_shared::math::Rgb;
 use beamfarm_shared::pass::render_pass;
 use beamfarm_shared::plan::{RenderPlan, Scene};
 use beamfarm_shared::scene::{SceneDescription, read_bundle};
 use beamfarm_shared::texture::Texture;
+use beamfarm_shared::transport::evaluations::{BSDF, GATHER_RAYS, PDF, PHOTONS};
+use std::sync::atomic::Ordering;
 use std::time::Instant;
 
 /// By value: sum and sum of squares over the passes.
@@ -20,6 +24,7 @@ use std::time::Instant;
 struct Moments {
     sums: Vec<[f64; 2]>,
     seconds: f64,
+    counts: [u64; 4],
 }
 
 impl Moments {
@@ -45,16 +50,27 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let passes: u64 = args.next().map_or(Ok(32), |n| n.parse())?;
     let first: u64 = args.next().map_or(Ok(0), |n| n.parse())?;
     let scene = Scene::new(SceneDescription::load(&read_bundle(path.as_ref())?)?);
-    let seen = gloss(&scene, passes.min(16));
+    let seen = gloss(&scene, passes.min(4))?;
     let settings = scene.description().defaults.job_settings();
-    let mut modes = [Moments::default(), Moments::default()];
+    let several = RenderPlan::new(&scene, settings).gloss_rays_side;
+    let ways = [
+        ("one gather ray", 1, false),
+        ("several", several, false),
+        ("several, and photons", several, true),
+    ];
+    let mut modes = ways.map(|_| Moments::default());
     for pass_index in first..first + passes {
-        for (mode, photons) in modes.iter_mut().zip([false, true]) {
+        for (mode, (_, side, photons)) in modes.iter_mut().zip(ways) {
             let mut plan = RenderPlan::new(&scene, settings);
+            plan.gloss_rays_side = side;
             plan.photons_on_gloss &= photons;
+            let before = counts();
             let start = Instant::now();
             let image = render_pass(&scene, &plan, pass_index);
             mode.seconds += start.elapsed().as_secs_f64();
+            for ((sum, after), before) in mode.counts.iter_mut().zip(counts()).zip(before) {
+                *sum += after - before;
+            }
             let values: Vec<f64> = image
                 .film
                 .pixels
@@ -70,40 +86,54 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         }
     }
     let n = passes as f64;
-    println!("| indirect light of gloss | mean | variance | s a pass |\n| --- | --- | --- | --- |");
-    let ways = ["gather rays", "gather rays and photons"];
-    let moments = modes.map(|mode| (mode.variance(n, &seen), mode.seconds));
-    for (name, ([variance, mean], seconds)) in ways.iter().zip(&moments) {
-        let seconds = seconds / n;
-        println!("| {name} | {mean:.5} | {variance:.5} | {seconds:.4} |");
-    }
-    let [alone, together] = moments.map(|([variance, _], seconds)| (variance, seconds));
     println!(
-        "\nvariance ratio at equal rays {:.2}, at equal time {:.2}",
-        alone.0 / together.0,
-        alone.0 * alone.1 / (together.0 * together.1)
+        "| gloss | mean | variance | s a pass | gain at equal passes | at equal time |\n| --- | --- | --- | --- | --- | --- |"
     );
+    let [of_one, _] = modes[0].variance(n, &seen);
+    for ((name, ..), mode) in ways.iter().zip(&modes) {
+        let [variance, mean] = mode.variance(n, &seen);
+        let gain = of_one / variance;
+        let seconds = mode.seconds / n;
+        let at_equal_time = gain * modes[0].seconds / mode.seconds;
+        println!(
+            "| {name} | {mean:.5} | {variance:.5} | {seconds:.4} | {gain:.2} | {at_equal_time:.2} |"
+        );
+    }
+    if cfg!(feature = "evaluations") {
+        println!("\n| a gather ray | BSDF | its density | photons |\n| --- | --- | --- | --- |");
+        for ((name, ..), mode) in ways.iter().zip(&modes) {
+            let [rays, parts @ ..] = mode.counts.map(|count| count as f64);
+            let [bsdf, pdf, photons] = parts.map(|count| count / rays);
+            println!("| {name} | {bsdf:.2} | {pdf:.2} | {photons:.1} |");
+        }
+    }
     Ok(())
 }
 
-/// By value: whether it is of a pixel where the camera sees gloss alone. What such materials show goes when they are black.
-fn gloss(scene: &Scene, passes: u64) -> Vec<bool> {
+/// Gather rays and evaluations so far.
+fn counts() -> [u64; 4] {
+    [&GATHER_RAYS, &BSDF, &PDF, &PHOTONS].map(|count| count.load(Ordering::Relaxed))
+}
+
+/// By value: whether it is of a pixel where the camera sees gloss alone: that of a scene where all such materials are black.
+fn gloss(scene: &Scene, passes: u64) -> Result<Vec<bool>, Box<dyn std::error::Error>> {
     let mut description = scene.description().clone();
     for material in &mut description.materials {
-        if material.is_glossy() {
-            let reflectance = Texture::Constant(Rgb::ZERO);
-            *material = Material::new(MaterialKind::Diffuse { reflectance }, true);
-        }
+        let albedo = if material.is_glossy() { 0.0 } else { 1.0 };
+        let reflectance = Texture::Constant(Rgb::splat(albedo));
+        *material = Material::new(MaterialKind::Diffuse { reflectance }, true);
     }
     let scene = Scene::new(description);
     let plan = RenderPlan::new(&scene, scene.description().defaults.job_settings());
+    let plan = plan.with_layers(&scene, &[Layer::Albedo])?;
     let mut seen = Vec::new();
     for pass_index in 0..passes {
-        let film = render_pass(&scene, &plan, pass_index).film;
-        seen.resize(film.pixels.len() * 3, true);
-        for (seen, value) in seen.iter_mut().zip(film.pixels.iter().flatten()) {
+        let image = render_pass(&scene, &plan, pass_index);
+        let albedo = &image.layers[0].pixels;
+        seen.resize(albedo.len() * 3, true);
+        for (seen, value) in seen.iter_mut().zip(albedo.iter().flatten()) {
             *seen &= *value == 0.0;
         }
     }
-    seen
+    Ok(seen)
 }

@@ -357,6 +357,9 @@ const PIXELS_PER_SURFACE_PATH: u64 = 4;
 /// Most of those paths for each one that leaves beams.
 const MAX_SURFACE_PATHS: u32 = 8;
 
+/// Four gather rays: more cost more than the noise that they take away, where pixels are many for each photon path.
+const GLOSS_RAYS_SIDE: u32 = 2;
+
 /// What every pass of a job does. `Display` is what `beamfarm explain` prints.
 #[derive(Clone, Debug)]
 pub struct RenderPlan {
@@ -370,6 +373,8 @@ pub struct RenderPlan {
     pub photons_at_first_surface: bool,
     /// They are looked up on gloss alone, where they share with gather rays what surfaces send each other.
     pub photons_on_gloss: bool,
+    /// Gather rays that gloss sends, at the surface that camera paths meet first: in a square, so many along each side.
+    pub gloss_rays_side: u32,
     /// Photon paths that leave surface photons; the first of them, as many as the settings say, leave beams as well.
     pub surface_paths: u32,
     /// Kernel radii.
@@ -593,6 +598,7 @@ impl RenderPlan {
             surface_photons,
             photons_at_first_surface,
             photons_on_gloss,
+            gloss_rays_side: GLOSS_RAYS_SIDE,
             surface_paths,
             radii,
             targets: targets.map(Arc::new),

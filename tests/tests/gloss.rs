@@ -1,9 +1,11 @@
-//! Surface photons seen on gloss: the same light on average as gather rays find alone, and less noise.
+//! Gather rays beside one another and surface photons seen on gloss: the same light on average as one gather ray finds alone,
+//! and less noise.
 
+use beamfarm_shared::job::ReferenceSettings;
 use beamfarm_shared::pass::render_pass;
 use beamfarm_shared::plan::RenderPlan;
 use beamfarm_tests::Suite;
-use beamfarm_tests::render::{Blocks, scene};
+use beamfarm_tests::render::{Blocks, blocks, reference_images, scene};
 use beamfarm_tests::z_test::two_sided;
 
 /// A closed room whose walls are lit by a spot and a small lamp, and a ball.
@@ -86,15 +88,24 @@ fn room(gloss: &str, other: &str, passes: u64) -> String {
     room.replace("PASSES", &passes.to_string())
 }
 
-/// Blocks of the room by gather rays alone, and with photons.
+/// A gather ray drawn by the BSDF and nothing else.
+fn one_gather_ray(plan: &mut RenderPlan) {
+    plan.gloss_rays_side = 1;
+    plan.photons_on_gloss = false;
+}
+
+/// Blocks of the room by one gather ray, and by all that is done for gloss.
 fn both(text: &str) -> [Blocks; 2] {
     let scene = scene(text);
-    [false, true].map(|photons| {
+    [false, true].map(|all| {
         let mut settings = scene.description().defaults.job_settings();
-        settings.seed += u64::from(photons);
+        settings.seed += u64::from(all);
         let mut plan = RenderPlan::new(&scene, settings);
         assert!(plan.photons_on_gloss && !plan.photons_at_first_surface);
-        plan.photons_on_gloss = photons;
+        assert!(plan.gloss_rays_side > 1);
+        if !all {
+            one_gather_ray(&mut plan);
+        }
         let passes = 0..scene.description().defaults.passes;
         Blocks::new(passes.map(|i| render_pass(&scene, &plan, i).film), 6)
     })
@@ -122,7 +133,7 @@ fn same_means(name: &str, both: &[Blocks; 2], suite: &mut Suite) {
 /// Metal, frosted glass with what it transmits, a rough coat, and the principled BSDF. Significance 1e-2 for all blocks of
 /// all rooms together.
 #[test]
-fn photons_on_gloss_change_noise_and_not_light() {
+fn gloss_changes_noise_and_not_light() {
     let mut suite = Suite::new(1e-2);
     for gloss in ["steel", "frosted", "varnish", "disney"] {
         same_means(gloss, &both(&room(gloss, "plain", 1000)), &mut suite);
@@ -141,18 +152,45 @@ fn gloss_obeys_its_rules() {
     suite.finish();
 }
 
-/// The variance of passes in the middle of a ball of metal, that shows a wall lit by the spot: less where photons are many,
-/// and not more where they are few and their kernels have become small.
+/// More lights than gather rays choose from, against the path tracer: points of all powers around the room, and the lantern.
+/// Significance 1e-2 for all blocks of all rooms together.
 #[test]
-fn photons_on_gloss_lower_the_noise() {
-    for (paths, first, bound) in [(3000, 100, 1.0), (40_000, 0, 0.8)] {
+fn gloss_among_many_lights_is_what_the_path_tracer_shows() {
+    let mut suite = Suite::new(1e-2);
+    for gloss in ["steel", "varnish"] {
+        let mut text = room(gloss, "plain", 800);
+        for i in 0..12 {
+            let (x, z) = (0.1 * f64::from(i) - 0.6, 0.6 - 0.1 * f64::from(i));
+            let intensity = 0.01 * f64::from(1 + i * i);
+            text += &format!(
+                "[[lights]]\ntype = \"point\"\nposition = [{x}, 0.85, {z}]\nintensity = {intensity}\n"
+            );
+        }
+        let scene = scene(&text);
+        let settings = ReferenceSettings {
+            seed: 5,
+            max_depth: None,
+        };
+        let reference = Blocks::new(reference_images(&scene, settings, 64, 32), 6);
+        same_means(gloss, &[reference, blocks(&scene, 6)], &mut suite);
+    }
+    suite.finish();
+}
+
+/// The variance of passes in the middle of a ball of metal, that shows a wall lit by the spot, over that of one gather ray:
+/// where photons are many, and where they are few and their kernels have become small.
+#[test]
+fn gloss_lowers_the_noise() {
+    for (paths, first, bound) in [(3000, 100, 0.5), (40_000, 0, 0.35)] {
         let text = room("steel", "plain", 1).replace("radius = 0.03\n", "");
         let text = text.replace("alpha = 0.1", "alpha = 0.2");
         let text = text.replace("paths = 3000", &format!("paths = {paths}"));
         let scene = scene(&text);
-        let [alone, together] = [false, true].map(|photons| {
+        let [alone, together] = [false, true].map(|all| {
             let mut plan = RenderPlan::new(&scene, scene.description().defaults.job_settings());
-            plan.photons_on_gloss = photons;
+            if !all {
+                one_gather_ray(&mut plan);
+            }
             let film = |i| render_pass(&scene, &plan, i).film;
             let blocks = Blocks::new((first..first + 60).map(film), 1);
             let pixels = blocks.blocks.iter().enumerate();
@@ -164,7 +202,7 @@ fn photons_on_gloss_lower_the_noise() {
         });
         assert!(
             together < bound * alone,
-            "{paths} paths: {together} with photons, {alone} without"
+            "{paths} paths: {together}, by one gather ray {alone}"
         );
     }
 }

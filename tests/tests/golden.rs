@@ -7,9 +7,9 @@ use beamfarm_shared::pass::render_pass;
 use beamfarm_shared::plan::RenderPlan;
 use beamfarm_tests::render::{average, scene};
 
-const FOG_HASH: &str = "28b839947f76f7c70489e860c75fa2b7c04ec8d14e60e86b03db53c80232e151";
+const FOG_HASH: &str = "16e8890fdbadb6673a87c68451010517b92bca2ad9b3ffb0a15ddbfaa246ce9c";
 const SMOKE_HASH: &str = "005f0b5555263ce6711228856b5f6d152c5957eef1ecc86bbc730f7bb3735580";
-const SURFACES_HASH: &str = "750f1262c2674a82dd5596b381550982fcb37fc0f89023cb3e7c2f763ad890aa";
+const SURFACES_HASH: &str = "feced8691a20035b433e8c5eb4dc98875c9640fd081fc9dfc0c5891409050177";
 
 const FOG: &str = r#"
 [image]

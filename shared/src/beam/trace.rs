@@ -102,18 +102,19 @@ pub(crate) fn first_odds(plan: &RenderPlan, pass_index: u64) -> f32 {
     plan.surface_paths as f32 * (std::f32::consts::PI * radius * radius)
 }
 
-/// Where photons are seen on gloss alone: photons of a pass in a kernel of scattered light, were they spread evenly over a
-/// sphere around the scene, over those that their odds take for granted, if that is less. Photons that have become few leave
-/// more to gather rays.
+/// What photons on gloss are worth against gather rays, of what their odds say: [`GLOSS_SHARE`], and less where photons are few:
+/// those of a pass in a kernel of scattered light, were they spread evenly over a sphere around the scene, over those that
+/// their odds take for granted.
 pub(crate) fn gloss_odds(scene: &Scene, plan: &RenderPlan, pass_index: u64) -> f32 {
-    if !plan.photons_on_gloss {
-        return 1.0;
-    }
     let scale = Schedule::new(&plan.settings).surface_scale(pass_index) as f32;
     let radius = plan.radii.smooth_ceiling * scale / scene.bounds().radius;
     let photons = plan.surface_paths as f32 * radius * radius * 0.25;
-    (photons / DEEPER_ODDS).min(1.0)
+    GLOSS_SHARE * (photons / DEEPER_ODDS).min(1.0)
 }
+
+/// Gather rays from gloss go to the light that is best there, and into cells of their own: each does better than one direction
+/// drawn by itself, for which the odds stand.
+const GLOSS_SHARE: f32 = 0.1;
 
 struct Tracer<'a, V> {
     scene: &'a Scene,

@@ -16,7 +16,7 @@
 //! | … (S, M or D) D x S* E        | gather ray from x: surface photons at D; and those at x, balanced          |
 //!
 //! The last vertex before x decides, so every path is counted once, or twice with weights that sum to one: those of
-//! `surface::gather_share`. Without S or M in the scene, photons are looked up at x only where it is gloss, and elsewhere gather
+//! `surface::gather_share`. Gloss sends several gather rays where its light matters. Without S or M in the scene, photons are looked up at x only where it is gloss, and elsewhere gather
 //! rays count all. So they do where D has a relief. The BSDF sample of the direct light and the gather ray are one ray.
 //!
 //! At a smooth dielectric the path goes both ways, as far as they matter. Light that a branch meets always counts; the rest
@@ -27,6 +27,7 @@
 //! by chance along it or by the other lobes alone. Photons that meet it are stored for the other lobes and bounce off by any; a gather ray's D has its other
 //! lobes alone, as what its delta lobe sends to x is in x's photons.
 
+pub mod evaluations;
 mod medium;
 mod straight;
 mod surface;

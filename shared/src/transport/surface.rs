@@ -1,10 +1,11 @@
 //! Light that a surface sends on: direct light, a gather ray, and photons.
 
 use super::CameraTracer;
+use super::evaluations::{BSDF, GATHER_RAYS, PDF, PHOTONS, count};
 use crate::bsdf::{Bsdf, Tilt, TransportMode};
 use crate::geometry::SurfaceHit;
-use crate::light::{DirectSample, LightChoice, LightHit};
-use crate::math::{Frame, Rgb, Vec2, Vec3};
+use crate::light::{DirectSample, LightChoice, LightHit, LightSelector};
+use crate::math::{Frame, Rgb, Vec2, Vec3, mean};
 use crate::medium::MediumId;
 use crate::parts::{Part, Recorder};
 use crate::plan::Scene;
@@ -42,9 +43,19 @@ struct Drawn {
     wi: Vec3,
     /// BSDF times cosine over density.
     weight: Rgb,
-    /// Density per solid angle.
-    pdf: f32,
+    /// Directions per solid angle: their density times the number of those that are drawn.
+    density: f32,
     medium: MediumId,
+}
+
+/// Light from one direction, before it is known what is in its way.
+struct Unshadowed {
+    light: usize,
+    wi: Vec3,
+    distance: f32,
+    /// Without `factor`.
+    radiance: Rgb,
+    factor: f32,
 }
 
 impl<V: Sight> CameraTracer<'_, V> {
@@ -87,6 +98,13 @@ impl<V: Sight> CameraTracer<'_, V> {
             return Rgb::ZERO;
         }
         let scene = self.scene;
+        // Where fog hides most of it, what a gather ray brings is not worth one each time.
+        let odds = (beta.max_element() / SURE_THROUGHPUT).min(1.0);
+        let side = match odds == 1.0 && x.bsdf.is_glossy() {
+            true => self.plan.gloss_rays_side,
+            false => 1,
+        };
+        let rays = (side * side) as f32;
         let balanced = |light: usize, direct: &DirectSample, wi: Vec3| {
             let hidden = self.sight.from(Start::Shadow(x.hit.object));
             if direct.delta
@@ -97,18 +115,28 @@ impl<V: Sight> CameraTracer<'_, V> {
                 return 1.0;
             }
             let pdf = direct.pdf * self.sight.selector(scene, x.hit.object).pmf(light);
-            power_heuristic(pdf, x.bsdf.pdf(x.local_wo, wi))
+            power_heuristic(pdf, rays * x.pdf(x.local_wo, wi))
         };
-        let (mut radiance, light) = self.light_sample(x, Seen::First, sampler, balanced);
+        let (mut radiance, light) = match x.bsdf.is_glossy() {
+            true => self.best_light_sample(x, Seen::First, sampler, balanced),
+            false => self.light_sample(x, Seen::First, sampler, balanced),
+        };
         record.add(Part::Direct, light, beta * radiance);
-        // Where fog hides most of it, what a gather ray brings is not worth one each time.
-        let odds = (beta.max_element() / SURE_THROUGHPUT).min(1.0);
-        if odds == 1.0 || sampler.next_1d() < odds {
-            radiance += self.gather_ray(x, sampler, beta / odds, record) / odds;
+        if side > 1 {
+            let share = 1.0 / rays;
+            let mut strata = Strata::new(side, sampler);
+            while let Some(uniforms) = strata.next(sampler) {
+                radiance +=
+                    self.gather_ray(x, uniforms, rays, sampler, beta * share, record) * share;
+            }
+        } else if odds == 1.0 || sampler.next_1d() < odds {
+            let uniforms = (sampler.next_1d(), sampler.next_2d());
+            radiance += self.gather_ray(x, uniforms, 1.0, sampler, beta / odds, record) / odds;
         }
         if self.sees_photons(x) {
             let is_glossy = self.is_glossy(x);
             let gathers = is_glossy || self.sight.gathers(x.hit.object);
+            let odds_scale = self.odds_scale(x);
             let weight = |photon: &SurfacePhoton, wi: Vec3| {
                 if V::RULED
                     && (photon.odds == UNSEEN || is_glossy && photon.arrival == Arrival::Surface)
@@ -119,10 +147,7 @@ impl<V: Sight> CameraTracer<'_, V> {
                     return 1.0;
                 }
                 let cos = x.hit.ng.dot(photon.wi).abs();
-                1.0 - gather_share(
-                    photon.odds * self.gloss_odds,
-                    x.bsdf.pdf(x.local_wo, wi) / cos,
-                )
+                1.0 - gather_share(photon.odds * odds_scale, rays * x.pdf(x.local_wo, wi) / cos)
             };
             radiance += self.photon_radiance(x, weight, beta, record);
         }
@@ -149,11 +174,7 @@ impl<V: Sight> CameraTracer<'_, V> {
         sampler: &mut Sampler,
         weight: impl Fn(usize, &DirectSample, Vec3) -> f32,
     ) -> (Rgb, usize) {
-        let selector = match seen {
-            Seen::First => self.sight.selector(self.scene, x.hit.object),
-            Seen::ByGatherRay(_) => self.sight.emitters(self.scene),
-        };
-        let choice = selector.sample(sampler.next_1d());
+        let choice = self.selector(x, seen).sample(sampler.next_1d());
         let (u, u_primitive) = (sampler.next_2d(), sampler.next_1d());
         match choice {
             Some(choice) => {
@@ -165,54 +186,150 @@ impl<V: Sight> CameraTracer<'_, V> {
         }
     }
 
+    /// What chooses the lights that x is lit by.
+    fn selector(&self, x: &Vertex, seen: Seen<V::Hidden>) -> &LightSelector {
+        match seen {
+            Seen::First => self.sight.selector(self.scene, x.hit.object),
+            Seen::ByGatherRay(_) => self.sight.emitters(self.scene),
+        }
+    }
+
+    /// Factor on the odds of photons at x against gather rays from there.
+    fn odds_scale(&self, x: &Vertex) -> f32 {
+        match x.bsdf.is_glossy() {
+            true => self.gloss_odds,
+            false => 1.0,
+        }
+    }
+
+    /// As [`Self::light_sample`], the light chosen from a few for what it would bring if nothing were in its way (Talbot et
+    /// al. 2005, resampled importance sampling).
+    fn best_light_sample(
+        &self,
+        x: &Vertex,
+        seen: Seen<V::Hidden>,
+        sampler: &mut Sampler,
+        weight: impl Fn(usize, &DirectSample, Vec3) -> f32,
+    ) -> (Rgb, usize) {
+        let lights = self.scene.lights().len();
+        let selector = self.selector(x, seen);
+        if lights == 1 {
+            return self.light_sample(x, seen, sampler, weight);
+        }
+        let mut chosen = None;
+        let mut sum = 0.0;
+        for candidate in 0..lights.min(CANDIDATES) {
+            let choice = if lights > CANDIDATES {
+                let Some(mut choice) = selector.sample(sampler.next_1d()) else {
+                    continue;
+                };
+                choice.pmf *= CANDIDATES as f32;
+                choice
+            } else if selector.pmf(candidate) > 0.0 {
+                LightChoice {
+                    light: candidate,
+                    pmf: 1.0,
+                    u: 0.0,
+                }
+            } else {
+                continue;
+            };
+            let u = (sampler.next_2d(), sampler.next_1d());
+            let Some(found) = self.unshadowed(x, seen, choice, u, &weight) else {
+                continue;
+            };
+            let value = mean(found.radiance) * found.factor;
+            if value != 0.0 {
+                sum += value;
+                if sampler.next_1d() * sum < value {
+                    chosen = Some((found, value));
+                }
+            }
+        }
+        let Some((found, value)) = chosen else {
+            return (Rgb::ZERO, 0);
+        };
+        let radiance = self.shadowed(x, seen, &found, sampler) * (sum / value);
+        (radiance, found.light)
+    }
+
     /// Direct light of a chosen light, over the probability of the choice.
     fn light_towards(
         &self,
         x: &Vertex,
         seen: Seen<V::Hidden>,
         choice: LightChoice,
-        (u, u_primitive): (Vec2, f32),
+        u: (Vec2, f32),
         sampler: &mut Sampler,
         weight: impl Fn(usize, &DirectSample, Vec3) -> f32,
     ) -> Rgb {
+        match self.unshadowed(x, seen, choice, u, weight) {
+            Some(found) => self.shadowed(x, seen, &found, sampler),
+            None => Rgb::ZERO,
+        }
+    }
+
+    /// Direct light of a chosen light, over the probability of the choice, if nothing is in its way.
+    fn unshadowed(
+        &self,
+        x: &Vertex,
+        seen: Seen<V::Hidden>,
+        choice: LightChoice,
+        (u, u_primitive): (Vec2, f32),
+        weight: impl Fn(usize, &DirectSample, Vec3) -> f32,
+    ) -> Option<Unshadowed> {
         let scene = self.scene;
         let light = &scene.lights()[choice.light];
-        let Some(direct) = light.sample_direct(scene.objects(), x.hit.point, u, u_primitive) else {
-            return Rgb::ZERO;
-        };
+        let direct = light.sample_direct(scene.objects(), x.hit.point, u, u_primitive)?;
         let wi = x.frame.to_local(direct.wi);
         if wi.z * x.hit.ng.dot(direct.wi) <= 0.0 {
-            return Rgb::ZERO;
+            return None;
         }
         let f = x.value(wi, direct.wi);
         if f == Rgb::ZERO {
-            return Rgb::ZERO;
+            return None;
         }
         let object = x.hit.object;
-        let (start, end) = match seen {
-            Seen::First => (Start::Shadow(object), Start::ShadowOf(choice.light)),
-            Seen::ByGatherRay(_) => (Start::Light(choice.light), Start::Light(choice.light)),
-        };
-        let (hidden, too) = (self.sight.from(start), self.sight.from(end));
         let is_unlit = match seen {
             Seen::First => self.is_unlit(x, direct.wi, choice.light),
             Seen::ByGatherRay(by) => {
+                let hidden = self.sight.from(Start::Light(choice.light));
                 self.sight.hides(hidden, object) || self.sight.hides_light(by, choice.light)
             }
         };
         if is_unlit {
-            return Rgb::ZERO;
+            return None;
         }
         let weight = weight(choice.light, &direct, wi);
-        if weight == 0.0 {
-            return Rgb::ZERO;
-        }
-        let ray = x.hit.spawn_ray(direct.wi);
-        let medium = x.medium_towards(scene, direct.wi);
-        let unshadowing = scene.unshadowing[choice.light];
+        (weight != 0.0).then(|| Unshadowed {
+            light: choice.light,
+            wi: direct.wi,
+            distance: direct.distance,
+            radiance: f * direct.weight,
+            factor: wi.z.abs() * weight / choice.pmf,
+        })
+    }
+
+    /// What is left of it by what is in its way.
+    fn shadowed(
+        &self,
+        x: &Vertex,
+        seen: Seen<V::Hidden>,
+        found: &Unshadowed,
+        sampler: &mut Sampler,
+    ) -> Rgb {
+        let scene = self.scene;
+        let (start, end) = match seen {
+            Seen::First => (Start::Shadow(x.hit.object), Start::ShadowOf(found.light)),
+            Seen::ByGatherRay(_) => (Start::Light(found.light), Start::Light(found.light)),
+        };
+        let (hidden, too) = (self.sight.from(start), self.sight.from(end));
+        let ray = x.hit.spawn_ray(found.wi);
+        let medium = x.medium_towards(scene, found.wi);
+        let unshadowing = scene.unshadowing[found.light];
         let hides = |object| self.sight.hides(hidden, object) || self.sight.hides(too, object);
-        match scene.unoccluded(ray, direct.distance, medium, unshadowing, hides, sampler) {
-            Some(tr) => f * direct.weight * tr * (wi.z.abs() * weight / choice.pmf),
+        match scene.unoccluded(ray, found.distance, medium, unshadowing, hides, sampler) {
+            Some(tr) => found.radiance * tr * found.factor,
             None => Rgb::ZERO,
         }
     }
@@ -229,18 +346,22 @@ impl<V: Sight> CameraTracer<'_, V> {
     }
 
     /// The ray sampled by the BSDF at x: direct light where it meets a light, indirect light where it meets a surface
-    /// that is not specular. (What comes from specular surfaces and media is in the photons at x.)
+    /// that is not specular. (What comes from specular surfaces and media is in the photons at x.) It is one of `rays`.
     fn gather_ray(
         &self,
         x: &Vertex,
+        (u_lobe, u): (f32, Vec2),
+        rays: f32,
         sampler: &mut Sampler,
         beta: Rgb,
         record: &mut Recorder<'_>,
     ) -> Rgb {
         let scene = self.scene;
-        let u_lobe = sampler.next_1d();
-        let mode = TransportMode::Radiance;
-        let sample = x.bsdf.sample(x.local_wo, u_lobe, sampler.next_2d(), mode);
+        count(&GATHER_RAYS);
+        count(&BSDF);
+        let sample = x
+            .bsdf
+            .sample(x.local_wo, u_lobe, u, TransportMode::Radiance);
         let Some(sample) = sample else {
             return Rgb::ZERO;
         };
@@ -251,7 +372,7 @@ impl<V: Sight> CameraTracer<'_, V> {
         let drawn = Drawn {
             wi,
             weight: sample.weight,
-            pdf: sample.pdf,
+            density: rays * sample.pdf,
             medium: x.medium_towards(scene, wi),
         };
         let object = x.hit.object;
@@ -308,7 +429,7 @@ impl<V: Sight> CameraTracer<'_, V> {
         let balanced = |light: usize, hit: Option<LightHit>| {
             let pdf = scene.lights()[light].pdf_direct(scene.objects(), x.hit.point, wi, hit);
             let pmf = self.sight.selector(scene, x.hit.object).pmf(light);
-            power_heuristic(drawn.pdf, pdf * pmf)
+            power_heuristic(drawn.density, pdf * pmf)
         };
         let Some(mut hit) = arrived.hit else {
             let mut radiance = Rgb::ZERO;
@@ -359,35 +480,36 @@ impl<V: Sight> CameraTracer<'_, V> {
             };
             if !y.bsdf.is_black() {
                 let photons_too = self.sees_photons(x) && !is_glossy;
-                radiance += self.gathered(x, &y, drawn.pdf, photons_too, beta, sampler, record);
+                radiance += self.gathered(x, &y, drawn.density, photons_too, beta, sampler, record);
             }
         }
         throughput * radiance
     }
 
-    /// Light that y, met by a gather ray that x sent with density `pdf`, sends back to x. `photons_too`: photons may have
+    /// Light that y, met by a gather ray that x sent, one of `density` per solid angle, sends back to x. `photons_too`: photons may have
     /// brought it as well.
     #[allow(clippy::too_many_arguments)]
     fn gathered(
         &self,
         x: &Vertex,
         y: &Vertex,
-        pdf: f32,
+        density: f32,
         photons_too: bool,
         beta: Rgb,
         sampler: &mut Sampler,
         record: &mut Recorder<'_>,
     ) -> Rgb {
         let scene = self.scene;
-        let density = pdf / x.hit.ng.dot(y.wo).abs();
+        let density = density / x.hit.ng.dot(y.wo).abs();
         let cos_out = y.hit.ng.dot(y.wo).abs();
         // Photons find their way from y to x where nothing at y depends on the side that it is seen from.
         let photons_too =
             photons_too && y.tilt.is_none() && y.local_wo.z * y.hit.ng.dot(y.wo) > 0.0;
+        let odds_scale = self.odds_scale(x);
         let share = |arriving: f32, wi: Vec3| match photons_too {
             true => {
-                let odds = arriving * y.bsdf.pdf(wi, y.local_wo) / cos_out;
-                gather_share(odds * self.gloss_odds, density)
+                let odds = arriving * y.pdf(wi, y.local_wo) / cos_out;
+                gather_share(odds * odds_scale, density)
             }
             false => 1.0,
         };
@@ -407,7 +529,11 @@ impl<V: Sight> CameraTracer<'_, V> {
             share(self.first_odds * lights_density * cos_in, wi)
         };
         let by = self.sight.from(Start::Photon(x.hit.object));
-        let (mut radiance, light) = self.light_sample(y, Seen::ByGatherRay(by), sampler, weight);
+        let seen = Seen::ByGatherRay(by);
+        let (mut radiance, light) = match x.bsdf.is_glossy() {
+            true => self.best_light_sample(y, seen, sampler, weight),
+            false => self.light_sample(y, seen, sampler, weight),
+        };
         record.add(Part::Surface, light, beta * radiance);
         // A facet that scatters diffusely has one share for all photons.
         if !y.is_even() || share(DEEPER_ODDS, y.local_wo) > 0.0 {
@@ -441,6 +567,7 @@ impl<V: Sight> CameraTracer<'_, V> {
                 return radiance;
             }
             photons.gather(x.hit.point, x.hit.ng, |photon, kernel| {
+                count(&PHOTONS);
                 let cos = x.hit.ng.dot(photon.wi);
                 if cos * x.local_wo.z <= 0.0 {
                     return;
@@ -453,6 +580,7 @@ impl<V: Sight> CameraTracer<'_, V> {
             return radiance;
         }
         photons.gather(x.hit.point, x.hit.ng, |photon, kernel| {
+            count(&PHOTONS);
             let wi = x.frame.to_local(photon.wi);
             let cos_g = x.hit.ng.dot(photon.wi);
             if wi.z * cos_g <= 0.0 {
@@ -502,6 +630,9 @@ pub(crate) const UNSEEN: f32 = -1.0;
 /// Throughput from which on a gather ray is surely sent.
 const SURE_THROUGHPUT: f32 = 0.5;
 
+/// Most lights that one is chosen from for what it would bring.
+const CANDIDATES: usize = 8;
+
 /// Ratio from which on photons count all.
 const SURE_RATIO: f32 = 3.0;
 
@@ -509,10 +640,48 @@ const SURE_RATIO: f32 = 3.0;
 /// at D, all by the one direction.
 pub(crate) const DEEPER_ODDS: f32 = 4.0;
 
+/// Random numbers of several directions: one in each cell of a grid, and each in its own part of the range that chooses the
+/// lobe.
+struct Strata {
+    side: u32,
+    /// The next cell.
+    cell: u32,
+    /// Part of the lobes' range that the first cell gets; the others get those after it, all around. Any cell gets any part.
+    first: u32,
+}
+
+impl Strata {
+    fn new(side: u32, sampler: &mut Sampler) -> Self {
+        let cells = side * side;
+        Self {
+            side,
+            cell: 0,
+            first: ((sampler.next_1d() * cells as f32) as u32).min(cells - 1),
+        }
+    }
+
+    fn next(&mut self, sampler: &mut Sampler) -> Option<(f32, Vec2)> {
+        let cells = self.side * self.side;
+        if self.cell == cells {
+            return None;
+        }
+        let (row, column) = (self.cell / self.side, self.cell % self.side);
+        let part = (self.first + self.cell) % cells;
+        self.cell += 1;
+        let u = (Vec2::new(column as f32, row as f32) + sampler.next_2d()) / self.side as f32;
+        let u_lobe = (part as f32 + sampler.next_1d()) / cells as f32;
+        Some((u_lobe.min(ONE_MINUS), u.min(Vec2::splat(ONE_MINUS))))
+    }
+}
+
+/// The largest number below one.
+const ONE_MINUS: f32 = 1.0 - f32::EPSILON / 2.0;
+
 impl Vertex<'_> {
     /// The BSDF's value for light from `wi`, given in the local frame and in render space.
     #[inline]
     fn value(&self, local_wi: Vec3, wi: Vec3) -> Rgb {
+        count(&BSDF);
         let f = self
             .bsdf
             .eval(self.local_wo, local_wi, TransportMode::Radiance);
@@ -520,6 +689,13 @@ impl Vertex<'_> {
             None => f,
             Some(tilt) => f * tilt.shadowing(wi),
         }
+    }
+
+    /// Density per solid angle of scattering from one local direction to another.
+    #[inline]
+    fn pdf(&self, from: Vec3, to: Vec3) -> f32 {
+        count(&PDF);
+        self.bsdf.pdf(from, to)
     }
 
     /// Whether this is a facet that scatters diffusely.
@@ -559,4 +735,37 @@ pub(crate) fn power_heuristic(a: f32, b: f32) -> f32 {
         return 1.0;
     }
     if a2 > 0.0 { a2 / (a2 + b2) } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sampler::Purpose;
+
+    /// Every cell gets a direction, every part of the lobes' range gets one, and any pair of them is as likely: 4000 draws,
+    /// each count within five standard deviations.
+    #[test]
+    fn strata_are_all_there_and_meet_evenly() {
+        let mut sampler = Sampler::new(1, 0, Purpose::Test, 1);
+        let mut pairs = [[0u32; 4]; 4];
+        for _ in 0..4000 {
+            let mut strata = Strata::new(2, &mut sampler);
+            let (mut cells, mut parts) = (0u32, 0u32);
+            while let Some((u_lobe, u)) = strata.next(&mut sampler) {
+                let cell = (u.y * 2.0) as usize * 2 + (u.x * 2.0) as usize;
+                let part = (u_lobe * 4.0) as usize;
+                cells |= 1 << cell;
+                parts |= 1 << part;
+                pairs[cell][part] += 1;
+            }
+            assert_eq!((cells, parts), (15, 15));
+        }
+        for count in pairs.into_iter().flatten() {
+            let deviation = libm::sqrt(4000.0 * 0.25 * 0.75);
+            assert!(
+                (f64::from(count) - 1000.0).abs() < 5.0 * deviation,
+                "{pairs:?}"
+            );
+        }
+    }
 }

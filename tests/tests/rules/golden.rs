@@ -78,43 +78,43 @@ radiance = [0.1, 0.12, 0.2]
 const RULES: [(&str, &str); 10] = [
     (
         r#"rays = ["camera"] | exclude = ["ball", "sky"]"#,
-        "ee2e6fdbb569d4fee94555ac39b5710fb22cb4903961d71a463065602e69add0",
+        "b22f14497154525bc7b068673bf5266b8741b93e8d54f434995eaf6e837b8d8c",
     ),
     (
         r#"rays = ["camera"] | include = ["floor", "mirror", "box"]"#,
-        "7161c2dd3e16ce9a40dc80e3206687c9d1d517add9f526cb3d1446a332614dd6",
+        "75d4edd9f818b3ef233f024e006c9fd0214694835577385c214fa6990c369933",
     ),
     (
         r#"on = ["mirror", "ball"] | rays = ["reflected"] | exclude = ["glass", "lamp"]"#,
-        "d3ef302b00fbc4444dbc51c853d47fdba92a60f4351d2dc029f2089c9f3123f3",
+        "25c47764d0ef76cb3459d3d92025dcb4ab3b134910c8bda300467533faaec69f",
     ),
     (
         r#"on = ["mirror"] | rays = ["reflected"] | include = ["ball"]"#,
-        "0f3fc7d8f4f7938bdf46e59ac64b1b5a5dcdea8f60644ec2958bf8ff74c6fa9d",
+        "498fda13a91a1920e9950dbe5be529ca3271218edc306e4d61e6d5066a5a99e2",
     ),
     (
         r#"on = ["glass"] | rays = ["refracted"] | exclude = ["floor"]"#,
-        "8c7ff0ad811e3af9f7fb290e34e62b41c6673903a70135963fd780995c8953d0",
+        "7a81f176f36f13e9734918410563d7ecc1dd1b2020a4358650a72309eb5e58ca",
     ),
     (
         r#"rays = ["refracted"] | include = ["glass", "mirror"]"#,
-        "66257d6c91775b27f3fafd9b5a08b5ac418d542f4eb6dfb00d7ead0786aba906",
+        "95b69801526e4ba5cea642ae29d9a3979dcc5f31f2314e09d1c3951060fb72b4",
     ),
     (
         r#"on = ["floor"] | rays = ["shadow"] | exclude = ["lamp", "ball"]"#,
-        "e2e5cd62e3dbedcdf8ce79bfeadaf9a3b396ab077344af333a3ab1904fa2b648",
+        "dd83b4b310670e8df289a53e143e57d055b48c28d83b2091d10ae66ded7c1481",
     ),
     (
         r#"on = ["ball"] | rays = ["shadow"] | include = ["spot"]"#,
-        "eb1e5e0c6640ee2f4bd6125cc9c8c2568d16d4150aeb4055d567ee241b05b74b",
+        "af79e1f3b229a9717aa1a8416cc06e9a37a31e60a7218d301618d280e42a9b36",
     ),
     (
         r#"on = ["floor", "box", "spot"] | rays = ["photon"] | exclude = ["glass", "spot"]"#,
-        "0e7a53ae80dc5e866ec538887edc355ba0c09fd084bb8e202b9859827acec7f1",
+        "287583cb05bb1079f06f8be8e08a8bffbd9910383bc27e6cf9b212a7b411cf2d",
     ),
     (
         r#"on = ["spot", "glass", "floor"] | rays = ["photon"] | include = ["glass", "lamp"]"#,
-        "d53c41622b6a5bf782c0dbf576e7c03c8992effef41da35c2cdb598350747794",
+        "1962626eeba8a716fa13dfb8c8491fca220fddb60b5257e2d76ce771669b073e",
     ),
 ];
 

@@ -1,11 +1,12 @@
 //! What the farm costs: `cargo run --release -p beamfarm-tests --example farm_overhead -- target/release/beamfarm SCENE PASSES`.
 //!
-//! Runs `beamfarm serve`, with its job folder, and two worker processes of one thread, and the same passes in this
-//! process on two threads without coordinator, network or images, in turns; the ratios of the pairs tell the overhead, of time and of the processors' time, which other programs on the
-//! machine disturb less.
+//! Three ways take turns: `beamfarm serve`, with its job folder, and two worker processes of one thread; two processes
+//! that render every second pass each, without coordinator, network or images; and two threads of one process. The first
+//! over the second is what the farm costs, the second over the third what it costs that processes share no memory. The
+//! processors' time is less disturbed by other programs; the standard error of a mean tells how far to believe it.
 //!
-//! The workers are this program too: the compiler makes other machine code of the renderer for each program, and that
-//! would be measured with it.
+//! All that render are this program, begun anew for each run: the compiler makes other machine code of the renderer for
+//! each program, and memory that a process has used before is quicker, and either would be measured with the farm.
 
 use beamfarm_shared::exr::pixel_hash;
 use beamfarm_shared::merge::{Node, TreeSum};
@@ -22,7 +23,7 @@ use std::time::{Duration, Instant};
 
 type AnyError = Box<dyn std::error::Error + Send + Sync>;
 
-const PAIRS: usize = 7;
+const TURNS: usize = 6;
 const THREADS: usize = 2;
 
 fn main() -> Result<(), AnyError> {
@@ -32,42 +33,55 @@ fn main() -> Result<(), AnyError> {
     if program == "worker" {
         return serve_as_worker(args.next().ok_or(usage)?);
     }
+    if program == "bare" {
+        let mut number = || -> Result<u64, AnyError> { Ok(args.next().ok_or(usage)?.parse()?) };
+        let (first, step, passes) = (number()?, number()?, number()?);
+        let scene = args.next().ok_or(usage)?;
+        return render_here(Path::new(&scene), first, step, passes);
+    }
     let scene = args.next().ok_or(usage)?;
     let passes: u64 = args.next().ok_or(usage)?.parse()?;
     let folder = tempfile::tempdir()?;
     let output = folder.path().join("farm.exr");
-    let mut ratios = Vec::new();
-    let mut cpu_ratios = Vec::new();
-    for pair in 0..PAIRS {
-        // Whoever begins may find a warmer or a cooler machine.
-        let (farm, bare) = if pair.is_multiple_of(2) {
-            let farm = by_farm(&program, &scene, passes, &output)?;
-            (farm, in_process(Path::new(&scene), passes)?)
-        } else {
-            let bare = in_process(Path::new(&scene), passes)?;
-            (by_farm(&program, &scene, passes, &output)?, bare)
-        };
-        if farm.pixels != bare.pixels {
-            let (farm, bare) = (farm.pixels, bare.pixels);
-            return Err(format!("the farm made pixels {farm}, this process {bare}").into());
+    let mut ratios = [const { Vec::new() }; 4];
+    for turn in 0..TURNS {
+        let farm = by_farm(&program, &scene, passes, &output)?;
+        let processes = bare(&scene, passes, THREADS)?;
+        let threads = bare(&scene, passes, 1)?;
+        if farm.pixels != threads.pixels {
+            let (farm, bare) = (farm.pixels, threads.pixels);
+            return Err(format!("the farm made pixels {farm}, one process {bare}").into());
         }
-        let ratio = farm.seconds / bare.seconds;
-        let cpu_ratio = farm.cpu_seconds / bare.cpu_seconds;
+        let runs = [farm, processes, threads];
+        let seconds = runs.each_ref().map(|run| run.seconds);
+        let cpu = runs.each_ref().map(|run| run.cpu_seconds);
         println!(
-            "{:.2} s with the farm, {:.2} s without: {ratio:.3}; of the processors {:.2} s and {:.2} s: {cpu_ratio:.3}",
-            farm.seconds, bare.seconds, farm.cpu_seconds, bare.cpu_seconds
+            "turn {turn}: farm, two processes, one process: {seconds:.2?} s, of the processors {cpu:.2?} s"
         );
-        ratios.push(ratio);
-        cpu_ratios.push(cpu_ratio);
+        let of_turn = [
+            seconds[0] / seconds[1],
+            cpu[0] / cpu[1],
+            seconds[1] / seconds[2],
+            cpu[1] / cpu[2],
+        ];
+        for (ratios, ratio) in ratios.iter_mut().zip(of_turn) {
+            ratios.push(ratio);
+        }
     }
-    for (what, mut ratios) in [("time", ratios), ("the processors' time", cpu_ratios)] {
-        ratios.sort_by(f64::total_cmp);
-        println!(
-            "{what}: median of {PAIRS} ratios {:.3}, from {:.3} to {:.3}",
-            ratios[PAIRS / 2],
-            ratios[0],
-            ratios[PAIRS - 1]
-        );
+    let names = [
+        "farm over two processes, time",
+        "farm over two processes, the processors' time",
+        "two processes over two threads of one, time",
+        "two processes over two threads of one, the processors' time",
+    ];
+    for (what, ratios) in names.into_iter().zip(ratios) {
+        let logs = ratios.iter().map(|ratio: &f64| ratio.ln());
+        let count = TURNS as f64;
+        let mean = logs.clone().sum::<f64>() / count;
+        let squares = logs.map(|log| (log - mean).powi(2)).sum::<f64>();
+        let standard_error = (squares / (count - 1.0) / count).sqrt();
+        let mean = mean.exp();
+        println!("{what}: {mean:.3} (standard error {standard_error:.3}, {TURNS} turns)");
     }
     Ok(())
 }
@@ -138,9 +152,35 @@ fn by_farm(program: &str, scene: &str, passes: u64, output: &Path) -> Result<Run
     })
 }
 
-/// The same by two threads of this process that take pass after pass.
-fn in_process(scene: &Path, passes: u64) -> Result<Run, AnyError> {
+/// The same without a farm, by so many processes of together [`THREADS`] threads.
+fn bare(scene: &str, passes: u64, processes: usize) -> Result<Run, AnyError> {
     let (begun, before) = (Instant::now(), cpu_seconds()?);
+    let start = |first: usize| {
+        let [first, step, passes] = [first as u64, processes as u64, passes].map(|n| n.to_string());
+        Command::new(std::env::current_exe()?)
+            .args(["bare", &first, &step, &passes, scene])
+            .stdout(Stdio::piped())
+            .spawn()
+    };
+    let started: Vec<Child> = (0..processes).map(start).collect::<Result<_, _>>()?;
+    let mut pixels = String::new();
+    for process in started {
+        let made = process.wait_with_output()?;
+        if !made.status.success() {
+            return Err("a process without a farm failed".into());
+        }
+        pixels = String::from_utf8(made.stdout)?.trim().to_owned();
+    }
+    Ok(Run {
+        seconds: begun.elapsed().as_secs_f64(),
+        cpu_seconds: cpu_seconds()? - before,
+        pixels,
+    })
+}
+
+/// Render every `step`th pass by this process's share of the threads, which take pass after pass. With all passes, says
+/// the hash of their average.
+fn render_here(scene: &Path, first: u64, step: u64, passes: u64) -> Result<(), AnyError> {
     let description = SceneFile::read(scene, &ImportOptions::default())?.load()?;
     let settings = description.defaults.job_settings();
     let scene = Scene::new(description);
@@ -148,11 +188,11 @@ fn in_process(scene: &Path, passes: u64) -> Result<Run, AnyError> {
     let schedule = Schedule::new(&settings);
     let camera = &scene.description().camera;
     let sum = Mutex::new(TreeSum::new(camera.width, camera.height));
-    let next = AtomicU64::new(0);
+    let next = AtomicU64::new(first);
     let work = || -> Result<(), AnyError> {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
         loop {
-            let pass = next.fetch_add(1, Ordering::Relaxed);
+            let pass = next.fetch_add(step, Ordering::Relaxed);
             if pass >= passes {
                 return Ok(());
             }
@@ -162,15 +202,15 @@ fn in_process(scene: &Path, passes: u64) -> Result<Run, AnyError> {
         }
     };
     std::thread::scope(|scope| {
-        let threads: Vec<_> = (0..THREADS).map(|_| scope.spawn(work)).collect();
+        let threads: Vec<_> = (0..THREADS / step as usize)
+            .map(|_| scope.spawn(work))
+            .collect();
         let mut joined = threads.into_iter().map(|thread| thread.join());
         joined.try_for_each(|ended| ended.map_err(|_| "a thread panicked")?)
     })?;
     let sum = sum.into_inner().map_err(|_| "a thread failed")?;
-    let average = sum.average().ok_or("no passes")?;
-    Ok(Run {
-        seconds: begun.elapsed().as_secs_f64(),
-        cpu_seconds: cpu_seconds()? - before,
-        pixels: pixel_hash(&average.beauty),
-    })
+    if let Some(average) = sum.average() {
+        println!("{}", pixel_hash(&average.beauty));
+    }
+    Ok(())
 }

@@ -204,6 +204,10 @@ impl Farm {
         debug!(worker = worker.0, %block, pixels, "delivered: {accepted:?}");
         if accepted == Ok(Accepted::New) {
             self.look();
+            if self.books().ledger.is_to_be_checked(block) {
+                // Those that have nothing to do can check it now.
+                self.opened.notify_waiters();
+            }
         }
         self.settle();
         Ok(accepted?)

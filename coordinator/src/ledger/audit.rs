@@ -77,6 +77,11 @@ impl Ledger {
         first.map(|(block, _)| *block)
     }
 
+    /// Whether somebody else shall render the block again.
+    pub fn is_to_be_checked(&self, block: Block) -> bool {
+        self.audits.contains_key(&block)
+    }
+
     /// Nothing is left to do: all passes are there, and those that somebody could check are checked.
     pub fn is_over(&self, now: Duration) -> bool {
         let waits = |audit: &Audit| {

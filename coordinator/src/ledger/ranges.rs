@@ -77,9 +77,11 @@ impl Ranges {
 mod tests {
     use super::*;
     use proptest::prelude::*;
+    use proptest::test_runner::RngSeed;
     use std::collections::BTreeSet;
 
     proptest! {
+        #![proptest_config(ProptestConfig { rng_seed: RngSeed::Fixed(20), ..ProptestConfig::default() })]
         #[test]
         fn they_are_what_a_set_of_numbers_is(
             steps in prop::collection::vec((any::<bool>(), 0..40u64, 0..12u64), 0..60),

@@ -1,12 +1,14 @@
 //! Workers that compute other bits are found, and the image is right.
 
-use crate::harness::{Coordinator, RawWorker, canary, encode, node, spec};
-use beamfarm_coordinator::{End, EventKind, WorkerState};
+use crate::harness::{Coordinator, LONG, RawWorker, canary, encode, free_port, node, spec};
+use beamfarm_coordinator::{End, EventKind, Timing, WorkerState};
 use beamfarm_proto::wire::farm_client::FarmClient;
 use beamfarm_proto::{Grant, VERSION, wire};
 use beamfarm_shared::job::Block;
 use beamfarm_shared::merge::{Average, TreeSum};
 use std::sync::Arc;
+use std::time::Duration;
+use tokio::time::timeout;
 use tonic::{Code, Status};
 
 const PASSES: u64 = 60;
@@ -41,6 +43,34 @@ async fn work(worker: Arc<RawWorker>, lies: Option<u64>) -> Result<(), Status> {
         worker.submit((lease, block), bytes).await?;
         tokio::task::yield_now().await;
     }
+}
+
+/// The longest that a worker is kept waiting is longer here than the test may take.
+#[tokio::test]
+async fn a_worker_that_waits_is_told_of_a_check_at_once() {
+    let mut spec = spec(1);
+    spec.audit_every = 1;
+    let timing = Timing {
+        heartbeat: LONG,
+        lease: LONG,
+    };
+    let coordinator = Coordinator::start_on(free_port(), spec, timing).await;
+    let first = RawWorker::register(&coordinator).await;
+    let second = Arc::new(RawWorker::register(&coordinator).await);
+    let _attendances = (first.attend().await, second.attend().await);
+    let leased = first.lease().await;
+    let waiting = tokio::spawn({
+        let second = second.clone();
+        async move { second.lease().await }
+    });
+    tokio::time::sleep(Duration::from_millis(200)).await;
+    first.deliver(leased).await.unwrap();
+    let check = timeout(Duration::from_secs(20), waiting).await;
+    let check = check.unwrap().unwrap();
+    assert_eq!(check.1, leased.1);
+    second.deliver(check).await.unwrap();
+    assert_eq!(coordinator.ended().await, End::Complete);
+    assert_eq!(coordinator.farm.progress().audits, 1);
 }
 
 async fn liar_among(honest: usize, lies: u64) {

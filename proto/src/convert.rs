@@ -3,7 +3,9 @@
 use crate::domain::{FileEntry, FileHash, Grant, Job, LeaseId, Manifest};
 use crate::wire;
 use beamfarm_shared::bundle::{MAX_BYTES, MAX_FILES, check_key};
-use beamfarm_shared::job::{Block, JobSettings, MAX_PASSES, PassStats, SceneHash, ScheduleKind};
+use beamfarm_shared::job::{
+    Block, Budget, JobSettings, MAX_PASSES, PassStats, SceneHash, ScheduleKind,
+};
 use beamfarm_shared::layer::{self, Layer};
 use prost::bytes::Bytes;
 
@@ -167,6 +169,10 @@ impl From<JobSettings> for wire::Settings {
             schedule: schedule.into(),
             paths_per_pass: settings.paths_per_pass,
             reference_paths: settings.reference_paths,
+            budget: settings.budget.map(|budget| wire::Budget {
+                passes: budget.passes,
+                scale: budget.scale,
+            }),
         }
     }
 }
@@ -185,6 +191,10 @@ impl TryFrom<wire::Settings> for JobSettings {
             seed: settings.seed,
             alpha: settings.alpha,
             schedule,
+            budget: settings.budget.map(|budget| Budget {
+                passes: budget.passes,
+                scale: budget.scale,
+            }),
             paths_per_pass: settings.paths_per_pass,
             reference_paths: settings.reference_paths,
         };
@@ -280,6 +290,10 @@ mod tests {
             seed: u64::MAX,
             alpha: 0.7,
             schedule: ScheduleKind::Beam,
+            budget: Some(Budget {
+                passes: 1 << 40,
+                scale: 0.1,
+            }),
             paths_per_pass: 5,
             reference_paths: 6,
         }

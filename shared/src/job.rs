@@ -51,6 +51,38 @@ impl fmt::Display for ScheduleKind {
     }
 }
 
+/// Radii for a number of passes that is known: constant, so that the error after these passes is least.
+///
+/// Variance falls as one over the radius and the square of the bias grows with it; both are convex, so that of all schedules
+/// with the same mean the constant one is best. Passes beyond the number shrink again, so that the image still converges.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Budget {
+    /// Number of passes.
+    pub passes: u64,
+    /// Radius scale of all of them.
+    pub scale: f64,
+}
+
+impl fmt::Display for Budget {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} passes at {}", self.passes, self.scale)
+    }
+}
+
+impl FromStr for Budget {
+    type Err = String;
+
+    /// The text that [`Budget`] is displayed as, in which no bit is lost.
+    fn from_str(text: &str) -> Result<Self, String> {
+        let error = || format!("`{text}`: expected `N passes at SCALE`");
+        let (passes, scale) = text.split_once(" passes at ").ok_or_else(error)?;
+        Ok(Self {
+            passes: passes.parse().map_err(|_| error())?,
+            scale: scale.parse().map_err(|_| error())?,
+        })
+    }
+}
+
 /// What a pass depends on beside the scene and its own index. Equal on every machine of a job.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JobSettings {
@@ -60,6 +92,8 @@ pub struct JobSettings {
     pub alpha: f64,
     /// Radius schedule.
     pub schedule: ScheduleKind,
+    /// Radii for a known number of passes, in place of the schedule up to there.
+    pub budget: Option<Budget>,
     /// Photon paths that one pass emits: the normaliser of all photon flux.
     pub paths_per_pass: u32,
     /// The scene's own number of paths in a pass: what base radii are meant for when the radius shrinks once a beam.
@@ -82,6 +116,11 @@ pub enum SettingsError {
     /// The schedule does not converge.
     #[error("alpha is {0}; expected a number between 0 and 1, both excluded")]
     Alpha(f64),
+    /// No radii can be made of it.
+    #[error(
+        "the budget is {0}; expected at least 1 and at most 2^53 passes at a scale above 0 and at most {MAX_SCALE}"
+    )]
+    Budget(Budget),
     /// No photon would be emitted.
     #[error("{field} is 0; expected at least 1")]
     NoPaths {
@@ -96,6 +135,13 @@ impl JobSettings {
         if !(self.alpha > 0.0 && self.alpha < 1.0) {
             return Err(SettingsError::Alpha(self.alpha));
         }
+        if let Some(budget) = self.budget
+            && !((1..=MAX_PASSES).contains(&budget.passes)
+                && budget.scale > 0.0
+                && budget.scale <= MAX_SCALE)
+        {
+            return Err(SettingsError::Budget(budget));
+        }
         let paths = [
             ("paths_per_pass", self.paths_per_pass),
             ("reference_paths", self.reference_paths),
@@ -106,6 +152,9 @@ impl JobSettings {
         }
     }
 }
+
+/// Largest radius scale of a [`Budget`].
+const MAX_SCALE: f64 = 100.0;
 
 /// Passes that a job may have. Every count of passes below it is exact in an f64.
 pub const MAX_PASSES: u64 = 1 << 53;
@@ -263,6 +312,7 @@ mod tests {
             seed: 0,
             alpha: 0.5,
             schedule: ScheduleKind::Pass,
+            budget: None,
             paths_per_pass: 1,
             reference_paths: 1,
         };

@@ -13,6 +13,7 @@
 //! | which stages does a scene need?            | `plan`                                          |
 //! | what are photons aimed at?                 | `target`                                        |
 //! | how does the radius shrink?                | [`radius`]                                      |
+//! | which radii suit a known number of passes? | `budget`                                     |
 //! | how are passes averaged?                   | [`merge`]                                       |
 //! | what is the image compared with?           | `reference`                                     |
 //! | how large is the bias of the average?      | [`bias`]                                        |
@@ -82,6 +83,8 @@ pub mod radius;
 pub mod beam;
 #[cfg(feature = "render")]
 pub mod bsdf;
+#[cfg(feature = "render")]
+pub mod budget;
 #[cfg(feature = "render")]
 pub mod camera;
 #[cfg(feature = "render")]

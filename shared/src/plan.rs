@@ -3,7 +3,7 @@
 use crate::bsdf::{Material, Tilt};
 use crate::footprint::Footprint;
 use crate::geometry::{Geometry, Object, SurfaceHit, clearance};
-use crate::job::{JobSettings, ScheduleKind};
+use crate::job::{Budget, JobSettings, ScheduleKind};
 use crate::layer::Layer;
 use crate::light::{EmissionSample, Light, LightKind, LightSelector, SceneBounds, SegmentLights};
 use crate::math::{Ray, Rgb, Vec3};
@@ -636,11 +636,17 @@ impl fmt::Display for RenderPlan {
             ScheduleKind::Pass => "once a pass",
             ScheduleKind::Beam => "once a beam",
         };
-        writeln!(
-            f,
-            "     radius scale: alpha {:.4}, shrinking {schedule}",
-            self.settings.alpha
-        )?;
+        let alpha = self.settings.alpha;
+        match self.settings.budget {
+            None => writeln!(
+                f,
+                "     radius scale: alpha {alpha:.4}, shrinking {schedule}"
+            )?,
+            Some(Budget { passes, scale }) => writeln!(
+                f,
+                "     radius scale: {scale:.4} for {passes} passes; beyond them alpha {alpha:.4}"
+            )?,
+        }
         writeln!(
             f,
             "     base radii: {:.3e} to {:.3e} scene units",

@@ -8,7 +8,7 @@
 //! F(1) = 1,   F(n + 1) / F(n) = (n + alpha) / (n + 1),   F(n) = Gamma(n + alpha) / (Gamma(1 + alpha) Gamma(n + 1)).
 //! ```
 
-use crate::job::{JobSettings, ScheduleKind};
+use crate::job::{Budget, JobSettings, ScheduleKind};
 
 /// F(n) for real n >= 1 and alpha in (0, 1). F(1) is one; F falls as n^(alpha - 1).
 pub fn radius_scale(n: f64, alpha: f64) -> f64 {
@@ -46,6 +46,7 @@ pub struct Schedule {
     steps_per_pass: f64,
     /// Gamma ratio at the n for which base radii are meant.
     base: f64,
+    budget: Option<Budget>,
 }
 
 impl Schedule {
@@ -62,12 +63,18 @@ impl Schedule {
             alpha: settings.alpha,
             steps_per_pass,
             base: gamma_ratio(base_steps, settings.alpha),
+            budget: settings.budget,
         }
     }
 
     /// Scale of beam radii in a pass. Shrinking once a pass, R_i = F(i) with i = `pass_index` + 1, which is one for the
-    /// first; shrinking once a beam, F(i M) / F(M_ref) with M paths a pass and base radii meant for M_ref.
+    /// first; shrinking once a beam, F(i M) / F(M_ref) with M paths a pass and base radii meant for M_ref. With a budget of N
+    /// passes at the scale c, c for i <= N and c F(i) / F(N) from there on.
     pub fn scale(&self, pass_index: u64) -> f64 {
+        if let Some(Budget { passes, scale }) = self.budget {
+            let n = (pass_index + 1).max(passes) as f64;
+            return scale * (gamma_ratio(n, self.alpha) / gamma_ratio(passes as f64, self.alpha));
+        }
         let n = (pass_index as f64 + 1.0) * self.steps_per_pass;
         gamma_ratio(n, self.alpha) / self.base
     }
@@ -89,6 +96,7 @@ mod tests {
             seed: 0,
             alpha,
             schedule,
+            budget: None,
             paths_per_pass,
             reference_paths: 1,
         }
@@ -216,6 +224,22 @@ mod tests {
                 .windows(2)
                 .all(|pair| pair[1] < pair[0] && pair[1] > 0.0)
         );
+    }
+
+    #[test]
+    fn a_budget_is_constant_and_shrinks_beyond() {
+        let mut settings = settings(ScheduleKind::Beam, 0.6, 10);
+        settings.budget = Some(Budget {
+            passes: 40,
+            scale: 0.3,
+        });
+        let schedule = Schedule::new(&settings);
+        assert!((0..40).all(|pass_index| schedule.scale(pass_index) == 0.3));
+        // The last of them is F(40).
+        for n in [41.0, 42.0, 1e3, 1e6] {
+            let expected = 0.3 * radius_scale(n, 0.6) / radius_scale(40.0, 0.6);
+            assert!(relative_error(schedule.scale(n as u64 - 1), expected) < 1e-13);
+        }
     }
 
     #[test]

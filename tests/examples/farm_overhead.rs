@@ -43,7 +43,7 @@ fn main() -> Result<(), AnyError> {
     let passes: u64 = args.next().ok_or(usage)?.parse()?;
     let folder = tempfile::tempdir()?;
     let output = folder.path().join("farm.exr");
-    let mut ratios = [const { Vec::new() }; 4];
+    let mut ratios: [Vec<f64>; 4] = Default::default();
     for turn in 0..TURNS {
         let farm = by_farm(&program, &scene, passes, &output)?;
         let processes = bare(&scene, passes, THREADS)?;
@@ -75,12 +75,11 @@ fn main() -> Result<(), AnyError> {
         "two processes over two threads of one, the processors' time",
     ];
     for (what, ratios) in names.into_iter().zip(ratios) {
-        let logs = ratios.iter().map(|ratio: &f64| ratio.ln());
         let count = TURNS as f64;
-        let mean = logs.clone().sum::<f64>() / count;
-        let squares = logs.map(|log| (log - mean).powi(2)).sum::<f64>();
+        let mean = ratios.iter().sum::<f64>() / count;
+        let off = ratios.iter().map(|ratio| ratio - mean);
+        let squares = off.map(|off| off * off).sum::<f64>();
         let standard_error = (squares / (count - 1.0) / count).sqrt();
-        let mean = mean.exp();
         println!("{what}: {mean:.3} (standard error {standard_error:.3}, {TURNS} turns)");
     }
     Ok(())

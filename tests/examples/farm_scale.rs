@@ -37,6 +37,7 @@ fn settings() -> JobSettings {
         seed: 0,
         alpha: 0.5,
         schedule: ScheduleKind::Pass,
+        budget: None,
         paths_per_pass: 1,
         reference_paths: 1,
     }

@@ -72,6 +72,7 @@ fn every_scene_makes_a_picture() {
             seed: defaults.seed,
             alpha: defaults.alpha,
             schedule: defaults.schedule,
+            budget: None,
             paths_per_pass: 2000,
             reference_paths: 2000,
         };

@@ -247,6 +247,7 @@ fn write_seeds() {
         seed: 9,
         alpha: 0.7,
         schedule: ScheduleKind::Beam,
+        budget: None,
         paths_per_pass: 5,
         reference_paths: 6,
     };

@@ -154,7 +154,7 @@ async fn work(
             Ok(SessionEnd::Over) => return Ok(()),
             Ok(SessionEnd::OtherJob(registration)) => {
                 warn!("the coordinator has another job now");
-                known = Some(registration);
+                known = Some(*registration);
             }
             Err(error) => return Err(fail(error)),
         }

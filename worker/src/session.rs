@@ -30,7 +30,7 @@ pub(crate) enum SessionEnd {
     /// The job is over, or the worker was told to finish.
     Over,
     /// The coordinator has another job.
-    OtherJob(Registration),
+    OtherJob(Box<Registration>),
 }
 
 /// A block that the worker holds a lease of.
@@ -129,7 +129,7 @@ impl<'a> Session<'a> {
         if let Err(CallError::Forgotten) = end
             && let Some(registration) = self.state().other_job.take()
         {
-            return Ok(SessionEnd::OtherJob(registration));
+            return Ok(SessionEnd::OtherJob(Box::new(registration)));
         }
         if *self.drain.borrow() && !matches!(end, Err(CallError::Refused(_))) {
             info!(worker = self.identity().0.0, "signing off");

@@ -29,6 +29,9 @@ pub struct Description {
     pub alpha: String,
     /// When the radius shrinks.
     pub schedule: ScheduleKind,
+    /// Radii for a known number of passes, as text.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub budget: Option<String>,
     /// Photon paths of a pass.
     pub paths_per_pass: u32,
     /// Photon paths that base radii are meant for.
@@ -92,6 +95,7 @@ impl Description {
             seed: settings.seed,
             alpha: settings.alpha.to_string(),
             schedule: settings.schedule,
+            budget: settings.budget.map(|budget| budget.to_string()),
             paths_per_pass: settings.paths_per_pass,
             reference_paths: settings.reference_paths,
             width: spec.width,
@@ -112,10 +116,12 @@ impl Description {
             message,
         };
         let alpha = self.alpha.parse();
+        let budget = self.budget.as_deref().map(str::parse).transpose();
         let settings = JobSettings {
             seed: self.seed,
             alpha: alpha.map_err(|_| foreign(format!("alpha is {:?}", self.alpha)))?,
             schedule: self.schedule,
+            budget: budget.map_err(|error| foreign(format!("budget is {error}")))?,
             paths_per_pass: self.paths_per_pass,
             reference_paths: self.reference_paths,
         };
@@ -138,6 +144,10 @@ impl Description {
                 ("seed", job.seed.to_string()),
                 ("alpha", job.alpha.clone()),
                 ("schedule", job.schedule.to_string()),
+                (
+                    "budget",
+                    job.budget.clone().unwrap_or_else(|| "none".into()),
+                ),
                 ("paths per pass", job.paths_per_pass.to_string()),
                 ("reference paths", job.reference_paths.to_string()),
                 ("width", job.width.to_string()),
@@ -163,6 +173,7 @@ impl Description {
             field(text);
         }
         field(&self.schedule.to_string());
+        self.budget.iter().for_each(|budget| field(budget));
         for number in [
             self.seed,
             self.paths_per_pass.into(),

@@ -194,6 +194,7 @@ pub(super) mod tests {
                 seed: 0,
                 alpha: 0.5,
                 schedule: ScheduleKind::Pass,
+                budget: None,
                 paths_per_pass: 1,
                 reference_paths: 1,
             },

@@ -42,6 +42,48 @@ fn one_command_renders_and_the_crew_does_not_change_a_bit() {
     assert!(compared.contains("identical"), "{compared}");
 }
 
+/// The pilot is the same wherever it runs, and the job folder knows what it found: what was begun with a budget goes on with it.
+#[test]
+fn a_budget_changes_radii_and_not_what_is_promised() {
+    let folder = folder();
+    let path = folder.path();
+    let render = |output: &str, more: &[&str]| {
+        let args = ["render", "scene.toml", "-o", output, "--passes", "4"];
+        succeed(path, &[&args[..], more].concat())
+    };
+    let shrinking = render("shrinking.exr", &[]);
+    assert_eq!(
+        line(&render("inf.exr", &["--budget", "inf"]), "pixels"),
+        line(&shrinking, "pixels")
+    );
+    let one = render("one.exr", &["--budget", "4", "--workers", "1"]);
+    let two = render("two.exr", &["--budget", "4", "--workers", "2"]);
+    assert_ne!(line(&one, "pixels"), line(&shrinking, "pixels"));
+    assert_eq!(line(&one, "pixels"), line(&two, "pixels"));
+    let bytes = std::fs::read(path.join("one.exr")).unwrap();
+    assert!(bytes.windows(14).any(|name| name == b"beamfarmBudget"));
+
+    // The first two of four passes, and then the others.
+    let job = ["--job", "job", "--budget", "4", "-o", "parts.exr"];
+    for passes in ["2", "4"] {
+        let args = ["render", "scene.toml", "--passes", passes];
+        let made = succeed(path, &[&args[..], &job].concat());
+        if passes == "4" {
+            assert_eq!(line(&made, "pixels"), line(&one, "pixels"));
+        }
+    }
+    let other = ["render", "scene.toml", "--passes", "6", "--job", "job"];
+    let (_, stderr) = fail(path, &[&other[..], &["-o", "parts.exr"]].concat());
+    assert!(stderr.contains("budget 4 passes at "), "{stderr}");
+
+    let (code, stderr) = fail(path, &["render", "scene.toml", "--budget", "0"]);
+    assert_eq!(code, 2);
+    assert!(
+        stderr.contains("expected a number of passes, or inf"),
+        "{stderr}"
+    );
+}
+
 #[test]
 fn quiet_says_nothing() {
     let folder = folder();

@@ -39,7 +39,7 @@ impl ImageMeta {
     /// Names the passes of an image: BLAKE3, in hexadecimal, of all that they depend on and of their range. Images of the
     /// same set have the same beauty.
     pub fn pass_set(&self, settings: &JobSettings, average: &Average) -> String {
-        let fields = [
+        let mut fields = vec![
             self.version.clone(),
             self.scene.to_string(),
             average.beauty.width.to_string(),
@@ -51,6 +51,7 @@ impl ImageMeta {
             settings.reference_paths.to_string(),
             format!("0..{}", average.passes),
         ];
+        fields.extend(settings.budget.map(|budget| budget.to_string()));
         blake3::hash(fields.join("\n").as_bytes()).to_string()
     }
 }
@@ -119,32 +120,37 @@ fn encode_image(average: &Average, meta: &ImageMeta) -> Result<Vec<u8>, ImageErr
         ("beamfarmVersion", text("version", &meta.version)?),
     ];
     match meta.maker {
-        Maker::Passes(settings) => own.extend([
-            ("beamfarmPasses", number(average.passes)?),
-            ("beamfarmFirstPass", number(0)?),
-            (
-                "beamfarmLastPass",
-                number(average.passes.saturating_sub(1))?,
-            ),
-            (
-                "beamfarmPassSet",
-                text("pass set", &meta.pass_set(&settings, average))?,
-            ),
-            ("beamfarmSeed", number(settings.seed)?),
-            ("beamfarmAlpha", AttributeValue::F64(settings.alpha)),
-            (
-                "beamfarmSchedule",
-                text("schedule", &settings.schedule.to_string())?,
-            ),
-            (
-                "beamfarmPathsPerPass",
-                number(settings.paths_per_pass.into())?,
-            ),
-            (
-                "beamfarmReferencePaths",
-                number(settings.reference_paths.into())?,
-            ),
-        ]),
+        Maker::Passes(settings) => {
+            own.extend([
+                ("beamfarmPasses", number(average.passes)?),
+                ("beamfarmFirstPass", number(0)?),
+                (
+                    "beamfarmLastPass",
+                    number(average.passes.saturating_sub(1))?,
+                ),
+                (
+                    "beamfarmPassSet",
+                    text("pass set", &meta.pass_set(&settings, average))?,
+                ),
+                ("beamfarmSeed", number(settings.seed)?),
+                ("beamfarmAlpha", AttributeValue::F64(settings.alpha)),
+                (
+                    "beamfarmSchedule",
+                    text("schedule", &settings.schedule.to_string())?,
+                ),
+                (
+                    "beamfarmPathsPerPass",
+                    number(settings.paths_per_pass.into())?,
+                ),
+                (
+                    "beamfarmReferencePaths",
+                    number(settings.reference_paths.into())?,
+                ),
+            ]);
+            if let Some(budget) = settings.budget {
+                own.push(("beamfarmBudget", text("budget", &budget.to_string())?));
+            }
+        }
         Maker::Reference(settings) => {
             own.extend([
                 ("beamfarmSamples", number(average.passes)?),
@@ -367,6 +373,7 @@ mod tests {
                 seed: u64::MAX,
                 alpha: 2.0 / 3.0,
                 schedule: ScheduleKind::Beam,
+                budget: None,
                 paths_per_pass: 1000,
                 reference_paths: 500,
             }),

@@ -84,6 +84,7 @@ impl RenderDefaults {
             seed: self.seed,
             alpha: self.alpha,
             schedule: self.schedule,
+            budget: None,
             paths_per_pass: self.paths_per_pass,
             reference_paths: self.paths_per_pass,
         }

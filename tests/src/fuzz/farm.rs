@@ -41,6 +41,7 @@ fn settings() -> JobSettings {
         seed: 11,
         alpha: 0.7,
         schedule: ScheduleKind::Pass,
+        budget: None,
         paths_per_pass: 5,
         reference_paths: 5,
     }

@@ -72,6 +72,7 @@ pub fn settings() -> JobSettings {
         seed: 11,
         alpha: 0.7,
         schedule: ScheduleKind::Pass,
+        budget: None,
         paths_per_pass: 500,
         reference_paths: 500,
     }

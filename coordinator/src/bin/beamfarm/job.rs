@@ -3,6 +3,7 @@
 use crate::failure::Failure;
 use crate::onlookers::OnlookerArgs;
 use beamfarm_coordinator::{JobSpec, Target};
+use beamfarm_shared::budget::Pilot;
 use beamfarm_shared::bundle::Bundle;
 use beamfarm_shared::job::{JobSettings, MAX_PASSES};
 use beamfarm_shared::layer::{Layer, MAX_LAYERS};
@@ -36,9 +37,31 @@ pub struct SettingsArgs {
     #[arg(long, value_name = "A")]
     pub alpha: Option<f64>,
 
+    /// Choose radii for the least error after N passes; those beyond shrink again. A pilot of seconds finds them. With `inf`
+    /// radii shrink from the first pass on, which is right when passes may be added without end [default: inf]
+    #[arg(long, value_name = "N", value_parser = budget)]
+    pub budget: Option<Budgeted>,
+
     /// Layers to render as well, into the same EXR. Repeat it, or separate them by commas
     #[arg(long, value_name = "LAYER", value_enum, value_delimiter = ',')]
     pub aov: Vec<Aov>,
+}
+
+/// What `--budget` takes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Budgeted {
+    /// A number of passes.
+    Passes(u64),
+    /// `inf`.
+    Endless,
+}
+
+fn budget(text: &str) -> Result<Budgeted, String> {
+    match text.parse() {
+        Ok(passes @ 1..=MAX_PASSES) => Ok(Budgeted::Passes(passes)),
+        _ if text == "inf" => Ok(Budgeted::Endless),
+        _ => Err("expected a number of passes, or inf".into()),
+    }
 }
 
 /// What `--aov` takes.
@@ -106,6 +129,19 @@ impl SettingsArgs {
             ..defaults.job_settings()
         };
         settings.check().map_err(Failure::usage)?;
+        let mut notes = description.notes.clone();
+        let settings = match self.budget {
+            None | Some(Budgeted::Endless) => settings,
+            Some(Budgeted::Passes(passes)) => {
+                let budget = Pilot::new(&description, settings).budget(passes);
+                notes.push(format!(
+                    "radii for {passes} passes: {:.3} of the base radii, found by a pilot",
+                    budget.scale
+                ));
+                let budget = Some(budget);
+                JobSettings { budget, ..settings }
+            }
+        };
         let aovs = Aov::all(&self.aov);
         let layers: Vec<Layer> = aovs
             .iter()
@@ -118,7 +154,6 @@ impl SettingsArgs {
                 layers.len()
             )));
         }
-        let notes = description.notes.clone();
         Ok(Loaded {
             layers,
             standard_error: aovs.contains(&Aov::Stderr),
@@ -329,6 +364,15 @@ impl JobArgs {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_budget_is_passes_or_without_end() {
+        assert_eq!(budget("64"), Ok(Budgeted::Passes(64)));
+        assert_eq!(budget("inf"), Ok(Budgeted::Endless));
+        for text in ["", "0", "-1", "64.5", "infinity", "9007199254740993"] {
+            assert!(budget(text).is_err(), "{text}");
+        }
+    }
 
     #[test]
     fn target_errors_are_shares_of_one() {

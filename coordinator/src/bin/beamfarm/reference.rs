@@ -83,6 +83,7 @@ pub fn main(args: ReferenceArgs) -> Result<(), Failure> {
         paths: None,
         seed: args.seed,
         alpha: None,
+        budget: None,
         aov: Vec::new(),
     }
     .load()?;

@@ -14,6 +14,7 @@ fn spec(passes: u64) -> JobSpec {
             seed: u64::MAX,
             alpha: 2.0 / 3.0,
             schedule: ScheduleKind::Pass,
+            budget: None,
             paths_per_pass: 500,
             reference_paths: 500,
         },

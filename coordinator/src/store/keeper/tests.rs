@@ -23,6 +23,7 @@ fn spec() -> JobSpec {
             seed: 1,
             alpha: 0.7,
             schedule: ScheduleKind::Pass,
+            budget: None,
             paths_per_pass: 500,
             reference_paths: 500,
         },

@@ -121,7 +121,8 @@ fn by_farm(program: &str, scene: &str, passes: u64, output: &Path) -> Result<Run
     let (begun, before) = (Instant::now(), cpu_seconds()?);
     let mut coordinator = Command::new(program)
         .args(["serve", scene, "--passes", &passes.to_string()])
-        .args(["--listen", "127.0.0.1:0", "-o"])
+        // As `render`, which trusts its own workers: passes rendered again are no overhead of the farm.
+        .args(["--listen", "127.0.0.1:0", "--audit-share", "0", "-o"])
         .arg(output)
         .stdout(Stdio::piped())
         .stderr(Stdio::null())

@@ -2,6 +2,7 @@
 
 use crate::failure::Failure;
 use crate::onlookers::OnlookerArgs;
+use crate::output::Output;
 use beamfarm_coordinator::{JobSpec, Target};
 use beamfarm_shared::budget::Pilot;
 use beamfarm_shared::bundle::Bundle;
@@ -184,11 +185,6 @@ pub struct Loaded {
 }
 
 impl Loaded {
-    /// Whether photons that miss all targets are dropped.
-    pub fn drops_photons(&self) -> bool {
-        self.defaults.targeting == Targeting::Reject
-    }
-
     /// Say on stderr what became of the scene. Returns what was left out, for the summary.
     pub fn announce(&self) -> Vec<String> {
         announce(&self.notes, &self.left_out);
@@ -326,6 +322,15 @@ impl JobArgs {
             true => Ok(exposure),
             false => Err(Failure::usage("--exposure: expected a number of stops")),
         }
+    }
+
+    /// Where the image goes, and what it says of itself.
+    pub fn image(&self, loaded: &Loaded) -> Result<Output, Failure> {
+        let output = self.output.as_deref();
+        Ok(Output {
+            drops_photons: loaded.defaults.targeting == Targeting::Reject,
+            ..Output::new(output, &self.settings.scene, loaded.standard_error)?
+        })
     }
 
     /// What the coordinator is to do.

@@ -5,7 +5,6 @@ use crate::directory::prepare;
 use crate::failure::Failure;
 use crate::job::JobArgs;
 use crate::local::{self, Crew};
-use crate::output::Output;
 use beamfarm_coordinator::{Farm, Timing};
 use beamfarm_worker::cli::LogArgs;
 use clap::Args;
@@ -39,14 +38,7 @@ pub struct RenderArgs {
 pub fn main(args: RenderArgs, log: &LogArgs) -> Result<(), Failure> {
     let loaded = args.job.settings.load()?;
     let exposure = args.job.exposure(&loaded)?;
-    let output = Output {
-        drops_photons: loaded.drops_photons(),
-        ..Output::new(
-            args.job.output.as_deref(),
-            &args.job.settings.scene,
-            loaded.standard_error,
-        )?
-    };
+    let output = args.job.image(&loaded)?;
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let (workers, threads) = local::split(
         args.workers.map(usize::from),

@@ -4,7 +4,6 @@ use crate::conduct::conduct;
 use crate::directory::prepare;
 use crate::failure::Failure;
 use crate::job::JobArgs;
-use crate::output::Output;
 use crate::security::ListenArgs;
 use beamfarm_coordinator::{Entrance, Farm, Timing};
 use clap::Args;
@@ -46,14 +45,7 @@ pub fn main(args: ServeArgs) -> Result<(), Failure> {
     let security = args.security.read(args.listen)?;
     let loaded = args.job.settings.load()?;
     let exposure = args.job.exposure(&loaded)?;
-    let output = Output {
-        drops_photons: loaded.drops_photons(),
-        ..Output::new(
-            args.job.output.as_deref(),
-            &args.job.settings.scene,
-            loaded.standard_error,
-        )?
-    };
+    let output = args.job.image(&loaded)?;
     let left_out = match args.job.quiet {
         true => Vec::new(),
         false => loaded.announce(),

@@ -5,7 +5,7 @@ use crate::footprint::Footprint;
 use crate::geometry::{Geometry, Object, SurfaceHit, clearance};
 use crate::job::{Budget, JobSettings, ScheduleKind};
 use crate::layer::Layer;
-use crate::light::{EmissionSample, Light, LightKind, LightSelector, SceneBounds, SegmentLights};
+use crate::light::{EmissionSample, Light, LightKind, LightSelector, LightSources, SceneBounds};
 use crate::math::{Ray, Rgb, Vec3};
 use crate::medium::{Medium, MediumId};
 use crate::parts::{LayerPlan, NoSuchGroup};
@@ -26,8 +26,8 @@ pub struct Scene {
     pub(crate) selectors: BTreeMap<u32, LightSelector>,
     /// The lights whose photons rules let leave something, where those are not all.
     pub(crate) emitters: Option<LightSelector>,
-    /// The lights as segments in fog see them.
-    pub(crate) segment_lights: SegmentLights,
+    /// The lights as those who choose among them see them.
+    pub(crate) light_sources: LightSources,
     /// Medium that camera rays start in.
     pub(crate) camera_medium: MediumId,
     /// By light: medium that photons start in.
@@ -70,7 +70,7 @@ impl Scene {
             _ => None,
         };
         let is_environment = |light: &Light| matches!(light.kind, LightKind::Environment(_));
-        let segment_lights = SegmentLights::new(
+        let light_sources = LightSources::new(
             &description.lights,
             &description.objects,
             &description.bounds,
@@ -80,7 +80,7 @@ impl Scene {
             selector,
             selectors,
             emitters,
-            segment_lights,
+            light_sources,
             camera_medium: None,
             light_media: Vec::new(),
             unshadowing: description.lights.iter().map(unshadowing).collect(),

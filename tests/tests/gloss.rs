@@ -152,12 +152,12 @@ fn gloss_obeys_its_rules() {
     suite.finish();
 }
 
-/// More lights than gather rays choose from, against the path tracer: points of all powers around the room, and the lantern.
-/// Significance 1e-2 for all blocks of all rooms together.
+/// More lights than gloss chooses from at a time, and a room without gloss, against the path tracer: points of all powers around
+/// the room, and the lantern. Significance 1e-2 for all blocks of all rooms together.
 #[test]
-fn gloss_among_many_lights_is_what_the_path_tracer_shows() {
+fn surfaces_among_many_lights_are_what_the_path_tracer_shows() {
     let mut suite = Suite::new(1e-2);
-    for gloss in ["steel", "varnish"] {
+    for gloss in ["steel", "varnish", "plain"] {
         let mut text = room(gloss, "plain", 800);
         for i in 0..12 {
             let (x, z) = (0.1 * f64::from(i) - 0.6, 0.6 - 0.1 * f64::from(i));

@@ -5,13 +5,17 @@ pub(crate) mod cdf;
 mod direct;
 mod emission;
 mod environment;
+mod local;
 mod segment;
 mod selector;
+mod source;
 mod spot;
 
 pub use environment::{Environment, EnvironmentSample};
-pub use segment::{FogSegment, SegmentLights, SegmentSample};
+pub use local::LocalChoice;
+pub use segment::{FogSegment, SegmentSample};
 pub use selector::{LightChoice, LightSelector};
+pub use source::LightSources;
 
 use crate::geometry::Object;
 use crate::layer::LightGroup;

@@ -33,7 +33,7 @@ impl<V: Sight> CameraTracer<'_, V> {
         };
         let (u_light, u) = (sampler.next_1d(), sampler.next_1d());
         let sample = scene
-            .segment_lights
+            .light_sources
             .sample(&segment, &scene.selector, u_light, u, |light| {
                 self.sight.unlit(id, light)
             });

@@ -27,6 +27,7 @@
 //! by chance along it or by the other lobes alone. Photons that meet it are stored for the other lobes and bounce off by any; a gather ray's D has its other
 //! lobes alone, as what its delta lobe sends to x is in x's photons.
 
+mod direct;
 pub mod evaluations;
 mod medium;
 mod straight;

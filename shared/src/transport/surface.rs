@@ -1,11 +1,12 @@
 //! Light that a surface sends on: direct light, a gather ray, and photons.
 
 use super::CameraTracer;
+use super::direct::Seen;
 use super::evaluations::{BSDF, GATHER_RAYS, PDF, PHOTONS, count};
 use crate::bsdf::{Bsdf, Tilt, TransportMode};
 use crate::geometry::SurfaceHit;
-use crate::light::{DirectSample, LightChoice, LightHit, LightSelector};
-use crate::math::{Frame, Rgb, Vec2, Vec3, mean};
+use crate::light::{DirectSample, LightChoice, LightHit};
+use crate::math::{Frame, Rgb, Vec2, Vec3};
 use crate::medium::MediumId;
 use crate::parts::{Part, Recorder};
 use crate::plan::Scene;
@@ -46,16 +47,6 @@ struct Drawn {
     /// Directions per solid angle: their density times the number of those that are drawn.
     density: f32,
     medium: MediumId,
-}
-
-/// Light from one direction, before it is known what is in its way.
-struct Unshadowed {
-    light: usize,
-    wi: Vec3,
-    distance: f32,
-    /// Without `factor`.
-    radiance: Rgb,
-    factor: f32,
 }
 
 impl<V: Sight> CameraTracer<'_, V> {
@@ -105,7 +96,8 @@ impl<V: Sight> CameraTracer<'_, V> {
             false => 1,
         };
         let rays = (side * side) as f32;
-        let balanced = |light: usize, direct: &DirectSample, wi: Vec3| {
+        let balanced = |choice: LightChoice, direct: &DirectSample, wi: Vec3| {
+            let light = choice.light;
             let hidden = self.sight.from(Start::Shadow(x.hit.object));
             if direct.delta
                 || scene.only_sampled(light)
@@ -114,13 +106,9 @@ impl<V: Sight> CameraTracer<'_, V> {
             {
                 return 1.0;
             }
-            let pdf = direct.pdf * self.sight.selector(scene, x.hit.object).pmf(light);
-            power_heuristic(pdf, rays * x.pdf(x.local_wo, wi))
+            power_heuristic(direct.pdf * choice.pmf, rays * x.pdf(x.local_wo, wi))
         };
-        let (mut radiance, light) = match x.bsdf.is_glossy() {
-            true => self.best_light_sample(x, Seen::First, sampler, balanced),
-            false => self.light_sample(x, Seen::First, sampler, balanced),
-        };
+        let (mut radiance, light) = self.light_sample(x, Seen::First, sampler, balanced);
         record.add(Part::Direct, light, beta * radiance);
         if side > 1 {
             let share = 1.0 / rays;
@@ -166,34 +154,6 @@ impl<V: Sight> CameraTracer<'_, V> {
         self.plan.photons_at_first_surface || self.plan.photons_on_gloss && x.bsdf.is_glossy()
     }
 
-    /// Direct light by sampling a light, and which. `weight`: of a light's sample from a local direction.
-    fn light_sample(
-        &self,
-        x: &Vertex,
-        seen: Seen<V::Hidden>,
-        sampler: &mut Sampler,
-        weight: impl Fn(usize, &DirectSample, Vec3) -> f32,
-    ) -> (Rgb, usize) {
-        let choice = self.selector(x, seen).sample(sampler.next_1d());
-        let (u, u_primitive) = (sampler.next_2d(), sampler.next_1d());
-        match choice {
-            Some(choice) => {
-                let radiance =
-                    self.light_towards(x, seen, choice, (u, u_primitive), sampler, weight);
-                (radiance, choice.light)
-            }
-            None => (Rgb::ZERO, 0),
-        }
-    }
-
-    /// What chooses the lights that x is lit by.
-    fn selector(&self, x: &Vertex, seen: Seen<V::Hidden>) -> &LightSelector {
-        match seen {
-            Seen::First => self.sight.selector(self.scene, x.hit.object),
-            Seen::ByGatherRay(_) => self.sight.emitters(self.scene),
-        }
-    }
-
     /// Factor on the odds of photons at x against gather rays from there.
     fn odds_scale(&self, x: &Vertex) -> f32 {
         match x.bsdf.is_glossy() {
@@ -202,140 +162,8 @@ impl<V: Sight> CameraTracer<'_, V> {
         }
     }
 
-    /// As [`Self::light_sample`], the light chosen from a few for what it would bring if nothing were in its way (Talbot et
-    /// al. 2005, resampled importance sampling).
-    fn best_light_sample(
-        &self,
-        x: &Vertex,
-        seen: Seen<V::Hidden>,
-        sampler: &mut Sampler,
-        weight: impl Fn(usize, &DirectSample, Vec3) -> f32,
-    ) -> (Rgb, usize) {
-        let lights = self.scene.lights().len();
-        let selector = self.selector(x, seen);
-        if lights == 1 {
-            return self.light_sample(x, seen, sampler, weight);
-        }
-        let mut chosen = None;
-        let mut sum = 0.0;
-        for candidate in 0..lights.min(CANDIDATES) {
-            let choice = if lights > CANDIDATES {
-                let Some(mut choice) = selector.sample(sampler.next_1d()) else {
-                    continue;
-                };
-                choice.pmf *= CANDIDATES as f32;
-                choice
-            } else if selector.pmf(candidate) > 0.0 {
-                LightChoice {
-                    light: candidate,
-                    pmf: 1.0,
-                    u: 0.0,
-                }
-            } else {
-                continue;
-            };
-            let u = (sampler.next_2d(), sampler.next_1d());
-            let Some(found) = self.unshadowed(x, seen, choice, u, &weight) else {
-                continue;
-            };
-            let value = mean(found.radiance) * found.factor;
-            if value != 0.0 {
-                sum += value;
-                if sampler.next_1d() * sum < value {
-                    chosen = Some((found, value));
-                }
-            }
-        }
-        let Some((found, value)) = chosen else {
-            return (Rgb::ZERO, 0);
-        };
-        let radiance = self.shadowed(x, seen, &found, sampler) * (sum / value);
-        (radiance, found.light)
-    }
-
-    /// Direct light of a chosen light, over the probability of the choice.
-    fn light_towards(
-        &self,
-        x: &Vertex,
-        seen: Seen<V::Hidden>,
-        choice: LightChoice,
-        u: (Vec2, f32),
-        sampler: &mut Sampler,
-        weight: impl Fn(usize, &DirectSample, Vec3) -> f32,
-    ) -> Rgb {
-        match self.unshadowed(x, seen, choice, u, weight) {
-            Some(found) => self.shadowed(x, seen, &found, sampler),
-            None => Rgb::ZERO,
-        }
-    }
-
-    /// Direct light of a chosen light, over the probability of the choice, if nothing is in its way.
-    fn unshadowed(
-        &self,
-        x: &Vertex,
-        seen: Seen<V::Hidden>,
-        choice: LightChoice,
-        (u, u_primitive): (Vec2, f32),
-        weight: impl Fn(usize, &DirectSample, Vec3) -> f32,
-    ) -> Option<Unshadowed> {
-        let scene = self.scene;
-        let light = &scene.lights()[choice.light];
-        let direct = light.sample_direct(scene.objects(), x.hit.point, u, u_primitive)?;
-        let wi = x.frame.to_local(direct.wi);
-        if wi.z * x.hit.ng.dot(direct.wi) <= 0.0 {
-            return None;
-        }
-        let f = x.value(wi, direct.wi);
-        if f == Rgb::ZERO {
-            return None;
-        }
-        let object = x.hit.object;
-        let is_unlit = match seen {
-            Seen::First => self.is_unlit(x, direct.wi, choice.light),
-            Seen::ByGatherRay(by) => {
-                let hidden = self.sight.from(Start::Light(choice.light));
-                self.sight.hides(hidden, object) || self.sight.hides_light(by, choice.light)
-            }
-        };
-        if is_unlit {
-            return None;
-        }
-        let weight = weight(choice.light, &direct, wi);
-        (weight != 0.0).then(|| Unshadowed {
-            light: choice.light,
-            wi: direct.wi,
-            distance: direct.distance,
-            radiance: f * direct.weight,
-            factor: wi.z.abs() * weight / choice.pmf,
-        })
-    }
-
-    /// What is left of it by what is in its way.
-    fn shadowed(
-        &self,
-        x: &Vertex,
-        seen: Seen<V::Hidden>,
-        found: &Unshadowed,
-        sampler: &mut Sampler,
-    ) -> Rgb {
-        let scene = self.scene;
-        let (start, end) = match seen {
-            Seen::First => (Start::Shadow(x.hit.object), Start::ShadowOf(found.light)),
-            Seen::ByGatherRay(_) => (Start::Light(found.light), Start::Light(found.light)),
-        };
-        let (hidden, too) = (self.sight.from(start), self.sight.from(end));
-        let ray = x.hit.spawn_ray(found.wi);
-        let medium = x.medium_towards(scene, found.wi);
-        let unshadowing = scene.unshadowing[found.light];
-        let hides = |object| self.sight.hides(hidden, object) || self.sight.hides(too, object);
-        match scene.unoccluded(ray, found.distance, medium, unshadowing, hides, sampler) {
-            Some(tr) => found.radiance * tr * found.factor,
-            None => Rgb::ZERO,
-        }
-    }
-
     /// Whether rules keep a light's direct light, from `wi`, off x.
-    fn is_unlit(&self, x: &Vertex, wi: Vec3, light: usize) -> bool {
+    pub(super) fn is_unlit(&self, x: &Vertex, wi: Vec3, light: usize) -> bool {
         let shadow = self.sight.from(Start::Shadow(x.hit.object));
         self.sight.hides_light(shadow, light)
             || self.is_glossy(x) && {
@@ -428,7 +256,7 @@ impl<V: Sight> CameraTracer<'_, V> {
         let beta = beta * throughput;
         let balanced = |light: usize, hit: Option<LightHit>| {
             let pdf = scene.lights()[light].pdf_direct(scene.objects(), x.hit.point, wi, hit);
-            let pmf = self.sight.selector(scene, x.hit.object).pmf(light);
+            let pmf = self.light_choice(x, Seen::First).pmf(light);
             power_heuristic(drawn.density, pdf * pmf)
         };
         let Some(mut hit) = arrived.hit else {
@@ -513,12 +341,12 @@ impl<V: Sight> CameraTracer<'_, V> {
             }
             false => 1.0,
         };
-        let weight = |light: usize, direct: &DirectSample, wi: Vec3| {
+        let weight = |choice: LightChoice, direct: &DirectSample, wi: Vec3| {
             let at = LightHit {
                 normal: direct.normal,
                 distance: direct.distance,
             };
-            let lights_density = scene.lights()[light].photon_density(
+            let lights_density = scene.lights()[choice.light].photon_density(
                 scene.objects(),
                 scene.bounds(),
                 y.hit.point,
@@ -530,10 +358,7 @@ impl<V: Sight> CameraTracer<'_, V> {
         };
         let by = self.sight.from(Start::Photon(x.hit.object));
         let seen = Seen::ByGatherRay(by);
-        let (mut radiance, light) = match x.bsdf.is_glossy() {
-            true => self.best_light_sample(y, seen, sampler, weight),
-            false => self.light_sample(y, seen, sampler, weight),
-        };
+        let (mut radiance, light) = self.light_sample(y, seen, sampler, weight);
         record.add(Part::Surface, light, beta * radiance);
         // A facet that scatters diffusely has one share for all photons.
         if !y.is_even() || share(DEEPER_ODDS, y.local_wo) > 0.0 {
@@ -615,23 +440,11 @@ fn gather_share(odds: f32, density: f32) -> f32 {
     }
 }
 
-/// How light is looked for at a surface point.
-#[derive(Clone, Copy)]
-enum Seen<H> {
-    /// At the first surface that is not specular: shadow rays.
-    First,
-    /// As photons would bring it to a surface from which they do not see this.
-    ByGatherRay(H),
-}
-
 /// The `odds` of photons that rules keep off the surface they are on: only gather rays find what it sends on.
 pub(crate) const UNSEEN: f32 = -1.0;
 
 /// Throughput from which on a gather ray is surely sent.
 const SURE_THROUGHPUT: f32 = 0.5;
-
-/// Most lights that one is chosen from for what it would bring.
-const CANDIDATES: usize = 8;
 
 /// Ratio from which on photons count all.
 const SURE_RATIO: f32 = 3.0;
@@ -680,7 +493,7 @@ const ONE_MINUS: f32 = 1.0 - f32::EPSILON / 2.0;
 impl Vertex<'_> {
     /// The BSDF's value for light from `wi`, given in the local frame and in render space.
     #[inline]
-    fn value(&self, local_wi: Vec3, wi: Vec3) -> Rgb {
+    pub(super) fn value(&self, local_wi: Vec3, wi: Vec3) -> Rgb {
         count(&BSDF);
         let f = self
             .bsdf
@@ -715,7 +528,7 @@ impl Vertex<'_> {
     }
 
     /// The medium that a ray from here enters: the one that the vertex was reached through, or the one beyond.
-    fn medium_towards(&self, scene: &Scene, wi: Vec3) -> MediumId {
+    pub(super) fn medium_towards(&self, scene: &Scene, wi: Vec3) -> MediumId {
         let crosses = self.hit.ng.dot(wi) * self.hit.ng.dot(self.wo) < 0.0;
         if crosses {
             scene.medium_beyond(self.hit, wi, self.medium)

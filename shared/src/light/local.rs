@@ -1,0 +1,154 @@
+//! Which light, by what each would bring to a point if nothing were in its way: distance, the light's cone or plane, and the
+//! surface's horizon (after Conty Estevez & Kulla 2018, importance sampling of many lights, without their tree).
+
+use super::source::{LightSources, MAX_WEIGHED, Region, Source};
+use super::{LightChoice, LightSelector};
+use crate::math::Vec3;
+
+/// Share of choices made by power alone: the light that would bring most may be behind a wall.
+const BLIND: f32 = 0.2;
+
+/// Least cosine at a flat light: points before its plane see more of it than of its middle.
+const MIN_COSINE: f32 = 0.05;
+
+/// How likely each light is to be chosen at a point.
+#[derive(Clone, Debug)]
+pub struct LocalChoice<'a> {
+    by_power: &'a LightSelector,
+    /// Nothing, where power alone decides.
+    local: Option<[f32; MAX_WEIGHED]>,
+}
+
+impl LightSources {
+    /// Probabilities at a point. `normal`: of a surface that is lit from that side only. `by_power`: lights that it never
+    /// chooses are not chosen.
+    pub fn choice_at<'a>(
+        &self,
+        point: Vec3,
+        normal: Option<Vec3>,
+        by_power: &'a LightSelector,
+    ) -> LocalChoice<'a> {
+        let count = self.sources.len();
+        if count == 1 || count > MAX_WEIGHED {
+            return LocalChoice {
+                by_power,
+                local: None,
+            };
+        }
+        let mut irradiances = [0.0; MAX_WEIGHED];
+        let (mut total, mut power) = (0.0, 0.0);
+        for (light, source) in self.sources.iter().enumerate() {
+            let pmf = by_power.pmf(light);
+            let irradiance = source.irradiance_at(point, normal);
+            if pmf > 0.0 && irradiance > 0.0 {
+                irradiances[light] = irradiance;
+                total += irradiance;
+                power += pmf;
+            }
+        }
+        if !(total > 0.0 && total < f32::INFINITY && power > 0.0) {
+            let local = (total == 0.0).then_some([0.0; MAX_WEIGHED]);
+            return LocalChoice { by_power, local };
+        }
+        for (light, p) in irradiances.iter_mut().enumerate().take(count) {
+            if *p > 0.0 {
+                *p = (1.0 - BLIND) * *p / total + BLIND * by_power.pmf(light) / power;
+            }
+        }
+        LocalChoice {
+            by_power,
+            local: Some(irradiances),
+        }
+    }
+}
+
+impl LocalChoice<'_> {
+    /// Choose a light by `u` in [0, 1). `None`: none shines here.
+    pub fn sample(&self, u: f32) -> Option<LightChoice> {
+        let Some(local) = &self.local else {
+            return self.by_power.sample(u);
+        };
+        let mut left = u;
+        let mut chosen = None;
+        for (light, &pmf) in local.iter().enumerate() {
+            if pmf > 0.0 {
+                let u = (left / pmf).min(1.0 - f32::EPSILON / 2.0);
+                chosen = Some(LightChoice { light, pmf, u });
+                left -= pmf;
+                if left < 0.0 {
+                    break;
+                }
+            }
+        }
+        chosen
+    }
+
+    /// Probability of a light.
+    #[inline]
+    pub fn pmf(&self, light: usize) -> f32 {
+        match &self.local {
+            Some(local) => local[light],
+            None => self.by_power.pmf(light),
+        }
+    }
+}
+
+impl Source {
+    /// About the irradiance that the light brings to a point, W/m^2, on a surface that faces it or has a normal. Zero only where
+    /// it brings nothing.
+    fn irradiance_at(&self, at: Vec3, normal: Option<Vec3>) -> f32 {
+        match self {
+            Self::Far {
+                irradiance,
+                direction,
+            } => {
+                let cos = match (direction, normal) {
+                    (Some(direction), Some(normal)) => (-direction.dot(normal)).max(0.0),
+                    (Some(_), None) => 1.0,
+                    // Of a sky that is the same all around.
+                    (None, _) => 0.25,
+                };
+                irradiance * cos
+            }
+            Self::Near {
+                center,
+                softening,
+                intensity,
+                region,
+            } => {
+                let offset = *center - at;
+                let distance2 = offset.length_squared().max(*softening);
+                let distance = distance2.sqrt();
+                let at_light = match region {
+                    Region::Everywhere => 1.0,
+                    Region::Cone { apex, axis, cos } => {
+                        let from = at - *apex;
+                        let along = from.dot(*axis);
+                        let cos2 = cos * cos;
+                        if along > 0.0 && along * along >= cos2 * from.length_squared() {
+                            1.0
+                        } else {
+                            0.0
+                        }
+                    }
+                    Region::Before { point, normal } => {
+                        if (at - *point).dot(*normal) > 0.0 {
+                            // Of the mean over the hemisphere.
+                            2.0 * (-offset.dot(*normal) / distance).max(MIN_COSINE)
+                        } else {
+                            0.0
+                        }
+                    }
+                };
+                let cos = match normal {
+                    // Of the end that is highest above the horizon.
+                    Some(normal) => {
+                        ((offset.dot(normal) + softening.sqrt()) / distance).clamp(0.0, 1.0)
+                    }
+                    None => 1.0,
+                };
+                intensity / distance2 * at_light * cos
+            }
+        }
+    }
+}

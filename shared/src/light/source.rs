@@ -1,0 +1,148 @@
+//! Lights reduced to what matters for choosing among them.
+
+use super::{Light, LightKind, SceneBounds};
+use crate::geometry::{Object, Shape, bounds};
+use crate::math::{PI, Vec3, cos, mean};
+
+/// The lights of a scene, each reduced to what matters for choosing among them.
+#[derive(Clone, Debug, Default)]
+pub struct LightSources {
+    pub(super) sources: Vec<Source>,
+}
+
+/// With more lights than this, they are chosen by power alone.
+pub(super) const MAX_WEIGHED: usize = 32;
+
+/// A light reduced to what matters for choosing: everything is evaluated afterwards.
+#[derive(Clone, Debug)]
+pub(super) enum Source {
+    Near {
+        /// Middle of the light.
+        center: Vec3,
+        /// Square of its radius.
+        softening: f32,
+        /// Mean channel of its flux per steradian, W/sr.
+        intensity: f32,
+        region: Region,
+    },
+    /// From infinitely far away: mean channel of the irradiance, W/m^2, and the direction that it travels in, if there is one.
+    Far {
+        irradiance: f32,
+        direction: Option<Vec3>,
+    },
+}
+
+/// Where a light shines.
+#[derive(Clone, Debug)]
+pub(super) enum Region {
+    Everywhere,
+    /// Angles to the axis below one whose cosine is positive.
+    Cone {
+        apex: Vec3,
+        axis: Vec3,
+        cos: f32,
+    },
+    /// Before a plane.
+    Before {
+        point: Vec3,
+        normal: Vec3,
+    },
+}
+
+impl LightSources {
+    /// Prepare the lights.
+    pub fn new(lights: &[Light], objects: &[Object], bounds: &SceneBounds) -> Self {
+        let sources = lights
+            .iter()
+            .map(|light| Source::new(light, objects, bounds));
+        Self {
+            sources: sources.collect(),
+        }
+    }
+}
+
+impl Source {
+    fn new(light: &Light, objects: &[Object], scene: &SceneBounds) -> Self {
+        let power = mean(light.power(objects, scene));
+        match &light.kind {
+            LightKind::Point {
+                position,
+                intensity,
+            } => Self::Near {
+                center: *position,
+                softening: 0.0,
+                intensity: mean(*intensity),
+                region: Region::Everywhere,
+            },
+            LightKind::Spot {
+                position,
+                frame,
+                intensity,
+                cutoff,
+                ..
+            } => {
+                // A little more than the cone: what rounding adds is dark.
+                let cos = cos(*cutoff * (1.0 + 1e-5)) * (1.0 - 1e-6);
+                Self::Near {
+                    center: *position,
+                    softening: 0.0,
+                    intensity: mean(*intensity),
+                    region: if cos > 0.0 {
+                        Region::Cone {
+                            apex: *position,
+                            axis: frame.n,
+                            cos,
+                        }
+                    } else {
+                        Region::Everywhere
+                    },
+                }
+            }
+            LightKind::Directional {
+                direction,
+                irradiance,
+            } => Self::Far {
+                irradiance: mean(*irradiance),
+                direction: Some(*direction),
+            },
+            LightKind::Environment(environment) => Self::Far {
+                irradiance: mean(environment.fluence()),
+                direction: None,
+            },
+            LightKind::Area { object, .. } => {
+                let shape = &objects[*object as usize].shape;
+                let (min, max) = bounds(shape);
+                let half = 0.5 * (max - min);
+                let (radius, region) = match (shape, plane(shape)) {
+                    (Shape::Sphere { .. }, _) => (half.max_element(), Region::Everywhere),
+                    (_, Some((point, normal))) => (half.length(), Region::Before { point, normal }),
+                    _ => (half.length(), Region::Everywhere),
+                };
+                let solid_angle = match region {
+                    Region::Before { .. } => 2.0 * PI,
+                    _ => 4.0 * PI,
+                };
+                Self::Near {
+                    center: 0.5 * (min + max),
+                    softening: radius * radius,
+                    intensity: power / solid_angle,
+                    region,
+                }
+            }
+        }
+    }
+}
+
+/// A point and the normal of a shape that is flat.
+fn plane(shape: &Shape) -> Option<(Vec3, Vec3)> {
+    let at = shape.sample_area(glam::Vec2::splat(0.4), 0.4);
+    match shape {
+        Shape::Disc { .. } => Some((at.point, at.normal)),
+        Shape::Mesh { mesh, .. } if mesh.triangles.len() <= 2 => {
+            let flat = (0..mesh.triangles.len())
+                .all(|i| mesh.normal(i as u32).dot(at.normal) > 1.0 - 1e-6);
+            flat.then_some((at.point, at.normal))
+        }
+        _ => None,
+    }
+}

@@ -90,6 +90,8 @@ pub mod camera;
 #[cfg(feature = "render")]
 pub mod convergence;
 #[cfg(feature = "render")]
+mod extent;
+#[cfg(feature = "render")]
 pub mod filter;
 #[cfg(feature = "render")]
 pub mod footprint;

@@ -318,7 +318,7 @@ pub struct KernelRadii {
 const BEAM_OVERLAP: f32 = 1.5;
 const SURFACE_OVERLAP: f32 = 3.0;
 const SMOOTH_SURFACE_OVERLAP: f32 = 7.5;
-/// Floor and ceilings of base radii as fractions of the scene's radius.
+/// Floor and ceilings of base radii as fractions of the radius of the scene, or of the part that the camera sees.
 const FLOOR: f32 = 5e-4;
 const CEILING: f32 = 1.6e-2;
 const SMOOTH_CEILING: f32 = 4e-2;
@@ -379,6 +379,8 @@ pub struct RenderPlan {
     pub surface_paths: u32,
     /// Kernel radii.
     pub radii: KernelRadii,
+    /// Of what radius they are fractions, where that is not the scene's; scene units.
+    extent_seen: Option<f32>,
     /// What photons are aimed at, if they are.
     pub targets: Option<Arc<Targets>>,
     /// What is rendered beside the beauty.
@@ -420,8 +422,10 @@ impl RenderPlan {
         } else {
             paths
         };
-        let extent = description.bounds.radius;
-        let radii = match description.defaults.radius {
+        let fixed = description.defaults.radius;
+        let extent_seen = crate::extent::of_radii(scene).filter(|_| fixed.is_none());
+        let extent = extent_seen.unwrap_or(description.bounds.radius);
+        let radii = match fixed {
             Some(radius) => KernelRadii {
                 floor: radius,
                 ceiling: radius,
@@ -601,6 +605,7 @@ impl RenderPlan {
             gloss_rays_side: GLOSS_RAYS_SIDE,
             surface_paths,
             radii,
+            extent_seen,
             targets: targets.map(Arc::new),
             layers: LayerPlan::default(),
             explanation,
@@ -647,10 +652,14 @@ impl fmt::Display for RenderPlan {
                 "     radius scale: {scale:.4} for {passes} passes; beyond them alpha {alpha:.4}"
             )?,
         }
-        writeln!(
+        write!(
             f,
             "     base radii: {:.3e} to {:.3e} scene units",
             self.radii.floor, self.radii.smooth_ceiling
-        )
+        )?;
+        match self.extent_seen {
+            Some(radius) => writeln!(f, ", by the part that the camera sees: radius {radius:.3}"),
+            None => writeln!(f),
+        }
     }
 }

@@ -1,0 +1,67 @@
+//! How much of a scene the camera sees: kernels of a room are as wide as fits the room, however large the building.
+
+use crate::math::{Ray, Vec2, Vec3};
+use crate::plan::Scene;
+
+/// Rays along each side of the image.
+const SIDE: usize = 48;
+/// Share of the points that are left out at either end of each axis.
+const OUTLIERS: f32 = 0.05;
+
+/// A part of the scene is small below so much of the scene's radius.
+const SMALL: f32 = 0.25;
+/// Radius that stands for a small part, over that of what the camera sees first: scenes that the camera sees as a whole have about
+/// twice that.
+const AROUND: f32 = 2.0;
+
+/// The radius that base radii of kernels are fractions of, where that is not the scene's, since the camera sees but a small part.
+pub(crate) fn of_radii(scene: &Scene) -> Option<f32> {
+    let seen = seen(scene);
+    (seen < SMALL * scene.bounds().radius).then_some(AROUND * seen)
+}
+
+/// Radius of what the camera sees first, scene units: half the diagonal of the box around nine tenths of the points along each
+/// axis. Where there is nothing to see, that is as far as the scene's bounds. A function of the scene alone.
+fn seen(scene: &Scene) -> f32 {
+    let camera = &scene.description().camera;
+    let rules = scene.description().rules.as_ref();
+    let is_passed = |object: u32| {
+        scene.passable[object as usize] || rules.is_some_and(|r| r.hides(r.camera, object))
+    };
+    let mut axes: [Vec<f32>; 3] = Default::default();
+    for i in 0..SIDE * SIDE {
+        let at = Vec2::new((i % SIDE) as f32, (i / SIDE) as f32) + 0.5;
+        let image = at / SIDE as f32 * Vec2::new(camera.width as f32, camera.height as f32);
+        let ray = camera.ray(image, Vec2::splat(0.5));
+        let hit = (scene.geometry).intersect(scene.objects(), &ray, f32::INFINITY, is_passed);
+        let point = match hit {
+            Some(hit) => Some(hit.point),
+            None => out_of_bounds(scene, &ray),
+        };
+        if let Some(point) = point {
+            for (axis, x) in axes.iter_mut().zip(point.to_array()) {
+                axis.push(x);
+            }
+        }
+    }
+    let size = axes.map(|mut axis| {
+        axis.sort_unstable_by(f32::total_cmp);
+        let skipped = (axis.len() as f32 * OUTLIERS) as usize;
+        match axis.get(skipped..axis.len() - skipped) {
+            Some([first, .., last]) => last - first,
+            _ => f32::INFINITY,
+        }
+    });
+    0.5 * Vec3::from(size).length()
+}
+
+/// Where a ray leaves the scene's bounds, if it meets them.
+fn out_of_bounds(scene: &Scene, ray: &Ray) -> Option<Vec3> {
+    let bounds = scene.bounds();
+    let from = ray.origin - bounds.center;
+    let middle = -from.dot(ray.dir);
+    let off = from + ray.dir * middle;
+    let half = bounds.radius * bounds.radius - off.length_squared();
+    let t = middle + half.max(0.0).sqrt();
+    (half > 0.0 && t > 0.0).then(|| ray.at(t))
+}

@@ -156,11 +156,12 @@ struct Photon<H> {
 
 impl<V: Sight> Tracer<'_, V> {
     fn trace(&self, sampler: &mut Sampler, leaves_beams: bool, out: &mut Photons) {
-        let emitters = self.sight.emitters(self.scene);
-        let Some(choice) = emitters.sample(sampler.next_1d()) else {
+        let targets = self.plan.targets.as_deref();
+        let by_power = || self.sight.emitters(self.scene);
+        let chosen = targets.and_then(Targets::emitters);
+        let Some(choice) = chosen.unwrap_or_else(by_power).sample(sampler.next_1d()) else {
             return;
         };
-        let targets = self.plan.targets.as_deref();
         let aim = targets.and_then(|targets| targets.of(choice.light));
         match aim {
             Some(aim) if targets.is_some_and(Targets::rejects) => {

@@ -4,7 +4,7 @@ use super::{Light, SceneBounds, cdf};
 use crate::geometry::Object;
 use crate::math::mean;
 
-/// Chooses lights in proportion to their power.
+/// Chooses lights, in proportion to their power unless made otherwise.
 #[derive(Clone, Debug)]
 pub struct LightSelector {
     sums: Vec<f32>,
@@ -40,12 +40,17 @@ impl LightSelector {
                 false => 0.0,
             })
             .collect();
+        Self::of_weights(&weights)
+    }
+
+    /// In proportion to weights that are not negative.
+    pub(crate) fn of_weights(weights: &[f64]) -> Self {
         let dark = weights.iter().all(|&w| w == 0.0);
         Self {
             sums: if dark {
                 Vec::new()
             } else {
-                cdf::running_sums(&weights)
+                cdf::running_sums(weights)
             },
         }
     }

@@ -8,17 +8,21 @@
 //! Whether a light's photons are aimed, and which share is not, is decided by places that the discs do not know of: for each
 //! path of light found there, the mixture's density over that of plain emission, rho, says what a photon on it weighs. The
 //! mean of 1 / rho is the second moment of those weights, 1 for plain emission; the share that makes it least is taken.
+//!
+//! Of many lights those start more photons of which more is found (`choice`).
 
+mod choice;
 mod discs;
 mod pilot;
 
 pub use discs::Discs;
 
-use crate::light::{EmissionUniforms, Light};
+use crate::light::{EmissionUniforms, Light, LightSelector};
 use crate::math::{Ray, Vec3};
 use crate::plan::Scene;
 use crate::rules::{Ruled, Sight, Start, Unruled};
 use crate::sampler::{Purpose, Sampler};
+use choice::Found;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
@@ -59,6 +63,8 @@ pub(crate) struct Place {
 pub struct Targets {
     /// By light.
     lights: Vec<Option<Aim>>,
+    /// How many photons each gets, if not as many as its power says.
+    chosen: Option<LightSelector>,
     /// Photons that miss are dropped.
     rejects: bool,
 }
@@ -107,15 +113,24 @@ impl Targets {
         sight: impl Sight,
     ) -> (Option<Self>, String) {
         let kept = pilot::trace(scene, sight, seed);
+        let emitters = sight.emitters(scene);
         let mut lights = Vec::with_capacity(kept.len());
+        let mut found = Vec::with_capacity(kept.len());
         let (mut aimed, mut plain) = (Vec::new(), Vec::new());
         for (number, places) in kept.iter().enumerate() {
-            if sight.emitters(scene).pmf(number) == 0.0 {
+            let power = f64::from(emitters.pmf(number));
+            if power == 0.0 {
                 lights.push(None);
+                found.push(Found::default());
                 continue;
             }
             let light = &scene.lights()[number];
             let (aim, gain) = Aim::new(scene, light, places, mode);
+            let moment = match (&aim, gain) {
+                (Some(_), Some(gain)) => 1.0 / gain,
+                _ => 1.0,
+            };
+            found.push(Found::new(power, places, moment));
             let told = match (&aim, gain) {
                 (_, None) => format!("\"{}\" is seen from too few places", light.name),
                 (None, Some(gain)) => format!(
@@ -148,18 +163,37 @@ impl Targets {
             }
             lights.push(aim);
         }
-        if aimed.is_empty() {
-            return (None, listed(plain, "no light"));
-        }
-        let rejects = mode == Targeting::Reject;
-        let mut told = listed(aimed, "");
+        let (chosen, on_choice) = choice::choose(scene, &found, mode);
+        let is_aimed = !aimed.is_empty();
+        let mut told = match is_aimed {
+            true => listed(aimed, ""),
+            false => listed(std::mem::take(&mut plain), "no light"),
+        };
         if !plain.is_empty() {
             told = format!("{told}; not {}", listed(plain, ""));
         }
+        if let Some(on_choice) = on_choice {
+            told = format!("{told}; {on_choice}");
+        }
+        if !is_aimed && chosen.is_none() {
+            return (None, told);
+        }
+        let rejects = is_aimed && mode == Targeting::Reject;
         if rejects {
             told = format!("BIASED, photons that miss are dropped: {told}");
         }
-        (Some(Self { lights, rejects }), told)
+        let targets = Self {
+            lights,
+            chosen,
+            rejects,
+        };
+        (Some(targets), told)
+    }
+
+    /// The lights that photons start at, where they are not chosen by their power.
+    #[inline]
+    pub fn emitters(&self) -> Option<&LightSelector> {
+        self.chosen.as_ref()
     }
 
     /// What a light's photons are aimed at, if they are.

@@ -51,8 +51,15 @@ pub(super) fn trace(scene: &Scene, sight: impl Sight, seed: u64) -> Vec<Vec<Plac
             by_light[light].push(place);
         }
         let most = by_light.iter().map(Vec::len).max().unwrap_or(0);
-        // What has begun so slowly does not come to enough for a light to be aimed.
-        if !(super::MIN_PLACES / 4..ENOUGH).contains(&most) {
+        let all: usize = by_light.iter().map(Vec::len).sum();
+        // What has begun so slowly does not come to enough for a light to be aimed, nor for lights to be chosen.
+        let of_one = super::MIN_PLACES / 4;
+        let of_all = if pilot.lights.len() > 1 {
+            super::choice::MIN_PLACES / 4
+        } else {
+            of_one
+        };
+        if most >= ENOUGH || most < of_one && all < of_all {
             break;
         }
     }

@@ -1,11 +1,12 @@
 //! One pass: a pure function of the scene, the plan and the pass index.
 
-use crate::beam::estimate::{CameraSegments, Gather, Vectors};
+use crate::beam::estimate::{CameraSegment, CameraSegments, Gather, Sharing, Vectors};
 use crate::beam::store::BeamMap;
 use crate::beam::trace::{Photons, first_odds, gloss_odds, trace_photons};
 use crate::film::Film;
 use crate::job::PassStats;
 use crate::math::{Ray, Rgb};
+use crate::medium::transmittance::StepFunctions;
 use crate::parts::{Parts, Recorder};
 use crate::plan::{RenderPlan, Scene};
 use crate::rules::{Ruled, Sight, Start, Unruled};
@@ -38,19 +39,24 @@ pub fn render_pass(scene: &Scene, plan: &RenderPlan, pass_index: u64) -> PassIma
     } else {
         Photons::default()
     };
-    stats.beams = photons.beams.len() as u64;
+    stats.beams = (photons.beams.len() + photons.smooth_beams.len()) as u64;
     stats.surface_photons = photons.surface.len() as u64;
     let (beams, surface) = rayon::join(
         || {
-            plan.beams
-                .then(|| BeamMap::new(photons.beams, photons.steps))
+            plan.beams.then(|| Beams {
+                sharp: BeamMap::new(photons.beams, photons.steps),
+                smooth: BeamMap::new(photons.smooth_beams, StepFunctions::default()),
+            })
         },
         || {
             plan.surface_photons
                 .then(|| SurfacePhotonMap::new(photons.surface))
         },
     );
-    stats.beam_bytes = beams.as_ref().map_or(0, BeamMap::bytes) as u64;
+    stats.beam_bytes = beams
+        .as_ref()
+        .map_or(0, |beams| beams.sharp.bytes() + beams.smooth.bytes())
+        as u64;
     let made = Made {
         scene,
         plan,
@@ -71,13 +77,21 @@ pub fn render_pass(scene: &Scene, plan: &RenderPlan, pass_index: u64) -> PassIma
     }
 }
 
+/// The beams of a pass.
+struct Beams {
+    /// Which each camera segment gathers for itself.
+    sharp: BeamMap,
+    /// Which segments share: see [`Sharing`].
+    smooth: BeamMap,
+}
+
 /// What the camera finds of a pass.
 struct Made<'a> {
     scene: &'a Scene,
     plan: &'a RenderPlan,
     pass_index: u64,
     photons: Option<&'a SurfacePhotonMap>,
-    beams: Option<&'a BeamMap>,
+    beams: Option<&'a Beams>,
 }
 
 impl<'a> Made<'a> {
@@ -106,7 +120,7 @@ impl<'a> Made<'a> {
 
 struct CameraPass<'a, V> {
     tracer: CameraTracer<'a, V>,
-    beams: Option<&'a BeamMap>,
+    beams: Option<&'a Beams>,
     pass_index: u64,
     vectors: Vectors,
     chord_key: u64,
@@ -193,8 +207,8 @@ impl<V: Sight> CameraPass<'_, V> {
         }
         let evaluations = match self.beams {
             Some(beams) => {
-                let key = mix64(self.chord_key ^ ((y0 as u64) << 32 | x0 as u64));
-                self.gather_beams(beams, key, scratch, &mut radiance)
+                let tile = (y0 as u64) << 32 | x0 as u64;
+                self.gather_beams(beams, tile, scratch, &mut radiance)
             }
             None => 0,
         };
@@ -228,28 +242,52 @@ impl<V: Sight> CameraPass<'_, V> {
         targets.count(ray, hit.map_or(f32::INFINITY, |hit| hit.t))
     }
 
+    /// `tile`: where it is, a number of its own.
     fn gather_beams(
         &self,
-        beams: &BeamMap,
-        key: u64,
+        beams: &Beams,
+        tile: u64,
         scratch: &mut Scratch,
         radiance: &mut [Rgb; TILE_PIXELS],
     ) -> u64 {
         let Scratch { camera, parts } = scratch;
         let CameraSegments { segments, steps } = camera;
+        let seed = self.tracer.plan.settings.seed;
+        let mut sampler = Sampler::new(seed, self.pass_index, Purpose::Sharing, tile);
+        let key = mix64(self.chord_key ^ tile);
         let mut evaluations = 0;
         // Stable: within a run, in the order of pixels.
         segments.sort_by_key(|s| (s.medium, s.way));
         for run in segments.chunk_by(|a, b| (a.medium, a.way) == (b.medium, b.way)) {
-            let gather = Gather {
-                map: beams,
-                medium: &self.tracer.scene.media()[run[0].medium as usize],
+            let medium = run[0].medium;
+            let sharp = Gather {
+                map: &beams.sharp,
+                medium: &self.tracer.scene.media()[medium as usize],
                 steps,
                 group: None,
                 key,
                 vectors: self.vectors,
             };
-            let gathered = gather.along(run);
+            let smooth = Gather {
+                map: &beams.smooth,
+                key: mix64(key),
+                ..sharp
+            };
+            let radius = beams.smooth.mean_radius(medium);
+            let place = |s: &CameraSegment| tile_pixel(s.pixel.into());
+            let sharing = (radius > 0.0).then(|| Sharing::new(run, radius, place, &mut sampler));
+            let gather = |group| {
+                let mut all = Gather { group, ..sharp }.along(run);
+                if let Some(sharing) = &sharing {
+                    let shared = Gather { group, ..smooth }.along_shared(sharing);
+                    for (sum, shared) in all.radiance.iter_mut().zip(shared.radiance) {
+                        *sum += shared;
+                    }
+                    all.evaluations += shared.evaluations;
+                }
+                all
+            };
+            let gathered = gather(None);
             evaluations += gathered.evaluations;
             for (segment, sum) in run.iter().zip(gathered.radiance) {
                 let scattered = segment.beta * sum;
@@ -261,16 +299,12 @@ impl<V: Sight> CameraPass<'_, V> {
             if self.tracer.plan.layers.counts_beams() {
                 // One by one: gathering side by side counts for all of them together, which is quicker.
                 for segment in run.chunks(1) {
-                    let count = gather.along(segment).evaluations;
-                    parts[segment[0].pixel as usize].beams += count as u32;
+                    let counts = [&sharp, &smooth].map(|of| of.along(segment).evaluations);
+                    parts[segment[0].pixel as usize].beams += (counts[0] + counts[1]) as u32;
                 }
             }
             for group in 0..self.tracer.plan.layers.groups() {
-                let of_group = Gather {
-                    group: Some(group as u16),
-                    ..gather
-                };
-                for (segment, sum) in run.iter().zip(of_group.along(run).radiance) {
+                for (segment, sum) in run.iter().zip(gather(Some(group as u16)).radiance) {
                     parts[segment.pixel as usize].groups[group] += segment.beta * sum;
                 }
             }

@@ -20,6 +20,8 @@ pub enum Purpose {
     Pilot = 5,
     /// Photons that measure how many hit targets; the chunk is the photon's index.
     Probes = 6,
+    /// Which camera segments gather for others; the chunk is the tile's index.
+    Sharing = 7,
     /// Numbers that tests draw.
     Test = 100,
 }

@@ -56,7 +56,8 @@ fn what_is_emitted_is_absorbed() {
     let mut total = [(); 3].map(|_| MeanEstimate::new());
     for pass in 0..300 {
         let photons = trace_photons(&scene, &plan, pass);
-        assert!(!photons.beams.is_empty() && !photons.surface.is_empty());
+        assert!(!photons.beams.is_empty() && !photons.smooth_beams.is_empty());
+        assert!(!photons.surface.is_empty());
         for c in 0..3 {
             let walls: f64 = photons.surface.iter().map(|p| p.power[c] as f64).sum();
             // A long beam holds the flux at its start: what the medium absorbs along it, in expectation, is the absorbed
@@ -64,6 +65,7 @@ fn what_is_emitted_is_absorbed() {
             let lost: f64 = photons
                 .beams
                 .iter()
+                .chain(&photons.smooth_beams)
                 .map(|b| b.power[c] as f64 * -libm::expm1(-(sigma_t[c] * b.length) as f64))
                 .sum();
             let share = ((sigma_t[c] - medium.sigma_s()[c]) / sigma_t[c]) as f64;

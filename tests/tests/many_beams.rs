@@ -1,8 +1,11 @@
 //! Gathering many beams: the bits depend neither on the vectors that a machine has nor on which segments look for beams
-//! together, and nothing that an estimate would count is passed over on the way.
+//! together, and nothing that an estimate would count is passed over on the way. What segments share is what one of them
+//! gathers, and in the mean what all do.
 
 use beamfarm_shared::beam::PhotonBeam;
-use beamfarm_shared::beam::estimate::{CameraSegment, CameraSegments, Gather, Vectors, Way};
+use beamfarm_shared::beam::estimate::{
+    CameraSegment, CameraSegments, Gather, Sharing, Vectors, Way,
+};
 use beamfarm_shared::beam::store::BeamMap;
 use beamfarm_shared::math::{Ray, Rgb, Vec3};
 use beamfarm_shared::medium::bricks::Bricks;
@@ -12,6 +15,7 @@ use beamfarm_shared::medium::{Heterogeneous, Homogeneous, Medium};
 use beamfarm_shared::phase::Phase;
 use beamfarm_shared::sampler::{Purpose, Sampler};
 use beamfarm_shared::warp::uniform_sphere;
+use beamfarm_tests::{MeanEstimate, Suite};
 use glam::{DAffine3, DVec3};
 use std::sync::Arc;
 
@@ -220,6 +224,95 @@ fn no_beam_is_passed_over() {
             "rays {kind}: {found} found, {pairs} there"
         );
     }
+}
+
+/// Rays through a square of pixels, in front of something that covers a half of them and hangs askew.
+fn picture(side: usize) -> Vec<CameraSegment> {
+    let segment = |i: usize| {
+        let mut sampler = Sampler::new(4, 0, Purpose::Test, i as u64);
+        let mut at = |k: usize| ([i % side, i / side][k] as f32 + sampler.next_1d()) * 0.01;
+        let (x, y) = (at(0) - 0.15, at(1) - 0.15);
+        CameraSegment {
+            ray: Ray {
+                origin: Vec3::new(0.0, 0.0, -0.5),
+                dir: Vec3::new(x, y, 1.0).normalize(),
+            },
+            length: if x < 0.02 {
+                2.0
+            } else {
+                1.2 + 6.0 * y.max(0.0)
+            },
+            beta: Rgb::ONE,
+            medium: 0,
+            pixel: i as u16,
+            way: Way::default(),
+            steps: 0,
+        }
+    };
+    (0..side * side).map(segment).collect()
+}
+
+/// Each segment is given what one near it gathers, for itself to the last bit; the sum over the picture is the same in the
+/// mean.
+#[test]
+fn what_segments_share_is_what_one_of_them_gathers() {
+    const SIDE: usize = 32;
+    let segments = picture(SIDE);
+    let place = |s: &CameraSegment| {
+        let (x, y) = (s.pixel as usize % SIDE, s.pixel as usize / SIDE);
+        (x as u32, y as u32)
+    };
+    let ends = |s: &CameraSegment| s.ray.at(s.length);
+    let steps = StepFunctions::default();
+    // Significance 1e-3.
+    let mut suite = Suite::new(1e-3);
+    for (phase, name) in [
+        (Phase::Isotropic, "isotropic"),
+        (Phase::HenyeyGreenstein { g: 0.7 }, "forward"),
+    ] {
+        let medium = fog(SIGMA_A, SIGMA_S, phase);
+        let map = beams(&medium, 600);
+        let gather = Gather {
+            map: &map,
+            medium: &medium,
+            steps: &steps,
+            group: None,
+            key: 7,
+            vectors: Vectors::widest(),
+        };
+        let radius = map.mean_radius(0);
+        let alone = gather.along(&segments);
+        let share = |radius, number| {
+            let mut sampler = Sampler::new(5, number, Purpose::Sharing, 0);
+            gather.along_shared(&Sharing::new(&segments, radius, place, &mut sampler))
+        };
+        let (needles, wide) = (share(1e-6, 0), share(radius, 0));
+        assert_eq!(bits(&needles.radiance), bits(&alone.radiance), "{name}");
+        assert!(
+            2 * wide.evaluations < alone.evaluations,
+            "{name}: {} evaluations, {} alone",
+            wide.evaluations,
+            alone.evaluations
+        );
+        for (i, value) in wide.radiance.iter().enumerate() {
+            let given_by = |j: &usize| {
+                bits(&alone.radiance[*j..=*j]) == bits(&[*value])
+                    && ends(&segments[*j]).distance(ends(&segments[i])) <= 2.0 * radius
+            };
+            assert!(
+                (0..segments.len()).any(|j| given_by(&j)),
+                "{name}: segment {i}"
+            );
+        }
+        let sum = |radiance: &[Rgb]| radiance.iter().map(|v| f64::from(v.element_sum())).sum();
+        let expected: f64 = sum(&alone.radiance);
+        let mut mean = MeanEstimate::new();
+        for number in 0..400 {
+            mean.add(sum(&share(radius, number).radiance));
+        }
+        suite.mean(name.to_owned(), &mean, expected);
+    }
+    suite.finish();
 }
 
 /// In double precision, by the nearest points of the two lines; for nearly parallel ones, by the nearest points of the

@@ -93,6 +93,12 @@ impl BeamMap {
         self.media.get(usize::from(medium))
     }
 
+    /// Mean kernel radius of the beams in a medium, by length; 0 if there are none.
+    pub fn mean_radius(&self, medium: u16) -> f32 {
+        self.tree(medium)
+            .map_or(0.0, |tree| tree.pieces.mean_radius())
+    }
+
     /// Memory that the map holds, bytes.
     pub fn bytes(&self) -> usize {
         size_of_val(&self.beams[..])

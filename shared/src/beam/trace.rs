@@ -24,8 +24,11 @@ use rayon::prelude::*;
 /// Everything that the photon paths of a pass leave behind.
 #[derive(Debug, Default)]
 pub struct Photons {
-    /// Beams, in the order of paths.
+    /// Beams, in the order of paths, but for the smooth ones.
     pub beams: Vec<PhotonBeam>,
+    /// Beams of light that has been scattered, in homogeneous media: their kernels are wide, and nothing else varies from pixel to
+    /// pixel, so that camera segments share what they gather.
+    pub smooth_beams: Vec<PhotonBeam>,
     /// Transmittance along the beams in heterogeneous media.
     pub steps: StepFunctions,
     /// Surface photons, in the order of paths.
@@ -80,6 +83,7 @@ fn trace_with(scene: &Scene, plan: &RenderPlan, pass_index: u64, sight: impl Sig
         .collect();
     let mut joined = Photons {
         beams: Vec::with_capacity(chunks.iter().map(|c| c.beams.len()).sum()),
+        smooth_beams: Vec::with_capacity(chunks.iter().map(|c| c.smooth_beams.len()).sum()),
         surface: Vec::with_capacity(chunks.iter().map(|c| c.surface.len()).sum()),
         steps: StepFunctions::default(),
     };
@@ -89,6 +93,7 @@ fn trace_with(scene: &Scene, plan: &RenderPlan, pass_index: u64, sight: impl Sig
             beam.steps += before;
         }
         joined.beams.extend(chunk.beams);
+        joined.smooth_beams.extend(chunk.smooth_beams);
         joined.surface.extend(chunk.surface);
     }
     joined
@@ -271,7 +276,13 @@ impl<V: Sight> Tracer<'_, V> {
         if photon.leaves_beams && medium.scatters() && !sampled && !is_unlit {
             let (stretch, _) = medium.stretch(&photon.ray, length, sampler, &mut out.steps);
             if let Some(stretch) = stretch {
-                out.beams.push(self.beam(photon, id, stretch, hit));
+                let beam = self.beam(photon, id, stretch, hit);
+                match medium {
+                    Medium::Homogeneous(_) if photon.footprint.is_smooth() => {
+                        out.smooth_beams.push(beam);
+                    }
+                    _ => out.beams.push(beam),
+                }
             }
         }
         let before = mean(photon.power);

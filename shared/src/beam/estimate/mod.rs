@@ -17,6 +17,7 @@ mod line;
 mod packet;
 mod ray;
 mod search;
+mod share;
 
 use super::store::BeamMap;
 use crate::math::{Ray, Rgb};
@@ -25,6 +26,7 @@ use crate::medium::transmittance::StepFunctions;
 use crate::phase::Phase;
 use arrange::arrange;
 use line::Block;
+pub use share::Sharing;
 
 /// Segments that are evaluated side by side: as many as fit the widest vectors.
 pub const LANES: usize = 16;

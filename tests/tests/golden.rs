@@ -7,7 +7,7 @@ use beamfarm_shared::pass::render_pass;
 use beamfarm_shared::plan::RenderPlan;
 use beamfarm_tests::render::{average, scene};
 
-const FOG_HASH: &str = "16e8890fdbadb6673a87c68451010517b92bca2ad9b3ffb0a15ddbfaa246ce9c";
+const FOG_HASH: &str = "ea49ddcf06620457055ec16dae58bda0f9e94aea5329f5a77158a64fa21f10ed";
 const SMOKE_HASH: &str = "005f0b5555263ce6711228856b5f6d152c5957eef1ecc86bbc730f7bb3735580";
 const SURFACES_HASH: &str = "feced8691a20035b433e8c5eb4dc98875c9640fd081fc9dfc0c5891409050177";
 

@@ -78,43 +78,43 @@ radiance = [0.1, 0.12, 0.2]
 const RULES: [(&str, &str); 10] = [
     (
         r#"rays = ["camera"] | exclude = ["ball", "sky"]"#,
-        "b22f14497154525bc7b068673bf5266b8741b93e8d54f434995eaf6e837b8d8c",
+        "12a5ced165887e009032c776f9986d2cc98f123450912b6e69fa33b32dc79b58",
     ),
     (
         r#"rays = ["camera"] | include = ["floor", "mirror", "box"]"#,
-        "75d4edd9f818b3ef233f024e006c9fd0214694835577385c214fa6990c369933",
+        "d23229fec17286dde507b5eeda54e7444d112fb483c24e1245a2a9fa2b9de72e",
     ),
     (
         r#"on = ["mirror", "ball"] | rays = ["reflected"] | exclude = ["glass", "lamp"]"#,
-        "25c47764d0ef76cb3459d3d92025dcb4ab3b134910c8bda300467533faaec69f",
+        "9f2f8996276cd525d584f299bf949c3b5fe9f725168a99d0ba66a577bd085b28",
     ),
     (
         r#"on = ["mirror"] | rays = ["reflected"] | include = ["ball"]"#,
-        "498fda13a91a1920e9950dbe5be529ca3271218edc306e4d61e6d5066a5a99e2",
+        "1aad6d769c31d0db79670170add6450d974c47ab816f1c47cb46594649cdd3a4",
     ),
     (
         r#"on = ["glass"] | rays = ["refracted"] | exclude = ["floor"]"#,
-        "7a81f176f36f13e9734918410563d7ecc1dd1b2020a4358650a72309eb5e58ca",
+        "cb8e7cd3b9315583c4f9668b8024e7a19961c55c4094e9783c34d8b85bfc84d8",
     ),
     (
         r#"rays = ["refracted"] | include = ["glass", "mirror"]"#,
-        "95b69801526e4ba5cea642ae29d9a3979dcc5f31f2314e09d1c3951060fb72b4",
+        "86989ddf653fdd20b54b3b63cc2d2055d1d01098cf52b19183d02d59f79ed0a7",
     ),
     (
         r#"on = ["floor"] | rays = ["shadow"] | exclude = ["lamp", "ball"]"#,
-        "dd83b4b310670e8df289a53e143e57d055b48c28d83b2091d10ae66ded7c1481",
+        "5dd3aa82b741c9589b0d57948d1204f09fb0d25bb930c808ed45bf54d572e5c6",
     ),
     (
         r#"on = ["ball"] | rays = ["shadow"] | include = ["spot"]"#,
-        "af79e1f3b229a9717aa1a8416cc06e9a37a31e60a7218d301618d280e42a9b36",
+        "08535acf95f7da3eeb7933b81bb95bc5483a1103448e7e6ac4228be4d87a8e02",
     ),
     (
         r#"on = ["floor", "box", "spot"] | rays = ["photon"] | exclude = ["glass", "spot"]"#,
-        "287583cb05bb1079f06f8be8e08a8bffbd9910383bc27e6cf9b212a7b411cf2d",
+        "571176b2b716f1330bf8a38dc26ab7e050cc4e20239441908f90c1d883973e22",
     ),
     (
         r#"on = ["spot", "glass", "floor"] | rays = ["photon"] | include = ["glass", "lamp"]"#,
-        "1962626eeba8a716fa13dfb8c8491fca220fddb60b5257e2d76ce771669b073e",
+        "df029e8ba34e3f9dba5a655f05562a4353229ba644d79b5d896bd7dd563315d3",
     ),
 ];
 

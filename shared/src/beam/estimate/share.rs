@@ -11,8 +11,8 @@ use super::{CameraSegment, Gather, Gathered, Way};
 use crate::math::Vec3;
 use crate::sampler::Sampler;
 
-/// How far apart segments of one block may begin and end, in kernel radii. What is shared is not much noisier: blocks are
-/// no wider than what one beam brightens.
+/// How far apart segments of one block may begin and end, in kernel radii: blocks are no wider than what one beam brightens, where
+/// pixels have their noise in common anyway.
 const REACH: f32 = 2.0;
 
 /// The side of the largest blocks is two to the power of this, in pixels.

@@ -7,9 +7,9 @@ use beamfarm_shared::pass::render_pass;
 use beamfarm_shared::plan::RenderPlan;
 use beamfarm_tests::render::{average, scene};
 
-const FOG_HASH: &str = "ea49ddcf06620457055ec16dae58bda0f9e94aea5329f5a77158a64fa21f10ed";
-const SMOKE_HASH: &str = "005f0b5555263ce6711228856b5f6d152c5957eef1ecc86bbc730f7bb3735580";
-const SURFACES_HASH: &str = "feced8691a20035b433e8c5eb4dc98875c9640fd081fc9dfc0c5891409050177";
+const FOG_HASH: &str = "84c97b642d29d66cc6165122f33069582c75e363c87f1052cb0fb0921a48295e";
+const SMOKE_HASH: &str = "0ac02c6a119dca20b84bc4bb4fd6afbe72ba1232a85167b5a1ff7f0705a2f9b8";
+const SURFACES_HASH: &str = "5d27630f882fa88982b050269a51ad0c5dd88b1ce33030899f555be9d6eb07df";
 
 const FOG: &str = r#"
 [image]

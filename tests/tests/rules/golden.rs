@@ -78,43 +78,43 @@ radiance = [0.1, 0.12, 0.2]
 const RULES: [(&str, &str); 10] = [
     (
         r#"rays = ["camera"] | exclude = ["ball", "sky"]"#,
-        "12a5ced165887e009032c776f9986d2cc98f123450912b6e69fa33b32dc79b58",
+        "24679fd5f8d5bd724ad544928569c62b29d2d03af98276178ec52cf26d45275b",
     ),
     (
         r#"rays = ["camera"] | include = ["floor", "mirror", "box"]"#,
-        "d23229fec17286dde507b5eeda54e7444d112fb483c24e1245a2a9fa2b9de72e",
+        "3b73dbe66d8415f751c664ec09079a7392a6cf4374d6d263aabd68f338b5a0a9",
     ),
     (
         r#"on = ["mirror", "ball"] | rays = ["reflected"] | exclude = ["glass", "lamp"]"#,
-        "9f2f8996276cd525d584f299bf949c3b5fe9f725168a99d0ba66a577bd085b28",
+        "77785678273ffa4c8e137b584bd6f168e039869a397570ee39857b69dcd0fead",
     ),
     (
         r#"on = ["mirror"] | rays = ["reflected"] | include = ["ball"]"#,
-        "1aad6d769c31d0db79670170add6450d974c47ab816f1c47cb46594649cdd3a4",
+        "114a5181288d3a6cf08443f2608c4e78a8299cdf7602d800cc8cd5cea6bc28c0",
     ),
     (
         r#"on = ["glass"] | rays = ["refracted"] | exclude = ["floor"]"#,
-        "cb8e7cd3b9315583c4f9668b8024e7a19961c55c4094e9783c34d8b85bfc84d8",
+        "7ec3bc1d317d5d75b08d031836d63c66f8bc70e2511c1a2efafb455089d1c607",
     ),
     (
         r#"rays = ["refracted"] | include = ["glass", "mirror"]"#,
-        "86989ddf653fdd20b54b3b63cc2d2055d1d01098cf52b19183d02d59f79ed0a7",
+        "bffd1ce83548a728c0b0f20f0ebec4754684ae8de83ce4e4d4c30759966360fb",
     ),
     (
         r#"on = ["floor"] | rays = ["shadow"] | exclude = ["lamp", "ball"]"#,
-        "5dd3aa82b741c9589b0d57948d1204f09fb0d25bb930c808ed45bf54d572e5c6",
+        "487eef674b2489434797113a3bda3bf1765457dc6c13d942ef607927fd660ba2",
     ),
     (
         r#"on = ["ball"] | rays = ["shadow"] | include = ["spot"]"#,
-        "08535acf95f7da3eeb7933b81bb95bc5483a1103448e7e6ac4228be4d87a8e02",
+        "3d635dfd68c7ad2b0d7efac36f1c4b905f503e488416c7899cc48b0e57193d2e",
     ),
     (
         r#"on = ["floor", "box", "spot"] | rays = ["photon"] | exclude = ["glass", "spot"]"#,
-        "571176b2b716f1330bf8a38dc26ab7e050cc4e20239441908f90c1d883973e22",
+        "a9f1eead863d413be08bcfb8db4a1abd9869871de0fcbdb55784251eb489351a",
     ),
     (
         r#"on = ["spot", "glass", "floor"] | rays = ["photon"] | include = ["glass", "lamp"]"#,
-        "df029e8ba34e3f9dba5a655f05562a4353229ba644d79b5d896bd7dd563315d3",
+        "fad1053f54f27b8bfb72b9dbf18d031618ee6bb9165fa59384638e57381d0fa7",
     ),
 ];
 

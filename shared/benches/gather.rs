@@ -12,6 +12,7 @@ use beamfarm_shared::medium::bricks::Bricks;
 use beamfarm_shared::medium::procedural::{Noise, Recipe};
 use beamfarm_shared::medium::transmittance::{Estimator, StepFunctions};
 use beamfarm_shared::medium::{Heterogeneous, Homogeneous, Medium};
+use beamfarm_shared::parts::Part;
 use beamfarm_shared::phase::Phase;
 use beamfarm_shared::sampler::{Purpose, Sampler};
 use beamfarm_shared::warp::uniform_sphere;
@@ -113,6 +114,7 @@ fn tiles(medium: &Medium) -> Vec<CameraSegments> {
                 medium: 0,
                 pixel: pixel as u16,
                 way: Way::default(),
+                part: Part::Volume,
                 steps: stretch.steps,
             });
         }
@@ -214,6 +216,7 @@ fn peak(criterion: &mut Criterion) {
             medium: 0,
             pixel: i as u16,
             way: Way::default(),
+            part: Part::Volume,
             steps: 0,
         };
         let segments: Vec<CameraSegment> = (0..BLOCK).map(segment).collect();

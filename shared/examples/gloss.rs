@@ -53,17 +53,12 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let seen = gloss(&scene, passes.min(4))?;
     let settings = scene.description().defaults.job_settings();
     let several = RenderPlan::new(&scene, settings).gloss_rays_side;
-    let ways = [
-        ("one gather ray", 1, false),
-        ("several", several, false),
-        ("several, and photons", several, true),
-    ];
+    let ways = [("one gather ray", 1), ("several", several)];
     let mut modes = ways.map(|_| Moments::default());
     for pass_index in first..first + passes {
-        for (mode, (_, side, photons)) in modes.iter_mut().zip(ways) {
+        for (mode, (_, side)) in modes.iter_mut().zip(ways) {
             let mut plan = RenderPlan::new(&scene, settings);
             plan.gloss_rays_side = side;
-            plan.photons_on_gloss &= photons;
             let before = counts();
             let start = Instant::now();
             let image = render_pass(&scene, &plan, pass_index);
@@ -90,7 +85,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         "| gloss | mean | variance | s a pass | gain at equal passes | at equal time |\n| --- | --- | --- | --- | --- | --- |"
     );
     let [of_one, _] = modes[0].variance(n, &seen);
-    for ((name, ..), mode) in ways.iter().zip(&modes) {
+    for ((name, _), mode) in ways.iter().zip(&modes) {
         let [variance, mean] = mode.variance(n, &seen);
         let gain = of_one / variance;
         let seconds = mode.seconds / n;
@@ -101,7 +96,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     }
     if cfg!(feature = "evaluations") {
         println!("\n| a gather ray | BSDF | its density | photons |\n| --- | --- | --- | --- |");
-        for ((name, ..), mode) in ways.iter().zip(&modes) {
+        for ((name, _), mode) in ways.iter().zip(&modes) {
             let [rays, parts @ ..] = mode.counts.map(|count| count as f64);
             let [bsdf, pdf, photons] = parts.map(|count| count / rays);
             println!("| {name} | {bsdf:.2} | {pdf:.2} | {photons:.1} |");

@@ -102,10 +102,11 @@ impl Footprint {
         self.leaving(position, [turn(0), turn(1)], refracted)
     }
 
-    /// After scattering into `dir` with a density of `pdf` per steradian, as one of `paths` photons.
-    pub fn scattered(&self, dir: Vec3, pdf: f32, paths: f32) -> Self {
+    /// After scattering into `dir` with a density of `pdf` per steradian, as one of `paths` photons. `widely`: by more than a
+    /// narrow lobe.
+    pub fn scattered(&self, dir: Vec3, pdf: f32, paths: f32, widely: bool) -> Self {
         Self {
-            smooth: true,
+            smooth: self.smooth || widely,
             ..Self::new(dir, self.radius(), spread(pdf, paths))
         }
     }

@@ -8,7 +8,7 @@
 //! | question                                   | module                                          |
 //! | ------------------------------------------ | ----------------------------------------------- |
 //! | where is a beam traced, stored, evaluated? | `beam::{trace, store, estimate}`                |
-//! | which estimator counts which light path?   | `transport`                                     |
+//! | which estimator counts which light path?   | `transport`, and for a scene `estimators`       |
 //! | what does a pass do?                       | `pass`                                          |
 //! | which stages does a scene need?            | `plan`                                          |
 //! | what are photons aimed at?                 | `target`                                        |
@@ -89,6 +89,8 @@ pub mod budget;
 pub mod camera;
 #[cfg(feature = "render")]
 pub mod convergence;
+#[cfg(feature = "render")]
+pub mod estimators;
 #[cfg(feature = "render")]
 mod extent;
 #[cfg(feature = "render")]

@@ -118,6 +118,16 @@ impl Parts {
         }
     }
 
+    /// Add radiance to a part.
+    #[inline]
+    pub(crate) fn add(&mut self, part: Part, radiance: Rgb) {
+        match part {
+            Part::Direct => self.direct += radiance,
+            Part::Surface => self.surface += radiance,
+            Part::Volume => self.volume += radiance,
+        }
+    }
+
     /// The value of a layer; of a group's, with the group's number.
     pub fn value(&self, layer: &Layer, group: Option<usize>) -> [f32; 3] {
         let first =
@@ -155,12 +165,33 @@ pub enum Part {
 pub struct Recorder<'a> {
     plan: &'a LayerPlan,
     parts: Option<&'a mut Parts>,
+    /// The part that everything counts for, whatever way light came: where the camera path was scattered by a medium.
+    within: Option<Part>,
 }
 
 impl<'a> Recorder<'a> {
     /// Into these parts, if there are any.
     pub fn new(plan: &'a LayerPlan, parts: Option<&'a mut Parts>) -> Self {
-        Self { plan, parts }
+        Self {
+            plan,
+            parts,
+            within: None,
+        }
+    }
+
+    /// From here on everything is light that a medium scatters. Returns what [`Self::leave_volume`] wants.
+    pub fn enter_volume(&mut self) -> Option<Part> {
+        self.within.replace(Part::Volume)
+    }
+
+    /// The part that light counts for which came this way.
+    pub fn part_or(&self, part: Part) -> Part {
+        self.within.unwrap_or(part)
+    }
+
+    /// No more.
+    pub fn leave_volume(&mut self, before: Option<Part>) {
+        self.within = before;
     }
 
     /// Whether anything is noted.
@@ -180,12 +211,9 @@ impl<'a> Recorder<'a> {
     /// Radiance at the film that comes from a group of lights, as [`LayerPlan::group`] numbers them.
     #[inline]
     pub fn add_of_group(&mut self, part: Part, group: u16, radiance: Rgb) {
+        let part = self.part_or(part);
         if let Some(parts) = &mut self.parts {
-            match part {
-                Part::Direct => parts.direct += radiance,
-                Part::Surface => parts.surface += radiance,
-                Part::Volume => parts.volume += radiance,
-            }
+            parts.add(part, radiance);
             if let Some(sum) = parts.groups.get_mut(usize::from(group)) {
                 *sum += radiance;
             }

@@ -12,7 +12,7 @@ use crate::plan::{RenderPlan, Scene};
 use crate::rules::{Ruled, Sight, Start, Unruled};
 use crate::sampler::{Purpose, Sampler, mix64};
 use crate::surface::SurfacePhotonMap;
-use crate::transport::CameraTracer;
+use crate::transport::{CameraTracer, Out, least_flight};
 use rayon::prelude::*;
 
 /// What a pass returns.
@@ -106,6 +106,7 @@ impl<'a> Made<'a> {
                 photons: self.photons,
                 first_odds: first_odds(plan, pass_index),
                 gloss_odds: gloss_odds(self.scene, plan, pass_index),
+                least_flight: least_flight(plan, pass_index),
                 sight,
             },
             beams: self.beams,
@@ -199,11 +200,12 @@ impl<V: Sight> CameraPass<'_, V> {
             if plan.counts_targets() {
                 scratch.parts[i].targets = self.targets_along(&ray);
             }
-            let segments = &mut scratch.camera;
-            let mut record = Recorder::new(plan, scratch.parts.get_mut(i));
-            *value = self
-                .tracer
-                .trace(ray, i as u16, &mut sampler, segments, &mut record);
+            let mut out = Out {
+                pixel: i as u16,
+                segments: &mut scratch.camera,
+                record: Recorder::new(plan, scratch.parts.get_mut(i)),
+            };
+            *value = self.tracer.trace(ray, &mut sampler, &mut out);
         }
         let evaluations = match self.beams {
             Some(beams) => {
@@ -293,7 +295,7 @@ impl<V: Sight> CameraPass<'_, V> {
                 let scattered = segment.beta * sum;
                 radiance[segment.pixel as usize] += scattered;
                 if let Some(parts) = parts.get_mut(segment.pixel as usize) {
-                    parts.volume += scattered;
+                    parts.add(segment.part, scattered);
                 }
             }
             if self.tracer.plan.layers.counts_beams() {

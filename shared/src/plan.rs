@@ -1,8 +1,9 @@
 //! The plan: which stages this scene needs, made once, with the reason for each.
 
 use crate::bsdf::{Material, Tilt};
+use crate::estimators::Estimators;
 use crate::footprint::Footprint;
-use crate::geometry::{Geometry, Object, SurfaceHit, clearance};
+use crate::geometry::{Geometry, Object, SurfaceHit, bounds, clearance};
 use crate::job::{Budget, JobSettings, ScheduleKind};
 use crate::layer::Layer;
 use crate::light::{EmissionSample, Light, LightKind, LightSelector, LightSources, SceneBounds};
@@ -38,6 +39,10 @@ pub struct Scene {
     pub(crate) environments: Vec<usize>,
     /// By object: rays may pass straight through it.
     pub(crate) passable: Vec<bool>,
+    /// By object: diagonal of its box, scene units.
+    pub(crate) extents: Vec<f32>,
+    /// By medium: the shortest mean free path of all channels, scene units.
+    pub(crate) free_paths: Vec<f32>,
     /// Whether shadow rays have to look at what they pass: boundaries of media, or surfaces that are not opaque.
     pub(crate) shadow_rays_walk: bool,
 }
@@ -88,6 +93,15 @@ impl Scene {
                 .filter(|&i| is_environment(&description.lights[i]))
                 .collect(),
             passable,
+            extents: description
+                .objects
+                .iter()
+                .map(|object| {
+                    let (min, max) = bounds(&object.shape);
+                    (max - min).length()
+                })
+                .collect(),
+            free_paths: description.media.iter().map(Medium::free_path).collect(),
             shadow_rays_walk,
             description,
         };
@@ -123,6 +137,16 @@ impl Scene {
     }
     pub(crate) fn material(&self, hit: &SurfaceHit) -> &Material {
         &self.description.materials[self.objects()[hit.object as usize].material as usize]
+    }
+    /// Whether an object is the boundary of a medium at most.
+    pub(crate) fn is_null(&self, object: u32) -> bool {
+        let material = self.objects()[object as usize].material;
+        self.description.materials[material as usize].is_null()
+    }
+    /// Whether the medium is the same on both sides of an object.
+    pub(crate) fn bounds_nothing(&self, object: u32) -> bool {
+        let boundary = self.objects()[object as usize].boundary;
+        boundary.is_none_or(|b| b.interior == b.exterior)
     }
     /// Gives the hit the shading normal of its material's relief, if it has one, seen from `wo`.
     #[inline]
@@ -197,13 +221,6 @@ impl Scene {
             LightKind::Environment(environment) => environment.radiance(dir),
             _ => Rgb::ZERO,
         }
-    }
-
-    /// Radiance of the environment lights that are seen from the direction `dir`.
-    pub(crate) fn environment_radiance(&self, dir: Vec3, sees: impl Fn(usize) -> bool) -> Rgb {
-        let add = |sum, &light| sum + self.environment(light, dir);
-        let seen = self.environments.iter().filter(|&&light| sees(light));
-        seen.fold(Rgb::ZERO, add)
     }
 
     /// The medium at a point: the first boundary seen from there says on which side of it the point lies.
@@ -365,14 +382,14 @@ const GLOSS_RAYS_SIDE: u32 = 2;
 pub struct RenderPlan {
     /// The job.
     pub settings: JobSettings,
-    /// Photon paths are traced and beams gathered: something scatters light on its way.
+    /// Beams are left and gathered: in media whose light they bring, and of caustics.
     pub beams: bool,
-    /// Surface photons are stored: light reaches surfaces otherwise than straight from its source.
+    /// Surface photons are stored: of caustics, and of what such media send to surfaces.
     pub surface_photons: bool,
-    /// Surface photons are looked up at the first surface that camera paths meet.
-    pub photons_at_first_surface: bool,
-    /// They are looked up on gloss alone, where they share with gather rays what surfaces send each other.
-    pub photons_on_gloss: bool,
+    /// Which light photons bring, and which camera paths find.
+    pub estimators: Estimators,
+    /// The lights that photons start at, where that is not all of them.
+    pub emitters: Option<LightSelector>,
     /// Gather rays that gloss sends, at the surface that camera paths meet first: in a square, so many along each side.
     pub gloss_rays_side: u32,
     /// Photon paths that leave surface photons; the first of them, as many as the settings say, leave beams as well.
@@ -399,29 +416,12 @@ impl RenderPlan {
                 .count()
         };
         let scattering = description.media.iter().filter(|m| m.scatters()).count();
-        let specular = used(&|m| m.has_delta() && !m.is_null());
+        let specular =
+            used(&|m| m.has_delta() && !m.is_null() || m.is_followed() || m.has_narrow_lobe());
         let surfaces = used(&|m| !m.is_specular());
         let boundaries = used(&|m| m.is_null());
         let cut_out = used(&|m| m.opacity.is_some());
         let lit = !description.lights.is_empty();
-        let beams = scattering > 0 && lit;
-        let surface_photons = surfaces > 0 && lit;
-        let rules = description.rules.as_ref();
-        let ruled = rules.is_some_and(|rules| rules.touches_photons);
-        let photons_at_first_surface = surface_photons && (specular > 0 || scattering > 0 || ruled);
-        let glossy = used(&|m| m.is_glossy());
-        let photons_on_gloss = surface_photons && !photons_at_first_surface && glossy > 0;
-        // Beams cost more than photons: where there are both, more paths leave photons alone, up to about one for a few
-        // pixels.
-        let paths = settings.paths_per_pass;
-        let surface_paths = if beams && photons_at_first_surface {
-            let camera = &description.camera;
-            let pixels = u64::from(camera.width) * u64::from(camera.height);
-            let enough = (pixels / PIXELS_PER_SURFACE_PATH).min(u64::from(u32::MAX)) as u32;
-            enough.clamp(paths, paths.saturating_mul(MAX_SURFACE_PATHS))
-        } else {
-            paths
-        };
         let fixed = description.defaults.radius;
         let extent_seen = crate::extent::of_radii(scene).filter(|_| fixed.is_none());
         let extent = extent_seen.unwrap_or(description.bounds.radius);
@@ -436,6 +436,32 @@ impl RenderPlan {
                 ceiling: extent * CEILING,
                 smooth_ceiling: extent * SMOOTH_CEILING,
             },
+        };
+        let estimators = Estimators::new(scene, &radii);
+        let by_beams = estimators.beams.iter().filter(|beams| **beams).count();
+        let caustics = estimators.caustics && lit;
+        let beams = lit && (by_beams > 0 || caustics && scattering > 0);
+        let rules = description.rules.as_ref();
+        let ruled = estimators.ends_at_second;
+        let surface_photons = surfaces > 0 && lit && (by_beams > 0 || caustics || ruled);
+        let emitters = (!ruled && by_beams == 0 && estimators.is_met.contains(&true)).then(|| {
+            LightSelector::of_some(
+                &description.lights,
+                &description.objects,
+                &description.bounds,
+                |light| !estimators.is_met[light],
+            )
+        });
+        // Beams cost more than photons: where there are both, more paths leave photons alone, up to about one for a few
+        // pixels.
+        let paths = settings.paths_per_pass;
+        let surface_paths = if beams && surface_photons {
+            let camera = &description.camera;
+            let pixels = u64::from(camera.width) * u64::from(camera.height);
+            let enough = (pixels / PIXELS_PER_SURFACE_PATH).min(u64::from(u32::MAX)) as u32;
+            enough.clamp(paths, paths.saturating_mul(MAX_SURFACE_PATHS))
+        } else {
+            paths
         };
         let lit_or = |otherwise| if lit { otherwise } else { "no light" };
         let because = |yes: bool, if_yes: String, if_no: &str| {
@@ -453,10 +479,18 @@ impl RenderPlan {
             }
         }
         let is_sampled = |m: &&Medium| matches!(m, Medium::Homogeneous(_)) && m.scatters();
-        let sampled_fog = description.media.iter().filter(is_sampled).count();
+        let sampled_fog = description.media.iter().zip(&estimators.beams);
+        let sampled_fog = sampled_fog
+            .filter(|(m, beams)| **beams && is_sampled(m))
+            .count();
         let closed = description.media.len() - tracked.len();
         let (targets, on_targets) = match beams || surface_photons {
-            true => Targets::prepare(scene, settings.seed, description.defaults.targeting),
+            true => Targets::prepare(
+                scene,
+                &estimators,
+                settings.seed,
+                description.defaults.targeting,
+            ),
             false => (None, "no photon paths".into()),
         };
         let explanation = vec![
@@ -479,8 +513,14 @@ impl RenderPlan {
                 beams,
                 because(
                     beams,
-                    format!("{scattering} scattering medium/media"),
-                    lit_or("no medium scatters light"),
+                    format!(
+                        "all light of {by_beams} scattering medium/media, caustics in {}",
+                        scattering - by_beams
+                    ),
+                    lit_or(match scattering {
+                        0 => "no medium scatters light",
+                        _ => "media are dense or small: camera paths are scattered in them",
+                    }),
                 ),
             ),
             (
@@ -489,7 +529,7 @@ impl RenderPlan {
                 because(
                     sampled_fog > 0 && lit,
                     format!("{sampled_fog} homogeneous scattering medium/media: no beams for it"),
-                    lit_or("no homogeneous medium scatters light"),
+                    lit_or("beams bring the light of no homogeneous medium"),
                 ),
             ),
             (
@@ -530,45 +570,32 @@ impl RenderPlan {
                 because(
                     surface_photons,
                     format!(
-                        "{surfaces} object(s) that are not specular, {surface_paths} paths a pass"
-                    ),
-                    lit_or("every object is specular"),
-                ),
-            ),
-            (
-                "surface photons seen directly",
-                photons_at_first_surface,
-                because(
-                    photons_at_first_surface,
-                    format!(
-                        "caustics of {specular} specular object(s), light scattered by {scattering} medium/media"
-                    ),
-                    match surface_photons {
-                        true => {
-                            "no specular object and no scattering medium: gather rays find all indirect light"
+                        "on {surfaces} object(s) that are not specular, {surface_paths} paths a pass: {}light scattered by {by_beams} medium/media",
+                        match caustics {
+                            true => format!("caustics of {specular} specular object(s), "),
+                            false => String::new(),
                         }
-                        false => "no surface photons",
-                    },
+                    ),
+                    lit_or(
+                        "no caustics and no light that beams bring: camera paths find everything",
+                    ),
                 ),
             ),
             (
-                "surface photons seen on gloss",
-                photons_on_gloss,
-                because(
-                    photons_on_gloss,
-                    format!("{glossy} object(s) with gloss: balanced with gather rays"),
-                    match (surface_photons, photons_at_first_surface) {
-                        (false, _) => "no surface photons",
-                        (_, true) => "seen on all surfaces",
-                        _ => "no gloss: gather rays find all indirect light",
-                    },
-                ),
+                "photons behind the second surface",
+                ruled && surface_photons,
+                match ruled {
+                    true => {
+                        "rules tell what photons see: camera paths end at the second surface".into()
+                    }
+                    false => "camera paths go on from surface to surface".into(),
+                },
             ),
             (
                 "direct light",
-                surface_photons,
+                surfaces > 0 && lit,
                 because(
-                    surface_photons,
+                    surfaces > 0 && lit,
                     "light and BSDF sampling, balanced".into(),
                     lit_or("no surface to light directly"),
                 ),
@@ -600,8 +627,8 @@ impl RenderPlan {
             settings,
             beams,
             surface_photons,
-            photons_at_first_surface,
-            photons_on_gloss,
+            estimators,
+            emitters,
             gloss_rays_side: GLOSS_RAYS_SIDE,
             surface_paths,
             radii,

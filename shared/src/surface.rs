@@ -13,11 +13,11 @@ use std::time::Duration;
 pub enum Arrival {
     /// Straight from the light, boundaries of media aside.
     Direct,
-    /// From a specular surface.
-    Specular,
-    /// From a scattering in a medium.
+    /// By way of surfaces that paths follow: from the light alone, or, where photons go on, from anywhere.
+    Caustic,
+    /// From a scattering in a medium whose light beams bring, and surfaces that paths follow since.
     Scattered,
-    /// From a surface that is not specular.
+    /// From another surface, or a medium of the other kind.
     Surface,
 }
 
@@ -38,6 +38,8 @@ pub struct SurfacePhoton {
     pub arrival: Arrival,
     /// How well photons find this light, compared to gather rays: see `transport::surface`. Infinite where only photons do.
     pub odds: f32,
+    /// Seen where paths follow the surface's lobe, and nowhere else.
+    pub followed: bool,
     /// Group of the light that it comes from, see [`crate::parts::LayerPlan::group`].
     pub group: u16,
     /// That light's kind, see [`crate::rules::Sight::light_kind`].
@@ -73,9 +75,9 @@ struct Four {
 }
 
 /// Photons whose surface is turned away further than this (cosine) from the one looked at belong to another surface.
-const MIN_NORMAL_COSINE: f32 = 0.7;
+pub(crate) const MIN_NORMAL_COSINE: f32 = 0.7;
 /// Photons further off the tangent plane than this share of their radius belong to another surface.
-const MAX_PLANE_DISTANCE: f32 = 0.25;
+pub(crate) const MAX_PLANE_DISTANCE: f32 = 0.25;
 
 impl SurfacePhotonMap {
     /// Build the map. Deterministic.
@@ -197,8 +199,9 @@ mod tests {
             wi: Vec3::Z,
             power: Rgb::ONE,
             radius: 0.25,
-            arrival: Arrival::Specular,
+            arrival: Arrival::Caustic,
             odds: f32::INFINITY,
+            followed: false,
             group: 0,
             light_kind: 0,
         };
@@ -228,7 +231,8 @@ mod tests {
                         power: Rgb::splat(sampler.next_1d()),
                         radius: 0.6 * sampler.next_1d(),
                         arrival: Arrival::Surface,
-                        odds: 1.0,
+                        odds: f32::INFINITY,
+                        followed: false,
                         group: 0,
                         light_kind: 0,
                     }

@@ -12,6 +12,7 @@ use beamfarm_shared::medium::bricks::Bricks;
 use beamfarm_shared::medium::procedural::{Height, Recipe};
 use beamfarm_shared::medium::transmittance::{Estimator, StepFunctions};
 use beamfarm_shared::medium::{Heterogeneous, Homogeneous, Medium};
+use beamfarm_shared::parts::Part;
 use beamfarm_shared::phase::Phase;
 use beamfarm_shared::sampler::{Purpose, Sampler};
 use beamfarm_shared::warp::uniform_sphere;
@@ -140,6 +141,7 @@ fn segments(medium: &Medium, kind: u64) -> CameraSegments {
             medium: 0,
             pixel: i as u16,
             way: Way::default(),
+            part: Part::Volume,
             steps: stretch.steps,
         });
     }
@@ -246,6 +248,7 @@ fn picture(side: usize) -> Vec<CameraSegment> {
             medium: 0,
             pixel: i as u16,
             way: Way::default(),
+            part: Part::Volume,
             steps: 0,
         }
     };

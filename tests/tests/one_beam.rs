@@ -12,6 +12,7 @@ use beamfarm_shared::medium::bricks::Bricks;
 use beamfarm_shared::medium::procedural::{Blob, Height, Recipe};
 use beamfarm_shared::medium::transmittance::{Estimator, StepFunctions};
 use beamfarm_shared::medium::{Heterogeneous, Homogeneous, Medium};
+use beamfarm_shared::parts::Part;
 use beamfarm_shared::phase::Phase;
 use beamfarm_shared::sampler::{Purpose, Sampler};
 use beamfarm_tests::{MeanEstimate, Suite};
@@ -90,6 +91,7 @@ fn radiance(map: &BeamMap, medium: &Medium, rays: &[Ray], length: f32, key: u64)
             steps: stretch.steps,
             pixel: i as u16,
             way: Way::default(),
+            part: Part::Volume,
         });
     }
     gather(map, medium, &camera, key)

@@ -1,5 +1,6 @@
 //! Photon beams: [`trace`] makes them, [`store`] keeps them, [`estimate`] turns them into radiance.
 
+mod edges;
 pub mod estimate;
 mod order;
 pub mod store;

@@ -1,10 +1,11 @@
 //! From lights to photon beams and surface photons.
 //!
-//! A photon path goes from a light through media and off surfaces until Russian roulette ends it. In a scattering
-//! medium every segment leaves a [`PhotonBeam`], but for light straight from its source in a homogeneous one;  every hit on a surface that is not specular leaves a
-//! [`SurfacePhoton`], unless the light came straight from its source: that part is sampled as direct light.
+//! A photon path goes from a light through media and off surfaces until Russian roulette ends it, or until nothing that it may
+//! leave counts. In a scattering medium its segments leave [`PhotonBeam`]s, its hits on surfaces that are not specular
+//! [`SurfacePhoton`]s, where the table in `transport` says that photons bring that light.
 
 use super::PhotonBeam;
+use super::edges::Probe;
 use crate::bsdf::TransportMode;
 use crate::footprint::{Footprint, spread};
 use crate::geometry::SurfaceHit;
@@ -18,7 +19,7 @@ use crate::rules::{Ruled, Sight, Start, Unruled};
 use crate::sampler::{Purpose, Sampler};
 use crate::surface::{Arrival, SurfacePhoton};
 use crate::target::{Aim, Targets};
-use crate::transport::{DEEPER_ODDS, UNSEEN};
+use crate::transport::{DEEPER_ODDS, MAX_SURVIVAL, TRAPPED_DEPTH, UNSEEN, least_flight};
 use rayon::prelude::*;
 
 /// Everything that the photon paths of a pass leave behind.
@@ -38,11 +39,8 @@ pub struct Photons {
 /// Paths that one task traces. Any number gives the same photons.
 const CHUNK: u32 = 256;
 
-/// From this many scatterings on, a path goes on with at most [`MAX_SURVIVAL`], so that light which is trapped (total
-/// internal reflection in a clear sphere, say) ends as well.
+/// From this many turns on, specular camera paths end by chance.
 pub(crate) const ROULETTE_DEPTH: u32 = 24;
-/// Highest probability of going on beyond [`ROULETTE_DEPTH`].
-pub(crate) const MAX_SURVIVAL: f32 = 0.95;
 
 /// Trace the photon paths of a pass.
 pub fn trace_photons(scene: &Scene, plan: &RenderPlan, pass_index: u64) -> Photons {
@@ -66,7 +64,9 @@ fn trace_with(scene: &Scene, plan: &RenderPlan, pass_index: u64, sight: impl Sig
         beam_paths: beam_paths as f32,
         // Footprints are those of paths that leave beams.
         surface_footprint: share.sqrt(),
+        goes_on: plan.estimators.deep,
         first_odds: first_odds(plan, pass_index),
+        least_flight: least_flight(plan, pass_index),
         sight,
     };
     let chunks: Vec<Photons> = (0..paths.div_ceil(CHUNK))
@@ -130,7 +130,10 @@ struct Tracer<'a, V> {
     paths: f32,
     beam_paths: f32,
     surface_footprint: f32,
+    /// Beyond surfaces and media that paths do not follow: what a photon leaves there may count.
+    goes_on: bool,
     first_odds: f32,
+    least_flight: f32,
     sight: V,
 }
 
@@ -148,13 +151,15 @@ struct Photon<H> {
     arrival: Arrival,
     /// The `odds` of what it leaves at the next surface.
     odds: f32,
+    /// Length of its way since it was scattered last.
+    flown: f32,
+    /// Normal of the light where it started.
+    emitted_along: Vec3,
+    /// No surface or medium has scattered it widely.
+    is_pure: bool,
     /// Its light, and that light's group.
     light: usize,
     group: u16,
-    /// Normal of the light where it started.
-    emitted_along: Vec3,
-    /// Length of its way from the light.
-    travelled: f32,
     depth: u32,
     leaves_beams: bool,
 }
@@ -162,7 +167,12 @@ struct Photon<H> {
 impl<V: Sight> Tracer<'_, V> {
     fn trace(&self, sampler: &mut Sampler, leaves_beams: bool, out: &mut Photons) {
         let targets = self.plan.targets.as_deref();
-        let by_power = || self.sight.emitters(self.scene);
+        let by_power = || {
+            self.plan
+                .emitters
+                .as_ref()
+                .unwrap_or_else(|| self.sight.emitters(self.scene))
+        };
         let chosen = targets.and_then(Targets::emitters);
         let Some(choice) = chosen.unwrap_or_else(by_power).sample(sampler.next_1d()) else {
             return;
@@ -204,7 +214,7 @@ impl<V: Sight> Tracer<'_, V> {
             }
             let Some(mut hit) = hit else { return };
             photon.footprint = photon.footprint.advanced(hit.t);
-            photon.travelled += hit.t;
+            photon.flown += hit.t;
             self.meet_surface(&mut photon, &mut hit, sampler, out);
         }
     }
@@ -249,13 +259,19 @@ impl<V: Sight> Tracer<'_, V> {
             starts_on: emission.normal,
             arrival: Arrival::Direct,
             odds: f32::INFINITY,
+            flown: 0.0,
             emitted_along: emission.normal.unwrap_or(-emission.dir),
+            is_pure: true,
             light: choice.light,
             group: self.plan.layers.group(choice.light),
-            travelled: 0.0,
             depth: 0,
             leaves_beams,
         })
+    }
+
+    /// Whether what a photon brings, by way of specular surfaces alone, is found by no camera path.
+    fn brings_caustics(&self, photon: &Photon<V::Hidden>) -> bool {
+        !self.plan.estimators.is_met[photon.light]
     }
 
     /// Fly through a medium to the next surface, leaving a beam. True: the photon was scattered on the way.
@@ -269,14 +285,20 @@ impl<V: Sight> Tracer<'_, V> {
     ) -> bool {
         let medium = &self.scene.media()[id as usize];
         let length = hit.map_or(f32::INFINITY, |h| h.t);
-        // Light straight from its source is sampled where the medium is homogeneous: see `transport`.
-        let sampled = photon.arrival == Arrival::Direct && matches!(medium, Medium::Homogeneous(_));
+        let serves_all = self.plan.estimators.beams[usize::from(id)];
+        let counts = match photon.arrival {
+            // Light straight from its source is sampled where the medium is homogeneous.
+            Arrival::Direct => serves_all && !matches!(medium, Medium::Homogeneous(_)),
+            Arrival::Surface => serves_all,
+            Arrival::Caustic => serves_all || self.brings_caustics(photon),
+            Arrival::Scattered => true,
+        };
         let of_medium = self.sight.from(Start::Medium(id));
         let is_unlit = self.sight.hides_light(of_medium, photon.light);
-        if photon.leaves_beams && medium.scatters() && !sampled && !is_unlit {
+        if photon.leaves_beams && medium.scatters() && counts && !is_unlit {
             let (stretch, _) = medium.stretch(&photon.ray, length, sampler, &mut out.steps);
             if let Some(stretch) = stretch {
-                let beam = self.beam(photon, id, stretch, hit);
+                let beam = self.beam(photon, id, stretch, hit, sampler);
                 match medium {
                     Medium::Homogeneous(_) if photon.footprint.is_smooth() => {
                         out.smooth_beams.push(beam);
@@ -293,23 +315,32 @@ impl<V: Sight> Tracer<'_, V> {
             }
             Flight::Scattered { distance, weight } => {
                 photon.power *= weight;
-                if photon.survives(before, sampler) {
+                if !serves_all && !self.goes_on {
+                    photon.power = Rgb::ZERO;
+                } else if photon.survives(before, sampler) {
                     let old = photon.ray.dir;
                     let dir = medium.phase().sample(old, sampler.next_2d());
                     let pdf = medium.phase().pdf(old.dot(dir));
-                    photon.footprint =
-                        photon
-                            .footprint
-                            .advanced(distance)
-                            .scattered(dir, pdf, self.beam_paths);
+                    photon.footprint = photon.footprint.advanced(distance).scattered(
+                        dir,
+                        pdf,
+                        self.beam_paths,
+                        true,
+                    );
                     photon.ray = Ray {
                         origin: photon.ray.at(distance),
                         dir,
                     };
                     photon.hidden = of_medium;
                     photon.starts_on = None;
-                    photon.arrival = Arrival::Scattered;
-                    photon.odds = f32::INFINITY;
+                    photon.arrival = match serves_all {
+                        true => Arrival::Scattered,
+                        false => Arrival::Surface,
+                    };
+                    // What other media send on is found by camera paths.
+                    photon.odds = if serves_all { f32::INFINITY } else { 0.0 };
+                    photon.flown = 0.0;
+                    photon.is_pure = false;
                 }
                 true
             }
@@ -323,9 +354,15 @@ impl<V: Sight> Tracer<'_, V> {
         id: u16,
         stretch: Stretch,
         hit: Option<&SurfaceHit>,
+        sampler: &mut Sampler,
     ) -> PhotonBeam {
         let [start, length] = stretch.range;
-        let scaled = |footprint: Footprint| self.plan.radii.beam(&footprint) * self.radius_scale;
+        let widest = match photon.footprint.is_smooth() {
+            true => f32::INFINITY,
+            false => self.scene.free_paths[usize::from(id)],
+        };
+        let scaled =
+            |footprint: Footprint| self.plan.radii.beam(&footprint).min(widest) * self.radius_scale;
         let radius = scaled(photon.footprint);
         let radius_end = scaled(photon.footprint.advanced(length));
         let slope = (radius_end - radius) / length;
@@ -339,12 +376,26 @@ impl<V: Sight> Tracer<'_, V> {
             // Where it enters the medium's box, its whole width does.
             start.min(BOX_MARGIN * radius)
         };
+        // Other kernels are narrow.
+        let factor = match start == 0.0 && photon.footprint.is_smooth() {
+            true => {
+                let probe = Probe {
+                    scene: self.scene,
+                    hides: |object: u32| {
+                        self.scene.is_null(object) && self.scene.bounds_nothing(object)
+                            || self.sight.hides(photon.hidden, object)
+                    },
+                };
+                probe.beam(&photon.ray, photon.starts_on, radius, sampler)
+            }
+            false => 1.0,
+        };
         PhotonBeam {
             origin: photon.ray.origin,
             dir: photon.ray.dir,
             length,
             extent: [start - before, length + beyond(ends_on, radius_end)],
-            power: photon.power * (self.paths / self.beam_paths),
+            power: photon.power * (factor * self.paths / self.beam_paths),
             radius,
             radius_slope: slope,
             medium: id,
@@ -372,39 +423,75 @@ impl<V: Sight> Tracer<'_, V> {
         }
         let wo = -dir;
         let tilt = self.scene.tilt(hit, wo);
-        let specular = material.is_specular();
         let of_object = self.sight.from(Start::Photon(hit.object));
-        if !specular && photon.arrival != Arrival::Direct {
+        let is_specular = material.is_specular();
+        let followed = material.is_followed();
+        let counts = match photon.arrival {
+            _ if is_specular => false,
+            Arrival::Direct => false,
+            Arrival::Caustic if followed => {
+                photon.is_pure && self.scene.lights()[photon.light].kind.is_delta()
+            }
+            Arrival::Caustic => self.brings_caustics(photon),
+            Arrival::Scattered => !followed,
+            Arrival::Surface => self.plan.estimators.deep && !followed,
+        };
+        if counts {
+            let radii = &self.plan.radii;
+            let radius = radii.surface(&photon.footprint, self.surface_footprint);
+            let probe = Probe {
+                scene: self.scene,
+                hides: |object: u32| {
+                    self.scene.is_null(object) || self.sight.hides(photon.hidden, object)
+                },
+            };
+            let widest = LOCAL * self.scene.extents[hit.object as usize];
+            let radius = radius.min(widest) * self.surface_scale;
+            let (radius, factor) = probe.surface(hit, wo, radius, sampler);
             out.surface.push(SurfacePhoton {
                 point: hit.point,
                 ng: hit.ng,
                 wi: wo,
-                power: photon.power,
-                radius: self
-                    .plan
-                    .radii
-                    .surface(&photon.footprint, self.surface_footprint)
-                    * self.surface_scale,
+                power: photon.power * factor,
+                radius,
                 arrival: photon.arrival,
                 odds: match self.sight.hides_light(of_object, photon.light) {
                     true => UNSEEN,
+                    // Camera paths go on after a flight so short.
+                    false if photon.odds < f32::INFINITY && photon.flown < self.least_flight => 0.0,
                     false => photon.odds,
                 },
+                followed,
                 group: photon.group,
                 light_kind: self.sight.light_kind(photon.light),
             });
         }
+        let before = mean(photon.power);
         let frame = Frame::from_normal(hit.ns);
         let local_wo = frame.to_local(wo);
-        let bsdf = material.bsdf(hit.uv);
-        let u_lobe = sampler.next_1d();
+        let mut bsdf = material.bsdf(hit.uv);
+        let mut u_lobe = sampler.next_1d();
+        let mut is_narrow = followed;
+        if let Some((p, [narrow, wide])) = bsdf.narrow_and_wide(local_wo) {
+            is_narrow = u_lobe < p;
+            let q;
+            (bsdf, q, u_lobe) = match is_narrow {
+                true => (narrow, p, u_lobe / p),
+                false => (wide, 1.0 - p, (u_lobe - p) / (1.0 - p)),
+            };
+            photon.power /= q;
+        }
         let sample = bsdf.sample(local_wo, u_lobe, sampler.next_2d(), TransportMode::Flux);
         let Some(sample) = sample else {
             photon.power = Rgb::ZERO;
             return;
         };
+        let is_followed = sample.delta || is_narrow;
+        if !is_followed && !self.goes_on {
+            photon.power = Rgb::ZERO;
+            return;
+        }
         let wi = frame.to_world(sample.wi).normalize();
-        let before = mean(photon.power);
         photon.power *= sample.weight * adjoint_factor(hit, wo, wi);
         if let Some(tilt) = tilt {
             photon.power *= tilt.shadowing(wo);
@@ -414,7 +501,8 @@ impl<V: Sight> Tracer<'_, V> {
         }
         let n = hit.ns;
         photon.footprint = if !sample.delta {
-            photon.footprint.scattered(wi, sample.pdf, self.beam_paths)
+            let footprint = &photon.footprint;
+            footprint.scattered(wi, sample.pdf, self.beam_paths, !is_followed)
         } else if sample.transmitted {
             let eta = material.eta_of_crossing(hit.ng.dot(dir) > 0.0);
             photon.footprint.refracted(dir, wi, n, hit.curvature, eta)
@@ -426,10 +514,11 @@ impl<V: Sight> Tracer<'_, V> {
         {
             photon.medium = boundary.medium_towards(hit.ng, wi);
         }
-        photon.odds = if sample.delta || !self.sight.is_gathered(hit.object) {
+        photon.odds = if is_followed || !self.sight.is_gathered(hit.object) {
             f32::INFINITY
-        } else if tilt.is_some() {
-            // The normal is another one seen from elsewhere: left to gather rays, which see it from one side only.
+        } else if tilt.is_some() || !self.plan.estimators.ends_paths(&bsdf) {
+            // The normal is another one seen from elsewhere: left to gather rays, which see it from one side only. So are
+            // surfaces that camera paths go on from.
             0.0
         } else {
             let arriving = match photon.arrival {
@@ -437,7 +526,7 @@ impl<V: Sight> Tracer<'_, V> {
                     let light = &self.scene.lights()[photon.light];
                     let at = LightHit {
                         normal: photon.emitted_along,
-                        distance: photon.travelled,
+                        distance: photon.flown,
                     };
                     let density = light.photon_density(
                         self.scene.objects(),
@@ -452,11 +541,14 @@ impl<V: Sight> Tracer<'_, V> {
             };
             arriving * sample.pdf / wi.dot(hit.ng).abs()
         };
-        photon.arrival = if sample.delta {
-            Arrival::Specular
-        } else {
-            Arrival::Surface
+        photon.arrival = match (photon.arrival, is_followed) {
+            (Arrival::Direct | Arrival::Caustic, true) => Arrival::Caustic,
+            (Arrival::Surface, true) if self.goes_on => Arrival::Caustic,
+            (before, true) => before,
+            (_, false) => Arrival::Surface,
         };
+        photon.is_pure &= is_followed;
+        photon.flown = 0.0;
         photon.ray = hit.spawn_ray(wi);
         photon.hidden = of_object;
         photon.starts_on = Some(hit.ng);
@@ -468,7 +560,7 @@ impl<H> Photon<H> {
     fn survives(&mut self, flux_before: f32, sampler: &mut Sampler) -> bool {
         self.depth += 1;
         let mut q = mean(self.power) / flux_before;
-        if self.depth > ROULETTE_DEPTH {
+        if self.depth > TRAPPED_DEPTH {
             q = q.min(MAX_SURVIVAL);
         }
         if q >= 1.0 {
@@ -497,6 +589,8 @@ fn overhang(cos: f32, radius: f32, slope: f32) -> f32 {
     length.min(MAX_OVERHANG * radius).min(limit)
 }
 
+/// Widest kernel over the size of what the light lands on.
+const LOCAL: f32 = 0.25;
 /// How far in radii a beam reaches out of the box that a heterogeneous medium fills.
 const BOX_MARGIN: f32 = 2.0;
 /// Longest overhang in radii: beams that graze a surface must not reach far behind thin walls.

@@ -4,8 +4,8 @@ use super::dielectric::Dielectric;
 use super::plastic::{Coat, Plastic, RoughCoat, RoughPlastic};
 use super::principled::Principled;
 use super::rough_dielectric::{MIN_CONTRAST, RoughDielectric};
-use super::{Bsdf, Distribution, Relief};
-use crate::math::{Rgb, Vec2, luminance};
+use super::{Bsdf, Distribution, FOLLOWED_BELOW, Relief};
+use crate::math::{Rgb, Vec2, Vec3, luminance};
 use crate::texture::Texture;
 
 /// Roughness below this would cost single precision its digits.
@@ -325,6 +325,21 @@ impl Material {
             | MaterialKind::RoughPlastic { .. }
             | MaterialKind::Principled { .. } => false,
         }
+    }
+    /// Whether paths follow what it scatters, see [`Bsdf::is_followed`].
+    #[inline]
+    pub fn is_followed(&self) -> bool {
+        match self.kind {
+            MaterialKind::RoughConductor { alpha, .. } => alpha < FOLLOWED_BELOW,
+            MaterialKind::RoughDielectric { alpha, eta, .. } => {
+                alpha < FOLLOWED_BELOW && !index_matched(eta)
+            }
+            _ => false,
+        }
+    }
+    /// Whether it has a lobe that is followed beside a wide one, see [`Bsdf::narrow_and_wide`].
+    pub fn has_narrow_lobe(&self) -> bool {
+        self.bsdf(Vec2::ZERO).narrow_and_wide(Vec3::Z).is_some()
     }
 }
 

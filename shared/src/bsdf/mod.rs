@@ -87,6 +87,9 @@ pub enum Bsdf<'a> {
     Null,
 }
 
+/// Lobes of less roughness are followed: hardly a photon is seen in them, and light sampling hardly hits them.
+pub(super) const FOLLOWED_BELOW: f32 = 0.1;
+
 /// Roughness of gloss.
 const GLOSS: std::ops::RangeInclusive<f32> = 0.02..=0.5;
 
@@ -127,6 +130,29 @@ impl Bsdf<'_> {
         match self {
             Self::RoughPlastic(b) => Some(b.lobes().map(Self::RoughPlastic)),
             Self::Principled(b) => Some(b.lobes().map(Self::Principled)),
+            _ => None,
+        }
+    }
+    /// Whether all that it scatters is a lobe so narrow that paths follow it as they follow mirrors.
+    #[inline]
+    pub fn is_followed(&self) -> bool {
+        match self {
+            Self::RoughConductor { alpha, .. } => *alpha < FOLLOWED_BELOW,
+            Self::RoughDielectric(b) => b.alpha < FOLLOWED_BELOW,
+            _ => false,
+        }
+    }
+    /// A lobe that is followed, beside a wide one: the probability of sampling it, and both, each alone. Their sum is the whole.
+    #[inline]
+    pub fn narrow_and_wide(&self, wo: Vec3) -> Option<(f32, [Self; 2])> {
+        match self {
+            Self::RoughPlastic(b) if b.alpha() < FOLLOWED_BELOW => Some((
+                b.specular_probability(wo),
+                b.lobes().map(Self::RoughPlastic),
+            )),
+            Self::Principled(b) if b.alpha() < FOLLOWED_BELOW => {
+                Some((b.specular_probability(wo), b.lobes().map(Self::Principled)))
+            }
             _ => None,
         }
     }

@@ -292,7 +292,7 @@ impl<'a> RoughPlastic<'a> {
     }
 
     /// Probability of sampling the coat's reflection.
-    fn specular_probability(&self, wo: Vec3) -> f32 {
+    pub(super) fn specular_probability(&self, wo: Vec3) -> f32 {
         let transmitted = self.coat.transmittance(wo.z.abs());
         let specular = (1.0 - transmitted) * mean(self.specular);
         let diffuse = transmitted * mean(self.base);

@@ -80,7 +80,7 @@ impl Principled {
     }
 
     /// Probability of sampling the microfacets.
-    fn specular_probability(&self, wo: Vec3) -> f32 {
+    pub(super) fn specular_probability(&self, wo: Vec3) -> f32 {
         let [glossy, base] = self.lobes;
         let specular = glossy * mean(self.fresnel(wo.z.abs()));
         let diffuse = base * (1.0 - self.metallic) * mean(self.base_color);

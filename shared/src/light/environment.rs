@@ -6,7 +6,7 @@
 //! j / (height - 1), so that the first and the last lie on the poles. In between, bilinear.
 
 use super::cdf;
-use crate::math::{PI, Rgb, Vec2, Vec3, atan2, sin_cos};
+use crate::math::{PI, Rgb, Vec2, Vec3, atan2, mean, sin_cos};
 use crate::texture::Image;
 use crate::warp;
 use glam::Mat3;
@@ -119,6 +119,18 @@ impl Environment {
     /// Whether it is brighter in some directions than in others.
     pub fn is_uneven(&self) -> bool {
         self.table.is_some()
+    }
+
+    /// Radiance of the brightest direction over the mean of all, at least 1: by the mean channel.
+    pub fn unevenness(&self) -> f32 {
+        let total = mean(self.fluence);
+        match &self.image {
+            Some(image) if total > 0.0 => {
+                let pixels = image.pixels.iter().map(|p| mean(*p * self.scale));
+                pixels.fold(0.0, f32::max) * (4.0 * PI) / total
+            }
+            _ => 1.0,
+        }
     }
 
     fn env_from_render(&self, dir: Vec3) -> Vec3 {

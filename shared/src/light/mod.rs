@@ -73,6 +73,16 @@ pub enum LightKind {
     Environment(Environment),
 }
 
+impl LightKind {
+    /// No ray can meet it by chance.
+    pub fn is_delta(&self) -> bool {
+        match self {
+            Self::Point { .. } | Self::Spot { .. } | Self::Directional { .. } => true,
+            Self::Area { .. } | Self::Environment(_) => false,
+        }
+    }
+}
+
 /// The start of a photon path.
 #[derive(Clone, Copy, Debug)]
 pub struct EmissionSample {

@@ -8,8 +8,11 @@
 
 use super::LightSelector;
 use super::source::{LightSources, MAX_WEIGHED, Region, Source};
-use crate::math::{PI, Ray, atan2, exp_neg, ln, tan};
+use crate::math::{PI, Ray, Rgb, atan2, exp_neg, ln, tan};
 use crate::phase::Phase;
+
+/// Share of choices made by power alone: what the others take for a light's part may be far off.
+const BLIND: f32 = 0.1;
 
 /// A segment of a ray in a homogeneous medium.
 #[derive(Clone, Copy, Debug)]
@@ -18,8 +21,8 @@ pub struct FogSegment {
     pub ray: Ray,
     /// Its length, finite.
     pub length: f32,
-    /// The smallest extinction of the channels that scatter, per scene unit, positive.
-    pub sigma_t: f32,
+    /// Extinction of the channels, per scene unit; those that do not scatter count like the least of the others. Positive.
+    pub sigma_t: Rgb,
     /// How the medium scatters.
     pub phase: Phase,
     /// Mean cosine of its phase function.
@@ -81,6 +84,14 @@ impl LightSources {
             let mut total = 0.0;
             let mut chosen = None;
             let mut u_light = u_light;
+            let blind = if self.sources.len() > 1 { BLIND } else { 0.0 };
+            let by_power = match u_light < blind {
+                true => Some(selector.sample(u_light / blind)?.light),
+                false => {
+                    u_light = (u_light - blind) / (1.0 - blind);
+                    None
+                }
+            };
             for (light, source) in self.sources.iter().enumerate() {
                 if skips(light) {
                     continue;
@@ -90,6 +101,12 @@ impl LightSources {
                 };
                 let weight = view.importance;
                 total += weight;
+                if let Some(by_power) = by_power {
+                    if light == by_power {
+                        chosen = Some((light, view));
+                    }
+                    continue;
+                }
                 // One of those so far, each in proportion to its weight; the number is uniform again afterwards.
                 let p = weight / total;
                 if u_light < p {
@@ -100,7 +117,8 @@ impl LightSources {
                 }
             }
             let (light, view) = chosen?;
-            (light, view.importance / total, view)
+            let pmf = (1.0 - blind) * view.importance / total + blind * selector.pmf(light);
+            (light, pmf, view)
         } else {
             let choice = selector.sample(u_light)?;
             if skips(choice.light) {
@@ -131,12 +149,8 @@ impl LightSources {
 impl Source {
     /// The segment as this light sees it, unless it does not.
     fn view(&self, segment: &FogSegment) -> Option<View> {
-        let FogSegment {
-            ray,
-            length,
-            sigma_t,
-            ..
-        } = *segment;
+        let FogSegment { ray, length, .. } = *segment;
+        let sigma_t = segment.sigma_t.min_element();
         match self {
             Self::Far {
                 irradiance,
@@ -171,10 +185,8 @@ impl Source {
                 let k = (1.0 + segment.g) / (1.0 - segment.g);
                 let (a, b) = (k * tan_half(s0, height), k * tan_half(s1, height));
                 let angle = atan2(b - a, 1.0 + a * b);
-                // Light comes to the segment, and along it to the origin: no shorter than this.
-                let nearest = foot.clamp(range[0], range[1]);
-                let s = nearest - foot;
-                let way = (s * s + across2).sqrt() + range[0];
+                // Along the segment to the origin. How much of the way from the light lies in the medium is not known.
+                let way = foot.clamp(range[0], range[1]);
                 let depth = sigma_t * (range[1] - range[0]);
                 let importance = intensity * angle / height * (0.5 / PI) * exp_neg(-sigma_t * way);
                 Some(View {
@@ -196,6 +208,10 @@ impl Source {
     }
 }
 
+fn is_grey(sigma_t: Rgb) -> bool {
+    sigma_t.x == sigma_t.y && sigma_t.y == sigma_t.z
+}
+
 /// tan(psi / 2) = (s + d) / D, in the form that does not cancel.
 #[inline]
 fn tan_half(s: f32, height: f32) -> f32 {
@@ -208,9 +224,17 @@ fn tan_half(s: f32, height: f32) -> f32 {
 }
 
 impl View {
-    fn sample(&self, sigma_t: f32, u: f32) -> (f32, f32) {
+    fn sample(&self, sigma_t: Rgb, u: f32) -> (f32, f32) {
         let [start, end] = self.range;
         let exponential = |u: f32| {
+            // Of one of the channels.
+            let (sigma_t, u) = match is_grey(sigma_t) {
+                true => (sigma_t.x, u),
+                false => {
+                    let channel = ((3.0 * u) as usize).min(2);
+                    (sigma_t[channel], (3.0 * u - channel as f32).clamp(0.0, 1.0))
+                }
+            };
             let passed = exp_neg(-sigma_t * (end - start));
             start - ln(1.0 - u * (1.0 - passed)) / sigma_t
         };
@@ -235,11 +259,15 @@ impl View {
         (t, self.pdf(sigma_t, t))
     }
 
-    fn pdf(&self, sigma_t: f32, t: f32) -> f32 {
+    fn pdf(&self, sigma_t: Rgb, t: f32) -> f32 {
         let [start, end] = self.range;
-        let exponential = || {
+        let of_channel = |sigma_t: f32| {
             let passed = exp_neg(-sigma_t * (end - start));
             sigma_t * exp_neg(-sigma_t * (t - start)) / (1.0 - passed)
+        };
+        let exponential = || match is_grey(sigma_t) {
+            true => of_channel(sigma_t.x),
+            false => sigma_t.to_array().map(of_channel).iter().sum::<f32>() / 3.0,
         };
         match &self.near {
             None => exponential(),

@@ -68,6 +68,19 @@ impl Homogeneous {
         smallest
     }
 
+    /// Extinction of the channels, those that do not scatter like the least of the others; per scene unit.
+    pub fn scattering_sigma_t(&self) -> Rgb {
+        let (sigma_t, least) = (self.sigma_t(), self.least_sigma_t());
+        let of = |c: usize| {
+            if self.sigma_s[c] > 0.0 {
+                sigma_t[c]
+            } else {
+                least
+            }
+        };
+        Rgb::new(of(0), of(1), of(2))
+    }
+
     /// Distance beyond which no channel that scatters lets anything through that counts.
     pub fn reach(&self) -> f32 {
         OPAQUE_DEPTH / self.least_sigma_t()

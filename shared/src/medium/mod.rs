@@ -62,6 +62,15 @@ impl Medium {
         }
     }
 
+    /// The shortest mean free path of all channels, where the medium is densest; scene units.
+    pub fn free_path(&self) -> f32 {
+        let density = match self {
+            Self::Homogeneous(_) => 1.0,
+            Self::Heterogeneous(medium) => medium.bricks().max(),
+        };
+        1.0 / (self.sigma_t().max_element() * density)
+    }
+
     /// Whether light is scattered at all: beams and camera segments in other media are of no use.
     pub fn scatters(&self) -> bool {
         self.sigma_s().max_element() > 0.0

@@ -17,6 +17,7 @@ mod pilot;
 
 pub use discs::Discs;
 
+use crate::estimators::Estimators;
 use crate::light::{EmissionUniforms, Light, LightSelector};
 use crate::math::{Ray, Vec3};
 use crate::plan::Scene;
@@ -96,23 +97,28 @@ const MAX_TOLD: usize = 4;
 
 impl Targets {
     /// Look for targets. Also what there is to say about it. Deterministic.
-    pub(crate) fn prepare(scene: &Scene, seed: u64, mode: Targeting) -> (Option<Self>, String) {
+    pub(crate) fn prepare(
+        scene: &Scene,
+        estimators: &Estimators,
+        seed: u64,
+        mode: Targeting,
+    ) -> (Option<Self>, String) {
         if mode == Targeting::Off {
             return (None, "off, says the scene".into());
         }
         match &scene.description().rules {
-            None => Self::seen(scene, seed, mode, Unruled),
-            Some(rules) => Self::seen(scene, seed, mode, Ruled(rules)),
+            None => Self::seen((scene, estimators), seed, mode, Unruled),
+            Some(rules) => Self::seen((scene, estimators), seed, mode, Ruled(rules)),
         }
     }
 
     fn seen(
-        scene: &Scene,
+        (scene, estimators): (&Scene, &Estimators),
         seed: u64,
         mode: Targeting,
         sight: impl Sight,
     ) -> (Option<Self>, String) {
-        let kept = pilot::trace(scene, sight, seed);
+        let kept = pilot::trace((scene, estimators), sight, seed);
         let emitters = sight.emitters(scene);
         let mut lights = Vec::with_capacity(kept.len());
         let mut found = Vec::with_capacity(kept.len());

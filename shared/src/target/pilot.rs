@@ -1,11 +1,12 @@
 //! Camera paths that look for places from which lights are seen.
 //!
-//! A place counts where a photon would leave something that the camera has a use for (see `transport`): not at the first
-//! surface that is not specular, which direct light is sampled at, nor at the second one where that follows at once, which
-//! gather rays find.
+//! A place counts where light that photons bring (see `transport`) leaves the way that the camera path went: where the light is
+//! scattered by a medium that beams serve, or goes on by way of one; and where it meets a specular surface or a lobe that is
+//! followed, and a surface or medium beyond.
 
 use super::Place;
 use crate::bsdf::{Bsdf, Tilt, TransportMode};
+use crate::estimators::Estimators;
 use crate::geometry::SurfaceHit;
 use crate::light::{DirectSample, LightHit, LightKind};
 use crate::math::{Frame, Ray, Rgb, Vec2, Vec3, mean};
@@ -27,11 +28,19 @@ const MAX_DEPTH: u32 = 32;
 const MAX_SURVIVAL: f32 = 0.95;
 
 /// Places from which lights are seen, by light.
-pub(super) fn trace(scene: &Scene, sight: impl Sight, seed: u64) -> Vec<Vec<Place>> {
+pub(super) fn trace(
+    (scene, estimators): (&Scene, &Estimators),
+    sight: impl Sight,
+    seed: u64,
+) -> Vec<Vec<Place>> {
     let emitters = sight.emitters(scene);
-    let lights = (0..scene.lights().len()).filter(|&light| emitters.pmf(light) > 0.0);
+    let is_wanted = |light: &usize| {
+        emitters.pmf(*light) > 0.0 && (estimators.any_beams() || !estimators.is_met[*light])
+    };
+    let lights = (0..scene.lights().len()).filter(is_wanted);
     let pilot = Pilot {
         scene,
+        estimators,
         sight,
         lights: lights.collect(),
     };
@@ -68,18 +77,10 @@ pub(super) fn trace(scene: &Scene, sight: impl Sight, seed: u64) -> Vec<Vec<Plac
 
 struct Pilot<'a, V> {
     scene: &'a Scene,
+    estimators: &'a Estimators,
     sight: V,
     /// Those that shine.
     lights: Vec<usize>,
-}
-
-/// What scattered a path last.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Last {
-    Nothing,
-    Specular,
-    Surface,
-    Medium,
 }
 
 /// A camera path on its way.
@@ -89,9 +90,14 @@ struct Path<H> {
     medium: MediumId,
     beta: Rgb,
     depth: u32,
-    /// Scatterings that were not specular.
+    /// Scatterings that paths do not follow.
     scattered: u32,
-    last: Last,
+    /// Lobes that were followed before the first of these.
+    followed: u32,
+    /// One of the scatterings was in a medium that beams serve: photons bring all that comes to it.
+    by_beams: bool,
+    /// The last was on a surface.
+    was_surface: bool,
     /// Where it was scattered last, if light from there counts, and how likely it took its direction: `None` for the only
     /// one.
     from: Option<(Vec3, Option<f32>)>,
@@ -131,7 +137,9 @@ impl<V: Sight> Pilot<'_, V> {
             beta: Rgb::ONE,
             depth: 0,
             scattered: 0,
-            last: Last::Nothing,
+            followed: 0,
+            by_beams: false,
+            was_surface: false,
             from: None,
             distance: 0.0,
             odd,
@@ -233,13 +241,15 @@ impl<V: Sight> Pilot<'_, V> {
     ) {
         let medium = &self.scene.media()[usize::from(id)];
         let (point, dir, phase) = (path.ray.at(distance), path.ray.dir, medium.phase());
+        let serves_all = self.estimators.beams[usize::from(id)];
         let is_sampled = path.scattered == 0 && matches!(medium, Medium::Homogeneous(_));
-        if !is_sampled {
+        let counts = path.by_beams || serves_all && !is_sampled;
+        if counts {
             let vertex = Vertex::Medium { point, dir, phase };
             self.connect(path, &vertex, sampler, out);
         }
         let new = phase.sample(dir, sampler.next_2d());
-        path.from = (!is_sampled).then_some((point, Some(phase.eval_directions(dir, new))));
+        path.from = counts.then_some((point, Some(phase.eval_directions(dir, new))));
         path.ray = Ray {
             origin: point,
             dir: new,
@@ -247,7 +257,8 @@ impl<V: Sight> Pilot<'_, V> {
         path.hidden = self.hidden(Start::Medium(id), sampler);
         path.distance = 0.0;
         path.scattered += 1;
-        path.last = Last::Medium;
+        path.by_beams |= serves_all;
+        path.was_surface = false;
     }
 
     /// False: the path ends here.
@@ -266,12 +277,18 @@ impl<V: Sight> Pilot<'_, V> {
         let bsdf = material.bsdf(hit.uv);
         let frame = Frame::from_normal(hit.ns);
         let is_specular = material.is_specular();
-        let counts = match (path.scattered, is_specular) {
-            (0, _) => false,
-            (1, true) => true,
-            (1, false) => path.last != Last::Surface,
-            _ => true,
-        };
+        let is_followed = is_specular
+            || material.is_followed()
+            || material.has_delta()
+            || material.has_narrow_lobe();
+        let counts = path.by_beams
+            || is_followed && path.scattered + path.followed > 0
+            || self.estimators.ends_at_second
+                && match path.scattered {
+                    0 => false,
+                    1 => !path.was_surface,
+                    _ => true,
+                };
         if counts {
             let vertex = Vertex::Surface {
                 hit,
@@ -303,12 +320,13 @@ impl<V: Sight> Pilot<'_, V> {
             (0, true) => self.sight.from(Start::Reflected(hit.object)),
             _ => self.hidden(Start::Photon(hit.object), sampler),
         };
-        path.last = if sample.delta {
-            Last::Specular
-        } else {
+        path.was_surface = false;
+        if !sample.delta && material.is_followed() {
+            path.followed += u32::from(path.scattered == 0);
+        } else if !sample.delta {
             path.scattered += 1;
-            Last::Surface
-        };
+            path.was_surface = true;
+        }
         path.ray = hit.spawn_ray(wi);
         path.distance = 0.0;
         path.survives(sampler)

@@ -2,7 +2,6 @@
 
 use super::CameraTracer;
 use super::surface::Vertex;
-use crate::bsdf::Bsdf;
 use crate::light::{DirectSample, LightChoice, LocalChoice};
 use crate::math::{Rgb, Vec2, Vec3, mean};
 use crate::rules::{Sight, Start};
@@ -13,6 +12,8 @@ use crate::sampler::Sampler;
 pub(super) enum Seen<H> {
     /// At the first surface that is not specular: shadow rays.
     First,
+    /// Further along: nothing is hidden.
+    Later,
     /// As photons would bring it to a surface from which they do not see this.
     ByGatherRay(H),
 }
@@ -55,7 +56,7 @@ impl<V: Sight> CameraTracer<'_, V> {
         weight: impl Fn(LightChoice, &DirectSample, Vec3) -> f32,
     ) -> (Rgb, usize) {
         let lights = self.light_choice(x, seen);
-        let candidates = match x.bsdf.is_glossy() {
+        let candidates = match x.bsdf.is_glossy() && matches!(seen, Seen::First) {
             true => self.scene.lights().len().min(CANDIDATES),
             false => 1,
         };
@@ -138,13 +139,11 @@ impl<V: Sight> CameraTracer<'_, V> {
     pub(super) fn light_choice(&self, x: &Vertex, seen: Seen<V::Hidden>) -> LocalChoice<'_> {
         let by_power = match seen {
             Seen::First => self.sight.selector(self.scene, x.hit.object),
+            Seen::Later => &self.scene.selector,
             Seen::ByGatherRay(_) => self.sight.emitters(self.scene),
         };
-        // Lambertian surfaces are lit from the side that they are seen from.
-        let side = x.hit.ng.dot(x.wo).signum();
-        let normal = matches!(x.bsdf, Bsdf::Diffuse { .. }).then_some(x.hit.ng * side);
         let sources = &self.scene.light_sources;
-        sources.choice_at(x.hit.point, normal, by_power)
+        sources.choice_at(x.hit.point, x.facing(), by_power)
     }
 
     /// Direct light of a chosen light, if nothing is in its way.
@@ -170,6 +169,7 @@ impl<V: Sight> CameraTracer<'_, V> {
         let object = x.hit.object;
         let is_unlit = match seen {
             Seen::First => self.is_unlit(x, direct.wi, choice.light),
+            Seen::Later => false,
             Seen::ByGatherRay(by) => {
                 let hidden = self.sight.from(Start::Light(choice.light));
                 self.sight.hides(hidden, object) || self.sight.hides_light(by, choice.light)
@@ -201,6 +201,7 @@ impl<V: Sight> CameraTracer<'_, V> {
         let scene = self.scene;
         let (start, end) = match seen {
             Seen::First => (Start::Shadow(x.hit.object), Start::ShadowOf(found.light)),
+            Seen::Later => (Start::Gather, Start::Gather),
             Seen::ByGatherRay(_) => (Start::Light(found.light), Start::Light(found.light)),
         };
         let (hidden, too) = (self.sight.from(start), self.sight.from(end));

@@ -27,7 +27,7 @@ impl<V: Sight> CameraTracer<'_, V> {
         let segment = FogSegment {
             ray: *ray,
             length,
-            sigma_t: medium.least_sigma_t(),
+            sigma_t: medium.scattering_sigma_t(),
             phase: medium.phase,
             g: medium.phase.mean_cosine(),
         };

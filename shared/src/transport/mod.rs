@@ -1,51 +1,65 @@
 //! Camera paths, and which estimator counts which light path.
 //!
-//! A camera path goes straight through boundaries of media (and, as all rays do, by chance through surfaces that are not
-//! opaque; shadow rays through all of them, weakened) and follows specular surfaces; it ends at the first surface x
-//! that is not specular, at a light, or outside. With L a light, S specular, D a surface that is not specular, M a
-//! scattering in a medium, E the camera, and boundaries of media left out:
+//! With L a light, D a surface that scatters widely, S one that paths *follow* (specular, or a lobe of low roughness), M a
+//! scattering in a medium, E the camera, and boundaries of media left out. Media are of two kinds ([`crate::estimators`]): in
+//! some beams bring all light (Mb), in the others, dense or small, camera paths are scattered themselves (Mp). A camera path
+//! goes on through S and straight through media of the first kind, until it meets a *vertex* x, which is D or Mp; and on from
+//! there, by BSDF or phase function, to further vertices:
 //!
-//! | light path                    | counted by                                                                 |
-//! | ----------------------------- | -------------------------------------------------------------------------- |
-//! | L S* E                        | the camera path meets the light                                            |
-//! | L M S* E, homogeneous medium  | a point sampled on each of the camera path's segments (`medium`)           |
-//! | other … M S* E                | photon beams along the camera path's segments (`beam::estimate`)           |
-//! | L x S* E                      | direct light at x: light sampling and BSDF sampling, balanced              |
-//! | … S x S* E, … M x S* E        | surface photons at x that arrived from S or M                              |
-//! | L D x S* E                    | gather ray from x: direct light at D; and surface photons at x, balanced   |
-//! | … (S, M or D) D x S* E        | gather ray from x: surface photons at D; and those at x, balanced          |
+//! | light path                      | counted by                                                                  |
+//! | ------------------------------- | --------------------------------------------------------------------------- |
+//! | L S* E                          | the camera path meets the light; where the last S is rough, balanced with light sampling there |
+//! | L S+ S E, L a point or parallel, the last S rough | photons at that S                                         |
+//! | L Mb S* E, homogeneous medium   | a point sampled on each of the camera path's segments (`medium`)            |
+//! | other … Mb S* E                 | photon beams along the camera path's segments (`beam::estimate`)            |
+//! | L x …                           | direct light at x: light sampling and what the path meets next, balanced    |
+//! | L S+ x …                        | photons at a surface x, beams along the segment before x in a medium; of an even sky: what the path meets behind S |
+//! | … Mb S* x …                     | the same photons and beams                                                  |
+//! | … (D or Mp) S* x …              | the path goes on from x to that vertex                                      |
 //!
-//! The last vertex before x decides, so every path is counted once, or twice with weights that sum to one: those of
-//! `surface::gather_share`. Gloss sends several gather rays where its light matters. Without S or M in the scene, photons are looked up at x only where it is gloss, and elsewhere gather
-//! rays count all. So they do where D has a relief. The BSDF sample of the direct light and the gather ray are one ray.
+//! Photons know how they came to where they arrive ([`Arrival`](crate::surface::Arrival)), and are stored only where they count.
+//! Without media of the first kind they end at their first D or Mp; without S no photon is needed at all. Gloss sends several
+//! rays from the first vertex where its light matters.
 //!
-//! At a smooth dielectric the path goes both ways, as far as they matter. Light that a branch meets always counts; the rest
-//! (everything but `L S* E`) costs more, and is looked for along weak branches with a probability only.
+//! In a scene that has such media photons go on from vertex to vertex, for the beams that they leave, and bring more light at no
+//! cost. There a camera path *ends* at a surface y that it has flown to from far enough ([`least_flight`]) and that has no narrow
+//! lobe: direct light and all photons at y are all of its light. What comes to a vertex by way of S is in its photons, wherever it
+//! came from. And light that a surface y sends to the first vertex x is found by photons at x as well, balanced with the path
+//! that ends at y by the weights of `surface::gather_share`, which sum to one.
 //!
-//! A surface with a delta lobe beside others (a smooth coat over a diffuse base) is S for light that takes the delta lobe and
-//! D for all other light. Where a camera path meets one, the delta lobe is followed to lights it may meet; the rest is found
-//! by chance along it or by the other lobes alone. Photons that meet it are stored for the other lobes and bounce off by any; a gather ray's D has its other
-//! lobes alone, as what its delta lobe sends to x is in x's photons.
+//! Where rules tell what photons see, every camera path ends at its second vertex.
+//!
+//! At a smooth dielectric the path goes both ways before its first vertex, as far as they matter. Light that a branch meets
+//! always counts; the rest (everything but `L S* E`) costs more, and is looked for along weak branches with a probability only.
+//!
+//! A surface with a narrow lobe beside others (a coat over a diffuse base) is S for light that takes that lobe and D for all
+//! other light. Photons that meet it are stored for the other lobes and bounce off by any.
 
 mod direct;
 pub mod evaluations;
 mod medium;
 mod straight;
 mod surface;
+mod walk;
 
 use crate::beam::estimate::{CameraSegment, CameraSegments, Turn, Way};
-use crate::beam::trace::{MAX_SURVIVAL, ROULETTE_DEPTH};
+use crate::beam::trace::ROULETTE_DEPTH;
 use crate::bsdf::{BsdfSample, TransportMode};
+use crate::estimators::Estimators;
 use crate::geometry::SurfaceHit;
-use crate::math::{Frame, Ray, Rgb};
-use crate::medium::{Medium, MediumId};
+use crate::light::LightHit;
+use crate::math::{Frame, Ray, Rgb, Vec3};
+use crate::medium::{Flight, Medium, MediumId};
 use crate::parts::{Part, Recorder};
 use crate::plan::{RenderPlan, Scene};
+use crate::radius::Schedule;
 use crate::rules::{Sight, Start};
 use crate::sampler::Sampler;
-use crate::surface::SurfacePhotonMap;
-use surface::Vertex;
+use crate::surface::{SurfacePhoton, SurfacePhotonMap};
 pub(crate) use surface::{DEEPER_ODDS, UNSEEN, power_heuristic};
+use surface::{OneLobe, Vertex};
+use walk::{Drawn, Walk, Wanted};
+pub(crate) use walk::{MAX_SURVIVAL, TRAPPED_DEPTH};
 
 /// What camera paths of a pass read.
 pub struct CameraTracer<'a, V> {
@@ -59,8 +73,23 @@ pub struct CameraTracer<'a, V> {
     pub first_odds: f32,
     /// Factor on the odds of photons on gloss against gather rays: see `gloss_odds` in `beam::trace`.
     pub gloss_odds: f32,
+    /// After a shorter flight camera paths go on, see [`least_flight`].
+    pub least_flight: f32,
     /// What rays see.
     pub sight: V,
+}
+
+/// Least way between two vertices, in the widest kernels' radii, for a camera path to end at the second by the photons there: from
+/// nearer by, their blur would be seen, in corners and creases most of all.
+const LEAST_FLIGHT: f32 = 2.0;
+
+/// Least way between two vertices for a camera path of a pass to end at the second, scene units.
+pub(crate) fn least_flight(plan: &RenderPlan, pass_index: u64) -> f32 {
+    if plan.estimators.ends_at_second {
+        return 0.0;
+    }
+    let scale = Schedule::new(&plan.settings).surface_scale(pass_index) as f32;
+    LEAST_FLIGHT * plan.radii.smooth_ceiling * scale
 }
 
 /// Share of a pixel's light below which a branch does not split any more, but goes one way by chance.
@@ -86,6 +115,27 @@ struct Path<H> {
     /// Factor on all but the light that the path meets: one over the probability that it is looked for; zero when it is
     /// not.
     rest: f32,
+    /// The followed lobe that the direction was drawn from, where lights were sampled as well.
+    drawn: Option<Lobe>,
+}
+
+/// Where a lobe that is not a delta was followed.
+#[derive(Clone, Copy)]
+struct Lobe {
+    point: Vec3,
+    density: f32,
+    distance: f32,
+    object: u32,
+}
+
+/// What a pixel's paths leave beside their radiance.
+pub struct Out<'a, 'b> {
+    /// The pixel, counted within the tile.
+    pub pixel: u16,
+    /// Segments that beams are gathered along.
+    pub segments: &'a mut CameraSegments,
+    /// Layers.
+    pub record: Recorder<'b>,
 }
 
 /// Branches of a camera path that have yet to be followed.
@@ -97,14 +147,7 @@ struct Branches<H> {
 impl<V: Sight> CameraTracer<'_, V> {
     /// Follow a camera path from a ray. Pushes its segments in scattering media and returns everything else that
     /// arrives along it: radiance at the film.
-    pub fn trace(
-        &self,
-        ray: Ray,
-        pixel: u16,
-        sampler: &mut Sampler,
-        out: &mut CameraSegments,
-        record: &mut Recorder<'_>,
-    ) -> Rgb {
+    pub fn trace(&self, ray: Ray, sampler: &mut Sampler, out: &mut Out<'_, '_>) -> Rgb {
         let mut branches = Branches {
             waiting: Vec::new(),
             splits: 0,
@@ -118,10 +161,11 @@ impl<V: Sight> CameraTracer<'_, V> {
             depth: 0,
             share: 1.0,
             rest: 1.0,
+            drawn: None,
         };
         let mut radiance = Rgb::ZERO;
         loop {
-            radiance += self.follow(path, &mut branches, pixel, sampler, out, record);
+            radiance += self.follow(path, &mut branches, sampler, out);
             match branches.waiting.pop() {
                 Some(next) => path = next,
                 None => return radiance,
@@ -129,15 +173,17 @@ impl<V: Sight> CameraTracer<'_, V> {
         }
     }
 
+    fn estimators(&self) -> &Estimators {
+        &self.plan.estimators
+    }
+
     /// Follow one branch to its end.
     fn follow(
         &self,
         mut path: Path<V::Hidden>,
         branches: &mut Branches<V::Hidden>,
-        pixel: u16,
         sampler: &mut Sampler,
-        out: &mut CameraSegments,
-        record: &mut Recorder<'_>,
+        out: &mut Out<'_, '_>,
     ) -> Rgb {
         let scene = self.scene;
         let mut radiance = Rgb::ZERO;
@@ -150,22 +196,28 @@ impl<V: Sight> CameraTracer<'_, V> {
                     });
             if let Some(id) = path.medium {
                 let length = hit.as_ref().map_or(f32::INFINITY, |h| h.t);
-                radiance += self.cross_medium(&mut path, id, length, pixel, sampler, out, record);
+                radiance += self.cross_medium(&mut path, id, length, sampler, out);
             }
             let Some(mut hit) = hit else {
-                let sees = |light: usize| !self.sight.hides_light(path.hidden, light);
-                if record.is_on() {
-                    for &light in scene.environments.iter().filter(|&&light| sees(light)) {
+                for &light in &scene.environments {
+                    if !self.sight.hides_light(path.hidden, light) {
+                        let share = self.share_of_lobe(&path, light, None);
                         let environment = scene.environment(light, path.ray.dir);
-                        record.add(Part::Direct, light, path.beta * environment);
+                        let emitted = path.beta * environment * share;
+                        out.record.add(Part::Direct, light, emitted);
+                        radiance += emitted;
                     }
                 }
-                return radiance + path.beta * scene.environment_radiance(path.ray.dir, sees);
+                return radiance;
             };
-            let emitted = path.beta * scene.emitted(&hit, path.ray.dir);
-            radiance += emitted;
+            if let Some(drawn) = &mut path.drawn {
+                drawn.distance += hit.t;
+            }
             if let Some(light) = scene.objects()[hit.object as usize].light {
-                record.add(Part::Direct, light as usize, emitted);
+                let share = self.share_of_lobe(&path, light as usize, Some(hit.ng));
+                let emitted = path.beta * scene.emitted(&hit, path.ray.dir) * share;
+                radiance += emitted;
+                out.record.add(Part::Direct, light as usize, emitted);
             }
             let material = scene.material(&hit);
             if material.is_passed(hit.uv, || sampler.next_1d()) {
@@ -187,7 +239,7 @@ impl<V: Sight> CameraTracer<'_, V> {
                 medium: path.medium,
                 is_gloss: false,
             };
-            record.first_surface(|| {
+            out.record.first_surface(|| {
                 let camera = &scene.description().camera;
                 let depth = (hit.point - camera.position).dot(camera.frame.n);
                 (depth, hit.ns, vertex.bsdf.albedo())
@@ -202,30 +254,50 @@ impl<V: Sight> CameraTracer<'_, V> {
                         vertex.bsdf.sample(vertex.local_wo, u_lobe, u, mode)
                     }
                 }
-            } else {
-                // A delta lobe beside others gives way to them by chance, but not where it meets a light.
+            } else if vertex.bsdf.delta_probability(vertex.local_wo) > 0.0 {
+                // A delta lobe gives way to the others by chance, but not where it meets a light.
                 let p = vertex.bsdf.delta_probability(vertex.local_wo);
-                let mut delta = None;
-                if p > 0.0 {
-                    let along = sampler.next_1d() < p;
-                    let u = sampler.next_2d();
-                    delta = vertex.bsdf.sample(vertex.local_wo, 0.0, u, mode);
-                    if let Some(delta) = &mut delta {
-                        delta.weight *= p;
-                    }
-                    let rest = path.rest;
-                    path.rest = if along { rest / p } else { 0.0 };
-                    if !along {
-                        vertex.bsdf = vertex.bsdf.without_delta();
-                        let beta = path.beta * (rest / (1.0 - p));
-                        radiance += beta * self.scattered(&vertex, sampler, beta, record);
-                    }
-                    path.share *= p;
-                } else if path.rest > 0.0 {
-                    let beta = path.beta * path.rest;
-                    radiance += beta * self.scattered(&vertex, sampler, beta, record);
+                let along = sampler.next_1d() < p;
+                let u = sampler.next_2d();
+                let mut delta = vertex.bsdf.sample(vertex.local_wo, 0.0, u, mode);
+                if let Some(delta) = &mut delta {
+                    delta.weight *= p;
                 }
+                let rest = path.rest;
+                path.rest = if along { rest / p } else { 0.0 };
+                if !along {
+                    vertex.bsdf = vertex.bsdf.without_delta();
+                    let beta = path.beta * (rest / (1.0 - p));
+                    if beta != Rgb::ZERO {
+                        radiance += self.scattered(&vertex, sampler, beta, out);
+                    }
+                }
+                path.share *= p;
                 delta
+            } else {
+                let lobe = match material.is_followed() {
+                    true => OneLobe::followed(sampler.next_1d()),
+                    false => vertex.one_lobe(sampler.next_1d()),
+                };
+                path.beta *= lobe.weight;
+                let beta = path.beta * path.rest;
+                if !lobe.is_followed {
+                    if beta != Rgb::ZERO {
+                        radiance += self.scattered(&vertex, sampler, beta, out);
+                    }
+                    return radiance;
+                }
+                vertex.is_gloss = self.sight.is_glossy(hit.object);
+                if beta != Rgb::ZERO {
+                    radiance += self.lit_directly(&vertex, 1.0, sampler, beta, out);
+                    if self.estimators().unmet_caustics {
+                        let counts = |_: &SurfacePhoton, _: Vec3| 1.0;
+                        radiance += self.photon_radiance(&vertex, counts, beta, out);
+                    }
+                }
+                let u = sampler.next_2d();
+                let sample = vertex.bsdf.sample(vertex.local_wo, lobe.u, u, mode);
+                sample.filter(|s| s.wi.z * hit.ng.dot(frame.to_world(s.wi)) > 0.0)
             };
             let Some(sample) = sample else {
                 return radiance;
@@ -236,18 +308,44 @@ impl<V: Sight> CameraTracer<'_, V> {
         }
     }
 
-    /// The part of a path within a medium, up to `length`: leaves a segment for beams, adds what is sampled there, and
+    /// Weight of a light that the path has met, where light was sampled at a lobe that it followed last. `normal`: of an area
+    /// light.
+    fn share_of_lobe(&self, path: &Path<V::Hidden>, light: usize, normal: Option<Vec3>) -> f32 {
+        let Some(lobe) = &path.drawn else {
+            return 1.0;
+        };
+        let shadow = self.sight.from(Start::Shadow(lobe.object));
+        if self.scene.only_sampled(light)
+            || self.sight.links_shadows(light)
+            || self.sight.hides_light(shadow, light)
+        {
+            return 0.0;
+        }
+        let scene = self.scene;
+        if self.sight.hides_shape_of(scene, shadow, light) {
+            // Not seen by light sampling alone.
+            return 0.0;
+        }
+        let hit = normal.map(|normal| LightHit {
+            normal,
+            distance: lobe.distance,
+        });
+        let dir = path.ray.dir;
+        let pdf = scene.lights()[light].pdf_direct(scene.objects(), lobe.point, dir, hit);
+        let by_power = self.sight.selector(scene, lobe.object);
+        let choice = scene.light_sources.choice_at(lobe.point, None, by_power);
+        power_heuristic(lobe.density, pdf * choice.pmf(light))
+    }
+
+    /// The part of a path within a medium, up to `length`: leaves a segment for beams, adds what is scattered there, and
     /// attenuates the path.
-    #[allow(clippy::too_many_arguments)]
     fn cross_medium(
         &self,
         path: &mut Path<V::Hidden>,
         id: u16,
         length: f32,
-        pixel: u16,
         sampler: &mut Sampler,
-        out: &mut CameraSegments,
-        record: &mut Recorder<'_>,
+        out: &mut Out<'_, '_>,
     ) -> Rgb {
         let properties = &self.scene.media()[id as usize];
         let ray = path.ray;
@@ -255,28 +353,63 @@ impl<V: Sight> CameraTracer<'_, V> {
             path.beta *= properties.transmittance(&ray, length, sampler);
             return Rgb::ZERO;
         }
-        let (stretch, transmittance) = properties.stretch(&ray, length, sampler, &mut out.steps);
         let beta = path.beta * path.rest;
-        path.beta *= transmittance;
-        let Some(stretch) = stretch else {
-            return Rgb::ZERO;
-        };
-        out.segments.push(CameraSegment {
-            ray,
-            length: stretch.range[1],
-            beta,
-            medium: id,
-            pixel,
-            way: path.way,
-            steps: stretch.steps,
-        });
+        let serves_all = self.estimators().beams[id as usize];
+        if serves_all || self.estimators().caustics {
+            let segment = CameraSegment {
+                way: path.way,
+                ..CameraSegment::new(ray, length, beta, id)
+            };
+            path.beta *= self.leave_segment(segment, sampler, out);
+        } else {
+            path.beta *= properties.transmittance(&ray, length, sampler);
+        }
+        if !serves_all {
+            return self.scattered_in_medium(&ray, id, length, beta, sampler, out);
+        }
         match properties {
             Medium::Homogeneous(medium) => {
-                let range = stretch.range[1];
-                self.single_scattering(&ray, range, (id, medium), beta, sampler, record)
+                let range = length.min(medium.reach());
+                self.single_scattering(&ray, range, (id, medium), beta, sampler, &mut out.record)
             }
             Medium::Heterogeneous(_) => Rgb::ZERO,
         }
+    }
+
+    /// Light that a medium which beams do not serve scatters into the ray within `length`.
+    fn scattered_in_medium(
+        &self,
+        ray: &Ray,
+        id: u16,
+        length: f32,
+        beta: Rgb,
+        sampler: &mut Sampler,
+        out: &mut Out<'_, '_>,
+    ) -> Rgb {
+        let medium = &self.scene.media()[id as usize];
+        let Flight::Scattered { distance, weight } =
+            medium.sample_flight(ray, length, beta, sampler)
+        else {
+            return Rgb::ZERO;
+        };
+        let (direct, indirect) = (true, true);
+        let mut walk = Walk {
+            ray: *ray,
+            medium: Some(id),
+            hidden: self.sight.from(Start::Gather),
+            beta: beta * weight,
+            track: weight,
+            drawn: None::<Drawn>,
+            wanted: Wanted { direct, indirect },
+            depth: 0,
+        };
+        let before = out.record.enter_volume();
+        let mut radiance = self.scatter_in_medium(&mut walk, id, distance, sampler, out);
+        if walk.survives(sampler) {
+            radiance += self.walk(walk, sampler, out);
+        }
+        out.record.leave_volume(before);
+        radiance
     }
 
     /// Go both of two ways: on along the likelier one, which is returned, while the other waits. Or one of them, by
@@ -345,12 +478,21 @@ impl<H> Path<H> {
         // The compression of radiance by refraction comes and goes along the path, so roulette looks at the
         // reflectance alone, by way of the largest channel, and only late.
         if self.depth > ROULETTE_DEPTH {
-            let q = sample.weight.max_element().min(MAX_SURVIVAL);
+            let mut q = sample.weight.max_element().min(1.0);
+            if self.depth > TRAPPED_DEPTH {
+                q = q.min(MAX_SURVIVAL);
+            }
             if sampler.next_1d() >= q {
                 return false;
             }
             self.beta /= q;
         }
+        self.drawn = (!sample.delta).then_some(Lobe {
+            point: hit.point,
+            density: sample.pdf,
+            distance: 0.0,
+            object: hit.object,
+        });
         self.ray = hit.spawn_ray(wi);
         self.hidden = sight.from(match sample.transmitted {
             true => Start::Refracted(hit.object),

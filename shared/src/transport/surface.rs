@@ -1,14 +1,15 @@
-//! Light that a surface sends on: direct light, a gather ray, and photons.
+//! Light that the first surface that is not followed sends on: direct light, gather rays, and photons.
 
-use super::CameraTracer;
 use super::direct::Seen;
 use super::evaluations::{BSDF, GATHER_RAYS, PDF, PHOTONS, count};
+use super::walk::{Drawn, Walk, Wanted};
+use super::{CameraTracer, Out};
 use crate::bsdf::{Bsdf, Tilt, TransportMode};
 use crate::geometry::SurfaceHit;
 use crate::light::{DirectSample, LightChoice, LightHit};
 use crate::math::{Frame, Rgb, Vec2, Vec3};
 use crate::medium::MediumId;
-use crate::parts::{Part, Recorder};
+use crate::parts::Part;
 use crate::plan::Scene;
 use crate::rules::{Sight, Start};
 use crate::sampler::Sampler;
@@ -30,40 +31,22 @@ pub(super) struct Vertex<'a> {
     pub is_gloss: bool,
 }
 
-/// What light is looked for along a ray.
-#[derive(Clone, Copy)]
-struct Wanted {
-    /// Straight from lights.
-    direct: bool,
-    /// From surfaces.
-    indirect: bool,
-}
-
-/// A direction drawn by the BSDF at a surface point.
-struct Drawn {
-    wi: Vec3,
-    /// BSDF times cosine over density.
-    weight: Rgb,
-    /// Directions per solid angle: their density times the number of those that are drawn.
-    density: f32,
-    medium: MediumId,
-}
-
 impl<V: Sight> CameraTracer<'_, V> {
-    /// Radiance that leaves x towards the camera path, its own emission apart. `beta`: throughput from the film to x.
+    /// Radiance at the film of what leaves x towards the camera path, its own emission apart. `beta`: throughput from the film
+    /// to x.
     pub(super) fn scattered(
         &self,
         x: &Vertex,
         sampler: &mut Sampler,
         beta: Rgb,
-        record: &mut Recorder<'_>,
+        out: &mut Out<'_, '_>,
     ) -> Rgb {
         if !self.sight.is_glossy(x.hit.object) {
-            return self.scattered_by(x, sampler, beta, record);
+            return self.scattered_by(x, sampler, beta, out);
         }
         let is_gloss = true;
         let Some([gloss, base]) = x.bsdf.gloss_and_base() else {
-            return self.scattered_by(&Vertex { is_gloss, ..*x }, sampler, beta, record);
+            return self.scattered_by(&Vertex { is_gloss, ..*x }, sampler, beta, out);
         };
         // The two lobes obey different rules.
         let bsdf = gloss;
@@ -73,8 +56,7 @@ impl<V: Sight> CameraTracer<'_, V> {
             ..*x
         };
         let base = Vertex { bsdf: base, ..*x };
-        self.scattered_by(&gloss, sampler, beta, record)
-            + self.scattered_by(&base, sampler, beta, record)
+        self.scattered_by(&gloss, sampler, beta, out) + self.scattered_by(&base, sampler, beta, out)
     }
 
     /// The same, where all of x obeys the same rules.
@@ -83,12 +65,11 @@ impl<V: Sight> CameraTracer<'_, V> {
         x: &Vertex,
         sampler: &mut Sampler,
         beta: Rgb,
-        record: &mut Recorder<'_>,
+        out: &mut Out<'_, '_>,
     ) -> Rgb {
         if x.bsdf.is_black() {
             return Rgb::ZERO;
         }
-        let scene = self.scene;
         // Where fog hides most of it, what a gather ray brings is not worth one each time.
         let odds = (beta.max_element() / SURE_THROUGHPUT).min(1.0);
         let side = match odds == 1.0 && x.bsdf.is_glossy() {
@@ -96,62 +77,33 @@ impl<V: Sight> CameraTracer<'_, V> {
             false => 1,
         };
         let rays = (side * side) as f32;
-        let balanced = |choice: LightChoice, direct: &DirectSample, wi: Vec3| {
-            let light = choice.light;
-            let hidden = self.sight.from(Start::Shadow(x.hit.object));
-            if direct.delta
-                || scene.only_sampled(light)
-                || self.sight.links_shadows(light)
-                || self.sight.hides_shape_of(scene, hidden, light)
-            {
-                return 1.0;
-            }
-            power_heuristic(direct.pdf * choice.pmf, rays * x.pdf(x.local_wo, wi))
-        };
-        let (mut radiance, light) = self.light_sample(x, Seen::First, sampler, balanced);
-        record.add(Part::Direct, light, beta * radiance);
+        let mut radiance = self.lit_directly(x, rays, sampler, beta, out);
         if side > 1 {
             let share = 1.0 / rays;
             let mut strata = Strata::new(side, sampler);
             while let Some(uniforms) = strata.next(sampler) {
-                radiance +=
-                    self.gather_ray(x, uniforms, rays, sampler, beta * share, record) * share;
+                radiance += self.gather_ray(x, uniforms, rays, sampler, beta * share, out);
             }
         } else if odds == 1.0 || sampler.next_1d() < odds {
             let uniforms = (sampler.next_1d(), sampler.next_2d());
-            radiance += self.gather_ray(x, uniforms, 1.0, sampler, beta / odds, record) / odds;
+            radiance += self.gather_ray(x, uniforms, 1.0, sampler, beta / odds, out);
         }
-        if self.sees_photons(x) {
-            let is_glossy = self.is_glossy(x);
-            let gathers = is_glossy || self.sight.gathers(x.hit.object);
-            let odds_scale = self.odds_scale(x);
-            let weight = |photon: &SurfacePhoton, wi: Vec3| {
-                if V::RULED
-                    && (photon.odds == UNSEEN || is_glossy && photon.arrival == Arrival::Surface)
-                {
-                    return 0.0;
-                }
-                if photon.odds == f32::INFINITY || !gathers {
-                    return 1.0;
-                }
-                let cos = x.hit.ng.dot(photon.wi).abs();
-                1.0 - gather_share(photon.odds * odds_scale, rays * x.pdf(x.local_wo, wi) / cos)
-            };
-            radiance += self.photon_radiance(x, weight, beta, record);
-        }
-        radiance
-    }
-
-    /// Whether gather rays from x are reflected or refracted ones.
-    #[inline]
-    fn is_glossy(&self, x: &Vertex) -> bool {
-        V::RULED && x.is_gloss
-    }
-
-    /// Whether surface photons are looked up at x, the first surface that is not specular.
-    #[inline]
-    fn sees_photons(&self, x: &Vertex) -> bool {
-        self.plan.photons_at_first_surface || self.plan.photons_on_gloss && x.bsdf.is_glossy()
+        let is_glossy = self.is_glossy(x);
+        let gathers = is_glossy || self.sight.gathers(x.hit.object);
+        let odds_scale = self.odds_scale(x);
+        let weight = |photon: &SurfacePhoton, wi: Vec3| {
+            if V::RULED
+                && (photon.odds == UNSEEN || is_glossy && photon.arrival == Arrival::Surface)
+            {
+                return 0.0;
+            }
+            if photon.odds == f32::INFINITY || !gathers {
+                return 1.0;
+            }
+            let cos = x.hit.ng.dot(photon.wi).abs();
+            1.0 - gather_share(photon.odds * odds_scale, rays * x.pdf(x.local_wo, wi) / cos)
+        };
+        radiance + self.photon_radiance(x, weight, beta, out)
     }
 
     /// Factor on the odds of photons at x against gather rays from there.
@@ -160,6 +112,39 @@ impl<V: Sight> CameraTracer<'_, V> {
             true => self.gloss_odds,
             false => 1.0,
         }
+    }
+
+    /// Light of a sampled light at x, radiance at the film. `rays`: how many directions are drawn there as well, which may meet
+    /// it.
+    pub(super) fn lit_directly(
+        &self,
+        x: &Vertex,
+        rays: f32,
+        sampler: &mut Sampler,
+        beta: Rgb,
+        out: &mut Out<'_, '_>,
+    ) -> Rgb {
+        let balanced = |choice: LightChoice, direct: &DirectSample, wi: Vec3| {
+            let light = choice.light;
+            let hidden = self.sight.from(Start::Shadow(x.hit.object));
+            if direct.delta
+                || self.scene.only_sampled(light)
+                || self.sight.links_shadows(light)
+                || self.sight.hides_shape_of(self.scene, hidden, light)
+            {
+                return 1.0;
+            }
+            power_heuristic(direct.pdf * choice.pmf, rays * x.pdf(x.local_wo, wi))
+        };
+        let (radiance, light) = self.light_sample(x, Seen::First, sampler, balanced);
+        out.record.add(Part::Direct, light, beta * radiance);
+        beta * radiance
+    }
+
+    /// Whether gather rays from x are reflected or refracted ones.
+    #[inline]
+    pub(super) fn is_glossy(&self, x: &Vertex) -> bool {
+        V::RULED && x.is_gloss
     }
 
     /// Whether rules keep a light's direct light, from `wi`, off x.
@@ -173,8 +158,8 @@ impl<V: Sight> CameraTracer<'_, V> {
             }
     }
 
-    /// The ray sampled by the BSDF at x: direct light where it meets a light, indirect light where it meets a surface
-    /// that is not specular. (What comes from specular surfaces and media is in the photons at x.) It is one of `rays`.
+    /// The ray sampled by the BSDF at x, and all that the path finds that goes on along it (see [`super::walk`]). It is one of
+    /// `rays`.
     fn gather_ray(
         &self,
         x: &Vertex,
@@ -182,9 +167,8 @@ impl<V: Sight> CameraTracer<'_, V> {
         rays: f32,
         sampler: &mut Sampler,
         beta: Rgb,
-        record: &mut Recorder<'_>,
+        out: &mut Out<'_, '_>,
     ) -> Rgb {
-        let scene = self.scene;
         count(&GATHER_RAYS);
         count(&BSDF);
         let sample = x
@@ -197,26 +181,39 @@ impl<V: Sight> CameraTracer<'_, V> {
         if sample.wi.z * x.hit.ng.dot(wi) <= 0.0 {
             return Rgb::ZERO;
         }
-        let drawn = Drawn {
-            wi,
-            weight: sample.weight,
-            density: rays * sample.pdf,
-            medium: x.medium_towards(scene, wi),
-        };
+        let mut throughput = sample.weight;
+        if let Some(tilt) = x.tilt {
+            throughput *= tilt.shadowing(wi);
+        }
         let object = x.hit.object;
-        let shadow = self.sight.from(Start::Shadow(object));
+        let walk = |start, wanted| Walk {
+            ray: x.hit.spawn_ray(wi),
+            medium: x.medium_towards(self.scene, wi),
+            hidden: self.sight.from(start),
+            beta: beta * throughput,
+            track: throughput,
+            drawn: Some(Drawn {
+                point: x.hit.point,
+                facing: x.facing(),
+                density: rays * sample.pdf,
+                distance: 0.0,
+                at: Some(x),
+            }),
+            wanted,
+            depth: 0,
+        };
         let (is_glossy, gathers) = (self.is_glossy(x), self.sight.gathers(object));
         if self.sight.one_ray(object) && !is_glossy {
             let wanted = Wanted {
                 direct: true,
                 indirect: gathers,
             };
-            return self.along(x, &drawn, shadow, wanted, sampler, beta, record);
+            return self.walk(walk(Start::Shadow(object), wanted), sampler, out);
         }
         // Direct light and what surfaces send are hidden by different things.
         let (direct, indirect) = (true, false);
         let wanted = Wanted { direct, indirect };
-        let radiance = self.along(x, &drawn, shadow, wanted, sampler, beta, record);
+        let radiance = self.walk(walk(Start::Shadow(object), wanted), sampler, out);
         if !is_glossy && !gathers {
             return radiance;
         }
@@ -224,129 +221,41 @@ impl<V: Sight> CameraTracer<'_, V> {
             true => x.gloss_towards(wi),
             false => Start::Gather,
         };
-        let hidden = self.sight.from(start);
         let (direct, indirect) = (false, true);
         let wanted = Wanted { direct, indirect };
-        radiance + self.along(x, &drawn, hidden, wanted, sampler, beta, record)
+        radiance + self.walk(walk(start, wanted), sampler, out)
     }
 
-    /// Light that a ray drawn at x finds.
-    #[allow(clippy::too_many_arguments)]
-    #[inline]
-    fn along(
+    /// Light that y sends along a path that ends there, as direct light and photons bring it. `from`: the first vertex, if the
+    /// path comes straight from there, and how many rays it sent per solid angle.
+    pub(super) fn brought_by_photons(
         &self,
-        x: &Vertex,
-        drawn: &Drawn,
-        hidden: V::Hidden,
-        wanted: Wanted,
-        sampler: &mut Sampler,
-        beta: Rgb,
-        record: &mut Recorder<'_>,
-    ) -> Rgb {
-        let scene = self.scene;
-        let wi = drawn.wi;
-        let arrived = self.go_straight(x.hit.spawn_ray(wi), drawn.medium, hidden, sampler);
-        let mut throughput = drawn.weight * arrived.transmittance;
-        if let Some(tilt) = x.tilt {
-            throughput *= tilt.shadowing(wi);
-        }
-        if throughput == Rgb::ZERO {
-            return Rgb::ZERO;
-        }
-        let beta = beta * throughput;
-        let balanced = |light: usize, hit: Option<LightHit>| {
-            let pdf = scene.lights()[light].pdf_direct(scene.objects(), x.hit.point, wi, hit);
-            let pmf = self.light_choice(x, Seen::First).pmf(light);
-            power_heuristic(drawn.density, pdf * pmf)
-        };
-        let Some(mut hit) = arrived.hit else {
-            let mut radiance = Rgb::ZERO;
-            for &light in &scene.environments {
-                if !wanted.direct || self.sight.links_shadows(light) || self.is_unlit(x, wi, light)
-                {
-                    continue;
-                }
-                let environment = scene.environment(light, wi) * balanced(light, None);
-                radiance += environment;
-                record.add(Part::Direct, light, beta * environment);
-            }
-            return throughput * radiance;
-        };
-        let mut radiance = Rgb::ZERO;
-        if let Some(light) = scene.objects()[hit.object as usize].light
-            && !scene.only_sampled(light as usize)
-            && !self.sight.links_shadows(light as usize)
-            && wanted.direct
-            && !self.is_unlit(x, wi, light as usize)
-        {
-            let emitted = scene.emitted(&hit, wi);
-            if emitted != Rgb::ZERO {
-                let at = LightHit {
-                    normal: hit.ng,
-                    distance: arrived.distance,
-                };
-                let emitted = emitted * balanced(light as usize, Some(at));
-                radiance += emitted;
-                record.add(Part::Direct, light as usize, beta * emitted);
-            }
-        }
-        let material = scene.material(&hit);
-        let is_glossy = self.is_glossy(x);
-        let is_found = is_glossy || self.sight.is_gathered(hit.object);
-        if wanted.indirect && is_found && !material.is_specular() {
-            let tilt = scene.tilt(&mut hit, -wi);
-            let frame = Frame::from_normal(hit.ns);
-            let y = Vertex {
-                bsdf: material.bsdf(hit.uv),
-                tilt,
-                frame,
-                wo: -wi,
-                local_wo: frame.to_local(-wi),
-                hit: &hit,
-                medium: arrived.medium,
-                is_gloss: false,
-            };
-            if !y.bsdf.is_black() {
-                let photons_too = self.sees_photons(x) && !is_glossy;
-                radiance += self.gathered(x, &y, drawn.density, photons_too, beta, sampler, record);
-            }
-        }
-        throughput * radiance
-    }
-
-    /// Light that y, met by a gather ray that x sent, one of `density` per solid angle, sends back to x. `photons_too`: photons may have
-    /// brought it as well.
-    #[allow(clippy::too_many_arguments)]
-    fn gathered(
-        &self,
-        x: &Vertex,
+        from: Option<(&Vertex, f32)>,
         y: &Vertex,
-        density: f32,
-        photons_too: bool,
         beta: Rgb,
         sampler: &mut Sampler,
-        record: &mut Recorder<'_>,
+        out: &mut Out<'_, '_>,
     ) -> Rgb {
         let scene = self.scene;
-        let density = density / x.hit.ng.dot(y.wo).abs();
-        let cos_out = y.hit.ng.dot(y.wo).abs();
         // Photons find their way from y to x where nothing at y depends on the side that it is seen from.
-        let photons_too =
-            photons_too && y.tilt.is_none() && y.local_wo.z * y.hit.ng.dot(y.wo) > 0.0;
-        let odds_scale = self.odds_scale(x);
-        let share = |arriving: f32, wi: Vec3| match photons_too {
-            true => {
+        let found_too = from.filter(|(x, _)| {
+            !self.is_glossy(x) && y.tilt.is_none() && y.local_wo.z * y.hit.ng.dot(y.wo) > 0.0
+        });
+        let cos_out = y.hit.ng.dot(y.wo).abs();
+        let share = |arriving: f32, wi: Vec3| match found_too {
+            Some((x, density)) => {
+                let density = density / x.hit.ng.dot(y.wo).abs();
                 let odds = arriving * y.pdf(wi, y.local_wo) / cos_out;
-                gather_share(odds * odds_scale, density)
+                gather_share(odds * self.odds_scale(x), density)
             }
-            false => 1.0,
+            None => 1.0,
         };
         let weight = |choice: LightChoice, direct: &DirectSample, wi: Vec3| {
             let at = LightHit {
                 normal: direct.normal,
                 distance: direct.distance,
             };
-            let lights_density = scene.lights()[choice.light].photon_density(
+            let density = scene.lights()[choice.light].photon_density(
                 scene.objects(),
                 scene.bounds(),
                 y.hit.point,
@@ -354,53 +263,57 @@ impl<V: Sight> CameraTracer<'_, V> {
                 at,
             );
             let cos_in = direct.wi.dot(y.hit.ng).abs();
-            share(self.first_odds * lights_density * cos_in, wi)
+            share(self.first_odds * density * cos_in, wi)
         };
-        let by = self.sight.from(Start::Photon(x.hit.object));
-        let seen = Seen::ByGatherRay(by);
-        let (mut radiance, light) = self.light_sample(y, seen, sampler, weight);
-        record.add(Part::Surface, light, beta * radiance);
+        let by = from.map(|(x, _)| self.sight.from(Start::Photon(x.hit.object)));
+        let seen = by.map_or(Seen::Later, Seen::ByGatherRay);
+        let (radiance, light) = self.light_sample(y, seen, sampler, weight);
+        out.record.add(Part::Surface, light, beta * radiance);
+        let mut radiance = beta * radiance;
         // A facet that scatters diffusely has one share for all photons.
         if !y.is_even() || share(DEEPER_ODDS, y.local_wo) > 0.0 {
             let weight = |photon: &SurfacePhoton, wi: Vec3| {
-                if self.sight.hides_kind(by, photon.light_kind) {
+                if by.is_some_and(|by| self.sight.hides_kind(by, photon.light_kind)) {
                     return 0.0;
                 }
                 share(DEEPER_ODDS, wi)
             };
-            radiance += self.photon_radiance(y, weight, beta, record);
+            radiance += self.photon_radiance(y, weight, beta, out);
         }
         radiance
     }
 
-    /// Density estimate over the surface photons around a point. `weight`: of a photon from a local direction.
-    fn photon_radiance(
+    /// Density estimate over the surface photons around a point, radiance at the film. `weight`: of a photon from a local
+    /// direction.
+    pub(super) fn photon_radiance(
         &self,
         x: &Vertex,
         weight: impl Fn(&SurfacePhoton, Vec3) -> f32,
         beta: Rgb,
-        record: &mut Recorder<'_>,
+        out: &mut Out<'_, '_>,
     ) -> Rgb {
         let mut radiance = Rgb::ZERO;
         let Some(photons) = self.photons else {
             return radiance;
         };
+        let followed = x.bsdf.is_followed();
         if x.is_even() {
             // The same for all directions on the side of wo; nothing depends on the azimuth.
-            let f = x.value(x.local_wo, x.wo);
+            let f = beta * x.value(x.local_wo, x.wo);
             if f == Rgb::ZERO {
                 return radiance;
             }
             photons.gather(x.hit.point, x.hit.ng, |photon, kernel| {
                 count(&PHOTONS);
                 let cos = x.hit.ng.dot(photon.wi);
-                if cos * x.local_wo.z <= 0.0 {
+                if cos * x.local_wo.z <= 0.0 || photon.followed {
                     return;
                 }
                 let weight = weight(photon, Vec3::new(0.0, 0.0, cos));
                 let reflected = f * photon.power * (kernel * weight);
                 radiance += reflected;
-                record.add_of_group(Part::Surface, photon.group, beta * reflected);
+                out.record
+                    .add_of_group(Part::Surface, photon.group, reflected);
             });
             return radiance;
         }
@@ -408,10 +321,10 @@ impl<V: Sight> CameraTracer<'_, V> {
             count(&PHOTONS);
             let wi = x.frame.to_local(photon.wi);
             let cos_g = x.hit.ng.dot(photon.wi);
-            if wi.z * cos_g <= 0.0 {
+            if wi.z * cos_g <= 0.0 || photon.followed != followed {
                 return;
             }
-            let f = x.value(wi, photon.wi);
+            let f = beta * x.value(wi, photon.wi);
             // Flux is counted on the geometric surface, the BSDF's cosine is to the shading normal.
             let cosines = if x.hit.ns == x.hit.ng {
                 1.0
@@ -420,7 +333,8 @@ impl<V: Sight> CameraTracer<'_, V> {
             };
             let reflected = f * photon.power * (kernel * cosines * weight(photon, wi));
             radiance += reflected;
-            record.add_of_group(Part::Surface, photon.group, beta * reflected);
+            out.record
+                .add_of_group(Part::Surface, photon.group, reflected);
         });
         radiance
     }
@@ -490,7 +404,65 @@ impl Strata {
 /// The largest number below one.
 const ONE_MINUS: f32 = 1.0 - f32::EPSILON / 2.0;
 
+/// One of the lobes of a surface, chosen by chance, or all of them.
+pub(super) struct OneLobe {
+    /// One over the probability of the choice, where samples do not hold it.
+    pub weight: f32,
+    /// A path follows it.
+    pub is_followed: bool,
+    /// A uniform number to sample it by.
+    pub u: f32,
+}
+
+impl OneLobe {
+    /// The only one, followed.
+    pub(super) fn followed(u: f32) -> Self {
+        Self {
+            weight: 1.0,
+            is_followed: true,
+            u,
+        }
+    }
+}
+
 impl Vertex<'_> {
+    /// Choose between the lobe that paths follow and all others, where there are both.
+    pub(super) fn one_lobe(&mut self, u: f32) -> OneLobe {
+        let delta = self.bsdf.delta_probability(self.local_wo);
+        if delta > 0.0 {
+            // Samples of the delta lobe hold its probability.
+            if u < delta {
+                return OneLobe::followed(0.0);
+            }
+            self.bsdf = self.bsdf.without_delta();
+            return OneLobe {
+                weight: 1.0 / (1.0 - delta),
+                is_followed: false,
+                u: (u - delta) / (1.0 - delta),
+            };
+        }
+        let Some((p, [narrow, wide])) = self.bsdf.narrow_and_wide(self.local_wo) else {
+            return OneLobe {
+                weight: 1.0,
+                is_followed: false,
+                u,
+            };
+        };
+        if u < p {
+            self.bsdf = narrow;
+            return OneLobe {
+                weight: 1.0 / p,
+                ..OneLobe::followed(u / p)
+            };
+        }
+        self.bsdf = wide;
+        OneLobe {
+            weight: 1.0 / (1.0 - p),
+            is_followed: false,
+            u: (u - p) / (1.0 - p),
+        }
+    }
+
     /// The BSDF's value for light from `wi`, given in the local frame and in render space.
     #[inline]
     pub(super) fn value(&self, local_wi: Vec3, wi: Vec3) -> Rgb {
@@ -506,7 +478,7 @@ impl Vertex<'_> {
 
     /// Density per solid angle of scattering from one local direction to another.
     #[inline]
-    fn pdf(&self, from: Vec3, to: Vec3) -> f32 {
+    pub(super) fn pdf(&self, from: Vec3, to: Vec3) -> f32 {
         count(&PDF);
         self.bsdf.pdf(from, to)
     }
@@ -519,8 +491,15 @@ impl Vertex<'_> {
             && matches!(self.bsdf, Bsdf::Diffuse { .. })
     }
 
+    /// The normal on the side from which a Lambertian surface, lit from the side that it is seen from, is lit.
+    #[inline]
+    pub(super) fn facing(&self) -> Option<Vec3> {
+        let side = self.hit.ng.dot(self.wo).signum();
+        matches!(self.bsdf, Bsdf::Diffuse { .. }).then_some(self.hit.ng * side)
+    }
+
     /// How a ray leaves gloss.
-    fn gloss_towards(&self, wi: Vec3) -> Start {
+    pub(super) fn gloss_towards(&self, wi: Vec3) -> Start {
         match self.hit.ng.dot(wi) * self.hit.ng.dot(self.wo) < 0.0 {
             true => Start::Refracted(self.hit.object),
             false => Start::Reflected(self.hit.object),

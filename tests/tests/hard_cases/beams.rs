@@ -6,6 +6,7 @@ use beamfarm_shared::beam::store::BeamMap;
 use beamfarm_shared::math::{Ray, Rgb, Vec3};
 use beamfarm_shared::medium::transmittance::StepFunctions;
 use beamfarm_shared::medium::{Homogeneous, Medium};
+use beamfarm_shared::parts::Part;
 use beamfarm_shared::phase::Phase;
 
 fn beam(length: f32, radius: f32) -> PhotonBeam {
@@ -40,6 +41,7 @@ fn seen(beams: Vec<PhotonBeam>, ray: Ray) -> Rgb {
         steps: 0,
         pixel: 0,
         way: Way::default(),
+        part: Part::Volume,
     });
     let gather = Gather {
         map: &map,

@@ -89,7 +89,7 @@ impl Block<'_> {
             let x = (across + across_dir * t).length_squared() / (radius * radius);
             if x < 1.0 {
                 let kernel = 2.0 / (PI * radius * radius) * (1.0 - x);
-                sum += self.attenuation(shared, beam, lane, t, s) * kernel;
+                sum += self.attenuation(shared, beam, lane, t, s.max(0.0)) * kernel;
             }
         }
         let phase = shared.phase.eval_directions(beam.dir, -ray.dir);

@@ -319,7 +319,8 @@ impl<'a> Block<'a> {
                 & (at.x < 1.0) as u32;
             let v = at.value * shared.phase::<LOBES>(cos[l]);
             along_segment[l] = if hit[l] != 0 { at.t } else { 0.0 };
-            along_beam[l] = if hit[l] != 0 { at.s } else { 0.0 };
+            // Before its start, where its kernel reaches beyond the surface that it starts on, it is as strong as there.
+            along_beam[l] = if hit[l] != 0 { at.s.max(0.0) } else { 0.0 };
             value[l] = if hit[l] != 0 { v } else { 0.0 };
             depth[l] = along_segment[l] + along_beam[l];
         }

@@ -23,6 +23,7 @@ use super::store::BeamMap;
 use crate::math::{Ray, Rgb};
 use crate::medium::Medium;
 use crate::medium::transmittance::StepFunctions;
+use crate::parts::Part;
 use crate::phase::Phase;
 use arrange::arrange;
 use line::Block;
@@ -82,8 +83,26 @@ pub struct CameraSegment {
     pub pixel: u16,
     /// How the path came here.
     pub way: Way,
+    /// What the light counts for that it gathers.
+    pub part: Part,
     /// Number of the segment's transmittance among the [`CameraSegments`]' functions, in a heterogeneous medium.
     pub steps: u32,
+}
+
+impl CameraSegment {
+    /// Of a path that has turned, seen by the camera.
+    pub fn new(ray: Ray, length: f32, beta: Rgb, medium: u16) -> Self {
+        Self {
+            ray,
+            length,
+            beta,
+            medium,
+            pixel: 0,
+            way: Way::TURNED,
+            part: Part::Volume,
+            steps: 0,
+        }
+    }
 }
 
 /// Segments of camera paths, and what is known along them.

@@ -182,7 +182,7 @@ impl Block<'_> {
             let v = at.value * shared.phase::<LOBES>(meeting.cos);
             hit[l] = met as u32;
             along_segment[l] = if met { at.t } else { 0.0 };
-            along_beam[l] = if met { at.s } else { 0.0 };
+            along_beam[l] = if met { at.s.max(0.0) } else { 0.0 };
             value[l] = if met { v } else { 0.0 };
             depth[l] = along_segment[l] + along_beam[l];
         }

@@ -1,0 +1,226 @@
+//! Which estimator counts which light path is a choice: any gives the same light. Rooms with every class of paths, by beams and
+//! photons, by camera paths, and by the path tracer.
+
+use beamfarm_shared::job::ReferenceSettings;
+use beamfarm_shared::pass::render_pass;
+use beamfarm_shared::plan::{RenderPlan, Scene};
+use beamfarm_tests::Suite;
+use beamfarm_tests::render::{Blocks, reference_images, scene};
+use beamfarm_tests::z_test::two_sided;
+
+const ROOM: &str = r#"
+[image]
+width = 24
+height = 24
+[render]
+passes = PASSES
+paths = 4000
+radius = 0.03
+[camera]
+origin = [0.0, 0.0, 0.9]
+target = [0.0, 0.0, 0.0]
+fov = 80.0
+WORLD
+[media.fog]
+type = "homogeneous"
+sigma_a = [0.1, 0.2, 0.3]
+sigma_s = [0.9, 0.7, 0.5]
+phase = { type = "hg", g = 0.4 }
+[media.milk]
+type = "homogeneous"
+sigma_t = [3.0, 2.0, 4.0]
+albedo = [0.9, 0.8, 0.7]
+[materials.wall]
+type = "diffuse"
+reflectance = [0.7, 0.6, 0.5]
+[materials.red]
+type = "diffuse"
+reflectance = [0.7, 0.2, 0.1]
+[materials.glass]
+type = "dielectric"
+ior = 1.5
+[materials.frosted]
+type = "rough_dielectric"
+alpha = 0.05
+ior = 1.5
+[materials.steel]
+type = "rough_conductor"
+alpha = 0.05
+preset = "chromium"
+[materials.lacquer]
+type = "rough_plastic"
+alpha = 0.06
+reflectance = [0.2, 0.3, 0.5]
+[materials.coat]
+type = "plastic"
+reflectance = [0.2, 0.5, 0.3]
+[[shapes]]
+type = "cube"
+flip_normals = true
+material = "wall"
+[[shapes]]
+type = "sphere"
+center = [-0.45, -0.6, -0.3]
+radius = 0.38
+BALL
+[[shapes]]
+type = "sphere"
+center = [0.5, -0.65, -0.2]
+radius = 0.33
+OTHER
+[[shapes]]
+type = "sphere"
+center = [0.1, 0.55, -0.1]
+radius = 0.25
+emission = { radiance = [3.0, 2.5, 2.0] }
+"#;
+
+fn room(world: &str, ball: &str, other: &str, passes: u64) -> Scene {
+    let text = ROOM.replace("WORLD", world).replace("BALL", ball);
+    let text = text.replace("OTHER", other);
+    scene(&text.replace("PASSES", &passes.to_string()))
+}
+
+/// Images of the scene, media by beams or by camera paths.
+fn by(scene: &Scene, beams: bool) -> Blocks {
+    let defaults = scene.description().defaults;
+    let mut settings = defaults.job_settings();
+    settings.seed += u64::from(beams);
+    let mut plan = RenderPlan::new(scene, settings);
+    let media = &scene.description().media;
+    plan.estimators.beams = media.iter().map(|m| beams && m.scatters()).collect();
+    plan.beams = plan.estimators.caustics || beams;
+    plan.surface_photons = plan.beams;
+    Blocks::new(
+        (0..defaults.passes).map(|i| render_pass(scene, &plan, i).film),
+        8,
+    )
+}
+
+fn same_means(name: &str, a: &Blocks, b: &Blocks, suite: &mut Suite) {
+    for (i, (a, b)) in a.blocks.iter().zip(&b.blocks).enumerate() {
+        for c in 0..3 {
+            let off = a[c].mean() - b[c].mean();
+            // Kernels blur what photons bring: another 0.7 %.
+            let error = a[c].std_error().hypot(b[c].std_error());
+            let error = error.hypot(7e-3 * a[c].mean());
+            let name = format!("{name}, block {i}, channel {c}: {off:e} off, error {error:e}");
+            suite.p_value(name, two_sided(off / error));
+        }
+    }
+    for c in 0..3 {
+        let (a, b) = (&a.whole[c], &b.whole[c]);
+        let error = a.std_error().hypot(b.std_error());
+        assert!(error < 0.02 * a.mean(), "{name}: {error} of {}", a.mean());
+    }
+}
+
+const FOG: &str = "[world]\nmedium = \"fog\"";
+
+/// Significance 1e-2 for all blocks of all rooms together.
+#[test]
+fn beams_and_camera_paths_find_the_same_light() {
+    let mut suite = Suite::new(1e-2);
+    for (name, world, ball, other) in [
+        ("fog", FOG, "material = \"red\"", "material = \"red\""),
+        (
+            "fog and glass",
+            FOG,
+            "material = \"glass\"",
+            "material = \"lacquer\"",
+        ),
+        (
+            "fog and rough glass",
+            FOG,
+            "material = \"frosted\"",
+            "material = \"steel\"",
+        ),
+        (
+            "milk",
+            "",
+            "material = \"frosted\"\ninterior = \"milk\"",
+            "material = \"coat\"",
+        ),
+        (
+            "milk in fog",
+            FOG,
+            "material = \"glass\"\ninterior = \"milk\"",
+            "material = \"red\"",
+        ),
+    ] {
+        let scene = room(world, ball, other, 300);
+        let settings = ReferenceSettings {
+            seed: 5,
+            max_depth: None,
+        };
+        let truth = Blocks::new(reference_images(&scene, settings, 100, 8), 8);
+        for beams in [false, true] {
+            let name = format!("{name}, beams {beams}");
+            same_means(&name, &by(&scene, beams), &truth, &mut suite);
+        }
+    }
+    suite.finish();
+}
+
+/// An even sky, whose caustics camera paths find behind glass or photons bring. Significance 1e-2 for all blocks.
+#[test]
+fn a_sky_is_met_behind_glass_or_brings_photons() {
+    let text = r#"
+[image]
+width = 24
+height = 24
+[render]
+passes = 400
+paths = 20000
+radius = 0.02
+[camera]
+origin = [0.0, 1.2, 3.0]
+target = [0.0, 0.3, 0.0]
+fov = 50.0
+[materials.floor]
+type = "diffuse"
+reflectance = 0.5
+[materials.glass]
+type = "dielectric"
+ior = 1.5
+[materials.frosted]
+type = "rough_dielectric"
+alpha = 0.04
+ior = 1.5
+[[shapes]]
+type = "disc"
+material = "floor"
+transform = [{ rotate = { axis = [1, 0, 0], angle = -90 } }, { scale = 2.0 }]
+[[shapes]]
+type = "sphere"
+center = [-0.6, 0.5, 0.0]
+radius = 0.5
+material = "glass"
+[[shapes]]
+type = "sphere"
+center = [0.6, 0.5, 0.0]
+radius = 0.5
+material = "frosted"
+[[lights]]
+type = "environment"
+radiance = [0.5, 0.7, 1.0]
+"#;
+    let scene = scene(text);
+    let mut suite = Suite::new(1e-2);
+    let [met, brought] = [true, false].map(|met| {
+        let mut settings = scene.description().defaults.job_settings();
+        settings.seed += u64::from(met);
+        let mut plan = RenderPlan::new(&scene, settings);
+        assert!(plan.estimators.is_met[0] && !plan.surface_photons);
+        if !met {
+            plan.estimators.is_met[0] = false;
+            plan.estimators.caustics = true;
+            plan.surface_photons = true;
+            plan.emitters = None;
+        }
+        let passes = 0..scene.description().defaults.passes;
+        Blocks::new(passes.map(|i| render_pass(&scene, &plan, i).film), 8)
+    });
+    same_means("sky", &met, &brought, &mut suite);
+    suite.finish();
+}

@@ -39,6 +39,8 @@ MATERIALS = {
     },
     "glass": {"type": "dielectric", "int_ior": 1.5, "ext_ior": 1.0, **TINTS},
     "metal": {"type": "principled", "base_color": PAINT, "metallic": 0.7, "roughness": 0.3, "specular": 0.4},
+    # Of no reflectance but its metal's. At 0 Mitsuba's metal is black, at all above it is not.
+    "metal_bare": {"type": "principled", "base_color": PAINT, "metallic": 0.9, "roughness": 0.5, "specular": 1e-9},
     "pane": {"type": "thindielectric", "int_ior": 1.5, "ext_ior": 1.0, **TINTS},
     "plastic": {"type": "plastic", **COATED},
     "plastic_nonlinear": {

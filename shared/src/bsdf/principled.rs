@@ -44,12 +44,9 @@ impl Principled {
 
     /// Fresnel's reflectance for the dielectric share, Schlick's approximation for the metallic one. `cos` to the microfacet.
     fn fresnel(&self, cos: f32) -> Rgb {
+        // An index of 1 turns off the dielectric share alone: Mitsuba's metal would go with it, but has no index.
         let (dielectric, cos_t) = fresnel_dielectric(cos.min(1.0), self.eta);
-        // Without a boundary there is no reflection, not even a metal's.
-        if dielectric <= 0.0 {
-            return Rgb::ZERO;
-        }
-        let schlick = schlick_weight(if self.eta > 1.0 { cos } else { cos_t });
+        let schlick = schlick_weight(if self.eta < 1.0 { cos_t } else { cos });
         let metal = self.base_color * (1.0 - schlick) + schlick;
         Rgb::splat((1.0 - self.metallic) * dielectric) + metal * self.metallic
     }

@@ -48,7 +48,7 @@ fn shapes_are_checked() {
     refused(
         r#"
 [[shapes]] | type = "sphere" | radus = 1
-    5: shapes[0].radus: unknown field `radus`, expected one of `name`, `type`, `center`, `p0`, `p1`, `radius`, `file`, `face_normals`, `flip_normals`, `material`, `interior`, `exterior`, `boundary`, `emission`, `transform`, `shape`, `transforms`, `visible`
+    5: shapes[0].radus: unknown field `radus`, expected one of `name`, `type`, `center`, `p0`, `p1`, `radius`, `file`, `face_normals`, `smooth`, `flip_normals`, `material`, `interior`, `exterior`, `boundary`, `emission`, `transform`, `shape`, `transforms`, `visible`
 [[shapes]] | type = "sphere" | radius = "big"
     5: shapes[0].radius: invalid type: string "big", expected a number above 0
 [[shapes]] | name = "ball" | type = "sphere" | radius = -1
@@ -83,6 +83,8 @@ fn shapes_are_checked() {
     5: shapes[0].p0: expected two different points as `p0` and `p1`
 [[shapes]] | type = "cylinder" | p0 = [1, 2, 3] | radius = 1e20
     5: shapes[0].p0: the shape's transform cannot be inverted: it makes the shape flat (for a rectangle or disc, leave the third factor of `scale` at 1), or it is too large or too small for single precision
+[[shapes]] | type = "mesh" | file = "a.ply" | face_normals = true | smooth = true
+    7: shapes[0].smooth: normals are those of faces (`face_normals`) or smooth (`smooth`): one of the two
 [[shapes]] | type = "mesh"
     4: shapes[0].type: with this type the field `file` is required
 [[shapes]] | type = "sphere" | flip_normals = 1

@@ -1,6 +1,8 @@
 //! Media, phase functions and boundaries.
 
 use super::*;
+use beamfarm_shared::pass::render_pass;
+use beamfarm_shared::plan::{RenderPlan, Scene};
 
 fn medium(inner: &str) -> String {
     let element = format!("<medium type=\"homogeneous\" id=\"m\">{inner}</medium>");
@@ -151,12 +153,110 @@ fn grids() {
     let expected =
         "[{ scale = [1.0, 2.0, 4.0] }, { translate = [1.0, 2.0, 3.0] }, { scale = 2.0 }]";
     assert_eq!(field(&text, "[media.m]", "transform"), Some(expected));
-    // A grid that is the same everywhere is none.
-    let constant = r#"<medium type="heterogeneous" id="m"><volume type="constvolume" name="sigma_t"><float name="value" value="2"/></volume></medium>"#;
-    assert_eq!(
-        field(&native(&with_sensor(constant)), "[media.m]", "type"),
-        Some("\"homogeneous\"")
-    );
+}
+
+/// Without a grid too, a heterogeneous medium fills the bounds of the unit cube under its extinction's own transform, as the
+/// pixels of Mitsuba 3.9.1 say, and a homogeneous one the shape.
+#[test]
+fn constant_volumes_have_a_box() {
+    let volume = |plugin: &str, sigma_t: &str| {
+        format!(
+            "<medium type=\"{plugin}\" id=\"m\">{sigma_t}<float name=\"albedo\" value=\"0\"/></medium>"
+        )
+    };
+    let constant = |steps: &str| {
+        format!(
+            "<volume type=\"constvolume\" name=\"sigma_t\"><rgb name=\"value\" value=\"2 0.5 1\"/>\
+             <transform name=\"to_world\">{steps}</transform></volume><float name=\"scale\" value=\"0.5\"/>"
+        )
+    };
+    let text = native(&with_sensor(&volume(
+        "heterogeneous",
+        &constant("<scale x=\"2\"/>"),
+    )));
+    for (name, expected) in [
+        ("type", "\"heterogeneous\""),
+        ("sigma_t", "[1.0, 0.25, 0.5]"),
+        (
+            "density",
+            "{ min = [0.0, 0.0, 0.0], max = [2.0, 1.0, 1.0], voxel = 2.0 }",
+        ),
+    ] {
+        assert_eq!(field(&text, "[media.m]", name), Some(expected));
+    }
+    let diagonal = std::f64::consts::SQRT_2;
+    let turned = "<rotate z=\"1\" angle=\"45\"/><translate x=\"-0.5\"/>";
+    for (medium, sigma_t, corners) in [
+        (
+            volume("heterogeneous", "<float name=\"sigma_t\" value=\"2\"/>"),
+            [2.0; 3],
+            [[0.0; 3], [1.0; 3]],
+        ),
+        (
+            volume("heterogeneous", &constant(turned)),
+            [1.0, 0.25, 0.5],
+            [
+                [-0.5 - 0.5 * diagonal, 0.0, 0.0],
+                [0.5 * diagonal - 0.5, diagonal, 1.0],
+            ],
+        ),
+        (
+            volume("homogeneous", &constant(turned)),
+            [1.0, 0.25, 0.5],
+            [[-2.0; 3], [2.0; 3]],
+        ),
+    ] {
+        let cube = "<shape type=\"cube\"><transform name=\"to_world\"><scale value=\"2\"/></transform>\
+                    <bsdf type=\"null\"/><ref name=\"interior\" id=\"m\"/></shape>";
+        let sky = "<emitter type=\"constant\"/>";
+        let scene = Scene::new(scene(&with_sensor(&format!("{medium}{cube}{sky}"))));
+        let plan = RenderPlan::new(&scene, scene.description().defaults.job_settings());
+        let pixels = render_pass(&scene, &plan, 0).film.pixels;
+        let (mut inside, mut outside) = (0, 0);
+        for (i, pixel) in pixels.iter().enumerate() {
+            // What a pixel sees of the box, by its corners: between these bounds, if it is all of one kind.
+            let depths = [[0, 0], [1, 0], [0, 1], [1, 1]]
+                .map(|[x, y]| depth(i as u32 % 16 + x, i as u32 / 16 + y, corners));
+            let [least, most] = [f64::min, f64::max].map(|f| depths.into_iter().reduce(f).unwrap());
+            if least == 0.0 && most > 0.0 {
+                continue;
+            }
+            inside += usize::from(least > 0.0);
+            outside += usize::from(most == 0.0);
+            for (value, sigma) in pixel.iter().zip(sigma_t) {
+                let bounds = [most, least].map(|depth| libm::exp(-sigma * depth));
+                let value = f64::from(*value);
+                assert!(
+                    value > bounds[0] - 0.03 && value < bounds[1] + 0.03,
+                    "pixel {i}: {value}, expected {bounds:?}"
+                );
+            }
+        }
+        let filled = corners == [[-2.0; 3], [2.0; 3]];
+        assert!(
+            inside >= 8 && (filled || outside >= 8),
+            "{inside} {outside}"
+        );
+    }
+}
+
+/// How much of a box lies on the ray through a corner of a pixel of [`SENSOR`].
+fn depth(x: u32, y: u32, [low, high]: [[f64; 3]; 2]) -> f64 {
+    let extent = libm::tan(20f64.to_radians());
+    let origin = [0.0, 0.0, 5.0];
+    let direction = [
+        (f64::from(x) / 8.0 - 1.0) * extent,
+        (0.5 - f64::from(y) / 8.0) * extent,
+        -1.0,
+    ];
+    let (mut enter, mut leave) = (0.0, f64::INFINITY);
+    for axis in 0..3 {
+        let at = [low, high].map(|c| (c[axis] - origin[axis]) / direction[axis]);
+        enter = f64::max(enter, at[0].min(at[1]));
+        leave = f64::min(leave, at[0].max(at[1]));
+    }
+    let length = direction.iter().map(|d| d * d).sum::<f64>().sqrt();
+    (leave - enter).max(0.0) * length
 }
 
 const FOG: &str = r#"<medium type="homogeneous" id="fog"/>"#;

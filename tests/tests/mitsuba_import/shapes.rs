@@ -1,7 +1,9 @@
 //! Shapes, their transforms, groups and instances.
 
 use super::*;
+use beamfarm_shared::geometry::{Mesh, Shape};
 use glam::{DVec3, Vec2, Vec3};
+use std::sync::Arc;
 
 fn shape(element: &str) -> String {
     let native = native(&with_sensor(element));
@@ -28,6 +30,10 @@ fn kinds_of_shapes() {
         (
             r#"<shape type="ply"><string name="filename" value="a.ply"/><boolean name="face_normals" value="true"/><boolean name="flip_normals" value="true"/></shape>"#,
             "type = \"mesh\"\nfile = \"a.ply\"\nface_normals = true\nflip_normals = true",
+        ),
+        (
+            r#"<shape type="obj"><string name="filename" value="a.obj"/></shape>"#,
+            "type = \"mesh\"\nfile = \"a.obj\"\nsmooth = true",
         ),
     ] {
         assert_eq!(shape(element), expected);
@@ -195,5 +201,113 @@ fn an_axis_that_is_no_unit_vector_shears() {
             (extent - expected).abs() < 1e-5,
             "{extent}, expected {expected}"
         );
+    }
+}
+
+/// A tetrahedron without normals, of two groups.
+const CORNERS: [&str; 4] = ["0 0 0", "1 0 0", "0.3 1 0", "0.2 0.3 0.9"];
+const FACES: [[u32; 3]; 4] = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]];
+
+fn tetrahedra() -> [String; 2] {
+    let mut ply = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n\
+                   element face 4\nproperty list uchar int vertex_indices\nend_header\n"
+        .to_string();
+    let mut obj = String::new();
+    for corner in CORNERS {
+        ply += &format!("{corner}\n");
+        obj += &format!("v {corner}\n");
+    }
+    for (i, [a, b, c]) in FACES.into_iter().enumerate() {
+        ply += &format!("3 {a} {b} {c}\n");
+        obj += if i % 2 == 0 { "g some\n" } else { "" };
+        obj += &format!("f {} {} {}\n", a + 1, b + 1, c + 1);
+    }
+    [ply, obj]
+}
+
+/// The mesh of the first object, and its normals where they are in the world.
+fn shaded_mesh(element: &str) -> (Arc<Mesh>, Vec<Vec3>) {
+    let [ply, obj] = tetrahedra();
+    let folder = folder(&[
+        ("scene.xml", &with_sensor(element)),
+        ("a.ply", &ply),
+        ("a.obj", &obj),
+    ]);
+    let scene = scene_in(folder.path());
+    let Shape::Mesh { mesh, placement } = &scene.objects[0].shape else {
+        panic!("no mesh");
+    };
+    let map = placement.object_from_render.matrix3.transpose();
+    let normals = mesh.normals.iter().map(|n| (map * *n).normalize());
+    (mesh.clone(), normals.collect())
+}
+
+/// `vertex_normals` of Mitsuba 3.9.1.
+#[test]
+fn meshes_without_normals_are_smooth() {
+    let scaled = "<scale x=\"1\" y=\"2\" z=\"0.5\"/><rotate y=\"1\" angle=\"30\"/>";
+    #[rustfmt::skip]
+    let expected = [
+        ("", [
+            [-0.6963606, -0.5751586, -0.4292719], [0.8641168, -0.4172304, -0.281462],
+            [-0.0843926, 0.9448017, -0.3165875], [-0.2115972, -0.0310646, 0.9768631],
+        ]),
+        (scaled, [
+            [-0.6752652, -0.7279019, 0.1190617], [0.62036, -0.5781938, -0.5299485],
+            [-0.0878069, 0.9936481, -0.0703809], [0.2002462, 0.0221578, 0.9794951],
+        ]),
+    ];
+    for kind in ["ply", "obj"] {
+        for (steps, expected) in expected {
+            let mesh = |more: &str| {
+                format!(
+                    "<shape type=\"{kind}\"><string name=\"filename\" value=\"a.{kind}\"/>\
+                     <transform name=\"to_world\">{steps}</transform>{more}</shape>"
+                )
+            };
+            // Copies have the normals of what is copied.
+            let group = format!(
+                "<shape type=\"shapegroup\" id=\"g\">{}</shape><shape type=\"instance\"><ref id=\"g\"/></shape>",
+                mesh("")
+            );
+            for element in [mesh(""), group] {
+                let (mesh, normals) = shaded_mesh(&element);
+                assert_eq!(normals.len(), 4, "groups have vertices in common");
+                // An OBJ's vertices are in the order of its faces.
+                for (i, face) in FACES.iter().enumerate() {
+                    for (vertex, corner) in mesh.triangles[i].iter().zip(face) {
+                        let normal = normals[*vertex as usize];
+                        let expected = Vec3::from(expected[*corner as usize]);
+                        assert!(
+                            (normal - expected).length() < 1e-5,
+                            "{kind} {steps}: {normal}, expected {expected}"
+                        );
+                    }
+                }
+            }
+            let faceted = mesh("<boolean name=\"face_normals\" value=\"true\"/>");
+            assert!(shaded_mesh(&faceted).1.is_empty());
+        }
+    }
+}
+
+/// They point to the outside whatever mirrors or turns the shape.
+#[test]
+fn smooth_normals_are_on_the_outside() {
+    for (steps, flip) in [
+        ("<scale x=\"-1\" y=\"2\"/>", false),
+        ("<scale value=\"-2\"/>", true),
+        ("", true),
+    ] {
+        let (mesh, normals) = shaded_mesh(&format!(
+            "<shape type=\"ply\"><string name=\"filename\" value=\"a.ply\"/><transform name=\"to_world\">{steps}</transform>\
+             <boolean name=\"flip_normals\" value=\"{flip}\"/></shape>"
+        ));
+        for (i, triangle) in mesh.triangles.iter().enumerate() {
+            let face = mesh.normal(i as u32);
+            for vertex in triangle {
+                assert!(normals[*vertex as usize].dot(face) > 0.0, "{steps} {flip}");
+            }
+        }
     }
 }

@@ -170,7 +170,7 @@ material = "c_conductor"
 [[shapes]]
 name = "facets"
 type = "instances"
-shape = { type = "mesh", file = "octahedron.obj", material = "g_mirror" }
+shape = { type = "mesh", file = "octahedron.obj", smooth = true, material = "g_mirror" }
 transforms = [[{ translate = [0, 0, 0] }], []]
 [[lights]]
 name = "bulb"

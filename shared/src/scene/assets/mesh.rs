@@ -145,15 +145,38 @@ impl RawMesh {
         0.5 * self.triangles.iter().map(doubled).sum::<f64>()
     }
 
-    /// The mesh under a map, in single precision. `flip` turns its outside in; a map that mirrors does not. Triangles
-    /// without an area are left out.
-    pub fn to_mesh(&self, map: &DAffine3, flip: bool, vertex_normals: bool) -> Mesh {
+    /// A normal for each vertex: the mean of its triangles' normals, weighted by their angles there (Thürmer and Wüthrich
+    /// 1998). They are right once they are mapped to where angles are measured, as normals are; here they stand in the mesh's
+    /// own space. Vertices at one position are different ones.
+    pub fn smooth_normals(&self, map: &DAffine3) -> Vec<DVec3> {
+        let m = map.matrix3;
+        // Triangles that a mirror turns around keep their outside.
+        let side = m.determinant().signum();
+        let mut sums = vec![DVec3::ZERO; self.positions.len()];
+        for t in &self.triangles {
+            let corners = t.map(|v| self.positions[v as usize]);
+            let edge = |i: usize| m * (corners[(i + 1) % 3] - corners[i % 3]);
+            let Some(normal) = edge(0).cross(-edge(2)).try_normalize() else {
+                continue;
+            };
+            for (i, v) in t.iter().enumerate() {
+                let (next, last) = (edge(i), -edge(i + 2));
+                let angle = libm::atan2(next.cross(last).length(), next.dot(last));
+                sums[*v as usize] += normal * (side * angle);
+            }
+        }
+        // Where normals cancel there is none; Mitsuba takes this one.
+        let unit = |sum: DVec3| sum.try_normalize().unwrap_or(DVec3::X);
+        let back = m.transpose();
+        let normals = sums.into_iter().map(|sum| back * unit(sum));
+        normals.map(DVec3::normalize_or_zero).collect()
+    }
+
+    /// The mesh under a map, in single precision, with these normals, one a vertex, or none at all. `flip` turns its outside
+    /// in; a map that mirrors does not. Triangles without an area are left out.
+    pub fn to_mesh(&self, map: &DAffine3, flip: bool, normals: &[DVec3]) -> Mesh {
         let reverse = flip != (map.matrix3.determinant() < 0.0);
         let normal_map = map.matrix3.inverse().transpose() * if flip { -1.0 } else { 1.0 };
-        let normals = match vertex_normals {
-            true => self.normals.as_slice(),
-            false => &[],
-        };
         let mut mesh = Mesh {
             positions: self
                 .positions
@@ -256,7 +279,7 @@ mod tests {
         let cube = RawMesh::cube();
         assert_eq!(cube.opening(), None);
         assert_eq!(cube.area(&DAffine3::IDENTITY), 24.0);
-        let mesh = cube.to_mesh(&DAffine3::IDENTITY, false, true);
+        let mesh = cube.to_mesh(&DAffine3::IDENTITY, false, &[]);
         for t in 0..12 {
             let center: Vec3 = mesh.triangles[t]
                 .iter()
@@ -267,7 +290,7 @@ mod tests {
             // As in Mitsuba, where v runs downwards on images.
             assert!((uv(1) - uv(0)).perp_dot(uv(2) - uv(0)) < 0.0);
         }
-        let rectangle = RawMesh::rectangle().to_mesh(&DAffine3::IDENTITY, false, true);
+        let rectangle = RawMesh::rectangle().to_mesh(&DAffine3::IDENTITY, false, &[]);
         assert_eq!(normal(&rectangle, 0), Vec3::Z);
         assert_eq!(normal(&rectangle, 1), Vec3::Z);
         for (p, uv) in rectangle.positions.iter().zip(&rectangle.uvs) {
@@ -288,7 +311,8 @@ mod tests {
             mirror * turn * mirror,
         ] {
             for flip in [false, true] {
-                let mesh = tetrahedron().to_mesh(&map, flip, true);
+                let raw = tetrahedron();
+                let mesh = raw.to_mesh(&map, flip, &raw.normals);
                 for t in 0..4 {
                     let center: Vec3 = mesh.triangles[t]
                         .iter()
@@ -301,7 +325,7 @@ mod tests {
                         assert!((mesh.normals[v as usize].length() - 1.0).abs() < 1e-6);
                     }
                 }
-                assert!(tetrahedron().to_mesh(&map, flip, false).normals.is_empty());
+                assert!(raw.to_mesh(&map, flip, &[]).normals.is_empty());
             }
         }
     }
@@ -333,6 +357,26 @@ mod tests {
                 assert_eq!(cube.uvs[found.unwrap()], uv, "{normal} {corner}");
             }
         }
+    }
+
+    /// By their angles, not by how many triangles or how large ones they are: three faces of a cube, one of them in two
+    /// triangles, and under a map that makes their angles others.
+    #[test]
+    fn smooth_normals_are_weighted_by_angles() {
+        let (x, y, z) = (DVec3::X, DVec3::Y, DVec3::Z);
+        let corner = RawMesh {
+            positions: vec![DVec3::ZERO, 3.0 * x, x + y, y, 5.0 * z],
+            triangles: vec![[0, 2, 1], [0, 3, 2], [0, 1, 4], [0, 4, 3]],
+            ..RawMesh::default()
+        };
+        let normals = corner.smooth_normals(&DAffine3::IDENTITY);
+        assert!((normals[0] + DVec3::ONE.normalize()).length() < 1e-12);
+        // y becomes x + y, in the xy plane still: its angles at the origin are 45, 90 and 90 degrees.
+        let shear = DAffine3::from_mat3(glam::DMat3::from_cols(x, x + y, z));
+        let normals = corner.smooth_normals(&shear);
+        let mapped = (shear.matrix3.inverse().transpose() * normals[0]).normalize();
+        let expected = -z * 0.5 - y + (y - x).normalize();
+        assert!((mapped - expected.normalize()).length() < 1e-12, "{mapped}");
     }
 
     #[test]
@@ -374,7 +418,7 @@ mod tests {
         mesh.positions.push(DVec3::splat(0.5));
         mesh.triangles.extend([[0, 0, 1], [0, 4, 5]]);
         assert_eq!(
-            mesh.to_mesh(&DAffine3::IDENTITY, false, true).triangles,
+            mesh.to_mesh(&DAffine3::IDENTITY, false, &[]).triangles,
             tetrahedron().triangles
         );
     }

@@ -9,6 +9,34 @@ use tobj::LoadOptions;
 
 /// Read a mesh. Polygons become fans of triangles; points and lines are skipped.
 pub fn read(bytes: &[u8]) -> Result<RawMesh, Flaw> {
+    // Some groups may have UVs where others have none: then each has vertices of its own.
+    if let Some(joined) = without_groups(bytes)
+        && let Ok(mesh) = read_objects(&joined)
+    {
+        return Ok(mesh);
+    }
+    read_objects(bytes)
+}
+
+/// A file without normals, its groups' names made comments: so faces of several groups share their vertices, and the normals
+/// that are made of them are smooth from one group to the next.
+fn without_groups(bytes: &[u8]) -> Option<Vec<u8>> {
+    let mut joined = bytes.to_vec();
+    for line in joined.split_mut(|byte| *byte == b'\n') {
+        let start = line.iter().take_while(|b| b.is_ascii_whitespace()).count();
+        let line = &mut line[start..];
+        let end = line.iter().take_while(|b| !b.is_ascii_whitespace()).count();
+        match &line[..end] {
+            b"vn" => return None,
+            b"o" | b"g" => line[0] = b'#',
+            _ => {}
+        }
+    }
+    Some(joined)
+}
+
+/// Objects and groups one after the other.
+fn read_objects(bytes: &[u8]) -> Result<RawMesh, Flaw> {
     let options = LoadOptions {
         single_index: true,
         triangulate: true,
@@ -138,6 +166,25 @@ mod tests {
         assert_eq!(mesh.normals[0], DVec3::Z);
         let [a, b, c] = [3, 4, 5].map(|i| mesh.positions[i]);
         assert_eq!(mesh.normals[3], (b - a).cross(c - a).normalize());
+    }
+
+    /// Unless they have normals, or UVs that others lack.
+    #[test]
+    fn groups_share_vertices() {
+        let square = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\n";
+        for (faces, vertices) in [
+            (" g one\nf 1 2 3\ng\nf 1 3 4\n", 4),
+            ("o a\r\nf 1/1 2/1 3/1\r\no b\r\nf 1/1 3/1 4/1\r\n", 4),
+            ("g one\nf 1/1 2/1 3/1\ng two\nf 1 3 4\n", 6),
+            (
+                "vn 0 0 1\ng one\nf 1//1 2//1 3//1\ng two\nf 1//1 3//1 4//1\n",
+                6,
+            ),
+        ] {
+            let mesh = RawMesh::read("a.obj", format!("{square}{faces}").as_bytes()).unwrap();
+            assert_eq!(mesh.positions.len(), vertices, "{faces}");
+            assert_eq!(mesh.area(&glam::DAffine3::IDENTITY), 1.0);
+        }
     }
 
     #[test]

@@ -11,6 +11,7 @@ use crate::scene::parse::{Fault, ShapeRecord, ShapeType};
 use crate::scene::transform;
 use crate::scene::values::Spanned;
 use glam::{DAffine3, DVec3};
+use std::borrow::Cow;
 use std::f64::consts::PI;
 use std::ops::Range;
 use std::sync::Arc;
@@ -71,7 +72,7 @@ impl Parts<'_> {
         let surface = self.surface(inner)?;
         let own = own_map(inner)?;
         let mut shared = match &surface.form {
-            Form::Mesh(raw) => Some(SharedMesh::new(raw, inner)),
+            Form::Mesh(raw) => Some(SharedMesh::new(raw, inner, &own)),
             _ => None,
         };
         for (i, steps) in transforms.get_ref().iter().enumerate() {
@@ -227,7 +228,8 @@ impl Parts<'_> {
                 flip,
             },
             Form::Mesh(raw) => {
-                let mesh = Arc::new(raw.to_mesh(map, flip, keeps_normals(surface.record)));
+                let normals = normals(raw, surface.record, map);
+                let mesh = Arc::new(raw.to_mesh(map, flip, &normals));
                 if mesh.triangles.is_empty() {
                     return Err(no_area(surface.record));
                 }
@@ -291,14 +293,15 @@ impl Parts<'_> {
 struct SharedMesh<'a> {
     raw: &'a RawMesh,
     flip: bool,
-    vertex_normals: bool,
+    normals: Cow<'a, [DVec3]>,
     unit_from_raw: DAffine3,
     upright: Option<Arc<Mesh>>,
     mirrored: Option<Arc<Mesh>>,
 }
 
 impl<'a> SharedMesh<'a> {
-    fn new(raw: &'a RawMesh, record: &ShapeRecord) -> Self {
+    /// `own`: from the mesh's own space to that of what is copied.
+    fn new(raw: &'a RawMesh, record: &ShapeRecord, own: &DAffine3) -> Self {
         let low = raw.positions.iter().fold(DVec3::INFINITY, |a, p| a.min(*p));
         let high = raw
             .positions
@@ -314,7 +317,7 @@ impl<'a> SharedMesh<'a> {
         Self {
             raw,
             flip: flips(record),
-            vertex_normals: keeps_normals(record),
+            normals: normals(raw, record, own),
             unit_from_raw: DAffine3::from_scale(DVec3::splat(scale))
                 * DAffine3::from_translation(-center),
             upright: None,
@@ -330,9 +333,7 @@ impl<'a> SharedMesh<'a> {
         };
         let unit_from_raw = DAffine3::from_scale(mirror) * self.unit_from_raw;
         let mesh = slot.get_or_insert_with(|| {
-            let mesh = self
-                .raw
-                .to_mesh(&unit_from_raw, self.flip, self.vertex_normals);
+            let mesh = self.raw.to_mesh(&unit_from_raw, self.flip, &self.normals);
             Arc::new(mesh)
         });
         let map = *map * unit_from_raw.inverse();
@@ -426,11 +427,16 @@ fn flips(record: &ShapeRecord) -> bool {
         .is_some_and(|flip| *flip.get_ref())
 }
 
-fn keeps_normals(record: &ShapeRecord) -> bool {
-    !record
-        .face_normals
-        .as_ref()
-        .is_some_and(|faces| *faces.get_ref())
+/// The shading normals of a mesh: those of its file, or else, where the record asks for them, smooth ones under a map.
+fn normals<'a>(raw: &'a RawMesh, record: &ShapeRecord, map: &DAffine3) -> Cow<'a, [DVec3]> {
+    let asked = |field: &Option<Spanned<bool>>| field.as_ref().is_some_and(|f| *f.get_ref());
+    if asked(&record.face_normals) {
+        Cow::Borrowed(&[])
+    } else if asked(&record.smooth) && raw.normals.is_empty() {
+        Cow::Owned(raw.smooth_normals(map))
+    } else {
+        Cow::Borrowed(&raw.normals)
+    }
 }
 
 fn placement(map: &DAffine3) -> Placement {

@@ -5,6 +5,7 @@ use super::value::Value;
 use super::write::{Section, Toml};
 use super::xml::{Content, Id, Kind, Member};
 use super::{Converter, cie, property, unique};
+use glam::DVec3;
 use std::collections::BTreeSet;
 use std::io::Read;
 use std::path::Path;
@@ -108,8 +109,16 @@ impl Converter<'_> {
         let place_t = self.member(id, "sigma_t").map_or(place, |m| m.place);
         match self.coefficient(id, "sigma_t", 1.0) {
             Some(Coefficient::Constant(sigma_t)) => {
-                section.set("type", Toml::string("homogeneous"), place);
+                let confined = self.objects.list[id].plugin == "heterogeneous";
+                let kind = match confined {
+                    true => "heterogeneous",
+                    false => "homogeneous",
+                };
+                section.set("type", Toml::string(kind), place);
                 section.set("sigma_t", Toml::color(sigma_t.map(|c| c * scale)), place_t);
+                if confined {
+                    section.set("density", self.constant_box(id), place_t);
+                }
                 if let Some(Coefficient::Grid(_)) = albedo {
                     let message = format!(
                         "{}: an albedo that varies in space where the extinction does not is not supported",
@@ -160,6 +169,29 @@ impl Converter<'_> {
             }
             None => {}
         }
+    }
+
+    /// A density of 1 where Mitsuba's heterogeneous media are if their extinction is the same everywhere: in the bounds, along
+    /// the axes of the world, of the extinction's unit cube under its own transform, however large the shape is. Homogeneous
+    /// media fill their shapes.
+    fn constant_box(&mut self, id: Id) -> Toml {
+        let steps = match self.member(id, "sigma_t").map(|member| &member.content) {
+            Some(Content::Object(volume)) => self.transform(*volume, "to_world"),
+            _ => &[],
+        };
+        let map = transform::compose(steps);
+        let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+        for corner in 0..8 {
+            let corner = DVec3::from([1, 2, 4].map(|bit| f64::from(corner & bit != 0)));
+            let corner = map.transform_point3(corner);
+            (low, high) = (low.min(corner), high.max(corner));
+        }
+        Toml::table([
+            ("min", Toml::numbers(&low.to_array())),
+            ("max", Toml::numbers(&high.to_array())),
+            // One sample is enough.
+            ("voxel", Toml::Float((high - low).max_element())),
+        ])
     }
 
     /// A number, a colour, or a volume.

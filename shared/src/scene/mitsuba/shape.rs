@@ -143,11 +143,10 @@ impl Converter<'_> {
                 if let Some((asset, _)) = self.asset(id, "filename") {
                     shape.set("file", asset, file);
                 }
-                if let Some(member) = self.member(id, "face_normals")
-                    && self.boolean(id, "face_normals") == Some(true)
-                {
-                    shape.set("face_normals", Toml::Boolean(true), member.place);
-                }
+                let faceted = self.boolean(id, "face_normals").unwrap_or(false);
+                let normals = if faceted { "face_normals" } else { "smooth" };
+                let normals_place = self.member(id, "face_normals").map_or(place, |m| m.place);
+                shape.set(normals, Toml::Boolean(true), normals_place);
                 // Mitsuba turns the v of OBJ files around unless told otherwise.
                 let default = object.plugin == "obj";
                 turned = self.boolean(id, "flip_tex_coords").unwrap_or(default);

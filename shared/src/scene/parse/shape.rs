@@ -30,6 +30,8 @@ pub struct ShapeRecord {
     pub file: Option<Spanned<String>>,
     /// Ignore the normals of the file. Default: false.
     pub face_normals: Option<Spanned<bool>>,
+    /// Make normals where the file has none. Default: false.
+    pub smooth: Option<Spanned<bool>>,
     /// Turn the outside in. Default: false.
     pub flip_normals: Option<Spanned<bool>>,
     /// Name of a material. Default: grey; black for shapes that emit.
@@ -60,9 +62,17 @@ impl ShapeRecord {
             _ => ShapeType::SURFACE,
         };
         #[rustfmt::skip]
-        let given = given!(self, center, p0, p1, radius, file, face_normals, flip_normals, material, interior, exterior,
-            boundary, emission, transform, shape, transforms);
+        let given = given!(self, center, p0, p1, radius, file, face_normals, smooth, flip_normals, material, interior,
+            exterior, boundary, emission, transform, shape, transforms);
         only_takes(name, takes, common, &given)?;
+        if let (Some(faces), Some(smooth)) = (&self.face_normals, &self.smooth)
+            && *faces.get_ref()
+            && *smooth.get_ref()
+        {
+            let message =
+                "normals are those of faces (`face_normals`) or smooth (`smooth`): one of the two";
+            return Err(Fault::new(smooth.span(), message));
+        }
         match &self.shape {
             Some(shape) if shape.get_ref().kind.get_ref() == &ShapeType::Instances => {
                 Err(Fault::new(
@@ -132,7 +142,7 @@ impl ShapeType {
             Self::Cube => ("cube", &[]),
             Self::Disc => ("disc", &[]),
             Self::Cylinder => ("cylinder", &["p0", "p1", "radius"]),
-            Self::Mesh => ("mesh", &["file", "face_normals"]),
+            Self::Mesh => ("mesh", &["file", "face_normals", "smooth"]),
             Self::Instances => ("instances", &["shape", "transforms"]),
         }
     }

@@ -22,7 +22,7 @@ use crate::film::Film;
 use crate::geometry::SurfaceHit;
 use crate::job::ReferenceSettings;
 use crate::layer::Layer;
-use crate::light::{LightHit, LightKind};
+use crate::light::{LightHit, LightKind, LightSelector};
 use crate::math::{Frame, Ray, Rgb, Vec3};
 use crate::medium::{Flight, MediumId};
 use crate::parts::{LayerPlan, NoSuchGroup, Part, Parts, Recorder};
@@ -110,8 +110,10 @@ pub fn render_sample_with_layers(
     goes_on: impl Fn() -> bool + Sync,
 ) -> Option<SampleImage> {
     let camera = &scene.description().camera;
+    let even = even_selector(scene);
     let tracer = PathTracer {
         scene,
+        selector: even.as_ref().unwrap_or(&scene.selector),
         max_depth: settings.max_depth.unwrap_or(u32::MAX),
     };
     let (width, height) = (camera.width as usize, camera.height as usize);
@@ -152,8 +154,29 @@ pub fn render_sample_with_layers(
     })
 }
 
+/// What a light's share of the choices is at least, of what it would be if all had the same.
+const MIN_SHARE: f32 = 0.1;
+
+/// Where some lights have a power beside which that of others is nothing, as the sky has, or a lamp that shines elsewhere:
+/// half of the choices by power, half of them alike, so that what is near is found as well.
+fn even_selector(scene: &Scene) -> Option<LightSelector> {
+    let shares = (0..scene.lights().len()).map(|light| scene.selector.pmf(light));
+    let shares: Vec<f32> = shares.collect();
+    let alike = 1.0 / shares.iter().filter(|share| **share > 0.0).count() as f32;
+    let is_dim = |share: &f32| *share > 0.0 && *share < MIN_SHARE * alike;
+    let even = |share: &f32| match *share > 0.0 {
+        true => f64::from(0.5 * (share + alike)),
+        false => 0.0,
+    };
+    shares.iter().any(is_dim).then(|| {
+        let weights: Vec<f64> = shares.iter().map(even).collect();
+        LightSelector::of_weights(&weights)
+    })
+}
+
 struct PathTracer<'a> {
     scene: &'a Scene,
+    selector: &'a LightSelector,
     max_depth: u32,
 }
 
@@ -352,7 +375,7 @@ impl PathTracer<'_> {
         let scene = self.scene;
         let objects = scene.objects();
         let pdf = scene.lights()[light].pdf_direct(objects, vertex.point, path.ray.dir, hit);
-        power_heuristic(vertex.pdf, pdf * scene.selector.pmf(light))
+        power_heuristic(vertex.pdf, pdf * self.selector.pmf(light))
     }
 
     /// Scatter in a medium. False: the path ends here.
@@ -486,7 +509,7 @@ impl PathTracer<'_> {
         sampler: &mut Sampler,
     ) -> Option<(usize, Rgb)> {
         let scene = self.scene;
-        let choice = scene.selector.sample(sampler.next_1d());
+        let choice = self.selector.sample(sampler.next_1d());
         let (u, u_primitive) = (sampler.next_2d(), sampler.next_1d());
         let choice = choice?;
         let hidden = sets.map_or(HiddenSet::default(), |sets| sets.shadow);

@@ -6,13 +6,26 @@ use crate::random_scene::RandomScene;
 use crate::random_scene::draw::{number, table};
 use toml::{Table, Value};
 
-/// Take out of the scene what its fault does not need. `step` is told of every scene that still has it.
+/// The kind of a fault; none where there is none.
+fn fault(verdict: &Result<Verdict, String>) -> Option<&str> {
+    match verdict {
+        Ok(verdict) => verdict.is_fault().then(|| verdict.word()),
+        Err(_) => Some("panic"),
+    }
+}
+
+/// Take out of the scene what its fault does not need, as long as it stays a fault of its kind. `step` is told of every scene that still has it.
 pub fn shrink(
     scene: &RandomScene,
     effort: &Effort,
     mut step: impl FnMut(&RandomScene, &Result<Verdict, String>),
 ) -> RandomScene {
     let mut best = scene.clone();
+    let verdict = examine_alone(scene, effort);
+    let kind = fault(&verdict);
+    if kind.is_none() {
+        return best;
+    }
     loop {
         let smaller = candidates(&best.table).into_iter().find_map(|table| {
             let candidate = RandomScene {
@@ -23,8 +36,7 @@ pub fn shrink(
                 return None;
             }
             let verdict = examine_alone(&candidate, effort);
-            let is_fault = !matches!(&verdict, Ok(verdict) if !verdict.is_fault());
-            is_fault.then(|| {
+            (fault(&verdict) == kind).then(|| {
                 step(&candidate, &verdict);
                 candidate
             })

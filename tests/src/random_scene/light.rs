@@ -25,9 +25,12 @@ impl Builder {
 
 /// Add a lamp: a shape that emits and stays within the ball.
 pub fn lamp(b: &mut Builder, center: DVec3, radius: f64) {
-    let kind = b
-        .draw
-        .pick(&["sphere", "sphere", "disc", "rectangle", "mesh"]);
+    let kinds: &[&str] = match b.lobes {
+        // What shines to one side from within glass, a path tracer hardly finds.
+        Lobes::Any => &["sphere", "sphere", "mesh"],
+        Lobes::Wide => &["sphere", "sphere", "disc", "rectangle", "mesh"],
+    };
+    let kind = b.draw.pick(kinds);
     let turn = (b.draw.direction(), b.draw.between(0.0, 180.0));
     let pose = Pose {
         half: DVec3::splat(radius),

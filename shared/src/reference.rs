@@ -122,32 +122,33 @@ pub fn render_sample_with_layers(
         if !goes_on() {
             return None;
         }
-        let mut row = vec![vec![[0.0; 3]; width]; 1 + layers.count()];
-        for x in 0..width {
+        let mut pixels = vec![[0.0; 3]; width];
+        let mut values = vec![pixels.clone(); layers.count()];
+        for (x, pixel) in pixels.iter_mut().enumerate() {
             let chunk = (y * width + x) as u64;
             let mut sampler = Sampler::new(settings.seed, sample_index, Purpose::Reference, chunk);
             let image = camera.sample(x as u32, y as u32, sampler.next_2d());
             let ray = camera.ray(image, sampler.next_2d());
             let mut parts = (layers.count() > 0).then(|| Parts::new(plan.groups()));
             let record = Recorder::new(plan, parts.as_mut());
-            row[0][x] = tracer.radiance(ray, record, &mut sampler).to_array();
+            *pixel = tracer.radiance(ray, record, &mut sampler).to_array();
             if let Some(parts) = parts {
-                for (number, layer) in plan.layers.iter().enumerate() {
-                    row[1 + number][x] = parts.value(layer, plan.group_of_layer(number));
+                for (number, (values, layer)) in values.iter_mut().zip(&plan.layers).enumerate() {
+                    values[x] = parts.value(layer, plan.group_of_layer(number));
                 }
             }
         }
-        Some(row)
+        Some((pixels, values))
     };
     let rows: Option<Vec<_>> = (0..height).into_par_iter().map(row).collect();
-    let black = Film::new(camera.width, camera.height);
-    let mut films = vec![black; 1 + layers.count()];
-    for (y, row) in rows?.into_iter().enumerate() {
-        for (film, pixels) in films.iter_mut().zip(row) {
+    let mut film = Film::new(camera.width, camera.height);
+    let mut films = vec![film.clone(); layers.count()];
+    for (y, (pixels, values)) in rows?.into_iter().enumerate() {
+        let rows = [(&mut film, pixels)].into_iter();
+        for (film, pixels) in rows.chain(films.iter_mut().zip(values)) {
             film.pixels[y * width..][..width].copy_from_slice(&pixels);
         }
     }
-    let film = films.remove(0);
     Some(SampleImage {
         film,
         layers: films,

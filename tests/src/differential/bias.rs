@@ -84,9 +84,14 @@ impl Moments {
     fn new(values: impl Iterator<Item = f64> + Clone) -> Self {
         let count = values.clone().count() as f64;
         let mean = values.clone().sum::<f64>() / count;
-        let moment =
-            |power: i32| values.clone().map(|v| (v - mean).powi(power)).sum::<f64>() / count;
-        let (second, third) = (moment(2), moment(3));
+        let moment = |power: f64| {
+            values
+                .clone()
+                .map(|v| libm::pow(v - mean, power))
+                .sum::<f64>()
+                / count
+        };
+        let (second, third) = (moment(2.0), moment(3.0));
         let skewness = match second > 0.0 {
             true => third / (second * second.sqrt()),
             false => 0.0,
@@ -184,7 +189,7 @@ fn p_value(beyond: f64, [a, b]: [&Moments; 2]) -> f64 {
         .error
         .hypot(b.error)
         .max(ROUNDING * a.mean.abs().max(b.mean.abs()));
-    let fourth = |m: &Moments| (m.error / error).powi(4) / (m.count - 1.0);
+    let fourth = |m: &Moments| libm::pow(m.error / error, 4.0) / (m.count - 1.0);
     let freedom = (1.0 / (fourth(a) + fourth(b))).clamp(1.0, 1e6);
     match StudentsT::new(0.0, 1.0, freedom) {
         Ok(student) => 2.0 * student.sf(beyond / error),

@@ -12,6 +12,8 @@
 //!
 //! Of object visibility rules it obeys all but those of photons, of which it knows nothing: see [`Rules::touches_photons`].
 //!
+//! Beside the beauty it gives, when asked, the layers that passes have of radiance: see [`SampleLayers`].
+//!
 //! What it does not find: point, spot and directional lights by way of specular surfaces (of probability zero: they are
 //! missing from the picture). What it finds only by chance: caustics of small lights.
 
@@ -19,9 +21,11 @@ use crate::bsdf::{Bsdf, Tilt, TransportMode};
 use crate::film::Film;
 use crate::geometry::SurfaceHit;
 use crate::job::ReferenceSettings;
-use crate::light::{LightHit, LightKind};
+use crate::layer::Layer;
+use crate::light::{LightHit, LightKind, LightSelector};
 use crate::math::{Frame, Ray, Rgb, Vec3};
 use crate::medium::{Flight, MediumId};
+use crate::parts::{LayerPlan, NoSuchGroup, Part, Parts, Recorder};
 use crate::phase::Phase;
 use crate::plan::Scene;
 use crate::rules::{HiddenSet, ObjectSets, Rules};
@@ -36,6 +40,52 @@ const ROULETTE_DEPTH: u32 = 4;
 const TRAPPED_DEPTH: u32 = 1024;
 const MAX_SURVIVAL: f32 = 0.999;
 
+/// What a sample gives.
+#[derive(Clone, Debug)]
+pub struct SampleImage {
+    /// Radiance.
+    pub film: Film,
+    /// What was asked for beside it, in that order.
+    pub layers: Vec<Film>,
+}
+
+/// Layers of samples: those of passes that hold radiance. Light that the camera meets by way of specular surfaces alone, or
+/// that comes straight from a light to the first surface that is not specular, is [`Layer::Direct`]; where a medium comes
+/// before any such surface, [`Layer::Volume`]; all else [`Layer::Surface`].
+#[derive(Clone, Debug, Default)]
+pub struct SampleLayers(LayerPlan);
+
+/// Layers that samples do not have.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum SampleLayersError {
+    /// No light belongs to it.
+    #[error(transparent)]
+    NoSuchGroup(#[from] NoSuchGroup),
+    /// It holds no radiance.
+    #[error("the path tracer has no layer `{0}`: only direct, surface, volume and those of lights")]
+    NotRadiance(Layer),
+}
+
+impl SampleLayers {
+    /// These layers, in this order.
+    pub fn new(scene: &Scene, layers: &[Layer]) -> Result<Self, SampleLayersError> {
+        use Layer::{Direct, Light, Surface, Volume};
+        match layers
+            .iter()
+            .find(|layer| !matches!(layer, Direct | Surface | Volume | Light(_)))
+        {
+            Some(layer) => Err(SampleLayersError::NotRadiance(layer.clone())),
+            None => Ok(Self(LayerPlan::new(scene, layers)?)),
+        }
+    }
+
+    /// How many there are.
+    pub fn count(&self) -> usize {
+        self.0.layers.len()
+    }
+}
+
 /// One sample of every pixel, on the current rayon pool: radiance, with the scene's pixel filter and lens. A pure function
 /// of the scene, the settings and the sample's index; the bits do not depend on the pool.
 ///
@@ -46,42 +96,101 @@ pub fn render_sample(
     sample_index: u64,
     goes_on: impl Fn() -> bool + Sync,
 ) -> Option<Film> {
+    let none = SampleLayers::default();
+    let image = render_sample_with_layers(scene, settings, &none, sample_index, goes_on);
+    image.map(|image| image.film)
+}
+
+/// The same, with layers. The beauty's bits do not depend on them.
+pub fn render_sample_with_layers(
+    scene: &Scene,
+    settings: &ReferenceSettings,
+    layers: &SampleLayers,
+    sample_index: u64,
+    goes_on: impl Fn() -> bool + Sync,
+) -> Option<SampleImage> {
     let camera = &scene.description().camera;
+    let even = even_selector(scene);
     let tracer = PathTracer {
         scene,
+        selector: even.as_ref().unwrap_or(&scene.selector),
         max_depth: settings.max_depth.unwrap_or(u32::MAX),
     };
-    let mut film = Film::new(camera.width, camera.height);
-    let rows = film.pixels.par_chunks_mut(camera.width as usize);
-    rows.enumerate().try_for_each(|(y, row)| {
+    let (width, height) = (camera.width as usize, camera.height as usize);
+    let plan = &layers.0;
+    let row = |y: usize| {
         if !goes_on() {
             return None;
         }
-        for (x, pixel) in row.iter_mut().enumerate() {
-            let chunk = y as u64 * u64::from(camera.width) + x as u64;
+        let mut pixels = vec![[0.0; 3]; width];
+        let mut values = vec![pixels.clone(); layers.count()];
+        for (x, pixel) in pixels.iter_mut().enumerate() {
+            let chunk = (y * width + x) as u64;
             let mut sampler = Sampler::new(settings.seed, sample_index, Purpose::Reference, chunk);
             let image = camera.sample(x as u32, y as u32, sampler.next_2d());
             let ray = camera.ray(image, sampler.next_2d());
-            *pixel = tracer.radiance(ray, &mut sampler).to_array();
+            let mut parts = (layers.count() > 0).then(|| Parts::new(plan.groups()));
+            let record = Recorder::new(plan, parts.as_mut());
+            *pixel = tracer.radiance(ray, record, &mut sampler).to_array();
+            if let Some(parts) = parts {
+                for (number, (values, layer)) in values.iter_mut().zip(&plan.layers).enumerate() {
+                    values[x] = parts.value(layer, plan.group_of_layer(number));
+                }
+            }
         }
-        Some(())
-    })?;
-    Some(film)
+        Some((pixels, values))
+    };
+    let rows: Option<Vec<_>> = (0..height).into_par_iter().map(row).collect();
+    let mut film = Film::new(camera.width, camera.height);
+    let mut films = vec![film.clone(); layers.count()];
+    for (y, (pixels, values)) in rows?.into_iter().enumerate() {
+        let rows = [(&mut film, pixels)].into_iter();
+        for (film, pixels) in rows.chain(films.iter_mut().zip(values)) {
+            film.pixels[y * width..][..width].copy_from_slice(&pixels);
+        }
+    }
+    Some(SampleImage {
+        film,
+        layers: films,
+    })
+}
+
+/// What a light's share of the choices is at least, of what it would be if all had the same.
+const MIN_SHARE: f32 = 0.1;
+
+/// Where some lights have a power beside which that of others is nothing, as the sky has, or a lamp that shines elsewhere:
+/// half of the choices by power, half of them alike, so that what is near is found as well.
+fn even_selector(scene: &Scene) -> Option<LightSelector> {
+    let shares = (0..scene.lights().len()).map(|light| scene.selector.pmf(light));
+    let shares: Vec<f32> = shares.collect();
+    let alike = 1.0 / shares.iter().filter(|share| **share > 0.0).count() as f32;
+    let is_dim = |share: &f32| *share > 0.0 && *share < MIN_SHARE * alike;
+    let even = |share: &f32| match *share > 0.0 {
+        true => f64::from(0.5 * (share + alike)),
+        false => 0.0,
+    };
+    shares.iter().any(is_dim).then(|| {
+        let weights: Vec<f64> = shares.iter().map(even).collect();
+        LightSelector::of_weights(&weights)
+    })
 }
 
 struct PathTracer<'a> {
     scene: &'a Scene,
+    selector: &'a LightSelector,
     max_depth: u32,
 }
 
 /// A path on its way from the camera.
-struct Path {
+struct Path<'a> {
     ray: Ray,
     medium: MediumId,
     /// What the ray does not see.
     hidden: HiddenSet,
     /// From the camera over specular surfaces only.
     is_seen: bool,
+    /// What light is that the path meets now.
+    part: Part,
     /// Throughput from the film.
     beta: Rgb,
     /// What the compression of radiance by refraction has made of the throughput, which comes and goes along the path.
@@ -91,6 +200,7 @@ struct Path {
     /// The vertex that the direction was drawn at, unless there is no other way to find the light that it meets.
     drawn_at: Option<DrawnAt>,
     radiance: Rgb,
+    record: Recorder<'a>,
 }
 
 /// A vertex at which lights were sampled as well.
@@ -163,7 +273,7 @@ impl PathTracer<'_> {
             .is_some_and(|rules| rules.hides_light(hidden, light))
     }
 
-    fn radiance(&self, ray: Ray, sampler: &mut Sampler) -> Rgb {
+    fn radiance(&self, ray: Ray, record: Recorder, sampler: &mut Sampler) -> Rgb {
         let scene = self.scene;
         let mut path = Path {
             ray,
@@ -172,11 +282,13 @@ impl PathTracer<'_> {
                 .rules()
                 .map_or(HiddenSet::default(), |rules| rules.camera),
             is_seen: true,
+            part: Part::Direct,
             beta: Rgb::ONE,
             compression: 1.0,
             depth: 0,
             drawn_at: None,
             radiance: Rgb::ZERO,
+            record,
         };
         while path.beta.max_element() > 0.0 {
             let hit =
@@ -231,7 +343,8 @@ impl PathTracer<'_> {
                 continue;
             }
             let radiance = self.scene.environment(light, path.ray.dir);
-            path.radiance += path.beta * radiance * self.balance(path, light, None);
+            let weight = self.balance(path, light, None);
+            path.add(light, path.beta * radiance * weight);
         }
     }
 
@@ -248,7 +361,8 @@ impl PathTracer<'_> {
             normal: hit.ng,
             distance: path.drawn_at.as_ref().map_or(0.0, |v| v.distance) + hit.t,
         };
-        path.radiance += path.beta * emitted * self.balance(path, light as usize, Some(at));
+        let weight = self.balance(path, light as usize, Some(at));
+        path.add(light as usize, path.beta * emitted * weight);
     }
 
     /// Weight of light that was met by chance, against sampling it at the vertex where the direction was drawn.
@@ -262,7 +376,7 @@ impl PathTracer<'_> {
         let scene = self.scene;
         let objects = scene.objects();
         let pdf = scene.lights()[light].pdf_direct(objects, vertex.point, path.ray.dir, hit);
-        power_heuristic(vertex.pdf, pdf * scene.selector.pmf(light))
+        power_heuristic(vertex.pdf, pdf * self.selector.pmf(light))
     }
 
     /// Scatter in a medium. False: the path ends here.
@@ -279,7 +393,13 @@ impl PathTracer<'_> {
         let (point, dir) = (path.ray.at(distance), path.ray.dir);
         let vertex = Vertex::Medium { point, dir, phase };
         let nothing = HiddenSet::default();
-        path.radiance += path.beta * self.direct(&vertex, path.medium, None, sampler);
+        path.part = match path.is_seen {
+            true => Part::Volume,
+            false => path.part.further(),
+        };
+        if let Some((light, radiance)) = self.direct(&vertex, path.medium, None, sampler) {
+            path.add(light, path.beta * radiance);
+        }
         (path.hidden, path.is_seen) = (nothing, false);
         let dir = phase.sample(dir, sampler.next_2d());
         path.drawn_at = Some(DrawnAt {
@@ -326,6 +446,9 @@ impl PathTracer<'_> {
             bsdf = lobes[usize::from(!sets.is_glossy)];
             path.beta *= 2.0;
         }
+        if !path.is_seen {
+            path.part = path.part.further();
+        }
         if !material.is_specular() {
             let vertex = Vertex::Surface {
                 hit,
@@ -334,7 +457,10 @@ impl PathTracer<'_> {
                 frame,
                 local_wo,
             };
-            path.radiance += path.beta * self.direct(&vertex, path.medium, sets.as_ref(), sampler);
+            let direct = self.direct(&vertex, path.medium, sets.as_ref(), sampler);
+            if let Some((light, radiance)) = direct {
+                path.add(light, path.beta * radiance);
+            }
         }
         let (u_lobe, u) = (sampler.next_1d(), sampler.next_2d());
         let Some(sample) = bsdf.sample(local_wo, u_lobe, u, TransportMode::Radiance) else {
@@ -373,7 +499,7 @@ impl PathTracer<'_> {
         path.survives(sampler)
     }
 
-    /// Light of one sampled light that the vertex scatters into the path, balanced against drawing its direction.
+    /// A sampled light, and its light that the vertex scatters into the path, balanced against drawing its direction.
     /// `medium`: the one that the path came to the vertex through.
     /// `sets`: what the vertex does not see, if rules say so.
     fn direct(
@@ -382,26 +508,22 @@ impl PathTracer<'_> {
         medium: MediumId,
         sets: Option<&ObjectSets>,
         sampler: &mut Sampler,
-    ) -> Rgb {
+    ) -> Option<(usize, Rgb)> {
         let scene = self.scene;
-        let choice = scene.selector.sample(sampler.next_1d());
+        let choice = self.selector.sample(sampler.next_1d());
         let (u, u_primitive) = (sampler.next_2d(), sampler.next_1d());
-        let Some(choice) = choice else {
-            return Rgb::ZERO;
-        };
+        let choice = choice?;
         let hidden = sets.map_or(HiddenSet::default(), |sets| sets.shadow);
         if self.hides_light(hidden, choice.light) {
-            return Rgb::ZERO;
+            return None;
         }
         let light = &scene.lights()[choice.light];
         let sample = light.sample_direct(scene.objects(), vertex.point(), u, u_primitive);
-        let Some(direct) = sample else {
-            return Rgb::ZERO;
-        };
+        let direct = sample?;
         let scattering = vertex.towards(direct.wi);
         let radiance = scattering.value * direct.weight;
         if radiance == Rgb::ZERO {
-            return Rgb::ZERO;
+            return None;
         }
         let own = self.rules().filter(|_| sets.is_some());
         let own = own.map_or(HiddenSet::default(), |r| r.shadow_of_light[choice.light]);
@@ -421,7 +543,7 @@ impl PathTracer<'_> {
             } => {
                 let crosses = hit.ng.dot(direct.wi) * hit.ng.dot(frame.to_world(*local_wo)) < 0.0;
                 if sets.is_some_and(|sets| self.is_unlit(sets, crosses, choice.light)) {
-                    return Rgb::ZERO;
+                    return None;
                 }
                 let beyond = || scene.medium_beyond(hit, direct.wi, medium);
                 let medium = if crosses { beyond() } else { medium };
@@ -436,17 +558,16 @@ impl PathTracer<'_> {
             }
         };
         let unshadowing = scene.unshadowing[choice.light];
-        match scene.unoccluded(
+        let transmittance = scene.unoccluded(
             ray,
             direct.distance,
             medium,
             unshadowing,
             |object| self.hides(hidden, object) || self.hides(own, object),
             sampler,
-        ) {
-            Some(transmittance) => radiance * transmittance * (weight / choice.pmf),
-            None => Rgb::ZERO,
-        }
+        )?;
+        let radiance = radiance * transmittance * (weight / choice.pmf);
+        Some((choice.light, radiance))
     }
 }
 
@@ -493,7 +614,13 @@ impl Vertex<'_> {
     }
 }
 
-impl Path {
+impl Path<'_> {
+    /// Radiance at the film that comes from a light.
+    fn add(&mut self, light: usize, radiance: Rgb) {
+        self.radiance += radiance;
+        self.record.add(self.part, light, radiance);
+    }
+
     /// Russian roulette after a scattering: the path goes on with the probability of its throughput, which then is 1.
     fn survives(&mut self, sampler: &mut Sampler) -> bool {
         self.depth = self.depth.saturating_add(1);
@@ -509,5 +636,15 @@ impl Path {
         }
         self.beta /= q;
         sampler.next_1d() < q
+    }
+}
+
+impl Part {
+    /// What light is that comes with one scattering more.
+    fn further(self) -> Self {
+        match self {
+            Self::Direct => Self::Surface,
+            part => part,
+        }
     }
 }

@@ -5,6 +5,7 @@
 //! goes on passing; when it is changed, the significance says what to expect of the new draw.
 
 pub mod chi2;
+pub mod differential;
 pub mod furnace;
 pub mod fuzz;
 pub mod hard_cases;
@@ -12,6 +13,7 @@ pub mod mitsuba;
 pub mod path_tracer;
 pub mod point_in_fog;
 pub mod quadrature;
+pub mod random_scene;
 pub mod render;
 pub mod suite;
 pub mod z_test;

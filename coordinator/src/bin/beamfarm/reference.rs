@@ -1,7 +1,7 @@
 //! `beamfarm reference`: the ground truth of a scene, rendered in this process.
 
 use crate::failure::Failure;
-use crate::job::{ImportArgs, SettingsArgs};
+use crate::job::{Aov, ImportArgs, SettingsArgs};
 use crate::output::Output;
 use crate::progress::{self, BAR_LENGTH, ESTIMATE, LINE};
 use beamfarm_proto::VERSION;
@@ -9,9 +9,9 @@ use beamfarm_shared::exr::{ImageMeta, Maker, pixel_hash};
 use beamfarm_shared::job::{MAX_PASSES, ReferenceSettings};
 use beamfarm_shared::merge::{Average, MergeError, Node, TreeSum};
 use beamfarm_shared::plan::Scene;
-use beamfarm_shared::reference::render_sample;
+use beamfarm_shared::reference::{SampleLayers, render_sample_with_layers};
 use beamfarm_worker::signals;
-use clap::Args;
+use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
@@ -63,6 +63,10 @@ pub struct ReferenceArgs {
     #[arg(long, value_name = "S")]
     seed: Option<u64>,
 
+    /// Layers to render as well, into the same EXR. Repeat it, or separate them by commas
+    #[arg(long, value_name = "LAYER", value_enum, value_delimiter = ',')]
+    aov: Vec<SampleAov>,
+
     /// Threads [default: one per core]
     #[arg(long, value_name = "T", value_parser = clap::value_parser!(u16).range(1..))]
     threads: Option<u16>,
@@ -76,6 +80,35 @@ pub struct ReferenceArgs {
     quiet: bool,
 }
 
+/// What `--aov` takes.
+#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+#[value(rename_all = "snake_case")]
+enum SampleAov {
+    /// R, G, B: lights that are seen, and surfaces that are lit straight by lights
+    Direct,
+    /// R, G, B: all other light of surfaces. The beauty is direct + surface + volume
+    Surface,
+    /// R, G, B: light that media scatter towards the camera
+    Volume,
+    /// light_NAME.R, G, B for each group of lights: what comes from it. The beauty is their sum
+    Lights,
+    /// All of them
+    All,
+}
+
+impl SampleAov {
+    /// The same layers of passes.
+    fn of_passes(self) -> Vec<Aov> {
+        match self {
+            Self::Direct => vec![Aov::Direct],
+            Self::Surface => vec![Aov::Surface],
+            Self::Volume => vec![Aov::Volume],
+            Self::Lights => vec![Aov::Lights],
+            Self::All => vec![Aov::Direct, Aov::Surface, Aov::Volume, Aov::Lights],
+        }
+    }
+}
+
 pub fn main(args: ReferenceArgs) -> Result<(), Failure> {
     let loaded = SettingsArgs {
         scene: args.scene.clone(),
@@ -84,7 +117,7 @@ pub fn main(args: ReferenceArgs) -> Result<(), Failure> {
         seed: args.seed,
         alpha: None,
         budget: None,
-        aov: Vec::new(),
+        aov: args.aov.iter().flat_map(|aov| aov.of_passes()).collect(),
     }
     .load()?;
     let photon_rules = &loaded.description.photon_rules;
@@ -118,9 +151,11 @@ pub fn main(args: ReferenceArgs) -> Result<(), Failure> {
     let pool = pool.map_err(Failure::io)?;
 
     let scene = pool.install(|| Scene::new(loaded.description));
+    let layers = SampleLayers::new(&scene, &loaded.layers).map_err(Failure::usage)?;
     let started = Instant::now();
     let run = Run {
         scene: &scene,
+        layers: &layers,
         settings,
         samples: match (args.samples, args.time) {
             (Some(samples), _) => samples,
@@ -143,7 +178,7 @@ pub fn main(args: ReferenceArgs) -> Result<(), Failure> {
             maker: Maker::Reference(settings),
             render_seconds: seconds,
             version: VERSION.into(),
-            layers: Vec::new(),
+            layers: loaded.layers,
             standard_error: output.standard_error,
             drops_photons: false,
         };
@@ -192,6 +227,7 @@ fn summarise(average: &Average, output: &Output, seconds: f64) {
 /// Samples of one scene, one after another.
 struct Run<'a> {
     scene: &'a Scene,
+    layers: &'a SampleLayers,
     settings: ReferenceSettings,
     samples: u64,
     started: Instant,
@@ -203,12 +239,16 @@ impl Run<'_> {
     /// Up to the number of samples, or until it is time to stop, or a sample is refused.
     fn samples(&self, stopped: impl Fn() -> bool + Sync) -> (TreeSum, Option<MergeError>) {
         let camera = &self.scene.description().camera;
-        let mut sum = TreeSum::new(camera.width, camera.height);
+        let count = self.layers.count();
+        let mut sum = TreeSum::new(camera.width, camera.height).with_layers(count);
         let mut shown = Shown::default();
         for sample in 0..self.samples {
-            let film = render_sample(self.scene, &self.settings, sample, || !stopped());
-            let Some(film) = film else { break };
-            if let Err(error) = sum.insert(Node::leaf(sample, film)) {
+            let goes_on = || !stopped();
+            let (settings, layers) = (&self.settings, self.layers);
+            let image = render_sample_with_layers(self.scene, settings, layers, sample, goes_on);
+            let Some(image) = image else { break };
+            let leaf = Node::leaf(sample, image.film).with_layers(image.layers);
+            if let Err(error) = sum.insert(leaf) {
                 return (sum, Some(error));
             }
             if !self.quiet {

@@ -1,0 +1,186 @@
+//! Passes against the path tracer: on one scene, and on thousands.
+//!
+//! Both make as many independent images; their means are compared over the whole, over blocks of 8 x 8 pixels, and for each
+//! part of the light. Tails are heavy, so what differs is rendered four times as long with other random numbers before it
+//! counts. What still differs is looked at with much smaller radii: a bias of kernels goes away with them, a fault does not.
+
+pub mod bias;
+pub mod images;
+pub mod many;
+pub mod outliers;
+pub mod shrink;
+
+use beamfarm_shared::plan::Scene;
+use bias::{Allowance, Difference, SHRINKING, STRICT, differences};
+use images::{Draws, Images, part_names};
+use outliers::{Outliers, outliers};
+use std::fmt;
+
+/// How long to look.
+#[derive(Clone, Copy, Debug)]
+pub struct Effort {
+    /// Passes, and images of the path tracer.
+    pub images: u64,
+    /// Samples of the path tracer in an image.
+    pub samples: u64,
+    /// Probability of calling a right scene wrong, if images are normally distributed.
+    pub significance: f64,
+}
+
+/// First pass of those that are compared. Half of the first pass's radii, about.
+const EARLY: u64 = 128;
+/// First pass of those that have small radii.
+const LATE: u64 = 8192;
+/// How much longer what differs is rendered.
+const LONGER: u64 = 4;
+
+/// What became of a scene.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Verdict {
+    /// No difference.
+    Right,
+    /// There was one, but not in the longer renders.
+    Noise,
+    /// A bias that goes away with the radii, and is as small as it may be with those of the first passes.
+    Shrinks(Difference),
+    /// One side is too dark, by what comes in few images alone: nobody knows.
+    Unknown(Difference),
+    /// The means differ.
+    Biased {
+        /// With the radii of the first passes.
+        early: Difference,
+        /// With much smaller ones; none where they do not differ any more.
+        late: Option<Difference>,
+        /// How many there are.
+        count: usize,
+    },
+    /// A few pixels hold most of an error that is too large.
+    Fireflies(Outliers),
+}
+
+impl Verdict {
+    /// Whether it is a fault of the passes.
+    pub fn is_fault(&self) -> bool {
+        matches!(self, Self::Biased { .. } | Self::Fireflies(_))
+    }
+
+    /// In a word.
+    pub fn word(&self) -> &'static str {
+        match self {
+            Self::Right => "right",
+            Self::Noise => "noise",
+            Self::Shrinks(_) => "shrinks",
+            Self::Unknown(_) => "unknown",
+            Self::Biased { late: None, .. } => "SLOW",
+            Self::Biased { .. } => "BIASED",
+            Self::Fireflies(_) => "FIREFLIES",
+        }
+    }
+}
+
+impl fmt::Display for Verdict {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.word())?;
+        match self {
+            Self::Right | Self::Noise => Ok(()),
+            Self::Shrinks(difference) | Self::Unknown(difference) => write!(f, ": {difference}"),
+            Self::Biased {
+                early,
+                late: None,
+                count,
+            } => {
+                write!(f, ": {early}, {count} such, none with small radii")
+            }
+            Self::Biased {
+                early,
+                late: Some(late),
+                count,
+            } => {
+                write!(f, ": {early}, {count} such; with small radii {late}")
+            }
+            Self::Fireflies(Outliers {
+                ratio,
+                pixels,
+                share,
+            }) => write!(
+                f,
+                ": {pixels} pixels hold {:.0} % of the error, {ratio:.1} times that of the path tracer",
+                100.0 * share
+            ),
+        }
+    }
+}
+
+/// Both renderers' images of a scene.
+struct Pair {
+    names: Vec<String>,
+    passes: Images,
+    reference: Images,
+}
+
+impl Pair {
+    fn new(scene: &Scene, draws: &Draws) -> Self {
+        Self {
+            names: part_names(scene),
+            passes: Images::of_passes(scene, draws),
+            reference: Images::of_reference(scene, draws),
+        }
+    }
+
+    fn differences(&self, allowance: &Allowance, significance: f64) -> Vec<Difference> {
+        let both = [&self.passes, &self.reference];
+        differences(&self.names, both, allowance, significance)
+    }
+
+    fn outliers(&self) -> Option<Outliers> {
+        outliers(&self.passes, &self.reference)
+    }
+}
+
+/// Compare the renderers on a scene. What passes the first look is not looked at again.
+pub fn examine(scene: &Scene, effort: &Effort) -> Verdict {
+    let draws = Draws {
+        seed: 1,
+        images: effort.images,
+        first_pass: EARLY,
+        samples: effort.samples,
+    };
+    let first = Pair::new(scene, &draws);
+    if first.differences(&STRICT, effort.significance).is_empty() && first.outliers().is_none() {
+        return Verdict::Right;
+    }
+    let draws = Draws {
+        seed: 2,
+        images: LONGER * effort.images,
+        ..draws
+    };
+    let mut pair = Pair::new(scene, &draws);
+    let found = pair.differences(&STRICT, effort.significance);
+    let surely: Vec<&Difference> = found.iter().filter(|d| !d.is_heavy).collect();
+    let Some(early) = surely.first().copied().cloned() else {
+        return match (pair.outliers(), found.into_iter().next()) {
+            (Some(outliers), _) => Verdict::Fireflies(outliers),
+            (None, Some(difference)) => Verdict::Unknown(difference),
+            (None, None) => Verdict::Noise,
+        };
+    };
+    let large = pair.differences(&SHRINKING, effort.significance);
+    let is_large = large.iter().any(|d| !d.is_heavy);
+    pair.passes = Images::of_passes(
+        scene,
+        &Draws {
+            first_pass: LATE,
+            ..draws
+        },
+    );
+    let still = pair.differences(&STRICT, effort.significance);
+    let late = still.into_iter().find(|d| !d.is_heavy);
+    match (late, is_large) {
+        (None, false) => Verdict::Shrinks(early),
+        (late, _) => Verdict::Biased {
+            early,
+            late,
+            count: surely.len(),
+        },
+    }
+}

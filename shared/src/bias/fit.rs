@@ -63,14 +63,17 @@ impl BiasEstimate {
 /// The radius scales of some passes.
 pub(super) struct Scales {
     passes: f64,
-    /// Pairs of passes; means over them of R, and of 1 / R.
+    /// Pairs of passes that are alike; means over them of R, and of 1 / R.
     pairs: f64,
     pair_mean: f64,
     pair_inverse: f64,
+    /// The other pairs; sums over them of differences of R^p.
+    unlike: f64,
+    steps: [f64; BIAS_EXPONENTS.len()],
     sums: [f64; EXPONENTS.len()],
 }
 
-/// The variance of a pass is flat + kernel / R.
+/// The variance of a pass is in proportion to flat + kernel / R, which is one on average.
 #[derive(Clone, Copy)]
 struct Noise {
     flat: f64,
@@ -87,12 +90,15 @@ struct Products {
 
 impl Scales {
     pub fn new(sums: &RadiusSums, passes: u64) -> Self {
-        let [pairs, r, inverse] = sums.pairs;
+        let [pairs, r, inverse] = sums.alike;
+        let [unlike, steps @ ..] = sums.unlike;
         Self {
             passes: passes as f64,
             pairs,
             pair_mean: r / pairs,
             pair_inverse: inverse / pairs,
+            unlike,
+            steps,
             sums: sums.scales,
         }
     }
@@ -127,7 +133,7 @@ impl Scales {
 
     /// Mean of R over pairs, each weighted by its squared difference, if there is any.
     fn noisy_scale(sums: &Sums) -> Option<f64> {
-        let [_, _, _, d2, d2_r, _] = *sums;
+        let [_, _, _, d2, d2_r, ..] = *sums;
         (d2 > 0.0).then(|| d2_r / d2)
     }
 
@@ -142,9 +148,8 @@ impl Scales {
         }
     }
 
-    /// The variance of passes; `noisy_scale` is that of many values.
+    /// How the variance of passes changes; `noisy_scale` is that of many values.
     fn noise(&self, sums: &Sums, noisy_scale: f64) -> Noise {
-        let [_, _, _, d2, ..] = *sums;
         let own = Self::noisy_scale(sums).unwrap_or(noisy_scale);
         let weight = self.pairs / (self.pairs + OWN_PAIRS);
         let noisy_scale = weight * own + (1.0 - weight) * noisy_scale;
@@ -155,14 +160,14 @@ impl Scales {
             true => 0.0,
             false => kernel.clamp(0.0, 1.0),
         };
-        let variance = d2 / (2.0 * self.pairs);
         Noise {
-            flat: variance * (1.0 - kernel),
-            kernel: variance * kernel * harmonic,
+            flat: 1.0 - kernel,
+            kernel: kernel * harmonic,
         }
     }
 
-    /// The estimate of the smallest variance among sums over passes of (alpha u + beta w) x that give one for x = R^p.
+    /// The estimate of the smallest variance among sums over passes of (alpha u + beta w) x that give one for x = R^p. Its
+    /// standard error is for noise of variance one.
     fn fit(&self, sums: &Sums, noise: Noise, exponent: f64) -> Fit {
         let [x, r_x, rr_x, ..] = sums.map(|sum| sum / self.passes);
         let (r, rr) = (self.mean(1.0), self.mean(2.0));
@@ -170,46 +175,54 @@ impl Scales {
         // Of R^p and of x with u and w.
         let (u, w) = (m(1.0) - r * m(0.0), m(2.0) - rr * m(0.0));
         let (u_x, w_x) = (r_x - r * x, rr_x - rr * x);
-        let shape = |noise: Noise| {
-            let (flat, kernel) = (self.products(0.0), self.products(-1.0));
-            let sum = |f: f64, k: f64| noise.flat * f + noise.kernel * k;
-            Products {
-                uu: sum(flat.uu, kernel.uu),
-                uw: sum(flat.uw, kernel.uw),
-                ww: sum(flat.ww, kernel.ww),
-            }
-        };
-        // Any noise will do where there is none.
-        let is_silent = noise.flat + noise.kernel <= 0.0;
-        let v = shape(match is_silent {
-            true => Noise {
-                flat: 1.0,
-                kernel: 0.0,
-            },
-            false => noise,
-        });
-        let determinant = v.uu * v.ww - v.uw * v.uw;
-        let (mut alpha, mut beta) = (v.ww * u - v.uw * w, v.uu * w - v.uw * u);
-        if determinant.is_nan() || determinant <= EQUAL * v.uu * v.ww {
+        let (flat, kernel) = (self.products(0.0), self.products(-1.0));
+        let sum = |f: f64, k: f64| noise.flat * f + noise.kernel * k;
+        let (uu, uw, ww) = (
+            sum(flat.uu, kernel.uu),
+            sum(flat.uw, kernel.uw),
+            sum(flat.ww, kernel.ww),
+        );
+        let determinant = uu * ww - uw * uw;
+        let (mut alpha, mut beta) = (ww * u - uw * w, uu * w - uw * u);
+        if determinant.is_nan() || determinant <= EQUAL * uu * ww {
             // Two scales, say: u and w are the same but for a factor.
             (alpha, beta) = (1.0, 0.0);
         }
         let gain = alpha * u + beta * w;
         let (alpha, beta) = (alpha / gain, beta / gain);
-        let variance =
-            (alpha * alpha * v.uu + 2.0 * alpha * beta * v.uw + beta * beta * v.ww) / self.passes;
+        let variance = alpha * alpha * uu + 2.0 * alpha * beta * uw + beta * beta * ww;
         Fit {
             bias: (alpha * u_x + beta * w_x) * m(0.0),
-            standard_error: match is_silent {
-                true => 0.0,
-                false => variance.max(0.0).sqrt() * m(0.0).abs(),
-            },
+            standard_error: (variance.max(0.0) / self.passes).sqrt() * m(0.0).abs(),
         }
+    }
+
+    /// Degrees of freedom of a bias over its standard error, from the sums of pairs' second and fourth powers.
+    fn freedom(&self, d2: f64, d4: f64) -> f64 {
+        if d4 <= 0.0 {
+            return self.pairs;
+        }
+        // Where a few wild pairs make most of the variance, little is known about it: there are fewer than pairs, two if
+        // there is only one such pair.
+        let known = (3.0 * d2 * d2 / d4 - 1.0).clamp(1.0, self.pairs);
+        // The bias hangs on the first passes, so it is as wild as they are: Student's distribution of the same kurtosis.
+        let pairs = self.pairs + self.unlike;
+        let pass_excess = 2.0 * (pairs * d4 / (d2 * d2) - 3.0);
+        let excess = pass_excess.max(0.0) * self.leverage();
+        known.min(4.0 + 6.0 / excess)
+    }
+
+    /// Sum over passes of u^4 over that of u^2, squared: one if one pass decides.
+    fn leverage(&self) -> f64 {
+        let [r, r2, r3, r4] = [1.0, 2.0, 3.0, 4.0].map(|e| self.mean(e));
+        let fourth = r4 - 4.0 * r * r3 + 6.0 * r * r * r2 - 3.0 * r * r * r * r;
+        let second = r2 - r * r;
+        fourth / (second * second) / self.passes
     }
 
     /// The bias of a value; `noisy_scale` is [`Self::mean_noisy_scale`] of many.
     pub fn estimate(&self, sums: &Sums, noisy_scale: f64) -> BiasEstimate {
-        let [x, _, _, d2, _, d4] = *sums;
+        let [x, _, _, d2, _, d4, d] = *sums;
         let mean = x / self.passes;
         if self.are_equal() || self.pairs == 0.0 {
             return BiasEstimate {
@@ -222,20 +235,23 @@ impl Scales {
         }
         let noise = self.noise(sums, noisy_scale);
         let mut fits = BIAS_EXPONENTS.map(|exponent| self.fit(sums, noise, exponent));
+        // The first passes count with what the best fit leaves of their differences: a firefly there is no bias.
+        let fitted = fits.iter().zip(BIAS_EXPONENTS).zip(self.steps);
+        let left = fitted.map(|((fit, p), step)| (d - fit.bias / self.mean(p) * step).abs());
+        let left = left.fold(f64::INFINITY, f64::min);
+        let (all_d2, all_d4) = (d2 + left * left, d4 + left * left * left * left);
+        let of_all = all_d2 / (2.0 * (self.pairs + self.unlike));
+        let deviation = of_all.max(d2 / (2.0 * self.pairs)).sqrt();
         // Rounding is no bias.
         let rounding = 1e-6 * mean.abs();
         for fit in &mut fits {
+            fit.standard_error *= deviation;
             if fit.bias.abs() <= rounding && fit.standard_error <= rounding {
                 fit.bias = 0.0;
             }
         }
         let (bias, standard_error) = average(&fits);
-        // Where a few wild pairs make most of the variance, little is known about it: fewer degrees of freedom than pairs,
-        // two if there is only one such pair.
-        let freedom = match d4 > 0.0 {
-            true => (3.0 * d2 * d2 / d4 - 1.0).clamp(1.0, self.pairs),
-            false => self.pairs,
-        };
+        let freedom = self.freedom(all_d2, all_d4);
         BiasEstimate {
             mean,
             bias,

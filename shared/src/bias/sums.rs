@@ -1,19 +1,20 @@
 //! What an estimate of the bias is made of: sums over passes that can be added up in any order the tree allows.
 
-use super::TILE;
+use super::{BIAS_EXPONENTS, TILE};
 use crate::film::Film;
 
 /// Exponents e of the sums of R^e over passes.
 pub(super) const EXPONENTS: [f64; 8] = [-1.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0];
 /// Sums of a tile's values, and values of a tile: the mean of its channels, then R, G and B.
-const SUMS: usize = 6;
+const SUMS: usize = 7;
 pub(super) const CHANNELS: usize = 4;
 
-/// Neighbouring passes whose radii differ by more than this part of them differ by their bias, not by noise alone.
+/// Neighbouring passes are alike if their radii differ by no more than this part of them: they differ by noise, hardly by
+/// their bias. All but the first few are.
 const ALIKE: f64 = 0.1;
 
 /// Sums over the passes of one value x of a tile: of x, R x and R^2 x; with d the difference of two neighbouring passes,
-/// over pairs of d^2, of d^2 times their mean R, and of d^4.
+/// over pairs that are alike of d^2, of d^2 times their mean R, and of d^4; over the others of d.
 pub(super) type Sums = [f64; SUMS];
 
 /// Sums over the passes of a node of the summation tree. All of them are sums over its two children, so they have the same
@@ -22,9 +23,10 @@ pub(super) type Sums = [f64; SUMS];
 pub struct RadiusSums {
     /// Sums of powers of the radius scale R.
     pub(super) scales: [f64; EXPONENTS.len()],
-    /// Number of pairs of neighbours with about the same radius, the first few left out; sums over them of the mean of R,
-    /// and of 1 / R.
-    pub(super) pairs: [f64; 3],
+    /// Number of pairs of neighbours that are alike; sums over them of the mean of R, and of 1 / R.
+    pub(super) alike: [f64; 3],
+    /// Number of the other pairs; sums over them of the differences of R^p, p as in [`BIAS_EXPONENTS`].
+    pub(super) unlike: [f64; 4],
     /// The whole image, then tiles row by row.
     pub(super) tiles: Vec<[Sums; CHANNELS]>,
 }
@@ -64,11 +66,12 @@ impl RadiusSums {
         let tile = |(sum, pixels): ([f64; 3], u32)| {
             let [red, green, blue] = sum.map(|v| v / f64::from(pixels.max(1)));
             let values = [(red + green + blue) / 3.0, red, green, blue];
-            values.map(|x| [x, r * x, r * r * x, 0.0, 0.0, 0.0])
+            values.map(|x| [x, r * x, r * r * x, 0.0, 0.0, 0.0, 0.0])
         };
         Self {
             scales: EXPONENTS.map(|e| libm::pow(r, e)),
-            pairs: [0.0; 3],
+            alike: [0.0; 3],
+            unlike: [0.0; 4],
             tiles: sums.into_iter().map(tile).collect(),
         }
     }
@@ -78,45 +81,58 @@ impl RadiusSums {
         let [left_inverse, _, left_r, ..] = self.scales;
         let [right_inverse, _, right_r, ..] = right.scales;
         let mean_r = 0.5 * (left_r + right_r);
-        let is_pair = are_leaves && (left_r - right_r).abs() <= ALIKE * mean_r;
+        let is_alike = (left_r - right_r).abs() <= ALIKE * mean_r;
         let tiles = self.tiles.iter_mut().zip(&right.tiles);
         for (l, r) in tiles.flat_map(|(l, r)| l.iter_mut().zip(r)) {
-            let d2 = (l[0] - r[0]) * (l[0] - r[0]);
+            let d = l[0] - r[0];
             for (a, b) in l.iter_mut().zip(r) {
                 *a += b;
             }
-            if is_pair {
-                (l[3], l[4], l[5]) = (d2, d2 * mean_r, d2 * d2);
+            match (are_leaves, is_alike) {
+                (false, _) => {}
+                (true, true) => (l[3], l[4], l[5]) = (d * d, d * d * mean_r, d * d * d * d),
+                (true, false) => l[6] = d,
             }
         }
-        let pairs = self.pairs.iter_mut().zip(right.pairs);
-        for (a, b) in self.scales.iter_mut().zip(right.scales).chain(pairs) {
+        let alike = self.alike.iter_mut().zip(right.alike);
+        let unlike = self.unlike.iter_mut().zip(right.unlike);
+        let scales = self.scales.iter_mut().zip(right.scales);
+        for (a, b) in scales.chain(alike).chain(unlike) {
             *a += b;
         }
-        if is_pair {
-            self.pairs = [1.0, mean_r, 0.5 * (left_inverse + right_inverse)];
+        match (are_leaves, is_alike) {
+            (false, _) => {}
+            (true, true) => self.alike = [1.0, mean_r, 0.5 * (left_inverse + right_inverse)],
+            (true, false) => {
+                let [a, b, c] =
+                    BIAS_EXPONENTS.map(|p| libm::pow(left_r, p) - libm::pow(right_r, p));
+                self.unlike = [1.0, a, b, c];
+            }
         }
     }
 
     /// Whether all values are such that passes of images of this size could have given them.
     pub fn is_sound(&self, width: u32, height: u32) -> bool {
-        let sound =
-            |sums: &Sums| sums.iter().all(|v| v.is_finite()) && sums[3..].iter().all(|v| *v >= 0.0);
+        let sound = |sums: &Sums| {
+            sums.iter().all(|v| v.is_finite()) && sums[3..6].iter().all(|v| *v >= 0.0)
+        };
         self.tiles.len() == tile_count(width, height)
             && self.tiles.iter().flatten().all(sound)
             && self.scales.iter().all(|s| s.is_finite() && *s > 0.0)
-            && self.pairs.iter().all(|s| s.is_finite() && *s >= 0.0)
+            && self.alike.iter().all(|s| s.is_finite() && *s >= 0.0)
+            && self.unlike.iter().all(|s| s.is_finite())
     }
 
     /// Length of [`Self::to_bytes`] for images of this size.
     pub fn byte_count(width: u32, height: u32) -> usize {
-        8 * (EXPONENTS.len() + 3 + SUMS * CHANNELS * tile_count(width, height))
+        8 * (EXPONENTS.len() + 7 + SUMS * CHANNELS * tile_count(width, height))
     }
 
     /// All values, little-endian.
     pub fn to_bytes(&self) -> Vec<u8> {
         let tiles = self.tiles.as_flattened().as_flattened();
-        let values = self.scales.iter().chain(&self.pairs).chain(tiles);
+        let values = self.scales.iter().chain(&self.alike).chain(&self.unlike);
+        let values = values.chain(tiles);
         values.flat_map(|v| v.to_le_bytes()).collect()
     }
 
@@ -125,12 +141,14 @@ impl RadiusSums {
         let (chunks, rest) = bytes.as_chunks();
         let values: Vec<f64> = chunks.iter().map(|c| f64::from_le_bytes(*c)).collect();
         let (scales, values) = values.split_first_chunk()?;
-        let (pairs, sums) = values.split_first_chunk()?;
+        let (alike, values) = values.split_first_chunk()?;
+        let (unlike, sums) = values.split_first_chunk()?;
         let (sums, more) = sums.as_chunks();
         let (tiles, some) = sums.as_chunks();
         (rest.is_empty() && more.is_empty() && some.is_empty()).then(|| Self {
             scales: *scales,
-            pairs: *pairs,
+            alike: *alike,
+            unlike: *unlike,
             tiles: tiles.to_vec(),
         })
     }

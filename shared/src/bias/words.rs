@@ -71,14 +71,14 @@ impl fmt::Display for Bias {
         }
         let least = 100.0 * self.least_seen();
         match self.image.finding {
-            Finding::Biased => write!(f, "bias {} of the mean radiance", self.image),
+            Finding::Biased => write!(f, "bias of the mean radiance {}", self.image),
             Finding::NotSeen => write!(
                 f,
-                "no bias seen; one of {least:.2} % of the mean radiance would be"
+                "bias of the mean radiance not seen; one of {least:.2} % would be"
             ),
             Finding::NotKnown => write!(
                 f,
-                "bias not known: one below {least:.2} % of the mean radiance would not be seen"
+                "bias of the mean radiance not known; one below {least:.2} % would not be seen"
             ),
         }
     }

@@ -113,14 +113,15 @@ impl RadiusSums {
 
     /// Whether all values are such that passes of images of this size could have given them.
     pub fn is_sound(&self, width: u32, height: u32) -> bool {
-        let sound = |sums: &Sums| {
-            sums.iter().all(|v| v.is_finite()) && sums[3..6].iter().all(|v| *v >= 0.0)
-        };
+        // No sum is minus zero.
+        let is_value = |v: &f64| v.is_finite() && (*v != 0.0 || v.is_sign_positive());
+        let is_square = |v: &f64| v.is_finite() && v.is_sign_positive();
+        let sound = |sums: &Sums| sums.iter().all(is_value) && sums[3..6].iter().all(is_square);
         self.tiles.len() == tile_count(width, height)
             && self.tiles.iter().flatten().all(sound)
             && self.scales.iter().all(|s| s.is_finite() && *s > 0.0)
-            && self.alike.iter().all(|s| s.is_finite() && *s >= 0.0)
-            && self.unlike.iter().all(|s| s.is_finite())
+            && self.alike.iter().all(is_square)
+            && self.unlike.iter().all(is_value)
     }
 
     /// Length of [`Self::to_bytes`] for images of this size.

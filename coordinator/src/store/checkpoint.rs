@@ -2,14 +2,14 @@
 //!
 //! A header (magic, format, length of the rest, BLAKE3 of the rest), then the rest; all numbers little-endian.
 
-use beamfarm_shared::bias::{RadiusSums, tile_count};
+use beamfarm_shared::bias::RadiusSums;
 use beamfarm_shared::film::Film;
 use beamfarm_shared::job::{Block, PassStats};
 use beamfarm_shared::merge::{Errors, Node, PERCENTILES, TreeSum};
 use std::io::{self, Read, Seek, SeekFrom, Write};
 
 const MAGIC: [u8; 8] = *b"BEAMSUM\n";
-const FORMAT: u32 = 2;
+const FORMAT: u32 = 3;
 const HEADER: usize = 8 + 4 + 8 + 32;
 /// Bytes that are read or written at a time.
 const BUFFER: usize = 1 << 16;
@@ -347,7 +347,7 @@ impl<R: Read> Input<R> {
         let radius_sums = match self.array()? {
             [0] => None,
             _ => {
-                let mut bytes = vec![0; 8 * (3 + 4 * tile_count(shape.width, shape.height))];
+                let mut bytes = vec![0; RadiusSums::byte_count(shape.width, shape.height)];
                 self.0.read_exact(&mut bytes)?;
                 RadiusSums::from_bytes(&bytes)
             }

@@ -24,7 +24,7 @@ pub use checkpoint::{Checkpoint, Shape};
 pub use description::{Description, Looks};
 pub use folder::{Folder, Resumed};
 pub use keeper::Keeper;
-pub use report::{Report, Stopped};
+pub use report::{BiasReport, FirefliesReport, PartBiasReport, Report, Stopped};
 
 use std::io;
 use std::path::{Path, PathBuf};

@@ -5,7 +5,7 @@ use crate::farm::Farm;
 use crate::web::heat;
 use beamfarm_proto::bytes::Bytes;
 use beamfarm_shared::error::ImageError;
-use beamfarm_shared::merge::Average;
+use beamfarm_shared::merge::{Average, Noise};
 use beamfarm_shared::png::encode_png;
 use std::sync::{Arc, Weak};
 use std::time::Duration;
@@ -27,6 +27,8 @@ pub(crate) struct Picture {
     pub average: Average,
     /// Its relative standard error; infinite for one pass.
     pub error: f64,
+    /// Where its error is.
+    pub noise: Noise,
 }
 
 /// What to show of it.
@@ -90,7 +92,12 @@ impl Pictures {
             let _job = span.entered();
             let average = farm.average()?;
             let error = average.relative_standard_error();
-            Some(Arc::new(Picture { average, error }))
+            let noise = average.noise();
+            Some(Arc::new(Picture {
+                average,
+                error,
+                noise,
+            }))
         };
         let made = tokio::task::spawn_blocking(average).await;
         let took = now.elapsed();

@@ -8,8 +8,6 @@ use beamfarm_shared::png::encode_rgb;
 /// The scale's ends: relative standard errors of 0.1 % and 100 %, in powers of ten.
 const LOW: f64 = -3.0;
 const HIGH: f64 = 0.0;
-/// Errors are relative to the mean over so many pixels each way, as in [`Average::relative_standard_error`].
-const BLOCK: usize = 8;
 /// Nuñez, Anderton, Renslow 2018, "Optimizing colormaps with consideration for color vision deficiency": cividis, at equal
 /// steps, sRGB.
 const CIVIDIS: [[u8; 3]; 9] = [
@@ -26,7 +24,8 @@ const CIVIDIS: [[u8; 3]; 9] = [
 
 /// The error's picture.
 pub(crate) fn encode(average: &Average) -> Result<Vec<u8>, ImageError> {
-    let data: Vec<u8> = squares(average)
+    let data: Vec<u8> = average
+        .squared_errors()
         .into_iter()
         .flat_map(|square| colour(square.sqrt()))
         .collect();
@@ -56,41 +55,6 @@ pub(crate) fn scale() -> Vec<(String, u32)> {
     (0..64).map(step).collect()
 }
 
-/// Squared relative standard error of each pixel, averaged over its channels. Their mean over the picture is the square of
-/// [`Average::relative_standard_error`].
-fn squares(average: &Average) -> Vec<f64> {
-    let beauty = &average.beauty.pixels;
-    let (width, height) = (
-        average.beauty.width as usize,
-        average.beauty.height as usize,
-    );
-    let values = || beauty.iter().flatten().map(|v| f64::from(*v));
-    let mean = values().map(f64::abs).sum::<f64>() / (3 * beauty.len()).max(1) as f64;
-    let mut squares = vec![0.0; beauty.len()];
-    for y0 in (0..height).step_by(BLOCK) {
-        for x0 in (0..width).step_by(BLOCK) {
-            let (x1, y1) = (width.min(x0 + BLOCK), height.min(y0 + BLOCK));
-            let pixels = || (y0..y1).flat_map(move |y| (x0..x1).map(move |x| y * width + x));
-            let count = ((x1 - x0) * (y1 - y0)) as f64;
-            let radiance: [f64; 3] = std::array::from_fn(|c| {
-                let sum: f64 = pixels().map(|i| f64::from(beauty[i][c])).sum();
-                (sum / count).abs().max(0.1 * mean)
-            });
-            for i in pixels() {
-                let square = |c: usize| {
-                    let error = f64::from(average.standard_error.pixels[i][c]);
-                    match error == 0.0 {
-                        true => 0.0,
-                        false => error * error / (radiance[c] * radiance[c]),
-                    }
-                };
-                squares[i] = (square(0) + square(1) + square(2)) / 3.0;
-            }
-        }
-    }
-    squares
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -109,7 +73,7 @@ mod tests {
             sum.insert(Node::leaf(pass, film)).unwrap();
         }
         let average = sum.average().unwrap();
-        let squares = squares(&average);
+        let squares = average.squared_errors();
         let mean = (squares.iter().sum::<f64>() / squares.len() as f64).sqrt();
         let expected = average.relative_standard_error();
         assert!((mean / expected - 1.0).abs() < 1e-12, "{mean} {expected}");
@@ -139,7 +103,8 @@ mod tests {
         sum.insert(Node::leaf(0, Film::new(2, 1))).unwrap();
         let average = sum.average().unwrap();
         assert!(
-            squares(&average)
+            average
+                .squared_errors()
                 .iter()
                 .all(|square| *square == f64::INFINITY)
         );

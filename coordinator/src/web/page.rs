@@ -3,6 +3,7 @@
 
 use super::{Asked, EXPOSURES, Web, curve};
 use crate::farm::{End, Event, EventKind, Progress, WorkerState, WorkerView};
+use crate::watch::picture::Picture;
 use crate::watch::{Watch, unix_time};
 use askama::Template;
 use axum::http::StatusCode;
@@ -104,8 +105,8 @@ struct Page {
 /// The pieces, by the names of their places; `image` is the number of passes of the picture that there is.
 pub(super) async fn pieces(watch: &Watch) -> Vec<(&'static str, String)> {
     let picture = watch.picture().await;
-    let shown = picture.map_or(0, |picture| picture.average.passes);
-    let [state, curve, workers, failures, log] = texts(watch);
+    let shown = picture.as_ref().map_or(0, |picture| picture.average.passes);
+    let [state, curve, workers, failures, log] = texts(watch, picture.as_deref());
     vec![
         ("state", state),
         ("image", shown.to_string()),
@@ -131,9 +132,9 @@ pub(super) async fn page(web: &Web, asked: &Asked) -> Response {
         scene: job.scene.to_string(),
         width: job.width,
         height: job.height,
-        pieces: texts(watch),
+        pieces: texts(watch, picture.as_deref()),
         is_part: watch.terms().first_pass > 0,
-        shown: picture.map_or(0, |picture| picture.average.passes),
+        shown: picture.as_ref().map_or(0, |picture| picture.average.passes),
         exposure: asked.exposure(watch),
         lowest: *EXPOSURES.start(),
         highest: *EXPOSURES.end(),
@@ -147,14 +148,14 @@ pub(super) async fn page(web: &Web, asked: &Asked) -> Response {
     }
 }
 
-fn texts(watch: &Watch) -> [String; 5] {
+fn texts(watch: &Watch, picture: Option<&Picture>) -> [String; 5] {
     let progress = watch.farm().progress();
     let events = watch.farm().events(0);
     let text =
         |rendered: askama::Result<String>| rendered.unwrap_or_else(|error| error.to_string());
     let curve = curve::svg(&watch.curve());
     [
-        text(state(watch, &progress).render()),
+        text(state(watch, &progress, picture).render()),
         curve.unwrap_or_else(|| {
             "<p class=\"soft\">There is a curve as soon as the error is known at two times: from four passes on.</p>".into()
         }),
@@ -183,7 +184,7 @@ fn headline(watch: &Watch, progress: &Progress) -> Headline {
     }
 }
 
-fn state(watch: &Watch, progress: &Progress) -> StatePiece {
+fn state(watch: &Watch, progress: &Progress, picture: Option<&Picture>) -> StatePiece {
     let headline = headline(watch, progress);
     // Rounded down: nothing looks finished that is not.
     let percent = (1000.0 * watch.fraction(progress)).floor() / 10.0;
@@ -207,8 +208,9 @@ fn state(watch: &Watch, progress: &Progress) -> StatePiece {
         ("Running for", running_for(watch)),
         ("Rate", format!("{:.2} passes/s", rates.passes)),
         ("Estimated error", error),
-        ("Workers", progress.workers.to_string()),
     ];
+    facts.extend(picture.into_iter().flat_map(quality));
+    facts.push(("Workers", progress.workers.to_string()));
     if let Some(error) = watch.terms().target {
         facts.push(("Stops at", curve::percent(error)));
     }
@@ -229,6 +231,23 @@ fn state(watch: &Watch, progress: &Progress) -> StatePiece {
             .saturating_sub(progress.prefix.saturating_sub(watch.terms().first_pass)),
         facts,
     }
+}
+
+/// What more is known of the picture's error.
+fn quality(picture: &Picture) -> Vec<(&'static str, String)> {
+    let mut facts = Vec::new();
+    let Picture { average, noise, .. } = picture;
+    if let Some(median) = noise.median {
+        facts.push(("Error of lit blocks, median", curve::percent(median)));
+    }
+    if let Some(fireflies) = noise.fireflies {
+        facts.push(("Fireflies", fireflies.to_string()));
+    }
+    if let Some(bias) = &average.bias {
+        facts.push(("Bias", bias.to_string()));
+        facts.extend(bias.tiles_in_words().map(|tiles| ("Tiles", tiles)));
+    }
+    facts
 }
 
 fn running_for(watch: &Watch) -> String {

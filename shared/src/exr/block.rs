@@ -7,7 +7,7 @@
 //! can open the files: what they hold of a block's bias stands behind the last row, where no reader looks.
 
 use super::header::{self, attributes, float_channels, text};
-use crate::bias::{RadiusSums, tile_count};
+use crate::bias::RadiusSums;
 use crate::error::ImageError;
 use crate::film::Film;
 use crate::job::{Block, SceneHash};
@@ -42,8 +42,8 @@ const ALPHA: &str = "beamfarmAlpha";
 const RADIUS_SCALE: &str = "beamfarmRadiusScale";
 const VERSION: &str = "beamfarmVersion";
 
-/// No schedule comes near these bounds; within them, sums of scales, of their squares and of their inverses are finite.
-const RADIUS_SCALES: std::ops::RangeInclusive<f64> = 1e-100..=1e100;
+/// No schedule comes near these bounds; within them, sums of the scales' powers from -1 to 4 are finite.
+const RADIUS_SCALES: std::ops::RangeInclusive<f64> = 1e-50..=1e50;
 
 /// Row number and byte count in front of each row.
 const ROW_PREFIX: usize = 8;
@@ -86,7 +86,7 @@ fn row_bytes(width: u32, channels: &[Channel]) -> usize {
 fn radius_sum_bytes(width: u32, height: u32, block: Block) -> usize {
     match block.level {
         0 => 0,
-        _ => 8 * (3 + 4 * tile_count(width, height)),
+        _ => RadiusSums::byte_count(width, height),
     }
 }
 
@@ -344,7 +344,7 @@ fn decode_meta(bytes: &[u8]) -> Result<BlockMeta, ImageError> {
         alpha: double(ALPHA)?,
         radius_scale: Some(double(RADIUS_SCALE)?)
             .filter(|scale| RADIUS_SCALES.contains(scale))
-            .ok_or_else(|| bad(RADIUS_SCALE, "a scale between 1e-100 and 1e100"))?,
+            .ok_or_else(|| bad(RADIUS_SCALE, "a scale between 1e-50 and 1e50"))?,
         version: string(VERSION)?.to_owned(),
     })
 }

@@ -5,7 +5,7 @@ use crate::bias::Bias;
 use crate::film::Film;
 
 /// Pixels along the side of the blocks whose radiance errors are compared with.
-const BLOCK: usize = 8;
+pub(super) const BLOCK: usize = 8;
 
 /// Percentiles of an image's error that are known: 1 to 100.
 pub const PERCENTILES: usize = 100;
@@ -54,12 +54,13 @@ impl Average {
                 _ => (f64::from(d) / (n * pairs as f64)).sqrt() as f32,
             });
         }
+        let bias = radius_sums.and_then(|sums| sums.estimate(passes, &difference));
         Self {
             passes,
             beauty: sum,
             standard_error: difference,
             layers,
-            bias: radius_sums.map(|sums| sums.estimate(passes)),
+            bias,
         }
     }
 

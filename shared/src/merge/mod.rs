@@ -5,9 +5,11 @@
 //! rounding error grows with the logarithm of the number of passes.
 
 mod average;
+mod noise;
 mod sum;
 
 pub use average::{Average, Errors, PERCENTILES};
+pub use noise::{Fireflies, Noise};
 pub use sum::{TreeSum, next_boundary};
 
 use crate::bias::RadiusSums;

@@ -4,6 +4,7 @@ use crate::failure::Failure;
 use crate::job::{Aov, ImportArgs, SettingsArgs};
 use crate::output::Output;
 use crate::progress::{self, BAR_LENGTH, ESTIMATE, LINE};
+use crate::summary::describe_error;
 use beamfarm_proto::VERSION;
 use beamfarm_shared::exr::{ImageMeta, Maker, pixel_hash};
 use beamfarm_shared::job::{MAX_PASSES, ReferenceSettings};
@@ -217,10 +218,7 @@ fn summarise(average: &Average, output: &Output, seconds: f64) {
         "{samples} samples in {seconds:.1} s ({:.2} samples/s)",
         samples as f64 / seconds
     );
-    let error = average.relative_standard_error();
-    if error.is_finite() {
-        println!("relative standard error {:.2} %", 100.0 * error);
-    }
+    describe_error(average);
     println!("pixels {}", pixel_hash(&average.beauty));
 }
 

@@ -5,7 +5,7 @@ use crate::failure::Failure;
 use crate::job::JobArgs;
 use crate::output::Output;
 use crate::progress::si;
-use beamfarm_coordinator::store::{Report, Stopped};
+use beamfarm_coordinator::store::{BiasReport, Report, Stopped};
 use beamfarm_coordinator::{End, Farm};
 use beamfarm_proto::VERSION;
 use beamfarm_shared::exr::pixel_hash;
@@ -25,14 +25,30 @@ pub struct Summary<'a> {
 /// Say which passes an image is made of, and how good it is.
 pub fn describe(average: &Average, pass_set: &str) {
     println!("passes 0 to {}, set {pass_set}", average.passes - 1);
-    let error = average.relative_standard_error();
-    if error.is_finite() {
-        println!("relative standard error {:.2} %", 100.0 * error);
-    }
+    describe_error(average);
     if let Some(bias) = &average.bias {
         println!("{bias}");
+        if let Some(tiles) = bias.tiles_in_words() {
+            println!("{tiles}");
+        }
     }
     println!("pixels {}", pixel_hash(&average.beauty));
+}
+
+/// Say how noisy an image is, and whether few pixels make most of that.
+pub fn describe_error(average: &Average) {
+    let error = average.relative_standard_error();
+    if !error.is_finite() {
+        return;
+    }
+    let noise = average.noise();
+    let median = noise.median.map_or_else(String::new, |median| {
+        format!(", median of lit 8 x 8 blocks {:.2} %", 100.0 * median)
+    });
+    println!("relative standard error {:.2} %{median}", 100.0 * error);
+    if let Some(fireflies) = noise.fireflies {
+        println!("{fireflies}");
+    }
 }
 
 impl Summary<'_> {
@@ -117,6 +133,8 @@ impl Summary<'_> {
         let errors = average
             .map(|average| average.errors())
             .filter(|errors| errors.image.is_finite());
+        let noise = average.map(Average::noise);
+        let bias = average.and_then(|average| average.bias.as_ref());
         let workers = progress.workers_seen.iter();
         let limit = self.args.passes.or_else(|| {
             // What the target made of it is not what was asked for.
@@ -137,7 +155,10 @@ impl Summary<'_> {
             pixels: average.map(|average| pixel_hash(&average.beauty)),
             relative_standard_error: errors.map(|errors| errors.image),
             percentiles: errors.map(|errors| [50, 90, 95, 99].map(|p| errors.at(Some(p)))),
-            bias: average.and_then(|average| average.bias.as_ref().map(ToString::to_string)),
+            median_error: noise.and_then(|noise| noise.median),
+            fireflies: noise.and_then(|noise| noise.fireflies).map(Into::into),
+            bias: bias.map(ToString::to_string),
+            bias_estimate: bias.and_then(BiasReport::new),
             seconds: checkpoint.seconds,
             workers: workers.map(|worker| worker.name.clone()).collect(),
             stopped: self.stopped(),

@@ -1,0 +1,85 @@
+//! What is known of a bias, in words.
+
+use super::{Bias, Channel, Finding, MIN_PASSES, PartBias, TILE};
+use std::fmt;
+
+/// Tiles that are listed.
+const LISTED: usize = 3;
+
+impl Channel {
+    /// `red`; nothing for the mean of all.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::Mean => "",
+            Self::Red => "red",
+            Self::Green => "green",
+            Self::Blue => "blue",
+        }
+    }
+}
+
+/// `blue -1.20 % ± 0.30 %`
+impl fmt::Display for PartBias {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (channel, _) = self.clearest();
+        if channel != Channel::Mean {
+            write!(f, "{} ", channel.as_str())?;
+        }
+        let (bias, error) = self.relative();
+        write!(f, "{:+.2} % ± {:.2} %", 100.0 * bias, 100.0 * error)
+    }
+}
+
+impl Bias {
+    /// Of the tiles, unless nothing is known or the image is one.
+    pub fn tiles_in_words(&self) -> Option<String> {
+        if !self.is_known() || self.tiles.len() < 2 {
+            return None;
+        }
+        let named = self.named();
+        let count = match named.len() {
+            0 => "none".into(),
+            count => count.to_string(),
+        };
+        let mut text = format!(
+            "biased tiles of {TILE} x {TILE} pixels: {count} of {}",
+            self.tiles.len()
+        );
+        match self.unknown() {
+            0 => {}
+            unknown => text += &format!(", {unknown} not known"),
+        }
+        for (i, tile) in named.iter().take(LISTED).enumerate() {
+            let before = if i == 0 { "; worst" } else { "," };
+            text += &format!("{before} {tile} at ({}, {})", tile.x, tile.y);
+        }
+        Some(text)
+    }
+}
+
+/// Of the image as a whole.
+impl fmt::Display for Bias {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.passes < MIN_PASSES {
+            return write!(f, "bias not known: fewer than {MIN_PASSES} passes");
+        }
+        if !self.radii_differ {
+            return f.write_str("bias not known: all passes have the same radii");
+        }
+        if !self.is_known() {
+            return f.write_str("bias not known: the image is black");
+        }
+        let least = 100.0 * self.least_seen();
+        match self.image.finding {
+            Finding::Biased => write!(f, "bias of the mean radiance {}", self.image),
+            Finding::NotSeen => write!(
+                f,
+                "bias of the mean radiance not seen; one of {least:.2} % would be"
+            ),
+            Finding::NotKnown => write!(
+                f,
+                "bias of the mean radiance not known; one below {least:.2} % would not be seen"
+            ),
+        }
+    }
+}

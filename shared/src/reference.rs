@@ -534,7 +534,7 @@ impl PathTracer<'_> {
         } else {
             power_heuristic(direct.pdf * choice.pmf, scattering.pdf)
         };
-        let (ray, medium) = match vertex {
+        let ((ray, distance), medium) = match vertex {
             Vertex::Surface {
                 hit,
                 frame,
@@ -547,20 +547,20 @@ impl PathTracer<'_> {
                 }
                 let beyond = || scene.medium_beyond(hit, direct.wi, medium);
                 let medium = if crosses { beyond() } else { medium };
-                (hit.spawn_ray(direct.wi), medium)
+                (hit.ray_to(direct.wi, direct.distance), medium)
             }
             Vertex::Medium { point, .. } => {
                 let ray = Ray {
                     origin: *point,
                     dir: direct.wi,
                 };
-                (ray, medium)
+                ((ray, direct.distance), medium)
             }
         };
         let unshadowing = scene.unshadowing[choice.light];
         let transmittance = scene.unoccluded(
             ray,
-            direct.distance,
+            distance,
             medium,
             unshadowing,
             |object| self.hides(hidden, object) || self.hides(own, object),

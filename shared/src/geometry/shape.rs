@@ -145,6 +145,20 @@ impl SurfaceHit {
             dir,
         }
     }
+
+    /// A ray to the point at a `distance`, which may be infinite, in direction `dir` from the hit; and the distance of that point
+    /// from where the ray starts. Moved off the surface without being aimed afresh it would miss what is near.
+    #[inline]
+    pub fn ray_to(&self, dir: Vec3, distance: f32) -> (Ray, f32) {
+        let ray = self.spawn_ray(dir);
+        let way = self.point + dir * distance - ray.origin;
+        let length = way.length();
+        if !(length > 0.0 && length < f32::INFINITY) {
+            return (ray, distance);
+        }
+        let dir = way / length;
+        (Ray { dir, ..ray }, length)
+    }
 }
 
 /// A clearance for coordinates of magnitude `scale`.

@@ -383,7 +383,7 @@ impl<V: Sight> Pilot<'_, V> {
                 let is_environment = matches!(light.kind, LightKind::Environment(_));
                 (
                     vertex.towards(&direct, is_environment, count as f32),
-                    hit.spawn_ray(direct.wi),
+                    hit.ray_to(direct.wi, direct.distance).0,
                     medium,
                 )
             }

@@ -205,11 +205,11 @@ impl<V: Sight> CameraTracer<'_, V> {
             Seen::ByGatherRay(_) => (Start::Light(found.light), Start::Light(found.light)),
         };
         let (hidden, too) = (self.sight.from(start), self.sight.from(end));
-        let ray = x.hit.spawn_ray(found.wi);
+        let (ray, distance) = x.hit.ray_to(found.wi, found.distance);
         let medium = x.medium_towards(scene, found.wi);
         let unshadowing = scene.unshadowing[found.light];
         let hides = |object| self.sight.hides(hidden, object) || self.sight.hides(too, object);
-        match scene.unoccluded(ray, found.distance, medium, unshadowing, hides, sampler) {
+        match scene.unoccluded(ray, distance, medium, unshadowing, hides, sampler) {
             Some(tr) => found.radiance * tr,
             None => Rgb::ZERO,
         }

@@ -100,6 +100,9 @@ struct Tally {
     /// Biased by more than two standard errors, and how many of them are named.
     biased: u32,
     found: u32,
+    /// The same of those below three.
+    faint: u32,
+    faint_found: u32,
     /// By job: false ones among the named, those without a bias or with one of the other sign.
     false_share: MeanEstimate,
     /// Named tiles whose bias lies within two of its standard errors.
@@ -117,6 +120,9 @@ impl Tally {
             let estimate = tile.mean();
             self.biased += u32::from(is_biased);
             self.found += u32::from(is_biased && is_named);
+            let is_faint = is_biased && truth.abs() < 1.5 * least;
+            self.faint += u32::from(is_faint);
+            self.faint_found += u32::from(is_faint && is_named);
             named += u32::from(is_named);
             wrong += u32::from(is_named && estimate.bias * truth <= 0.0);
             let off = (estimate.bias - truth).abs();
@@ -142,8 +148,9 @@ impl Tally {
         } = self;
         let covered = f64::from(*covered) / f64::from(*named);
         println!(
-            "{name}: {:.2} of {biased} named, falsely {:.3}; {covered:.2} of sizes within two standard errors",
+            "{name}: {:.2} of {biased} named, {:.2} of the faint; falsely {:.3}; {covered:.2} of sizes within two standard errors",
             self.power(),
+            f64::from(self.faint_found) / f64::from(self.faint),
             false_share.mean()
         );
         let slack = |share: f64, count: f64| 3.0 * (share * (1.0 - share) / count).sqrt();

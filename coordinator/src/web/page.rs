@@ -375,6 +375,8 @@ fn roughly(time: Duration) -> String {
 mod tests {
     use super::*;
     use beamfarm_proto::WorkerId;
+    use beamfarm_shared::film::Film;
+    use beamfarm_shared::merge::{Node, TreeSum};
 
     #[test]
     fn names_of_workers_are_text() {
@@ -424,6 +426,44 @@ mod tests {
             );
             assert!(text.contains("01:02:03"));
         }
+    }
+
+    #[test]
+    fn fireflies_and_bias_are_facts() {
+        let mut sum = TreeSum::new(64, 32);
+        for pass in 0..32u8 {
+            let scale = 1.0 / f64::from(pass + 1);
+            let mut film = Film::new(64, 32);
+            // The left tile is biased, one pixel of the right one is wild.
+            for (i, pixel) in film.pixels.iter_mut().enumerate() {
+                let noise = f32::from((pass / 2 + pass) % 2) * 0.01;
+                let bias = if i % 64 < 32 { scale as f32 } else { 0.0 };
+                *pixel = [1.0 + noise + bias; 3];
+            }
+            film.pixels[40] = [f32::from(pass % 2) * 100.0; 3];
+            let leaf = Node::leaf(pass.into(), film).with_radius_scale(scale);
+            sum.insert(leaf).unwrap();
+        }
+        let average = sum.average().unwrap();
+        let picture = Picture {
+            error: average.relative_standard_error(),
+            noise: average.noise(),
+            average,
+        };
+        let facts = quality(&picture);
+        let names: Vec<&str> = facts.iter().map(|(name, _)| *name).collect();
+        assert_eq!(
+            names,
+            ["Error of lit blocks, median", "Fireflies", "Bias", "Tiles"]
+        );
+        assert!(
+            facts[1].1.starts_with("1 pixel holds 99 % of the error"),
+            "{facts:?}"
+        );
+        assert!(
+            facts[3].1.contains("1 of 2") && facts[3].1.ends_with("at (0, 0)"),
+            "{facts:?}"
+        );
     }
 
     #[test]

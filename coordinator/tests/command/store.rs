@@ -72,6 +72,11 @@ fn a_coordinator_killed_again_and_again_ends_with_the_same_bits() {
         (&120.into(), &"complete".into())
     );
     assert!(line(&stdout, "pixels").ends_with(report["pixels"].as_str().unwrap()));
+    // What is said of the error is there for programs as well.
+    assert!(report["median_error"].as_f64().is_some_and(|e| e > 0.0));
+    assert!(line(&stdout, "relative").contains(", median of lit 8 x 8 blocks "));
+    assert_eq!(line(&stdout, "bias of"), report["bias"].as_str().unwrap());
+    assert!(report["bias_estimate"]["biased"].is_array());
     let ledger = std::fs::read_to_string(job.join("ledger.jsonl")).unwrap();
     for entry in ledger.lines() {
         let entry: serde_json::Value = serde_json::from_str(entry).unwrap();

@@ -15,6 +15,8 @@ pub struct Estimators {
     pub beams: Vec<bool>,
     /// By light: camera paths meet it behind specular surfaces as well, and photons bring no caustics of it.
     pub is_met: Vec<bool>,
+    /// Something is specular or has a lobe that is followed.
+    specular: bool,
     /// Some light's photons may come by way of specular surfaces or followed lobes.
     pub caustics: bool,
     /// Some of them from a light that no camera path meets, and by followed lobes.
@@ -39,7 +41,7 @@ impl Estimators {
     pub fn new(scene: &Scene, radii: &KernelRadii) -> Self {
         let description = scene.description();
         let rules = description.rules.as_ref();
-        let ends_at_second = rules.is_some_and(|rules| rules.touches_photons);
+        let ends_at_second = rules.is_some_and(|rules| rules.touches_photons && !rules.paths_obey);
         let is_used = |test: &dyn Fn(&Material) -> bool| {
             let mut objects = description.objects.iter();
             objects.any(|o| test(&description.materials[o.material as usize]))
@@ -66,6 +68,7 @@ impl Estimators {
         let unmet = |light: &crate::light::Light| light.kind.is_delta();
         Self {
             beams,
+            specular,
             caustics: specular && is_met.iter().any(|met| !met),
             unmet_caustics: followed && description.lights.iter().any(unmet),
             is_met,
@@ -74,9 +77,24 @@ impl Estimators {
         }
     }
 
+    /// The same with photon paths that go on from surface to surface.
+    pub fn deepened(&self) -> Self {
+        Self {
+            is_met: vec![false; self.is_met.len()],
+            caustics: self.specular,
+            deep: true,
+            ..self.clone()
+        }
+    }
+
     /// Whether beams bring all the light of some medium.
     pub fn any_beams(&self) -> bool {
         self.beams.iter().any(|beams| *beams)
+    }
+
+    /// Whether beams bring some light to media where camera paths are scattered: caustics, or what other media scatter.
+    pub fn leave_beams(&self) -> bool {
+        self.caustics || self.any_beams()
     }
 
     /// Whether camera paths may end at a surface like this one, by the photons there: narrow lobes see few of them.

@@ -8,7 +8,8 @@ const SIDE: usize = 48;
 /// Share of the points that are left out at either end of each axis: rays to the horizon say nothing about what is near.
 const OUTLIERS: f32 = 0.25;
 /// By how much less than the whole of an even distribution the rest spans; nine tenths of the whole are meant.
-const NARROWED: f32 = 0.9 / (1.0 - 2.0 * OUTLIERS);
+const NARROWED: f32 = MEANT / (1.0 - 2.0 * OUTLIERS);
+const MEANT: f32 = 0.9;
 /// Least share of rays that meet something, for only these to count.
 const ENOUGH: usize = SIDE * SIDE / 8;
 
@@ -51,11 +52,15 @@ fn seen(scene: &Scene) -> f32 {
     let size = [0, 1, 2].map(|axis| {
         let mut values: Vec<f32> = met.iter().map(|point| point[axis]).collect();
         values.sort_unstable_by(f32::total_cmp);
-        let skipped = (values.len() as f32 * OUTLIERS) as usize;
-        match values.get(skipped..values.len() - skipped) {
-            Some([first, .., last]) => (last - first) * NARROWED,
-            _ => f32::INFINITY,
-        }
+        let span = |outliers: f32| {
+            let skipped = (values.len() as f32 * outliers) as usize;
+            match values.get(skipped..values.len() - skipped) {
+                Some([first, .., last]) => last - first,
+                _ => f32::INFINITY,
+            }
+        };
+        // Walls at both ends are no even distribution.
+        (span(OUTLIERS) * NARROWED).min(span(0.5 * (1.0 - MEANT)))
     });
     0.5 * Vec3::from(size).length()
 }

@@ -437,14 +437,32 @@ impl RenderPlan {
                 smooth_ceiling: extent * SMOOTH_CEILING,
             },
         };
-        let estimators = Estimators::new(scene, &radii);
+        let mut estimators = Estimators::new(scene, &radii);
+        let mode = description.defaults.targeting;
+        let prepare =
+            |estimators: &Estimators| Targets::prepare(scene, estimators, settings.seed, mode);
+        let mut found = None;
+        if !estimators.deep && surfaces > 0 && lit {
+            let deeper = estimators.deepened();
+            if let (Some(targets), told) = prepare(&deeper)
+                && targets.outdo_paths(mode)
+            {
+                found = Some((Some(targets), told));
+                estimators = deeper;
+            }
+        }
         let by_beams = estimators.beams.iter().filter(|beams| **beams).count();
         let caustics = estimators.caustics && lit;
         let beams = lit && (by_beams > 0 || caustics && scattering > 0);
         let rules = description.rules.as_ref();
         let ruled = estimators.ends_at_second;
-        let surface_photons = surfaces > 0 && lit && (by_beams > 0 || caustics || ruled);
-        let emitters = (!ruled && by_beams == 0 && estimators.is_met.contains(&true)).then(|| {
+        let surface_photons = surfaces > 0 && lit && (estimators.deep || caustics);
+        let (targets, on_targets) = match (found, beams || surface_photons) {
+            (Some(found), _) => found,
+            (None, true) => prepare(&estimators),
+            (None, false) => (None, "no photon paths".into()),
+        };
+        let emitters = (!estimators.deep && estimators.is_met.contains(&true)).then(|| {
             LightSelector::of_some(
                 &description.lights,
                 &description.objects,
@@ -484,15 +502,6 @@ impl RenderPlan {
             .filter(|(m, beams)| **beams && is_sampled(m))
             .count();
         let closed = description.media.len() - tracked.len();
-        let (targets, on_targets) = match beams || surface_photons {
-            true => Targets::prepare(
-                scene,
-                &estimators,
-                settings.seed,
-                description.defaults.targeting,
-            ),
-            false => (None, "no photon paths".into()),
-        };
         let explanation = vec![
             (
                 "photon paths",

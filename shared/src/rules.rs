@@ -88,7 +88,7 @@ pub struct Rules {
     pub(crate) of_medium: Vec<HiddenSet>,
     /// By medium and light: nothing comes there straight from the light.
     pub(crate) unlit: Vec<bool>,
-    /// What gather rays pass.
+    /// What gather rays pass; where paths obey, also the lights that no photon comes from.
     pub(crate) gather: HiddenSet,
     /// By light: its kind, below [`MANY_KINDS`]; and by kind, the class.
     pub(crate) light_kinds: (Vec<u8>, Vec<u32>),
@@ -96,6 +96,8 @@ pub struct Rules {
     pub(crate) rules: usize,
     /// Some rule changes where photons go or what they leave.
     pub touches_photons: bool,
+    /// Photons see the same wherever they come from, what gather rays pass: camera paths can go on as photons came.
+    pub(crate) paths_obey: bool,
     /// Which rules those may be: where their lists are in the scene file.
     pub(crate) photon_places: Vec<std::ops::Range<usize>>,
 }

@@ -52,12 +52,19 @@ pub fn average(scene: &Scene) -> Average {
 /// # Panics
 /// When a pass has a pixel that is not finite.
 pub fn run(scene: &Scene, settings: JobSettings, passes: u64) -> Average {
-    let plan = RenderPlan::new(scene, settings);
-    let schedule = Schedule::new(&settings);
+    run_plan(scene, &RenderPlan::new(scene, settings), passes)
+}
+
+/// Renders so many passes of a plan.
+///
+/// # Panics
+/// When a pass has a pixel that is not finite.
+pub fn run_plan(scene: &Scene, plan: &RenderPlan, passes: u64) -> Average {
+    let schedule = Schedule::new(&plan.settings);
     let camera = &scene.description().camera;
     let mut sum = TreeSum::new(camera.width, camera.height);
     for pass_index in 0..passes {
-        let image = render_pass(scene, &plan, pass_index);
+        let image = render_pass(scene, plan, pass_index);
         let leaf = Node::leaf(pass_index, image.film);
         let inserted = sum.insert(leaf.with_radius_scale(schedule.scale(pass_index)));
         assert!(inserted.is_ok(), "{inserted:?}");

@@ -7,9 +7,9 @@ use beamfarm_shared::pass::render_pass;
 use beamfarm_shared::plan::RenderPlan;
 use beamfarm_tests::render::{average, scene};
 
-const FOG_HASH: &str = "84c97b642d29d66cc6165122f33069582c75e363c87f1052cb0fb0921a48295e";
-const SMOKE_HASH: &str = "0ac02c6a119dca20b84bc4bb4fd6afbe72ba1232a85167b5a1ff7f0705a2f9b8";
-const SURFACES_HASH: &str = "5d27630f882fa88982b050269a51ad0c5dd88b1ce33030899f555be9d6eb07df";
+const FOG_HASH: &str = "2808c0e0b9e413bfe94dbf516a6aec417448361794a1c4f186a2b739169df977";
+const SMOKE_HASH: &str = "531595f94ceb9a79f3b7e5f18a22209298bc92d950c5bcad4b0e8952b9d3f6b5";
+const SURFACES_HASH: &str = "a3cff53f5de7662a23370356c6f7cff8df84a388c29ae908a445c6dc7c9dc35a";
 
 const FOG: &str = r#"
 [image]

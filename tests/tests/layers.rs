@@ -136,7 +136,7 @@ fn the_beauty_is_the_sum_of_its_parts_and_the_same_without_them() {
         let beams: f64 = parts[6].pixels.iter().map(|p| f64::from(p[0])).sum();
         // Each pixel counts for itself; neighbours that share what they gather of scattered light find each beam once.
         let found = with.stats.beam_evaluations as f64;
-        assert!(0.3 * beams < found && found < beams, "{found} of {beams}");
+        assert!(0.3 * beams < found && found <= beams, "{found} of {beams}");
     }
 }
 

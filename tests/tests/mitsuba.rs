@@ -38,7 +38,7 @@ scenes! {
     plastic: "plastic", 64, 20_000;
     lens: "lens", 64, 10_000;
     textures: "textures", 64, 10_000;
-    shapes: "shapes", 64, 10_000;
+    shapes: "shapes", 256, 10_000;
     environment: "environment", 64, 10_000;
     fog: "fog", 64, 20_000;
     fog_hg: "fog-hg", 64, 20_000;

@@ -81,16 +81,19 @@ fn room(world: &str, ball: &str, other: &str, passes: u64) -> Scene {
     scene(&text.replace("PASSES", &passes.to_string()))
 }
 
-/// Images of the scene, media by beams or by camera paths.
-fn by(scene: &Scene, beams: bool) -> Blocks {
+/// Images of the scene, all media by beams or by camera paths, or as the plan says.
+fn by(scene: &Scene, beams: Option<bool>) -> Blocks {
     let defaults = scene.description().defaults;
     let mut settings = defaults.job_settings();
-    settings.seed += u64::from(beams);
+    settings.seed += beams.map_or(2, u64::from);
     let mut plan = RenderPlan::new(scene, settings);
-    let media = &scene.description().media;
-    plan.estimators.beams = media.iter().map(|m| beams && m.scatters()).collect();
-    plan.beams = plan.estimators.caustics || beams;
-    plan.surface_photons = plan.beams;
+    if let Some(beams) = beams {
+        let media = &scene.description().media;
+        plan.estimators.beams = media.iter().map(|m| beams && m.scatters()).collect();
+        plan.estimators.deep = beams;
+        plan.beams = plan.estimators.caustics || beams;
+        plan.surface_photons = plan.beams;
+    }
     Blocks::new(
         (0..defaults.passes).map(|i| render_pass(scene, &plan, i).film),
         8,
@@ -154,8 +157,8 @@ fn beams_and_camera_paths_find_the_same_light() {
             max_depth: None,
         };
         let truth = Blocks::new(reference_images(&scene, settings, 100, 8), 8);
-        for beams in [false, true] {
-            let name = format!("{name}, beams {beams}");
+        for beams in [Some(false), Some(true), None] {
+            let name = format!("{name}, beams {beams:?}");
             same_means(&name, &by(&scene, beams), &truth, &mut suite);
         }
     }

@@ -622,6 +622,12 @@ height = 12
 [render]
 paths = 2000
 targeting = "{targeting}"
+[world]
+medium = "haze"
+[media.haze]
+type = "homogeneous"
+sigma_t = 0.05
+albedo = 0.9
 [camera]
 origin = [0.0, 0.5, 4.0]
 target = [0.0, 0.0, 0.0]

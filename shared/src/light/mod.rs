@@ -16,6 +16,7 @@ pub use local::LocalChoice;
 pub use segment::{FogSegment, SegmentSample};
 pub use selector::{LightChoice, LightSelector};
 pub use source::LightSources;
+pub(crate) use source::MAX_WEIGHED as MANY_LIGHTS;
 
 use crate::geometry::Object;
 use crate::layer::LightGroup;

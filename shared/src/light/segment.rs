@@ -81,44 +81,32 @@ impl LightSources {
         skips: impl Fn(usize) -> bool,
     ) -> Option<SegmentSample> {
         let (light, pmf, view) = if self.sources.len() <= MAX_WEIGHED {
-            let mut total = 0.0;
-            let mut chosen = None;
-            let mut u_light = u_light;
-            let blind = if self.sources.len() > 1 { BLIND } else { 0.0 };
-            let by_power = match u_light < blind {
-                true => Some(selector.sample(u_light / blind)?.light),
-                false => {
-                    u_light = (u_light - blind) / (1.0 - blind);
-                    None
-                }
-            };
+            let mut views = [None; MAX_WEIGHED];
+            let (mut total, mut power) = (0.0, 0.0);
             for (light, source) in self.sources.iter().enumerate() {
-                if skips(light) {
-                    continue;
-                }
-                let Some(view) = source.view(segment) else {
-                    continue;
-                };
-                let weight = view.importance;
-                total += weight;
-                if let Some(by_power) = by_power {
-                    if light == by_power {
-                        chosen = Some((light, view));
-                    }
-                    continue;
-                }
-                // One of those so far, each in proportion to its weight; the number is uniform again afterwards.
-                let p = weight / total;
-                if u_light < p {
-                    u_light /= p;
-                    chosen = Some((light, view));
-                } else {
-                    u_light = (u_light - p) / (1.0 - p);
+                if !skips(light)
+                    && let Some(view) = source.view(segment)
+                {
+                    total += view.importance;
+                    power += selector.pmf(light);
+                    views[light] = Some(view);
                 }
             }
-            let (light, view) = chosen?;
-            let pmf = (1.0 - blind) * view.importance / total + blind * selector.pmf(light);
-            (light, pmf, view)
+            let mut left = u_light;
+            let mut chosen = None;
+            for (light, view) in views.into_iter().enumerate() {
+                let Some(view) = view else { continue };
+                let mut pmf = view.importance / total;
+                if power > 0.0 {
+                    pmf = (1.0 - BLIND) * pmf + BLIND * (selector.pmf(light) / power);
+                }
+                chosen = Some((light, pmf, view));
+                left -= pmf;
+                if left < 0.0 {
+                    break;
+                }
+            }
+            chosen?
         } else {
             let choice = selector.sample(u_light)?;
             if skips(choice.light) {

@@ -11,7 +11,7 @@ pub struct LightSources {
 }
 
 /// With more lights than this, they are chosen by power alone.
-pub(super) const MAX_WEIGHED: usize = 32;
+pub(crate) const MAX_WEIGHED: usize = 32;
 
 /// A light reduced to what matters for choosing: everything is evaluated afterwards.
 #[derive(Clone, Debug)]

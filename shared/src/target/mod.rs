@@ -18,7 +18,7 @@ mod pilot;
 pub use discs::Discs;
 
 use crate::estimators::Estimators;
-use crate::light::{EmissionUniforms, Light, LightSelector};
+use crate::light::{EmissionUniforms, Light, LightSelector, MANY_LIGHTS};
 use crate::math::{Ray, Vec3};
 use crate::plan::Scene;
 use crate::rules::{Ruled, Sight, Start, Unruled};
@@ -68,6 +68,8 @@ pub struct Targets {
     chosen: Option<LightSelector>,
     /// Photons that miss are dropped.
     rejects: bool,
+    /// Camera paths hardly ever see a light.
+    seldom: bool,
 }
 
 /// The targets of a light.
@@ -88,6 +90,8 @@ const MIN_PLACES: usize = 32;
 const MIN_GAIN: f64 = 8.0;
 /// The largest share of photons that may be aimed.
 const MAX_AIMED: f64 = 0.9;
+/// Share of the places where light was looked for, below which camera paths alone would be long in finding it.
+const SELDOM: f64 = 0.05;
 /// Photons by which hit rates are measured.
 const PROBES: u64 = 2048;
 /// Most photons that are started for each path.
@@ -118,7 +122,8 @@ impl Targets {
         mode: Targeting,
         sight: impl Sight,
     ) -> (Option<Self>, String) {
-        let kept = pilot::trace((scene, estimators), sight, seed);
+        let (kept, tries) = pilot::trace((scene, estimators), sight, seed);
+        let places: usize = kept.iter().map(Vec::len).sum();
         let emitters = sight.emitters(scene);
         let mut lights = Vec::with_capacity(kept.len());
         let mut found = Vec::with_capacity(kept.len());
@@ -192,8 +197,15 @@ impl Targets {
             lights,
             chosen,
             rejects,
+            seldom: (places as f64) < SELDOM * tries as f64,
         };
         (Some(targets), told)
+    }
+
+    /// Whether photons find what lights surfaces by far better than camera paths that go from surface to surface.
+    pub(crate) fn outdo_paths(&self, mode: Targeting) -> bool {
+        let is_asked = matches!(mode, Targeting::On | Targeting::Reject);
+        is_asked || self.seldom || self.chosen.is_some() && self.lights.len() > MANY_LIGHTS
     }
 
     /// The lights that photons start at, where they are not chosen by their power.

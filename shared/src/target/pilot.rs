@@ -27,15 +27,15 @@ const ROULETTE_DEPTH: u32 = 3;
 const MAX_DEPTH: u32 = 32;
 const MAX_SURVIVAL: f32 = 0.95;
 
-/// Places from which lights are seen, by light.
+/// Places from which lights are seen, by light, and at how many they were looked for.
 pub(super) fn trace(
     (scene, estimators): (&Scene, &Estimators),
     sight: impl Sight,
     seed: u64,
-) -> Vec<Vec<Place>> {
+) -> (Vec<Vec<Place>>, u64) {
     let emitters = sight.emitters(scene);
     let is_wanted = |light: &usize| {
-        emitters.pmf(*light) > 0.0 && (estimators.any_beams() || !estimators.is_met[*light])
+        emitters.pmf(*light) > 0.0 && (estimators.deep || !estimators.is_met[*light])
     };
     let lights = (0..scene.lights().len()).filter(is_wanted);
     let pilot = Pilot {
@@ -45,19 +45,23 @@ pub(super) fn trace(
         lights: lights.collect(),
     };
     let mut by_light = vec![Vec::new(); scene.lights().len()];
+    let mut tries = 0;
     for round in 0..ROUNDS {
         let paths = round * ROUND..(round + 1) * ROUND;
-        let found: Vec<Vec<(usize, Place)>> = paths
+        let found: Vec<(Found, u32)> = paths
             .into_par_iter()
             .map(|path| {
                 let mut places = Vec::new();
                 let mut sampler = Sampler::new(seed, 0, Purpose::Pilot, path);
-                pilot.path(path % 2 == 1, &mut sampler, &mut places);
-                places
+                let tries = pilot.path(path % 2 == 1, &mut sampler, &mut places);
+                (places, tries)
             })
             .collect();
-        for (light, place) in found.into_iter().flatten() {
-            by_light[light].push(place);
+        for (places, tried) in found {
+            tries += u64::from(tried);
+            for (light, place) in places {
+                by_light[light].push(place);
+            }
         }
         let most = by_light.iter().map(Vec::len).max().unwrap_or(0);
         let all: usize = by_light.iter().map(Vec::len).sum();
@@ -72,7 +76,7 @@ pub(super) fn trace(
             break;
         }
     }
-    by_light
+    (by_light, tries)
 }
 
 struct Pilot<'a, V> {
@@ -104,6 +108,8 @@ struct Path<H> {
     /// Length of its way from there.
     distance: f32,
     odd: bool,
+    /// How often lights were looked for.
+    tries: u32,
 }
 
 /// Where light may be scattered into a path.
@@ -126,7 +132,8 @@ enum Vertex<'a> {
 type Found = Vec<(usize, Place)>;
 
 impl<V: Sight> Pilot<'_, V> {
-    fn path(&self, odd: bool, sampler: &mut Sampler, out: &mut Found) {
+    /// How often lights were looked for.
+    fn path(&self, odd: bool, sampler: &mut Sampler, out: &mut Found) -> u32 {
         let scene = self.scene;
         let camera = &scene.description().camera;
         let image = sampler.next_2d() * Vec2::new(camera.width as f32, camera.height as f32);
@@ -143,6 +150,7 @@ impl<V: Sight> Pilot<'_, V> {
             from: None,
             distance: 0.0,
             odd,
+            tries: 0,
         };
         while path.depth < MAX_DEPTH && path.beta.max_element() > 0.0 {
             let hit =
@@ -163,7 +171,7 @@ impl<V: Sight> Pilot<'_, V> {
                             path.beta *= weight;
                             self.scatter_in_medium(&mut path, id, distance, sampler, out);
                             if !path.survives(sampler) {
-                                return;
+                                return path.tries;
                             }
                             continue;
                         }
@@ -174,7 +182,7 @@ impl<V: Sight> Pilot<'_, V> {
                 for &light in &scene.environments {
                     self.meet(&path, light, None, out);
                 }
-                return;
+                return path.tries;
             };
             path.distance += hit.t;
             if let Some(light) = scene.objects()[hit.object as usize].light {
@@ -190,9 +198,10 @@ impl<V: Sight> Pilot<'_, V> {
                 continue;
             }
             if !self.scatter_at_surface(&mut path, &mut hit, sampler, out) {
-                return;
+                return path.tries;
             }
         }
+        path.tries
     }
 
     /// A path has met a light.
@@ -246,6 +255,7 @@ impl<V: Sight> Pilot<'_, V> {
         let counts = path.by_beams || serves_all && !is_sampled;
         if counts {
             let vertex = Vertex::Medium { point, dir, phase };
+            path.tries += 1;
             self.connect(path, &vertex, sampler, out);
         }
         let new = phase.sample(dir, sampler.next_2d());
@@ -283,7 +293,7 @@ impl<V: Sight> Pilot<'_, V> {
             || material.has_narrow_lobe();
         let counts = path.by_beams
             || is_followed && path.scattered + path.followed > 0
-            || self.estimators.ends_at_second
+            || self.estimators.deep
                 && match path.scattered {
                     0 => false,
                     1 => !path.was_surface,
@@ -298,6 +308,7 @@ impl<V: Sight> Pilot<'_, V> {
                 wo,
                 is_specular,
             };
+            path.tries += 1;
             self.connect(path, &vertex, sampler, out);
         }
         // As photons are reflected: radiance would be compressed and expanded by refraction.

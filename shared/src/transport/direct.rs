@@ -139,8 +139,7 @@ impl<V: Sight> CameraTracer<'_, V> {
     pub(super) fn light_choice(&self, x: &Vertex, seen: Seen<V::Hidden>) -> LocalChoice<'_> {
         let by_power = match seen {
             Seen::First => self.sight.selector(self.scene, x.hit.object),
-            Seen::Later => &self.scene.selector,
-            Seen::ByGatherRay(_) => self.sight.emitters(self.scene),
+            Seen::Later | Seen::ByGatherRay(_) => self.sight.emitters(self.scene),
         };
         let sources = &self.scene.light_sources;
         sources.choice_at(x.hit.point, x.facing(), by_power)
@@ -169,7 +168,9 @@ impl<V: Sight> CameraTracer<'_, V> {
         let object = x.hit.object;
         let is_unlit = match seen {
             Seen::First => self.is_unlit(x, direct.wi, choice.light),
-            Seen::Later => false,
+            Seen::Later => self
+                .sight
+                .hides_light(self.sight.from(Start::Gather), choice.light),
             Seen::ByGatherRay(by) => {
                 let hidden = self.sight.from(Start::Light(choice.light));
                 self.sight.hides(hidden, object) || self.sight.hides_light(by, choice.light)

@@ -32,11 +32,12 @@ impl<V: Sight> CameraTracer<'_, V> {
             g: medium.phase.mean_cosine(),
         };
         let (u_light, u) = (sampler.next_1d(), sampler.next_1d());
-        let sample = scene
-            .light_sources
-            .sample(&segment, &scene.selector, u_light, u, |light| {
-                self.sight.unlit(id, light)
-            });
+        let sample =
+            scene
+                .light_sources
+                .sample(&segment, self.sight.emitters(scene), u_light, u, |light| {
+                    self.sight.unlit(id, light)
+                });
         let Some(sample) = sample else {
             return Rgb::ZERO;
         };

@@ -355,7 +355,7 @@ impl<V: Sight> CameraTracer<'_, V> {
         }
         let beta = path.beta * path.rest;
         let serves_all = self.estimators().beams[id as usize];
-        if serves_all || self.estimators().caustics {
+        if serves_all || self.estimators().leave_beams() {
             let segment = CameraSegment {
                 way: path.way,
                 ..CameraSegment::new(ray, length, beta, id)

@@ -169,7 +169,13 @@ impl<V: Sight> CameraTracer<'_, V> {
                 }
                 self.sight.selector(self.scene, x.hit.object)
             }
-            None => &self.scene.selector,
+            None if self
+                .sight
+                .hides_light(self.sight.from(Start::Gather), light) =>
+            {
+                return 0.0;
+            }
+            None => self.sight.emitters(self.scene),
         };
         let hit = normal.map(|normal| LightHit {
             normal,
@@ -193,7 +199,7 @@ impl<V: Sight> CameraTracer<'_, V> {
         out: &mut Out<'_, '_>,
     ) -> Option<f32> {
         let medium = &self.scene.media()[usize::from(id)];
-        if self.estimators().caustics && walk.wanted.indirect {
+        if self.estimators().leave_beams() && walk.wanted.indirect {
             let segment = CameraSegment {
                 part: out.record.part_or(Part::Surface),
                 ..CameraSegment::new(walk.ray, length, walk.beta, id)
@@ -272,7 +278,7 @@ impl<V: Sight> CameraTracer<'_, V> {
         let scene = self.scene;
         let phase = scene.media()[usize::from(id)].phase();
         let sources = &scene.light_sources;
-        let choice = sources.choice_at(at.origin, None, &scene.selector);
+        let choice = sources.choice_at(at.origin, None, self.sight.emitters(scene));
         let choice = choice.sample(sampler.next_1d());
         let (u, u_primitive) = (sampler.next_2d(), sampler.next_1d());
         let nothing = (Rgb::ZERO, 0);
@@ -293,6 +299,9 @@ impl<V: Sight> CameraTracer<'_, V> {
             dir: direct.wi,
         };
         let hidden = self.sight.from(Start::Gather);
+        if self.sight.hides_light(hidden, choice.light) {
+            return nothing;
+        }
         let hides = |object| self.sight.hides(hidden, object);
         let unshadowing = scene.unshadowing[choice.light];
         match scene.unoccluded(ray, direct.distance, Some(id), unshadowing, hides, sampler) {

@@ -78,43 +78,43 @@ radiance = [0.1, 0.12, 0.2]
 const RULES: [(&str, &str); 10] = [
     (
         r#"rays = ["camera"] | exclude = ["ball", "sky"]"#,
-        "24679fd5f8d5bd724ad544928569c62b29d2d03af98276178ec52cf26d45275b",
+        "639c08c07651e88c1627359c12f99395b95e0ce3184d2ed8bed68b187184e1ea",
     ),
     (
         r#"rays = ["camera"] | include = ["floor", "mirror", "box"]"#,
-        "3b73dbe66d8415f751c664ec09079a7392a6cf4374d6d263aabd68f338b5a0a9",
+        "6b760bad914634584b4445875d8545e2264d32033879f45d32418d8a8c5f4a22",
     ),
     (
         r#"on = ["mirror", "ball"] | rays = ["reflected"] | exclude = ["glass", "lamp"]"#,
-        "77785678273ffa4c8e137b584bd6f168e039869a397570ee39857b69dcd0fead",
+        "c6f43364a33b0a10ca9dd7731c7633be57f1097f9ded734feb9a70fb66da0aa0",
     ),
     (
         r#"on = ["mirror"] | rays = ["reflected"] | include = ["ball"]"#,
-        "114a5181288d3a6cf08443f2608c4e78a8299cdf7602d800cc8cd5cea6bc28c0",
+        "27ab5c31a2f91f2dc9a023971ab9236733c8e5c623b89d78de302b06ba18019b",
     ),
     (
         r#"on = ["glass"] | rays = ["refracted"] | exclude = ["floor"]"#,
-        "7ec3bc1d317d5d75b08d031836d63c66f8bc70e2511c1a2efafb455089d1c607",
+        "90a78510f0cbb8d777245a61bd760942189457a856113da370d0197e6b10c79c",
     ),
     (
         r#"rays = ["refracted"] | include = ["glass", "mirror"]"#,
-        "bffd1ce83548a728c0b0f20f0ebec4754684ae8de83ce4e4d4c30759966360fb",
+        "076058aec1bec7e25f3adac19c893ac483e46eadd973f915b3789376b0188a8c",
     ),
     (
         r#"on = ["floor"] | rays = ["shadow"] | exclude = ["lamp", "ball"]"#,
-        "487eef674b2489434797113a3bda3bf1765457dc6c13d942ef607927fd660ba2",
+        "b78745505b5402195ab827de8e42b0c1daaa77fad795fb0df35c12ceb8dc61e4",
     ),
     (
         r#"on = ["ball"] | rays = ["shadow"] | include = ["spot"]"#,
-        "3d635dfd68c7ad2b0d7efac36f1c4b905f503e488416c7899cc48b0e57193d2e",
+        "25a9208bd16ca5fd0a85925e06c1f8a99dc034fcbb675f74a9f291775096bf74",
     ),
     (
         r#"on = ["floor", "box", "spot"] | rays = ["photon"] | exclude = ["glass", "spot"]"#,
-        "a9f1eead863d413be08bcfb8db4a1abd9869871de0fcbdb55784251eb489351a",
+        "68454846da80ff221aa42e2113600665f4d6081eb6a8ad9c26d40ea061ce959c",
     ),
     (
         r#"on = ["spot", "glass", "floor"] | rays = ["photon"] | include = ["glass", "lamp"]"#,
-        "fad1053f54f27b8bfb72b9dbf18d031618ee6bb9165fa59384638e57381d0fa7",
+        "9d9a828a5bfd110f0ec09bafea4f7570d6f6197b6b222050602fc980b0c63b08",
     ),
 ];
 

@@ -217,6 +217,7 @@ impl Resolver<'_> {
             unlit: Vec::new(),
             light_kinds: self.light_kinds(&things),
             gather: nothing,
+            paths_obey: false,
             rules: clauses.len(),
             touches_photons,
             photon_places: self.photon_places(clauses, &things)?,
@@ -313,8 +314,37 @@ impl Resolver<'_> {
         // Of those as frequent, the first.
         let most = tally.iter().rev().max_by_key(|(_, count)| **count);
         let common = most.map_or_else(|| vec![0; rows.words], |(row, _)| row.clone());
-        rules.gather = rows.set(common.clone());
+        let is_passed = |class: usize| common[class / 32] >> (class % 32) & 1 == 1;
+        let everything = vec![!0; rows.words];
+        let mut whole = rules.of_object.iter().enumerate();
+        let whole = whole.find(|(number, _)| !is_passed(things.class[*number] as usize));
+        let whole = whole.map_or_else(
+            || common.clone(),
+            |(_, sets)| rows.masked(sets.photon, &everything),
+        );
+        let is_hidden = |light: usize| {
+            let class = things.class[self.objects + light] as usize;
+            whole[class / 32] >> (class % 32) & 1 == 1
+        };
+        let mut objects_obey = rules.of_object.iter().enumerate();
+        let mut lights_obey = rules.of_light.iter().enumerate();
+        rules.paths_obey = objects_obey.all(|(number, sets)| {
+            is_passed(things.class[number] as usize)
+                || rows.masked(sets.photon, &everything) == whole
+        }) && lights_obey
+            .all(|(light, set)| is_hidden(light) || rows.masked(*set, &objects) == common)
+            && (rules.of_medium.iter()).all(|set| rows.masked(*set, &everything) == whole)
+            && objects
+                .iter()
+                .zip(&whole)
+                .zip(&common)
+                .all(|((o, w), c)| o & w == *c);
+        rules.gather = rows.set(match rules.paths_obey {
+            true => whole.clone(),
+            false => common.clone(),
+        });
         let none = |row: Vec<u32>| row.iter().all(|word| *word == 0);
+        let paths_obey = rules.paths_obey;
         for (number, sets) in rules.of_object.iter_mut().enumerate() {
             let class = things.class[number] as usize;
             let is_passed = common[class / 32] >> (class % 32) & 1 == 1;
@@ -323,7 +353,11 @@ impl Resolver<'_> {
             sets.gathers = !is_passed && (knows_lights || none(rows.masked(sets.photon, &lights)));
             sets.one_ray = rows.masked(sets.shadow, &objects) == common;
             let has_gloss = has_gloss(self.material(number));
-            sets.is_glossy = has_gloss && (sets.reflected.row != 0 || sets.refracted.row != 0);
+            let differs = |set: HiddenSet| {
+                let is_like_others = paths_obey && rows.masked(set, &everything) == whole;
+                set.row != 0 && !is_like_others
+            };
+            sets.is_glossy = has_gloss && (differs(sets.reflected) || differs(sets.refracted));
         }
     }
 

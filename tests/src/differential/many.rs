@@ -4,9 +4,8 @@ use super::{Effort, Verdict, examine};
 use crate::random_scene::RandomScene;
 use std::any::Any;
 use std::collections::BTreeMap;
-use std::ops::Range;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc;
 use std::thread;
 use std::time::Instant;
@@ -68,8 +67,8 @@ fn message(panic: &(dyn Any + Send)) -> String {
 }
 
 /// Examine the scenes of all these seeds, and hand over what became of each, in order.
-pub fn examine_seeds(seeds: Range<u64>, effort: &Effort, mut each: impl FnMut(Outcome)) {
-    let next = AtomicU64::new(seeds.start);
+pub fn examine_seeds(seeds: &[u64], effort: &Effort, mut each: impl FnMut(Outcome)) {
+    let next = AtomicUsize::new(0);
     let (sender, receiver) = mpsc::channel();
     let threads = thread::available_parallelism().map_or(1, |n| n.get());
     thread::scope(|scope| {
@@ -77,10 +76,10 @@ pub fn examine_seeds(seeds: Range<u64>, effort: &Effort, mut each: impl FnMut(Ou
             let (sender, next, seeds) = (sender.clone(), &next, &seeds);
             scope.spawn(move || {
                 loop {
-                    let seed = next.fetch_add(1, Ordering::Relaxed);
-                    if !seeds.contains(&seed) {
+                    let number = next.fetch_add(1, Ordering::Relaxed);
+                    let Some(&seed) = seeds.get(number) else {
                         break;
-                    }
+                    };
                     let scene = RandomScene::new(seed);
                     let started = Instant::now();
                     let verdict = examine_alone(&scene, effort);
@@ -101,12 +100,13 @@ pub fn examine_seeds(seeds: Range<u64>, effort: &Effort, mut each: impl FnMut(Ou
         }
         drop(sender);
         let mut waiting = BTreeMap::new();
-        let mut expected = seeds.start;
+        let mut expected = seeds.iter();
+        let mut due = expected.next();
         for outcome in receiver {
             waiting.insert(outcome.seed, outcome);
-            while let Some(outcome) = waiting.remove(&expected) {
+            while let Some(outcome) = due.and_then(|seed| waiting.remove(seed)) {
                 each(outcome);
-                expected += 1;
+                due = expected.next();
             }
         }
     });

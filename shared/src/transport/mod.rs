@@ -22,7 +22,7 @@
 //! rays from the first vertex where its light matters.
 //!
 //! In a scene that has such media photons go on from vertex to vertex, for the beams that they leave, and bring more light at no
-//! cost. There a camera path *ends* at a surface y that it has flown to from far enough ([`least_flight`]) and that has no narrow
+//! cost. There a camera path *ends* at a surface y that it has flown to from far enough (`least_flight`) and that has no narrow
 //! lobe: direct light and all photons at y are all of its light. What comes to a vertex by way of S is in its photons, wherever it
 //! came from. And light that a surface y sends to the first vertex x is found by photons at x as well, balanced with the path
 //! that ends at y by the weights of `surface::gather_share`, which sum to one.
@@ -73,7 +73,7 @@ pub struct CameraTracer<'a, V> {
     pub first_odds: f32,
     /// Factor on the odds of photons on gloss against gather rays: see `gloss_odds` in `beam::trace`.
     pub gloss_odds: f32,
-    /// After a shorter flight camera paths go on, see [`least_flight`].
+    /// After a shorter flight camera paths go on, see `least_flight`.
     pub least_flight: f32,
     /// What rays see.
     pub sight: V,

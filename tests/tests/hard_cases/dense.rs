@@ -67,7 +67,8 @@ fn milk_costs_few_beams() {
     for pass_index in [0, 1000] {
         let image = render_pass(&scene, &plan, pass_index);
         assert_eq!(image.stats.non_finite, 0);
-        let beams = image.stats.beams as f64 / image.stats.paths as f64;
+        // Perhaps there are no photons at all.
+        let beams = image.stats.beams as f64 / image.stats.paths.max(1) as f64;
         assert!(beams < 60.0, "{beams} beams a path");
     }
 }

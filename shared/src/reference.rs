@@ -49,8 +49,8 @@ pub struct SampleImage {
     pub layers: Vec<Film>,
 }
 
-/// Layers of samples: those of passes that hold radiance. Light that the camera meets by way of specular surfaces alone, or
-/// that comes straight from a light to the first surface that is not specular, is [`Layer::Direct`]; where a medium comes
+/// Layers of samples: those of passes that hold radiance. Light that the camera meets by way of specular surfaces and narrow
+/// lobes alone, or that comes straight from a light to the first surface that is neither, is [`Layer::Direct`]; where a medium comes
 /// before any such surface, [`Layer::Volume`]; all else [`Layer::Surface`].
 #[derive(Clone, Debug, Default)]
 pub struct SampleLayers(LayerPlan);
@@ -187,7 +187,7 @@ struct Path<'a> {
     medium: MediumId,
     /// What the ray does not see.
     hidden: HiddenSet,
-    /// From the camera over specular surfaces only.
+    /// From the camera over specular surfaces and lobes that passes follow only.
     is_seen: bool,
     /// What light is that the path meets now.
     part: Part,
@@ -207,6 +207,8 @@ struct Path<'a> {
 struct DrawnAt {
     /// Rules decide which light comes straight from lights: it is sampled only.
     is_ruled: bool,
+    /// Lights that do not light it.
+    unlit: HiddenSet,
     /// Seen by the camera: shadow rays from here obey the rules of lights.
     is_seen: bool,
     point: Vec3,
@@ -214,6 +216,25 @@ struct DrawnAt {
     pdf: f32,
     /// From the vertex to the start of the path's ray, which may have passed boundaries since.
     distance: f32,
+}
+
+/// Rules of a vertex that the camera sees.
+#[derive(Clone, Copy)]
+struct VertexRules {
+    sets: ObjectSets,
+    /// The path follows its lobe: light comes to it as what is seen in it does.
+    is_followed: bool,
+}
+
+impl VertexRules {
+    fn is_gloss(&self) -> bool {
+        self.is_followed || self.sets.is_glossy
+    }
+
+    /// Whether lights are only sampled, since shadow rays do not see what the path does that goes on.
+    fn decides_direct_light(&self) -> bool {
+        !self.is_followed && self.sets.decides_direct_light()
+    }
 }
 
 /// A point from which light is asked for, and how it scatters.
@@ -251,17 +272,13 @@ impl PathTracer<'_> {
             .is_some_and(|rules| rules.hides(hidden, object))
     }
 
-    /// Whether gloss does not show a light.
-    fn is_unlit(&self, sets: &ObjectSets, transmitted: bool, light: usize) -> bool {
-        let hidden = match transmitted {
-            true => sets.refracted,
-            false => sets.reflected,
-        };
+    /// Whether gloss that does not see these does not show a light.
+    fn is_unlit(&self, hidden: HiddenSet, light: usize) -> bool {
         let of_shape = match self.scene.lights()[light].kind {
             LightKind::Area { object, .. } => self.hides(hidden, object),
             _ => false,
         };
-        sets.is_glossy && (of_shape || self.hides_light(hidden, light))
+        of_shape || self.hides_light(hidden, light)
     }
 
     fn links_shadows(&self, light: usize) -> bool {
@@ -370,7 +387,10 @@ impl PathTracer<'_> {
         let Some(vertex) = &path.drawn_at else {
             return 1.0;
         };
-        if vertex.is_ruled || vertex.is_seen && self.links_shadows(light) {
+        if vertex.is_ruled
+            || vertex.is_seen && self.links_shadows(light)
+            || self.hides_light(vertex.unlit, light)
+        {
             return 0.0;
         }
         let scene = self.scene;
@@ -404,6 +424,7 @@ impl PathTracer<'_> {
         let dir = phase.sample(dir, sampler.next_2d());
         path.drawn_at = Some(DrawnAt {
             is_ruled: false,
+            unlit: nothing,
             is_seen: false,
             point,
             pdf: phase.eval_directions(path.ray.dir, dir),
@@ -434,9 +455,8 @@ impl PathTracer<'_> {
         }
         let frame = Frame::from_normal(hit.ns);
         let local_wo = frame.to_local(wo);
-        let sets = self.rules().filter(|_| path.is_seen);
-        let mut sets = sets.map(|rules| rules.of_object[hit.object as usize]);
-        let is_ruled = sets.as_ref().is_some_and(ObjectSets::decides_direct_light);
+        let rules = self.rules().filter(|_| path.is_seen);
+        let mut sets = rules.map(|rules| rules.of_object[hit.object as usize]);
         if let Some(sets) = &mut sets
             && sets.is_glossy
             && let Some(lobes) = bsdf.gloss_and_base()
@@ -446,9 +466,21 @@ impl PathTracer<'_> {
             bsdf = lobes[usize::from(!sets.is_glossy)];
             path.beta *= 2.0;
         }
+        // What is seen by way of a narrow lobe, and what by a wide one, are told apart.
+        let mut is_followed = bsdf.is_followed();
+        if path.is_seen
+            && let Some((p, [narrow, wide])) = bsdf.narrow_and_wide(local_wo)
+        {
+            is_followed = sampler.next_1d() < p;
+            (bsdf, path.beta) = match is_followed {
+                true => (narrow, path.beta / p),
+                false => (wide, path.beta / (1.0 - p)),
+            };
+        }
         if !path.is_seen {
             path.part = path.part.further();
         }
+        let rules = sets.map(|sets| VertexRules { sets, is_followed });
         if !material.is_specular() {
             let vertex = Vertex::Surface {
                 hit,
@@ -457,7 +489,7 @@ impl PathTracer<'_> {
                 frame,
                 local_wo,
             };
-            let direct = self.direct(&vertex, path.medium, sets.as_ref(), sampler);
+            let direct = self.direct(&vertex, path.medium, rules.as_ref(), sampler);
             if let Some((light, radiance)) = direct {
                 path.add(light, path.beta * radiance);
             }
@@ -481,15 +513,15 @@ impl PathTracer<'_> {
             let eta = material.eta_of_crossing(hit.ng.dot(path.ray.dir) > 0.0);
             path.compression *= eta * eta;
         }
-        let follows = |sets: &ObjectSets| sample.delta || sets.is_glossy;
+        let follows = |sets: &ObjectSets| sample.delta || is_followed || sets.is_glossy;
         path.hidden = match sets.filter(follows) {
-            Some(sets) if sample.transmitted => sets.refracted,
-            Some(sets) => sets.reflected,
+            Some(sets) => sets.seen(sample.transmitted),
             None => HiddenSet::default(),
         };
-        path.is_seen &= sample.delta;
+        path.is_seen &= sample.delta || is_followed;
         path.drawn_at = (!sample.delta).then_some(DrawnAt {
-            is_ruled,
+            is_ruled: rules.is_some_and(|rules| rules.decides_direct_light()),
+            unlit: rules.map_or(HiddenSet::default(), |rules| rules.sets.shadow),
             is_seen: sets.is_some(),
             point: hit.point,
             pdf: sample.pdf,
@@ -501,19 +533,19 @@ impl PathTracer<'_> {
 
     /// A sampled light, and its light that the vertex scatters into the path, balanced against drawing its direction.
     /// `medium`: the one that the path came to the vertex through.
-    /// `sets`: what the vertex does not see, if rules say so.
+    /// `rules`: those of the vertex, if it has any.
     fn direct(
         &self,
         vertex: &Vertex,
         medium: MediumId,
-        sets: Option<&ObjectSets>,
+        rules: Option<&VertexRules>,
         sampler: &mut Sampler,
     ) -> Option<(usize, Rgb)> {
         let scene = self.scene;
         let choice = self.selector.sample(sampler.next_1d());
         let (u, u_primitive) = (sampler.next_2d(), sampler.next_1d());
         let choice = choice?;
-        let hidden = sets.map_or(HiddenSet::default(), |sets| sets.shadow);
+        let hidden = rules.map_or(HiddenSet::default(), |rules| rules.sets.shadow);
         if self.hides_light(hidden, choice.light) {
             return None;
         }
@@ -525,15 +557,16 @@ impl PathTracer<'_> {
         if radiance == Rgb::ZERO {
             return None;
         }
-        let own = self.rules().filter(|_| sets.is_some());
+        let own = self.rules().filter(|_| rules.is_some());
         let own = own.map_or(HiddenSet::default(), |r| r.shadow_of_light[choice.light]);
         let is_ruled =
-            own != HiddenSet::default() || sets.is_some_and(ObjectSets::decides_direct_light);
+            own != HiddenSet::default() || rules.is_some_and(VertexRules::decides_direct_light);
         let weight = if direct.delta || is_ruled {
             1.0
         } else {
             power_heuristic(direct.pdf * choice.pmf, scattering.pdf)
         };
+        let mut hidden = hidden;
         let ((ray, distance), medium) = match vertex {
             Vertex::Surface {
                 hit,
@@ -542,8 +575,14 @@ impl PathTracer<'_> {
                 ..
             } => {
                 let crosses = hit.ng.dot(direct.wi) * hit.ng.dot(frame.to_world(*local_wo)) < 0.0;
-                if sets.is_some_and(|sets| self.is_unlit(sets, crosses, choice.light)) {
-                    return None;
+                if let Some(rules) = rules {
+                    let seen = rules.sets.seen(crosses);
+                    if rules.is_gloss() && self.is_unlit(seen, choice.light) {
+                        return None;
+                    }
+                    if rules.is_followed {
+                        hidden = seen;
+                    }
                 }
                 let beyond = || scene.medium_beyond(hit, direct.wi, medium);
                 let medium = if crosses { beyond() } else { medium };

@@ -6,9 +6,12 @@
 //! | piece of a light path, in the notation of `transport`           | type                      | starts at           |
 //! | --------------------------------------------------------------- | ------------------------- | ------------------- |
 //! | up to E                                                         | camera                    | the camera          |
-//! | up to S, when the path goes on to E over specular surfaces only | reflected or refracted    | S                   |
-//! | L x, x being the first surface from E that is not specular      | shadow                    | x                   |
+//! | up to S, when the path goes on to E over such surfaces only     | reflected or refracted    | S                   |
+//! | L x, x being the first other surface from E                     | shadow                    | x                   |
 //! | all others: what photons bring                                  | photon                    | where light comes from |
+//!
+//! S is specular, or a lobe of low roughness that camera paths follow. What lies between a light and a rough S is seen in it, or not, by
+//! its reflected and refracted rules; but a light that its shadow rules exclude does not light it.
 //!
 //! A shadow rule that names a light among what rays start at speaks of the shadow rays to that light, wherever they start.
 //! Such light is sampled only: a ray that may meet several lights cannot obey the rules of each.
@@ -124,6 +127,14 @@ pub(crate) struct ObjectSets {
 }
 
 impl ObjectSets {
+    /// What is not seen in it, or through it.
+    pub(crate) fn seen(&self, transmitted: bool) -> HiddenSet {
+        match transmitted {
+            true => self.refracted,
+            false => self.reflected,
+        }
+    }
+
     /// Whether rules have a say in the light that comes to it straight from lights.
     pub(crate) fn decides_direct_light(&self) -> bool {
         self.shadow != HiddenSet::default() || self.is_glossy

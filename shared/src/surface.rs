@@ -21,6 +21,29 @@ pub enum Arrival {
     Surface,
 }
 
+/// By which lobes of its surface a photon is seen.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SeenBy {
+    /// By those that camera paths do not follow.
+    Wide,
+    /// By the one that they follow.
+    Followed,
+    /// By all.
+    All,
+}
+
+impl SeenBy {
+    /// Whether the lobe that paths follow, or else the others, see it.
+    #[inline]
+    pub fn sees(self, followed: bool) -> bool {
+        match self {
+            Self::Wide => !followed,
+            Self::Followed => followed,
+            Self::All => true,
+        }
+    }
+}
+
 /// A photon on a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurfacePhoton {
@@ -38,8 +61,8 @@ pub struct SurfacePhoton {
     pub arrival: Arrival,
     /// How well photons find this light, compared to gather rays: see `transport::surface`. Infinite where only photons do.
     pub odds: f32,
-    /// Seen where paths follow the surface's lobe, and nowhere else.
-    pub followed: bool,
+    /// By which lobes it is seen.
+    pub lobes: SeenBy,
     /// Group of the light that it comes from, see [`crate::parts::LayerPlan::group`].
     pub group: u16,
     /// That light's kind, see [`crate::rules::Sight::light_kind`].
@@ -201,7 +224,7 @@ mod tests {
             radius: 0.25,
             arrival: Arrival::Caustic,
             odds: f32::INFINITY,
-            followed: false,
+            lobes: SeenBy::Wide,
             group: 0,
             light_kind: 0,
         };
@@ -232,7 +255,7 @@ mod tests {
                         radius: 0.6 * sampler.next_1d(),
                         arrival: Arrival::Surface,
                         odds: f32::INFINITY,
-                        followed: false,
+                        lobes: SeenBy::Wide,
                         group: 0,
                         light_kind: 0,
                     }

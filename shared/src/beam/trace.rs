@@ -17,7 +17,7 @@ use crate::plan::{RenderPlan, Scene};
 use crate::radius::Schedule;
 use crate::rules::{Ruled, Sight, Start, Unruled};
 use crate::sampler::{Purpose, Sampler};
-use crate::surface::{Arrival, SurfacePhoton};
+use crate::surface::{Arrival, SeenBy, SurfacePhoton};
 use crate::target::{Aim, Targets};
 use crate::transport::{DEEPER_ODDS, MAX_SURVIVAL, TRAPPED_DEPTH, UNSEEN, least_flight};
 use rayon::prelude::*;
@@ -426,17 +426,24 @@ impl<V: Sight> Tracer<'_, V> {
         let of_object = self.sight.from(Start::Photon(hit.object));
         let is_specular = material.is_specular();
         let followed = material.is_followed();
-        let counts = match photon.arrival {
-            _ if is_specular => false,
-            Arrival::Direct => false,
-            Arrival::Caustic if followed => {
-                photon.is_pure && self.scene.lights()[photon.light].kind.is_delta()
-            }
-            Arrival::Caustic => self.brings_caustics(photon),
-            Arrival::Scattered => !followed,
-            Arrival::Surface => self.plan.estimators.deep && !followed,
+        let by_wide = !followed
+            && match photon.arrival {
+                Arrival::Direct => false,
+                Arrival::Caustic => self.brings_caustics(photon),
+                Arrival::Scattered => true,
+                Arrival::Surface => self.plan.estimators.deep,
+            };
+        let by_followed = photon.arrival == Arrival::Caustic
+            && photon.is_pure
+            && self.scene.lights()[photon.light].kind.is_delta()
+            && (followed || material.has_narrow_lobe());
+        let lobes = match (by_wide, by_followed) {
+            (true, true) => Some(SeenBy::All),
+            (true, false) => Some(SeenBy::Wide),
+            (false, true) => Some(SeenBy::Followed),
+            (false, false) => None,
         };
-        if counts {
+        if let Some(lobes) = lobes.filter(|_| !is_specular) {
             let radii = &self.plan.radii;
             let radius = radii.surface(&photon.footprint, self.surface_footprint);
             let probe = Probe {
@@ -461,7 +468,7 @@ impl<V: Sight> Tracer<'_, V> {
                     false if photon.odds < f32::INFINITY && photon.flown < self.least_flight => 0.0,
                     false => photon.odds,
                 },
-                followed,
+                lobes,
                 group: photon.group,
                 light_kind: self.sight.light_kind(photon.light),
             });

@@ -201,7 +201,7 @@ impl<V: Sight> CameraTracer<'_, V> {
     ) -> Rgb {
         let scene = self.scene;
         let (start, end) = match seen {
-            Seen::First => (Start::Shadow(x.hit.object), Start::ShadowOf(found.light)),
+            Seen::First => (x.shadow_start(found.wi), Start::ShadowOf(found.light)),
             Seen::Later => (Start::Gather, Start::Gather),
             Seen::ByGatherRay(_) => (Start::Light(found.light), Start::Light(found.light)),
         };

@@ -238,6 +238,7 @@ impl<V: Sight> CameraTracer<'_, V> {
                 hit: &hit,
                 medium: path.medium,
                 is_gloss: false,
+                is_followed: false,
             };
             out.record.first_surface(|| {
                 let camera = &scene.description().camera;
@@ -287,7 +288,7 @@ impl<V: Sight> CameraTracer<'_, V> {
                     }
                     return radiance;
                 }
-                vertex.is_gloss = self.sight.is_glossy(hit.object);
+                vertex.is_followed = true;
                 if beta != Rgb::ZERO {
                     radiance += self.lit_directly(&vertex, 1.0, sampler, beta, out);
                     if self.estimators().unmet_caustics {
@@ -314,16 +315,12 @@ impl<V: Sight> CameraTracer<'_, V> {
         let Some(lobe) = &path.drawn else {
             return 1.0;
         };
+        let scene = self.scene;
         let shadow = self.sight.from(Start::Shadow(lobe.object));
-        if self.scene.only_sampled(light)
+        if scene.only_sampled(light)
             || self.sight.links_shadows(light)
             || self.sight.hides_light(shadow, light)
         {
-            return 0.0;
-        }
-        let scene = self.scene;
-        if self.sight.hides_shape_of(scene, shadow, light) {
-            // Not seen by light sampling alone.
             return 0.0;
         }
         let hit = normal.map(|normal| LightHit {
@@ -349,7 +346,7 @@ impl<V: Sight> CameraTracer<'_, V> {
     ) -> Rgb {
         let properties = &self.scene.media()[id as usize];
         let ray = path.ray;
-        if path.rest == 0.0 || !properties.scatters() {
+        if path.beta == Rgb::ZERO || path.rest == 0.0 || !properties.scatters() {
             path.beta *= properties.transmittance(&ray, length, sampler);
             return Rgb::ZERO;
         }

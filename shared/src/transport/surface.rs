@@ -29,6 +29,8 @@ pub(super) struct Vertex<'a> {
     pub medium: MediumId,
     /// Gloss that obeys rules for reflected and refracted rays.
     pub is_gloss: bool,
+    /// Its BSDF is the lobe that the path follows.
+    pub is_followed: bool,
 }
 
 impl<V: Sight> CameraTracer<'_, V> {
@@ -126,7 +128,7 @@ impl<V: Sight> CameraTracer<'_, V> {
     ) -> Rgb {
         let balanced = |choice: LightChoice, direct: &DirectSample, wi: Vec3| {
             let light = choice.light;
-            let hidden = self.sight.from(Start::Shadow(x.hit.object));
+            let hidden = self.sight.from(x.shadow_start(direct.wi));
             if direct.delta
                 || self.scene.only_sampled(light)
                 || self.sight.links_shadows(light)
@@ -151,7 +153,7 @@ impl<V: Sight> CameraTracer<'_, V> {
     pub(super) fn is_unlit(&self, x: &Vertex, wi: Vec3, light: usize) -> bool {
         let shadow = self.sight.from(Start::Shadow(x.hit.object));
         self.sight.hides_light(shadow, light)
-            || self.is_glossy(x) && {
+            || (self.is_glossy(x) || x.is_followed) && {
                 let seen = self.sight.from(x.gloss_towards(wi));
                 self.sight.hides_light(seen, light)
                     || self.sight.hides_shape_of(self.scene, seen, light)
@@ -296,7 +298,6 @@ impl<V: Sight> CameraTracer<'_, V> {
         let Some(photons) = self.photons else {
             return radiance;
         };
-        let followed = x.bsdf.is_followed();
         if x.is_even() {
             // The same for all directions on the side of wo; nothing depends on the azimuth.
             let f = beta * x.value(x.local_wo, x.wo);
@@ -306,7 +307,7 @@ impl<V: Sight> CameraTracer<'_, V> {
             photons.gather(x.hit.point, x.hit.ng, |photon, kernel| {
                 count(&PHOTONS);
                 let cos = x.hit.ng.dot(photon.wi);
-                if cos * x.local_wo.z <= 0.0 || photon.followed {
+                if cos * x.local_wo.z <= 0.0 || !photon.lobes.sees(x.is_followed) {
                     return;
                 }
                 let weight = weight(photon, Vec3::new(0.0, 0.0, cos));
@@ -321,7 +322,7 @@ impl<V: Sight> CameraTracer<'_, V> {
             count(&PHOTONS);
             let wi = x.frame.to_local(photon.wi);
             let cos_g = x.hit.ng.dot(photon.wi);
-            if wi.z * cos_g <= 0.0 || photon.followed != followed {
+            if wi.z * cos_g <= 0.0 || !photon.lobes.sees(x.is_followed) {
                 return;
             }
             let f = beta * x.value(wi, photon.wi);
@@ -496,6 +497,15 @@ impl Vertex<'_> {
     pub(super) fn facing(&self) -> Option<Vec3> {
         let side = self.hit.ng.dot(self.wo).signum();
         matches!(self.bsdf, Bsdf::Diffuse { .. }).then_some(self.hit.ng * side)
+    }
+
+    /// As what a ray to a light starts: a shadow ray, but where the path goes on by the same lobe and may meet the light
+    /// as well, as that goes on.
+    pub(super) fn shadow_start(&self, wi: Vec3) -> Start {
+        match self.is_followed {
+            true => self.gloss_towards(wi),
+            false => Start::Shadow(self.hit.object),
+        }
     }
 
     /// How a ray leaves gloss.

@@ -336,6 +336,7 @@ impl<V: Sight> CameraTracer<'_, V> {
             hit,
             medium: walk.medium,
             is_gloss: false,
+            is_followed: false,
         };
         if y.bsdf.is_black() {
             return None;
@@ -345,6 +346,7 @@ impl<V: Sight> CameraTracer<'_, V> {
             true => OneLobe::followed(sampler.next_1d()),
             false => y.one_lobe(sampler.next_1d()),
         };
+        y.is_followed = lobe.is_followed;
         walk.pass(Rgb::splat(lobe.weight));
         let Estimators {
             deep,

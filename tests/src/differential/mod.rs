@@ -33,6 +33,8 @@ const EARLY: u64 = 128;
 const LATE: u64 = 8192;
 /// How much longer what differs is rendered.
 const LONGER: u64 = 4;
+/// How many more samples the path tracer gets before passes have more outliers than it has.
+const MORE_SAMPLES: u64 = 16;
 
 /// What became of a scene.
 #[derive(Clone, Debug, PartialEq)]
@@ -158,7 +160,13 @@ pub fn examine(scene: &Scene, effort: &Effort) -> Verdict {
     let found = pair.differences(&STRICT, effort.significance);
     let surely: Vec<&Difference> = found.iter().filter(|d| !d.is_heavy).collect();
     let Some(early) = surely.first().copied().cloned() else {
-        return match (pair.outliers(), found.into_iter().next()) {
+        // The path tracer has a tail as well, which few samples may not show.
+        let outliers = pair.outliers().and_then(|_| {
+            let samples = MORE_SAMPLES * effort.samples;
+            pair.reference = Images::of_reference(scene, &Draws { samples, ..draws });
+            pair.outliers()
+        });
+        return match (outliers, found.into_iter().next()) {
             (Some(outliers), _) => Verdict::Fireflies(outliers),
             (None, Some(difference)) => Verdict::Unknown(difference),
             (None, None) => Verdict::Noise,

@@ -231,13 +231,16 @@ fn inside(b: &mut Builder, spot: &Spot, pose: &Pose, medium: Option<String>) {
     }
 }
 
-/// Two cubes that share a face and stand on the ground: two media, or one and glass.
+/// Share of a cube's side that is left between two.
+const GAP: f64 = 1e-3;
+
+/// Two cubes side by side that stand on the ground, with hardly a gap between: two media, or one and glass.
 fn pair(b: &mut Builder, spot: &Spot) {
     let half = 0.5 * spot.radius;
     for side in [-1.0, 1.0] {
         let center = DVec3::new(spot.center.x + side * half, half, spot.center.z);
         let pose = Pose {
-            half: DVec3::splat(half),
+            half: DVec3::splat(half * (1.0 - GAP)),
             turn: (DVec3::Y, 0.0),
             center,
         };

@@ -3,9 +3,10 @@
 use crate::bsdf::{Bsdf, Material};
 use crate::geometry::bounds;
 use crate::light::LightKind;
-use crate::math::Vec3;
+use crate::math::{Ray, Rgb, Vec2, Vec3};
 use crate::medium::Medium;
 use crate::plan::{KernelRadii, Scene};
+use crate::warp::uniform_sphere;
 
 /// What is chosen once for a scene.
 #[derive(Clone, Debug, Default)]
@@ -13,7 +14,8 @@ pub struct Estimators {
     /// By medium: beams bring all of the light that it scatters. In the others camera paths are scattered themselves, and beams
     /// bring caustics alone.
     pub beams: Vec<bool>,
-    /// By light: camera paths meet it behind specular surfaces as well, and photons bring no caustics of it.
+    /// By light: it is all around, so that camera paths meet it behind specular surfaces as well, and photons bring no caustics
+    /// of it.
     pub is_met: Vec<bool>,
     /// Something is specular or has a lobe that is followed.
     specular: bool,
@@ -28,8 +30,12 @@ pub struct Estimators {
     pub ends_at_second: bool,
 }
 
-/// An environment whose brightest direction is at most so much brighter than the mean is met often enough by chance.
+/// An environment whose brightest direction is at most so much brighter than the mean is met often enough by chance, and so is a
+/// surface that is all around but for as much.
 const MOST_UNEVEN: f32 = 16.0;
+/// Points from which surfaces that emit are looked for, along a side of the picture, and directions from each.
+const LOOKS: usize = 4;
+const DIRECTIONS: usize = 128;
 
 /// Least free path and least size of a medium whose light beams bring, in kernel radii: in others kernels would be wider than
 /// what they blur.
@@ -46,23 +52,19 @@ impl Estimators {
             let mut objects = description.objects.iter();
             objects.any(|o| test(&description.materials[o.material as usize]))
         };
+        let mut is_met = lights_all_around(scene);
+        // Paths find light that comes from everywhere as well as beams do.
+        let any_small = is_met.contains(&false);
         let beams: Vec<bool> = (0..description.media.len())
             .map(|id| {
                 description.media[id].scatters()
-                    && (ends_at_second || suits_beams(scene, radii, id))
+                    && (ends_at_second || any_small && suits_beams(scene, radii, id))
             })
             .collect();
         let deep = ends_at_second || beams.contains(&true);
-        let is_met: Vec<bool> = description
-            .lights
-            .iter()
-            .map(|light| match &light.kind {
-                LightKind::Environment(environment) => {
-                    !deep && environment.unevenness() <= MOST_UNEVEN
-                }
-                _ => false,
-            })
-            .collect();
+        if deep {
+            is_met.fill(false);
+        }
         let followed = is_used(&|m| m.is_followed() || m.has_narrow_lobe());
         let specular = followed || is_used(&|m| m.has_delta() && !m.is_null());
         let unmet = |light: &crate::light::Light| light.kind.is_delta();
@@ -102,6 +104,62 @@ impl Estimators {
     pub fn ends_paths(&self, bsdf: &Bsdf) -> bool {
         self.ends_at_second || self.deep && !bsdf.is_glossy()
     }
+}
+
+/// By light: a path that goes on by chance often meets it, wherever it is.
+fn lights_all_around(scene: &Scene) -> Vec<bool> {
+    let camera = &scene.description().camera;
+    let objects = scene.objects();
+    let met_by = |ray: &Ray, hides: &dyn Fn(u32) -> bool| {
+        (scene.geometry).intersect(objects, ray, f32::INFINITY, hides)
+    };
+    // What the camera sees that is no light, and itself.
+    let mut points = vec![camera.position];
+    for i in 0..LOOKS * LOOKS {
+        let at = Vec2::new((i % LOOKS) as f32, (i / LOOKS) as f32) + 0.5;
+        let image = at / LOOKS as f32 * Vec2::new(camera.width as f32, camera.height as f32);
+        let ray = camera.ray(image, Vec2::splat(0.5));
+        let hit = met_by(&ray, &|o| objects[o as usize].light.is_some());
+        points.extend(hit.map(|hit| hit.point));
+    }
+    let sees = |light: usize, object: u32| {
+        let rays = points.iter().flat_map(|&origin| {
+            (0..DIRECTIONS).map(move |i| {
+                // Fibonacci's lattice.
+                let turns = i as f32 * 0.618_034;
+                let u = Vec2::new((i as f32 + 0.5) / DIRECTIONS as f32, turns.fract());
+                let dir = uniform_sphere(u);
+                Ray { origin, dir }
+            })
+        });
+        let is_lit = |ray: &Ray| {
+            let hit = met_by(ray, &|o| o != object);
+            hit.is_some_and(|hit| {
+                scene.lights()[light].radiance_area(-hit.ng.dot(ray.dir)) != Rgb::ZERO
+            })
+        };
+        rays.filter(is_lit).count()
+    };
+    let enough = (points.len() * DIRECTIONS) as f32 / MOST_UNEVEN;
+    // No more than the ball around it would be.
+    let is_large = |object: u32| {
+        let (min, max) = bounds(&objects[object as usize].shape);
+        let (center, radius) = (0.5 * (min + max), 0.5 * (max - min).length());
+        let share = |point: &Vec3| {
+            let sin = (radius / point.distance(center)).min(1.0);
+            0.5 * (1.0 - (1.0 - sin * sin).sqrt())
+        };
+        points.iter().map(share).sum::<f32>() * DIRECTIONS as f32 >= enough
+    };
+    let is_met = |(light, kind): (usize, &LightKind)| match kind {
+        LightKind::Environment(environment) => environment.unevenness() <= MOST_UNEVEN,
+        LightKind::Area { object, .. } => {
+            is_large(*object) && sees(light, *object) as f32 >= enough
+        }
+        _ => false,
+    };
+    let lights = scene.lights().iter().map(|light| &light.kind);
+    lights.enumerate().map(is_met).collect()
 }
 
 /// Whether kernels are narrow beside the medium and beside the way of light in it.

@@ -90,6 +90,8 @@ pub mod camera;
 #[cfg(feature = "render")]
 pub mod convergence;
 #[cfg(feature = "render")]
+mod crossing;
+#[cfg(feature = "render")]
 pub mod estimators;
 #[cfg(feature = "render")]
 mod extent;

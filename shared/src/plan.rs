@@ -45,6 +45,8 @@ pub struct Scene {
     pub(crate) free_paths: Vec<f32>,
     /// Whether shadow rays have to look at what they pass: boundaries of media, or surfaces that are not opaque.
     pub(crate) shadow_rays_walk: bool,
+    /// There are surfaces that are nothing but boundaries of media.
+    pub(crate) has_boundaries: bool,
 }
 
 impl Scene {
@@ -63,10 +65,10 @@ impl Scene {
             .iter()
             .map(|o| material(o).may_be_passed())
             .collect();
-        let has_null = description.objects.iter().any(|o| material(o).is_null());
+        let has_boundaries = description.objects.iter().any(|o| material(o).is_null());
         let mut materials = description.objects.iter().map(material);
-        let shadow_rays_walk =
-            materials.any(|m| m.opacity.is_some()) || (has_null && !description.media.is_empty());
+        let shadow_rays_walk = materials.any(|m| m.opacity.is_some())
+            || (has_boundaries && !description.media.is_empty());
         let unshadowing = |light: &Light| match light.kind {
             LightKind::Area { object, .. } => description.objects[object as usize]
                 .shape
@@ -103,6 +105,7 @@ impl Scene {
                 .collect(),
             free_paths: description.media.iter().map(Medium::free_path).collect(),
             shadow_rays_walk,
+            has_boundaries,
             description,
         };
         scene.camera_medium = match scene.description.camera_medium {
@@ -182,15 +185,6 @@ impl Scene {
         }
     }
 
-    /// The medium beyond a surface for a ray that crosses it in direction `dir`, coming through `current`.
-    #[inline]
-    pub(crate) fn medium_beyond(&self, hit: &SurfaceHit, dir: Vec3, current: MediumId) -> MediumId {
-        match self.objects()[hit.object as usize].boundary {
-            Some(boundary) => boundary.medium_towards(hit.ng, dir),
-            None => current,
-        }
-    }
-
     /// Transmittance of a medium along a ray over a distance.
     #[inline]
     pub(crate) fn transmittance(
@@ -239,7 +233,7 @@ impl Scene {
             .geometry
             .intersect(self.objects(), &ray, f32::INFINITY, bounds_nothing)
         {
-            Some(hit) => self.medium_beyond(&hit, -dir, None),
+            Some(hit) => self.medium_before(&hit, dir),
             None => self.description.world_medium,
         }
     }

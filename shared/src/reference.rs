@@ -308,12 +308,7 @@ impl PathTracer<'_> {
             record,
         };
         while path.beta.max_element() > 0.0 {
-            let hit =
-                scene
-                    .geometry
-                    .intersect(scene.objects(), &path.ray, f32::INFINITY, |object| {
-                        self.hides(path.hidden, object)
-                    });
+            let hit = scene.first_hit(&path.ray, |object| self.hides(path.hidden, object));
             let length = hit.as_ref().map_or(f32::INFINITY, |h| h.t);
             if let Some(id) = path.medium {
                 let medium = &scene.media()[id as usize];

@@ -201,10 +201,8 @@ impl<V: Sight> Tracer<'_, V> {
     }
 
     fn follow(&self, mut photon: Photon<V::Hidden>, sampler: &mut Sampler, out: &mut Photons) {
-        let objects = self.scene.objects();
         while photon.power.max_element() > 0.0 {
-            let geometry = &self.scene.geometry;
-            let hit = geometry.intersect(objects, &photon.ray, f32::INFINITY, |object| {
+            let hit = self.scene.first_hit(&photon.ray, |object| {
                 self.sight.hides(photon.hidden, object)
             });
             if let Some(id) = photon.medium

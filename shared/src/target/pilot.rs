@@ -153,12 +153,7 @@ impl<V: Sight> Pilot<'_, V> {
             tries: 0,
         };
         while path.depth < MAX_DEPTH && path.beta.max_element() > 0.0 {
-            let hit =
-                scene
-                    .geometry
-                    .intersect(scene.objects(), &path.ray, f32::INFINITY, |object| {
-                        self.sight.hides(path.hidden, object)
-                    });
+            let hit = scene.first_hit(&path.ray, |object| self.sight.hides(path.hidden, object));
             let length = hit.as_ref().map_or(f32::INFINITY, |h| h.t);
             if let Some(id) = path.medium {
                 let medium = &scene.media()[usize::from(id)];

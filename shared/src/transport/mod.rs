@@ -188,12 +188,7 @@ impl<V: Sight> CameraTracer<'_, V> {
         let scene = self.scene;
         let mut radiance = Rgb::ZERO;
         loop {
-            let hit =
-                scene
-                    .geometry
-                    .intersect(scene.objects(), &path.ray, f32::INFINITY, |object| {
-                        self.sight.hides(path.hidden, object)
-                    });
+            let hit = scene.first_hit(&path.ray, |object| self.sight.hides(path.hidden, object));
             if let Some(id) = path.medium {
                 let length = hit.as_ref().map_or(f32::INFINITY, |h| h.t);
                 radiance += self.cross_medium(&mut path, id, length, sampler, out);

@@ -33,11 +33,7 @@ impl<V: Sight> CameraTracer<'_, V> {
             distance: 0.0,
         };
         loop {
-            let hit = scene
-                .geometry
-                .intersect(scene.objects(), &ray, f32::INFINITY, |object| {
-                    self.sight.hides(hidden, object)
-                });
+            let hit = scene.first_hit(&ray, |object| self.sight.hides(hidden, object));
             let length = hit.as_ref().map_or(f32::INFINITY, |h| h.t);
             arrived.transmittance *= scene.transmittance(arrived.medium, &ray, length, sampler);
             arrived.distance += length;

@@ -73,12 +73,7 @@ impl<V: Sight> CameraTracer<'_, V> {
         let scene = self.scene;
         let mut radiance = Rgb::ZERO;
         while walk.beta.max_element() > 0.0 {
-            let hit =
-                scene
-                    .geometry
-                    .intersect(scene.objects(), &walk.ray, f32::INFINITY, |object| {
-                        self.sight.hides(walk.hidden, object)
-                    });
+            let hit = scene.first_hit(&walk.ray, |object| self.sight.hides(walk.hidden, object));
             if let Some(id) = walk.medium {
                 let length = hit.as_ref().map_or(f32::INFINITY, |h| h.t);
                 let scatters = self.estimators().beams.get(usize::from(id)) == Some(&false)

@@ -33,7 +33,7 @@ const EARLY: u64 = 128;
 const LATE: u64 = 8192;
 /// How much longer what differs is rendered.
 const LONGER: u64 = 4;
-/// How many more samples the path tracer gets before passes have more outliers than it has.
+/// How many more samples the path tracer gets before passes are called too bright.
 const MORE_SAMPLES: u64 = 16;
 
 /// What became of a scene.
@@ -157,16 +157,31 @@ pub fn examine(scene: &Scene, effort: &Effort) -> Verdict {
         ..draws
     };
     let mut pair = Pair::new(scene, &draws);
-    let found = pair.differences(&STRICT, effort.significance);
+    let mut found = pair.differences(&STRICT, effort.significance);
+    // The path tracer has a tail as well, which few samples may not show.
+    let first = found.iter().find(|d| !d.is_heavy);
+    let is_dark = first.map(|difference| difference.passes < difference.reference);
+    if is_dark == Some(false) || is_dark.is_none() && pair.outliers().is_some() {
+        let samples = MORE_SAMPLES * effort.samples;
+        pair.reference = Images::of_reference(scene, &Draws { samples, ..draws });
+        found = pair.differences(&STRICT, effort.significance);
+    }
+    // And so have the passes.
+    if found.iter().any(|d| !d.is_heavy && d.passes < d.reference) {
+        let images = LONGER * draws.images;
+        pair.passes = Images::of_passes(
+            scene,
+            &Draws {
+                seed: 3,
+                images,
+                ..draws
+            },
+        );
+        found = pair.differences(&STRICT, effort.significance);
+    }
     let surely: Vec<&Difference> = found.iter().filter(|d| !d.is_heavy).collect();
     let Some(early) = surely.first().copied().cloned() else {
-        // The path tracer has a tail as well, which few samples may not show.
-        let outliers = pair.outliers().and_then(|_| {
-            let samples = MORE_SAMPLES * effort.samples;
-            pair.reference = Images::of_reference(scene, &Draws { samples, ..draws });
-            pair.outliers()
-        });
-        return match (outliers, found.into_iter().next()) {
+        return match (pair.outliers(), found.into_iter().next()) {
             (Some(outliers), _) => Verdict::Fireflies(outliers),
             (None, Some(difference)) => Verdict::Unknown(difference),
             (None, None) => Verdict::Noise,

@@ -231,23 +231,23 @@ fn inside(b: &mut Builder, spot: &Spot, pose: &Pose, medium: Option<String>) {
     }
 }
 
-/// Share of a cube's side that is left between two.
-const GAP: f64 = 1e-3;
-
-/// Two cubes side by side that stand on the ground, with hardly a gap between: two media, or one and glass.
+/// Two cubes that share a face and stand on the ground: two media, or one and glass.
 fn pair(b: &mut Builder, spot: &Spot) {
     let half = 0.5 * spot.radius;
+    let mut is_glass = false;
     for side in [-1.0, 1.0] {
         let center = DVec3::new(spot.center.x + side * half, half, spot.center.z);
         let pose = Pose {
-            half: DVec3::splat(half * (1.0 - GAP)),
+            half: DVec3::splat(half),
             turn: (DVec3::Y, 0.0),
             center,
         };
         let steps = b.steps(&pose);
         let mut shape = table([("type", "cube".into()), ("transform", steps.clone())]);
         let medium = b.medium(2.0 * half, 10.0, Some(steps));
-        let material = match b.draw.chance(0.3) {
+        // Of two interfaces at one place only one would be met.
+        is_glass = !is_glass && b.draw.chance(0.3);
+        let material = match is_glass {
             true => {
                 let glass = material::glass(&mut b.draw, b.lobes);
                 b.material(glass)

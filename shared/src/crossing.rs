@@ -1,4 +1,4 @@
-//! Which surface a ray meets, and which medium is beyond it, where boundaries of media lie on other surfaces.
+//! Which surface a ray meets, and which medium is where, also where boundaries of media lie on other surfaces or cut through lights.
 //!
 //! A box of fog fills its room to the walls, two boxes stand side by side. Which of two surfaces at one place a ray meets first is then
 //! decided by rounding, and the other is not met at all, since rays start a little off the surface that they leave. So what else is
@@ -7,10 +7,23 @@
 //! that are found from lights and from the camera.
 
 use crate::geometry::SurfaceHit;
-use crate::math::{Ray, Vec3};
+use crate::light::LightKind;
+use crate::math::{Ray, Vec2, Vec3};
 use crate::medium::MediumId;
 use crate::plan::Scene;
+use crate::rules::HiddenSet;
 
+/// The medium around a light.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum LightMedium {
+    /// The same on all sides.
+    One(MediumId),
+    /// Some of the light is in one, some in another.
+    ByPlace,
+}
+
+/// Places on a light at which the medium is looked up.
+const PLACES: usize = 256;
 /// Boundaries at one place; nobody models more.
 const MOST: usize = 4;
 
@@ -83,6 +96,75 @@ impl Scene {
             next = other.map(|other| (other.object, other.ng));
         }
         all
+    }
+
+    /// The medium at a point: the first boundary seen from there says on which side of it the point lies.
+    pub fn medium_at(&self, point: Vec3) -> MediumId {
+        self.medium_without(point, |_| false)
+    }
+
+    /// As [`Self::medium_at`], if some objects were not there.
+    pub(crate) fn medium_without(&self, point: Vec3, hides: impl Fn(u32) -> bool) -> MediumId {
+        // A direction that is parallel to nothing people model.
+        let dir = Vec3::new(0.267_3, 0.872_9, 0.408_2).normalize();
+        let bounds_nothing =
+            |object: u32| self.objects()[object as usize].boundary.is_none() || hides(object);
+        let ray = Ray { origin: point, dir };
+        match self
+            .geometry
+            .intersect(self.objects(), &ray, f32::INFINITY, bounds_nothing)
+        {
+            Some(hit) => self.medium_before(&hit, dir),
+            None => self.description().world_medium,
+        }
+    }
+
+    /// The medium that photons of a light start in, at a point off its surface.
+    #[inline]
+    pub(crate) fn medium_of_light(&self, light: usize, point: Vec3) -> MediumId {
+        match self.light_media[light] {
+            LightMedium::One(medium) => medium,
+            LightMedium::ByPlace => self.medium_seen(point, self.hidden_from_light(light)),
+        }
+    }
+
+    fn hidden_from_light(&self, light: usize) -> Option<HiddenSet> {
+        let rules = self.description().rules.as_ref();
+        rules.map(|rules| rules.of_light[light])
+    }
+
+    /// The media that photons of a light start in.
+    pub(crate) fn find_light_medium(&self, light: usize) -> LightMedium {
+        let hidden = self.hidden_from_light(light);
+        let medium = match &self.lights()[light].kind {
+            LightKind::Point { position, .. } | LightKind::Spot { position, .. } => {
+                self.medium_seen(*position, hidden)
+            }
+            LightKind::Area { object, .. } => {
+                let object = &self.objects()[*object as usize];
+                if let Some(boundary) = object.boundary {
+                    return LightMedium::One(boundary.exterior);
+                }
+                let mut media = (0..PLACES).map(|i| {
+                    // Kronecker's lattice.
+                    let u = Vec2::new(i as f32 * 0.754_877_7, i as f32 * 0.569_840_3).fract();
+                    let on = object
+                        .shape
+                        .sample_area(u, (i as f32 + 0.5) / PLACES as f32);
+                    let point = on.point + on.normal * self.clearance(on.point);
+                    self.medium_seen(point, hidden)
+                });
+                let first = media.next().flatten();
+                if media.any(|other| other != first) {
+                    return LightMedium::ByPlace;
+                }
+                first
+            }
+            LightKind::Directional { .. } | LightKind::Environment(_) => {
+                self.description().world_medium
+            }
+        };
+        LightMedium::One(medium)
     }
 }
 

@@ -1,6 +1,7 @@
 //! The plan: which stages this scene needs, made once, with the reason for each.
 
 use crate::bsdf::{Material, Tilt};
+use crate::crossing::LightMedium;
 use crate::estimators::Estimators;
 use crate::footprint::Footprint;
 use crate::geometry::{Geometry, Object, SurfaceHit, bounds, clearance};
@@ -32,7 +33,7 @@ pub struct Scene {
     /// Medium that camera rays start in.
     pub(crate) camera_medium: MediumId,
     /// By light: medium that photons start in.
-    light_media: Vec<MediumId>,
+    pub(crate) light_media: Vec<LightMedium>,
     /// By light: the object that shadow rays to it pass through, because it cannot hide itself.
     pub(crate) unshadowing: Vec<Option<u32>>,
     /// Indices of the environment lights.
@@ -167,10 +168,6 @@ impl Scene {
             _ => false,
         }
     }
-    pub(crate) fn medium_of_light(&self, light: usize) -> MediumId {
-        self.light_media[light]
-    }
-
     /// How far to move a point on a light off its surface.
     pub(crate) fn clearance(&self, point: Vec3) -> f32 {
         clearance(point.abs().max_element() + self.bounds().radius)
@@ -214,52 +211,6 @@ impl Scene {
         match &self.lights()[light].kind {
             LightKind::Environment(environment) => environment.radiance(dir),
             _ => Rgb::ZERO,
-        }
-    }
-
-    /// The medium at a point: the first boundary seen from there says on which side of it the point lies.
-    pub fn medium_at(&self, point: Vec3) -> MediumId {
-        self.medium_without(point, |_| false)
-    }
-
-    /// As [`Self::medium_at`], if some objects were not there.
-    pub(crate) fn medium_without(&self, point: Vec3, hides: impl Fn(u32) -> bool) -> MediumId {
-        // A direction that is parallel to nothing people model.
-        let dir = Vec3::new(0.267_3, 0.872_9, 0.408_2).normalize();
-        let bounds_nothing =
-            |object: u32| self.objects()[object as usize].boundary.is_none() || hides(object);
-        let ray = Ray { origin: point, dir };
-        match self
-            .geometry
-            .intersect(self.objects(), &ray, f32::INFINITY, bounds_nothing)
-        {
-            Some(hit) => self.medium_before(&hit, dir),
-            None => self.description.world_medium,
-        }
-    }
-
-    /// The medium that a light's photons start in.
-    fn find_light_medium(&self, light: usize) -> MediumId {
-        let rules = self.description.rules.as_ref();
-        let hidden = rules.map(|rules| rules.of_light[light]);
-        match &self.lights()[light].kind {
-            LightKind::Point { position, .. } | LightKind::Spot { position, .. } => {
-                self.medium_seen(*position, hidden)
-            }
-            LightKind::Area { object, .. } => {
-                let object = &self.objects()[*object as usize];
-                match object.boundary {
-                    Some(boundary) => boundary.exterior,
-                    None => {
-                        let on = object.shape.sample_area(glam::Vec2::splat(0.4), 0.4);
-                        let point = on.point + on.normal * self.clearance(on.point);
-                        self.medium_seen(point, hidden)
-                    }
-                }
-            }
-            LightKind::Directional { .. } | LightKind::Environment(_) => {
-                self.description.world_medium
-            }
         }
     }
 }

@@ -252,7 +252,7 @@ impl<V: Sight> Tracer<'_, V> {
             },
             hidden: self.sight.from(Start::Light(choice.light)),
             power: emission.power / (self.paths * choice.pmf * trials as f32),
-            medium: self.scene.medium_of_light(choice.light),
+            medium: self.scene.medium_of_light(choice.light, origin),
             footprint: Footprint::new(emission.dir, radius, spread(emission.pdf_dir, paths)),
             starts_on: emission.normal,
             arrival: Arrival::Direct,

@@ -196,9 +196,10 @@ fn glass(b: &mut Builder, spot: &Spot) {
         b.medium(2.0 * pose.half.min_element(), 30.0, Some(steps))
     });
     bound(&mut shape, material, medium.as_deref(), spot);
+    let is_mesh = shape.contains_key("file");
     b.shapes.push(shape);
     // In the world's medium, glass without a medium of its own is full of it: nothing is.
-    inside(b, spot, &pose, medium.or(Some("none".into())));
+    inside(b, spot, &pose, is_mesh, medium.or(Some("none".into())));
 }
 
 /// A medium without a surface.
@@ -208,12 +209,13 @@ fn cloud(b: &mut Builder, spot: &Spot) {
     let medium = b.medium(2.0 * pose.half.min_element(), 100.0, Some(steps));
     let null = b.null();
     bound(&mut shape, null, Some(&medium), spot);
+    let is_mesh = shape.contains_key("file");
     b.shapes.push(shape);
-    inside(b, spot, &pose, Some(medium));
+    inside(b, spot, &pose, is_mesh, Some(medium));
 }
 
 /// Something in the middle of a thing, now and then.
-fn inside(b: &mut Builder, spot: &Spot, pose: &Pose, medium: Option<String>) {
+fn inside(b: &mut Builder, spot: &Spot, pose: &Pose, is_mesh: bool, medium: Option<String>) {
     let room = pose.half.min_element();
     if spot.depth >= 2 || room < 0.12 || !b.draw.chance(0.35) {
         return;
@@ -226,7 +228,12 @@ fn inside(b: &mut Builder, spot: &Spot, pose: &Pose, medium: Option<String>) {
         depth: spot.depth + 1,
     };
     match b.draw.chance(0.4) {
+        // May look out of a dented mesh, as lamps may.
         true => light::lamp(b, inner.center, inner.radius),
+        false if is_mesh => {
+            let radius = 0.45 * inner.radius;
+            body(b, &Spot { radius, ..inner });
+        }
         false => body(b, &inner),
     }
 }

@@ -89,6 +89,11 @@ impl Estimators {
         }
     }
 
+    /// Whether photons of a light are of any use.
+    pub fn brings_photons(&self, light: usize) -> bool {
+        self.deep || !self.is_met[light]
+    }
+
     /// Whether beams bring all the light of some medium.
     pub fn any_beams(&self) -> bool {
         self.beams.iter().any(|beams| *beams)

@@ -130,7 +130,7 @@ impl Targets {
         let (mut aimed, mut plain) = (Vec::new(), Vec::new());
         for (number, places) in kept.iter().enumerate() {
             let power = f64::from(emitters.pmf(number));
-            if power == 0.0 {
+            if power == 0.0 || !estimators.brings_photons(number) {
                 lights.push(None);
                 found.push(Found::default());
                 continue;

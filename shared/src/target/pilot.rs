@@ -34,9 +34,7 @@ pub(super) fn trace(
     seed: u64,
 ) -> (Vec<Vec<Place>>, u64) {
     let emitters = sight.emitters(scene);
-    let is_wanted = |light: &usize| {
-        emitters.pmf(*light) > 0.0 && (estimators.deep || !estimators.is_met[*light])
-    };
+    let is_wanted = |light: &usize| emitters.pmf(*light) > 0.0 && estimators.brings_photons(*light);
     let lights = (0..scene.lights().len()).filter(is_wanted);
     let pilot = Pilot {
         scene,
@@ -210,6 +208,9 @@ impl<V: Sight> Pilot<'_, V> {
         let Some((point, pdf)) = path.from else {
             return;
         };
+        if !self.lights.contains(&light) {
+            return;
+        }
         let scene = self.scene;
         let dir = path.ray.dir;
         let (radiance, at) = match hit {
@@ -341,10 +342,11 @@ impl<V: Sight> Pilot<'_, V> {
     /// What a piece of the path does not see that photons go the other way. Where they come from is not known yet: a light,
     /// something like most surfaces, or something like what the path has met.
     fn hidden(&self, like: Start, sampler: &mut Sampler) -> V::Hidden {
+        // Drawn without rules as well: what no ray sees changes nothing.
+        let u = sampler.next_1d() * 3.0;
         if !V::RULED {
             return self.sight.from(like);
         }
-        let u = sampler.next_1d() * 3.0;
         self.sight.from(match u as u32 {
             0 => like,
             1 => Start::Gather,

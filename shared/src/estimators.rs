@@ -61,12 +61,15 @@ impl Estimators {
                     && (ends_at_second || any_small && suits_beams(scene, radii, id))
             })
             .collect();
-        let deep = ends_at_second || beams.contains(&true);
+        let followed = is_used(&|m| m.is_followed() || m.has_narrow_lobe());
+        let specular = followed || is_used(&|m| m.has_delta() && !m.is_null());
+        // Where photons are traced for caustics of all lights, they bring more at hardly any cost.
+        let deep = ends_at_second
+            || beams.contains(&true)
+            || specular && any_small && !is_met.contains(&true);
         if deep {
             is_met.fill(false);
         }
-        let followed = is_used(&|m| m.is_followed() || m.has_narrow_lobe());
-        let specular = followed || is_used(&|m| m.has_delta() && !m.is_null());
         let unmet = |light: &crate::light::Light| light.kind.is_delta();
         Self {
             beams,

@@ -150,10 +150,10 @@ pub fn differences(
                 let beyond = (p.mean - r.mean).abs() - allowed;
                 if beyond.is_nan() || beyond > 0.0 {
                     let p_value = p_value(beyond, [&p, &r]);
-                    // Passes that hardly find what the path tracer finds have no such excuse.
+                    // Passes that hardly find what the path tracer finds, or far more, have no such excuse.
                     let is_heavy = match p.mean < r.mean {
                         true => p.skewness > HEAVY && p.mean > 0.5 * r.mean,
-                        false => r.skewness > HEAVY,
+                        false => r.skewness > HEAVY || p.skewness > HEAVY && p.mean < 3.0 * r.mean,
                     };
                     found.push(Difference {
                         part: name.clone(),

@@ -2,7 +2,7 @@
 
 use crate::bsdf::{Bsdf, Material};
 use crate::geometry::bounds;
-use crate::light::LightKind;
+use crate::light::{Light, LightKind};
 use crate::math::{Ray, Rgb, Vec2, Vec3};
 use crate::medium::Medium;
 use crate::plan::{KernelRadii, Scene};
@@ -33,6 +33,8 @@ pub struct Estimators {
 /// An environment whose brightest direction is at most so much brighter than the mean is met often enough by chance, and so is a
 /// surface that is all around but for as much.
 const MOST_UNEVEN: f32 = 16.0;
+/// Length of a surface that is far away, in radii of what is seen.
+const FAR: f32 = 6.0;
 /// Points from which surfaces that emit are looked for, along a side of the picture, and directions from each.
 const LOOKS: usize = 4;
 const DIRECTIONS: usize = 128;
@@ -43,8 +45,8 @@ const LEAST_FREE_PATH: f32 = 6.0;
 const LEAST_SIZE: f32 = 12.0;
 
 impl Estimators {
-    /// By what is in the scene, and how wide kernels are.
-    pub fn new(scene: &Scene, radii: &KernelRadii) -> Self {
+    /// By what is in the scene, how wide kernels are, and of what radius is what the camera sees.
+    pub fn new(scene: &Scene, radii: &KernelRadii, extent: f32) -> Self {
         let description = scene.description();
         let rules = description.rules.as_ref();
         let ends_at_second = rules.is_some_and(|rules| rules.touches_photons && !rules.paths_obey);
@@ -53,12 +55,17 @@ impl Estimators {
             objects.any(|o| test(&description.materials[o.material as usize]))
         };
         let mut is_met = lights_all_around(scene);
-        // Paths find light that comes from everywhere as well as beams do.
-        let any_small = is_met.contains(&false);
+        // Of surfaces all around and far away hardly a photon comes to what is seen.
+        let is_far = |light: &Light| match light.kind {
+            LightKind::Area { object, .. } => scene.extents[object as usize] > FAR * extent,
+            _ => false,
+        };
+        let mut lights = description.lights.iter().zip(&is_met);
+        let sends_photons = lights.any(|(light, met)| !met || !is_far(light));
         let beams: Vec<bool> = (0..description.media.len())
             .map(|id| {
                 description.media[id].scatters()
-                    && (ends_at_second || any_small && suits_beams(scene, radii, id))
+                    && (ends_at_second || sends_photons && suits_beams(scene, radii, id))
             })
             .collect();
         let followed = is_used(&|m| m.is_followed() || m.has_narrow_lobe());
@@ -66,11 +73,11 @@ impl Estimators {
         // Where photons are traced for caustics of all lights, they bring more at hardly any cost.
         let deep = ends_at_second
             || beams.contains(&true)
-            || specular && any_small && !is_met.contains(&true);
+            || specular && !is_met.is_empty() && !is_met.contains(&true);
         if deep {
             is_met.fill(false);
         }
-        let unmet = |light: &crate::light::Light| light.kind.is_delta();
+        let unmet = |light: &Light| light.kind.is_delta();
         Self {
             beams,
             specular,

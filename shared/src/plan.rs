@@ -368,8 +368,9 @@ impl RenderPlan {
         let cut_out = used(&|m| m.opacity.is_some());
         let lit = !description.lights.is_empty();
         let fixed = description.defaults.radius;
-        let extent_seen = crate::extent::of_radii(scene).filter(|_| fixed.is_none());
+        let extent_seen = crate::extent::of_radii(scene);
         let extent = extent_seen.unwrap_or(description.bounds.radius);
+        let extent_seen = extent_seen.filter(|_| fixed.is_none());
         let radii = match fixed {
             Some(radius) => KernelRadii {
                 floor: radius,
@@ -382,7 +383,7 @@ impl RenderPlan {
                 smooth_ceiling: extent * SMOOTH_CEILING,
             },
         };
-        let mut estimators = Estimators::new(scene, &radii);
+        let mut estimators = Estimators::new(scene, &radii, extent);
         let mode = description.defaults.targeting;
         let prepare =
             |estimators: &Estimators| Targets::prepare(scene, estimators, settings.seed, mode);

@@ -9,7 +9,7 @@ use beamfarm_tests::render::{average, scene};
 
 const FOG_HASH: &str = "2808c0e0b9e413bfe94dbf516a6aec417448361794a1c4f186a2b739169df977";
 const SMOKE_HASH: &str = "531595f94ceb9a79f3b7e5f18a22209298bc92d950c5bcad4b0e8952b9d3f6b5";
-const SURFACES_HASH: &str = "a3cff53f5de7662a23370356c6f7cff8df84a388c29ae908a445c6dc7c9dc35a";
+const SURFACES_HASH: &str = "4d3a77e0c19b226a9c9f64c83e4f0ce84bc32a0fec6ce07c81847719a61a2a1e";
 
 const FOG: &str = r#"
 [image]

@@ -78,35 +78,35 @@ radiance = [0.1, 0.12, 0.2]
 const RULES: [(&str, &str); 10] = [
     (
         r#"rays = ["camera"] | exclude = ["ball", "sky"]"#,
-        "639c08c07651e88c1627359c12f99395b95e0ce3184d2ed8bed68b187184e1ea",
+        "dabda76c2675fdc20507ca1293373420647e2860142ffd57ef51c55b124871a9",
     ),
     (
         r#"rays = ["camera"] | include = ["floor", "mirror", "box"]"#,
-        "6b760bad914634584b4445875d8545e2264d32033879f45d32418d8a8c5f4a22",
+        "9d6a3db63cbf9ffacf31dadfa9b94eb7376cd8780cab629fed635fe06791cb07",
     ),
     (
         r#"on = ["mirror", "ball"] | rays = ["reflected"] | exclude = ["glass", "lamp"]"#,
-        "c6f43364a33b0a10ca9dd7731c7633be57f1097f9ded734feb9a70fb66da0aa0",
+        "cbeb6a58c649bd1f02d43cc840248b789b05e503cf033bbb8ac0bca842561387",
     ),
     (
         r#"on = ["mirror"] | rays = ["reflected"] | include = ["ball"]"#,
-        "27ab5c31a2f91f2dc9a023971ab9236733c8e5c623b89d78de302b06ba18019b",
+        "6529c680d5c8bcb2fe277220e877daa43d533cce914474068e5c08dcefca892b",
     ),
     (
         r#"on = ["glass"] | rays = ["refracted"] | exclude = ["floor"]"#,
-        "90a78510f0cbb8d777245a61bd760942189457a856113da370d0197e6b10c79c",
+        "5dfeb61d2ab0a84d8480eef36f5617bf2b11191418e2224059a42b609308d9f9",
     ),
     (
         r#"rays = ["refracted"] | include = ["glass", "mirror"]"#,
-        "076058aec1bec7e25f3adac19c893ac483e46eadd973f915b3789376b0188a8c",
+        "a42e9bcd3bbc0f11131e4ad1511db948eb43463dc86d26bc488659ef0660a1ef",
     ),
     (
         r#"on = ["floor"] | rays = ["shadow"] | exclude = ["lamp", "ball"]"#,
-        "b78745505b5402195ab827de8e42b0c1daaa77fad795fb0df35c12ceb8dc61e4",
+        "c27f69ed46964f54769b53cee607728b57dd9fec2b8efc31aa83c0122f52d9cb",
     ),
     (
         r#"on = ["ball"] | rays = ["shadow"] | include = ["spot"]"#,
-        "25a9208bd16ca5fd0a85925e06c1f8a99dc034fcbb675f74a9f291775096bf74",
+        "8be8b62a7e0dc9ea7747887b880130cd1f3f988dd8cc5a82dd218cc2d69462d4",
     ),
     (
         r#"on = ["floor", "box", "spot"] | rays = ["photon"] | exclude = ["glass", "spot"]"#,

@@ -401,7 +401,7 @@ fn caps_hold_what_their_density_says(
         .unwrap();
     let drawn: Vec<Option<Vec3>> = (0..200_000).map(|_| draw(&mut sampler)).collect();
     let threshold = 1.0 - libm::pow(1.0 - 1e-3, 1.0 / CAPS as f64);
-    let least = 0.05f32.cos();
+    let least = libm::cosf(0.05);
     let size = 2.0 * std::f64::consts::PI * (1.0 - f64::from(least));
     for cap in caps {
         let inside =

@@ -31,5 +31,9 @@ fn what_was_wrong_is_right() {
             Err(message) => wrong.push(format!("{name}: {message}")),
         }
     }
-    assert!(files.len() >= 7 && wrong.is_empty(), "{}", wrong.join("\n"));
+    assert!(
+        files.len() >= 15 && wrong.is_empty(),
+        "{}",
+        wrong.join("\n")
+    );
 }

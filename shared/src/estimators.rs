@@ -23,8 +23,8 @@ pub struct Estimators {
     pub caustics: bool,
     /// Some of them from a light that no camera path meets, and by followed lobes.
     pub unmet_caustics: bool,
-    /// Photon paths go on from vertex to vertex, for the beams that they leave: camera paths end where photons bring everything,
-    /// and what comes by way of specular surfaces is found by photons alone.
+    /// Photon paths go on from vertex to vertex, for the beams that they leave or since caustics need them anyway: camera paths end
+    /// where photons bring everything, and what comes by way of specular surfaces is found by photons alone.
     pub deep: bool,
     /// Rules tell what photons see, which camera paths do not obey: these end at their second vertex.
     pub ends_at_second: bool,

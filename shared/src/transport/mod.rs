@@ -18,11 +18,11 @@
 //! | … (D or Mp) S* x …              | the path goes on from x to that vertex                                      |
 //!
 //! Photons know how they came to where they arrive ([`Arrival`](crate::surface::Arrival)), and are stored only where they count.
-//! Without media of the first kind they end at their first D or Mp; without S no photon is needed at all. Gloss sends several
-//! rays from the first vertex where its light matters.
+//! Without media of the first kind, and where a light is all around, they end at their first D or Mp; without S no photon is
+//! needed at all. Gloss sends several rays from the first vertex where its light matters.
 //!
-//! In a scene that has such media photons go on from vertex to vertex, for the beams that they leave, and bring more light at no
-//! cost. There a camera path *ends* at a surface y that it has flown to from far enough (`least_flight`) and that has no narrow
+//! In a scene that has such media, or of whose lights all bring caustics, photons go on from vertex to vertex and bring more light at
+//! hardly any cost. There a camera path *ends* at a surface y that it has flown to from far enough (`least_flight`) and that has no narrow
 //! lobe: direct light and all photons at y are all of its light. What comes to a vertex by way of S is in its photons, wherever it
 //! came from. And light that a surface y sends to the first vertex x is found by photons at x as well, balanced with the path
 //! that ends at y by the weights of `surface::gather_share`, which sum to one.
@@ -33,7 +33,7 @@
 //! always counts; the rest (everything but `L S* E`) costs more, and is looked for along weak branches with a probability only.
 //!
 //! A surface with a narrow lobe beside others (a coat over a diffuse base) is S for light that takes that lobe and D for all
-//! other light. Photons that meet it are stored for the other lobes and bounce off by any.
+//! other light. Photons that meet it are stored for the other lobes, of point and parallel lights for all, and bounce off by any.
 
 mod direct;
 pub mod evaluations;

@@ -32,7 +32,7 @@ fn what_was_wrong_is_right() {
         }
     }
     assert!(
-        files.len() >= 15 && wrong.is_empty(),
+        files.len() >= 16 && wrong.is_empty(),
         "{}",
         wrong.join("\n")
     );

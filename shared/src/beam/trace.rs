@@ -411,7 +411,6 @@ impl<V: Sight> Tracer<'_, V> {
         out: &mut Photons,
     ) {
         let dir = photon.ray.dir;
-        let object = &self.scene.objects()[hit.object as usize];
         let material = self.scene.material(hit);
         if material.is_passed(hit.uv, || sampler.next_1d()) {
             photon.ray = hit.spawn_ray(dir);
@@ -514,10 +513,8 @@ impl<V: Sight> Tracer<'_, V> {
         } else {
             photon.footprint.reflected(dir, n, hit.curvature)
         };
-        if sample.transmitted
-            && let Some(boundary) = object.boundary
-        {
-            photon.medium = boundary.medium_towards(hit.ng, wi);
+        if sample.transmitted {
+            photon.medium = self.scene.medium_beyond(hit, wi, photon.medium);
         }
         photon.odds = if is_followed || !self.sight.is_gathered(hit.object) {
             f32::INFINITY

@@ -1,0 +1,186 @@
+//! Where photons that are aimed start, and with what flux.
+
+use super::{LAMP, POINT, Room, SKY, SPOT, SUN, plan};
+use beamfarm_shared::light::{EmissionSample, EmissionUniforms};
+use beamfarm_shared::math::{Frame, Vec2, Vec3};
+use beamfarm_shared::sampler::{Purpose, Sampler};
+use beamfarm_shared::warp;
+use beamfarm_tests::quadrature::Rect;
+use beamfarm_tests::{Chi2, MeanEstimate};
+
+/// Flux by where the photons start and where they go is that of plain emission, at a significance of 1e-3 for all together
+/// (Šidák).
+#[test]
+fn flux_is_that_of_the_light() {
+    for (what, more) in [
+        ("sky", SKY),
+        ("sun", SUN),
+        ("spot", SPOT),
+        ("point", POINT),
+        ("lamp", LAMP),
+    ] {
+        let room = Room {
+            targeting: "on",
+            left_window: true,
+            more,
+        };
+        let scene = room.scene();
+        let plan = plan(&scene);
+        let description = scene.description();
+        let (objects, bounds) = (&description.objects, &description.bounds);
+        let light = &description.lights[0];
+        let aim = plan.targets.as_ref().unwrap().of(0).unwrap();
+        const BINS: usize = 65;
+        let bin = |start: &EmissionSample| {
+            let side = |x: f32, bit: usize| usize::from(x > 0.0) << bit;
+            let line = start.origin + start.dir * bounds.radius - bounds.center;
+            let d = start.dir;
+            side(d.x, 0)
+                + side(d.y, 1)
+                + side(d.z, 2)
+                + side(line.x, 3)
+                + side(line.y, 4)
+                + side(line.z, 5)
+        };
+        let mut means = [[MeanEstimate::new(); BINS]; 2];
+        let mut sampler = Sampler::new(5, 0, Purpose::Test, 0);
+        for _ in 0..200_000 {
+            let plain =
+                light.sample_emission(objects, bounds, EmissionUniforms::draw(&mut sampler));
+            let u = EmissionUniforms::draw(&mut sampler);
+            let mixed = light.sample_mixture(objects, bounds, aim, u, sampler.next_1d());
+            for (means, start) in means.iter_mut().zip([Some(plain), mixed]) {
+                let at = start.map(|start| (bin(&start), f64::from(start.power.x)));
+                for (i, mean) in means.iter_mut().enumerate() {
+                    mean.add(match at {
+                        Some((_, power)) if i == BINS - 1 => power,
+                        Some((bin, power)) if i == bin => power,
+                        _ => 0.0,
+                    });
+                }
+            }
+        }
+        let threshold = 1.0 - libm::pow(1.0 - 1e-3, 1.0 / BINS as f64);
+        let [plain, mixed] = &means;
+        for (i, (a, b)) in plain.iter().zip(mixed).enumerate() {
+            assert!(
+                a.p_value_same(b) > threshold,
+                "{what}, bin {i}: {:.5} ± {:.5} and {:.5} ± {:.5}",
+                a.mean(),
+                a.std_error(),
+                b.mean(),
+                b.std_error()
+            );
+        }
+        let power = f64::from(light.power(objects, bounds).x);
+        let total = &mixed[BINS - 1];
+        assert!(
+            total.p_value(power) > 1e-4,
+            "{what}: {} of {power}",
+            total.mean()
+        );
+    }
+}
+
+/// How many of a sampler's directions lie in caps around some of them, against the density integrated by even directions there:
+/// discs seen from the side make densities too narrow for a quadrature over the sphere. Significance 1e-3.
+fn caps_hold_what_their_density_says(
+    what: &str,
+    draw: impl Fn(&mut Sampler) -> Option<Vec3>,
+    pdf: impl Fn(Vec3) -> f32,
+) {
+    const CAPS: usize = 200;
+    let mut sampler = Sampler::new(7, 1, Purpose::Test, 0);
+    let caps: Vec<Vec3> = (0..)
+        .find_map(|_| {
+            let drawn: Vec<Vec3> = (0..CAPS * 4).filter_map(|_| draw(&mut sampler)).collect();
+            (drawn.len() >= CAPS).then(|| drawn[..CAPS].to_vec())
+        })
+        .unwrap();
+    let drawn: Vec<Option<Vec3>> = (0..200_000).map(|_| draw(&mut sampler)).collect();
+    let threshold = 1.0 - libm::pow(1.0 - 1e-3, 1.0 / CAPS as f64);
+    let least = libm::cosf(0.05);
+    let size = 2.0 * std::f64::consts::PI * (1.0 - f64::from(least));
+    for cap in caps {
+        let inside =
+            |dir: &Option<Vec3>| f64::from(u8::from(dir.is_some_and(|d| d.dot(cap) >= least)));
+        let counted: MeanEstimate = drawn.iter().map(inside).collect();
+        let frame = Frame::from_normal(cap);
+        let even = |_| frame.to_world(warp::uniform_cone(sampler.next_2d(), least));
+        let integral: MeanEstimate = (0..20_000)
+            .map(even)
+            .map(|dir| size * f64::from(pdf(dir)))
+            .collect();
+        assert!(
+            counted.p_value_same(&integral) > threshold,
+            "{what}, around {cap}: {:e} +- {:e} and {:e} +- {:e}",
+            counted.mean(),
+            counted.std_error(),
+            integral.mean(),
+            integral.std_error()
+        );
+    }
+}
+
+/// Directions from lights that are somewhere, and points across the sun's rays, follow the density that weighs them. Each test
+/// at a significance of 1e-3.
+#[test]
+fn starts_follow_their_density() {
+    for (what, more) in [("spot", SPOT), ("point", POINT), ("lamp", LAMP)] {
+        let scene = Room {
+            targeting: "on",
+            left_window: true,
+            more,
+        }
+        .scene();
+        let plan = plan(&scene);
+        let description = scene.description();
+        let (objects, bounds) = (&description.objects, &description.bounds);
+        let light = &description.lights[0];
+        let aim = plan.targets.as_ref().unwrap().of(0).unwrap();
+        // One point of the lamp.
+        let draw = |sampler: &mut Sampler| {
+            let u = EmissionUniforms {
+                position: Vec2::new(0.7, 0.53),
+                primitive: 0.5,
+                direction: sampler.next_2d(),
+            };
+            light.sample_mixture(objects, bounds, aim, u, sampler.next_1d())
+        };
+        let one = (0..)
+            .find_map(|i| draw(&mut Sampler::new(1, 1, Purpose::Test, i)))
+            .unwrap();
+        let pdf = |dir: Vec3| light.mixture_pdf(bounds, aim, &EmissionSample { dir, ..one });
+        caps_hold_what_their_density_says(what, |s| draw(s).map(|start| start.dir), pdf);
+    }
+    let scene = Room {
+        targeting: "on",
+        left_window: true,
+        more: SUN,
+    }
+    .scene();
+    let plan = plan(&scene);
+    let description = scene.description();
+    let (objects, bounds) = (&description.objects, &description.bounds);
+    let light = &description.lights[0];
+    let aim = plan.targets.as_ref().unwrap().of(0).unwrap();
+    let draw = |sampler: &mut Sampler| {
+        let u = EmissionUniforms::draw(sampler);
+        light.sample_mixture(objects, bounds, aim, u, sampler.next_1d())
+    };
+    let one = draw(&mut Sampler::new(1, 1, Purpose::Test, 0)).unwrap();
+    let frame = beamfarm_shared::math::Frame::from_normal(one.dir);
+    let middle = bounds.center - one.dir * bounds.radius;
+    let to_plane = |start: EmissionSample| frame.to_local(start.origin - middle).truncate();
+    let pdf = |p: Vec2| {
+        if p.length() > bounds.radius {
+            return 0.0;
+        }
+        let origin = middle + frame.to_world(p.extend(0.0));
+        light.mixture_pdf(bounds, aim, &EmissionSample { origin, ..one })
+    };
+    let side = (-f64::from(bounds.radius), f64::from(bounds.radius));
+    let domain = Rect { x: side, y: side };
+    let result = Chi2::default().plane(domain, |s| draw(s).map(to_plane), pdf);
+    assert!(result.p_value > 1e-3, "sun: {result:?}");
+}

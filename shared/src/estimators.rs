@@ -2,6 +2,7 @@
 
 use crate::bsdf::{Bsdf, Material};
 use crate::geometry::bounds;
+use crate::light::environment::MOST_UNEVEN;
 use crate::light::{Light, LightKind};
 use crate::math::{Ray, Rgb, Vec2, Vec3};
 use crate::medium::Medium;
@@ -30,9 +31,6 @@ pub struct Estimators {
     pub ends_at_second: bool,
 }
 
-/// An environment whose brightest direction is at most so much brighter than the mean is met often enough by chance, and so is a
-/// surface that is all around but for as much.
-const MOST_UNEVEN: f32 = 16.0;
 /// Length of a surface that is far away, in radii of what is seen.
 const FAR: f32 = 6.0;
 /// Points from which surfaces that emit are looked for, along a side of the picture, and directions from each.
@@ -155,6 +153,7 @@ fn lights_all_around(scene: &Scene) -> Vec<bool> {
         };
         rays.filter(is_lit).count()
     };
+    // All around but for as much as an environment may be uneven.
     let enough = (points.len() * DIRECTIONS) as f32 / MOST_UNEVEN;
     // No more than the ball around it would be.
     let is_large = |object: u32| {

@@ -146,18 +146,19 @@ impl SurfacePhotonMap {
     }
 
     /// Calls `visit(photon, kernel)` for every photon whose kernel covers the surface point; `kernel` is the 2D
-    /// Epanechnikov kernel, 1/area, which integrates to 1 over a disc of the photon's radius.
+    /// Epanechnikov kernel in the photon's tangent plane, 1/area, times the cosine between the normals: over a bent surface it
+    /// integrates to what the kernel's disc does over the surface's projection.
     pub fn gather(&self, point: Vec3, ng: Vec3, mut visit: impl FnMut(&SurfacePhoton, f32)) {
         self.tree.around_point(point, |leaf| {
             let four = &self.fours[leaf as usize];
-            let (distance2, mut mask) = four.covering(point, ng);
+            let (across2, cos, mut mask) = four.covering(point, ng);
             while mask != 0 {
                 let i = mask.trailing_zeros() as usize & 3;
                 mask &= mask - 1;
                 let radius2 = four.radius2[i];
-                let x = distance2[i] / radius2;
+                let x = across2[i] / radius2;
                 let photon = &self.photons[four.first + i];
-                visit(photon, 2.0 / (PI * radius2) * (1.0 - x));
+                visit(photon, 2.0 / (PI * radius2) * (1.0 - x) * cos[i]);
             }
         });
     }
@@ -193,18 +194,20 @@ impl Four {
         self.off_plane[i] = MAX_PLANE_DISTANCE * photon.radius;
     }
 
-    /// Squares of the photons' distances to a point, and which of their kernels cover it.
+    /// Squares of the distances to a point along the photons' tangent planes, cosines between the normals, and which of their
+    /// kernels cover it.
     #[inline(always)]
-    fn covering(&self, point: Vec3, ng: Vec3) -> (Vec4, u32) {
+    fn covering(&self, point: Vec3, ng: Vec3) -> (Vec4, Vec4, u32) {
         let [px, py, pz] = self.point;
+        let [nx, ny, nz] = self.ng;
         let (x, y, z) = (px - point.x, py - point.y, pz - point.z);
         let distance2 = x * x + y * y + z * z;
-        let cos = self.ng[0] * ng.x + self.ng[1] * ng.y + self.ng[2] * ng.z;
-        let height = (x * ng.x + y * ng.y + z * ng.z).abs();
+        let cos = nx * ng.x + ny * ng.y + nz * ng.z;
+        let height = x * nx + y * ny + z * nz;
         let covering = distance2.cmplt(self.radius2)
             & cos.cmpge(Vec4::splat(MIN_NORMAL_COSINE))
-            & height.cmple(self.off_plane);
-        (distance2, covering.bitmask())
+            & height.abs().cmple(self.off_plane);
+        (distance2 - height * height, cos, covering.bitmask())
     }
 }
 
@@ -271,7 +274,7 @@ mod tests {
                     let offset = p.point - point;
                     offset.length() < p.radius
                         && p.ng.dot(ng) >= MIN_NORMAL_COSINE
-                        && offset.dot(ng).abs() <= MAX_PLANE_DISTANCE * p.radius
+                        && offset.dot(p.ng).abs() <= MAX_PLANE_DISTANCE * p.radius
                 };
                 let expected = photons.iter().filter(covers);
                 let mut expected: Vec<u32> = expected.map(|p| p.power.x.to_bits()).collect();

@@ -15,6 +15,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         images: 48,
         samples: 8,
         significance: 1e-5,
+        seconds: f64::INFINITY,
     };
     let (mut prints, mut shrinks, mut what) = (false, false, None);
     let mut arguments = std::env::args().skip(1);

@@ -1,8 +1,9 @@
 //! Passes against the path tracer on scenes that nobody made.
 //!
 //! Here 48; with BEAMFARM_LONG=1 2,000, longer. BEAMFARM_SCENES and BEAMFARM_FIRST_SEED say how many, and from which seed
-//! on: a line is printed for each, in order, so that a run that was stopped goes on where it was. Scenes with a fault
-//! are written to BEAMFARM_FAULTS (target/random-scenes by default).
+//! on: a line is printed for each as soon as it is known. BEAMFARM_SECONDS: no single render that would last longer; what
+//! would have needed it is counted as "too long", and says nothing. Scenes with a fault are written to BEAMFARM_FAULTS
+//! (target/random-scenes by default).
 
 #![allow(clippy::unwrap_used)]
 
@@ -33,6 +34,7 @@ fn passes_are_right_on_random_scenes() {
         images,
         samples,
         significance,
+        seconds: number("BEAMFARM_SECONDS").map_or(f64::INFINITY, |seconds| seconds as f64),
     };
     let mut counts = BTreeMap::new();
     let mut faults = Vec::new();

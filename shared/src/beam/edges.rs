@@ -11,15 +11,26 @@ use crate::plan::Scene;
 use crate::sampler::Sampler;
 use crate::surface::{MAX_PLANE_DISTANCE, MIN_NORMAL_COSINE};
 
-/// A kernel of which so many displacements in a row lie beside what is there is as good as beside it altogether, and made
-/// narrower.
-const MOST_TRIALS: u32 = 64;
-/// The same of a beam, whose radius stays.
-const MOST_BEAM_TRIALS: u32 = 16;
+/// A kernel of which so many displacements lie beside what is there is as good as beside it altogether, and made narrower.
+const TRIALS_OF_RADIUS: u32 = 64;
+/// Trials in a count: hardly ever reached.
+const MOST_TRIALS: u32 = 4096;
+/// Counts of trials that are averaged.
+const COUNTS: u32 = 4;
 /// Beams that graze a surface are displaced along it as if they did not.
 const LEAST_COSINE: f32 = 0.25;
 /// Halvings of a kernel's radius.
 const MOST_HALVINGS: u32 = 8;
+
+/// An unbiased estimate of one over the probability of a trial's success: the mean of several counts of trials until one
+/// succeeds. None where that is out of reach.
+fn reciprocal(mut succeeds: impl FnMut() -> bool) -> Option<f32> {
+    let mut trials = 0;
+    for _ in 0..COUNTS {
+        trials += (1..=MOST_TRIALS).find(|_| succeeds())?;
+    }
+    Some(trials as f32 / COUNTS as f32)
+}
 
 /// What rays of a photon see.
 pub(super) struct Probe<'a, F> {
@@ -40,21 +51,34 @@ impl<F: Fn(u32) -> bool> Probe<'_, F> {
     ) -> (f32, f32) {
         let n = hit.ng * hit.ng.dot(side).signum();
         let frame = Frame::from_normal(n);
-        let mut radius = radius;
-        for _ in 0..MOST_HALVINGS {
-            for trial in 1..=MOST_TRIALS {
-                let u = sampler.next_2d();
-                // Epanechnikov's kernel on a disc.
-                let r = radius * (1.0 - (1.0 - u.x).sqrt()).sqrt();
-                let (sin, cos) = sin_cos(2.0 * PI * u.y);
-                let offset = frame.s * (r * cos) + frame.t * (r * sin);
-                if self.is_on_surface(hit.spawn_ray(n).origin, n, offset, radius) {
-                    return (radius, trial as f32);
-                }
-            }
-            radius *= 0.5;
+        let from = hit.spawn_ray(n).origin;
+        let mut is_on = |radius: f32| {
+            let u = sampler.next_2d();
+            // Epanechnikov's kernel on a disc.
+            let r = radius * (1.0 - (1.0 - u.x).sqrt()).sqrt();
+            let (sin, cos) = sin_cos(2.0 * PI * u.y);
+            let offset = frame.s * (r * cos) + frame.t * (r * sin);
+            self.is_on_surface(from, n, offset, radius)
+        };
+        if is_on(radius) {
+            return (radius, 1.0);
         }
-        (radius, 1.0)
+        // The radius is chosen by trials of its own: by those that are counted, what is counted would be too little.
+        let mut narrower = radius;
+        for _ in 0..MOST_HALVINGS {
+            if (0..TRIALS_OF_RADIUS).any(|_| is_on(narrower)) {
+                break;
+            }
+            narrower *= 0.5;
+        }
+        // With a share p of the kernel on what is there, photons of the first trial bring p * p of the flux, and 1 - p of them
+        // are here: 1 + p of theirs is left.
+        let first = match narrower == radius {
+            true => return (radius, 1.0 + reciprocal(|| is_on(radius)).unwrap_or(0.0)),
+            false if is_on(radius) => 2.0,
+            false => 1.0,
+        };
+        (narrower, first * reciprocal(|| is_on(narrower)).unwrap_or(1.0))
     }
 
     /// Factor on the power of a beam for its kernel where it starts, of which a part may lie outside of the medium. `normal`: of
@@ -67,7 +91,7 @@ impl<F: Fn(u32) -> bool> Probe<'_, F> {
         sampler: &mut Sampler,
     ) -> f32 {
         let frame = Frame::from_normal(ray.dir);
-        for trial in 1..=MOST_BEAM_TRIALS {
+        let mut is_in = || {
             // Epanechnikov's kernel on a line, in a direction across the beam: the median of three uniform numbers.
             let (u, v) = (sampler.next_2d(), sampler.next_2d());
             let median = u.x.max(u.y).min(u.x.min(u.y).max(v.x));
@@ -85,11 +109,12 @@ impl<F: Fn(u32) -> bool> Probe<'_, F> {
                     (ray.origin + n * height, offset - n * offset.dot(n))
                 }
             };
-            if self.is_clear(from, offset) {
-                return trial as f32;
-            }
+            self.is_clear(from, offset)
+        };
+        if is_in() {
+            return 1.0;
         }
-        1.0
+        1.0 + reciprocal(is_in).unwrap_or(0.0)
     }
 
     /// Whether a point at an offset along a surface's tangent plane is over a surface like it, and nothing between.
@@ -102,8 +127,12 @@ impl<F: Fn(u32) -> bool> Probe<'_, F> {
         };
         let objects = self.scene.objects();
         let hit = (self.scene.geometry).intersect(objects, &down, 2.0 * height, &self.hides);
-        hit.is_some_and(|hit| hit.ng.dot(n).abs() >= MIN_NORMAL_COSINE)
-            && self.is_clear(start, offset)
+        let covers = |hit: SurfaceHit| {
+            let off = hit.t - height;
+            hit.ng.dot(n).abs() >= MIN_NORMAL_COSINE
+                && offset.length_squared() + off * off < radius * radius
+        };
+        hit.is_some_and(covers) && self.is_clear(start, offset)
     }
 
     fn is_clear(&self, from: Vec3, offset: Vec3) -> bool {
@@ -114,5 +143,87 @@ impl<F: Fn(u32) -> bool> Probe<'_, F> {
         };
         let objects = self.scene.objects();
         length <= 0.0 || !(self.scene.geometry).occluded(objects, &ray, length, &self.hides)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bundle::Bundle;
+    use crate::math::{Rgb, Vec2};
+    use crate::sampler::Purpose;
+    use crate::scene::SceneDescription;
+    use crate::surface::{Arrival, SeenBy, SurfacePhoton, SurfacePhotonMap};
+
+    /// All of a photon's flux is found on what is there: on flat things and bent ones, at edges, with kernels of all sizes.
+    #[test]
+    fn no_flux_is_lost_and_none_is_made() {
+        let shapes = [
+            "type = \"sphere\"",
+            "type = \"cylinder\"\np0 = [0, -1, 0]\np1 = [0, 1, 0]\nradius = 0.3",
+            "type = \"rectangle\"",
+            "type = \"cube\"",
+        ];
+        for shape in shapes {
+            let text = format!(
+                "[image]\nwidth = 1\nheight = 1\n[camera]\norigin = [0, 0, 0]\ntarget = [0, 0, 1]\nfov = 30\n\
+                 [[lights]]\ntype = \"point\"\nposition = [0, 5, 0]\npower = 1\n[[shapes]]\n{shape}\n"
+            );
+            let mut bundle = Bundle {
+                scene: "test.toml".into(),
+                ..Bundle::default()
+            };
+            bundle.files.insert("test.toml".into(), text.into());
+            let description = SceneDescription::load(&bundle).expect("a scene");
+            let scene = Scene::new(description);
+            let probe = Probe {
+                scene: &scene,
+                hides: |_: u32| false,
+            };
+            let on = |u: Vec2, primitive: f32| {
+                let point = scene.objects()[0].shape.sample_area(u, primitive);
+                let ray = Ray {
+                    origin: point.point + point.normal * 0.01,
+                    dir: -point.normal,
+                };
+                let hit = scene.first_hit(&ray, |_| false);
+                (hit.expect("the surface"), point)
+            };
+            for radius in [0.1, 0.5, 4.0] {
+                let mut sampler = Sampler::new(1, 0, Purpose::Test, 0);
+                let (mut sum, mut squares) = (0.0, 0.0);
+                let count = 3000;
+                for _ in 0..count {
+                    let (hit, at) = on(sampler.next_2d(), sampler.next_1d());
+                    let (radius, factor) = probe.surface(&hit, at.normal, radius, &mut sampler);
+                    let map = SurfacePhotonMap::new(vec![SurfacePhoton {
+                        point: hit.point,
+                        ng: hit.ng,
+                        wi: at.normal,
+                        power: Rgb::splat(factor),
+                        radius,
+                        arrival: Arrival::Caustic,
+                        odds: f32::INFINITY,
+                        lobes: SeenBy::Wide,
+                        group: 0,
+                        light_kind: 0,
+                    }]);
+                    let mut flux = 0.0;
+                    for _ in 0..400 {
+                        let (x, seen) = on(sampler.next_2d(), sampler.next_1d());
+                        map.gather(x.point, x.ng, |photon, kernel| {
+                            flux += f64::from(photon.power.x * kernel / seen.pdf_area) / 400.0;
+                        });
+                    }
+                    sum += flux;
+                    squares += flux * flux;
+                }
+                let n = f64::from(count);
+                let error = ((squares / n - sum * sum / (n * n)) / n).sqrt();
+                let z = (sum / n - 1.0) / error;
+                // Twelve tests at a significance of 1e-3 together.
+                assert!(z.abs() < 3.94, "{shape}, radius {radius}: {} +- {error}", sum / n);
+            }
+        }
     }
 }

@@ -50,6 +50,11 @@ struct Table {
     solid_angles: Vec<f32>,
 }
 
+/// An environment whose brightest direction is at most so much brighter than the mean is met often enough by chance.
+pub(crate) const MOST_UNEVEN: f32 = 16.0;
+/// Share of all light from which on the even part of an environment is worth a light of its own.
+const LEAST_EVEN: f64 = 0.05;
+
 /// Cells that are not black get at least this share of the mean density, so that single precision sums never lose them
 /// beside a sun.
 const FLOOR: f64 = 1.0 / 32.0;
@@ -70,6 +75,34 @@ impl Environment {
             table,
             fluence,
         }
+    }
+
+    /// What an image shows, as one or two environments whose sum it is: where a sun is much brighter than the sky, the sky with what the
+    /// sun has of the sky's radiance, which paths meet by chance, and the rest of the sun, which has to be aimed at.
+    pub fn sky_and_suns(image: &Arc<Image>, scale: Rgb, render_from_env: Mat3) -> Vec<Self> {
+        let new = |image| Self::new(Some(image), scale, render_from_env);
+        let all = new(image.clone());
+        if all.unevenness() <= MOST_UNEVEN {
+            return vec![all];
+        }
+        let Some(most) = radiance_of_sky(image, scale) else {
+            return vec![all];
+        };
+        let part = |part: fn(Rgb, Rgb) -> Rgb| {
+            let of_sky = |p: Rgb| p * (most / mean(p * scale)).min(1.0);
+            let pixels = image.pixels.iter().map(|p| match mean(*p * scale) > most {
+                true => part(*p, of_sky(*p)),
+                false => part(*p, *p),
+            });
+            let pixels = pixels.collect();
+            let [width, height] = [image.width, image.height];
+            new(Arc::new(Image {
+                width,
+                height,
+                pixels,
+            }))
+        };
+        vec![part(|_, sky| sky), part(|all, sky| all - sky)]
     }
 
     /// Integral of the radiance over all directions, W/m^2.
@@ -135,6 +168,36 @@ impl Environment {
 
     fn env_from_render(&self, dir: Vec3) -> Vec3 {
         self.render_from_env.transpose() * dir
+    }
+}
+
+/// The most that a direction of an image's even part may have, by the mean channel, W/(m^2 sr); none where hardly any light is even.
+fn radiance_of_sky(image: &Image, scale: Rgb) -> Option<f32> {
+    let rows = image.pixels.chunks_exact(image.width as usize).enumerate();
+    let rows = rows.map(|(row, pixels)| {
+        let theta = std::f64::consts::PI * (row as f64 + 0.5) / f64::from(image.height);
+        (libm::sin(theta), pixels)
+    });
+    let weights: f64 = rows.clone().map(|(sin, row)| sin * row.len() as f64).sum();
+    let mean_below = |most: f64| {
+        let of = |row: &[Rgb]| -> f64 {
+            let values = row.iter().map(|p| f64::from(mean(*p * scale)));
+            values.map(|v| v.min(most)).sum()
+        };
+        rows.clone().map(|(sin, row)| sin * of(row)).sum::<f64>() / weights
+    };
+    let all = mean_below(f64::INFINITY);
+    let mut below = all;
+    loop {
+        // Half of what it may be: the mean falls with it.
+        let most = 0.5 * f64::from(MOST_UNEVEN) * below;
+        below = mean_below(most);
+        if below < LEAST_EVEN * all {
+            return None;
+        }
+        if most <= 0.9 * f64::from(MOST_UNEVEN) * below {
+            return Some(most as f32);
+        }
     }
 }
 

@@ -4,7 +4,7 @@ mod aimed;
 pub(crate) mod cdf;
 mod direct;
 mod emission;
-mod environment;
+pub(crate) mod environment;
 mod local;
 mod segment;
 mod selector;

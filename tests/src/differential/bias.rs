@@ -160,12 +160,13 @@ pub fn differences(
                 if beyond.is_nan() || beyond > 0.0 {
                     let p_value = p_value(beyond, [&p, &r]);
                     // Passes that hardly find what the path tracer finds, or far more, have no such excuse.
+                    let is_unseen = r.mean == 0.0 && has_tail[channel];
                     let is_heavy = match p.mean < r.mean {
                         true => p.skewness > HEAVY && p.mean > 0.5 * r.mean,
                         false => r.skewness > HEAVY || p.skewness > HEAVY && p.mean < 3.0 * r.mean,
                     };
                     let is_small = (p.mean - r.mean).abs() < SMALL * beauty(cell, channel);
-                    let is_heavy = is_heavy || part > 0 && is_small && has_tail[channel];
+                    let is_heavy = is_heavy || is_unseen || part > 0 && is_small && has_tail[channel];
                     found.push(Difference {
                         part: name.clone(),
                         block: (cell > 0).then(|| {

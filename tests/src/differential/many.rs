@@ -3,7 +3,6 @@
 use super::{Effort, Verdict, examine};
 use crate::random_scene::RandomScene;
 use std::any::Any;
-use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc;
@@ -66,7 +65,7 @@ fn message(panic: &(dyn Any + Send)) -> String {
         .to_owned()
 }
 
-/// Examine the scenes of all these seeds, and hand over what became of each, in order.
+/// Examine the scenes of all these seeds, and hand over what became of each as soon as it is known.
 pub fn examine_seeds(seeds: &[u64], effort: &Effort, mut each: impl FnMut(Outcome)) {
     let next = AtomicUsize::new(0);
     let (sender, receiver) = mpsc::channel();
@@ -99,15 +98,6 @@ pub fn examine_seeds(seeds: &[u64], effort: &Effort, mut each: impl FnMut(Outcom
             });
         }
         drop(sender);
-        let mut waiting = BTreeMap::new();
-        let mut expected = seeds.iter();
-        let mut due = expected.next();
-        for outcome in receiver {
-            waiting.insert(outcome.seed, outcome);
-            while let Some(outcome) = due.and_then(|seed| waiting.remove(seed)) {
-                each(outcome);
-                due = expected.next();
-            }
-        }
+        receiver.into_iter().for_each(&mut each);
     });
 }

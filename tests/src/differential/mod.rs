@@ -25,6 +25,8 @@ pub struct Effort {
     pub samples: u64,
     /// Probability of calling a right scene wrong, if images are normally distributed.
     pub significance: f64,
+    /// A render that would last longer than this many seconds is not begun.
+    pub seconds: f64,
 }
 
 /// First pass of those that are compared. Half of the first pass's radii, about.
@@ -58,6 +60,8 @@ pub enum Verdict {
     },
     /// A few pixels hold most of an error that is too large.
     Fireflies(Outliers),
+    /// What differed was not rendered as long as would have been needed.
+    TooLong,
 }
 
 impl Verdict {
@@ -76,6 +80,7 @@ impl Verdict {
             Self::Biased { late: None, .. } => "SLOW",
             Self::Biased { .. } => "BIASED",
             Self::Fireflies(_) => "FIREFLIES",
+            Self::TooLong => "too long",
         }
     }
 }
@@ -84,7 +89,7 @@ impl fmt::Display for Verdict {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(self.word())?;
         match self {
-            Self::Right | Self::Noise => Ok(()),
+            Self::Right | Self::Noise | Self::TooLong => Ok(()),
             Self::Shrinks(difference) | Self::Unknown(difference) => write!(f, ": {difference}"),
             Self::Biased {
                 early,
@@ -151,6 +156,10 @@ pub fn examine(scene: &Scene, effort: &Effort) -> Verdict {
     if first.differences(&STRICT, effort.significance).is_empty() && first.outliers().is_none() {
         return Verdict::Right;
     }
+    let is_too_long = |seconds: f64| seconds > effort.seconds;
+    if is_too_long(LONGER as f64 * (first.passes.seconds + first.reference.seconds)) {
+        return Verdict::TooLong;
+    }
     let draws = Draws {
         seed: 2,
         images: LONGER * effort.images,
@@ -162,12 +171,18 @@ pub fn examine(scene: &Scene, effort: &Effort) -> Verdict {
     let first = found.iter().find(|d| !d.is_heavy);
     let is_dark = first.map(|difference| difference.passes < difference.reference);
     if is_dark == Some(false) || is_dark.is_none() && pair.outliers().is_some() {
+        if is_too_long(MORE_SAMPLES as f64 * pair.reference.seconds) {
+            return Verdict::TooLong;
+        }
         let samples = MORE_SAMPLES * effort.samples;
         pair.reference = Images::of_reference(scene, &Draws { samples, ..draws });
         found = pair.differences(&STRICT, effort.significance);
     }
     // And so have the passes.
     if found.iter().any(|d| !d.is_heavy && d.passes < d.reference) {
+        if is_too_long(LONGER as f64 * pair.passes.seconds) {
+            return Verdict::TooLong;
+        }
         let images = LONGER * draws.images;
         pair.passes = Images::of_passes(
             scene,
@@ -187,6 +202,9 @@ pub fn examine(scene: &Scene, effort: &Effort) -> Verdict {
             (None, None) => Verdict::Noise,
         };
     };
+    if is_too_long(pair.passes.seconds) {
+        return Verdict::TooLong;
+    }
     let large = pair.differences(&SHRINKING, effort.significance);
     let is_large = large.iter().any(|d| !d.is_heavy);
     pair.passes = Images::of_passes(

@@ -25,7 +25,7 @@ impl Parts<'_> {
             let name = record.name.clone();
             let name = name.unwrap_or_else(|| format!("lights[{i}]"));
             // A light that is turned off is no light.
-            if let Some(kind) = self.light_kind(record)? {
+            for kind in self.light_kinds(record)? {
                 self.lights.push(Light {
                     group: LightGroup::named(record.group.as_deref().unwrap_or(&name)),
                     name: name.clone(),
@@ -41,7 +41,7 @@ impl Parts<'_> {
         Ok(())
     }
 
-    fn light_kind(&mut self, record: &LightRecord) -> Result<Option<LightKind>, Problem> {
+    fn light_kinds(&mut self, record: &LightRecord) -> Result<Vec<LightKind>, Problem> {
         let kind = &record.kind;
         let from_infinity = matches!(
             kind.get_ref(),
@@ -56,7 +56,8 @@ impl Parts<'_> {
             )
             .into());
         }
-        Ok(match kind.get_ref() {
+        let light = match kind.get_ref() {
+            LightType::Environment => return self.environment(record),
             LightType::Point => {
                 let position = self.position(record)?;
                 let intensity = intensity(record, 4.0 * PI)?;
@@ -81,8 +82,8 @@ impl Parts<'_> {
                     irradiance,
                 })
             }
-            LightType::Environment => self.environment(record)?,
-        })
+        };
+        Ok(light.into_iter().collect())
     }
 
     fn position(&mut self, record: &LightRecord) -> Result<glam::Vec3, Fault> {
@@ -133,12 +134,12 @@ impl Parts<'_> {
         }))
     }
 
-    fn environment(&mut self, record: &LightRecord) -> Result<Option<LightKind>, Problem> {
+    fn environment(&mut self, record: &LightRecord) -> Result<Vec<LightKind>, Problem> {
         let render_from_env = orientation(record)?.as_mat3();
-        let environment = match (&record.radiance, &record.image, &record.scale) {
+        let environments = match (&record.radiance, &record.image, &record.scale) {
             (Some(radiance), None, None) => {
                 let radiance = radiance.get_ref().rgb();
-                (radiance != Rgb::ZERO).then(|| Environment::new(None, radiance, render_from_env))
+                vec![Environment::new(None, radiance, render_from_env)]
             }
             (None, Some(path), scale) => {
                 let image = self.assets.image(path, Encoding::Srgb)?;
@@ -157,8 +158,7 @@ impl Parts<'_> {
                         "times `scale` it is too bright for single precision",
                     ));
                 }
-                (brightest != Rgb::ZERO)
-                    .then(|| Environment::new(Some(image), scale, render_from_env))
+                Environment::sky_and_suns(&image, scale, render_from_env)
             }
             _ => {
                 let message =
@@ -166,7 +166,8 @@ impl Parts<'_> {
                 return Err(Fault::new(record.kind.span(), message).into());
             }
         };
-        Ok(environment.map(LightKind::Environment))
+        let lit = environments.into_iter().filter(|e| e.fluence() != Rgb::ZERO);
+        Ok(lit.map(LightKind::Environment).collect())
     }
 }
 

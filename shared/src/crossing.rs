@@ -6,7 +6,7 @@
 //! are crossed, one after the other as their media follow. Both are the same from either side, as they must be for light paths
 //! that are found from lights and from the camera.
 
-use crate::geometry::SurfaceHit;
+use crate::geometry::{Object, SurfaceHit, SurfacePoint};
 use crate::light::LightKind;
 use crate::math::{Ray, Vec2, Vec3};
 use crate::medium::MediumId;
@@ -22,8 +22,11 @@ pub(crate) enum LightMedium {
     ByPlace,
 }
 
-/// Places on a light at which the medium is looked up.
+/// Places on a surface at which the medium is looked up.
 const PLACES: usize = 256;
+/// Share of them that lie in another medium than the surface's `exterior` before it is called misplaced: what is cut by the boundary of
+/// another, or looked at through itself, is no sign.
+const LEAST_WRONG: f32 = 0.2;
 /// Boundaries at one place; nobody models more.
 const MOST: usize = 4;
 
@@ -119,6 +122,31 @@ impl Scene {
         }
     }
 
+    /// Names of objects that lie in another medium than their `exterior` says: light that leaves them goes on as if it were there,
+    /// without having crossed a boundary, and what is seen depends on which way one looks.
+    pub fn misplaced(&self) -> Vec<String> {
+        let objects = self.objects().iter().zip(0..);
+        let misplaced = objects.filter_map(|(object, index)| {
+            let exterior = object.boundary?.exterior;
+            let wrong = places_on(object).filter(|on| {
+                let clearance = self.clearance(on.point);
+                let point = on.point + on.normal * clearance;
+                let back = Ray {
+                    origin: point,
+                    dir: -on.normal,
+                };
+                // What lies at the same place is crossed with it.
+                let is_passed = |other: u32| {
+                    other == index || self.objects()[other as usize].boundary.is_none()
+                };
+                !(self.geometry).occluded(self.objects(), &back, 2.0 * clearance, is_passed)
+                    && self.medium_at(point) != exterior
+            });
+            (wrong.count() as f32 > LEAST_WRONG * PLACES as f32).then(|| object.name.clone())
+        });
+        misplaced.collect()
+    }
+
     /// The medium that photons of a light start in, at a point off its surface.
     #[inline]
     pub(crate) fn medium_of_light(&self, light: usize, point: Vec3) -> MediumId {
@@ -145,12 +173,7 @@ impl Scene {
                 if let Some(boundary) = object.boundary {
                     return LightMedium::One(boundary.exterior);
                 }
-                let mut media = (0..PLACES).map(|i| {
-                    // Kronecker's lattice.
-                    let u = Vec2::new(i as f32 * 0.754_877_7, i as f32 * 0.569_840_3).fract();
-                    let on = object
-                        .shape
-                        .sample_area(u, (i as f32 + 0.5) / PLACES as f32);
+                let mut media = places_on(object).map(|on| {
                     let point = on.point + on.normal * self.clearance(on.point);
                     self.medium_seen(point, hidden)
                 });
@@ -166,6 +189,15 @@ impl Scene {
         };
         LightMedium::One(medium)
     }
+}
+
+fn places_on(object: &Object) -> impl Iterator<Item = SurfacePoint> {
+    (0..PLACES).map(|i| {
+        // Kronecker's lattice.
+        let u = Vec2::new(i as f32 * 0.754_877_7, i as f32 * 0.569_840_3).fract();
+        let primitive = (i as f32 + 0.5) / PLACES as f32;
+        object.shape.sample_area(u, primitive)
+    })
 }
 
 /// The media on both sides of a boundary, for a ray.

@@ -7,9 +7,9 @@ use beamfarm_shared::pass::render_pass;
 use beamfarm_shared::plan::RenderPlan;
 use beamfarm_tests::render::{average, scene};
 
-const FOG_HASH: &str = "2808c0e0b9e413bfe94dbf516a6aec417448361794a1c4f186a2b739169df977";
+const FOG_HASH: &str = "369355a3ce113e2925371c6ce98ebf4553138dc6c666881c97db880f314e6bf3";
 const SMOKE_HASH: &str = "531595f94ceb9a79f3b7e5f18a22209298bc92d950c5bcad4b0e8952b9d3f6b5";
-const SURFACES_HASH: &str = "4d3a77e0c19b226a9c9f64c83e4f0ce84bc32a0fec6ce07c81847719a61a2a1e";
+const SURFACES_HASH: &str = "7585220ff60a71a1bb508a86fed17b91e939a0d0d9145fe49956ae4118d0cb43";
 
 const FOG: &str = r#"
 [image]

@@ -78,7 +78,10 @@ impl<F: Fn(u32) -> bool> Probe<'_, F> {
             false if is_on(radius) => 2.0,
             false => 1.0,
         };
-        (narrower, first * reciprocal(|| is_on(narrower)).unwrap_or(1.0))
+        (
+            narrower,
+            first * reciprocal(|| is_on(narrower)).unwrap_or(1.0),
+        )
     }
 
     /// Factor on the power of a beam for its kernel where it starts, of which a part may lie outside of the medium. `normal`: of
@@ -222,7 +225,11 @@ mod tests {
                 let error = ((squares / n - sum * sum / (n * n)) / n).sqrt();
                 let z = (sum / n - 1.0) / error;
                 // Twelve tests at a significance of 1e-3 together.
-                assert!(z.abs() < 3.94, "{shape}, radius {radius}: {} +- {error}", sum / n);
+                assert!(
+                    z.abs() < 3.94,
+                    "{shape}, radius {radius}: {} +- {error}",
+                    sum / n
+                );
             }
         }
     }

@@ -166,7 +166,8 @@ pub fn differences(
                         false => r.skewness > HEAVY || p.skewness > HEAVY && p.mean < 3.0 * r.mean,
                     };
                     let is_small = (p.mean - r.mean).abs() < SMALL * beauty(cell, channel);
-                    let is_heavy = is_heavy || is_unseen || part > 0 && is_small && has_tail[channel];
+                    let is_heavy =
+                        is_heavy || is_unseen || part > 0 && is_small && has_tail[channel];
                     found.push(Difference {
                         part: name.clone(),
                         block: (cell > 0).then(|| {

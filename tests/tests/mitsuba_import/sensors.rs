@@ -42,6 +42,9 @@ fn fields_of_view() {
         let found = wide(fov(&inner));
         assert!((found - x_fov).abs() < 1e-5, "{inner}: {found}");
     }
+    // Of a lens: written by many, of no effect here.
+    let pinhole = format!(r#"{}<float name="focus_distance" value="3"/>"#, axis("x"));
+    assert_eq!(fov(&pinhole), (40.0, "\"x\"".to_owned()));
     for (bad, words) in [
         (axis("z"), "fov_axis"),
         (focal("long"), "focal_length"),

@@ -78,39 +78,39 @@ radiance = [0.1, 0.12, 0.2]
 const RULES: [(&str, &str); 10] = [
     (
         r#"rays = ["camera"] | exclude = ["ball", "sky"]"#,
-        "dabda76c2675fdc20507ca1293373420647e2860142ffd57ef51c55b124871a9",
+        "78cfd497f8d938801ecab59e33bb095664b8505b2456c12e15676b94ee45a63c",
     ),
     (
         r#"rays = ["camera"] | include = ["floor", "mirror", "box"]"#,
-        "9d6a3db63cbf9ffacf31dadfa9b94eb7376cd8780cab629fed635fe06791cb07",
+        "e49f59b9625fe4d55f1a44c60a812e317663491402c04a73cd8476cf55027c7f",
     ),
     (
         r#"on = ["mirror", "ball"] | rays = ["reflected"] | exclude = ["glass", "lamp"]"#,
-        "cbeb6a58c649bd1f02d43cc840248b789b05e503cf033bbb8ac0bca842561387",
+        "83ccb2b35833c5d190f57e5169f8b72225a7e8ee00a662ecdb50e85732fc66f1",
     ),
     (
         r#"on = ["mirror"] | rays = ["reflected"] | include = ["ball"]"#,
-        "6529c680d5c8bcb2fe277220e877daa43d533cce914474068e5c08dcefca892b",
+        "a1f66890fb1df5ef740394c2135dd9c4bb3489fdbc63a5d286dead8fbce31e47",
     ),
     (
         r#"on = ["glass"] | rays = ["refracted"] | exclude = ["floor"]"#,
-        "5dfeb61d2ab0a84d8480eef36f5617bf2b11191418e2224059a42b609308d9f9",
+        "76a1c54c71c4a567aec5672cbac8b139e9eecb3bb1b8bde3aa18943dbacdf32c",
     ),
     (
         r#"rays = ["refracted"] | include = ["glass", "mirror"]"#,
-        "a42e9bcd3bbc0f11131e4ad1511db948eb43463dc86d26bc488659ef0660a1ef",
+        "9167f1b5c5cc77932282deb5d7a5dd5691564612e46dac8e46b6eda3199ba437",
     ),
     (
         r#"on = ["floor"] | rays = ["shadow"] | exclude = ["lamp", "ball"]"#,
-        "c27f69ed46964f54769b53cee607728b57dd9fec2b8efc31aa83c0122f52d9cb",
+        "98f1176824801c4f39099cb27c88938db9259592be2c39f9c617edd7fe5e2300",
     ),
     (
         r#"on = ["ball"] | rays = ["shadow"] | include = ["spot"]"#,
-        "8be8b62a7e0dc9ea7747887b880130cd1f3f988dd8cc5a82dd218cc2d69462d4",
+        "60bc40721050f71272b0822ef6237ed004d63a73543ca901a823a604bcfec642",
     ),
     (
         r#"on = ["floor", "box", "spot"] | rays = ["photon"] | exclude = ["glass", "spot"]"#,
-        "68454846da80ff221aa42e2113600665f4d6081eb6a8ad9c26d40ea061ce959c",
+        "8bb2270d2c5474e5ea347456aba16cdc864a4105bfe07086c3fc5e42332a84ef",
     ),
     (
         r#"on = ["spot", "glass", "floor"] | rays = ["photon"] | include = ["glass", "lamp"]"#,

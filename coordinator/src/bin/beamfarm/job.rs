@@ -9,6 +9,7 @@ use beamfarm_shared::bundle::Bundle;
 use beamfarm_shared::job::{JobSettings, MAX_PASSES};
 use beamfarm_shared::layer::{Layer, MAX_LAYERS};
 use beamfarm_shared::parts::light_layers;
+use beamfarm_shared::plan::Scene;
 use beamfarm_shared::scene::{
     ImportOptions, RenderDefaults, SceneDescription, SceneFile, is_mitsuba,
 };
@@ -131,6 +132,16 @@ impl SettingsArgs {
         };
         settings.check().map_err(Failure::usage)?;
         let mut notes = description.notes.clone();
+        // One in the world alone lies in the world.
+        let boundaries = description.objects.iter().filter(|o| o.boundary.is_some());
+        if boundaries.count() > 1 {
+            notes.extend(Scene::new(description.clone()).misplaced().iter().map(|name| {
+                format!(
+                    "shape {name:?} lies in another medium than its `exterior` says (the world's where none is given): light that \
+                     leaves it goes on as if it were in that. Expected the medium around it, or `boundary = false`"
+                )
+            }));
+        }
         let settings = match self.budget {
             None | Some(Budgeted::Endless) => settings,
             Some(Budgeted::Passes(passes)) => {

@@ -9,6 +9,9 @@ use tobj::LoadOptions;
 
 /// Read a mesh. Polygons become fans of triangles; points and lines are skipped.
 pub fn read(bytes: &[u8]) -> Result<RawMesh, Flaw> {
+    // Comments and names in the code pages of old programs.
+    let text = String::from_utf8_lossy(bytes);
+    let bytes = text.as_bytes();
     // Some groups may have UVs where others have none: then each has vertices of its own.
     if let Some(joined) = without_groups(bytes)
         && let Ok(mesh) = read_objects(&joined)
@@ -153,6 +156,14 @@ mod tests {
 
     const OBJ: &str = "# two objects\nmtllib none.mtl\no first\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 100000.03125\n\
         vt 0 0\nvt 1 0\nvt 1 1\nvn 0 0 2\nusemtl red\nf 1/1/1 2/2/1 3/3/1\no second\nf -4 -2 -1\nl 1 2\n";
+
+    #[test]
+    fn names_may_be_of_any_code_page() {
+        let mut bytes = b"# \xfcber\ng \xe9t\xe9\n".to_vec();
+        bytes.extend(b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+        let mesh = RawMesh::read("a.obj", &bytes).unwrap();
+        assert_eq!(mesh.triangles, [[0, 1, 2]]);
+    }
 
     #[test]
     fn objects_are_joined() {

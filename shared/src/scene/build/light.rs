@@ -166,7 +166,9 @@ impl Parts<'_> {
                 return Err(Fault::new(record.kind.span(), message).into());
             }
         };
-        let lit = environments.into_iter().filter(|e| e.fluence() != Rgb::ZERO);
+        let lit = environments
+            .into_iter()
+            .filter(|e| e.fluence() != Rgb::ZERO);
         Ok(lit.map(LightKind::Environment).collect())
     }
 }

@@ -54,7 +54,14 @@ impl Converter<'_> {
         // Here nothing is cut off, and nothing moves.
         self.ignore(
             id,
-            &["near_clip", "far_clip", "shutter_open", "shutter_close"],
+            &[
+                "near_clip",
+                "far_clip",
+                "shutter_open",
+                "shutter_close",
+                // Of a lens; Mitsuba takes it of a pinhole as well.
+                "focus_distance",
+            ],
         );
         let media = self.nested(id, Kind::Medium);
         if let Some((member, medium)) = media.first() {

@@ -114,6 +114,11 @@ fn indices_of_obj_files_stay_within() {
         ("1 2 -4", "a.obj:6: "),
         ("1 2 -9223372036854775808", "a.obj:6: "),
         (
+            "1/-2 2/1 3/1",
+            "a.obj:6: a face counts back to -2, but there are 1 before it",
+        ),
+        ("1//-9 2//1 3//1", "a.obj:6: a face counts back to -9"),
+        (
             "1 2 9223372036854775807",
             "a.obj:6: the face names vertex 9223372036854775807, but there are 3",
         ),

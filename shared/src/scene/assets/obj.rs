@@ -11,6 +11,9 @@ use tobj::LoadOptions;
 pub fn read(bytes: &[u8]) -> Result<RawMesh, Flaw> {
     // Comments and names in the code pages of old programs.
     let text = String::from_utf8_lossy(bytes);
+    if let Some(flaw) = backward_flaw(&text) {
+        return Err(flaw);
+    }
     let bytes = text.as_bytes();
     // Some groups may have UVs where others have none: then each has vertices of its own.
     if let Some(joined) = without_groups(bytes)
@@ -19,6 +22,36 @@ pub fn read(bytes: &[u8]) -> Result<RawMesh, Flaw> {
         return Ok(mesh);
     }
     read_objects(bytes)
+}
+
+/// The first index that counts back to before the file's start: the library computes with what it makes of it.
+fn backward_flaw(text: &str) -> Option<Flaw> {
+    let keywords = ["v", "vt", "vn"];
+    let mut defined = [0u64; 3];
+    for (i, line) in text.lines().enumerate() {
+        let mut words = line.split_whitespace();
+        let keyword = words.next();
+        if let Some(kind) = keywords.iter().position(|name| keyword == Some(name)) {
+            defined[kind] += 1;
+        }
+        if !matches!(keyword, Some("f" | "l" | "p")) || !line.contains('-') {
+            continue;
+        }
+        let indices = words.flat_map(|word| word.split('/').zip(defined));
+        for (index, defined) in indices.filter(|(index, _)| index.starts_with('-')) {
+            // What is no number is left to the library to refuse.
+            let back = index.parse::<i64>().map_or(0, i64::unsigned_abs);
+            if back > defined {
+                return Some(Flaw {
+                    line: Some(i + 1),
+                    message: format!(
+                        "a face counts back to {index}, but there are {defined} before it"
+                    ),
+                });
+            }
+        }
+    }
+    None
 }
 
 /// A file without normals, its groups' names made comments: so faces of several groups share their vertices, and the normals

@@ -140,12 +140,15 @@ impl Scene {
         &self.description.bounds
     }
     pub(crate) fn material(&self, hit: &SurfaceHit) -> &Material {
-        &self.description.materials[self.objects()[hit.object as usize].material as usize]
+        self.material_of(hit.object)
+    }
+    /// What an object is made of.
+    pub(crate) fn material_of(&self, object: u32) -> &Material {
+        &self.description.materials[self.objects()[object as usize].material as usize]
     }
     /// Whether an object is the boundary of a medium at most.
     pub(crate) fn is_null(&self, object: u32) -> bool {
-        let material = self.objects()[object as usize].material;
-        self.description.materials[material as usize].is_null()
+        self.material_of(object).is_null()
     }
     /// Whether the medium is the same on both sides of an object.
     pub(crate) fn bounds_nothing(&self, object: u32) -> bool {

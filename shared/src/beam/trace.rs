@@ -379,10 +379,7 @@ impl<V: Sight> Tracer<'_, V> {
             true => {
                 let probe = Probe {
                     scene: self.scene,
-                    hides: |object: u32| {
-                        self.scene.is_null(object) && self.scene.bounds_nothing(object)
-                            || self.sight.hides(photon.hidden, object)
-                    },
+                    hides: |object: u32| self.sight.hides(photon.hidden, object),
                 };
                 probe.beam(&photon.ray, photon.starts_on, radius, sampler)
             }
@@ -445,9 +442,7 @@ impl<V: Sight> Tracer<'_, V> {
             let radius = radii.surface(&photon.footprint, self.surface_footprint);
             let probe = Probe {
                 scene: self.scene,
-                hides: |object: u32| {
-                    self.scene.is_null(object) || self.sight.hides(photon.hidden, object)
-                },
+                hides: |object: u32| self.sight.hides(photon.hidden, object),
             };
             let widest = LOCAL * self.scene.extents[hit.object as usize];
             let radius = radius.min(widest) * self.surface_scale;

@@ -168,6 +168,16 @@ impl Material {
     pub fn may_be_passed(&self) -> bool {
         self.is_null() || self.opacity.is_some()
     }
+    /// Whether light comes out on the other side, bent or not.
+    pub fn transmits(&self) -> bool {
+        let is_glass = matches!(
+            self.kind,
+            MaterialKind::Dielectric { .. }
+                | MaterialKind::ThinDielectric { .. }
+                | MaterialKind::RoughDielectric { .. }
+        );
+        is_glass || self.may_be_passed()
+    }
 
     /// The scattering at a hit with these texture coordinates.
     #[inline]

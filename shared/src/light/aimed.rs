@@ -5,7 +5,7 @@ use super::emission::from_afar;
 use super::{EmissionSample, EmissionUniforms, Environment, Light, LightKind, SceneBounds, spot};
 use crate::geometry::Object;
 use crate::math::{PI, Ray, Rgb, Vec3};
-use crate::target::{Aim, Discs, Place};
+use crate::target::{Aim, Discs, Drawn, Place};
 
 /// Share of aimed photons whose directions are drawn as those of plain ones, where these are not even. The others come from
 /// where the camera paths went that found the light.
@@ -32,13 +32,14 @@ impl Light {
         choice: f32,
     ) -> Option<EmissionSample> {
         let plain = aim.plain;
-        let mut start = if choice < plain {
-            self.sample_emission(objects, bounds, u)
+        let (mut start, drawn) = if choice < plain {
+            (self.sample_emission(objects, bounds, u), None)
         } else {
             let left = ((choice - plain) / (1.0 - plain)).min(1.0 - f32::EPSILON);
-            self.sample_aimed(objects, bounds, &aim.discs, u, left)?
+            let (start, drawn) = self.sample_aimed(objects, bounds, &aim.discs, u, left)?;
+            (start, Some(drawn))
         };
-        let [pdf, of_point] = self.mixture_density(bounds, aim, &start);
+        let [pdf, of_point] = self.mixture_density(bounds, aim, &start, drawn);
         start.power = self.emitted_along(&start) / pdf;
         match self.kind {
             LightKind::Directional { .. } => start.pdf_pos = pdf,
@@ -55,31 +56,38 @@ impl Light {
     /// Density of [`Self::sample_mixture`] at a start (of which the densities do not matter): of a light that is somewhere per
     /// solid angle, its point being given; of a directional one per area across the ray; of an environment both.
     pub fn mixture_pdf(&self, bounds: &SceneBounds, aim: &Aim, start: &EmissionSample) -> f32 {
-        let [pdf, _] = self.mixture_density(bounds, aim, start);
+        let [pdf, _] = self.mixture_density(bounds, aim, start, None);
         pdf
     }
 
-    /// The same, and the density of points across the ray alone, of a light from afar.
-    fn mixture_density(&self, bounds: &SceneBounds, aim: &Aim, start: &EmissionSample) -> [f32; 2] {
+    /// The same, and the density of points across the ray alone, of a light from afar. `drawn`: what the start was drawn through,
+    /// if it was aimed.
+    fn mixture_density(
+        &self,
+        bounds: &SceneBounds,
+        aim: &Aim,
+        start: &EmissionSample,
+        drawn: Option<Drawn<'_>>,
+    ) -> [f32; 2] {
         let ray = Ray {
             origin: start.origin,
             dir: start.dir,
         };
         let own = self.plain_density(bounds, start);
-        let aimed = self.aimed_density(bounds, &aim.discs, &ray);
+        let aimed = self.aimed_density(bounds, &aim.discs, &ray, drawn);
         let mix = |own: f32, aimed: f32| aim.plain * own + (1.0 - aim.plain) * aimed;
         [mix(own.pdf, aimed.pdf), mix(own.of_point, aimed.of_point)]
     }
 
-    /// A start that is aimed. Power and densities are not those of any distribution.
-    pub(crate) fn sample_aimed(
+    /// A start that is aimed, and through what. Power and densities are not those of any distribution.
+    pub(crate) fn sample_aimed<'a>(
         &self,
         objects: &[Object],
         bounds: &SceneBounds,
-        discs: &Discs,
+        discs: &'a Discs,
         u: EmissionUniforms,
         mut choice: f32,
-    ) -> Option<EmissionSample> {
+    ) -> Option<(EmissionSample, Drawn<'a>)> {
         let through = |point: Vec3, dir: Vec3| {
             let start = from_afar(bounds, dir, Rgb::ZERO, glam::Vec2::splat(0.5));
             let off = point - bounds.center;
@@ -89,30 +97,29 @@ impl Light {
                 ..start
             })
         };
-        match &self.kind {
-            LightKind::Directional { direction, .. } => {
-                let (point, disc) = discs.point(&mut choice, u.position);
-                let is_front = disc.normal.dot(*direction) < 0.0;
-                is_front.then(|| through(point, *direction))?
-            }
+        let position = match &self.kind {
+            LightKind::Directional { .. } | LightKind::Environment(_) => u.position,
+            _ => u.direction,
+        };
+        let (point, mut drawn) = discs.point(&mut choice, position);
+        let start = match &self.kind {
+            LightKind::Directional { direction, .. } => through(point, *direction)?,
             LightKind::Environment(environment) => {
-                let (point, disc) = discs.point(&mut choice, u.position);
                 let dir = if choice < own_directions(environment) {
                     -environment.sample(u.direction).dir
                 } else {
-                    disc.draw_direction(u.direction)
+                    drawn.draw_direction(u.direction)
                 };
-                let is_front = disc.normal.dot(dir) < 0.0;
-                is_front.then(|| through(point, dir))?
+                through(point, dir)?
             }
             _ => {
                 let start = self.sample_emission(objects, bounds, u);
-                let (point, disc) = discs.point(&mut choice, u.direction);
                 let dir = (point - start.origin).normalize_or_zero();
-                let is_front = disc.normal.dot(dir) < 0.0;
-                is_front.then_some(EmissionSample { dir, ..start })
+                EmissionSample { dir, ..start }
             }
-        }
+        };
+        let is_front = drawn.disc.normal.dot(start.dir) < 0.0;
+        is_front.then_some((start, drawn))
     }
 
     /// Density of aimed rays over that of plain ones where a camera path found the light: infinite where none are plain.
@@ -139,7 +146,7 @@ impl Light {
             pdf_dir: 0.0,
             pdf_pos: 0.0,
         };
-        self.aimed_density(bounds, discs, &ray).pdf / self.plain_density(bounds, &start).pdf
+        self.aimed_density(bounds, discs, &ray, None).pdf / self.plain_density(bounds, &start).pdf
     }
 
     /// What a photon stands for, times the densities that it was drawn with: W/sr, W/m^2 or W/(m^2 sr), of area lights over
@@ -186,8 +193,14 @@ impl Light {
         Density { pdf, of_point }
     }
 
-    /// Density of [`Self::sample_aimed`], likewise.
-    fn aimed_density(&self, bounds: &SceneBounds, discs: &Discs, ray: &Ray) -> Density {
+    /// Density of [`Self::sample_aimed`], likewise. `drawn`: what it was drawn through, if it was.
+    fn aimed_density(
+        &self,
+        bounds: &SceneBounds,
+        discs: &Discs,
+        ray: &Ray,
+        drawn: Option<Drawn<'_>>,
+    ) -> Density {
         // From afar, lines go through discs. These may reach out of the bounds.
         let line = Ray {
             origin: ray.at(-2.0 * bounds.radius),
@@ -195,7 +208,7 @@ impl Light {
         };
         match &self.kind {
             LightKind::Directional { .. } => {
-                let [of_point, _] = discs.pdf_across(&line);
+                let [of_point, _] = discs.pdf_across(&line, drawn);
                 Density {
                     pdf: of_point,
                     of_point,
@@ -203,7 +216,7 @@ impl Light {
             }
             LightKind::Environment(environment) => {
                 let own = own_directions(environment);
-                let [of_point, of_line] = discs.pdf_across(&line);
+                let [of_point, of_line] = discs.pdf_across(&line, drawn);
                 let by_itself = match own > 0.0 && of_point > 0.0 {
                     true => own * environment.pdf(-ray.dir) * of_point,
                     false => 0.0,
@@ -214,7 +227,7 @@ impl Light {
                 }
             }
             _ => Density {
-                pdf: discs.pdf_from(ray),
+                pdf: discs.pdf_from(ray, drawn),
                 of_point: 0.0,
             },
         }

@@ -156,8 +156,7 @@ impl Discs {
         self.tree
             .along_ray(ray.origin, ray.dir, f32::INFINITY, |leaf, t_max| {
                 let disc = &self.discs[leaf as usize];
-                let cos = -disc.normal.dot(ray.dir);
-                let t = disc.normal.dot(ray.origin - disc.center) / cos;
+                let (t, cos) = disc.crossing(ray);
                 if cos != 0.0 && t > 0.0 {
                     let off = ray.at(t) - disc.center;
                     if off.length_squared() <= disc.radius * disc.radius {
@@ -168,50 +167,101 @@ impl Discs {
             });
     }
 
-    /// A point on one of the discs, and the disc. `choice`, `u`: uniform in [0, 1); what is left of `choice` is so again.
-    pub(crate) fn point(&self, choice: &mut f32, u: Vec2) -> (Vec3, &Disc) {
+    /// A point on one of the discs. `choice`, `u`: uniform in [0, 1); what is left of `choice` is so again.
+    pub(crate) fn point(&self, choice: &mut f32, u: Vec2) -> (Vec3, Drawn<'_>) {
         let chosen = cdf::choose(&self.sums, *choice);
         *choice = chosen.u;
         let disc = &self.discs[chosen.index];
         let on_disc = (warp::concentric_disk(u) * disc.radius).extend(0.0);
         let point = disc.center + Frame::from_normal(disc.normal).to_world(on_disc);
-        (point, disc)
+        let drawn = Drawn {
+            disc,
+            is_in_cone: false,
+        };
+        (point, drawn)
     }
 
-    /// Density per solid angle of directions from the ray's origin to points on the fronts of discs.
-    pub(crate) fn pdf_from(&self, ray: &Ray) -> f32 {
+    /// Density per solid angle of directions from the ray's origin to points on the fronts of discs. `drawn`: what the ray was
+    /// drawn through, if it was.
+    pub(crate) fn pdf_from(&self, ray: &Ray, drawn: Option<Drawn<'_>>) -> f32 {
         let mut pdf = 0.0;
-        self.along(ray, |disc, t, cos| pdf += disc.density * (t * t / cos));
+        self.along_drawn(ray, drawn, |disc, t, cos| {
+            pdf += disc.density * (t * t / cos);
+        });
         pdf
     }
 
     /// Density of rays of this direction through points on the fronts of discs, per area across them; and of rays whose
-    /// directions are drawn by [`Disc::draw_direction`], per solid angle as well.
-    pub(crate) fn pdf_across(&self, ray: &Ray) -> [f32; 2] {
+    /// directions are drawn by [`Drawn::draw_direction`], per solid angle as well. `drawn`: as above.
+    pub(crate) fn pdf_across(&self, ray: &Ray, drawn: Option<Drawn<'_>>) -> [f32; 2] {
         let (mut of_point, mut of_line) = (0.0, 0.0);
-        self.along(ray, |disc, _, cos| {
+        self.along_drawn(ray, drawn, |disc, _, cos| {
             let density = disc.density / cos;
             of_point += density;
             let mut directions = WIDE / (2.0 * PI);
-            if cos >= disc.cos_spread {
+            let is_in_cone = drawn.is_some_and(|drawn| drawn.is_in_cone && drawn.is(disc));
+            if is_in_cone || cos >= disc.cos_spread {
                 directions += (1.0 - WIDE) * warp::uniform_cone_pdf(disc.cos_spread);
             }
             of_line += density * directions;
         });
         [of_point, of_line]
     }
+
+    /// As [`Self::along`], with the disc that the ray was drawn through in any case. Beside its rim rounding may put the ray, and
+    /// the photon would then stand for all the light that is seldom aimed there: too much of it, the smaller discs are.
+    fn along_drawn(
+        &self,
+        ray: &Ray,
+        drawn: Option<Drawn<'_>>,
+        mut visit: impl FnMut(&Disc, f32, f32),
+    ) {
+        self.along(ray, |disc, t, cos| {
+            if !drawn.is_some_and(|drawn| drawn.is(disc)) {
+                visit(disc, t, cos);
+            }
+        });
+        if let Some(Drawn { disc, .. }) = drawn {
+            let (t, cos) = disc.crossing(ray);
+            if cos > 0.0 {
+                visit(disc, t, cos);
+            }
+        }
+    }
+}
+
+/// What a ray was drawn through.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Drawn<'a> {
+    pub(crate) disc: &'a Disc,
+    /// And its direction in the disc's cone.
+    is_in_cone: bool,
+}
+
+impl Drawn<'_> {
+    fn is(&self, disc: &Disc) -> bool {
+        std::ptr::eq(self.disc, disc)
+    }
+
+    /// Direction of travel of light from afar, uniform in the cone of directions that the light came from around here, or, some
+    /// of the time, in the hemisphere that the disc faces.
+    pub(crate) fn draw_direction(&mut self, u: Vec2) -> Vec3 {
+        self.is_in_cone = u.x >= WIDE;
+        let (x, cos) = match self.is_in_cone {
+            false => (u.x / WIDE, 0.0),
+            true => ((u.x - WIDE) / (1.0 - WIDE), self.disc.cos_spread),
+        };
+        let towards = warp::uniform_cone(Vec2::new(x, u.y), cos);
+        -Frame::from_normal(self.disc.normal).to_world(towards)
+    }
 }
 
 impl Disc {
-    /// Direction of travel of light from afar, uniform in the cone of directions that the light came from around here, or, some
-    /// of the time, in the hemisphere that the disc faces.
-    pub(crate) fn draw_direction(&self, u: Vec2) -> Vec3 {
-        let (x, cos) = match u.x < WIDE {
-            true => (u.x / WIDE, 0.0),
-            false => ((u.x - WIDE) / (1.0 - WIDE), self.cos_spread),
-        };
-        let towards = warp::uniform_cone(Vec2::new(x, u.y), cos);
-        -Frame::from_normal(self.normal).to_world(towards)
+    /// Where a ray meets the disc's plane, and the cosine of its angle there, positive in front.
+    #[inline(always)]
+    fn crossing(&self, ray: &Ray) -> (f32, f32) {
+        let cos = -self.normal.dot(ray.dir);
+        (self.normal.dot(ray.origin - self.center) / cos, cos)
     }
 }
 

@@ -16,6 +16,7 @@ mod discs;
 mod pilot;
 
 pub use discs::Discs;
+pub(crate) use discs::Drawn;
 
 use crate::estimators::Estimators;
 use crate::light::{EmissionUniforms, Light, LightSelector, MANY_LIGHTS};
@@ -297,7 +298,9 @@ impl Aim {
                     false => Some(source.sample_emission(objects, bounds, uniforms)),
                     true => {
                         let choice = sampler.next_1d();
-                        source.sample_aimed(objects, bounds, &self.discs, uniforms, choice)
+                        let aimed =
+                            source.sample_aimed(objects, bounds, &self.discs, uniforms, choice);
+                        aimed.map(|(start, _)| start)
                     }
                 };
                 hits += u32::from(emission.is_some_and(|emission| {

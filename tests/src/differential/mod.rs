@@ -60,8 +60,8 @@ pub enum Verdict {
     },
     /// A few pixels hold most of an error that is too large.
     Fireflies(Outliers),
-    /// What differed was not rendered as long as would have been needed.
-    TooLong,
+    /// What differed, if it was not but outliers, was not rendered as long as would have been needed.
+    TooLong(Option<Difference>),
 }
 
 impl Verdict {
@@ -80,7 +80,7 @@ impl Verdict {
             Self::Biased { late: None, .. } => "SLOW",
             Self::Biased { .. } => "BIASED",
             Self::Fireflies(_) => "FIREFLIES",
-            Self::TooLong => "too long",
+            Self::TooLong(_) => "too long",
         }
     }
 }
@@ -89,8 +89,10 @@ impl fmt::Display for Verdict {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(self.word())?;
         match self {
-            Self::Right | Self::Noise | Self::TooLong => Ok(()),
-            Self::Shrinks(difference) | Self::Unknown(difference) => write!(f, ": {difference}"),
+            Self::Right | Self::Noise | Self::TooLong(None) => Ok(()),
+            Self::Shrinks(difference)
+            | Self::Unknown(difference)
+            | Self::TooLong(Some(difference)) => write!(f, ": {difference}"),
             Self::Biased {
                 early,
                 late: None,
@@ -153,12 +155,13 @@ pub fn examine(scene: &Scene, effort: &Effort) -> Verdict {
         samples: effort.samples,
     };
     let first = Pair::new(scene, &draws);
-    if first.differences(&STRICT, effort.significance).is_empty() && first.outliers().is_none() {
+    let found = first.differences(&STRICT, effort.significance);
+    if found.is_empty() && first.outliers().is_none() {
         return Verdict::Right;
     }
     let is_too_long = |seconds: f64| seconds > effort.seconds;
     if is_too_long(LONGER as f64 * (first.passes.seconds + first.reference.seconds)) {
-        return Verdict::TooLong;
+        return Verdict::TooLong(found.into_iter().next());
     }
     let draws = Draws {
         seed: 2,
@@ -172,7 +175,7 @@ pub fn examine(scene: &Scene, effort: &Effort) -> Verdict {
     let is_dark = first.map(|difference| difference.passes < difference.reference);
     if is_dark == Some(false) || is_dark.is_none() && pair.outliers().is_some() {
         if is_too_long(MORE_SAMPLES as f64 * pair.reference.seconds) {
-            return Verdict::TooLong;
+            return Verdict::TooLong(found.into_iter().next());
         }
         let samples = MORE_SAMPLES * effort.samples;
         pair.reference = Images::of_reference(scene, &Draws { samples, ..draws });
@@ -181,7 +184,7 @@ pub fn examine(scene: &Scene, effort: &Effort) -> Verdict {
     // And so have the passes.
     if found.iter().any(|d| !d.is_heavy && d.passes < d.reference) {
         if is_too_long(LONGER as f64 * pair.passes.seconds) {
-            return Verdict::TooLong;
+            return Verdict::TooLong(found.into_iter().next());
         }
         let images = LONGER * draws.images;
         pair.passes = Images::of_passes(
@@ -203,7 +206,7 @@ pub fn examine(scene: &Scene, effort: &Effort) -> Verdict {
         };
     };
     if is_too_long(pair.passes.seconds) {
-        return Verdict::TooLong;
+        return Verdict::TooLong(found.into_iter().next());
     }
     let large = pair.differences(&SHRINKING, effort.significance);
     let is_large = large.iter().any(|d| !d.is_heavy);

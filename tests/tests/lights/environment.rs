@@ -88,3 +88,68 @@ fn environment_is_sampled_wherever_it_shines() {
     assert_eq!(black.fluence(), Rgb::ZERO);
     assert_eq!(black.pdf(Vec3::X), 0.25 / PI);
 }
+
+/// A sky of 1 with a spot of `spot` in its upper half.
+fn with_spot(spot: f32) -> Arc<Image> {
+    let pixels = (0..64 * 32).map(|i| match (i % 64, i / 64) {
+        (20..23, 9..11) => Rgb::new(spot, 0.8 * spot, 0.5 * spot),
+        _ => Rgb::new(0.7, 0.9, 1.4),
+    });
+    Arc::new(Image {
+        width: 64,
+        height: 32,
+        pixels: pixels.collect(),
+    })
+}
+
+/// Passes and path tracer read the same parts, so only the image can say whether they lack any light.
+#[test]
+fn a_sky_and_its_sun_are_the_image() {
+    let turned = Mat3::from_rotation_y(0.7);
+    let image = with_spot(1e3);
+    let all = Environment::new(Some(image.clone()), RADIANCE, turned);
+    let parts = Environment::sky_and_suns(&image, RADIANCE, turned);
+    let [even, sun] = parts.as_slice() else {
+        panic!("{} parts", parts.len());
+    };
+    assert!(all.unevenness() > 100.0 && even.unevenness() < 16.0);
+    assert!(even.fluence().min_element() > 0.05 * all.fluence().min_element());
+    let close = |a: Rgb, b: Rgb| (a - b).abs().cmple(1e-5 * b.abs() + 1e-6).all();
+    assert!(close(even.fluence() + sun.fluence(), all.fluence()));
+    let mut rng = Sampler::new(8, 0, Purpose::Test, 0);
+    let mut is_in_sun = 0;
+    for i in 0..10_000 {
+        let dir = match i % 2 {
+            0 => warp::uniform_sphere(rng.next_2d()),
+            _ => all.sample(rng.next_2d()).dir,
+        };
+        let [even, sun] = [even, sun].map(|part| part.radiance(dir));
+        let sum = even + sun;
+        assert!(close(sum, all.radiance(dir)), "{dir}: {sum}");
+        assert!(even.min_element() >= 0.0 && sun.min_element() >= 0.0);
+        is_in_sun += usize::from(sun != Rgb::ZERO);
+    }
+    assert!((1000..9000).contains(&is_in_sun));
+}
+
+/// Nothing is gained by cutting what is even, nor what is nothing but suns.
+#[test]
+fn even_skies_and_suns_alone_are_one_light() {
+    let mut sun = Image::clone(&with_spot(1e3));
+    for pixel in &mut sun.pixels {
+        *pixel = if pixel.x < 1.0 { Rgb::ZERO } else { *pixel };
+    }
+    let mut black = sun.clone();
+    black.pixels.fill(Rgb::ZERO);
+    for image in [
+        with_spot(5.0),
+        with_spot(3e4),
+        Arc::new(sun),
+        Arc::new(black),
+    ] {
+        let parts = Environment::sky_and_suns(&image, RADIANCE, Mat3::IDENTITY);
+        assert_eq!(parts.len(), 1);
+        let all = Environment::new(Some(image), RADIANCE, Mat3::IDENTITY);
+        assert_eq!(parts[0].fluence(), all.fluence());
+    }
+}

@@ -8,8 +8,18 @@ use beamfarm_shared::warp;
 use beamfarm_tests::quadrature::Rect;
 use beamfarm_tests::{Chi2, MeanEstimate};
 
-/// Flux by where the photons start and where they go is that of plain emission, at a significance of 1e-3 for all together
-/// (Šidák).
+/// Makes the world a thousand times as large as the room, so that rays from its rim meet discs but roughly.
+const FAR: &str = r#"
+[[shapes]]
+name = "very far away"
+type = "sphere"
+center = [0, -3000, 0]
+radius = 0.4
+material = "wall"
+"#;
+
+/// Flux by where the photons start and where they go is that of plain emission, at a significance of 1e-3 for all of a light's
+/// together (Šidák).
 #[test]
 fn flux_is_that_of_the_light() {
     for (what, more) in [
@@ -18,6 +28,8 @@ fn flux_is_that_of_the_light() {
         ("spot", SPOT),
         ("point", POINT),
         ("lamp", LAMP),
+        ("sky of a large world", &format!("{FAR}{SKY}")),
+        ("sun of a large world", &format!("{FAR}{SUN}")),
     ] {
         let room = Room {
             targeting: "on",

@@ -33,6 +33,11 @@ pub fn exp_neg(x: f32) -> f32 {
     let scale = f32::from_bits((shifted.to_bits() << 23).wrapping_add(1.0f32.to_bits()));
     if x <= -87.0 { 0.0 } else { e * scale }
 }
+/// `1 - e^-x`, which a difference of numbers near one would not tell where `x` is small.
+#[inline]
+pub fn one_minus_exp_neg(x: f32) -> f32 {
+    -libm::expm1f(-x)
+}
 /// [`exp_neg`] per channel.
 #[inline]
 pub fn exp_rgb_neg(x: Rgb) -> Rgb {
@@ -42,6 +47,11 @@ pub fn exp_rgb_neg(x: Rgb) -> Rgb {
 #[inline]
 pub fn ln(x: f32) -> f32 {
     libm::logf(x)
+}
+/// `ln(1 + x)`, to all digits where `x` is small.
+#[inline]
+pub fn ln_1p(x: f32) -> f32 {
+    libm::log1pf(x)
 }
 /// Sine and cosine of an angle in radians.
 #[inline]

@@ -7,9 +7,9 @@ use beamfarm_shared::pass::render_pass;
 use beamfarm_shared::plan::RenderPlan;
 use beamfarm_tests::render::{average, scene};
 
-const FOG_HASH: &str = "369355a3ce113e2925371c6ce98ebf4553138dc6c666881c97db880f314e6bf3";
+const FOG_HASH: &str = "9b64d2f94a6eec8ce91d4a5b2bad6d65ccf234c1934f4b390af7d5202742f9e5";
 const SMOKE_HASH: &str = "531595f94ceb9a79f3b7e5f18a22209298bc92d950c5bcad4b0e8952b9d3f6b5";
-const SURFACES_HASH: &str = "7585220ff60a71a1bb508a86fed17b91e939a0d0d9145fe49956ae4118d0cb43";
+const SURFACES_HASH: &str = "1fd7cf8d44ac88cdcf1bd1497cdc52c2bb43b3cb1fd531e81f0c4d6813b64f9a";
 
 const FOG: &str = r#"
 [image]

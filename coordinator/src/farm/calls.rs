@@ -300,8 +300,8 @@ impl Drop for Attendance {
         let mut books = farm.books();
         let lost = books.ledger.detach(*worker);
         books.progress.workers = books.progress.workers.saturating_sub(1);
-        books.progress.lost_leases += lost as u64;
         if farm.end.borrow().is_none() {
+            books.progress.lost_leases += lost as u64;
             let name = books.ledger.name(*worker).to_owned();
             let mut text = format!("worker {} ({name:?}) is gone", worker.0);
             if lost > 0 {

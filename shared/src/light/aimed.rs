@@ -244,3 +244,78 @@ fn own_directions(environment: &Environment) -> f32 {
 fn cos_at(start: &EmissionSample) -> f32 {
     start.normal.map_or(0.0, |normal| normal.dot(start.dir))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sampler::{Purpose, Sampler};
+    use glam::Mat3;
+    use std::sync::Arc;
+
+    /// Rays from afar meet small discs but roughly: one that is drawn through a disc's rim, or the rim of its cone, has the
+    /// density of what it was drawn by all the same. By those of its place alone its photon would stand for too much.
+    #[test]
+    fn no_ray_is_taken_for_one_that_was_not_aimed() {
+        let bounds = SceneBounds {
+            center: Vec3::new(3.0, -20.0, 7.0),
+            radius: 100.0,
+        };
+        let towards = Vec3::new(0.3, 0.8, 0.4).normalize();
+        let mut sampler = Sampler::new(1, 0, Purpose::Test, 0);
+        let places: Vec<Place> = (0..200)
+            .map(|i| {
+                let off = sampler.next_2d().extend(0.5) - 0.5;
+                Place {
+                    point: off * 0.02,
+                    normal: Vec3::Z,
+                    towards: (towards + off * 0.1).normalize(),
+                    distance: 1.0,
+                    weight: 1.0,
+                    odd: i % 2 == 1,
+                }
+            })
+            .collect();
+        let aim = Aim {
+            plain: 0.1,
+            discs: Discs::new(&places, &bounds),
+            trials: 1,
+        };
+        let pixels = vec![
+            Rgb::ONE,
+            Rgb::splat(2.0),
+            Rgb::ONE,
+            Rgb::ONE,
+            Rgb::ONE,
+            Rgb::ONE,
+        ];
+        let (width, height) = (2, 3);
+        let image = crate::texture::Image {
+            width,
+            height,
+            pixels,
+        };
+        let sky = Environment::new(Some(Arc::new(image)), Rgb::ONE, Mat3::IDENTITY);
+        let light = Light {
+            name: "sky".into(),
+            group: crate::light::LightGroup::named("sky"),
+            kind: LightKind::Environment(sky),
+        };
+        let (mut lost, mut least) = (0, f32::INFINITY);
+        for _ in 0..20_000 {
+            let u = EmissionUniforms::draw(&mut sampler);
+            let aimed = light.sample_aimed(&[], &bounds, &aim.discs, u, sampler.next_1d());
+            let Some((start, drawn)) = aimed else {
+                continue;
+            };
+            let plain = light.plain_density(&bounds, &start).pdf;
+            let over_plain = |drawn| {
+                let [pdf, _] = light.mixture_density(&bounds, &aim, &start, drawn);
+                pdf / plain
+            };
+            least = least.min(over_plain(Some(drawn)));
+            lost += usize::from(over_plain(None) < 0.5 * over_plain(Some(drawn)));
+        }
+        // Some do lie beside what they were drawn through; the plain ones are a tenth of the density, and no less.
+        assert!(lost > 10 && least > 100.0, "{lost}, {least}");
+    }
+}

@@ -73,7 +73,7 @@ pub(super) fn heaviest(places: &[Place]) -> f32 {
 
 impl Discs {
     /// Discs around the first places, each as large as encloses its 8 nearest. `places`: more than those.
-    pub(super) fn new(places: &[Place], bounds: &SceneBounds) -> Self {
+    pub(crate) fn new(places: &[Place], bounds: &SceneBounds) -> Self {
         let places = &places[..places.len().min(MOST)];
         let mut around: Vec<(f32, f32)> = places
             .par_iter()

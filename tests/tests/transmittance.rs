@@ -257,6 +257,64 @@ fn check(index: u64, way: &Way) -> Vec<String> {
     failures
 }
 
+/// Where it is thin to one channel and hundreds of mean free paths to another, estimates are numbers all the same, and right.
+#[test]
+fn channels_may_differ_as_much_as_they_like() {
+    let mut failures = Vec::new();
+    for (profile, scale) in [
+        (Profile::Step, 0.01),
+        (Profile::Gaussian, 0.01),
+        (Profile::Step, 0.2),
+        (Profile::Step, 1.0),
+        (Profile::Gaussian, 10.0),
+    ] {
+        let sigma_t = Rgb::new(2.6, 157.0, 131.0) * scale as f32;
+        let [low, high] = profile.range(0.0, LENGTH);
+        let span = Span {
+            start: 0.0,
+            end: LENGTH as f32,
+            density: Range {
+                minorant: low as f32,
+                majorant: high as f32,
+                mean: (profile.depth(LENGTH) / LENGTH) as f32,
+            },
+        };
+        for (index, estimator) in ESTIMATORS.into_iter().enumerate() {
+            let mut means = [MeanEstimate::new(); 3];
+            let mut steps = StepFunctions::default();
+            for repetition in 0..20_000 {
+                let mut sampler = Sampler::new(23, index as u64, Purpose::Test, repetition);
+                steps.clear();
+                let number = steps.begin();
+                let density = |t: f32| profile.density(f64::from(t)) as f32;
+                let spans = [span].into_iter();
+                let push = |t, step| steps.push(t, step);
+                estimator.walk(spans, density, sigma_t, 1.0, &mut sampler, push);
+                for distance in [0.3, 0.9, 1.7] {
+                    assert!(steps.get(number).at(distance, sigma_t).is_finite());
+                }
+                let value = steps.get(number).at(LENGTH as f32, sigma_t);
+                for (mean, value) in means.iter_mut().zip(value.to_array()) {
+                    mean.add(f64::from(value));
+                }
+            }
+            for (mean, sigma_t) in means.iter().zip(sigma_t.to_array()) {
+                let expected = libm::exp(-f64::from(sigma_t) * profile.depth(LENGTH));
+                // Less comes in tails that so few walks do not have.
+                if expected > 0.01 && (mean.mean() - expected).abs() > 4.0 * mean.std_error() + 3e-7
+                {
+                    failures.push(format!(
+                        "{profile:?} * {scale}, {estimator}: {} +- {} not {expected}",
+                        mean.mean(),
+                        mean.std_error()
+                    ));
+                }
+            }
+        }
+    }
+    assert!(failures.is_empty(), "{}", failures.join("\n"));
+}
+
 /// A lumpy density in a box that is turned, stretched and moved.
 fn lumps(estimator: Estimator) -> Heterogeneous {
     let recipe = Recipe {

@@ -39,7 +39,7 @@ impl fmt::Display for Estimator {
 pub struct Step {
     /// Transmittance at the step, but for the next two.
     pub value: Rgb,
-    /// Density times length of what is in closed form, up to the step.
+    /// Density times length of what is in closed form, up to the step, where it is not in the value.
     pub depth: f32,
     /// Density of what is in closed form from there. Both are 0 but for residual ratio tracking.
     pub decay: f32,
@@ -49,8 +49,12 @@ pub struct Step {
 const ROULETTE_BELOW: f32 = 1.0 / 16.0;
 /// From this many steps on, a walk goes on with one chance in sixteen at every further one: memory is bounded.
 const MANY_STEPS: u32 = 1024;
-/// Optical depth that counts as opaque: e^-18 = 1.5e-8 is below the rounding of what is added to.
+/// Optical depth that counts as opaque: e^-18 is below the rounding of what is added to.
 pub(super) const OPAQUE_DEPTH: f32 = 18.0;
+/// That transmittance.
+const OPAQUE: f32 = 1.523e-8;
+/// Most optical depth that residual tracking keeps in closed form beside what it has found.
+const MOST_DEPTH: f32 = 16.0;
 
 impl Estimator {
     /// What a medium has whose scene does not say.
@@ -170,6 +174,14 @@ fn residual_tracking(
     mut step: impl FnMut(f32, Step),
 ) {
     let (top, least) = (sigma_t.max_element(), sigma_t.min_element());
+    // What the closed form is too small by grows in `value`, in channels of their own: before either is more than a number can
+    // hold they are put together.
+    let put_together = |now: &mut Step| {
+        if now.depth * top > MOST_DEPTH {
+            now.value *= exp_rgb_neg(sigma_t * -now.depth);
+            now.depth = 0.0;
+        }
+    };
     let mut events = Events::new(sampler);
     // `now` at the distance `at`.
     let (mut now, mut at) = (Step::NONE, 0.0);
@@ -184,7 +196,8 @@ fn residual_tracking(
         if control != now.decay {
             now.depth += now.decay * (span.start - at);
             (now.decay, at) = (control, span.start);
-            if now.depth * least > OPAQUE_DEPTH {
+            put_together(&mut now);
+            if now.value.max_element() * exp_neg(-least * now.depth) < OPAQUE {
                 now.value = Rgb::ZERO;
             }
             step(at, now);
@@ -198,6 +211,7 @@ fn residual_tracking(
             now.depth += now.decay * (t - at);
             at = t;
             now.value *= (Rgb::ONE - sigma_t * (residual / rate)).max(Rgb::ZERO);
+            put_together(&mut now);
             let decayed = now.value * exp_neg(-least * now.depth);
             now.value *= roulette(decayed, count, sampler);
             count += 1;

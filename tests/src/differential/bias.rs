@@ -209,6 +209,9 @@ fn p_value(beyond: f64, [a, b]: [&Moments; 2]) -> f64 {
         .error
         .hypot(b.error)
         .max(ROUNDING * a.mean.abs().max(b.mean.abs()));
+    if !(beyond / error).is_finite() {
+        return f64::NAN;
+    }
     let fourth = |m: &Moments| libm::pow(m.error / error, 4.0) / (m.count - 1.0);
     let freedom = (1.0 / (fourth(a) + fourth(b))).clamp(1.0, 1e6);
     match StudentsT::new(0.0, 1.0, freedom) {

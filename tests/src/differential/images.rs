@@ -40,6 +40,8 @@ pub struct Images {
     pub pixels: Vec<[MeanEstimate; 3]>,
     /// Wall time of all of them.
     pub seconds: f64,
+    /// Camera rays through each pixel.
+    pub samples: u64,
     /// Width of the picture in blocks.
     pub columns: usize,
 }
@@ -82,6 +84,7 @@ impl Images {
             images.add(&image.film, &image.layers);
         }
         images.seconds = started.elapsed().as_secs_f64();
+        images.samples = draws.images;
         images
     }
 
@@ -120,6 +123,7 @@ impl Images {
             images.add(&film, &sums);
         }
         images.seconds = started.elapsed().as_secs_f64();
+        images.samples = draws.images * draws.samples;
         images
     }
 
@@ -133,6 +137,7 @@ impl Images {
             means: vec![vec![Vec::new(); cells]; layers],
             pixels: vec![[MeanEstimate::new(); 3]; width * height],
             seconds: 0.0,
+            samples: 0,
             columns,
         }
     }

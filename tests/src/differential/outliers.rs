@@ -5,7 +5,8 @@ use super::images::Images;
 /// Error of the passes that a few pixels hold.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Outliers {
-    /// Relative mean square error of the passes, over that of the path tracer in the same time.
+    /// Relative mean square error of the passes, over that of the path tracer for the same number of samples, of which a pass
+    /// counts for several.
     pub ratio: f64,
     /// How many pixels hold most of it.
     pub pixels: usize,
@@ -18,10 +19,13 @@ const RATIO: f64 = 20.0;
 /// Share of the pixels, and of the error that they hold at least.
 const PIXELS: f64 = 0.01;
 const SHARE: f64 = 0.6;
+/// Samples of the path tracer that a pass is given for: about what it costs. The time that it takes here would make another
+/// verdict each time.
+const SAMPLES_OF_PASS: f64 = 5.0;
 /// Relative error that is none: squared.
 const FLOOR: f64 = 1e-7;
 
-/// The outliers of the passes' picture, if they are too many. Wall time counts: renders are to be made alike, one thread each.
+/// The outliers of the passes' picture, if they are too many.
 pub fn outliers(passes: &Images, reference: &Images) -> Option<Outliers> {
     let count = passes.pixels.len() as f64;
     let all = reference.pixels.iter().flatten();
@@ -48,8 +52,8 @@ pub fn outliers(passes: &Images, reference: &Images) -> Option<Outliers> {
     let sum: f64 = ours.iter().sum();
     let pixels = (PIXELS * count).ceil() as usize;
     let share = ours.iter().take(pixels).sum::<f64>() / sum;
-    let time = passes.seconds / reference.seconds;
-    let ratio = sum / (3.0 * count) * time / (theirs / (3.0 * count)).max(FLOOR);
+    let samples = SAMPLES_OF_PASS * passes.samples as f64 / reference.samples as f64;
+    let ratio = sum / (3.0 * count) * samples / (theirs / (3.0 * count)).max(FLOOR);
     (ratio > RATIO && share > SHARE).then_some(Outliers {
         ratio,
         pixels,

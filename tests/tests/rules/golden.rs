@@ -110,11 +110,11 @@ const RULES: [(&str, &str); 10] = [
     ),
     (
         r#"on = ["floor", "box", "spot"] | rays = ["photon"] | exclude = ["glass", "spot"]"#,
-        "8bb2270d2c5474e5ea347456aba16cdc864a4105bfe07086c3fc5e42332a84ef",
+        "822d1946ad0888f6cd3b43063c27d917167427c1412b86ecd30f5b43e0784798",
     ),
     (
         r#"on = ["spot", "glass", "floor"] | rays = ["photon"] | include = ["glass", "lamp"]"#,
-        "9d9a828a5bfd110f0ec09bafea4f7570d6f6197b6b222050602fc980b0c63b08",
+        "ff8c903d779bc61fbff66422fee72fd39d60b8e8d478848b18ae94c47db6bb0d",
     ),
 ];
 

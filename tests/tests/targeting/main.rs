@@ -37,7 +37,7 @@ impl Room<'_> {
 width = 16
 height = 16
 [render]
-passes = 24
+passes = 64
 paths = 20000
 radius = 0.25
 targeting = "{}"

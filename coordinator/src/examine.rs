@@ -1,12 +1,12 @@
 //! Looks a delivered block over before anything counts.
 
 use crate::ledger::PixelHash;
+use beamfarm_image::error::ImageError;
+use beamfarm_image::exr::{decode_block, node_hashes};
+use beamfarm_image::job::{Block, PassStats};
+use beamfarm_image::merge::Node;
+use beamfarm_image::radius::Schedule;
 use beamfarm_proto::{FileHash, Job, LeaseId, VERSION, WireError, WireHash, WorkerId, wire};
-use beamfarm_shared::error::ImageError;
-use beamfarm_shared::exr::{decode_block, node_hashes};
-use beamfarm_shared::job::{Block, PassStats};
-use beamfarm_shared::merge::Node;
-use beamfarm_shared::radius::Schedule;
 
 /// What the header of a submission says.
 #[derive(Clone, Copy, Debug)]
@@ -59,7 +59,7 @@ pub struct Examined {
     pub node: Node,
     /// Hash of its radiance, for people.
     pub pixels: String,
-    /// Its [`node_hash`](beamfarm_shared::exr::node_hash): equal when the bits are.
+    /// Its [`node_hash`](beamfarm_image::exr::node_hash): equal when the bits are.
     pub hash: PixelHash,
 }
 

@@ -5,7 +5,7 @@
 
 use crate::farm::Farm;
 use crate::watch::Watch;
-use beamfarm_shared::film::Film;
+use beamfarm_image::film::Film;
 use std::io;
 use std::sync::Arc;
 use std::time::Duration;

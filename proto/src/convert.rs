@@ -2,11 +2,11 @@
 
 use crate::domain::{FileEntry, FileHash, Grant, Job, LeaseId, Manifest};
 use crate::wire;
-use beamfarm_shared::bundle::{MAX_BYTES, MAX_FILES, check_key};
-use beamfarm_shared::job::{
+use beamfarm_image::bundle::{MAX_BYTES, MAX_FILES, check_key};
+use beamfarm_image::job::{
     Block, Budget, JobSettings, MAX_PASSES, PassStats, SceneHash, ScheduleKind,
 };
-use beamfarm_shared::layer::{self, Layer};
+use beamfarm_image::layer::{self, Layer};
 use prost::bytes::Bytes;
 
 /// A message that says something impossible.
@@ -283,7 +283,7 @@ impl TryFrom<wire::LeaseReply> for Grant {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use beamfarm_shared::layer::LightGroup;
+    use beamfarm_image::layer::LightGroup;
 
     fn settings() -> JobSettings {
         JobSettings {

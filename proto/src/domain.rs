@@ -1,8 +1,8 @@
 //! What the farm exchanges, as its two sides think of it.
 
-use beamfarm_shared::bundle::Bundle;
-use beamfarm_shared::job::{Block, JobSettings, SceneHash};
-use beamfarm_shared::layer::Layer;
+use beamfarm_image::bundle::Bundle;
+use beamfarm_image::job::{Block, JobSettings, SceneHash};
+use beamfarm_image::layer::Layer;
 use std::fmt;
 
 /// A worker's number at one coordinator.

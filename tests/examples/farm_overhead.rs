@@ -8,12 +8,13 @@
 //! All that render are this program, begun anew for each run: the compiler makes other machine code of the renderer for
 //! each program, and memory that a process has used before is quicker, and either would be measured with the farm.
 
-use beamfarm_shared::exr::pixel_hash;
-use beamfarm_shared::merge::{Node, TreeSum};
-use beamfarm_shared::pass::render_pass;
-use beamfarm_shared::plan::{RenderPlan, Scene};
-use beamfarm_shared::radius::Schedule;
-use beamfarm_shared::scene::{ImportOptions, SceneFile};
+use beamfarm_image::exr::pixel_hash;
+use beamfarm_image::merge::{Node, TreeSum};
+use beamfarm_image::radius::Schedule;
+use beamfarm_render::pass::render_pass;
+use beamfarm_render::plan::RenderPlan;
+use beamfarm_render::world::Scene;
+use beamfarm_scene::{ImportOptions, SceneFile};
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};

@@ -5,17 +5,17 @@
 //! what one core can copy and sum.
 
 use beamfarm_coordinator::{Farm, JobSpec, Start, Terms, Timing, Watch, server};
+use beamfarm_image::bundle::Bundle;
+use beamfarm_image::exr::{BlockMeta, encode_block};
+use beamfarm_image::film::Film;
+use beamfarm_image::job::{Block, JobSettings, ScheduleKind};
+use beamfarm_image::merge::{Node, TreeSum};
+use beamfarm_image::radius::Schedule;
 use beamfarm_proto::bytes::Bytes;
 use beamfarm_proto::wire::farm_client::FarmClient;
 use beamfarm_proto::wire::submit_request::Part;
 use beamfarm_proto::{CHUNK_BYTES, FileHash, Grant, VERSION, WireHash, wire};
-use beamfarm_shared::bundle::Bundle;
-use beamfarm_shared::exr::{BlockMeta, encode_block};
-use beamfarm_shared::film::Film;
-use beamfarm_shared::job::{Block, JobSettings, ScheduleKind};
-use beamfarm_shared::merge::{Node, TreeSum};
-use beamfarm_shared::radius::Schedule;
-use beamfarm_shared::sampler::{Purpose, Sampler};
+use beamfarm_render::sampler::{Purpose, Sampler};
 use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader};
 use std::process::{Command, Stdio};
@@ -319,7 +319,7 @@ fn encoded(block: Block, scene: &[u8], film: &Film) -> Result<Bytes, AnyError> {
     }
     let node = sum.nodes().next().ok_or("an empty block")?;
     let meta = BlockMeta {
-        scene: beamfarm_shared::job::SceneHash(scene.try_into()?),
+        scene: beamfarm_image::job::SceneHash(scene.try_into()?),
         block,
         seed: settings().seed,
         alpha: settings().alpha,

@@ -6,8 +6,8 @@
 //! integrating to one.
 
 use crate::quadrature::{Rect, integrate};
-use beamfarm_shared::math::{Frame, Vec2, Vec3};
-use beamfarm_shared::sampler::{Purpose, Sampler};
+use beamfarm_render::math::{Frame, Vec2, Vec3};
+use beamfarm_render::sampler::{Purpose, Sampler};
 use glam::DVec3;
 use std::f64::consts::PI;
 
@@ -277,7 +277,7 @@ pub fn chi2(observed: &[u64], expected: &[f64]) -> (f64, usize, f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use beamfarm_shared::warp;
+    use beamfarm_render::warp;
 
     #[test]
     fn p_value_of_a_known_statistic() {

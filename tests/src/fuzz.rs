@@ -8,12 +8,12 @@ pub mod farm;
 
 pub use farm::{control, give_back, submit};
 
+use beamfarm_image::bundle::Bundle;
+use beamfarm_image::exr::{decode_block, decode_rgb};
+use beamfarm_image::job::Block;
+use beamfarm_image::layer::{Layer, LightGroup};
 use beamfarm_proto::{Grant, Job, wire};
-use beamfarm_shared::bundle::Bundle;
-use beamfarm_shared::exr::{decode_block, decode_rgb};
-use beamfarm_shared::job::Block;
-use beamfarm_shared::layer::{Layer, LightGroup};
-use beamfarm_shared::scene::{ImportOptions, SceneDescription, SceneFile, read_bundle};
+use beamfarm_scene::{ImportOptions, SceneFile, read_bundle};
 use prost::Message;
 use rand_core::Rng;
 use rand_pcg::Pcg32;
@@ -108,7 +108,7 @@ fn load(text: &str, name: &str, file: &[u8]) {
             .into(),
     };
     // Whether it is refused does not matter.
-    let _ = SceneDescription::load(&bundle);
+    let _ = beamfarm_scene::load(&bundle);
 }
 
 fn mesh(name: &str, data: &[u8]) {
@@ -145,7 +145,7 @@ pub fn scene(data: &[u8]) {
             .into(),
     };
     bundle.files.insert("scene.toml".into(), data.to_vec());
-    let _ = SceneDescription::load(&bundle);
+    let _ = beamfarm_scene::load(&bundle);
 }
 
 /// A glTF file and its camera.

@@ -4,9 +4,9 @@
 use crate::MeanEstimate;
 use crate::path_tracer::Grid;
 use crate::render::scene_with;
-use beamfarm_shared::job::PassStats;
-use beamfarm_shared::pass::render_pass;
-use beamfarm_shared::plan::RenderPlan;
+use beamfarm_image::job::PassStats;
+use beamfarm_render::pass::render_pass;
+use beamfarm_render::plan::RenderPlan;
 use glam::{DAffine3, DVec3};
 
 /// A scene and what it must look like.

@@ -5,9 +5,9 @@
 
 use crate::Suite;
 use crate::render::Blocks;
-use beamfarm_shared::film::Film;
-use beamfarm_shared::plan::Scene;
-use beamfarm_shared::scene::{SceneDescription, read_bundle};
+use beamfarm_image::film::Film;
+use beamfarm_render::world::Scene;
+use beamfarm_scene::read_bundle;
 use exr::image::read::read_first_flat_layer_from_file;
 use exr::image::{AnyChannel, FlatSamples};
 use statrs::distribution::{ContinuousCDF, StudentsT};
@@ -27,7 +27,7 @@ fn folder() -> PathBuf {
 /// When there is none of this name.
 pub fn scene(name: &str) -> Scene {
     let path = folder().join("scenes").join(name).with_extension("xml");
-    let description = read_bundle(&path).and_then(|bundle| SceneDescription::load(&bundle));
+    let description = read_bundle(&path).and_then(|bundle| beamfarm_scene::load(&bundle));
     match description {
         Ok(description) => Scene::new(description),
         Err(error) => panic!("{error}"),

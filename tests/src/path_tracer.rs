@@ -4,7 +4,7 @@
 //! distances by delta tracking under the grid's largest density, direct light from the lamp at every vertex, the optical
 //! depth towards it in closed form.
 
-use beamfarm_shared::film::Film;
+use beamfarm_image::film::Film;
 use glam::{DAffine3, DVec2, DVec3};
 use rand_core::Rng;
 use rand_pcg::Pcg64;

@@ -1,15 +1,15 @@
 //! Scenes from text, rendered in this process.
 
 use crate::MeanEstimate;
-use beamfarm_shared::bundle::Bundle;
-use beamfarm_shared::film::Film;
-use beamfarm_shared::job::{JobSettings, ReferenceSettings};
-use beamfarm_shared::merge::{Average, Node, TreeSum};
-use beamfarm_shared::pass::render_pass;
-use beamfarm_shared::plan::{RenderPlan, Scene};
-use beamfarm_shared::radius::Schedule;
-use beamfarm_shared::reference::render_sample;
-use beamfarm_shared::scene::SceneDescription;
+use beamfarm_image::bundle::Bundle;
+use beamfarm_image::film::Film;
+use beamfarm_image::job::{JobSettings, ReferenceSettings};
+use beamfarm_image::merge::{Average, Node, TreeSum};
+use beamfarm_image::radius::Schedule;
+use beamfarm_render::pass::render_pass;
+use beamfarm_render::plan::RenderPlan;
+use beamfarm_render::reference::render_sample;
+use beamfarm_render::world::Scene;
 
 /// A scene without assets.
 ///
@@ -32,7 +32,7 @@ pub fn scene_with(toml: &str, assets: &[(&str, &[u8])]) -> Scene {
         bundle.files.insert((*name).into(), bytes.to_vec());
     }
     bundle.files.insert("test.toml".into(), toml.into());
-    match SceneDescription::load(&bundle) {
+    match beamfarm_scene::load(&bundle) {
         Ok(description) => Scene::new(description),
         Err(error) => panic!("{error}"),
     }

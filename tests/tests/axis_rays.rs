@@ -1,7 +1,7 @@
 //! Rays that are parallel to an axis, with zeros of either sign.
 
-use beamfarm_shared::geometry::Geometry;
-use beamfarm_shared::math::{Ray, Vec3};
+use beamfarm_render::geometry::Geometry;
+use beamfarm_render::math::{Ray, Vec3};
 use beamfarm_tests::render::scene;
 
 #[test]

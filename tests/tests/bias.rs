@@ -2,13 +2,14 @@
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests")]
 
-use beamfarm_shared::bias::{BIAS_EXPONENTS, Bias, Finding, TILE};
-use beamfarm_shared::film::Film;
-use beamfarm_shared::job::{JobSettings, ReferenceSettings};
-use beamfarm_shared::medium::Medium;
-use beamfarm_shared::merge::{Average, Node, TreeSum};
-use beamfarm_shared::plan::{RenderPlan, Scene};
-use beamfarm_shared::radius::radius_scale;
+use beamfarm_image::bias::{BIAS_EXPONENTS, Bias, Finding, TILE};
+use beamfarm_image::film::Film;
+use beamfarm_image::job::{JobSettings, ReferenceSettings};
+use beamfarm_image::merge::{Average, Node, TreeSum};
+use beamfarm_image::radius::radius_scale;
+use beamfarm_render::medium::Medium;
+use beamfarm_render::plan::RenderPlan;
+use beamfarm_render::world::Scene;
 use beamfarm_tests::MeanEstimate;
 use beamfarm_tests::render::{reference_images, run_plan, scene};
 use rand_core::{Rng, SeedableRng};

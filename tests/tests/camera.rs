@@ -1,11 +1,11 @@
 //! The camera's rays: field of view, orientation, lens.
 
-use beamfarm_shared::camera::Camera;
-use beamfarm_shared::filter::PixelFilter;
-use beamfarm_shared::math::{Frame, Vec2, Vec3};
-use beamfarm_shared::pass::render_pass;
-use beamfarm_shared::plan::RenderPlan;
-use beamfarm_shared::sampler::{Purpose, Sampler};
+use beamfarm_render::camera::Camera;
+use beamfarm_render::filter::PixelFilter;
+use beamfarm_render::math::{Frame, Vec2, Vec3};
+use beamfarm_render::pass::render_pass;
+use beamfarm_render::plan::RenderPlan;
+use beamfarm_render::sampler::{Purpose, Sampler};
 use beamfarm_tests::quadrature::Rect;
 use beamfarm_tests::render::scene;
 use beamfarm_tests::z_test::two_sided;

@@ -2,12 +2,12 @@
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests")]
 
-use beamfarm_shared::bias::{Bias, Finding, Fit};
-use beamfarm_shared::convergence::{Prediction, Runs, Theory};
-use beamfarm_shared::film::Film;
-use beamfarm_shared::job::JobSettings;
-use beamfarm_shared::merge::{Node, TreeSum};
-use beamfarm_shared::plan::Scene;
+use beamfarm_image::bias::{Bias, Finding, Fit};
+use beamfarm_image::film::Film;
+use beamfarm_image::job::JobSettings;
+use beamfarm_image::merge::{Node, TreeSum};
+use beamfarm_render::convergence::{Prediction, Runs, Theory};
+use beamfarm_render::world::Scene;
 use beamfarm_tests::quadrature::{Rect, integrate};
 use beamfarm_tests::render::scene;
 use beamfarm_tests::{MeanEstimate, Suite};

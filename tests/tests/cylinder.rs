@@ -1,10 +1,10 @@
 //! Cylinders: where rays meet them.
 
-use beamfarm_shared::geometry::{Geometry, SurfaceHit};
-use beamfarm_shared::math::{Ray, Vec2, Vec3};
-use beamfarm_shared::sampler::{Purpose, Sampler};
-use beamfarm_shared::scene::SceneDescription;
-use beamfarm_shared::warp;
+use beamfarm_render::geometry::{Geometry, SurfaceHit};
+use beamfarm_render::math::{Ray, Vec2, Vec3};
+use beamfarm_render::sampler::{Purpose, Sampler};
+use beamfarm_render::warp;
+use beamfarm_render::world::SceneDescription;
 use beamfarm_tests::render::scene;
 use glam::{DVec2, DVec3};
 
@@ -140,7 +140,7 @@ fn hits_are_precise_and_rays_leave() {
                 met[0] += 1;
                 // Away from it on either side.
                 let leaving = warp::cosine_hemisphere(rng.next_2d());
-                let leaving = beamfarm_shared::math::Frame::from_normal(found.ng).to_world(leaving);
+                let leaving = beamfarm_render::math::Frame::from_normal(found.ng).to_world(leaving);
                 let outside = found.spawn_ray(leaving);
                 assert!(
                     hit(&scene, outside.origin, outside.dir).is_none(),

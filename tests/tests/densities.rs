@@ -1,13 +1,13 @@
 //! Every sampler of directions on surfaces and in media against its density: chi-square, fixed seeds, one significance for
 //! each test function.
 
-use beamfarm_shared::bsdf::{
+use beamfarm_render::bsdf::{
     Bsdf, Dielectric, Distribution, RoughDielectric, TransportMode, conductor_preset,
 };
-use beamfarm_shared::math::{Rgb, Vec2, Vec3};
-use beamfarm_shared::phase::Phase;
-use beamfarm_shared::sampler::{Purpose, Sampler};
-use beamfarm_shared::warp;
+use beamfarm_render::math::{Rgb, Vec2, Vec3};
+use beamfarm_render::phase::Phase;
+use beamfarm_render::sampler::{Purpose, Sampler};
+use beamfarm_render::warp;
 use beamfarm_tests::quadrature::Rect;
 use beamfarm_tests::{Chi2, Suite};
 

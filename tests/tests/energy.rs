@@ -1,8 +1,8 @@
 //! Energy balance of photon tracing: what walls and media absorb is what the light emits.
 
-use beamfarm_shared::beam::trace::trace_photons;
-use beamfarm_shared::math::Rgb;
-use beamfarm_shared::plan::RenderPlan;
+use beamfarm_render::beam::trace::trace_photons;
+use beamfarm_render::math::Rgb;
+use beamfarm_render::plan::RenderPlan;
 use beamfarm_tests::render::scene;
 use beamfarm_tests::{MeanEstimate, Suite};
 

@@ -1,8 +1,8 @@
 //! The error that a render claims is the error that it has: over repeated runs of small scenes, the squared error divided by
 //! the estimated one is 1.
 
-use beamfarm_shared::job::JobSettings;
-use beamfarm_shared::merge::Average;
+use beamfarm_image::job::JobSettings;
+use beamfarm_image::merge::Average;
 use beamfarm_tests::Suite;
 use beamfarm_tests::render::{run, scene};
 use beamfarm_tests::z_test::two_sided;

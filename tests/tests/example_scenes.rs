@@ -1,12 +1,13 @@
 //! The example scenes: their meshes are what their formulas say, they load, and each makes a picture.
 
-#[path = "../../shared/examples/make_meshes/meshes/mod.rs"]
+#[path = "../../shared/scene/examples/make_meshes/meshes/mod.rs"]
 mod meshes;
 
-use beamfarm_shared::job::JobSettings;
-use beamfarm_shared::pass::render_pass;
-use beamfarm_shared::plan::{RenderPlan, Scene};
-use beamfarm_shared::scene::{SceneDescription, read_bundle};
+use beamfarm_image::job::JobSettings;
+use beamfarm_render::pass::render_pass;
+use beamfarm_render::plan::RenderPlan;
+use beamfarm_render::world::Scene;
+use beamfarm_scene::read_bundle;
 use glam::DVec3;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -63,7 +64,7 @@ fn every_scene_makes_a_picture() {
     assert!(scenes.len() >= 6, "{scenes:?}");
     for path in scenes {
         let bundle = read_bundle(&path).unwrap();
-        let mut description = SceneDescription::load(&bundle).unwrap();
+        let mut description = beamfarm_scene::load(&bundle).unwrap();
         let camera = &mut description.camera;
         (camera.width, camera.height) = (32, 32 * camera.height / camera.width);
         let defaults = description.defaults;

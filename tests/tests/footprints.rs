@@ -1,8 +1,9 @@
 //! Beams behind refracting surfaces are as wide as lens formulas say.
 
-use beamfarm_shared::beam::PhotonBeam;
-use beamfarm_shared::beam::trace::trace_photons;
-use beamfarm_shared::plan::{KernelRadii, RenderPlan};
+use beamfarm_render::beam::PhotonBeam;
+use beamfarm_render::beam::trace::trace_photons;
+use beamfarm_render::kernel::KernelRadii;
+use beamfarm_render::plan::RenderPlan;
 use beamfarm_tests::render::scene;
 
 /// Index of the glass.

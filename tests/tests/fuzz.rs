@@ -170,11 +170,11 @@ fn good_deliveries_are_taken() {
 #[test]
 #[ignore = "writes files"]
 fn write_seeds() {
+    use beamfarm_image::exr::{BlockMeta, encode_block};
+    use beamfarm_image::film::Film;
+    use beamfarm_image::job::{Block, JobSettings, PassStats, SceneHash, ScheduleKind};
+    use beamfarm_image::merge::Node;
     use beamfarm_proto::{WireHash, wire};
-    use beamfarm_shared::exr::{BlockMeta, encode_block};
-    use beamfarm_shared::film::Film;
-    use beamfarm_shared::job::{Block, JobSettings, PassStats, SceneHash, ScheduleKind};
-    use beamfarm_shared::merge::Node;
     use exr::prelude::{Encoding, Image, Layer, LayerAttributes, SpecificChannels, WritableImage};
     use prost::Message;
 

@@ -1,9 +1,9 @@
 //! Gather rays beside one another and surface photons seen on gloss: the same light on average as one gather ray finds alone,
 //! and less noise.
 
-use beamfarm_shared::job::ReferenceSettings;
-use beamfarm_shared::pass::render_pass;
-use beamfarm_shared::plan::RenderPlan;
+use beamfarm_image::job::ReferenceSettings;
+use beamfarm_render::pass::render_pass;
+use beamfarm_render::plan::RenderPlan;
 use beamfarm_tests::Suite;
 use beamfarm_tests::render::{Blocks, blocks, reference_images, scene};
 use beamfarm_tests::z_test::two_sided;

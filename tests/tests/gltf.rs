@@ -2,13 +2,14 @@
 
 #![allow(clippy::unwrap_used)]
 
-use beamfarm_shared::bsdf::MaterialKind;
-use beamfarm_shared::bundle::Bundle;
-use beamfarm_shared::geometry::{Mesh, Object, Shape};
-use beamfarm_shared::light::LightKind;
-use beamfarm_shared::math::{Rgb, Vec2, Vec3};
-use beamfarm_shared::scene::{SceneDescription, read_bundle};
-use beamfarm_shared::texture::{Texture, TextureFilter, Wrap};
+use beamfarm_image::bundle::Bundle;
+use beamfarm_render::bsdf::MaterialKind;
+use beamfarm_render::geometry::{Mesh, Object, Shape};
+use beamfarm_render::light::LightKind;
+use beamfarm_render::math::{Rgb, Vec2, Vec3};
+use beamfarm_render::texture::{Texture, TextureFilter, Wrap};
+use beamfarm_render::world::SceneDescription;
+use beamfarm_scene::read_bundle;
 use beamfarm_tests::render::{average, scene_with};
 
 const VIEW: &str = "image = { width = 12, height = 8 }
@@ -87,7 +88,7 @@ fn load(text: &str, files: &[(&str, Vec<u8>)]) -> Result<SceneDescription, Strin
         bundle.files.insert(name.to_string(), bytes.clone());
     }
     bundle.files.insert("scene.toml".into(), text.into());
-    SceneDescription::load(&bundle).map_err(|error| error.to_string())
+    beamfarm_scene::load(&bundle).map_err(|error| error.to_string())
 }
 
 fn load_file(body: &str) -> SceneDescription {
@@ -442,7 +443,7 @@ fn files_beside_the_file_are_in_the_bundle() {
             "scene.toml"
         ]
     );
-    let outside = SceneDescription::load(&bundle).unwrap();
+    let outside = beamfarm_scene::load(&bundle).unwrap();
 
     let text = with_buffer(&format!(
         "data:application/octet-stream;base64,{}",
@@ -451,7 +452,7 @@ fn files_beside_the_file_are_in_the_bundle() {
     std::fs::write(at("scenes/models/a.gltf"), text).unwrap();
     let bundle = read_bundle(&scene).unwrap();
     assert_eq!(bundle.files.len(), 2);
-    let inside = SceneDescription::load(&bundle).unwrap();
+    let inside = beamfarm_scene::load(&bundle).unwrap();
     assert_eq!(
         mesh(&inside.objects[0]).positions,
         mesh(&outside.objects[0]).positions

@@ -2,9 +2,9 @@
 //! tests of estimators, and take the new hashes over in a commit that says why. They never change with the machine, the
 //! number of threads, or the build. Those of pictures with visibility rules are in `rules/golden.rs`.
 
-use beamfarm_shared::exr::pixel_hash;
-use beamfarm_shared::pass::render_pass;
-use beamfarm_shared::plan::RenderPlan;
+use beamfarm_image::exr::pixel_hash;
+use beamfarm_render::pass::render_pass;
+use beamfarm_render::plan::RenderPlan;
 use beamfarm_tests::render::{average, scene};
 
 const FOG_HASH: &str = "9b64d2f94a6eec8ce91d4a5b2bad6d65ccf234c1934f4b390af7d5202742f9e5";

@@ -5,9 +5,9 @@
 //! lose a little light at edges, in proportion to their radius: scenes name a small one, and each comparison allows for a
 //! stated share of the expected value besides its errors.
 
-use beamfarm_shared::exr::pixel_hash;
-use beamfarm_shared::job::ReferenceSettings;
-use beamfarm_shared::plan::Scene;
+use beamfarm_image::exr::pixel_hash;
+use beamfarm_image::job::ReferenceSettings;
+use beamfarm_render::world::Scene;
 use beamfarm_tests::furnace::{closed_box, is_one, under_the_sky};
 use beamfarm_tests::path_tracer::{Camera, Grid, Lamp, Room};
 use beamfarm_tests::render::{Blocks, average, blocks, reference_images, scene_with};

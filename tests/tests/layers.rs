@@ -2,13 +2,14 @@
 
 #![allow(clippy::unwrap_used)]
 
-use beamfarm_shared::film::Film;
-use beamfarm_shared::job::ReferenceSettings;
-use beamfarm_shared::layer::{Layer, LightGroup};
-use beamfarm_shared::parts::light_layers;
-use beamfarm_shared::pass::{PassImage, render_pass};
-use beamfarm_shared::plan::{RenderPlan, Scene};
-use beamfarm_shared::reference::{SampleLayers, render_sample, render_sample_with_layers};
+use beamfarm_image::film::Film;
+use beamfarm_image::job::ReferenceSettings;
+use beamfarm_image::layer::{Layer, LightGroup};
+use beamfarm_render::aov::light_layers;
+use beamfarm_render::pass::{PassImage, render_pass};
+use beamfarm_render::plan::RenderPlan;
+use beamfarm_render::reference::{SampleLayers, render_sample, render_sample_with_layers};
+use beamfarm_render::world::Scene;
 use beamfarm_tests::render::scene;
 use beamfarm_tests::z_test::two_sided;
 use beamfarm_tests::{MeanEstimate, Suite};

@@ -2,20 +2,20 @@
 //! together, and nothing that an estimate would count is passed over on the way. What segments share is what one of them
 //! gathers, and in the mean what all do.
 
-use beamfarm_shared::beam::PhotonBeam;
-use beamfarm_shared::beam::estimate::{
+use beamfarm_render::aov::Part;
+use beamfarm_render::beam::PhotonBeam;
+use beamfarm_render::beam::estimate::{
     CameraSegment, CameraSegments, Gather, Sharing, Vectors, Way,
 };
-use beamfarm_shared::beam::store::BeamMap;
-use beamfarm_shared::math::{Ray, Rgb, Vec3};
-use beamfarm_shared::medium::bricks::Bricks;
-use beamfarm_shared::medium::procedural::{Height, Recipe};
-use beamfarm_shared::medium::transmittance::{Estimator, StepFunctions};
-use beamfarm_shared::medium::{Heterogeneous, Homogeneous, Medium};
-use beamfarm_shared::parts::Part;
-use beamfarm_shared::phase::Phase;
-use beamfarm_shared::sampler::{Purpose, Sampler};
-use beamfarm_shared::warp::uniform_sphere;
+use beamfarm_render::beam::store::BeamMap;
+use beamfarm_render::math::{Ray, Rgb, Vec3};
+use beamfarm_render::medium::bricks::Bricks;
+use beamfarm_render::medium::procedural::{Height, Recipe};
+use beamfarm_render::medium::transmittance::{Estimator, StepFunctions};
+use beamfarm_render::medium::{Heterogeneous, Homogeneous, Medium};
+use beamfarm_render::phase::Phase;
+use beamfarm_render::sampler::{Purpose, Sampler};
+use beamfarm_render::warp::uniform_sphere;
 use beamfarm_tests::{MeanEstimate, Suite};
 use glam::{DAffine3, DVec3};
 use std::sync::Arc;

@@ -1,10 +1,10 @@
 //! Materials as a scene file names them: their values against Mitsuba 3, and their samplers against their values.
 
-use beamfarm_shared::bsdf::{Bsdf, Material, TransportMode};
-use beamfarm_shared::math::{Rgb, Vec2, Vec3};
-use beamfarm_shared::plan::Scene;
-use beamfarm_shared::sampler::{Purpose, Sampler};
-use beamfarm_shared::warp;
+use beamfarm_render::bsdf::{Bsdf, Material, TransportMode};
+use beamfarm_render::math::{Rgb, Vec2, Vec3};
+use beamfarm_render::sampler::{Purpose, Sampler};
+use beamfarm_render::warp;
+use beamfarm_render::world::Scene;
 use beamfarm_tests::render::scene;
 use beamfarm_tests::{Chi2, MeanEstimate, Suite};
 

@@ -1,9 +1,9 @@
 //! Mitsuba scenes against pictures that Mitsuba 3 made of them. Late passes are rendered, whose radii have shrunk so far
 //! that their bias is below the noise.
 
-use beamfarm_shared::job::JobSettings;
-use beamfarm_shared::pass::render_pass;
-use beamfarm_shared::plan::RenderPlan;
+use beamfarm_image::job::JobSettings;
+use beamfarm_render::pass::render_pass;
+use beamfarm_render::plan::RenderPlan;
 use beamfarm_tests::mitsuba;
 
 /// The radius scale of beams is a fifth from here on.

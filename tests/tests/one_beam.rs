@@ -4,17 +4,17 @@
 //! them: the integral along the beam of sigma_s f_p Tr Tr Phi. No kernel, angle or radius is in that integral, so it is
 //! independent of everything that the estimators do.
 
-use beamfarm_shared::beam::PhotonBeam;
-use beamfarm_shared::beam::estimate::{CameraSegment, CameraSegments, Gather, Vectors, Way};
-use beamfarm_shared::beam::store::BeamMap;
-use beamfarm_shared::math::{Frame, Ray, Rgb, Vec3};
-use beamfarm_shared::medium::bricks::Bricks;
-use beamfarm_shared::medium::procedural::{Blob, Height, Recipe};
-use beamfarm_shared::medium::transmittance::{Estimator, StepFunctions};
-use beamfarm_shared::medium::{Heterogeneous, Homogeneous, Medium};
-use beamfarm_shared::parts::Part;
-use beamfarm_shared::phase::Phase;
-use beamfarm_shared::sampler::{Purpose, Sampler};
+use beamfarm_render::aov::Part;
+use beamfarm_render::beam::PhotonBeam;
+use beamfarm_render::beam::estimate::{CameraSegment, CameraSegments, Gather, Vectors, Way};
+use beamfarm_render::beam::store::BeamMap;
+use beamfarm_render::math::{Frame, Ray, Rgb, Vec3};
+use beamfarm_render::medium::bricks::Bricks;
+use beamfarm_render::medium::procedural::{Blob, Height, Recipe};
+use beamfarm_render::medium::transmittance::{Estimator, StepFunctions};
+use beamfarm_render::medium::{Heterogeneous, Homogeneous, Medium};
+use beamfarm_render::phase::Phase;
+use beamfarm_render::sampler::{Purpose, Sampler};
 use beamfarm_tests::{MeanEstimate, Suite};
 use glam::{DAffine3, DVec3};
 use std::sync::Arc;

@@ -1,9 +1,10 @@
 //! Which estimator counts which light path is a choice: any gives the same light. Rooms with every class of paths, by beams and
 //! photons, by camera paths, and by the path tracer.
 
-use beamfarm_shared::job::ReferenceSettings;
-use beamfarm_shared::pass::render_pass;
-use beamfarm_shared::plan::{RenderPlan, Scene};
+use beamfarm_image::job::ReferenceSettings;
+use beamfarm_render::pass::render_pass;
+use beamfarm_render::plan::RenderPlan;
+use beamfarm_render::world::Scene;
 use beamfarm_tests::Suite;
 use beamfarm_tests::render::{Blocks, reference_images, scene};
 use beamfarm_tests::z_test::two_sided;

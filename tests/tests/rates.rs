@@ -1,10 +1,11 @@
 //! How fast the error falls, of boxes in which every wall has corners, creases and caustics: blur at edges that does not go away
 //! shows in it long before it shows in a mean.
 
-use beamfarm_shared::film::Film;
-use beamfarm_shared::job::ReferenceSettings;
-use beamfarm_shared::pass::render_pass;
-use beamfarm_shared::plan::{RenderPlan, Scene};
+use beamfarm_image::film::Film;
+use beamfarm_image::job::ReferenceSettings;
+use beamfarm_render::pass::render_pass;
+use beamfarm_render::plan::RenderPlan;
+use beamfarm_render::world::Scene;
 use beamfarm_tests::render::{reference_images, scene};
 
 const SIDE: usize = 24;

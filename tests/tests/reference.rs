@@ -5,11 +5,12 @@
 
 #![allow(clippy::unwrap_used)]
 
-use beamfarm_shared::exr::pixel_hash;
-use beamfarm_shared::job::ReferenceSettings;
-use beamfarm_shared::pass::render_pass;
-use beamfarm_shared::plan::{RenderPlan, Scene};
-use beamfarm_shared::reference::render_sample;
+use beamfarm_image::exr::pixel_hash;
+use beamfarm_image::job::ReferenceSettings;
+use beamfarm_render::pass::render_pass;
+use beamfarm_render::plan::RenderPlan;
+use beamfarm_render::reference::render_sample;
+use beamfarm_render::world::Scene;
 use beamfarm_tests::furnace::{
     COATS_VEILS_AND_PANES, GLASS_BALL, MIRROR_BALL, WHITE_AND_GLASS, closed_box, under_the_sky,
 };

@@ -1,6 +1,7 @@
 //! Pictures do not depend on the unit of length, nor on what is far away and not seen.
 
-use beamfarm_shared::plan::{RenderPlan, Scene};
+use beamfarm_render::plan::RenderPlan;
+use beamfarm_render::world::Scene;
 use beamfarm_tests::Suite;
 use beamfarm_tests::render::{Blocks, blocks, scene};
 

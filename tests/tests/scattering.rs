@@ -1,12 +1,12 @@
 //! Physics of surfaces and phase functions: energy, reciprocity, mean cosines, and agreement with Mitsuba 3.
 
-use beamfarm_shared::bsdf::{
+use beamfarm_render::bsdf::{
     Bsdf, Distribution, RoughDielectric, TransportMode, fresnel_dielectric,
 };
-use beamfarm_shared::math::{Rgb, Vec3};
-use beamfarm_shared::phase::Phase;
-use beamfarm_shared::sampler::{Purpose, Sampler};
-use beamfarm_shared::warp;
+use beamfarm_render::math::{Rgb, Vec3};
+use beamfarm_render::phase::Phase;
+use beamfarm_render::sampler::{Purpose, Sampler};
+use beamfarm_render::warp;
 use beamfarm_tests::{MeanEstimate, Suite};
 
 const SIGNIFICANCE: f64 = 0.01;

@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used)]
 
-use beamfarm_shared::scene::json_schema;
+use beamfarm_scene::json_schema;
 use jsonschema::Validator;
 use serde_json::Value;
 use std::path::{Path, PathBuf};

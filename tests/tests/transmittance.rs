@@ -1,13 +1,13 @@
 //! The estimators of transmittance against closed forms and quadrature.
 
-use beamfarm_shared::math::{Ray, Rgb, Vec3};
-use beamfarm_shared::medium::bricks::{Bricks, Range};
-use beamfarm_shared::medium::majorant::Span;
-use beamfarm_shared::medium::procedural::{Blob, Height, Noise, Recipe};
-use beamfarm_shared::medium::transmittance::{Estimator, StepFunctions};
-use beamfarm_shared::medium::{Flight, Heterogeneous, Homogeneous, Medium};
-use beamfarm_shared::phase::Phase;
-use beamfarm_shared::sampler::{Purpose, Sampler};
+use beamfarm_render::math::{Ray, Rgb, Vec3};
+use beamfarm_render::medium::bricks::{Bricks, Range};
+use beamfarm_render::medium::majorant::Span;
+use beamfarm_render::medium::procedural::{Blob, Height, Noise, Recipe};
+use beamfarm_render::medium::transmittance::{Estimator, StepFunctions};
+use beamfarm_render::medium::{Flight, Heterogeneous, Homogeneous, Medium};
+use beamfarm_render::phase::Phase;
+use beamfarm_render::sampler::{Purpose, Sampler};
 use beamfarm_tests::{MeanEstimate, Suite};
 use glam::{DAffine3, DVec3};
 use rayon::prelude::*;

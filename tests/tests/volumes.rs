@@ -1,13 +1,15 @@
 //! Heterogeneous media of scenes are what the format says: densities in their places, and defaults.
 
-use beamfarm_shared::bundle::Bundle;
-use beamfarm_shared::math::Rgb;
-use beamfarm_shared::medium::transmittance::Estimator;
-use beamfarm_shared::medium::{Heterogeneous, Medium};
-use beamfarm_shared::pass::render_pass;
-use beamfarm_shared::phase::Phase;
-use beamfarm_shared::plan::{RenderPlan, Scene};
-use beamfarm_shared::scene::{SceneDescription, read_bundle};
+use beamfarm_image::bundle::Bundle;
+use beamfarm_render::math::Rgb;
+use beamfarm_render::medium::transmittance::Estimator;
+use beamfarm_render::medium::{Heterogeneous, Medium};
+use beamfarm_render::pass::render_pass;
+use beamfarm_render::phase::Phase;
+use beamfarm_render::plan::RenderPlan;
+use beamfarm_render::world::Scene;
+use beamfarm_render::world::SceneDescription;
+use beamfarm_scene::read_bundle;
 use beamfarm_tests::{MeanEstimate, Suite};
 use glam::DVec3;
 
@@ -31,7 +33,7 @@ fn load(text: &str, volumes: &[&str]) -> SceneDescription {
         scene: "scene.toml".to_string(),
         files: assets.collect(),
     };
-    SceneDescription::load(&bundle).unwrap_or_else(|e| panic!("{e}\n{text}"))
+    beamfarm_scene::load(&bundle).unwrap_or_else(|e| panic!("{e}\n{text}"))
 }
 
 fn heterogeneous(scene: &SceneDescription) -> Vec<&Heterogeneous> {
@@ -184,7 +186,7 @@ fn bundles_hold_volume_files() {
     let bundle = read_bundle(&path).unwrap();
     let names: Vec<&String> = bundle.files.keys().collect();
     assert_eq!(names, ["cloud.toml", "volumes/a.vol"]);
-    assert_eq!(SceneDescription::load(&bundle).unwrap().media.len(), 1);
+    assert_eq!(beamfarm_scene::load(&bundle).unwrap().media.len(), 1);
 }
 
 /// A box of 16 x 24 x 8 samples, half a unit apart.

@@ -1,9 +1,10 @@
 //! No path grows heavy, however often it is scattered: slabs and sheets from thin to dense, with colours that light dies in and
 //! others that it does not.
 
-use beamfarm_shared::beam::trace::trace_photons;
-use beamfarm_shared::pass::render_pass;
-use beamfarm_shared::plan::{RenderPlan, Scene};
+use beamfarm_render::beam::trace::trace_photons;
+use beamfarm_render::pass::render_pass;
+use beamfarm_render::plan::RenderPlan;
+use beamfarm_render::world::Scene;
 use beamfarm_tests::render::scene;
 
 const DEPTHS: [f64; 4] = [1e-3, 1.0, 30.0, 1e3];

@@ -1,19 +1,19 @@
 //! A test picture: machines that make the same one render the same bits, as far as a few milliseconds can tell.
 
-use beamfarm_shared::bundle::Bundle;
-use beamfarm_shared::error::SceneError;
-use beamfarm_shared::exr::node_hash;
-use beamfarm_shared::merge::Node;
-use beamfarm_shared::pass::render_pass;
-use beamfarm_shared::plan::{RenderPlan, Scene};
-use beamfarm_shared::scene::SceneDescription;
+use beamfarm_image::bundle::Bundle;
+use beamfarm_image::exr::node_hash;
+use beamfarm_image::merge::Node;
+use beamfarm_render::pass::render_pass;
+use beamfarm_render::plan::RenderPlan;
+use beamfarm_render::world::Scene;
+use beamfarm_scene::SceneError;
 
 const SCENE: &str = include_str!("canary.toml");
 const NAME: &str = "canary.toml";
 
 /// Hash of the picture's pixels.
 pub fn canary() -> Result<[u8; 32], SceneError> {
-    let description = SceneDescription::load(&Bundle {
+    let description = beamfarm_scene::load(&Bundle {
         scene: NAME.into(),
         files: [(NAME.into(), SCENE.into())].into(),
     })?;
@@ -50,7 +50,7 @@ mod tests {
             scene: NAME.into(),
             files: [(NAME.into(), SCENE.into())].into(),
         };
-        let scene = Scene::new(SceneDescription::load(&bundle).unwrap());
+        let scene = Scene::new(beamfarm_scene::load(&bundle).unwrap());
         let settings = scene.description().defaults.job_settings();
         let image = render_pass(&scene, &RenderPlan::new(&scene, settings), 0);
         assert!(image.stats.beams > 0 && image.stats.beam_evaluations > 0);

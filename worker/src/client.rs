@@ -2,6 +2,7 @@
 //! worker's patience ends.
 
 use crate::security::{Link, describe};
+use beamfarm_image::job::{Block, PassStats, SceneHash};
 use beamfarm_proto::bytes::Bytes;
 use beamfarm_proto::wire::farm_client::FarmClient;
 use beamfarm_proto::wire::submit_request::Part;
@@ -9,7 +10,6 @@ use beamfarm_proto::{
     CHUNK_BYTES, FileEntry, FileHash, Grant, Job, LeaseId, VERSION, WireError, WireHash, WorkerId,
     wire,
 };
-use beamfarm_shared::job::{Block, PassStats, SceneHash};
 use std::future::Future;
 use std::hash::{BuildHasher, Hasher, RandomState};
 use std::time::Duration;

@@ -2,14 +2,14 @@
 
 use crate::canary::canary;
 use crate::run::WorkerError;
+use beamfarm_image::bundle::Bundle;
+use beamfarm_image::job::{Block, PassStats};
+use beamfarm_image::merge::Node;
+use beamfarm_image::radius::Schedule;
 use beamfarm_proto::Job;
-use beamfarm_shared::bundle::Bundle;
-use beamfarm_shared::job::{Block, PassStats};
-use beamfarm_shared::merge::Node;
-use beamfarm_shared::pass::render_pass;
-use beamfarm_shared::plan::{RenderPlan, Scene};
-use beamfarm_shared::radius::Schedule;
-use beamfarm_shared::scene::SceneDescription;
+use beamfarm_render::pass::render_pass;
+use beamfarm_render::plan::RenderPlan;
+use beamfarm_render::world::Scene;
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
@@ -80,7 +80,7 @@ impl Renderer {
         let (settings, layers) = (job.settings, job.layers.clone());
         let (width, height) = (job.width, job.height);
         let prepare = move || {
-            let description = SceneDescription::load(&bundle)?;
+            let description = beamfarm_scene::load(&bundle)?;
             let camera = &description.camera;
             if (camera.width, camera.height) != (width, height) {
                 let message = format!(

@@ -6,11 +6,11 @@
 use crate::client::{CallError, Client, Delivery, Introduction, Registration};
 use crate::render::{Failed, Prepared, Renderer};
 use crate::run::{Summary, drained};
+use beamfarm_image::exr::{BlockMeta, encode_block};
+use beamfarm_image::job::{Block, PassStats};
+use beamfarm_image::merge::Node;
+use beamfarm_image::radius::Schedule;
 use beamfarm_proto::{Grant, Job, LeaseId, VERSION, WorkerId, wire};
-use beamfarm_shared::exr::{BlockMeta, encode_block};
-use beamfarm_shared::job::{Block, PassStats};
-use beamfarm_shared::merge::Node;
-use beamfarm_shared::radius::Schedule;
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};

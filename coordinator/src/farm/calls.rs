@@ -3,9 +3,9 @@
 use super::{EntryState, EventKind, Farm};
 use crate::examine::{Claim, Examined, Flaw, examine};
 use crate::ledger::{Accepted, LedgerError, PixelHash, Sentence};
+use beamfarm_image::job::Block;
 use beamfarm_proto::bytes::Bytes;
 use beamfarm_proto::{FileHash, Grant, LeaseId, WorkerId};
-use beamfarm_shared::job::Block;
 use std::collections::BTreeSet;
 use std::sync::Arc;
 use tokio::time::{Instant, timeout_at};

@@ -19,13 +19,13 @@ use events::Events;
 use stopping::Tested;
 
 use crate::ledger::{Done, Ledger, PixelHash, Rules};
+use beamfarm_image::bundle::Bundle;
+use beamfarm_image::job::{Block, JobSettings, MAX_PASSES};
+use beamfarm_image::layer::Layer;
+use beamfarm_image::merge::TreeSum;
+use beamfarm_image::radius::Schedule;
 use beamfarm_proto::bytes::Bytes;
 use beamfarm_proto::{FileHash, Job, Manifest};
-use beamfarm_shared::bundle::Bundle;
-use beamfarm_shared::job::{Block, JobSettings, MAX_PASSES};
-use beamfarm_shared::layer::Layer;
-use beamfarm_shared::merge::TreeSum;
-use beamfarm_shared::radius::Schedule;
 use std::collections::BTreeMap;
 use std::hash::{BuildHasher, Hasher, RandomState};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -221,7 +221,7 @@ impl Farm {
         self.books().ledger.blocks().copied().collect()
     }
 
-    /// Hash of a block that is there: its [`beamfarm_shared::exr::node_hash`].
+    /// Hash of a block that is there: its [`beamfarm_image::exr::node_hash`].
     pub fn block_hash(&self, block: Block) -> Option<PixelHash> {
         self.books().ledger.block_hash(block)
     }

@@ -1,8 +1,8 @@
 //! Where a job stands.
 
 use crate::ledger::Failure;
+use beamfarm_image::job::{Block, PassStats};
 use beamfarm_proto::WorkerId;
-use beamfarm_shared::job::{Block, PassStats};
 use std::time::Duration;
 
 /// How a job ended.

@@ -2,8 +2,8 @@
 
 use super::{Books, End, Entry, EntryState, EventKind, Farm};
 use crate::ledger::{Failure, Note, PixelHash};
+use beamfarm_image::job::Block;
 use beamfarm_proto::WorkerId;
-use beamfarm_shared::job::Block;
 use std::time::{Duration, SystemTime};
 use tracing::{debug, error, info, warn};
 

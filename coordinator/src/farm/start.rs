@@ -2,8 +2,8 @@
 
 use super::Target;
 use crate::ledger::PixelHash;
-use beamfarm_shared::job::{Block, PassStats};
-use beamfarm_shared::merge::{Errors, TreeSum};
+use beamfarm_image::job::{Block, PassStats};
+use beamfarm_image::merge::{Errors, TreeSum};
 use std::time::{Duration, SystemTime};
 use tokio::sync::mpsc;
 

@@ -1,12 +1,12 @@
 //! When the image is good enough.
 //!
-//! The error is only looked at where [`beamfarm_shared::merge::next_boundary`] says so: at prefixes of 2, 3, 4, 6, 8, 12, ... passes, each for itself
+//! The error is only looked at where [`beamfarm_image::merge::next_boundary`] says so: at prefixes of 2, 3, 4, 6, 8, 12, ... passes, each for itself
 //! and in their order, whatever came in meanwhile. So the same scene and seed end with the same pass on any farm, and
 //! the chance to stop too early by luck is taken few times.
 
 use super::Farm;
 use crate::store::Checkpoint;
-use beamfarm_shared::merge::{Average, Errors};
+use beamfarm_image::merge::{Average, Errors};
 use std::sync::{MutexGuard, PoisonError};
 use tracing::{debug, info};
 

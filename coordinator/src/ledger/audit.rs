@@ -7,8 +7,8 @@
 
 use super::standing::Sentence;
 use super::{Accepted, Done, Ledger, LedgerError, Note, PixelHash};
+use beamfarm_image::job::Block;
 use beamfarm_proto::WorkerId;
-use beamfarm_shared::job::Block;
 use std::collections::BTreeSet;
 use std::time::Duration;
 

@@ -2,8 +2,8 @@
 
 use super::level::{self, Load};
 use super::{Lease, Ledger, LedgerError};
+use beamfarm_image::job::Block;
 use beamfarm_proto::{Grant, LeaseId, WorkerId};
-use beamfarm_shared::job::Block;
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::time::Duration;

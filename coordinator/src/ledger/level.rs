@@ -10,7 +10,7 @@
 //! - is at most half of a worker's share of what is open, so that all end at about the same time,
 //! - lies between two of the prefixes 2, 3, 4, 6, 8, 12, … (2^k and 3 2^k), at which a job may be found to be good enough.
 
-use beamfarm_shared::job::Block;
+use beamfarm_image::job::Block;
 use std::ops::Range;
 
 /// A lost lease costs at most 2^10 passes.

@@ -16,15 +16,15 @@ pub use standing::Sentence;
 
 use crate::farm::{WorkerState, WorkerView};
 use audit::Audit;
+use beamfarm_image::job::Block;
 use beamfarm_proto::{LeaseId, WorkerId};
-use beamfarm_shared::job::Block;
 use ranges::Ranges;
 use standing::Worker;
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 use std::time::Duration;
 
-/// Hash of a delivered block: its [`beamfarm_shared::exr::node_hash`].
+/// Hash of a delivered block: its [`beamfarm_image::exr::node_hash`].
 pub type PixelHash = [u8; 32];
 
 /// How patient and how suspicious a ledger is.

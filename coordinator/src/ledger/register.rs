@@ -3,8 +3,8 @@
 use super::level;
 use super::standing::{Sentence, Worker};
 use super::{Done, LeaseId, Ledger, LedgerError, Note, PixelHash, WorkerState, WorkerView};
+use beamfarm_image::job::Block;
 use beamfarm_proto::WorkerId;
-use beamfarm_shared::job::Block;
 use std::collections::BTreeMap;
 use std::time::Duration;
 

@@ -2,10 +2,10 @@
 //!
 //! A header (magic, format, length of the rest, BLAKE3 of the rest), then the rest; all numbers little-endian.
 
-use beamfarm_shared::bias::RadiusSums;
-use beamfarm_shared::film::Film;
-use beamfarm_shared::job::{Block, PassStats};
-use beamfarm_shared::merge::{Errors, Node, PERCENTILES, TreeSum};
+use beamfarm_image::bias::RadiusSums;
+use beamfarm_image::film::Film;
+use beamfarm_image::job::{Block, PassStats};
+use beamfarm_image::merge::{Errors, Node, PERCENTILES, TreeSum};
 use std::io::{self, Read, Seek, SeekFrom, Write};
 
 const MAGIC: [u8; 8] = *b"BEAMSUM\n";

@@ -1,9 +1,9 @@
 //! job.json: what is rendered.
 
 use super::StoreError;
+use beamfarm_image::job::{JobSettings, ScheduleKind};
+use beamfarm_image::layer::Layer;
 use beamfarm_proto::{FileHash, VERSION};
-use beamfarm_shared::job::{JobSettings, ScheduleKind};
-use beamfarm_shared::layer::Layer;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -102,7 +102,7 @@ impl Description {
             height: spec.height,
             layers: spec.layers.iter().map(Layer::to_string).collect(),
             first_pass: spec.first_pass,
-            passes: (spec.passes < beamfarm_shared::job::MAX_PASSES).then_some(spec.passes),
+            passes: (spec.passes < beamfarm_image::job::MAX_PASSES).then_some(spec.passes),
             exposure: looks.exposure,
             standard_error: looks.standard_error,
             drops_photons: looks.drops_photons,

@@ -2,8 +2,8 @@
 
 use super::StoreError;
 use crate::farm::{DoneBlock, Entry, EntryState};
+use beamfarm_image::job::Block;
 use beamfarm_proto::VERSION;
-use beamfarm_shared::job::Block;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fs::File;

@@ -1,8 +1,8 @@
 //! report.json: how a job stands.
 
 use super::description::FORMAT;
-use beamfarm_shared::bias::{Bias, Channel, PartBias};
-use beamfarm_shared::merge::Fireflies;
+use beamfarm_image::bias::{Bias, Channel, PartBias};
+use beamfarm_image::merge::Fireflies;
 use serde::Serialize;
 
 /// Why no more passes were taken.

@@ -9,9 +9,9 @@ pub(crate) mod picture;
 pub use meter::{Meter, Rates};
 
 use crate::farm::{Farm, Progress};
+use beamfarm_image::job::MAX_PASSES;
 use beamfarm_proto::Job;
 use beamfarm_proto::wire;
-use beamfarm_shared::job::MAX_PASSES;
 use picture::{Picture, Pictures};
 use prost::Message;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};

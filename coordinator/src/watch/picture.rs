@@ -3,10 +3,10 @@
 
 use crate::farm::Farm;
 use crate::web::heat;
+use beamfarm_image::error::ImageError;
+use beamfarm_image::merge::{Average, Noise};
+use beamfarm_image::png::encode_png;
 use beamfarm_proto::bytes::Bytes;
-use beamfarm_shared::error::ImageError;
-use beamfarm_shared::merge::{Average, Noise};
-use beamfarm_shared::png::encode_png;
 use std::sync::{Arc, Weak};
 use std::time::Duration;
 use tokio::sync::Mutex;
@@ -182,10 +182,10 @@ impl Pictures {
 pub(super) mod tests {
     use super::*;
     use crate::farm::{JobSpec, Start, Target, Timing};
-    use beamfarm_shared::bundle::Bundle;
-    use beamfarm_shared::film::Film;
-    use beamfarm_shared::job::{JobSettings, ScheduleKind};
-    use beamfarm_shared::merge::{Node, TreeSum};
+    use beamfarm_image::bundle::Bundle;
+    use beamfarm_image::film::Film;
+    use beamfarm_image::job::{JobSettings, ScheduleKind};
+    use beamfarm_image::merge::{Node, TreeSum};
 
     /// A job of 100 passes that goes on with so many, after this time.
     pub fn farm(passes: u64, target: Option<Target>, before: Duration) -> Arc<Farm> {

@@ -1,9 +1,9 @@
 //! Where the error of a picture is, as colours: from dark blue over grey to yellow, so that people who see no difference of
 //! red and green, or no colours at all, see the same.
 
-use beamfarm_shared::error::ImageError;
-use beamfarm_shared::merge::Average;
-use beamfarm_shared::png::encode_rgb;
+use beamfarm_image::error::ImageError;
+use beamfarm_image::merge::Average;
+use beamfarm_image::png::encode_rgb;
 
 /// The scale's ends: relative standard errors of 0.1 % and 100 %, in powers of ten.
 const LOW: f64 = -3.0;
@@ -58,8 +58,8 @@ pub(crate) fn scale() -> Vec<(String, u32)> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use beamfarm_shared::film::Film;
-    use beamfarm_shared::merge::{Node, TreeSum};
+    use beamfarm_image::film::Film;
+    use beamfarm_image::merge::{Node, TreeSum};
 
     #[test]
     fn the_map_is_the_error_of_the_picture() {

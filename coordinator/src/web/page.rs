@@ -8,8 +8,8 @@ use crate::watch::{Watch, unix_time};
 use askama::Template;
 use axum::http::StatusCode;
 use axum::response::{Html, IntoResponse, Response};
+use beamfarm_image::job::MAX_PASSES;
 use beamfarm_proto::VERSION;
-use beamfarm_shared::job::MAX_PASSES;
 use std::time::{Duration, SystemTime};
 
 /// Workers and events that a page lists.
@@ -374,9 +374,9 @@ fn roughly(time: Duration) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use beamfarm_image::film::Film;
+    use beamfarm_image::merge::{Node, TreeSum};
     use beamfarm_proto::WorkerId;
-    use beamfarm_shared::film::Film;
-    use beamfarm_shared::merge::{Node, TreeSum};
 
     #[test]
     fn names_of_workers_are_text() {

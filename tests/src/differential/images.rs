@@ -1,12 +1,13 @@
 //! Independent images of a scene by both renderers, and what is kept of them.
 
-use beamfarm_shared::film::Film;
-use beamfarm_shared::job::ReferenceSettings;
-use beamfarm_shared::layer::Layer;
-use beamfarm_shared::parts::light_layers;
-use beamfarm_shared::pass::render_pass;
-use beamfarm_shared::plan::{RenderPlan, Scene};
-use beamfarm_shared::reference::{SampleLayers, render_sample_with_layers};
+use beamfarm_image::film::Film;
+use beamfarm_image::job::ReferenceSettings;
+use beamfarm_image::layer::Layer;
+use beamfarm_render::aov::light_layers;
+use beamfarm_render::pass::render_pass;
+use beamfarm_render::plan::RenderPlan;
+use beamfarm_render::reference::{SampleLayers, render_sample_with_layers};
+use beamfarm_render::world::Scene;
 use std::time::Instant;
 
 use crate::MeanEstimate;

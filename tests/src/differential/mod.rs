@@ -10,7 +10,7 @@ pub mod many;
 pub mod outliers;
 pub mod shrink;
 
-use beamfarm_shared::plan::Scene;
+use beamfarm_render::world::Scene;
 use bias::{Allowance, Difference, SHRINKING, STRICT, differences};
 use images::{Draws, Images, part_names};
 use outliers::{Outliers, outliers};

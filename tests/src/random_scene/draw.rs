@@ -1,6 +1,6 @@
 //! Numbers for scenes: drawn from a seed, and short enough to be read.
 
-use beamfarm_shared::sampler::{Purpose, Sampler};
+use beamfarm_render::sampler::{Purpose, Sampler};
 use glam::DVec3;
 use std::f64::consts::TAU;
 use toml::Value;

@@ -14,9 +14,9 @@ pub mod medium;
 pub mod world;
 
 use assets::Asset;
-use beamfarm_shared::bundle::Bundle;
-use beamfarm_shared::plan::Scene;
-use beamfarm_shared::scene::SceneDescription;
+use beamfarm_image::bundle::Bundle;
+use beamfarm_render::world::Scene;
+use beamfarm_render::world::SceneDescription;
 use builder::Builder;
 use draw::{Draw, table};
 use std::collections::BTreeSet;
@@ -102,7 +102,7 @@ impl RandomScene {
         }
         let text = self.toml().into_bytes();
         bundle.files.insert("random.toml".into(), text);
-        SceneDescription::load(&bundle).map_err(|error| error.to_string())
+        beamfarm_scene::load(&bundle).map_err(|error| error.to_string())
     }
 
     /// The scene, unless it is not valid.

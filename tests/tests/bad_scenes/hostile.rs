@@ -1,8 +1,8 @@
 //! Scenes and assets that are made to do harm: nested without end, claiming what they do not hold, reaching for files.
 
 use super::{VIEW, error_of};
-use beamfarm_shared::bundle::MAX_KEY_BYTES;
-use beamfarm_shared::scene::{SceneDescription, read_bundle};
+use beamfarm_image::bundle::MAX_KEY_BYTES;
+use beamfarm_scene::read_bundle;
 use exr::prelude::WritableImage;
 
 /// Depth that no scene has and no stack bears.
@@ -80,7 +80,7 @@ fn files_outside_of_the_folder_have_confined_keys() {
         keys,
         ["%2E%2E/meshes/a.obj", &rooted, "b.obj", "scene.toml"]
     );
-    assert_eq!(SceneDescription::load(&bundle).unwrap().objects.len(), 4);
+    assert_eq!(beamfarm_scene::load(&bundle).unwrap().objects.len(), 4);
 }
 
 #[test]

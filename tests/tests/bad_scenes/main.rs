@@ -6,9 +6,9 @@ mod media;
 mod rules;
 mod textures;
 
-use beamfarm_shared::bundle::Bundle;
-use beamfarm_shared::error::SceneError;
-use beamfarm_shared::scene::{SceneDescription, read_bundle};
+use beamfarm_image::bundle::Bundle;
+use beamfarm_scene::SceneError;
+use beamfarm_scene::read_bundle;
 
 /// Two lines, so that what a test adds begins on the third.
 const VIEW: &str = "image = { width = 8, height = 8 }
@@ -22,7 +22,7 @@ fn error_of(text: &str, assets: &[(&str, Vec<u8>)]) -> SceneError {
         .collect();
     files.insert("scene.toml".to_string(), text.as_bytes().to_vec());
     let scene = "scene.toml".to_string();
-    match SceneDescription::load(&Bundle { scene, files }) {
+    match beamfarm_scene::load(&Bundle { scene, files }) {
         Ok(_) => panic!("accepted:\n{text}"),
         Err(error) => error,
     }
@@ -378,7 +378,7 @@ fn syntax_errors_have_lines() {
     bytes.extend(b"# \xff");
     let files = [("scene.toml".to_string(), bytes)].into_iter().collect();
     let scene = "scene.toml".to_string();
-    let error = SceneDescription::load(&Bundle { scene, files }).unwrap_err();
+    let error = beamfarm_scene::load(&Bundle { scene, files }).unwrap_err();
     assert_eq!(
         error.to_string(),
         "scene.toml:3: the scene file is not UTF-8 text"
@@ -470,7 +470,7 @@ fn boundaries_of_media_must_close() {
             scene: "scene.toml".to_string(),
             files,
         };
-        assert!(SceneDescription::load(&bundle).is_ok(), "{shape}");
+        assert!(beamfarm_scene::load(&bundle).is_ok(), "{shape}");
     }
 }
 

@@ -1,7 +1,7 @@
 //! Media: coefficients, densities from recipes and from files.
 
 use crate::{VIEW, error_of, refused};
-use beamfarm_shared::scene::read_bundle;
+use beamfarm_scene::read_bundle;
 
 #[test]
 fn media_are_checked() {

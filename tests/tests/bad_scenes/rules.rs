@@ -1,8 +1,7 @@
 //! Visibility rules that cannot be, and those that have no effect.
 
 use super::{VIEW, error_of, refused};
-use beamfarm_shared::bundle::Bundle;
-use beamfarm_shared::scene::SceneDescription;
+use beamfarm_image::bundle::Bundle;
 
 const THINGS: &str = r#"[[shapes]]
 name = "floor"
@@ -84,7 +83,7 @@ fn notes(rules: &str) -> Vec<String> {
     let text = format!("{VIEW}{THINGS}{rules}");
     let scene = "scene.toml".to_string();
     let files = [(scene.clone(), text.into_bytes())].into();
-    match SceneDescription::load(&Bundle { scene, files }) {
+    match beamfarm_scene::load(&Bundle { scene, files }) {
         Ok(description) => description.notes,
         Err(error) => panic!("{error}"),
     }

@@ -2,10 +2,10 @@
 
 use crate::harness::{Coordinator, LONG, RawWorker, canary, encode, free_port, node, spec};
 use beamfarm_coordinator::{End, EventKind, Timing, WorkerState};
+use beamfarm_image::job::Block;
+use beamfarm_image::merge::{Average, TreeSum};
 use beamfarm_proto::wire::farm_client::FarmClient;
 use beamfarm_proto::{Grant, VERSION, wire};
-use beamfarm_shared::job::Block;
-use beamfarm_shared::merge::{Average, TreeSum};
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::time::timeout;

@@ -2,7 +2,7 @@
 
 use crate::harness::{Coordinator, RawWorker, film, leaf, spec};
 use base64::Engine;
-use beamfarm_shared::exr::encode_block;
+use beamfarm_image::exr::encode_block;
 use serde_json::{Value, json};
 use std::ffi::OsString;
 use std::io::{BufRead, BufReader};
@@ -208,7 +208,7 @@ async fn deliver(worker: &RawWorker, passes: u64) {
         let leased = worker.lease().await;
         let block = leased.1;
         let nodes = block.passes().map(|pass| leaf(pass, film(pass)));
-        let node = nodes.reduce(|a, b| beamfarm_shared::merge::Node::join(a, b).unwrap());
+        let node = nodes.reduce(|a, b| beamfarm_image::merge::Node::join(a, b).unwrap());
         let bytes = encode_block(&node.unwrap(), &worker.meta(block), &[]).unwrap();
         worker.submit(leased, bytes).await.unwrap();
         delivered += block.len();

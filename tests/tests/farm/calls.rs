@@ -2,11 +2,11 @@
 
 use crate::harness::{Coordinator, LONG, RawWorker, film, free_port, leaf, spec};
 use beamfarm_coordinator::{End, Timing};
+use beamfarm_image::exr::pixel_hash;
+use beamfarm_image::job::{Block, SceneHash};
+use beamfarm_image::merge::TreeSum;
 use beamfarm_proto::wire::farm_client::FarmClient;
 use beamfarm_proto::{FileHash, Grant, VERSION, WireHash, wire};
-use beamfarm_shared::exr::pixel_hash;
-use beamfarm_shared::job::{Block, SceneHash};
-use beamfarm_shared::merge::TreeSum;
 use std::time::Duration;
 use tonic::Code;
 

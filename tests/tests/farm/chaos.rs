@@ -9,16 +9,16 @@
 
 use crate::harness::{Coordinator, LONG, RawWorker, SCENE, free_port, settings, spec};
 use beamfarm_coordinator::{DoneBlock, End, Start, Timing};
+use beamfarm_image::bundle::Bundle;
+use beamfarm_image::exr::encode_block;
+use beamfarm_image::job::Block;
+use beamfarm_image::merge::{Average, Node, TreeSum};
+use beamfarm_image::radius::Schedule;
 use beamfarm_proto::{Grant, LeaseId};
-use beamfarm_shared::bundle::Bundle;
-use beamfarm_shared::exr::encode_block;
-use beamfarm_shared::job::Block;
-use beamfarm_shared::merge::{Average, Node, TreeSum};
-use beamfarm_shared::pass::render_pass;
-use beamfarm_shared::plan::{RenderPlan, Scene};
-use beamfarm_shared::radius::Schedule;
-use beamfarm_shared::sampler::{Purpose, Sampler};
-use beamfarm_shared::scene::SceneDescription;
+use beamfarm_render::pass::render_pass;
+use beamfarm_render::plan::RenderPlan;
+use beamfarm_render::sampler::{Purpose, Sampler};
+use beamfarm_render::world::Scene;
 use std::net::SocketAddr;
 use std::process::{Child, Command, Stdio};
 use std::sync::Arc;
@@ -202,7 +202,7 @@ impl Truth {
             scene: "scene.toml".into(),
             files: [("scene.toml".into(), SCENE.into())].into(),
         };
-        let scene = Scene::new(SceneDescription::load(&bundle).unwrap());
+        let scene = Scene::new(beamfarm_scene::load(&bundle).unwrap());
         let plan = RenderPlan::new(&scene, settings());
         let camera = scene.description().camera;
         let mut sum = TreeSum::new(camera.width, camera.height);

@@ -3,17 +3,17 @@
 use beamfarm_coordinator::limits::Limits;
 use beamfarm_coordinator::security::Security;
 use beamfarm_coordinator::{End, Entrance, Farm, JobSpec, Start, Terms, Timing, Watch, server};
+use beamfarm_image::bundle::Bundle;
+use beamfarm_image::exr::{BlockMeta, encode_block};
+use beamfarm_image::film::Film;
+use beamfarm_image::job::{Block, JobSettings, PassStats, ScheduleKind};
+use beamfarm_image::merge::Node;
+use beamfarm_image::radius::Schedule;
 use beamfarm_proto::bytes::Bytes;
 use beamfarm_proto::wire::farm_client::FarmClient;
 use beamfarm_proto::wire::submit_request::Part;
 use beamfarm_proto::{FileHash, Grant, LeaseId, VERSION, WireHash, wire};
-use beamfarm_shared::bundle::Bundle;
-use beamfarm_shared::exr::{BlockMeta, encode_block};
-use beamfarm_shared::film::Film;
-use beamfarm_shared::job::{Block, JobSettings, PassStats, ScheduleKind};
-use beamfarm_shared::merge::Node;
-use beamfarm_shared::radius::Schedule;
-use beamfarm_shared::sampler::{Purpose, Sampler};
+use beamfarm_render::sampler::{Purpose, Sampler};
 use std::net::SocketAddr;
 use std::sync::{Arc, OnceLock};
 use std::time::Duration;
@@ -257,7 +257,7 @@ pub fn start_worker_with(
 pub struct RawWorker {
     pub farm: FarmClient<Channel>,
     pub id: u64,
-    pub scene: beamfarm_shared::job::SceneHash,
+    pub scene: beamfarm_image::job::SceneHash,
 }
 
 /// An open stream of heartbeats.

@@ -5,9 +5,9 @@
 
 use crate::harness::{Coordinator, RawWorker, encode, film, leaf, spec};
 use beamfarm_coordinator::End;
+use beamfarm_image::merge::TreeSum;
 use beamfarm_proto::bytes::{Buf, BufMut, Bytes};
 use beamfarm_proto::{VERSION, WireHash, wire};
-use beamfarm_shared::merge::TreeSum;
 use beamfarm_tests::fuzz::mutate;
 use prost::Message;
 use rand_pcg::Pcg32;

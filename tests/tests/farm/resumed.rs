@@ -2,10 +2,10 @@
 
 use crate::harness::{Coordinator, LONG, RawWorker, free_port, node, spec};
 use beamfarm_coordinator::{DoneBlock, End, Entry, EntryState, EventKind, Start, Timing};
+use beamfarm_image::exr::node_hash;
+use beamfarm_image::job::Block;
+use beamfarm_image::merge::TreeSum;
 use beamfarm_proto::Grant;
-use beamfarm_shared::exr::node_hash;
-use beamfarm_shared::job::Block;
-use beamfarm_shared::merge::TreeSum;
 use std::time::Duration;
 use tokio::sync::mpsc::{UnboundedReceiver, unbounded_channel};
 

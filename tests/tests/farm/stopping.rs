@@ -2,9 +2,9 @@
 
 use crate::harness::*;
 use beamfarm_coordinator::{End, Start, Target};
-use beamfarm_shared::exr::pixel_hash;
-use beamfarm_shared::merge::{Average, TreeSum};
-use beamfarm_shared::sampler::{Purpose, Sampler};
+use beamfarm_image::exr::pixel_hash;
+use beamfarm_image::merge::{Average, TreeSum};
+use beamfarm_render::sampler::{Purpose, Sampler};
 use std::time::Duration;
 
 const PASSES: u64 = 40;

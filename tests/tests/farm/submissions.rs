@@ -2,12 +2,12 @@
 
 use crate::harness::{Coordinator, HEIGHT, RawWorker, WIDTH, encode, film, spec};
 use beamfarm_coordinator::End;
+use beamfarm_image::exr::{BlockMeta, encoded_size};
+use beamfarm_image::film::Film;
+use beamfarm_image::job::{Block, PassStats, SceneHash};
+use beamfarm_image::merge::Node;
 use beamfarm_proto::wire;
 use beamfarm_proto::wire::submit_request::Part;
-use beamfarm_shared::exr::{BlockMeta, encoded_size};
-use beamfarm_shared::film::Film;
-use beamfarm_shared::job::{Block, PassStats, SceneHash};
-use beamfarm_shared::merge::Node;
 use tonic::Code;
 
 /// A fresh worker sends the bytes that `make` returns for its lease. They must be refused with this code and message,

@@ -143,7 +143,7 @@ async fn pictures_are_of_the_passes_that_they_name() {
     assert!(dark.body != two.body && error.body != two.body && error.body != dark.body);
     assert!(nonsense.body == two.body);
     let average = coordinator.farm.average().unwrap();
-    let expected = beamfarm_shared::png::encode_png(&average.beauty, -3.0).unwrap();
+    let expected = beamfarm_image::png::encode_png(&average.beauty, -3.0).unwrap();
     assert!(dark.body == expected);
 }
 

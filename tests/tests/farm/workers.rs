@@ -5,14 +5,14 @@ use crate::harness::{
     start_worker_with,
 };
 use beamfarm_coordinator::{End, JobSpec, Timing, WorkerState, WorkerView};
+use beamfarm_image::bundle::Bundle;
+use beamfarm_image::exr::pixel_hash;
+use beamfarm_image::job::Block;
+use beamfarm_image::merge::{Average, TreeSum};
 use beamfarm_proto::FileHash;
-use beamfarm_shared::bundle::Bundle;
-use beamfarm_shared::exr::pixel_hash;
-use beamfarm_shared::job::Block;
-use beamfarm_shared::merge::{Average, TreeSum};
-use beamfarm_shared::pass::render_pass;
-use beamfarm_shared::plan::{RenderPlan, Scene};
-use beamfarm_shared::scene::SceneDescription;
+use beamfarm_render::pass::render_pass;
+use beamfarm_render::plan::RenderPlan;
+use beamfarm_render::world::Scene;
 use beamfarm_worker::WorkerError;
 use std::time::Duration;
 
@@ -26,7 +26,7 @@ fn reference() -> (Average, Vec<String>) {
     };
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
     pool.unwrap().install(|| {
-        let scene = Scene::new(SceneDescription::load(&bundle).unwrap());
+        let scene = Scene::new(beamfarm_scene::load(&bundle).unwrap());
         let plan = RenderPlan::new(&scene, settings());
         let camera = scene.description().camera;
         let mut sum = TreeSum::new(camera.width, camera.height);

@@ -1,13 +1,13 @@
 //! Beams that are hardly there.
 
-use beamfarm_shared::beam::PhotonBeam;
-use beamfarm_shared::beam::estimate::{CameraSegment, CameraSegments, Gather, Vectors, Way};
-use beamfarm_shared::beam::store::BeamMap;
-use beamfarm_shared::math::{Ray, Rgb, Vec3};
-use beamfarm_shared::medium::transmittance::StepFunctions;
-use beamfarm_shared::medium::{Homogeneous, Medium};
-use beamfarm_shared::parts::Part;
-use beamfarm_shared::phase::Phase;
+use beamfarm_render::aov::Part;
+use beamfarm_render::beam::PhotonBeam;
+use beamfarm_render::beam::estimate::{CameraSegment, CameraSegments, Gather, Vectors, Way};
+use beamfarm_render::beam::store::BeamMap;
+use beamfarm_render::math::{Ray, Rgb, Vec3};
+use beamfarm_render::medium::transmittance::StepFunctions;
+use beamfarm_render::medium::{Homogeneous, Medium};
+use beamfarm_render::phase::Phase;
 
 fn beam(length: f32, radius: f32) -> PhotonBeam {
     PhotonBeam {

@@ -1,7 +1,7 @@
 //! Media of optical depth 1e4.
 
-use beamfarm_shared::pass::render_pass;
-use beamfarm_shared::plan::RenderPlan;
+use beamfarm_render::pass::render_pass;
+use beamfarm_render::plan::RenderPlan;
 use beamfarm_tests::render::scene;
 
 /// A ball that fills the picture, under a sky of radiance 1.

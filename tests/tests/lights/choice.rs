@@ -3,13 +3,13 @@
 use crate::setup::{
     BOUNDS, SAMPLES, SIGNIFICANCE, ball, disc, emitter, light, point, rectangle, sky, spot, sun,
 };
-use beamfarm_shared::geometry::Object;
-use beamfarm_shared::light::{Light, LightKind, LightSelector, LightSources};
-use beamfarm_shared::math::{PI, Rgb, Vec3};
-use beamfarm_shared::pass::render_pass;
-use beamfarm_shared::plan::RenderPlan;
-use beamfarm_shared::sampler::{Purpose, Sampler};
-use beamfarm_shared::warp;
+use beamfarm_render::geometry::Object;
+use beamfarm_render::light::{Light, LightKind, LightSelector, LightSources};
+use beamfarm_render::math::{PI, Rgb, Vec3};
+use beamfarm_render::pass::render_pass;
+use beamfarm_render::plan::RenderPlan;
+use beamfarm_render::sampler::{Purpose, Sampler};
+use beamfarm_render::warp;
 use beamfarm_tests::z_test::MeanEstimate;
 use beamfarm_tests::{Suite, render};
 use glam::Affine3A;

@@ -4,12 +4,12 @@ use crate::setup::{
     RADIANCE, SAMPLES, SIGNIFICANCE, ball, cylinder, disc, emitter, light, point, rectangle,
     shapes, sky, spot, sun,
 };
-use beamfarm_shared::geometry::{Geometry, Object, bounds};
-use beamfarm_shared::light::{DirectSample, Environment, Light, LightHit, LightKind};
-use beamfarm_shared::math::{Frame, PI, Ray, Rgb, Vec2, Vec3};
-use beamfarm_shared::sampler::{Purpose, Sampler};
-use beamfarm_shared::texture::Image;
-use beamfarm_shared::warp;
+use beamfarm_render::geometry::{Geometry, Object, bounds};
+use beamfarm_render::light::{DirectSample, Environment, Light, LightHit, LightKind};
+use beamfarm_render::math::{Frame, PI, Ray, Rgb, Vec2, Vec3};
+use beamfarm_render::sampler::{Purpose, Sampler};
+use beamfarm_render::texture::Image;
+use beamfarm_render::warp;
 use beamfarm_tests::quadrature::Rect;
 use beamfarm_tests::{Chi2, MeanEstimate, Suite};
 use glam::{Affine3A, Mat3};

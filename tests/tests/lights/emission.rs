@@ -4,10 +4,10 @@ use crate::setup::{
     BOUNDS, RADIANCE, SAMPLES, SIGNIFICANCE, ball, emitter, point, rectangle, shapes, sky,
     speckled, spot, sun,
 };
-use beamfarm_shared::geometry::{Geometry, Object};
-use beamfarm_shared::light::{EmissionSample, EmissionUniforms, Light, LightKind};
-use beamfarm_shared::math::{Frame, PI, Ray, Rgb, Vec2, Vec3};
-use beamfarm_shared::sampler::{Purpose, Sampler};
+use beamfarm_render::geometry::{Geometry, Object};
+use beamfarm_render::light::{EmissionSample, EmissionUniforms, Light, LightKind};
+use beamfarm_render::math::{Frame, PI, Ray, Rgb, Vec2, Vec3};
+use beamfarm_render::sampler::{Purpose, Sampler};
 use beamfarm_tests::quadrature::Rect;
 use beamfarm_tests::{Chi2, MeanEstimate, Suite};
 

@@ -1,11 +1,11 @@
 //! Light from all around: which way its image stands, and that all of it is found.
 
 use crate::setup::{RADIANCE, SAMPLES, SIGNIFICANCE, sky, speckled};
-use beamfarm_shared::light::Environment;
-use beamfarm_shared::math::{PI, Rgb, Vec3};
-use beamfarm_shared::sampler::{Purpose, Sampler};
-use beamfarm_shared::texture::Image;
-use beamfarm_shared::warp;
+use beamfarm_render::light::Environment;
+use beamfarm_render::math::{PI, Rgb, Vec3};
+use beamfarm_render::sampler::{Purpose, Sampler};
+use beamfarm_render::texture::Image;
+use beamfarm_render::warp;
 use beamfarm_tests::{Chi2, MeanEstimate, Suite};
 use glam::Mat3;
 use std::sync::Arc;

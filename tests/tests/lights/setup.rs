@@ -1,11 +1,11 @@
 //! Lights and shapes of every kind.
 
-use beamfarm_shared::geometry::{Mesh, Object, Placement, Shape};
-use beamfarm_shared::layer::LightGroup;
-use beamfarm_shared::light::{Environment, Light, LightKind, SceneBounds};
-use beamfarm_shared::math::{Frame, Rgb, Vec3};
-use beamfarm_shared::sampler::{Purpose, Sampler};
-use beamfarm_shared::texture::Image;
+use beamfarm_image::layer::LightGroup;
+use beamfarm_render::geometry::{Mesh, Object, Placement, Shape};
+use beamfarm_render::light::{Environment, Light, LightKind, SceneBounds};
+use beamfarm_render::math::{Frame, Rgb, Vec3};
+use beamfarm_render::sampler::{Purpose, Sampler};
+use beamfarm_render::texture::Image;
 use glam::{Affine3A, Mat3};
 use std::sync::Arc;
 

@@ -1,9 +1,10 @@
 //! Whole scenes beside native ones that were written by hand: equal pixels.
 
 use super::*;
-use beamfarm_shared::exr::pixel_hash;
-use beamfarm_shared::pass::render_pass;
-use beamfarm_shared::plan::{RenderPlan, Scene};
+use beamfarm_image::exr::pixel_hash;
+use beamfarm_render::pass::render_pass;
+use beamfarm_render::plan::RenderPlan;
+use beamfarm_render::world::Scene;
 
 fn pixels(description: SceneDescription) -> String {
     let scene = Scene::new(description);

@@ -13,7 +13,8 @@ mod shapes;
 mod structure;
 mod values;
 
-use beamfarm_shared::scene::{ImportOptions, Imported, SceneDescription, SceneFile, import};
+use beamfarm_render::world::SceneDescription;
+use beamfarm_scene::{ImportOptions, Imported, SceneFile, import};
 use std::path::Path;
 use tempfile::TempDir;
 

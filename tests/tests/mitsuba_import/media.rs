@@ -1,8 +1,9 @@
 //! Media, phase functions and boundaries.
 
 use super::*;
-use beamfarm_shared::pass::render_pass;
-use beamfarm_shared::plan::{RenderPlan, Scene};
+use beamfarm_render::pass::render_pass;
+use beamfarm_render::plan::RenderPlan;
+use beamfarm_render::world::Scene;
 
 fn medium(inner: &str) -> String {
     let element = format!("<medium type=\"homogeneous\" id=\"m\">{inner}</medium>");

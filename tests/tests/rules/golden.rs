@@ -1,6 +1,6 @@
 //! A small picture for each type of ray and each way of listing: see `golden.rs` beside this folder.
 
-use beamfarm_shared::exr::pixel_hash;
+use beamfarm_image::exr::pixel_hash;
 use beamfarm_tests::render::{average, scene};
 
 const SCENE: &str = r#"

@@ -10,8 +10,9 @@ mod reference;
 mod shadows;
 mod views;
 
-use beamfarm_shared::pass::render_pass;
-use beamfarm_shared::plan::{RenderPlan, Scene};
+use beamfarm_render::pass::render_pass;
+use beamfarm_render::plan::RenderPlan;
+use beamfarm_render::world::Scene;
 use beamfarm_tests::render::{Blocks, blocks, scene};
 
 /// The pixels of some passes, one after the other.

@@ -1,7 +1,7 @@
 //! The path tracer, which shares no estimator with the beams, obeys the rules of all rays but photons.
 
 use super::VIEW;
-use beamfarm_shared::job::ReferenceSettings;
+use beamfarm_image::job::ReferenceSettings;
 use beamfarm_tests::render::{Blocks, blocks, reference_images, scene};
 use beamfarm_tests::z_test::two_sided;
 

@@ -1,16 +1,16 @@
 //! What is read: every field, its default, every file, and nothing where the text is damaged.
 
 use crate::setup::{OCTAHEDRON, VIEW, load, load_with, octahedron};
-use beamfarm_shared::bsdf::MaterialKind;
-use beamfarm_shared::bundle::Bundle;
-use beamfarm_shared::geometry::{Boundary, Shape};
-use beamfarm_shared::light::LightKind;
-use beamfarm_shared::math::Rgb;
-use beamfarm_shared::medium::Medium;
-use beamfarm_shared::phase::Phase;
-use beamfarm_shared::sampler::{Purpose, Sampler};
-use beamfarm_shared::scene::{SceneDescription, read_bundle};
-use beamfarm_shared::texture::Texture;
+use beamfarm_image::bundle::Bundle;
+use beamfarm_render::bsdf::MaterialKind;
+use beamfarm_render::geometry::{Boundary, Shape};
+use beamfarm_render::light::LightKind;
+use beamfarm_render::math::Rgb;
+use beamfarm_render::medium::Medium;
+use beamfarm_render::phase::Phase;
+use beamfarm_render::sampler::{Purpose, Sampler};
+use beamfarm_render::texture::Texture;
+use beamfarm_scene::read_bundle;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -195,7 +195,7 @@ fn every_field_of_the_format_is_read() {
         (10, 1000, 0.5, 7)
     );
     assert_eq!((d.exposure, d.radius), (-1.5, Some(0.02)));
-    assert_eq!(d.schedule, beamfarm_shared::job::ScheduleKind::Beam);
+    assert_eq!(d.schedule, beamfarm_image::job::ScheduleKind::Beam);
     assert_eq!(scene.world_medium, Some(1));
     assert_eq!(scene.camera_medium, Some(None));
     assert_eq!(
@@ -302,7 +302,7 @@ fn bundles_hold_every_file_and_load_the_same() {
     assert_eq!(bundle.scene, "room.toml");
     let keys: Vec<&String> = bundle.files.keys().collect();
     assert_eq!(keys, ["meshes/octahedron.obj", "room.toml"]);
-    assert_eq!(SceneDescription::load(&bundle).unwrap().objects.len(), 2);
+    assert_eq!(beamfarm_scene::load(&bundle).unwrap().objects.len(), 2);
     // The bundle is all there is to the scene: its hash changes with an asset.
     let before = bundle.hash();
     std::fs::write(
@@ -343,7 +343,7 @@ fn damage_does_not_panic() {
         let mut files: BTreeMap<_, _> = every_file().map(|(n, b)| (n.to_string(), b)).into();
         files.insert("scene.toml".to_string(), words.concat().into_bytes());
         let scene = "scene.toml".to_string();
-        if let Err(error) = SceneDescription::load(&Bundle { scene, files }) {
+        if let Err(error) = beamfarm_scene::load(&Bundle { scene, files }) {
             assert!(!error.message.is_empty());
         }
     }

@@ -1,8 +1,8 @@
 //! Light: powers, and which way environments stand.
 
 use crate::setup::{VIEW, load, load_with, octahedron};
-use beamfarm_shared::light::LightKind;
-use beamfarm_shared::math::{PI, Rgb, Vec2, Vec3};
+use beamfarm_render::light::LightKind;
+use beamfarm_render::math::{PI, Rgb, Vec2, Vec3};
 
 /// `power` is what the light then emits.
 #[test]

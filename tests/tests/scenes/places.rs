@@ -1,11 +1,11 @@
 //! Where things are: the camera, sides, instances, bounds.
 
 use crate::setup::{VIEW, hit, load, load_with, octahedron};
-use beamfarm_shared::geometry::Shape;
-use beamfarm_shared::geometry::accel::{Geometry, bounds};
-use beamfarm_shared::light::LightKind;
-use beamfarm_shared::math::{Ray, Vec2, Vec3};
-use beamfarm_shared::scene::SceneDescription;
+use beamfarm_render::geometry::Shape;
+use beamfarm_render::geometry::accel::{Geometry, bounds};
+use beamfarm_render::light::LightKind;
+use beamfarm_render::math::{Ray, Vec2, Vec3};
+use beamfarm_render::world::SceneDescription;
 
 /// Looking along -z with +y up, +x is on the right of the image and +y at its top.
 #[test]

@@ -1,10 +1,10 @@
 //! Scenes from text, and rays into them.
 
-use beamfarm_shared::bundle::Bundle;
-use beamfarm_shared::geometry::SurfaceHit;
-use beamfarm_shared::geometry::accel::Geometry;
-use beamfarm_shared::math::{Ray, Vec3};
-use beamfarm_shared::scene::SceneDescription;
+use beamfarm_image::bundle::Bundle;
+use beamfarm_render::geometry::SurfaceHit;
+use beamfarm_render::geometry::accel::Geometry;
+use beamfarm_render::math::{Ray, Vec3};
+use beamfarm_render::world::SceneDescription;
 use std::collections::BTreeMap;
 
 /// The camera stands at (0, 0, 5).
@@ -19,7 +19,7 @@ pub fn load_with(text: &str, assets: &[(&str, Vec<u8>)]) -> SceneDescription {
         .collect();
     files.insert("scene.toml".to_string(), text.as_bytes().to_vec());
     let scene = "scene.toml".to_string();
-    SceneDescription::load(&Bundle { scene, files }).unwrap_or_else(|e| panic!("{e}\n{text}"))
+    beamfarm_scene::load(&Bundle { scene, files }).unwrap_or_else(|e| panic!("{e}\n{text}"))
 }
 
 pub fn load(text: &str) -> SceneDescription {

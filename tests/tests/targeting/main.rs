@@ -5,8 +5,9 @@
 mod lamps;
 mod starts;
 
-use beamfarm_shared::pass::render_pass;
-use beamfarm_shared::plan::{RenderPlan, Scene};
+use beamfarm_render::pass::render_pass;
+use beamfarm_render::plan::RenderPlan;
+use beamfarm_render::world::Scene;
 use beamfarm_tests::render::{Blocks, scene};
 use beamfarm_tests::z_test::two_sided;
 

@@ -1,10 +1,10 @@
 //! Where photons that are aimed start, and with what flux.
 
 use super::{LAMP, POINT, Room, SKY, SPOT, SUN, plan};
-use beamfarm_shared::light::{EmissionSample, EmissionUniforms};
-use beamfarm_shared::math::{Frame, Vec2, Vec3};
-use beamfarm_shared::sampler::{Purpose, Sampler};
-use beamfarm_shared::warp;
+use beamfarm_render::light::{EmissionSample, EmissionUniforms};
+use beamfarm_render::math::{Frame, Vec2, Vec3};
+use beamfarm_render::sampler::{Purpose, Sampler};
+use beamfarm_render::warp;
 use beamfarm_tests::quadrature::Rect;
 use beamfarm_tests::{Chi2, MeanEstimate};
 
@@ -181,7 +181,7 @@ fn starts_follow_their_density() {
         light.sample_mixture(objects, bounds, aim, u, sampler.next_1d())
     };
     let one = draw(&mut Sampler::new(1, 1, Purpose::Test, 0)).unwrap();
-    let frame = beamfarm_shared::math::Frame::from_normal(one.dir);
+    let frame = beamfarm_render::math::Frame::from_normal(one.dir);
     let middle = bounds.center - one.dir * bounds.radius;
     let to_plane = |start: EmissionSample| frame.to_local(start.origin - middle).truncate();
     let pdf = |p: Vec2| {

@@ -1,8 +1,8 @@
 //! `beamfarm compare`: how far an image is from a reference.
 
 use crate::failure::Failure;
-use beamfarm_shared::exr::{pixel_hash, read_rgb};
-use beamfarm_shared::metrics::compare;
+use beamfarm_image::exr::{pixel_hash, read_rgb};
+use beamfarm_image::metrics::compare;
 use clap::Args;
 use std::path::PathBuf;
 

@@ -2,8 +2,8 @@
 
 use crate::failure::Failure;
 use crate::job::{ImportArgs, announce};
-use beamfarm_shared::atomic;
-use beamfarm_shared::scene::{SceneFile, is_mitsuba};
+use beamfarm_image::atomic;
+use beamfarm_scene::{SceneFile, is_mitsuba};
 use clap::Args;
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};

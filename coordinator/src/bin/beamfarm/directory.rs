@@ -5,7 +5,7 @@ use crate::job::JobArgs;
 use crate::output::Output;
 use beamfarm_coordinator::store::{Folder, Looks, Resumed, StoreError};
 use beamfarm_coordinator::{Entry, JobSpec, Start, Target};
-use beamfarm_shared::merge::Errors;
+use beamfarm_image::merge::Errors;
 use std::path::PathBuf;
 use std::time::Duration;
 use tokio::sync::mpsc::{UnboundedReceiver, unbounded_channel};

@@ -3,7 +3,8 @@
 use crate::failure::Failure;
 use crate::job::SettingsArgs;
 use crate::output::print_text;
-use beamfarm_shared::plan::{RenderPlan, Scene};
+use beamfarm_render::plan::RenderPlan;
+use beamfarm_render::world::Scene;
 use clap::Args;
 
 #[derive(Args)]

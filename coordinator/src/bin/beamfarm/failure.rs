@@ -1,7 +1,8 @@
 //! How a command fails: a message and an exit code.
 
 use beamfarm_coordinator::store::StoreError;
-use beamfarm_shared::error::{ImageError, SceneError};
+use beamfarm_image::error::ImageError;
+use beamfarm_scene::SceneError;
 use beamfarm_worker::exit;
 use std::fmt::Display;
 use std::process::ExitCode;

@@ -3,9 +3,9 @@
 use crate::failure::Failure;
 use beamfarm_coordinator::watch::Point;
 use beamfarm_coordinator::{Farm, Progress};
-use beamfarm_shared::atomic::write_file;
-use beamfarm_shared::job::PassStats;
-use beamfarm_shared::merge::Average;
+use beamfarm_image::atomic::write_file;
+use beamfarm_image::job::PassStats;
+use beamfarm_image::merge::Average;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -183,8 +183,8 @@ impl History {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use beamfarm_shared::film::Film;
-    use beamfarm_shared::merge::{Node, TreeSum};
+    use beamfarm_image::film::Film;
+    use beamfarm_image::merge::{Node, TreeSum};
 
     fn average(passes: u64) -> Average {
         let mut sum = TreeSum::new(1, 1);

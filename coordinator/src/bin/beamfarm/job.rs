@@ -4,16 +4,15 @@ use crate::failure::Failure;
 use crate::onlookers::OnlookerArgs;
 use crate::output::Output;
 use beamfarm_coordinator::{JobSpec, Target};
-use beamfarm_shared::budget::Pilot;
-use beamfarm_shared::bundle::Bundle;
-use beamfarm_shared::job::{JobSettings, MAX_PASSES};
-use beamfarm_shared::layer::{Layer, MAX_LAYERS};
-use beamfarm_shared::parts::light_layers;
-use beamfarm_shared::plan::Scene;
-use beamfarm_shared::scene::{
-    ImportOptions, RenderDefaults, SceneDescription, SceneFile, is_mitsuba,
-};
-use beamfarm_shared::target::Targeting;
+use beamfarm_image::bundle::Bundle;
+use beamfarm_image::job::Targeting;
+use beamfarm_image::job::{JobSettings, MAX_PASSES};
+use beamfarm_image::layer::{Layer, MAX_LAYERS};
+use beamfarm_render::aov::light_layers;
+use beamfarm_render::budget::Pilot;
+use beamfarm_render::world::Scene;
+use beamfarm_render::world::{RenderDefaults, SceneDescription};
+use beamfarm_scene::{ImportOptions, SceneFile, is_mitsuba};
 use clap::{Args, ValueEnum};
 use std::path::{Path, PathBuf};
 use std::time::Duration;

@@ -26,7 +26,7 @@ mod status;
 mod steer;
 mod summary;
 
-use beamfarm_shared::scene::json_schema;
+use beamfarm_scene::json_schema;
 use beamfarm_worker::cli::{self, LogArgs, WorkerArgs};
 use beamfarm_worker::exit;
 use clap::{Parser, Subcommand};

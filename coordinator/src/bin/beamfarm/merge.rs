@@ -4,10 +4,10 @@ use crate::failure::Failure;
 use crate::output::Output;
 use crate::summary::describe;
 use beamfarm_coordinator::store::{Checkpoint, Description, Folder};
-use beamfarm_shared::exr::{ImageMeta, Maker};
-use beamfarm_shared::job::{Block, PassStats, SceneHash};
-use beamfarm_shared::layer::Layer;
-use beamfarm_shared::merge::{Errors, MergeError, TreeSum};
+use beamfarm_image::exr::{ImageMeta, Maker};
+use beamfarm_image::job::{Block, PassStats, SceneHash};
+use beamfarm_image::layer::Layer;
+use beamfarm_image::merge::{Errors, MergeError, TreeSum};
 use clap::Args;
 use std::path::{Path, PathBuf};
 

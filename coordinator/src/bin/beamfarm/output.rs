@@ -1,10 +1,10 @@
 //! Where images go.
 
 use crate::failure::Failure;
-use beamfarm_shared::error::ImageError;
-use beamfarm_shared::exr::{ImageMeta, write_image};
-use beamfarm_shared::merge::Average;
-use beamfarm_shared::png::write_png;
+use beamfarm_image::error::ImageError;
+use beamfarm_image::exr::{ImageMeta, write_image};
+use beamfarm_image::merge::Average;
+use beamfarm_image::png::write_png;
 use std::ffi::OsStr;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};

@@ -108,7 +108,7 @@ fn line(
     // Rounded down: 100 % is when it is done.
     let percent = (100.0 * fraction) as u32;
     let limit = match progress.limit {
-        beamfarm_shared::job::MAX_PASSES => String::new(),
+        beamfarm_image::job::MAX_PASSES => String::new(),
         limit => format!("/{limit}"),
     };
     format!(

@@ -3,8 +3,8 @@
 use crate::failure::Failure;
 use crate::output::print_text;
 use crate::remote::{RemoteArgs, failed};
+use beamfarm_image::job::MAX_PASSES;
 use beamfarm_proto::wire::{self, JobState};
-use beamfarm_shared::job::MAX_PASSES;
 use clap::Args;
 use comfy_table::presets::NOTHING;
 use comfy_table::{CellAlignment, Table};

@@ -2,8 +2,8 @@
 
 use crate::failure::Failure;
 use crate::remote::{RemoteArgs, failed};
+use beamfarm_image::job::MAX_PASSES;
 use beamfarm_proto::wire;
-use beamfarm_shared::job::MAX_PASSES;
 use clap::Args;
 
 pub const CANCEL_EXAMPLES: &str = "\

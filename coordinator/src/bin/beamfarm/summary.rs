@@ -7,10 +7,10 @@ use crate::output::Output;
 use crate::progress::si;
 use beamfarm_coordinator::store::{BiasReport, Report, Stopped};
 use beamfarm_coordinator::{End, Farm};
+use beamfarm_image::exr::pixel_hash;
+use beamfarm_image::job::MAX_PASSES;
+use beamfarm_image::merge::Average;
 use beamfarm_proto::VERSION;
-use beamfarm_shared::exr::pixel_hash;
-use beamfarm_shared::job::MAX_PASSES;
-use beamfarm_shared::merge::Average;
 
 /// A job that is over.
 pub struct Summary<'a> {

@@ -1,7 +1,7 @@
 use super::*;
 use crate::store::checkpoint::tests::checkpoint;
-use beamfarm_shared::job::{JobSettings, ScheduleKind};
-use beamfarm_shared::layer::Layer;
+use beamfarm_image::job::{JobSettings, ScheduleKind};
+use beamfarm_image::layer::Layer;
 
 fn spec(passes: u64) -> JobSpec {
     let scene = "scene.toml".to_string();
@@ -116,7 +116,7 @@ fn another_job_is_refused_by_what_differs() {
     drop(Folder::open(&path, &mut unasked, Looks::default(), false).unwrap());
     assert_eq!(unasked.passes, 9);
     // Nor does a job that had no limit go on forever when nobody says when to end.
-    let mut endless = spec(beamfarm_shared::job::MAX_PASSES);
+    let mut endless = spec(beamfarm_image::job::MAX_PASSES);
     drop(open(&path, &mut endless).unwrap());
     for (scene, expected) in [(3, 5), (7, 7)] {
         let mut unasked = spec(scene);

@@ -4,8 +4,8 @@ use super::record::SceneFindings;
 use crate::failure::Failure;
 use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
-use beamfarm_shared::film::Film;
-use beamfarm_shared::png::encode_png;
+use beamfarm_image::film::Film;
+use beamfarm_image::png::encode_png;
 
 /// The same part of all images.
 pub struct Row {

@@ -1,9 +1,9 @@
 //! How far an image is from a reference that may itself be noisy.
 
 use crate::failure::Failure;
-use beamfarm_shared::exr::{read_rgb, read_standard_error};
-use beamfarm_shared::film::Film;
-use beamfarm_shared::metrics::{self, MetricsError};
+use beamfarm_image::exr::{read_rgb, read_standard_error};
+use beamfarm_image::film::Film;
+use beamfarm_image::metrics::{self, MetricsError};
 use serde::Serialize;
 use std::path::Path;
 

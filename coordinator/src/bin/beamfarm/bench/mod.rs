@@ -14,9 +14,9 @@ mod table;
 pub use run::{CHILD, child};
 
 use crate::failure::Failure;
-use beamfarm_shared::exr::read_rgb;
-use beamfarm_shared::job::MAX_PASSES;
-use beamfarm_shared::scene::read_bundle;
+use beamfarm_image::exr::read_rgb;
+use beamfarm_image::job::MAX_PASSES;
+use beamfarm_scene::read_bundle;
 use clap::Args;
 use machine::Machine;
 use measure::Reference;

@@ -7,9 +7,9 @@ use super::run::Sample;
 use super::suite::{Overrides, Point};
 use super::table::Clock;
 use crate::failure::Failure;
+use beamfarm_image::atomic::write_file;
+use beamfarm_image::film::Film;
 use beamfarm_proto::VERSION;
-use beamfarm_shared::atomic::write_file;
-use beamfarm_shared::film::Film;
 use serde::Serialize;
 use std::path::Path;
 

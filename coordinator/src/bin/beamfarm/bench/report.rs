@@ -7,8 +7,8 @@ use super::record::{Findings, SceneFindings};
 use super::table::{self, Clock, Table};
 use crate::failure::Failure;
 use askama::Template;
+use beamfarm_image::atomic::write_file;
 use beamfarm_proto::VERSION;
-use beamfarm_shared::atomic::write_file;
 use std::path::Path;
 
 #[derive(Template)]

@@ -5,12 +5,14 @@
 
 use super::suite::Overrides;
 use crate::failure::Failure;
-use beamfarm_shared::film::Film;
-use beamfarm_shared::job::{JobSettings, PassStats};
-use beamfarm_shared::merge::{Average, Node, TreeSum};
-use beamfarm_shared::pass::render_pass;
-use beamfarm_shared::plan::{RenderPlan, Scene};
-use beamfarm_shared::scene::{ImportOptions, SceneDescription, SceneFile};
+use beamfarm_image::film::Film;
+use beamfarm_image::job::{JobSettings, PassStats};
+use beamfarm_image::merge::{Average, Node, TreeSum};
+use beamfarm_render::pass::render_pass;
+use beamfarm_render::plan::RenderPlan;
+use beamfarm_render::world::Scene;
+use beamfarm_render::world::SceneDescription;
+use beamfarm_scene::{ImportOptions, SceneFile};
 use beamfarm_worker::exit;
 use serde::{Deserialize, Serialize};
 use std::io::{self, BufRead, BufReader, Read, Write};

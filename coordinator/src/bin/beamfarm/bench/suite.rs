@@ -1,8 +1,8 @@
 //! What is to be measured: from a TOML file, or from the command line.
 
 use crate::failure::Failure;
-use beamfarm_shared::job::{JobSettings, MAX_PASSES, ScheduleKind};
-use beamfarm_shared::scene::SceneDescription;
+use beamfarm_image::job::{JobSettings, MAX_PASSES, ScheduleKind};
+use beamfarm_render::world::SceneDescription;
 use clap::Args;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;

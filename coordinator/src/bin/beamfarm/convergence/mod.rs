@@ -4,11 +4,11 @@ mod plot;
 
 use crate::failure::Failure;
 use crate::job::ImportArgs;
-use beamfarm_shared::atomic::write_file;
-use beamfarm_shared::convergence::{Moments, Prediction, Runs, Theory};
-use beamfarm_shared::job::JobSettings;
-use beamfarm_shared::plan::Scene;
-use beamfarm_shared::scene::SceneFile;
+use beamfarm_image::atomic::write_file;
+use beamfarm_image::job::JobSettings;
+use beamfarm_render::convergence::{Moments, Prediction, Runs, Theory};
+use beamfarm_render::world::Scene;
+use beamfarm_scene::SceneFile;
 use clap::Args;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};

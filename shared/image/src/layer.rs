@@ -1,0 +1,166 @@
+//! Layers that a pass renders beside the beauty, when they are asked for.
+
+use std::fmt;
+use std::str::FromStr;
+
+/// Layers of light groups that a job may have, and characters of a group's name.
+pub const MAX_LAYERS: usize = 256;
+const MAX_NAME: usize = 64;
+
+/// A layer: one image more of every pass, averaged as the beauty is.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Layer {
+    /// Distance of the first surface along the camera's axis, scene units; 0 where there is none. Boundaries of media are
+    /// no surfaces, here and for the next two.
+    Depth,
+    /// Unit shading normal of the first surface in world space; 0 where there is none.
+    Normal,
+    /// What the first surface reflects and lets through of uniform light, about: its reflectance; 0 where there is none.
+    Albedo,
+    /// Radiance of lights that are seen, and of surfaces that are lit straight by lights.
+    Direct,
+    /// All other radiance of surfaces: light that met a surface or a medium before.
+    Surface,
+    /// Radiance that media scatter towards the camera path.
+    Volume,
+    /// All radiance that comes from one group of lights.
+    Light(LightGroup),
+    /// Photon beams that contribute to the pixel.
+    BeamDensity,
+    /// Photon targets before the first surface, or on it.
+    Targets,
+}
+
+/// Name of a group of lights: 1 to 64 letters, digits, and `_`, `-`, `+`, `#`, `:`, `[`, `]`, `(`, `)` or space.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct LightGroup(String);
+
+impl LightGroup {
+    /// The group that a scene calls so. What a channel's name cannot hold becomes `_`; names are cut to 64 characters.
+    pub fn named(name: &str) -> Self {
+        let character = |c: char| if is_plain(c) { c } else { '_' };
+        let name: String = name.chars().take(MAX_NAME).map(character).collect();
+        Self(if name.is_empty() { "_".into() } else { name })
+    }
+
+    /// The name.
+    pub fn as_str(&self) -> &str {
+        &self.0
+    }
+}
+
+fn is_plain(c: char) -> bool {
+    c.is_ascii_alphanumeric() || "_-+#:[]() ".contains(c)
+}
+
+/// Text that names no layer.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("there is no layer `{0}`")]
+pub struct LayerError(String);
+
+impl Layer {
+    /// Names of its channels, without the layer's: their number is that of the values of a pixel that it uses.
+    pub fn channels(&self) -> &'static [&'static str] {
+        match self {
+            Self::Depth => &["Z"],
+            Self::BeamDensity | Self::Targets => &["Y"],
+            Self::Normal => &["X", "Y", "Z"],
+            _ => &["R", "G", "B"],
+        }
+    }
+}
+
+impl fmt::Display for Layer {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Depth => "depth",
+            Self::Normal => "normal",
+            Self::Albedo => "albedo",
+            Self::Direct => "direct",
+            Self::Surface => "surface",
+            Self::Volume => "volume",
+            Self::BeamDensity => "beam_density",
+            Self::Targets => "targets",
+            Self::Light(group) => return write!(f, "light_{}", group.0),
+        })
+    }
+}
+
+impl FromStr for Layer {
+    type Err = LayerError;
+
+    fn from_str(name: &str) -> Result<Self, LayerError> {
+        Ok(match name {
+            "depth" => Self::Depth,
+            "normal" => Self::Normal,
+            "albedo" => Self::Albedo,
+            "direct" => Self::Direct,
+            "surface" => Self::Surface,
+            "volume" => Self::Volume,
+            "beam_density" => Self::BeamDensity,
+            "targets" => Self::Targets,
+            _ => match name.strip_prefix("light_") {
+                Some(group) if LightGroup::named(group).0 == group => {
+                    Self::Light(LightGroup(group.into()))
+                }
+                _ => {
+                    let start = name.chars().take(MAX_NAME).collect();
+                    return Err(LayerError(start));
+                }
+            },
+        })
+    }
+}
+
+/// The layers of these names, each once.
+pub fn parse_all<'a>(
+    names: impl ExactSizeIterator<Item = &'a str>,
+) -> Result<Vec<Layer>, LayerError> {
+    let count = names.len();
+    if count > MAX_LAYERS {
+        return Err(LayerError(format!(
+            "{count} layers, more than {MAX_LAYERS}"
+        )));
+    }
+    let mut layers = Vec::with_capacity(count);
+    for name in names {
+        let layer = name.parse()?;
+        if layers.contains(&layer) {
+            return Err(LayerError(format!("{layer}, a second time")));
+        }
+        layers.push(layer);
+    }
+    Ok(layers)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_read_as_they_are_written() {
+        let layers = [
+            Layer::Depth,
+            Layer::Normal,
+            Layer::Albedo,
+            Layer::Direct,
+            Layer::Surface,
+            Layer::Volume,
+            Layer::BeamDensity,
+            Layer::Targets,
+            Layer::Light(LightGroup::named("key light")),
+            Layer::Light(LightGroup::named("")),
+            Layer::Light(LightGroup::named("a.b/ü")),
+        ];
+        let names = layers.each_ref().map(Layer::to_string);
+        assert_eq!(names[10], "light_a_b__");
+        let read = parse_all(names.iter().map(String::as_str)).unwrap();
+        assert_eq!(read, layers);
+        for bad in ["", "beauty", "Depth", "light_", "light_a.b"] {
+            assert!(bad.parse::<Layer>().is_err(), "{bad}");
+        }
+        let long = format!("light_{}", "x".repeat(MAX_NAME + 1));
+        assert!(long.parse::<Layer>().is_err());
+        assert!(parse_all(["depth", "depth"].into_iter()).is_err());
+    }
+}

@@ -1,0 +1,25 @@
+//! What a farm exchanges and sums: everything about images and jobs that needs neither a network nor the renderer.
+//!
+//! A pass's [`Film`](film::Film) goes over the wire as a block image ([`exr`]); the [`TreeSum`](merge::TreeSum) of passes gives the
+//! average, which [`exr`] and [`png`] write.
+//!
+//! | question                              | module     |
+//! | ------------------------------------- | ---------- |
+//! | what is rendered, and how?            | [`job`]    |
+//! | how does the radius shrink?           | [`radius`] |
+//! | how are passes averaged?              | [`merge`]  |
+//! | how large is the bias of the average? | [`bias`]   |
+//! | how do two images differ?             | [`metrics`] |
+
+pub mod atomic;
+pub mod bias;
+pub mod bundle;
+pub mod error;
+pub mod exr;
+pub mod film;
+pub mod job;
+pub mod layer;
+pub mod merge;
+pub mod metrics;
+pub mod png;
+pub mod radius;

@@ -1,0 +1,230 @@
+//! The layers that were asked for: which lights belong to which, and what a camera path adds to them.
+
+use crate::light::Light;
+use crate::math::{Rgb, Vec3};
+use crate::world::Scene;
+use crate::world::SceneDescription;
+use beamfarm_image::layer::Layer;
+
+/// Layers, and which lights belong to which.
+#[derive(Clone, Debug, Default)]
+pub struct LayerPlan {
+    /// In the job's order.
+    pub layers: Vec<Layer>,
+    /// The groups among them: numbers of their layers.
+    groups: Vec<usize>,
+    /// By light, when there are groups: the number of its group.
+    group_of_light: Vec<u16>,
+}
+
+/// A layer was asked for of a group that no light belongs to.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("there is no light or group of lights `{0}`")]
+pub struct NoSuchGroup(String);
+
+impl LayerPlan {
+    pub(crate) fn new(scene: &Scene, layers: &[Layer]) -> Result<Self, NoSuchGroup> {
+        let mut plan = Self {
+            layers: layers.to_vec(),
+            ..Self::default()
+        };
+        for (i, layer) in layers.iter().enumerate() {
+            if let Layer::Light(group) = layer {
+                if !scene.lights().iter().any(|light| light.group == *group) {
+                    return Err(NoSuchGroup(group.as_str().to_owned()));
+                }
+                plan.groups.push(i);
+            }
+        }
+        if plan.groups.is_empty() {
+            return Ok(plan);
+        }
+        let number = |light: &Light| {
+            let is_its =
+                |i: &usize| matches!(&layers[*i], Layer::Light(group) if *group == light.group);
+            let number = plan.groups.iter().position(is_its);
+            number
+                .and_then(|n| u16::try_from(n).ok())
+                .unwrap_or(u16::MAX)
+        };
+        plan.group_of_light = scene.lights().iter().map(number).collect();
+        Ok(plan)
+    }
+
+    /// Number of the group that a light belongs to, below [`Self::groups`]; anything else when it has none.
+    #[inline]
+    pub fn group(&self, light: usize) -> u16 {
+        self.group_of_light.get(light).copied().unwrap_or(u16::MAX)
+    }
+
+    /// Whether the beams that contribute to each pixel are counted.
+    pub fn counts_beams(&self) -> bool {
+        self.layers.contains(&Layer::BeamDensity)
+    }
+
+    /// Whether the photon targets before each pixel's first surface are counted.
+    pub fn counts_targets(&self) -> bool {
+        self.layers.contains(&Layer::Targets)
+    }
+
+    /// Number of groups of lights.
+    pub fn groups(&self) -> usize {
+        self.groups.len()
+    }
+
+    /// The number of the group whose layer this one is.
+    pub(crate) fn group_of_layer(&self, layer: usize) -> Option<usize> {
+        self.groups.iter().position(|i| *i == layer)
+    }
+}
+
+/// The layers of all groups of lights of a scene, in the order of their first lights.
+pub fn light_layers(description: &SceneDescription) -> Vec<Layer> {
+    let mut layers: Vec<Layer> = Vec::new();
+    for light in &description.lights {
+        let layer = Layer::Light(light.group.clone());
+        if !layers.contains(&layer) {
+            layers.push(layer);
+        }
+    }
+    layers
+}
+
+/// One pixel's values of all layers in one pass.
+#[derive(Clone, Debug, Default)]
+pub struct Parts {
+    /// Distance of the first surface along the camera's axis, its shading normal, and its albedo.
+    pub first: Option<(f32, Vec3, Rgb)>,
+    /// See [`Layer::Direct`].
+    pub direct: Rgb,
+    /// See [`Layer::Surface`].
+    pub surface: Rgb,
+    /// See [`Layer::Volume`].
+    pub volume: Rgb,
+    /// By group of lights.
+    pub groups: Vec<Rgb>,
+    /// Photon beams that contributed.
+    pub beams: u32,
+    /// Photon targets before the first surface, or on it.
+    pub targets: u32,
+}
+
+impl Parts {
+    /// Nothing yet, for so many groups.
+    pub fn new(groups: usize) -> Self {
+        Self {
+            groups: vec![Rgb::ZERO; groups],
+            ..Self::default()
+        }
+    }
+
+    /// Add radiance to a part.
+    #[inline]
+    pub(crate) fn add(&mut self, part: Part, radiance: Rgb) {
+        match part {
+            Part::Direct => self.direct += radiance,
+            Part::Surface => self.surface += radiance,
+            Part::Volume => self.volume += radiance,
+        }
+    }
+
+    /// The value of a layer; of a group's, with the group's number.
+    pub fn value(&self, layer: &Layer, group: Option<usize>) -> [f32; 3] {
+        let first =
+            |value: fn(&(f32, Vec3, Rgb)) -> Vec3| self.first.as_ref().map_or(Vec3::ZERO, value);
+        let value = match layer {
+            Layer::Depth => first(|f| Vec3::new(f.0, 0.0, 0.0)),
+            Layer::Normal => first(|f| f.1),
+            Layer::Albedo => first(|f| f.2),
+            Layer::Direct => self.direct,
+            Layer::Surface => self.surface,
+            Layer::Volume => self.volume,
+            Layer::Light(_) => group
+                .and_then(|g| self.groups.get(g))
+                .copied()
+                .unwrap_or_default(),
+            Layer::BeamDensity => Vec3::new(self.beams as f32, 0.0, 0.0),
+            Layer::Targets => Vec3::new(self.targets as f32, 0.0, 0.0),
+        };
+        value.to_array()
+    }
+}
+
+/// Which way light came to the surface or medium that sends it to the camera.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Part {
+    /// Straight from a light.
+    Direct,
+    /// From another surface or a medium.
+    Surface,
+    /// Straight from a light to a medium, which turned it.
+    Volume,
+}
+
+/// Notes what a path adds where; without layers, nothing.
+pub struct Recorder<'a> {
+    plan: &'a LayerPlan,
+    parts: Option<&'a mut Parts>,
+    /// The part that everything counts for, whatever way light came: where the camera path was scattered by a medium.
+    within: Option<Part>,
+}
+
+impl<'a> Recorder<'a> {
+    /// Into these parts, if there are any.
+    pub fn new(plan: &'a LayerPlan, parts: Option<&'a mut Parts>) -> Self {
+        Self {
+            plan,
+            parts,
+            within: None,
+        }
+    }
+
+    /// From here on everything is light that a medium scatters. Returns what [`Self::leave_volume`] wants.
+    pub fn enter_volume(&mut self) -> Option<Part> {
+        self.within.replace(Part::Volume)
+    }
+
+    /// The part that light counts for which came this way.
+    pub fn part_or(&self, part: Part) -> Part {
+        self.within.unwrap_or(part)
+    }
+
+    /// No more.
+    pub fn leave_volume(&mut self, before: Option<Part>) {
+        self.within = before;
+    }
+
+    /// Whether anything is noted.
+    #[inline]
+    pub fn is_on(&self) -> bool {
+        self.parts.is_some()
+    }
+
+    /// Radiance at the film that comes from a light.
+    #[inline]
+    pub fn add(&mut self, part: Part, light: usize, radiance: Rgb) {
+        if self.is_on() {
+            self.add_of_group(part, self.plan.group(light), radiance);
+        }
+    }
+
+    /// Radiance at the film that comes from a group of lights, as [`LayerPlan::group`] numbers them.
+    #[inline]
+    pub fn add_of_group(&mut self, part: Part, group: u16, radiance: Rgb) {
+        let part = self.part_or(part);
+        if let Some(parts) = &mut self.parts {
+            parts.add(part, radiance);
+            if let Some(sum) = parts.groups.get_mut(usize::from(group)) {
+                *sum += radiance;
+            }
+        }
+    }
+
+    /// The first surface that the path meets: later ones do not count.
+    #[inline]
+    pub fn first_surface(&mut self, surface: impl FnOnce() -> (f32, Vec3, Rgb)) {
+        if let Some(parts) = &mut self.parts {
+            parts.first.get_or_insert_with(surface);
+        }
+    }
+}

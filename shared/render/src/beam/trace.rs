@@ -1,0 +1,581 @@
+//! From lights to photon beams and surface photons.
+//!
+//! A photon path goes from a light through media and off surfaces until Russian roulette ends it, or until nothing that it may
+//! leave counts. In a scattering medium its segments leave [`PhotonBeam`]s, its hits on surfaces that are not specular
+//! [`SurfacePhoton`]s, where the table in `transport` says that photons bring that light.
+
+use super::PhotonBeam;
+use super::edges::Probe;
+use crate::bsdf::TransportMode;
+use crate::footprint::{Footprint, spread};
+use crate::geometry::SurfaceHit;
+use crate::light::{EmissionSample, EmissionUniforms, LightChoice, LightHit};
+use crate::math::{Frame, Ray, Rgb, Vec3, mean};
+use crate::medium::transmittance::StepFunctions;
+use crate::medium::{Flight, Medium, MediumId, Stretch};
+use crate::odds::{DEEPER_ODDS, MAX_SURVIVAL, TRAPPED_DEPTH, UNSEEN, first_odds, least_flight};
+use crate::photon_map::{Arrival, SeenBy, SurfacePhoton};
+use crate::plan::RenderPlan;
+use crate::sampler::{Purpose, Sampler};
+use crate::sight::{Ruled, Sight, Start, Unruled};
+use crate::targeting::{Aim, Targets};
+use crate::world::Scene;
+use beamfarm_image::radius::Schedule;
+use rayon::prelude::*;
+
+/// Everything that the photon paths of a pass leave behind.
+#[derive(Debug, Default)]
+pub struct Photons {
+    /// Beams, in the order of paths, but for the smooth ones.
+    pub beams: Vec<PhotonBeam>,
+    /// Beams of light that has been scattered, in homogeneous media: their kernels are wide, and nothing else varies from pixel to
+    /// pixel, so that camera segments share what they gather.
+    pub smooth_beams: Vec<PhotonBeam>,
+    /// Transmittance along the beams in heterogeneous media.
+    pub steps: StepFunctions,
+    /// Surface photons, in the order of paths.
+    pub surface: Vec<SurfacePhoton>,
+}
+
+/// Paths that one task traces. Any number gives the same photons.
+const CHUNK: u32 = 256;
+
+/// Trace the photon paths of a pass.
+pub fn trace_photons(scene: &Scene, plan: &RenderPlan, pass_index: u64) -> Photons {
+    match &scene.description().rules {
+        None => trace_with(scene, plan, pass_index, Unruled),
+        Some(rules) => trace_with(scene, plan, pass_index, Ruled(rules)),
+    }
+}
+
+fn trace_with(scene: &Scene, plan: &RenderPlan, pass_index: u64, sight: impl Sight) -> Photons {
+    let schedule = Schedule::new(&plan.settings);
+    let paths = plan.surface_paths;
+    let beam_paths = plan.settings.paths_per_pass;
+    let share = beam_paths as f32 / paths as f32;
+    let tracer = Tracer {
+        scene,
+        plan,
+        radius_scale: schedule.scale(pass_index) as f32,
+        surface_scale: schedule.surface_scale(pass_index) as f32,
+        paths: paths as f32,
+        beam_paths: beam_paths as f32,
+        // Footprints are those of paths that leave beams.
+        surface_footprint: share.sqrt(),
+        goes_on: plan.estimators.deep,
+        first_odds: first_odds(plan, pass_index),
+        least_flight: least_flight(plan, pass_index),
+        sight,
+    };
+    let chunks: Vec<Photons> = (0..paths.div_ceil(CHUNK))
+        .into_par_iter()
+        .map(|chunk| {
+            let mut photons = Photons::default();
+            for path in chunk * CHUNK..((chunk + 1) * CHUNK).min(paths) {
+                let seed = plan.settings.seed;
+                let mut sampler = Sampler::new(seed, pass_index, Purpose::Photons, path as u64);
+                tracer.trace(&mut sampler, path < beam_paths, &mut photons);
+            }
+            photons
+        })
+        .collect();
+    let mut joined = Photons {
+        beams: Vec::with_capacity(chunks.iter().map(|c| c.beams.len()).sum()),
+        smooth_beams: Vec::with_capacity(chunks.iter().map(|c| c.smooth_beams.len()).sum()),
+        surface: Vec::with_capacity(chunks.iter().map(|c| c.surface.len()).sum()),
+        steps: StepFunctions::default(),
+    };
+    for mut chunk in chunks {
+        let before = joined.steps.append(&chunk.steps);
+        for beam in &mut chunk.beams {
+            beam.steps += before;
+        }
+        joined.beams.extend(chunk.beams);
+        joined.smooth_beams.extend(chunk.smooth_beams);
+        joined.surface.extend(chunk.surface);
+    }
+    joined
+}
+
+struct Tracer<'a, V> {
+    scene: &'a Scene,
+    plan: &'a RenderPlan,
+    radius_scale: f32,
+    surface_scale: f32,
+    /// All paths, and those that leave beams.
+    paths: f32,
+    beam_paths: f32,
+    surface_footprint: f32,
+    /// Beyond surfaces and media that paths do not follow: what a photon leaves there may count.
+    goes_on: bool,
+    first_odds: f32,
+    least_flight: f32,
+    sight: V,
+}
+
+/// A photon on its way.
+struct Photon<H> {
+    ray: Ray,
+    /// What the ray does not see.
+    hidden: H,
+    /// Flux, W, divided by the number of emitted paths.
+    power: Rgb,
+    medium: MediumId,
+    footprint: Footprint,
+    /// Normal of the surface that the ray starts on, if it does.
+    starts_on: Option<Vec3>,
+    arrival: Arrival,
+    /// The `odds` of what it leaves at the next surface.
+    odds: f32,
+    /// Length of its way since it was scattered last.
+    flown: f32,
+    /// Normal of the light where it started.
+    emitted_along: Vec3,
+    /// No surface or medium has scattered it widely.
+    is_pure: bool,
+    /// Its light, and that light's group.
+    light: usize,
+    group: u16,
+    depth: u32,
+    leaves_beams: bool,
+}
+
+impl<V: Sight> Tracer<'_, V> {
+    fn trace(&self, sampler: &mut Sampler, leaves_beams: bool, out: &mut Photons) {
+        let targets = self.plan.targets.as_deref();
+        let by_power = || {
+            self.plan
+                .emitters
+                .as_ref()
+                .unwrap_or_else(|| self.sight.emitters(self.scene))
+        };
+        let chosen = targets.and_then(Targets::emitters);
+        let Some(choice) = chosen.unwrap_or_else(by_power).sample(sampler.next_1d()) else {
+            return;
+        };
+        let aim = targets.and_then(|targets| targets.of(choice.light));
+        match aim {
+            Some(aim) if targets.is_some_and(Targets::rejects) => {
+                for _ in 0..aim.trials {
+                    let emission = self.emit(choice.light, None, sampler);
+                    let Some(photon) = self.start(choice, emission, aim.trials, leaves_beams)
+                    else {
+                        continue;
+                    };
+                    if aim.is_hit(self.scene, choice.light, &photon.ray, self.sight) {
+                        self.follow(photon, sampler, out);
+                    }
+                }
+            }
+            aim => {
+                let emission = self.emit(choice.light, aim, sampler);
+                if let Some(photon) = self.start(choice, emission, 1, leaves_beams) {
+                    self.follow(photon, sampler, out);
+                }
+            }
+        }
+    }
+
+    fn follow(&self, mut photon: Photon<V::Hidden>, sampler: &mut Sampler, out: &mut Photons) {
+        while photon.power.max_element() > 0.0 {
+            let hit = self.scene.first_hit(&photon.ray, |object| {
+                self.sight.hides(photon.hidden, object)
+            });
+            if let Some(id) = photon.medium
+                && self.fly(&mut photon, id, hit.as_ref(), sampler, out)
+            {
+                continue;
+            }
+            let Some(mut hit) = hit else { return };
+            photon.footprint = photon.footprint.advanced(hit.t);
+            photon.flown += hit.t;
+            self.meet_surface(&mut photon, &mut hit, sampler, out);
+        }
+    }
+
+    /// Where a photon of a light starts: as the light emits it, or, if there is an aim, some of the time through that.
+    fn emit(
+        &self,
+        light: usize,
+        aim: Option<&Aim>,
+        sampler: &mut Sampler,
+    ) -> Option<EmissionSample> {
+        let light = &self.scene.lights()[light];
+        let (objects, bounds) = (self.scene.objects(), self.scene.bounds());
+        let uniforms = EmissionUniforms::draw(sampler);
+        match aim {
+            None => Some(light.sample_emission(objects, bounds, uniforms)),
+            Some(aim) => light.sample_mixture(objects, bounds, aim, uniforms, sampler.next_1d()),
+        }
+    }
+
+    /// A photon on its way from a light. `trials`: as many are started for each path.
+    fn start(
+        &self,
+        choice: LightChoice,
+        emission: Option<EmissionSample>,
+        trials: u32,
+        leaves_beams: bool,
+    ) -> Option<Photon<V::Hidden>> {
+        let emission = emission?;
+        let paths = self.beam_paths * choice.pmf * trials as f32;
+        let radius = (1.0 / (std::f32::consts::PI * emission.pdf_pos * paths)).sqrt();
+        let origin = self.scene.start_of(&emission);
+        Some(Photon {
+            ray: Ray {
+                origin,
+                dir: emission.dir,
+            },
+            hidden: self.sight.from(Start::Light(choice.light)),
+            power: emission.power / (self.paths * choice.pmf * trials as f32),
+            medium: self.scene.medium_of_light(choice.light, origin),
+            footprint: Footprint::new(emission.dir, radius, spread(emission.pdf_dir, paths)),
+            starts_on: emission.normal,
+            arrival: Arrival::Direct,
+            odds: f32::INFINITY,
+            flown: 0.0,
+            emitted_along: emission.normal.unwrap_or(-emission.dir),
+            is_pure: true,
+            light: choice.light,
+            group: self.plan.layers.group(choice.light),
+            depth: 0,
+            leaves_beams,
+        })
+    }
+
+    /// Whether what a photon brings, by way of specular surfaces alone, is found by no camera path.
+    fn brings_caustics(&self, photon: &Photon<V::Hidden>) -> bool {
+        !self.plan.estimators.is_met[photon.light]
+    }
+
+    /// Fly through a medium to the next surface, leaving a beam. True: the photon was scattered on the way.
+    fn fly(
+        &self,
+        photon: &mut Photon<V::Hidden>,
+        id: u16,
+        hit: Option<&SurfaceHit>,
+        sampler: &mut Sampler,
+        out: &mut Photons,
+    ) -> bool {
+        let medium = &self.scene.media()[id as usize];
+        let length = hit.map_or(f32::INFINITY, |h| h.t);
+        let serves_all = self.plan.estimators.beams[usize::from(id)];
+        let counts = match photon.arrival {
+            // Light straight from its source is sampled where the medium is homogeneous.
+            Arrival::Direct => serves_all && !matches!(medium, Medium::Homogeneous(_)),
+            Arrival::Surface => serves_all,
+            Arrival::Caustic => serves_all || self.brings_caustics(photon),
+            Arrival::Scattered => true,
+        };
+        let of_medium = self.sight.from(Start::Medium(id));
+        let is_unlit = self.sight.hides_light(of_medium, photon.light);
+        if photon.leaves_beams && medium.scatters() && counts && !is_unlit {
+            let (stretch, _) = medium.stretch(&photon.ray, length, sampler, &mut out.steps);
+            if let Some(stretch) = stretch {
+                let beam = self.beam(photon, id, stretch, hit, sampler);
+                match medium {
+                    Medium::Homogeneous(_) if photon.footprint.is_smooth() => {
+                        out.smooth_beams.push(beam);
+                    }
+                    _ => out.beams.push(beam),
+                }
+            }
+        }
+        let before = mean(photon.power);
+        match medium.sample_flight(&photon.ray, length, photon.power, sampler) {
+            Flight::Passed { weight } => {
+                photon.power *= weight;
+                false
+            }
+            Flight::Scattered { distance, weight } => {
+                photon.power *= weight;
+                if !serves_all && !self.goes_on {
+                    photon.power = Rgb::ZERO;
+                } else if photon.survives(before, sampler) {
+                    let old = photon.ray.dir;
+                    let dir = medium.phase().sample(old, sampler.next_2d());
+                    let pdf = medium.phase().pdf(old.dot(dir));
+                    photon.footprint = photon.footprint.advanced(distance).scattered(
+                        dir,
+                        pdf,
+                        self.beam_paths,
+                        true,
+                    );
+                    photon.ray = Ray {
+                        origin: photon.ray.at(distance),
+                        dir,
+                    };
+                    photon.hidden = of_medium;
+                    photon.starts_on = None;
+                    photon.arrival = match serves_all {
+                        true => Arrival::Scattered,
+                        false => Arrival::Surface,
+                    };
+                    // What other media send on is found by camera paths.
+                    photon.odds = if serves_all { f32::INFINITY } else { 0.0 };
+                    photon.flown = 0.0;
+                    photon.is_pure = false;
+                }
+                true
+            }
+        }
+    }
+
+    /// The beam of a photon that flies to `hit`, over the stretch of its way that can be seen.
+    fn beam(
+        &self,
+        photon: &Photon<V::Hidden>,
+        id: u16,
+        stretch: Stretch,
+        hit: Option<&SurfaceHit>,
+        sampler: &mut Sampler,
+    ) -> PhotonBeam {
+        let [start, length] = stretch.range;
+        let widest = match photon.footprint.is_smooth() {
+            true => f32::INFINITY,
+            false => self.scene.free_paths[usize::from(id)],
+        };
+        let scaled =
+            |footprint: Footprint| self.plan.radii.beam(&footprint).min(widest) * self.radius_scale;
+        let radius = scaled(photon.footprint);
+        let radius_end = scaled(photon.footprint.advanced(length));
+        let slope = (radius_end - radius) / length;
+        let beyond = |normal: Option<Vec3>, radius: f32| {
+            normal.map_or(0.0, |n| overhang(photon.ray.dir.dot(n), radius, slope))
+        };
+        let ends_on = hit.filter(|h| length == h.t).map(|h| h.ng);
+        let before = if start == 0.0 {
+            beyond(photon.starts_on, radius)
+        } else {
+            // Where it enters the medium's box, its whole width does.
+            start.min(BOX_MARGIN * radius)
+        };
+        // Other kernels are narrow.
+        let factor = match start == 0.0 && photon.footprint.is_smooth() {
+            true => {
+                let probe = Probe {
+                    scene: self.scene,
+                    hides: |object: u32| self.sight.hides(photon.hidden, object),
+                };
+                probe.beam(&photon.ray, photon.starts_on, radius, sampler)
+            }
+            false => 1.0,
+        };
+        PhotonBeam {
+            origin: photon.ray.origin,
+            dir: photon.ray.dir,
+            length,
+            extent: [start - before, length + beyond(ends_on, radius_end)],
+            power: photon.power * (factor * self.paths / self.beam_paths),
+            radius,
+            radius_slope: slope,
+            medium: id,
+            group: photon.group,
+            steps: stretch.steps,
+        }
+    }
+
+    /// Leave a surface photon where one is due, and go on in a sampled direction.
+    fn meet_surface(
+        &self,
+        photon: &mut Photon<V::Hidden>,
+        hit: &mut SurfaceHit,
+        sampler: &mut Sampler,
+        out: &mut Photons,
+    ) {
+        let dir = photon.ray.dir;
+        let material = self.scene.material(hit);
+        if material.is_passed(hit.uv, || sampler.next_1d()) {
+            photon.ray = hit.spawn_ray(dir);
+            photon.starts_on = Some(hit.ng);
+            photon.medium = self.scene.medium_beyond(hit, dir, photon.medium);
+            return;
+        }
+        let wo = -dir;
+        let tilt = self.scene.tilt(hit, wo);
+        let of_object = self.sight.from(Start::Photon(hit.object));
+        let is_specular = material.is_specular();
+        let followed = material.is_followed();
+        let by_wide = !followed
+            && match photon.arrival {
+                Arrival::Direct => false,
+                Arrival::Caustic => self.brings_caustics(photon),
+                Arrival::Scattered => true,
+                Arrival::Surface => self.plan.estimators.deep,
+            };
+        let by_followed = photon.arrival == Arrival::Caustic
+            && photon.is_pure
+            && self.scene.lights()[photon.light].kind.is_delta()
+            && (followed || material.has_narrow_lobe());
+        let lobes = match (by_wide, by_followed) {
+            (true, true) => Some(SeenBy::All),
+            (true, false) => Some(SeenBy::Wide),
+            (false, true) => Some(SeenBy::Followed),
+            (false, false) => None,
+        };
+        if let Some(lobes) = lobes.filter(|_| !is_specular) {
+            let radii = &self.plan.radii;
+            let radius = radii.surface(&photon.footprint, self.surface_footprint);
+            let probe = Probe {
+                scene: self.scene,
+                hides: |object: u32| self.sight.hides(photon.hidden, object),
+            };
+            let widest = LOCAL * self.scene.extents[hit.object as usize];
+            let radius = radius.min(widest) * self.surface_scale;
+            let (radius, factor) = probe.surface(hit, wo, radius, sampler);
+            out.surface.push(SurfacePhoton {
+                point: hit.point,
+                ng: hit.ng,
+                wi: wo,
+                power: photon.power * factor,
+                radius,
+                arrival: photon.arrival,
+                odds: match self.sight.hides_light(of_object, photon.light) {
+                    true => UNSEEN,
+                    // Camera paths go on after a flight so short.
+                    false if photon.odds < f32::INFINITY && photon.flown < self.least_flight => 0.0,
+                    false => photon.odds,
+                },
+                lobes,
+                group: photon.group,
+                light_kind: self.sight.light_kind(photon.light),
+            });
+        }
+        let before = mean(photon.power);
+        let frame = Frame::from_normal(hit.ns);
+        let local_wo = frame.to_local(wo);
+        let mut bsdf = material.bsdf(hit.uv);
+        let mut u_lobe = sampler.next_1d();
+        let mut is_narrow = followed;
+        if let Some((p, [narrow, wide])) = bsdf.narrow_and_wide(local_wo) {
+            is_narrow = u_lobe < p;
+            let q;
+            (bsdf, q, u_lobe) = match is_narrow {
+                true => (narrow, p, u_lobe / p),
+                false => (wide, 1.0 - p, (u_lobe - p) / (1.0 - p)),
+            };
+            photon.power /= q;
+        }
+        let sample = bsdf.sample(local_wo, u_lobe, sampler.next_2d(), TransportMode::Flux);
+        let Some(sample) = sample else {
+            photon.power = Rgb::ZERO;
+            return;
+        };
+        let is_followed = sample.delta || is_narrow;
+        if !is_followed && !self.goes_on {
+            photon.power = Rgb::ZERO;
+            return;
+        }
+        let wi = frame.to_world(sample.wi).normalize();
+        photon.power *= sample.weight * adjoint_factor(hit, wo, wi);
+        if let Some(tilt) = tilt {
+            photon.power *= tilt.shadowing(wo);
+        }
+        if !photon.survives(before, sampler) {
+            return;
+        }
+        let n = hit.ns;
+        photon.footprint = if !sample.delta {
+            let footprint = &photon.footprint;
+            footprint.scattered(wi, sample.pdf, self.beam_paths, !is_followed)
+        } else if sample.transmitted {
+            let eta = material.eta_of_crossing(hit.ng.dot(dir) > 0.0);
+            photon.footprint.refracted(dir, wi, n, hit.curvature, eta)
+        } else {
+            photon.footprint.reflected(dir, n, hit.curvature)
+        };
+        if sample.transmitted {
+            photon.medium = self.scene.medium_beyond(hit, wi, photon.medium);
+        }
+        photon.odds = if is_followed || !self.sight.is_gathered(hit.object) {
+            f32::INFINITY
+        } else if tilt.is_some() || !self.plan.estimators.ends_paths(&bsdf) {
+            // The normal is another one seen from elsewhere: left to gather rays, which see it from one side only. So are
+            // surfaces that camera paths go on from.
+            0.0
+        } else {
+            let arriving = match photon.arrival {
+                Arrival::Direct => {
+                    let light = &self.scene.lights()[photon.light];
+                    let at = LightHit {
+                        normal: photon.emitted_along,
+                        distance: photon.flown,
+                    };
+                    let density = light.photon_density(
+                        self.scene.objects(),
+                        self.scene.bounds(),
+                        hit.point,
+                        wo,
+                        at,
+                    );
+                    self.first_odds * density * wo.dot(hit.ng).abs()
+                }
+                _ => DEEPER_ODDS,
+            };
+            arriving * sample.pdf / wi.dot(hit.ng).abs()
+        };
+        photon.arrival = match (photon.arrival, is_followed) {
+            (Arrival::Direct | Arrival::Caustic, true) => Arrival::Caustic,
+            (Arrival::Surface, true) if self.goes_on => Arrival::Caustic,
+            (before, true) => before,
+            (_, false) => Arrival::Surface,
+        };
+        photon.is_pure &= is_followed;
+        photon.flown = 0.0;
+        photon.ray = hit.spawn_ray(wi);
+        photon.hidden = of_object;
+        photon.starts_on = Some(hit.ng);
+    }
+}
+
+impl<H> Photon<H> {
+    /// Russian roulette: the flux after survival is what it was before the scattering, as far as probabilities allow.
+    fn survives(&mut self, flux_before: f32, sampler: &mut Sampler) -> bool {
+        self.depth += 1;
+        let mut q = mean(self.power) / flux_before;
+        if self.depth > TRAPPED_DEPTH {
+            q = q.min(MAX_SURVIVAL);
+        }
+        if q >= 1.0 {
+            return true;
+        }
+        if sampler.next_1d() < q {
+            self.power /= q;
+            true
+        } else {
+            self.power = Rgb::ZERO;
+            false
+        }
+    }
+}
+
+/// How far beyond a surface a beam of `radius` reaches with some of its width, when it meets the surface at `cos`. Bounded
+/// for grazing angles and so that the cone keeps half of its radius.
+fn overhang(cos: f32, radius: f32, slope: f32) -> f32 {
+    let cos = cos.abs().max(0.05);
+    let length = radius * (1.0 - cos * cos).max(0.0).sqrt() / cos;
+    let limit = if slope == 0.0 {
+        f32::INFINITY
+    } else {
+        0.5 * radius / slope.abs()
+    };
+    length.min(MAX_OVERHANG * radius).min(limit)
+}
+
+/// Widest kernel over the size of what the light lands on.
+const LOCAL: f32 = 0.25;
+/// How far in radii a beam reaches out of the box that a heterogeneous medium fills.
+const BOX_MARGIN: f32 = 2.0;
+/// Longest overhang in radii: beams that graze a surface must not reach far behind thin walls.
+const MAX_OVERHANG: f32 = 4.0;
+
+/// What interpolated normals cost a photon: paths from lights and paths from the camera then describe the same surface
+/// (Veach 1997, section 5.3). Zero where shading and geometric normal disagree about the side.
+fn adjoint_factor(hit: &SurfaceHit, wo: Vec3, wi: Vec3) -> f32 {
+    let (wo_g, wo_s) = (wo.dot(hit.ng), wo.dot(hit.ns));
+    let (wi_g, wi_s) = (wi.dot(hit.ng), wi.dot(hit.ns));
+    if wo_g * wo_s <= 0.0 || wi_g * wi_s <= 0.0 {
+        return 0.0;
+    }
+    ((wo_s * wi_g) / (wo_g * wi_s)).abs()
+}

@@ -1,0 +1,209 @@
+//! Which estimator counts which light path, as far as that depends on the scene. The table is in [`crate::transport`].
+
+use crate::bsdf::{Bsdf, Material};
+use crate::geometry::bounds;
+use crate::kernel::KernelRadii;
+use crate::light::environment::MOST_UNEVEN;
+use crate::light::{Light, LightKind};
+use crate::math::{Ray, Rgb, Vec2, Vec3};
+use crate::medium::Medium;
+use crate::warp::uniform_sphere;
+use crate::world::Scene;
+
+/// What is chosen once for a scene.
+#[derive(Clone, Debug, Default)]
+pub struct Estimators {
+    /// By medium: beams bring all of the light that it scatters. In the others camera paths are scattered themselves, and beams
+    /// bring caustics alone.
+    pub beams: Vec<bool>,
+    /// By light: it is all around, so that camera paths meet it behind specular surfaces as well, and photons bring no caustics
+    /// of it.
+    pub is_met: Vec<bool>,
+    /// Something is specular or has a lobe that is followed.
+    specular: bool,
+    /// Some light's photons may come by way of specular surfaces or followed lobes.
+    pub caustics: bool,
+    /// Some of them from a light that no camera path meets, and by followed lobes.
+    pub unmet_caustics: bool,
+    /// Photon paths go on from vertex to vertex, for the beams that they leave or since caustics need them anyway: camera paths end
+    /// where photons bring everything, and what comes by way of specular surfaces is found by photons alone.
+    pub deep: bool,
+    /// Rules tell what photons see, which camera paths do not obey: these end at their second vertex.
+    pub ends_at_second: bool,
+}
+
+/// Length of a surface that is far away, in radii of what is seen.
+const FAR: f32 = 6.0;
+/// Points from which surfaces that emit are looked for, along a side of the picture, and directions from each.
+const LOOKS: usize = 4;
+const DIRECTIONS: usize = 128;
+
+/// Least free path and least size of a medium whose light beams bring, in kernel radii: in others kernels would be wider than
+/// what they blur.
+const LEAST_FREE_PATH: f32 = 6.0;
+const LEAST_SIZE: f32 = 12.0;
+
+impl Estimators {
+    /// By what is in the scene, how wide kernels are, and of what radius is what the camera sees.
+    pub fn new(scene: &Scene, radii: &KernelRadii, extent: f32) -> Self {
+        let description = scene.description();
+        let rules = description.rules.as_ref();
+        let ends_at_second = rules.is_some_and(|rules| rules.touches_photons && !rules.paths_obey);
+        let is_used = |test: &dyn Fn(&Material) -> bool| {
+            let mut objects = description.objects.iter();
+            objects.any(|o| test(&description.materials[o.material as usize]))
+        };
+        let mut is_met = lights_all_around(scene);
+        // Of surfaces all around and far away hardly a photon comes to what is seen.
+        let is_far = |light: &Light| match light.kind {
+            LightKind::Area { object, .. } => scene.extents[object as usize] > FAR * extent,
+            _ => false,
+        };
+        let mut lights = description.lights.iter().zip(&is_met);
+        let sends_photons = lights.any(|(light, met)| !met || !is_far(light));
+        let beams: Vec<bool> = (0..description.media.len())
+            .map(|id| {
+                description.media[id].scatters()
+                    && (ends_at_second || sends_photons && suits_beams(scene, radii, id))
+            })
+            .collect();
+        let followed = is_used(&|m| m.is_followed() || m.has_narrow_lobe());
+        let specular = followed || is_used(&|m| m.has_delta() && !m.is_null());
+        // Where photons are traced for caustics of all lights, they bring more at hardly any cost.
+        let deep = ends_at_second
+            || beams.contains(&true)
+            || specular && !is_met.is_empty() && !is_met.contains(&true);
+        if deep {
+            is_met.fill(false);
+        }
+        let unmet = |light: &Light| light.kind.is_delta();
+        Self {
+            beams,
+            specular,
+            caustics: specular && is_met.iter().any(|met| !met),
+            unmet_caustics: followed && description.lights.iter().any(unmet),
+            is_met,
+            deep,
+            ends_at_second,
+        }
+    }
+
+    /// The same with photon paths that go on from surface to surface.
+    pub fn deepened(&self) -> Self {
+        Self {
+            is_met: vec![false; self.is_met.len()],
+            caustics: self.specular,
+            deep: true,
+            ..self.clone()
+        }
+    }
+
+    /// Whether photons of a light are of any use.
+    pub fn brings_photons(&self, light: usize) -> bool {
+        self.deep || !self.is_met[light]
+    }
+
+    /// Whether beams bring all the light of some medium.
+    pub fn any_beams(&self) -> bool {
+        self.beams.iter().any(|beams| *beams)
+    }
+
+    /// Whether beams bring some light to media where camera paths are scattered: caustics, or what other media scatter.
+    pub fn leave_beams(&self) -> bool {
+        self.caustics || self.any_beams()
+    }
+
+    /// Whether camera paths may end at a surface like this one, by the photons there: narrow lobes see few of them.
+    #[inline]
+    pub fn ends_paths(&self, bsdf: &Bsdf) -> bool {
+        self.ends_at_second || self.deep && !bsdf.is_glossy()
+    }
+}
+
+/// By light: a path that goes on by chance often meets it, wherever it is.
+fn lights_all_around(scene: &Scene) -> Vec<bool> {
+    let camera = &scene.description().camera;
+    let objects = scene.objects();
+    let met_by = |ray: &Ray, hides: &dyn Fn(u32) -> bool| {
+        (scene.geometry).intersect(objects, ray, f32::INFINITY, hides)
+    };
+    // What the camera sees that is no light, and itself.
+    let mut points = vec![camera.position];
+    for i in 0..LOOKS * LOOKS {
+        let at = Vec2::new((i % LOOKS) as f32, (i / LOOKS) as f32) + 0.5;
+        let image = at / LOOKS as f32 * Vec2::new(camera.width as f32, camera.height as f32);
+        let ray = camera.ray(image, Vec2::splat(0.5));
+        let hit = met_by(&ray, &|o| objects[o as usize].light.is_some());
+        points.extend(hit.map(|hit| hit.point));
+    }
+    let sees = |light: usize, object: u32| {
+        let rays = points.iter().flat_map(|&origin| {
+            (0..DIRECTIONS).map(move |i| {
+                // Fibonacci's lattice.
+                let turns = i as f32 * 0.618_034;
+                let u = Vec2::new((i as f32 + 0.5) / DIRECTIONS as f32, turns.fract());
+                let dir = uniform_sphere(u);
+                Ray { origin, dir }
+            })
+        });
+        let is_lit = |ray: &Ray| {
+            let hit = met_by(ray, &|o| o != object);
+            hit.is_some_and(|hit| {
+                scene.lights()[light].radiance_area(-hit.ng.dot(ray.dir)) != Rgb::ZERO
+            })
+        };
+        rays.filter(is_lit).count()
+    };
+    // All around but for as much as an environment may be uneven.
+    let enough = (points.len() * DIRECTIONS) as f32 / MOST_UNEVEN;
+    // No more than the ball around it would be.
+    let is_large = |object: u32| {
+        let (min, max) = bounds(&objects[object as usize].shape);
+        let (center, radius) = (0.5 * (min + max), 0.5 * (max - min).length());
+        let share = |point: &Vec3| {
+            let sin = (radius / point.distance(center)).min(1.0);
+            0.5 * (1.0 - (1.0 - sin * sin).sqrt())
+        };
+        points.iter().map(share).sum::<f32>() * DIRECTIONS as f32 >= enough
+    };
+    let is_met = |(light, kind): (usize, &LightKind)| match kind {
+        LightKind::Environment(environment) => environment.unevenness() <= MOST_UNEVEN,
+        LightKind::Area { object, .. } => {
+            is_large(*object) && sees(light, *object) as f32 >= enough
+        }
+        _ => false,
+    };
+    let lights = scene.lights().iter().map(|light| &light.kind);
+    lights.enumerate().map(is_met).collect()
+}
+
+/// Whether kernels are narrow beside the medium and beside the way of light in it.
+fn suits_beams(scene: &Scene, radii: &KernelRadii, id: usize) -> bool {
+    let medium = &scene.media()[id];
+    let radius = radii.smooth_ceiling;
+    let size = match medium {
+        Medium::Homogeneous(_) => size_of_medium(scene, id),
+        Medium::Heterogeneous(medium) => {
+            let samples = medium.bricks().samples().as_vec3();
+            let to_render = medium.to_samples().inverse();
+            let sides = [Vec3::X, Vec3::Y, Vec3::Z]
+                .map(|axis| to_render.transform_vector3(axis * samples.dot(axis)));
+            let sides = sides.map(Vec3::length);
+            sides.into_iter().fold(f32::INFINITY, f32::min)
+        }
+    };
+    medium.free_path() >= LEAST_FREE_PATH * radius && size >= LEAST_SIZE * radius
+}
+
+/// The shortest side of the smallest object that the medium fills; infinite where it is around everything.
+fn size_of_medium(scene: &Scene, id: usize) -> f32 {
+    let id = Some(id as u16);
+    let sides = scene.objects().iter().filter_map(|object| {
+        let boundary = object.boundary?;
+        (boundary.interior == id).then(|| {
+            let (min, max) = bounds(&object.shape);
+            (max - min).min_element()
+        })
+    });
+    sides.fold(f32::INFINITY, f32::min)
+}

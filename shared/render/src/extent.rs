@@ -1,0 +1,77 @@
+//! How much of a scene the camera sees: kernels of a room are as wide as fits the room, however large the building.
+
+use crate::math::{Ray, Vec2, Vec3};
+use crate::world::Scene;
+
+/// Rays along each side of the image.
+const SIDE: usize = 48;
+/// Share of the points that are left out at either end of each axis: rays to the horizon say nothing about what is near.
+const OUTLIERS: f32 = 0.25;
+/// By how much less than the whole of an even distribution the rest spans; nine tenths of the whole are meant.
+const NARROWED: f32 = MEANT / (1.0 - 2.0 * OUTLIERS);
+const MEANT: f32 = 0.9;
+/// Least share of rays that meet something, for only these to count.
+const ENOUGH: usize = SIDE * SIDE / 8;
+
+/// A part of the scene is small below so much of the scene's radius.
+const SMALL: f32 = 0.25;
+/// Radius that stands for a small part, over that of what the camera sees first: scenes that the camera sees as a whole have about
+/// twice that.
+const AROUND: f32 = 2.0;
+
+/// The radius that base radii of kernels are fractions of, where that is not the scene's, since the camera sees but a small part.
+pub(crate) fn of_radii(scene: &Scene) -> Option<f32> {
+    let seen = seen(scene);
+    (seen < SMALL * scene.bounds().radius).then_some(AROUND * seen)
+}
+
+/// Radius of what the camera sees first, scene units: half the diagonal of the box around nine tenths of the points along each
+/// axis, if they were evenly spread; by the middle half of them. Where there is nothing to see, that is as far as the scene's
+/// bounds. What is black does not count. A function of the scene alone.
+fn seen(scene: &Scene) -> f32 {
+    let camera = &scene.description().camera;
+    let rules = scene.description().rules.as_ref();
+    let is_passed = |object: u32| {
+        scene.passable[object as usize] || rules.is_some_and(|r| r.hides(r.camera, object))
+    };
+    let (mut met, mut left) = (Vec::new(), Vec::new());
+    for i in 0..SIDE * SIDE {
+        let at = Vec2::new((i % SIDE) as f32, (i / SIDE) as f32) + 0.5;
+        let image = at / SIDE as f32 * Vec2::new(camera.width as f32, camera.height as f32);
+        let ray = camera.ray(image, Vec2::splat(0.5));
+        let hit = (scene.geometry).intersect(scene.objects(), &ray, f32::INFINITY, is_passed);
+        match hit {
+            Some(hit) if !scene.material(&hit).bsdf(hit.uv).is_black() => met.push(hit.point),
+            Some(_) => {}
+            None => left.extend(out_of_bounds(scene, &ray)),
+        }
+    }
+    if met.len() < ENOUGH {
+        met.append(&mut left);
+    }
+    let size = [0, 1, 2].map(|axis| {
+        let mut values: Vec<f32> = met.iter().map(|point| point[axis]).collect();
+        values.sort_unstable_by(f32::total_cmp);
+        let span = |outliers: f32| {
+            let skipped = (values.len() as f32 * outliers) as usize;
+            match values.get(skipped..values.len() - skipped) {
+                Some([first, .., last]) => last - first,
+                _ => f32::INFINITY,
+            }
+        };
+        // Walls at both ends are no even distribution.
+        (span(OUTLIERS) * NARROWED).min(span(0.5 * (1.0 - MEANT)))
+    });
+    0.5 * Vec3::from(size).length()
+}
+
+/// Where a ray leaves the scene's bounds, if it meets them.
+fn out_of_bounds(scene: &Scene, ray: &Ray) -> Option<Vec3> {
+    let bounds = scene.bounds();
+    let from = ray.origin - bounds.center;
+    let middle = -from.dot(ray.dir);
+    let off = from + ray.dir * middle;
+    let half = bounds.radius * bounds.radius - off.length_squared();
+    let t = middle + half.max(0.0).sqrt();
+    (half > 0.0 && t > 0.0).then(|| ray.at(t))
+}

@@ -1,0 +1,48 @@
+//! The renderer: a scene's description becomes a [`Scene`](world::Scene) ready for rays and a [`RenderPlan`](plan::RenderPlan),
+//! and [`render_pass`](pass::render_pass) makes a film of one pass. It knows no file formats.
+//!
+//! | question                                   | module                                          |
+//! | ------------------------------------------ | ----------------------------------------------- |
+//! | where is a beam traced, stored, evaluated? | [`beam::trace`], [`beam::store`], [`beam::estimate`] |
+//! | where are photons on surfaces kept?        | [`photon_map`]                                  |
+//! | which estimator counts which light path?   | [`transport`], and for a scene [`estimators`]   |
+//! | what does a pass do?                       | [`pass`]                                        |
+//! | which stages does a scene need?            | [`plan`]                                        |
+//! | how wide are kernels?                      | [`kernel`], [`footprint`]                       |
+//! | what are photons aimed at?                 | [`targeting`]                                   |
+//! | who sees what, by rules?                   | [`rules`], [`sight`]                            |
+//! | what becomes of a material's parameters?   | [`bsdf`]                                        |
+//! | which radii suit a known number of passes? | [`budget`]                                      |
+//! | what is the image compared with?           | [`reference`](mod@reference)                    |
+//! | does it converge as the theory says?       | [`convergence`]                                 |
+
+pub mod aov;
+pub mod beam;
+pub mod bsdf;
+pub mod budget;
+pub mod camera;
+pub mod convergence;
+pub mod estimators;
+mod extent;
+pub mod filter;
+pub mod footprint;
+pub mod geometry;
+pub mod kernel;
+pub mod light;
+pub mod math;
+pub mod medium;
+mod odds;
+pub mod pass;
+pub mod phase;
+pub mod photon_map;
+pub mod plan;
+pub mod reference;
+pub mod rules;
+pub mod sampler;
+pub mod sight;
+pub mod targeting;
+pub mod texture;
+pub mod transport;
+pub mod warp;
+mod wide;
+pub mod world;

@@ -1,0 +1,110 @@
+//! Where photon paths start.
+
+use super::{EmissionSample, EmissionUniforms, Light, LightKind, SceneBounds, spot};
+use crate::geometry::Object;
+use crate::math::{Frame, PI, Rgb, Vec2, Vec3};
+use crate::sampler::Sampler;
+use crate::warp;
+
+impl Light {
+    /// Start a photon path. The mean of the sample's power is [`Light::power`].
+    pub fn sample_emission(
+        &self,
+        objects: &[Object],
+        bounds: &SceneBounds,
+        u: EmissionUniforms,
+    ) -> EmissionSample {
+        match &self.kind {
+            LightKind::Point {
+                position,
+                intensity,
+            } => EmissionSample {
+                origin: *position,
+                dir: warp::uniform_sphere(u.direction),
+                normal: None,
+                power: *intensity * (4.0 * PI),
+                pdf_dir: warp::uniform_sphere_pdf(),
+                pdf_pos: f32::INFINITY,
+            },
+            LightKind::Spot {
+                position,
+                frame,
+                intensity,
+                cutoff,
+                beam_width,
+            } => {
+                let (dir, angle, pdf_dir) = spot::sample(u.direction, *beam_width, *cutoff);
+                let falloff = spot::falloff(angle, *beam_width, *cutoff);
+                EmissionSample {
+                    origin: *position,
+                    dir: frame.to_world(dir),
+                    normal: None,
+                    power: *intensity * (falloff / pdf_dir),
+                    pdf_dir,
+                    pdf_pos: f32::INFINITY,
+                }
+            }
+            LightKind::Directional {
+                direction,
+                irradiance,
+            } => EmissionSample {
+                pdf_dir: f32::INFINITY,
+                ..from_afar(bounds, *direction, *irradiance, u.position)
+            },
+            LightKind::Area { object, radiance } => {
+                let at = objects[*object as usize]
+                    .shape
+                    .sample_area(u.position, u.primitive);
+                let local = warp::cosine_hemisphere(u.direction);
+                EmissionSample {
+                    origin: at.point,
+                    dir: Frame::from_normal(at.normal).to_world(local),
+                    normal: Some(at.normal),
+                    power: *radiance * (PI / at.pdf_area),
+                    pdf_dir: warp::cosine_hemisphere_pdf(local.z),
+                    pdf_pos: at.pdf_area,
+                }
+            }
+            LightKind::Environment(environment) => {
+                let towards = environment.sample(u.direction);
+                let irradiance = environment.radiance(towards.dir) / towards.pdf;
+                EmissionSample {
+                    pdf_dir: towards.pdf,
+                    ..from_afar(bounds, -towards.dir, irradiance, u.position)
+                }
+            }
+        }
+    }
+}
+
+impl EmissionUniforms {
+    /// The next ones of a stream.
+    #[inline]
+    pub fn draw(sampler: &mut Sampler) -> Self {
+        Self {
+            position: sampler.next_2d(),
+            direction: sampler.next_2d(),
+            primitive: sampler.next_1d(),
+        }
+    }
+}
+
+/// Parallel light through the disc that covers the bounds, from just outside of them.
+pub(crate) fn from_afar(
+    bounds: &SceneBounds,
+    dir: Vec3,
+    irradiance: Rgb,
+    u: Vec2,
+) -> EmissionSample {
+    let disc = warp::concentric_disk(u);
+    let offset = Frame::from_normal(dir).to_world(Vec3::new(disc.x, disc.y, -1.0));
+    let area = bounds.disc_area();
+    EmissionSample {
+        origin: bounds.center + offset * bounds.radius,
+        dir,
+        normal: None,
+        power: irradiance * area,
+        pdf_dir: f32::INFINITY,
+        pdf_pos: 1.0 / area,
+    }
+}

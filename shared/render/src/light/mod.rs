@@ -1,0 +1,185 @@
+//! Light sources: what they emit, and how photons and shadow rays sample them.
+
+pub(crate) mod cdf;
+mod direct;
+pub(crate) mod emission;
+pub(crate) mod environment;
+mod local;
+mod segment;
+mod selector;
+mod source;
+pub(crate) mod spot;
+
+pub use environment::{Environment, EnvironmentSample};
+pub use local::LocalChoice;
+pub use segment::{FogSegment, SegmentSample};
+pub use selector::{LightChoice, LightSelector};
+pub use source::LightSources;
+pub(crate) use source::MAX_WEIGHED as MANY_LIGHTS;
+
+use crate::geometry::Object;
+use crate::math::{Frame, PI, Rgb, Vec2, Vec3};
+use beamfarm_image::layer::LightGroup;
+
+/// A light.
+#[derive(Clone, Debug)]
+pub struct Light {
+    /// Name in the scene file, for messages.
+    pub name: String,
+    /// The kind and its parameters.
+    pub kind: LightKind,
+    /// The lights that share a layer with this one.
+    pub group: LightGroup,
+}
+
+/// The kinds of lights. All values linear RGB.
+#[derive(Clone, Debug)]
+pub enum LightKind {
+    /// Isotropic point light.
+    Point {
+        /// Where.
+        position: Vec3,
+        /// W/sr.
+        intensity: Rgb,
+    },
+    /// Spot light: full intensity within `beam_width`, falling linearly in angle to zero at `cutoff` (Mitsuba 3's spot).
+    Spot {
+        /// Where.
+        position: Vec3,
+        /// Axis in its `n`.
+        frame: Frame,
+        /// W/sr on the axis.
+        intensity: Rgb,
+        /// Half angle of the cone in radians.
+        cutoff: f32,
+        /// Half angle of the plateau in radians, below `cutoff`.
+        beam_width: f32,
+    },
+    /// Parallel light from infinitely far away.
+    Directional {
+        /// Unit direction of travel.
+        direction: Vec3,
+        /// W/m^2 on a plane across the direction.
+        irradiance: Rgb,
+    },
+    /// A surface that emits the same radiance everywhere, on the side that its geometric normal points to.
+    Area {
+        /// Index into the scene's objects.
+        object: u32,
+        /// W/(m^2 sr).
+        radiance: Rgb,
+    },
+    /// Radiance from all around.
+    Environment(Environment),
+}
+
+impl LightKind {
+    /// No ray can meet it by chance.
+    pub fn is_delta(&self) -> bool {
+        match self {
+            Self::Point { .. } | Self::Spot { .. } | Self::Directional { .. } => true,
+            Self::Area { .. } | Self::Environment(_) => false,
+        }
+    }
+}
+
+/// The start of a photon path.
+#[derive(Clone, Copy, Debug)]
+pub struct EmissionSample {
+    /// Start.
+    pub origin: Vec3,
+    /// Unit direction of travel.
+    pub dir: Vec3,
+    /// Geometric normal at the start for area lights, to offset the ray by.
+    pub normal: Option<Vec3>,
+    /// Flux that this sample stands for, were it the only one: Le cos / (pdf_position pdf_direction), W.
+    pub power: Rgb,
+    /// Density of the direction per solid angle (infinite for directional lights).
+    pub pdf_dir: f32,
+    /// Density of the position per area (infinite for point and spot lights).
+    pub pdf_pos: f32,
+}
+
+/// Light towards a point, for shadow rays.
+#[derive(Clone, Copy, Debug)]
+pub struct DirectSample {
+    /// Unit direction towards the light.
+    pub wi: Vec3,
+    /// Unit normal of the light where it is met; the direction back, where it has none.
+    pub normal: Vec3,
+    /// Distance, infinite for directional and environment lights.
+    pub distance: f32,
+    /// Radiance towards the point over `pdf`: for delta lights the irradiance across `wi`. No visibility, no medium.
+    pub weight: Rgb,
+    /// Density per solid angle; 1 for delta lights.
+    pub pdf: f32,
+    /// Point, spot and directional lights, that no ray can hit by chance.
+    pub delta: bool,
+}
+
+/// Where a ray met a light.
+#[derive(Clone, Copy, Debug)]
+pub struct LightHit {
+    /// Unit geometric normal there, pointing outside.
+    pub normal: Vec3,
+    /// Distance along the ray.
+    pub distance: f32,
+}
+
+/// A sphere around all that can be hit, render space.
+#[derive(Clone, Copy, Debug)]
+pub struct SceneBounds {
+    /// Centre.
+    pub center: Vec3,
+    /// Radius.
+    pub radius: f32,
+}
+
+/// Uniform numbers for one emission.
+#[derive(Clone, Copy, Debug)]
+pub struct EmissionUniforms {
+    /// Where on the light.
+    pub position: Vec2,
+    /// Which direction.
+    pub direction: Vec2,
+    /// Which primitive of a mesh.
+    pub primitive: f32,
+}
+
+impl Light {
+    /// Everything that the light emits into the scene, W: for lights infinitely far away, what crosses the disc that
+    /// covers the bounds.
+    pub fn power(&self, objects: &[Object], bounds: &SceneBounds) -> Rgb {
+        match &self.kind {
+            LightKind::Point { intensity, .. } => *intensity * (4.0 * PI),
+            LightKind::Spot {
+                intensity,
+                cutoff,
+                beam_width,
+                ..
+            } => *intensity * spot::effective_solid_angle(*beam_width, *cutoff),
+            LightKind::Directional { irradiance, .. } => *irradiance * bounds.disc_area(),
+            LightKind::Area { object, radiance } => {
+                *radiance * (PI * objects[*object as usize].shape.area())
+            }
+            LightKind::Environment(environment) => environment.fluence() * bounds.disc_area(),
+        }
+    }
+
+    /// Radiance that an area light emits at an angle to its geometric normal, W/(m^2 sr); zero for the other kinds.
+    #[inline]
+    pub fn radiance_area(&self, cos: f32) -> Rgb {
+        match &self.kind {
+            LightKind::Area { radiance, .. } if cos > 0.0 => *radiance,
+            _ => Rgb::ZERO,
+        }
+    }
+}
+
+impl SceneBounds {
+    /// Area of the disc that the sphere covers seen from afar.
+    #[inline]
+    pub(crate) fn disc_area(&self) -> f32 {
+        PI * self.radius * self.radius
+    }
+}

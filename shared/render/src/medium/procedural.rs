@@ -1,0 +1,193 @@
+//! Densities from formulas, for scenes without volume files. They are sampled once, when the scene is loaded: from then on
+//! they are grids like any other, with exact bounds, and what is rendered is their trilinear interpolation.
+
+use super::bricks::{BRICK, Core, RawDensity};
+use glam::{DAffine3, DVec3, IVec3};
+use noise::{NoiseFn, Perlin};
+use rayon::prelude::*;
+
+/// A density as a product of the factors that are given. Lengths in units of the space that it stands in; y is up.
+#[derive(Clone, Debug)]
+pub struct Recipe {
+    /// Opposite corners of the box that it fills.
+    pub corners: [DVec3; 2],
+    /// Distance of samples.
+    pub voxel: f64,
+    /// Falls off with height.
+    pub height: Option<Height>,
+    /// Sum of balls with soft edges.
+    pub blobs: Vec<Blob>,
+    /// Clumps.
+    pub noise: Option<Noise>,
+}
+
+/// 1 up to y = `base`, above it exp(-(y - base) / scale).
+#[derive(Clone, Copy, Debug)]
+pub struct Height {
+    /// Where the fall begins.
+    pub base: f64,
+    /// Height over which the density falls by e.
+    pub scale: f64,
+}
+
+/// A Gaussian: `density` exp(-d^2 / (2 radius^2)) at distance d.
+#[derive(Clone, Copy, Debug)]
+pub struct Blob {
+    /// Middle.
+    pub center: DVec3,
+    /// Standard deviation.
+    pub radius: f64,
+    /// Density in the middle.
+    pub density: f64,
+}
+
+/// max(0, 1 + contrast n), n: gradient noise (Perlin 2002) summed over octaves, each of half the size and `gain` times the
+/// strength of the one before, normalised to [-1, 1] and rarely beyond [-0.5, 0.5].
+#[derive(Clone, Copy, Debug)]
+pub struct Noise {
+    /// Size of the largest clumps.
+    pub size: f64,
+    /// Number of octaves.
+    pub octaves: u32,
+    /// Strength from octave to octave.
+    pub gain: f64,
+    /// Strength of all.
+    pub contrast: f64,
+    /// Another seed, other clumps.
+    pub seed: u32,
+}
+
+/// Samples of a recipe, those that fill up the last bricks among them, at most: 1 GiB.
+const MAX_SAMPLES: f64 = 268_435_456.0;
+/// Samples along an axis, at most.
+const MAX_ALONG: f64 = 1_048_576.0;
+/// Cells of the finest noise from the origin to the farthest corner, at most.
+const MAX_CELLS: f64 = 1e6;
+
+/// Why a recipe cannot be sampled.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum RecipeError {
+    /// Its box has no inside.
+    #[error("expected more than `min`, {min}, on every axis, found {max}")]
+    Corners {
+        /// One corner.
+        min: DVec3,
+        /// The other.
+        max: DVec3,
+    },
+    /// More samples than fit into memory.
+    #[error(
+        "{:.3e} x {:.3e} x {:.3e} samples at a distance of {voxel}; expected at most {MAX_ALONG} along an axis and, in bricks of \
+         8 x 8 x 8, {MAX_SAMPLES} in all", count.x, count.y, count.z
+    )]
+    Samples {
+        /// Samples along each axis.
+        count: DVec3,
+        /// Their distance.
+        voxel: f64,
+    },
+    /// Clumps too small for the box.
+    #[error(
+        "expected at least {least:.3e}, for {octaves} octaves in a box that reaches as far as this one, found {size}"
+    )]
+    Noise {
+        /// Size of the largest clumps.
+        size: f64,
+        /// Octaves.
+        octaves: u32,
+        /// Smallest size that is supported.
+        least: f64,
+    },
+}
+
+impl Recipe {
+    /// Sample the recipe. Deterministic.
+    pub fn sample(&self) -> Result<RawDensity, RecipeError> {
+        let [low, high] = self.corners;
+        let size = high - low;
+        if !size.cmpgt(DVec3::ZERO).all() {
+            return Err(RecipeError::Corners {
+                min: low,
+                max: high,
+            });
+        }
+        // Samples in the middle of voxels, which fill the box.
+        let count = (size / self.voxel).round().max(DVec3::ONE);
+        let filled_up = (count / BRICK as f64).ceil() * BRICK as f64;
+        if !(count.max_element() <= MAX_ALONG && filled_up.element_product() <= MAX_SAMPLES) {
+            return Err(RecipeError::Samples {
+                count,
+                voxel: self.voxel,
+            });
+        }
+        if let Some(noise) = &self.noise {
+            let farthest = low.abs().max(high.abs()).max_element();
+            let least = farthest * libm::exp2(noise.octaves as f64) / MAX_CELLS;
+            if noise.size < least {
+                return Err(RecipeError::Noise {
+                    size: noise.size,
+                    octaves: noise.octaves,
+                    least,
+                });
+            }
+        }
+        let step = size / count;
+        let count = count.as_ivec3();
+        let to_object = DAffine3::from_translation(low)
+            * DAffine3::from_scale(step)
+            * DAffine3::from_translation(DVec3::splat(0.5));
+        let perlin = self.noise.map(|noise| Perlin::new(noise.seed));
+        let bricks = (count + (BRICK as i32 - 1)) / BRICK as i32;
+        let core = |index: i32| {
+            let brick = IVec3::new(
+                index % bricks.x,
+                index / bricks.x % bricks.y,
+                index / (bricks.x * bricks.y),
+            );
+            let samples = std::array::from_fn(|i| {
+                let within = IVec3::new(i as i32 & 7, i as i32 >> 3 & 7, i as i32 >> 6);
+                let sample = (brick * BRICK as i32 + within).min(count - 1);
+                let at = to_object.transform_point3(sample.as_dvec3());
+                self.density(at, perlin.as_ref()) as f32
+            });
+            (brick.to_array(), Core::Samples(Box::new(samples)))
+        };
+        Ok(RawDensity {
+            cores: (0..bricks.element_product())
+                .into_par_iter()
+                .map(core)
+                .collect(),
+            samples: [IVec3::ZERO, count - 1],
+            domain: [DVec3::splat(-0.5), count.as_dvec3() - 0.5],
+            to_object,
+        })
+    }
+
+    /// The density at a point.
+    fn density(&self, p: DVec3, perlin: Option<&Perlin>) -> f64 {
+        let mut density = 1.0;
+        if let Some(height) = &self.height {
+            density *= libm::exp(-((p.y - height.base) / height.scale).max(0.0));
+        }
+        if !self.blobs.is_empty() {
+            let one = |b: &Blob| {
+                let d2 = p.distance_squared(b.center) / (b.radius * b.radius);
+                b.density * libm::exp(-0.5 * d2)
+            };
+            density *= self.blobs.iter().map(one).sum::<f64>();
+        }
+        if let (Some(noise), Some(perlin)) = (&self.noise, perlin) {
+            let (mut sum, mut total, mut strength) = (0.0, 0.0, 1.0);
+            let mut q = p / noise.size;
+            for _ in 0..noise.octaves {
+                sum += strength * perlin.get(q.to_array());
+                total += strength;
+                strength *= noise.gain;
+                // Twice as fine, and moved, so that the octaves' lattices do not meet.
+                q = q * 2.0 + DVec3::new(0.371, 0.713, 0.159);
+            }
+            density *= (1.0 + noise.contrast * sum / total).max(0.0);
+        }
+        density
+    }
+}

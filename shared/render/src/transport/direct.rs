@@ -1,0 +1,218 @@
+//! Direct light at a surface point: from which light, and what is in its way.
+
+use super::CameraTracer;
+use super::shading::Vertex;
+use crate::light::{DirectSample, LightChoice, LocalChoice};
+use crate::math::{Rgb, Vec2, Vec3, mean};
+use crate::sampler::Sampler;
+use crate::sight::{Sight, Start};
+
+/// How light is looked for at a surface point.
+#[derive(Clone, Copy)]
+pub(super) enum Seen<H> {
+    /// At the first surface that is not specular: shadow rays.
+    First,
+    /// Further along: nothing is hidden.
+    Later,
+    /// As photons would bring it to a surface from which they do not see this.
+    ByGatherRay(H),
+}
+
+/// Most lights that one is chosen from for what it would bring.
+const CANDIDATES: usize = 8;
+
+/// Share of choices among those that do not look at what a light would bring: the brightest may be behind a wall.
+const BLIND: f32 = 0.2;
+
+/// Light from one direction, before it is known what is in its way.
+struct Unshadowed {
+    light: usize,
+    wi: Vec3,
+    distance: f32,
+    radiance: Rgb,
+    /// Mean of its channels.
+    value: f32,
+}
+
+impl Unshadowed {
+    /// Divided by a probability.
+    fn over(self, p: f32) -> Self {
+        Self {
+            radiance: self.radiance / p,
+            value: self.value / p,
+            ..self
+        }
+    }
+}
+
+impl<V: Sight> CameraTracer<'_, V> {
+    /// Direct light of one light, and which. `weight`: of a light's sample, the light chosen with a probability, from a local
+    /// direction.
+    pub(super) fn light_sample(
+        &self,
+        x: &Vertex,
+        seen: Seen<V::Hidden>,
+        sampler: &mut Sampler,
+        weight: impl Fn(LightChoice, &DirectSample, Vec3) -> f32,
+    ) -> (Rgb, usize) {
+        let lights = self.light_choice(x, seen);
+        let candidates = match x.bsdf.is_glossy() && matches!(seen, Seen::First) {
+            true => self.scene.lights().len().min(CANDIDATES),
+            false => 1,
+        };
+        if candidates > 1 {
+            return self.best_light_sample(x, seen, &lights, candidates, sampler, weight);
+        }
+        let choice = lights.sample(sampler.next_1d());
+        let u = (sampler.next_2d(), sampler.next_1d());
+        let Some(choice) = choice else {
+            return (Rgb::ZERO, 0);
+        };
+        let radiance = match self.unshadowed(x, seen, choice, u, weight) {
+            Some(found) => self.shadowed(x, seen, &found, sampler) / choice.pmf,
+            None => Rgb::ZERO,
+        };
+        (radiance, choice.light)
+    }
+
+    /// As [`Self::light_sample`], the light chosen from a few for what it would bring if nothing were in its way, the BSDF
+    /// included (Talbot et al. 2005, resampled importance sampling).
+    fn best_light_sample(
+        &self,
+        x: &Vertex,
+        seen: Seen<V::Hidden>,
+        lights: &LocalChoice,
+        candidates: usize,
+        sampler: &mut Sampler,
+        weight: impl Fn(LightChoice, &DirectSample, Vec3) -> f32,
+    ) -> (Rgb, usize) {
+        let all = self.scene.lights().len() == candidates;
+        let mut found = [const { None }; CANDIDATES];
+        let (mut sum, mut count) = (0.0, 0.0);
+        for (light, found) in found.iter_mut().enumerate().take(candidates) {
+            let choice = match all {
+                true => LightChoice {
+                    light,
+                    pmf: lights.pmf(light),
+                    u: 0.0,
+                },
+                false => match lights.sample(sampler.next_1d()) {
+                    Some(choice) => choice,
+                    None => break,
+                },
+            };
+            if choice.pmf == 0.0 {
+                continue;
+            }
+            let u = (sampler.next_2d(), sampler.next_1d());
+            *found = self
+                .unshadowed(x, seen, choice, u, &weight)
+                .map(|found| match all {
+                    true => found,
+                    false => found.over(choice.pmf * candidates as f32),
+                });
+            if let Some(found) = found {
+                sum += found.value;
+                count += 1.0;
+            }
+        }
+        let probability = |found: &Unshadowed| (1.0 - BLIND) * found.value / sum + BLIND / count;
+        let mut u = sampler.next_1d();
+        let mut chosen = None;
+        for found in found.iter().flatten() {
+            chosen = Some(found);
+            u -= probability(found);
+            if u < 0.0 {
+                break;
+            }
+        }
+        match chosen {
+            Some(found) => {
+                let radiance = self.shadowed(x, seen, found, sampler) / probability(found);
+                (radiance, found.light)
+            }
+            None => (Rgb::ZERO, 0),
+        }
+    }
+
+    /// How likely lights are to be chosen at x.
+    pub(super) fn light_choice(&self, x: &Vertex, seen: Seen<V::Hidden>) -> LocalChoice<'_> {
+        let by_power = match seen {
+            Seen::First => self.sight.selector(self.scene, x.hit.object),
+            Seen::Later | Seen::ByGatherRay(_) => self.sight.emitters(self.scene),
+        };
+        let sources = &self.scene.light_sources;
+        sources.choice_at(x.hit.point, x.facing(), by_power)
+    }
+
+    /// Direct light of a chosen light, if nothing is in its way.
+    fn unshadowed(
+        &self,
+        x: &Vertex,
+        seen: Seen<V::Hidden>,
+        choice: LightChoice,
+        (u, u_primitive): (Vec2, f32),
+        weight: impl Fn(LightChoice, &DirectSample, Vec3) -> f32,
+    ) -> Option<Unshadowed> {
+        let scene = self.scene;
+        let light = &scene.lights()[choice.light];
+        let direct = light.sample_direct(scene.objects(), x.hit.point, u, u_primitive)?;
+        let wi = x.frame.to_local(direct.wi);
+        if wi.z * x.hit.ng.dot(direct.wi) <= 0.0 {
+            return None;
+        }
+        let f = x.value(wi, direct.wi);
+        if f == Rgb::ZERO {
+            return None;
+        }
+        let object = x.hit.object;
+        let is_unlit = match seen {
+            Seen::First => self.is_unlit(x, direct.wi, choice.light),
+            Seen::Later => self
+                .sight
+                .hides_light(self.sight.from(Start::Gather), choice.light),
+            Seen::ByGatherRay(by) => {
+                let hidden = self.sight.from(Start::Light(choice.light));
+                self.sight.hides(hidden, object) || self.sight.hides_light(by, choice.light)
+            }
+        };
+        if is_unlit {
+            return None;
+        }
+        let weight = weight(choice, &direct, wi);
+        let radiance = f * direct.weight * (wi.z.abs() * weight);
+        let value = mean(radiance);
+        (value != 0.0).then_some(Unshadowed {
+            light: choice.light,
+            wi: direct.wi,
+            distance: direct.distance,
+            radiance,
+            value,
+        })
+    }
+
+    /// What is left of it by what is in its way.
+    fn shadowed(
+        &self,
+        x: &Vertex,
+        seen: Seen<V::Hidden>,
+        found: &Unshadowed,
+        sampler: &mut Sampler,
+    ) -> Rgb {
+        let scene = self.scene;
+        let (start, end) = match seen {
+            Seen::First => (x.shadow_start(found.wi), Start::ShadowOf(found.light)),
+            Seen::Later => (Start::Gather, Start::Gather),
+            Seen::ByGatherRay(_) => (Start::Light(found.light), Start::Light(found.light)),
+        };
+        let (hidden, too) = (self.sight.from(start), self.sight.from(end));
+        let (ray, distance) = x.hit.ray_to(found.wi, found.distance);
+        let medium = x.medium_towards(scene, found.wi);
+        let unshadowing = scene.unshadowing[found.light];
+        let hides = |object| self.sight.hides(hidden, object) || self.sight.hides(too, object);
+        match scene.unoccluded(ray, distance, medium, unshadowing, hides, sampler) {
+            Some(tr) => found.radiance * tr,
+            None => Rgb::ZERO,
+        }
+    }
+}

@@ -1,0 +1,484 @@
+//! Camera paths, and which estimator counts which light path.
+//!
+//! With L a light, D a surface that scatters widely, S one that paths *follow* (specular, or a lobe of low roughness), M a
+//! scattering in a medium, E the camera, and boundaries of media left out. Media are of two kinds ([`crate::estimators`]): in
+//! some beams bring all light (Mb), in the others, dense or small, camera paths are scattered themselves (Mp). A camera path
+//! goes on through S and straight through media of the first kind, until it meets a *vertex* x, which is D or Mp; and on from
+//! there, by BSDF or phase function, to further vertices:
+//!
+//! | light path                      | counted by                                                                  |
+//! | ------------------------------- | --------------------------------------------------------------------------- |
+//! | L S* E                          | the camera path meets the light; where the last S is rough, balanced with light sampling there |
+//! | L S+ S E, L a point or parallel, the last S rough | photons at that S                                         |
+//! | L Mb S* E, homogeneous medium   | a point sampled on each of the camera path's segments (`medium`)            |
+//! | other … Mb S* E                 | photon beams along the camera path's segments (`beam::estimate`)            |
+//! | L x …                           | direct light at x: light sampling and what the path meets next, balanced    |
+//! | L S+ x …                        | photons at a surface x, beams along the segment before x in a medium; of an even sky: what the path meets behind S |
+//! | … Mb S* x …                     | the same photons and beams                                                  |
+//! | … (D or Mp) S* x …              | the path goes on from x to that vertex                                      |
+//!
+//! Photons know how they came to where they arrive ([`Arrival`](crate::photon_map::Arrival)), and are stored only where they count.
+//! Without media of the first kind, and where a light is all around, they end at their first D or Mp; without S no photon is
+//! needed at all. Gloss sends several rays from the first vertex where its light matters.
+//!
+//! In a scene that has such media, or of whose lights all bring caustics, photons go on from vertex to vertex and bring more light at
+//! hardly any cost. There a camera path *ends* at a surface y that it has flown to from far enough (`least_flight`) and that has no narrow
+//! lobe: direct light and all photons at y are all of its light. What comes to a vertex by way of S is in its photons, wherever it
+//! came from. And light that a surface y sends to the first vertex x is found by photons at x as well, balanced with the path
+//! that ends at y by the weights of `odds::gather_share`, which sum to one.
+//!
+//! Where rules tell what photons see, every camera path ends at its second vertex.
+//!
+//! At a smooth dielectric the path goes both ways before its first vertex, as far as they matter. Light that a branch meets
+//! always counts; the rest (everything but `L S* E`) costs more, and is looked for along weak branches with a probability only.
+//!
+//! A surface with a narrow lobe beside others (a coat over a diffuse base) is S for light that takes that lobe and D for all
+//! other light. Photons that meet it are stored for the other lobes, of point and parallel lights for all, and bounce off by any.
+
+mod direct;
+mod medium;
+mod shading;
+mod straight;
+mod walk;
+
+use crate::aov::{Part, Recorder};
+use crate::beam::estimate::{CameraSegment, CameraSegments, Turn, Way};
+use crate::bsdf::{BsdfSample, TransportMode};
+use crate::estimators::Estimators;
+use crate::geometry::SurfaceHit;
+use crate::light::LightHit;
+use crate::math::{Frame, Ray, Rgb, Vec3};
+use crate::medium::{Flight, Medium, MediumId};
+use crate::odds::{MAX_SURVIVAL, ROULETTE_DEPTH, TRAPPED_DEPTH};
+use crate::photon_map::{SurfacePhoton, SurfacePhotonMap};
+use crate::plan::RenderPlan;
+use crate::sampler::Sampler;
+use crate::sight::{Sight, Start};
+use crate::warp::power_heuristic;
+use crate::world::Scene;
+use shading::{OneLobe, Vertex};
+use walk::{Drawn, Walk, Wanted};
+
+/// What camera paths of a pass read.
+pub struct CameraTracer<'a, V> {
+    /// The scene.
+    pub scene: &'a Scene,
+    /// The plan.
+    pub plan: &'a RenderPlan,
+    /// The pass's surface photons, when the plan has any.
+    pub photons: Option<&'a SurfacePhotonMap>,
+    /// Expected photons in a kernel, see [`crate::odds`].
+    pub first_odds: f32,
+    /// Factor on the odds of photons on gloss against gather rays: see [`crate::odds`].
+    pub gloss_odds: f32,
+    /// After a shorter flight camera paths go on, see `least_flight`.
+    pub least_flight: f32,
+    /// What rays see.
+    pub sight: V,
+}
+
+/// Share of a pixel's light below which a branch does not split any more, but goes one way by chance.
+const MIN_SHARE: f32 = 1e-3;
+/// Splits of a camera path, all its branches together.
+const MAX_SPLITS: u32 = 8;
+/// Share from which on branches surely look for everything. Looking more often costs more than the noise that it takes away.
+const FULL_SHARE: f32 = 0.3;
+
+/// A camera path on its way, or a branch of one.
+#[derive(Clone, Copy)]
+struct Path<H> {
+    ray: Ray,
+    /// What the ray does not see.
+    hidden: H,
+    /// Throughput from the film.
+    beta: Rgb,
+    medium: MediumId,
+    way: Way,
+    depth: u32,
+    /// How likely chance would have led the path through all the branches that it took.
+    share: f32,
+    /// Factor on all but the light that the path meets: one over the probability that it is looked for; zero when it is
+    /// not.
+    rest: f32,
+    /// The followed lobe that the direction was drawn from, where lights were sampled as well.
+    drawn: Option<Lobe>,
+}
+
+/// Where a lobe that is not a delta was followed.
+#[derive(Clone, Copy)]
+struct Lobe {
+    point: Vec3,
+    density: f32,
+    distance: f32,
+    object: u32,
+}
+
+/// What a pixel's paths leave beside their radiance.
+pub struct Out<'a, 'b> {
+    /// The pixel, counted within the tile.
+    pub pixel: u16,
+    /// Segments that beams are gathered along.
+    pub segments: &'a mut CameraSegments,
+    /// Layers.
+    pub record: Recorder<'b>,
+}
+
+/// Branches of a camera path that have yet to be followed.
+struct Branches<H> {
+    waiting: Vec<Path<H>>,
+    splits: u32,
+}
+
+impl<V: Sight> CameraTracer<'_, V> {
+    /// Follow a camera path from a ray. Pushes its segments in scattering media and returns everything else that
+    /// arrives along it: radiance at the film.
+    pub fn trace(&self, ray: Ray, sampler: &mut Sampler, out: &mut Out<'_, '_>) -> Rgb {
+        let mut branches = Branches {
+            waiting: Vec::new(),
+            splits: 0,
+        };
+        let mut path = Path {
+            ray,
+            hidden: self.sight.from(Start::Camera),
+            beta: Rgb::ONE,
+            medium: self.scene.camera_medium,
+            way: Way::default(),
+            depth: 0,
+            share: 1.0,
+            rest: 1.0,
+            drawn: None,
+        };
+        let mut radiance = Rgb::ZERO;
+        loop {
+            radiance += self.follow(path, &mut branches, sampler, out);
+            match branches.waiting.pop() {
+                Some(next) => path = next,
+                None => return radiance,
+            }
+        }
+    }
+
+    fn estimators(&self) -> &Estimators {
+        &self.plan.estimators
+    }
+
+    /// Follow one branch to its end.
+    fn follow(
+        &self,
+        mut path: Path<V::Hidden>,
+        branches: &mut Branches<V::Hidden>,
+        sampler: &mut Sampler,
+        out: &mut Out<'_, '_>,
+    ) -> Rgb {
+        let scene = self.scene;
+        let mut radiance = Rgb::ZERO;
+        loop {
+            let hit = scene.first_hit(&path.ray, |object| self.sight.hides(path.hidden, object));
+            if let Some(id) = path.medium {
+                let length = hit.as_ref().map_or(f32::INFINITY, |h| h.t);
+                radiance += self.cross_medium(&mut path, id, length, sampler, out);
+            }
+            let Some(mut hit) = hit else {
+                for &light in &scene.environments {
+                    if !self.sight.hides_light(path.hidden, light) {
+                        let share = self.share_of_lobe(&path, light, None);
+                        let environment = scene.environment(light, path.ray.dir);
+                        let emitted = path.beta * environment * share;
+                        out.record.add(Part::Direct, light, emitted);
+                        radiance += emitted;
+                    }
+                }
+                return radiance;
+            };
+            if let Some(drawn) = &mut path.drawn {
+                drawn.distance += hit.t;
+            }
+            if let Some(light) = scene.objects()[hit.object as usize].light {
+                let share = self.share_of_lobe(&path, light as usize, Some(hit.ng));
+                let emitted = path.beta * scene.emitted(&hit, path.ray.dir) * share;
+                radiance += emitted;
+                out.record.add(Part::Direct, light as usize, emitted);
+            }
+            let material = scene.material(&hit);
+            if material.is_passed(hit.uv, || sampler.next_1d()) {
+                path.medium = scene.medium_beyond(&hit, path.ray.dir, path.medium);
+                path.ray = hit.spawn_ray(path.ray.dir);
+                path.way = path.way.then(Turn::Passed);
+                continue;
+            }
+            let wo = -path.ray.dir;
+            let tilt = scene.tilt(&mut hit, wo);
+            let frame = Frame::from_normal(hit.ns);
+            let mut vertex = Vertex {
+                bsdf: material.bsdf(hit.uv),
+                tilt,
+                frame,
+                wo,
+                local_wo: frame.to_local(wo),
+                hit: &hit,
+                medium: path.medium,
+                is_gloss: false,
+                is_followed: false,
+            };
+            out.record.first_surface(|| {
+                let camera = &scene.description().camera;
+                let depth = (hit.point - camera.position).dot(camera.frame.n);
+                (depth, hit.ns, vertex.bsdf.albedo())
+            });
+            let mode = TransportMode::Radiance;
+            let sample = if material.is_specular() {
+                match vertex.bsdf.branches(vertex.local_wo, mode) {
+                    Some(ways) => self.split(&mut path, &vertex, ways, branches, sampler),
+                    None => {
+                        let u_lobe = sampler.next_1d();
+                        let u = sampler.next_2d();
+                        vertex.bsdf.sample(vertex.local_wo, u_lobe, u, mode)
+                    }
+                }
+            } else if vertex.bsdf.delta_probability(vertex.local_wo) > 0.0 {
+                // A delta lobe gives way to the others by chance, but not where it meets a light.
+                let p = vertex.bsdf.delta_probability(vertex.local_wo);
+                let along = sampler.next_1d() < p;
+                let u = sampler.next_2d();
+                let mut delta = vertex.bsdf.sample(vertex.local_wo, 0.0, u, mode);
+                if let Some(delta) = &mut delta {
+                    delta.weight *= p;
+                }
+                let rest = path.rest;
+                path.rest = if along { rest / p } else { 0.0 };
+                if !along {
+                    vertex.bsdf = vertex.bsdf.without_delta();
+                    let beta = path.beta * (rest / (1.0 - p));
+                    if beta != Rgb::ZERO {
+                        radiance += self.scattered(&vertex, sampler, beta, out);
+                    }
+                }
+                path.share *= p;
+                delta
+            } else {
+                let lobe = match material.is_followed() {
+                    true => OneLobe::followed(sampler.next_1d()),
+                    false => vertex.one_lobe(sampler.next_1d()),
+                };
+                path.beta *= lobe.weight;
+                let beta = path.beta * path.rest;
+                if !lobe.is_followed {
+                    if beta != Rgb::ZERO {
+                        radiance += self.scattered(&vertex, sampler, beta, out);
+                    }
+                    return radiance;
+                }
+                vertex.is_followed = true;
+                if beta != Rgb::ZERO {
+                    radiance += self.lit_directly(&vertex, 1.0, sampler, beta, out);
+                    if self.estimators().unmet_caustics {
+                        let counts = |_: &SurfacePhoton, _: Vec3| 1.0;
+                        radiance += self.photon_radiance(&vertex, counts, beta, out);
+                    }
+                }
+                let u = sampler.next_2d();
+                let sample = vertex.bsdf.sample(vertex.local_wo, lobe.u, u, mode);
+                sample.filter(|s| s.wi.z * hit.ng.dot(frame.to_world(s.wi)) > 0.0)
+            };
+            let Some(sample) = sample else {
+                return radiance;
+            };
+            if !path.turn(&vertex, &sample, scene, self.sight, sampler) {
+                return radiance;
+            }
+        }
+    }
+
+    /// Weight of a light that the path has met, where light was sampled at a lobe that it followed last. `normal`: of an area
+    /// light.
+    fn share_of_lobe(&self, path: &Path<V::Hidden>, light: usize, normal: Option<Vec3>) -> f32 {
+        let Some(lobe) = &path.drawn else {
+            return 1.0;
+        };
+        let scene = self.scene;
+        let shadow = self.sight.from(Start::Shadow(lobe.object));
+        if scene.only_sampled(light)
+            || self.sight.links_shadows(light)
+            || self.sight.hides_light(shadow, light)
+        {
+            return 0.0;
+        }
+        let hit = normal.map(|normal| LightHit {
+            normal,
+            distance: lobe.distance,
+        });
+        let dir = path.ray.dir;
+        let pdf = scene.lights()[light].pdf_direct(scene.objects(), lobe.point, dir, hit);
+        let by_power = self.sight.selector(scene, lobe.object);
+        let choice = scene.light_sources.choice_at(lobe.point, None, by_power);
+        power_heuristic(lobe.density, pdf * choice.pmf(light))
+    }
+
+    /// The part of a path within a medium, up to `length`: leaves a segment for beams, adds what is scattered there, and
+    /// attenuates the path.
+    fn cross_medium(
+        &self,
+        path: &mut Path<V::Hidden>,
+        id: u16,
+        length: f32,
+        sampler: &mut Sampler,
+        out: &mut Out<'_, '_>,
+    ) -> Rgb {
+        let properties = &self.scene.media()[id as usize];
+        let ray = path.ray;
+        if path.beta == Rgb::ZERO || path.rest == 0.0 || !properties.scatters() {
+            path.beta *= properties.transmittance(&ray, length, sampler);
+            return Rgb::ZERO;
+        }
+        let beta = path.beta * path.rest;
+        let serves_all = self.estimators().beams[id as usize];
+        if serves_all || self.estimators().leave_beams() {
+            let segment = CameraSegment {
+                way: path.way,
+                ..CameraSegment::new(ray, length, beta, id)
+            };
+            path.beta *= self.leave_segment(segment, sampler, out);
+        } else {
+            path.beta *= properties.transmittance(&ray, length, sampler);
+        }
+        if !serves_all {
+            return self.scattered_in_medium(&ray, id, length, beta, sampler, out);
+        }
+        match properties {
+            Medium::Homogeneous(medium) => {
+                let range = length.min(medium.reach());
+                self.single_scattering(&ray, range, (id, medium), beta, sampler, &mut out.record)
+            }
+            Medium::Heterogeneous(_) => Rgb::ZERO,
+        }
+    }
+
+    /// Light that a medium which beams do not serve scatters into the ray within `length`.
+    fn scattered_in_medium(
+        &self,
+        ray: &Ray,
+        id: u16,
+        length: f32,
+        beta: Rgb,
+        sampler: &mut Sampler,
+        out: &mut Out<'_, '_>,
+    ) -> Rgb {
+        let medium = &self.scene.media()[id as usize];
+        let Flight::Scattered { distance, weight } =
+            medium.sample_flight(ray, length, beta, sampler)
+        else {
+            return Rgb::ZERO;
+        };
+        let (direct, indirect) = (true, true);
+        let mut walk = Walk {
+            ray: *ray,
+            medium: Some(id),
+            hidden: self.sight.from(Start::Gather),
+            beta: beta * weight,
+            track: weight,
+            drawn: None::<Drawn>,
+            wanted: Wanted { direct, indirect },
+            depth: 0,
+        };
+        let before = out.record.enter_volume();
+        let mut radiance = self.scatter_in_medium(&mut walk, id, distance, sampler, out);
+        if walk.survives(sampler) {
+            radiance += self.walk(walk, sampler, out);
+        }
+        out.record.leave_volume(before);
+        radiance
+    }
+
+    /// Go both of two ways: on along the likelier one, which is returned, while the other waits. Or one of them, by
+    /// chance, where the other would not be worth the while.
+    fn split(
+        &self,
+        path: &mut Path<V::Hidden>,
+        vertex: &Vertex,
+        ways: [BsdfSample; 2],
+        branches: &mut Branches<V::Hidden>,
+        sampler: &mut Sampler,
+    ) -> Option<BsdfSample> {
+        let [mut strong, mut weak] = ways;
+        if weak.pdf > strong.pdf {
+            (strong, weak) = (weak, strong);
+        }
+        if path.share * weak.pdf < MIN_SHARE || branches.splits == MAX_SPLITS {
+            let is_weak = weak.pdf > 0.0 && sampler.next_1d() < weak.pdf;
+            return Some(if is_weak { weak } else { strong });
+        }
+        branches.splits += 1;
+        let mut other = *path;
+        for (path, way) in [(&mut other, &mut weak), (path, &mut strong)] {
+            path.share *= way.pdf;
+            way.weight *= way.pdf;
+            // The rest is looked for as often as the branch has a share, with the inverse as its weight.
+            let (had, has) = (1.0 / path.rest, (path.share / FULL_SHARE).min(1.0));
+            if path.rest > 0.0 && has < had {
+                path.rest = if sampler.next_1d() < has / had {
+                    1.0 / has
+                } else {
+                    0.0
+                };
+            }
+        }
+        if other.turn(vertex, &weak, self.scene, self.sight, sampler) {
+            branches.waiting.push(other);
+        }
+        Some(strong)
+    }
+}
+
+impl<H> Path<H> {
+    /// Leave a surface in a sampled direction. False: nothing goes on.
+    fn turn(
+        &mut self,
+        vertex: &Vertex,
+        sample: &BsdfSample,
+        scene: &Scene,
+        sight: impl Sight<Hidden = H>,
+        sampler: &mut Sampler,
+    ) -> bool {
+        let hit: &SurfaceHit = vertex.hit;
+        let wi = vertex.frame.to_world(sample.wi).normalize();
+        if let Some(tilt) = vertex.tilt {
+            if sample.wi.z * hit.ng.dot(wi) <= 0.0 {
+                return false;
+            }
+            self.beta *= tilt.shadowing(wi);
+        }
+        if sample.transmitted {
+            self.medium = scene.medium_beyond(hit, wi, self.medium);
+        }
+        self.beta *= sample.weight;
+        self.depth += 1;
+        // The compression of radiance by refraction comes and goes along the path, so roulette looks at the
+        // reflectance alone, by way of the largest channel, and only late.
+        if self.depth > ROULETTE_DEPTH {
+            let mut q = sample.weight.max_element().min(1.0);
+            if self.depth > TRAPPED_DEPTH {
+                q = q.min(MAX_SURVIVAL);
+            }
+            if sampler.next_1d() >= q {
+                return false;
+            }
+            self.beta /= q;
+        }
+        self.drawn = (!sample.delta).then_some(Lobe {
+            point: hit.point,
+            density: sample.pdf,
+            distance: 0.0,
+            object: hit.object,
+        });
+        self.ray = hit.spawn_ray(wi);
+        self.hidden = sight.from(match sample.transmitted {
+            true => Start::Refracted(hit.object),
+            false => Start::Reflected(hit.object),
+        });
+        self.way = self.way.then(match sample.transmitted {
+            true => Turn::Refracted,
+            false => Turn::Reflected,
+        });
+        self.beta.max_element() > 0.0
+    }
+}

@@ -1,0 +1,446 @@
+//! What a camera path finds beyond the first surface that is not followed, or beyond its first scattering in a medium that
+//! beams do not serve: a path tracer with light sampling, in which photons and beams bring caustics.
+
+use super::direct::Seen;
+use super::shading::{OneLobe, Vertex};
+use super::{CameraTracer, Out};
+use crate::aov::Part;
+use crate::beam::estimate::{CameraSegment, CameraSegments};
+use crate::bsdf::TransportMode;
+use crate::estimators::Estimators;
+use crate::geometry::SurfaceHit;
+use crate::light::{DirectSample, LightChoice, LightHit};
+use crate::math::{Frame, Ray, Rgb, Vec3};
+use crate::medium::{Flight, MediumId};
+use crate::odds::{MAX_SURVIVAL, TRAPPED_DEPTH};
+use crate::photon_map::{Arrival, SurfacePhoton};
+use crate::sampler::Sampler;
+use crate::sight::{Sight, Start};
+use crate::warp::power_heuristic;
+
+/// What light is looked for along a ray from a surface.
+#[derive(Clone, Copy)]
+pub(super) struct Wanted {
+    /// Straight from lights.
+    pub direct: bool,
+    /// From surfaces and media.
+    pub indirect: bool,
+}
+
+/// A path on its way.
+pub(super) struct Walk<'v, H> {
+    pub ray: Ray,
+    pub medium: MediumId,
+    /// What the ray does not see.
+    pub hidden: H,
+    /// Throughput from the film.
+    pub beta: Rgb,
+    /// Throughput from where the walk began, by reflectances alone: refraction's compression of radiance comes and goes.
+    pub track: Rgb,
+    /// Where the direction was drawn: `None` behind specular surfaces and followed lobes, through which photons bring light.
+    pub drawn: Option<Drawn<'v>>,
+    /// Of the ray that the walk begins with.
+    pub wanted: Wanted,
+    /// Scatterings since.
+    pub depth: u32,
+}
+
+/// A point from which lights were sampled as well.
+pub(super) struct Drawn<'v> {
+    pub point: Vec3,
+    /// The side that is lit, see [`Vertex::facing`].
+    pub facing: Option<Vec3>,
+    /// Density of the direction per solid angle, times the number of those that were drawn.
+    pub density: f32,
+    /// From there to the start of the path's ray.
+    pub distance: f32,
+    /// The first surface of the camera path, whose rules hold.
+    pub at: Option<&'v Vertex<'v>>,
+}
+
+impl<V: Sight> CameraTracer<'_, V> {
+    /// Everything that is found along the path: radiance at the film.
+    pub(super) fn walk(
+        &self,
+        mut walk: Walk<'_, V::Hidden>,
+        sampler: &mut Sampler,
+        out: &mut Out<'_, '_>,
+    ) -> Rgb {
+        let scene = self.scene;
+        let mut radiance = Rgb::ZERO;
+        while walk.beta.max_element() > 0.0 {
+            let hit = scene.first_hit(&walk.ray, |object| self.sight.hides(walk.hidden, object));
+            if let Some(id) = walk.medium {
+                let length = hit.as_ref().map_or(f32::INFINITY, |h| h.t);
+                let scatters = self.estimators().beams.get(usize::from(id)) == Some(&false)
+                    && scene.media()[usize::from(id)].scatters();
+                if !scatters {
+                    walk.beta *= scene.transmittance(walk.medium, &walk.ray, length, sampler);
+                } else if let Some(distance) = self.fly(&mut walk, id, length, sampler, out) {
+                    if !walk.wanted.indirect {
+                        return radiance;
+                    }
+                    radiance += self.scatter_in_medium(&mut walk, id, distance, sampler, out);
+                    if !walk.survives(sampler) {
+                        return radiance;
+                    }
+                    continue;
+                }
+            }
+            let Some(mut hit) = hit else {
+                for &light in &scene.environments {
+                    let share = self.share(&walk, light, None);
+                    if share > 0.0 {
+                        let emitted = scene.environment(light, walk.ray.dir) * share;
+                        radiance += self.found(&walk, light, emitted, out);
+                    }
+                }
+                return radiance;
+            };
+            if let Some(drawn) = &mut walk.drawn {
+                drawn.distance += hit.t;
+            }
+            if let Some(light) = scene.objects()[hit.object as usize].light
+                && !scene.only_sampled(light as usize)
+            {
+                let emitted = scene.emitted(&hit, walk.ray.dir);
+                if emitted != Rgb::ZERO {
+                    let share = self.share(&walk, light as usize, Some(hit.ng));
+                    radiance += self.found(&walk, light as usize, emitted * share, out);
+                }
+            }
+            let material = scene.material(&hit);
+            if material.is_passed(hit.uv, || sampler.next_1d()) {
+                walk.medium = scene.medium_beyond(&hit, walk.ray.dir, walk.medium);
+                walk.ray = hit.spawn_ray(walk.ray.dir);
+                continue;
+            }
+            if !walk.wanted.indirect {
+                return radiance;
+            }
+            let Some(more) = self.meet_surface(&mut walk, &mut hit, sampler, out) else {
+                return radiance;
+            };
+            radiance += more;
+        }
+        radiance
+    }
+
+    /// Light of a light that the path has met, noted.
+    fn found(
+        &self,
+        walk: &Walk<V::Hidden>,
+        light: usize,
+        emitted: Rgb,
+        out: &mut Out<'_, '_>,
+    ) -> Rgb {
+        let part = match walk.depth {
+            0 => Part::Direct,
+            _ => Part::Surface,
+        };
+        let radiance = walk.beta * emitted;
+        out.record.add(part, light, radiance);
+        radiance
+    }
+
+    /// Weight of light that was met by chance, against sampling it where the direction was drawn. `normal`: of an area light.
+    fn share(&self, walk: &Walk<V::Hidden>, light: usize, normal: Option<Vec3>) -> f32 {
+        let Some(drawn) = &walk.drawn else {
+            // Others are found by photons.
+            return f32::from(self.estimators().is_met[light]);
+        };
+        let wi = walk.ray.dir;
+        let by_power = match drawn.at {
+            Some(x) => {
+                if !walk.wanted.direct
+                    || self.sight.links_shadows(light)
+                    || self.is_unlit(x, wi, light)
+                {
+                    return 0.0;
+                }
+                self.sight.selector(self.scene, x.hit.object)
+            }
+            None if self
+                .sight
+                .hides_light(self.sight.from(Start::Gather), light) =>
+            {
+                return 0.0;
+            }
+            None => self.sight.emitters(self.scene),
+        };
+        let hit = normal.map(|normal| LightHit {
+            normal,
+            distance: drawn.distance,
+        });
+        let scene = self.scene;
+        let pdf = scene.lights()[light].pdf_direct(scene.objects(), drawn.point, wi, hit);
+        let choice = scene
+            .light_sources
+            .choice_at(drawn.point, drawn.facing, by_power);
+        power_heuristic(drawn.density, pdf * choice.pmf(light))
+    }
+
+    /// Fly through a medium that beams do not serve; distance of a scattering.
+    fn fly(
+        &self,
+        walk: &mut Walk<V::Hidden>,
+        id: u16,
+        length: f32,
+        sampler: &mut Sampler,
+        out: &mut Out<'_, '_>,
+    ) -> Option<f32> {
+        let medium = &self.scene.media()[usize::from(id)];
+        if self.estimators().leave_beams() && walk.wanted.indirect {
+            let segment = CameraSegment {
+                part: out.record.part_or(Part::Surface),
+                ..CameraSegment::new(walk.ray, length, walk.beta, id)
+            };
+            self.leave_segment(segment, sampler, out);
+        }
+        match medium.sample_flight(&walk.ray, length, walk.beta, sampler) {
+            Flight::Passed { weight } => {
+                walk.pass(weight);
+                None
+            }
+            Flight::Scattered { distance, weight } => {
+                walk.pass(weight);
+                Some(distance)
+            }
+        }
+    }
+
+    /// Leave a segment, as long as the path's way in the medium, along which beams are gathered. Returns the transmittance over
+    /// all of it.
+    pub(super) fn leave_segment(
+        &self,
+        segment: CameraSegment,
+        sampler: &mut Sampler,
+        out: &mut Out<'_, '_>,
+    ) -> Rgb {
+        let medium = &self.scene.media()[usize::from(segment.medium)];
+        let CameraSegments { segments, steps } = &mut *out.segments;
+        let (stretch, transmittance) = medium.stretch(&segment.ray, segment.length, sampler, steps);
+        if let Some(stretch) = stretch {
+            segments.push(CameraSegment {
+                length: stretch.range[1],
+                pixel: out.pixel,
+                steps: stretch.steps,
+                ..segment
+            });
+        }
+        transmittance
+    }
+
+    /// Scatter a path in a medium: direct light there, and a direction to go on in.
+    pub(super) fn scatter_in_medium(
+        &self,
+        walk: &mut Walk<V::Hidden>,
+        id: u16,
+        distance: f32,
+        sampler: &mut Sampler,
+        out: &mut Out<'_, '_>,
+    ) -> Rgb {
+        let (point, dir) = (walk.ray.at(distance), walk.ray.dir);
+        let phase = self.scene.media()[usize::from(id)].phase();
+        let at = Ray { origin: point, dir };
+        let (lit, light) = self.lit_in_medium(&at, id, sampler);
+        let radiance = walk.beta * lit;
+        out.record.add(Part::Surface, light, radiance);
+        let new = phase.sample(dir, sampler.next_2d());
+        walk.drawn = Some(Drawn {
+            point,
+            facing: None,
+            density: phase.eval_directions(dir, new),
+            distance: 0.0,
+            at: None,
+        });
+        walk.hidden = self.sight.from(Start::Gather);
+        walk.ray = Ray {
+            origin: point,
+            dir: new,
+        };
+        walk.depth += 1;
+        radiance
+    }
+
+    /// Direct light of one light that a medium turns at the ray's origin against its direction, balanced against drawing the
+    /// direction there; and which light.
+    fn lit_in_medium(&self, at: &Ray, id: u16, sampler: &mut Sampler) -> (Rgb, usize) {
+        let scene = self.scene;
+        let phase = scene.media()[usize::from(id)].phase();
+        let sources = &scene.light_sources;
+        let choice = sources.choice_at(at.origin, None, self.sight.emitters(scene));
+        let choice = choice.sample(sampler.next_1d());
+        let (u, u_primitive) = (sampler.next_2d(), sampler.next_1d());
+        let nothing = (Rgb::ZERO, 0);
+        let Some(choice) = choice else {
+            return nothing;
+        };
+        let light = &scene.lights()[choice.light];
+        let Some(direct) = light.sample_direct(scene.objects(), at.origin, u, u_primitive) else {
+            return nothing;
+        };
+        let value = phase.eval_directions(at.dir, direct.wi);
+        let share = match direct.delta || scene.only_sampled(choice.light) {
+            true => 1.0,
+            false => power_heuristic(direct.pdf * choice.pmf, value),
+        };
+        let ray = Ray {
+            origin: at.origin,
+            dir: direct.wi,
+        };
+        let hidden = self.sight.from(Start::Gather);
+        if self.sight.hides_light(hidden, choice.light) {
+            return nothing;
+        }
+        let hides = |object| self.sight.hides(hidden, object);
+        let unshadowing = scene.unshadowing[choice.light];
+        match scene.unoccluded(ray, direct.distance, Some(id), unshadowing, hides, sampler) {
+            Some(tr) => (
+                direct.weight * tr * (value * share / choice.pmf),
+                choice.light,
+            ),
+            None => nothing,
+        }
+    }
+
+    /// Direct light and caustics at a surface, radiance at the film, and on in a direction. `None`: the path ends before.
+    fn meet_surface(
+        &self,
+        walk: &mut Walk<V::Hidden>,
+        hit: &mut SurfaceHit,
+        sampler: &mut Sampler,
+        out: &mut Out<'_, '_>,
+    ) -> Option<Rgb> {
+        let scene = self.scene;
+        let material = scene.material(hit);
+        let wo = -walk.ray.dir;
+        let tilt = scene.tilt(hit, wo);
+        let hit = &*hit;
+        let frame = Frame::from_normal(hit.ns);
+        let mut y = Vertex {
+            bsdf: material.bsdf(hit.uv),
+            tilt,
+            frame,
+            wo,
+            local_wo: frame.to_local(wo),
+            hit,
+            medium: walk.medium,
+            is_gloss: false,
+            is_followed: false,
+        };
+        if y.bsdf.is_black() {
+            return None;
+        }
+        let mut radiance = Rgb::ZERO;
+        let lobe = match material.is_specular() || material.is_followed() {
+            true => OneLobe::followed(sampler.next_1d()),
+            false => y.one_lobe(sampler.next_1d()),
+        };
+        y.is_followed = lobe.is_followed;
+        walk.pass(Rgb::splat(lobe.weight));
+        let Estimators {
+            deep,
+            ends_at_second,
+            ..
+        } = *self.estimators();
+        if !lobe.is_followed {
+            let drawn = walk.drawn.as_ref();
+            let flown = drawn.map_or(0.0, |drawn| drawn.distance);
+            if self.estimators().ends_paths(&y.bsdf) && flown >= self.least_flight {
+                let from = drawn.and_then(|drawn| Some((drawn.at?, drawn.density)));
+                let is_found = !ends_at_second
+                    || from.is_some_and(|(x, _)| {
+                        self.is_glossy(x) || self.sight.is_gathered(hit.object)
+                    });
+                let beta = walk.beta;
+                walk.beta = Rgb::ZERO;
+                return is_found.then(|| self.brought_by_photons(from, &y, beta, sampler, out));
+            }
+            radiance = self.lit_later(&y, walk.beta, sampler, out);
+        } else if deep {
+            // What comes by way of it is in photons.
+            return None;
+        }
+        let mode = TransportMode::Radiance;
+        let u = sampler.next_2d();
+        let Some(sample) = y.bsdf.sample(y.local_wo, lobe.u, u, mode) else {
+            walk.beta = Rgb::ZERO;
+            return Some(radiance);
+        };
+        let wi = frame.to_world(sample.wi).normalize();
+        if (!sample.delta || tilt.is_some()) && sample.wi.z * hit.ng.dot(wi) <= 0.0 {
+            walk.beta = Rgb::ZERO;
+            return Some(radiance);
+        }
+        let mut weight = sample.weight;
+        if let Some(tilt) = tilt {
+            weight *= tilt.shadowing(wi);
+        }
+        walk.pass(weight);
+        if sample.transmitted {
+            let eta = material.eta_of_crossing(hit.ng.dot(walk.ray.dir) > 0.0);
+            walk.track /= eta * eta;
+            walk.medium = scene.medium_beyond(hit, wi, walk.medium);
+        }
+        walk.drawn = (!lobe.is_followed).then(|| Drawn {
+            point: hit.point,
+            facing: y.facing(),
+            density: sample.pdf,
+            distance: 0.0,
+            at: None,
+        });
+        walk.hidden = self.sight.from(Start::Gather);
+        walk.ray = hit.spawn_ray(wi);
+        walk.depth += 1;
+        if !walk.survives(sampler) {
+            walk.beta = Rgb::ZERO;
+        }
+        Some(radiance)
+    }
+
+    /// Direct light, balanced against the direction that is drawn at y as well, and photons.
+    fn lit_later(
+        &self,
+        y: &Vertex,
+        beta: Rgb,
+        sampler: &mut Sampler,
+        out: &mut Out<'_, '_>,
+    ) -> Rgb {
+        let balanced = |choice: LightChoice, direct: &DirectSample, wi: Vec3| match direct.delta
+            || self.scene.only_sampled(choice.light)
+        {
+            true => 1.0,
+            false => power_heuristic(direct.pdf * choice.pmf, y.pdf(y.local_wo, wi)),
+        };
+        let (lit, light) = self.light_sample(y, Seen::Later, sampler, balanced);
+        out.record.add(Part::Surface, light, beta * lit);
+        // What surfaces send here is found by the path itself.
+        let weight = |photon: &SurfacePhoton, _: Vec3| match photon.arrival {
+            Arrival::Surface => 0.0,
+            _ => 1.0,
+        };
+        beta * lit + self.photon_radiance(y, weight, beta, out)
+    }
+}
+
+impl<H> Walk<'_, H> {
+    pub(super) fn pass(&mut self, weight: Rgb) {
+        self.beta *= weight;
+        self.track *= weight;
+    }
+
+    /// Russian roulette: the path goes on with the probability of its throughput, which then is 1.
+    pub(super) fn survives(&mut self, sampler: &mut Sampler) -> bool {
+        let mut q = self.track.max_element();
+        if self.depth >= TRAPPED_DEPTH {
+            q = q.min(MAX_SURVIVAL);
+        }
+        if q >= 1.0 {
+            return true;
+        }
+        self.beta /= q;
+        self.track /= q;
+        q > 0.0 && sampler.next_1d() < q
+    }
+}

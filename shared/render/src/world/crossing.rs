@@ -1,0 +1,259 @@
+//! Which surface a ray meets, and which medium is where, also where boundaries of media lie on other surfaces or cut through lights.
+//!
+//! A box of fog fills its room to the walls, two boxes stand side by side. Which of two surfaces at one place a ray meets first is then
+//! decided by rounding, and the other is not met at all, since rays start a little off the surface that they leave. So what else is
+//! there is looked for: surfaces that are something to see come before boundaries that are nothing else, and of boundaries all
+//! are crossed, one after the other as their media follow. Both are the same from either side, as they must be for light paths
+//! that are found from lights and from the camera.
+
+use super::Scene;
+use crate::geometry::{Object, SurfaceHit, SurfacePoint};
+use crate::light::LightKind;
+use crate::math::{Ray, Vec2, Vec3};
+use crate::medium::MediumId;
+use crate::rules::HiddenSet;
+
+/// The medium around a light.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum LightMedium {
+    /// The same on all sides.
+    One(MediumId),
+    /// Some of the light is in one, some in another.
+    ByPlace,
+}
+
+/// Places on a surface at which the medium is looked up.
+const PLACES: usize = 256;
+/// Share of them that lie in another medium than the surface's `exterior` before it is called misplaced: what is cut by the boundary of
+/// another, or looked at through itself, is no sign.
+const LEAST_WRONG: f32 = 0.2;
+/// Boundaries at one place; nobody models more.
+const MOST: usize = 4;
+
+impl Scene {
+    /// The first surface that a ray meets. `hides`: objects that it passes.
+    #[inline]
+    pub(crate) fn first_hit(&self, ray: &Ray, hides: impl Fn(u32) -> bool) -> Option<SurfaceHit> {
+        let objects = self.objects();
+        let hit = self
+            .geometry
+            .intersect(objects, ray, f32::INFINITY, &hides)?;
+        if !self.has_boundaries || !self.is_null(hit.object) {
+            return Some(hit);
+        }
+        let (across, length) = probe(&hit, ray.dir);
+        let is_passed = |object: u32| hides(object) || self.is_null(object);
+        let other = (self.geometry).intersect(objects, &across, length, is_passed);
+        match other {
+            Some(other) => Some(SurfaceHit { t: hit.t, ..other }),
+            None => Some(hit),
+        }
+    }
+
+    /// The medium beyond a surface for a ray that crosses it in direction `dir`, coming through `current`.
+    #[inline]
+    pub(crate) fn medium_beyond(&self, hit: &SurfaceHit, dir: Vec3, current: MediumId) -> MediumId {
+        let boundary = self.objects()[hit.object as usize].boundary;
+        let beyond = boundary.map_or(current, |boundary| boundary.medium_towards(hit.ng, dir));
+        if !self.has_boundaries {
+            return beyond;
+        }
+        let mut all = self.crossings(hit, dir);
+        // What a ray meets it crosses whatever it comes through; boundaries alone come in their turn.
+        let medium = match self.is_null(hit.object) && all.iter().any(|c| c.near == current) {
+            true => current,
+            false => {
+                all.drop(0);
+                beyond
+            }
+        };
+        all.followed_from(medium)
+    }
+
+    /// The medium on this side of a boundary that a ray meets in direction `dir`.
+    pub(crate) fn medium_before(&self, hit: &SurfaceHit, dir: Vec3) -> MediumId {
+        let all = self.crossings(hit, dir);
+        let is_first = |c: &&Crossing| all.iter().all(|other| other.far != c.near);
+        let first = all.iter().find(is_first).or(all.iter().next());
+        first.and_then(|c| c.near)
+    }
+
+    /// The boundary that a ray in direction `dir` meets, if it is one, and those without a surface that lie there as well.
+    fn crossings(&self, hit: &SurfaceHit, dir: Vec3) -> Crossings {
+        let (across, length) = probe(hit, dir);
+        let mut all = Crossings::default();
+        let mut seen = [hit.object; MOST];
+        let mut next = Some((hit.object, hit.ng));
+        for count in 1..=MOST {
+            let Some((object, ng)) = next else { break };
+            let boundary = self.objects()[object as usize].boundary;
+            all.push(boundary.map(|boundary| Crossing {
+                near: boundary.medium_towards(ng, -dir),
+                far: boundary.medium_towards(ng, dir),
+            }));
+            if let Some(seen) = seen.get_mut(count - 1) {
+                *seen = object;
+            }
+            let is_passed = |object: u32| seen[..count].contains(&object) || !self.is_null(object);
+            let other = (self.geometry).intersect(self.objects(), &across, length, is_passed);
+            next = other.map(|other| (other.object, other.ng));
+        }
+        all
+    }
+
+    /// The medium at a point: the first boundary seen from there says on which side of it the point lies.
+    pub fn medium_at(&self, point: Vec3) -> MediumId {
+        self.medium_without(point, |_| false)
+    }
+
+    /// As [`Self::medium_at`], if some objects were not there.
+    pub(crate) fn medium_without(&self, point: Vec3, hides: impl Fn(u32) -> bool) -> MediumId {
+        // A direction that is parallel to nothing people model.
+        let dir = Vec3::new(0.267_3, 0.872_9, 0.408_2).normalize();
+        let bounds_nothing =
+            |object: u32| self.objects()[object as usize].boundary.is_none() || hides(object);
+        let ray = Ray { origin: point, dir };
+        match self
+            .geometry
+            .intersect(self.objects(), &ray, f32::INFINITY, bounds_nothing)
+        {
+            Some(hit) => self.medium_before(&hit, dir),
+            None => self.description().world_medium,
+        }
+    }
+
+    /// The medium that is left of `medium_at` when some objects are not seen.
+    pub(crate) fn medium_seen(&self, point: Vec3, hidden: Option<HiddenSet>) -> MediumId {
+        match (&self.description().rules, hidden) {
+            (Some(rules), Some(set)) => {
+                self.medium_without(point, |object| rules.hides(set, object))
+            }
+            _ => self.medium_at(point),
+        }
+    }
+
+    /// Names of objects that lie in another medium than their `exterior` says: light that leaves them goes on as if it were there,
+    /// without having crossed a boundary, and what is seen depends on which way one looks.
+    pub fn misplaced(&self) -> Vec<String> {
+        let objects = self.objects().iter().zip(0..);
+        let misplaced = objects.filter_map(|(object, index)| {
+            let exterior = object.boundary?.exterior;
+            let wrong = places_on(object).filter(|on| {
+                let clearance = self.clearance(on.point);
+                let point = on.point + on.normal * clearance;
+                let back = Ray {
+                    origin: point,
+                    dir: -on.normal,
+                };
+                // What lies at the same place is crossed with it.
+                let is_passed = |other: u32| {
+                    other == index || self.objects()[other as usize].boundary.is_none()
+                };
+                !(self.geometry).occluded(self.objects(), &back, 2.0 * clearance, is_passed)
+                    && self.medium_at(point) != exterior
+            });
+            (wrong.count() as f32 > LEAST_WRONG * PLACES as f32).then(|| object.name.clone())
+        });
+        misplaced.collect()
+    }
+
+    /// The medium that photons of a light start in, at a point off its surface.
+    #[inline]
+    pub(crate) fn medium_of_light(&self, light: usize, point: Vec3) -> MediumId {
+        match self.light_media[light] {
+            LightMedium::One(medium) => medium,
+            LightMedium::ByPlace => self.medium_seen(point, self.hidden_from_light(light)),
+        }
+    }
+
+    fn hidden_from_light(&self, light: usize) -> Option<HiddenSet> {
+        let rules = self.description().rules.as_ref();
+        rules.map(|rules| rules.of_light[light])
+    }
+
+    /// The media that photons of a light start in.
+    pub(crate) fn find_light_medium(&self, light: usize) -> LightMedium {
+        let hidden = self.hidden_from_light(light);
+        let medium = match &self.lights()[light].kind {
+            LightKind::Point { position, .. } | LightKind::Spot { position, .. } => {
+                self.medium_seen(*position, hidden)
+            }
+            LightKind::Area { object, .. } => {
+                let object = &self.objects()[*object as usize];
+                if let Some(boundary) = object.boundary {
+                    return LightMedium::One(boundary.exterior);
+                }
+                let mut media = places_on(object).map(|on| {
+                    let point = on.point + on.normal * self.clearance(on.point);
+                    self.medium_seen(point, hidden)
+                });
+                let first = media.next().flatten();
+                if media.any(|other| other != first) {
+                    return LightMedium::ByPlace;
+                }
+                first
+            }
+            LightKind::Directional { .. } | LightKind::Environment(_) => {
+                self.description().world_medium
+            }
+        };
+        LightMedium::One(medium)
+    }
+}
+
+fn places_on(object: &Object) -> impl Iterator<Item = SurfacePoint> {
+    (0..PLACES).map(|i| {
+        // Kronecker's lattice.
+        let u = Vec2::new(i as f32 * 0.754_877_7, i as f32 * 0.569_840_3).fract();
+        let primitive = (i as f32 + 0.5) / PLACES as f32;
+        object.shape.sample_area(u, primitive)
+    })
+}
+
+/// The media on both sides of a boundary, for a ray.
+#[derive(Clone, Copy)]
+struct Crossing {
+    near: MediumId,
+    far: MediumId,
+}
+
+/// Boundaries at one place.
+#[derive(Default)]
+struct Crossings([Option<Crossing>; MOST], usize);
+
+impl Crossings {
+    fn push(&mut self, crossing: Option<Crossing>) {
+        if let Some(place) = self.0.get_mut(self.1) {
+            *place = crossing;
+            self.1 += 1;
+        }
+    }
+
+    fn drop(&mut self, index: usize) {
+        self.0[index] = None;
+    }
+
+    fn iter(&self) -> impl Iterator<Item = &Crossing> {
+        self.0.iter().flatten()
+    }
+
+    /// Where a ray is that was in this medium, when it has crossed all that follow from it.
+    fn followed_from(mut self, medium: MediumId) -> MediumId {
+        let mut medium = medium;
+        let is_next = |c: &Option<Crossing>, medium| c.is_some_and(|c| c.near == medium);
+        while let Some(next) = self.0.iter_mut().find(|c| is_next(c, medium)) {
+            medium = next.take().and_then(|c| c.far);
+        }
+        medium
+    }
+}
+
+/// A ray through all surfaces that lie where a hit is, in direction `dir` or nearly so; and its length.
+fn probe(hit: &SurfaceHit, dir: Vec3) -> (Ray, f32) {
+    let n = hit.ng * hit.ng.dot(dir).signum();
+    let ray = Ray {
+        origin: hit.point - n * hit.clearance,
+        dir: n,
+    };
+    (ray, 2.0 * hit.clearance)
+}

@@ -1,0 +1,89 @@
+//! What a scene is before any structure is built over it: what a scene file, or a program, hands to the renderer.
+
+use crate::bsdf::Material;
+use crate::camera::Camera;
+use crate::geometry::Object;
+use crate::light::{Light, SceneBounds};
+use crate::medium::{Medium, MediumId};
+use crate::rules::Rules;
+use beamfarm_image::job::{JobSettings, ScheduleKind, Targeting};
+
+/// Everything that a pass renders. Lengths in scene units; render space is world space moved so that the camera stands at
+/// the origin, which keeps single precision where it is needed.
+#[derive(Clone, Debug)]
+pub struct SceneDescription {
+    /// The camera.
+    pub camera: Camera,
+    /// Medium that the scene names for the camera, if it does.
+    pub camera_medium: Option<MediumId>,
+    /// Medium outside of every object.
+    pub world_medium: MediumId,
+    /// Objects.
+    pub objects: Vec<Object>,
+    /// Materials.
+    pub materials: Vec<Material>,
+    /// Media.
+    pub media: Vec<Medium>,
+    /// Lights; those of emitting objects among them.
+    pub lights: Vec<Light>,
+    /// A sphere around all objects, positioned lights, and the camera.
+    pub bounds: SceneBounds,
+    /// Defaults for the job.
+    pub defaults: RenderDefaults,
+    /// Object visibility rules, if any has an effect.
+    pub rules: Option<Rules>,
+    /// What the scene says to no effect, each with its file and line.
+    pub notes: Vec<String>,
+    /// File, line and field of each rule that photons obey.
+    pub photon_rules: Vec<String>,
+}
+
+/// What the scene file says about rendering; the command line overrides it.
+#[derive(Clone, Copy, Debug)]
+pub struct RenderDefaults {
+    /// Passes.
+    pub passes: u64,
+    /// Photon paths per pass.
+    pub paths_per_pass: u32,
+    /// Trade of variance against bias, in (0, 1).
+    pub alpha: f64,
+    /// Radius schedule.
+    pub schedule: ScheduleKind,
+    /// Seed.
+    pub seed: u64,
+    /// Stops of exposure of the PNG.
+    pub exposure: f32,
+    /// Fixed base radius of beams and surface photons in scene units, in place of photon differentials.
+    pub radius: Option<f32>,
+    /// When photons are aimed at what the camera sees.
+    pub targeting: Targeting,
+}
+
+impl RenderDefaults {
+    /// The settings of a job that overrides nothing.
+    pub fn job_settings(&self) -> JobSettings {
+        JobSettings {
+            seed: self.seed,
+            alpha: self.alpha,
+            schedule: self.schedule,
+            budget: None,
+            paths_per_pass: self.paths_per_pass,
+            reference_paths: self.paths_per_pass,
+        }
+    }
+}
+
+impl Default for RenderDefaults {
+    fn default() -> Self {
+        Self {
+            passes: 64,
+            paths_per_pass: 50_000,
+            alpha: 2.0 / 3.0,
+            schedule: ScheduleKind::Pass,
+            seed: 0,
+            exposure: 0.0,
+            radius: None,
+            targeting: Targeting::Auto,
+        }
+    }
+}

@@ -1,0 +1,264 @@
+//! A scene made ready for rays.
+
+mod crossing;
+mod description;
+mod shadow;
+
+use crate::bsdf::{Material, Tilt};
+use crate::geometry::{Geometry, Object, SurfaceHit, bounds, clearance};
+use crate::light::{EmissionSample, Light, LightKind, LightSelector, LightSources, SceneBounds};
+use crate::math::{Ray, Rgb, Vec3};
+use crate::medium::{Medium, MediumId};
+use crate::sampler::Sampler;
+use crossing::LightMedium;
+pub use description::{RenderDefaults, SceneDescription};
+use std::collections::BTreeMap;
+
+/// A scene made ready for rays: acceleration structures built, media around the camera and the lights found.
+#[derive(Debug)]
+pub struct Scene {
+    description: SceneDescription,
+    pub(crate) geometry: Geometry,
+    pub(crate) selector: LightSelector,
+    /// By what shadow rays do not see, where that is lights: the others.
+    pub(crate) selectors: BTreeMap<u32, LightSelector>,
+    /// The lights whose photons rules let leave something, where those are not all.
+    pub(crate) emitters: Option<LightSelector>,
+    /// The lights as those who choose among them see them.
+    pub(crate) light_sources: LightSources,
+    /// Medium that camera rays start in.
+    pub(crate) camera_medium: MediumId,
+    /// By light: medium that photons start in.
+    pub(crate) light_media: Vec<LightMedium>,
+    /// By light: the object that shadow rays to it pass through, because it cannot hide itself.
+    pub(crate) unshadowing: Vec<Option<u32>>,
+    /// Indices of the environment lights.
+    pub(crate) environments: Vec<usize>,
+    /// By object: rays may pass straight through it.
+    pub(crate) passable: Vec<bool>,
+    /// By object: diagonal of its box, scene units.
+    pub(crate) extents: Vec<f32>,
+    /// By medium: the shortest mean free path of all channels, scene units.
+    pub(crate) free_paths: Vec<f32>,
+    /// Whether shadow rays have to look at what they pass: boundaries of media, or surfaces that are not opaque.
+    pub(crate) shadow_rays_walk: bool,
+    /// There are surfaces that are nothing but boundaries of media.
+    pub(crate) has_boundaries: bool,
+}
+
+impl Scene {
+    /// Build the acceleration structures. Deterministic.
+    pub fn new(description: SceneDescription) -> Self {
+        let geometry = Geometry::new(&description.objects);
+        let selector = LightSelector::new(
+            &description.lights,
+            &description.objects,
+            &description.bounds,
+        );
+        let (selectors, emitters) = (selectors(&description), emitters(&description));
+        let material = |o: &Object| &description.materials[o.material as usize];
+        let passable: Vec<bool> = description
+            .objects
+            .iter()
+            .map(|o| material(o).may_be_passed())
+            .collect();
+        let has_boundaries = description.objects.iter().any(|o| material(o).is_null());
+        let mut materials = description.objects.iter().map(material);
+        let shadow_rays_walk = materials.any(|m| m.opacity.is_some())
+            || (has_boundaries && !description.media.is_empty());
+        let unshadowing = |light: &Light| match light.kind {
+            LightKind::Area { object, .. } => description.objects[object as usize]
+                .shape
+                .never_shadows_itself()
+                .then_some(object),
+            _ => None,
+        };
+        let is_environment = |light: &Light| matches!(light.kind, LightKind::Environment(_));
+        let light_sources = LightSources::new(
+            &description.lights,
+            &description.objects,
+            &description.bounds,
+        );
+        let mut scene = Self {
+            geometry,
+            selector,
+            selectors,
+            emitters,
+            light_sources,
+            camera_medium: None,
+            light_media: Vec::new(),
+            unshadowing: description.lights.iter().map(unshadowing).collect(),
+            environments: (0..description.lights.len())
+                .filter(|&i| is_environment(&description.lights[i]))
+                .collect(),
+            passable,
+            extents: description
+                .objects
+                .iter()
+                .map(|object| {
+                    let (min, max) = bounds(&object.shape);
+                    (max - min).length()
+                })
+                .collect(),
+            free_paths: description.media.iter().map(Medium::free_path).collect(),
+            shadow_rays_walk,
+            has_boundaries,
+            description,
+        };
+        scene.camera_medium = match scene.description.camera_medium {
+            Some(named) => named,
+            None => {
+                let hidden = scene.description.rules.as_ref().map(|rules| rules.camera);
+                scene.medium_seen(scene.description.camera.position, hidden)
+            }
+        };
+        scene.light_media = (0..scene.lights().len())
+            .map(|i| scene.find_light_medium(i))
+            .collect();
+        scene
+    }
+
+    /// What was read.
+    pub fn description(&self) -> &SceneDescription {
+        &self.description
+    }
+
+    pub(crate) fn objects(&self) -> &[Object] {
+        &self.description.objects
+    }
+    pub(crate) fn lights(&self) -> &[Light] {
+        &self.description.lights
+    }
+    pub(crate) fn media(&self) -> &[Medium] {
+        &self.description.media
+    }
+    pub(crate) fn bounds(&self) -> &SceneBounds {
+        &self.description.bounds
+    }
+    pub(crate) fn material(&self, hit: &SurfaceHit) -> &Material {
+        self.material_of(hit.object)
+    }
+    /// What an object is made of.
+    pub(crate) fn material_of(&self, object: u32) -> &Material {
+        &self.description.materials[self.objects()[object as usize].material as usize]
+    }
+    /// Whether an object is the boundary of a medium at most.
+    pub(crate) fn is_null(&self, object: u32) -> bool {
+        self.material_of(object).is_null()
+    }
+    /// Whether the medium is the same on both sides of an object.
+    pub(crate) fn bounds_nothing(&self, object: u32) -> bool {
+        let boundary = self.objects()[object as usize].boundary;
+        boundary.is_none_or(|b| b.interior == b.exterior)
+    }
+    /// Gives the hit the shading normal of its material's relief, if it has one, seen from `wo`.
+    #[inline]
+    pub(crate) fn tilt(&self, hit: &mut SurfaceHit, wo: Vec3) -> Option<Tilt> {
+        let relief = self.material(hit).relief.as_ref()?;
+        let shape = &self.objects()[hit.object as usize].shape;
+        let (ns, tilt) = relief.normal(hit, shape.tangents(hit), wo);
+        hit.ns = ns;
+        Some(tilt)
+    }
+    /// Whether the direct light of this light is all counted by sampling it: rays may pass its surface unseen.
+    pub(crate) fn only_sampled(&self, light: usize) -> bool {
+        match self.lights()[light].kind {
+            LightKind::Area { object, .. } => self.passable[object as usize],
+            _ => false,
+        }
+    }
+    /// How far to move a point on a light off its surface.
+    pub(crate) fn clearance(&self, point: Vec3) -> f32 {
+        clearance(point.abs().max_element() + self.bounds().radius)
+    }
+
+    /// Where a photon starts, off the surface that emits it.
+    #[inline]
+    pub(crate) fn start_of(&self, emission: &EmissionSample) -> Vec3 {
+        match emission.normal {
+            Some(n) => emission.origin + n * self.clearance(emission.origin),
+            None => emission.origin,
+        }
+    }
+
+    /// Transmittance of a medium along a ray over a distance.
+    #[inline]
+    pub(crate) fn transmittance(
+        &self,
+        medium: MediumId,
+        ray: &Ray,
+        distance: f32,
+        sampler: &mut Sampler,
+    ) -> Rgb {
+        match medium {
+            Some(id) => self.media()[id as usize].transmittance(ray, distance, sampler),
+            None => Rgb::ONE,
+        }
+    }
+
+    /// Radiance emitted at a hit against the direction of the ray that made it.
+    #[inline]
+    pub(crate) fn emitted(&self, hit: &SurfaceHit, dir: Vec3) -> Rgb {
+        match self.objects()[hit.object as usize].light {
+            Some(light) => self.lights()[light as usize].radiance_area(-hit.ng.dot(dir)),
+            None => Rgb::ZERO,
+        }
+    }
+
+    /// Radiance of one environment light from the direction `dir`.
+    pub(crate) fn environment(&self, light: usize, dir: Vec3) -> Rgb {
+        match &self.lights()[light].kind {
+            LightKind::Environment(environment) => environment.radiance(dir),
+            _ => Rgb::ZERO,
+        }
+    }
+}
+
+/// For each set of lights that shadow rays do not see: the others.
+fn selectors(description: &SceneDescription) -> BTreeMap<u32, LightSelector> {
+    let mut selectors = BTreeMap::new();
+    let Some(rules) = &description.rules else {
+        return selectors;
+    };
+    for sets in &rules.of_object {
+        let sees = |light: usize| !rules.hides_light(sets.shadow, light);
+        if (0..description.lights.len()).all(sees) {
+            continue;
+        }
+        selectors.entry(sets.shadow.row).or_insert_with(|| {
+            LightSelector::of_some(
+                &description.lights,
+                &description.objects,
+                &description.bounds,
+                sees,
+            )
+        });
+    }
+    selectors
+}
+
+/// The lights whose photons leave something somewhere, unless all may.
+fn emitters(description: &SceneDescription) -> Option<LightSelector> {
+    let rules = description.rules.as_ref()?;
+    let objects = description.objects.iter().zip(&rules.of_object);
+    let surfaces = objects.filter(|(object, _)| {
+        let material = &description.materials[object.material as usize];
+        !material.is_specular()
+    });
+    let media = description.media.iter().zip(&rules.of_medium);
+    let media = media.filter(|(medium, _)| medium.scatters());
+    let mut sets: Vec<_> = surfaces.map(|(_, sets)| sets.photon).collect();
+    sets.extend(media.map(|(_, set)| *set));
+    sets.sort_unstable_by_key(|set| set.row);
+    sets.dedup();
+    let matters = |light: usize| !sets.iter().all(|set| rules.hides_light(*set, light));
+    if (0..description.lights.len()).all(matters) {
+        return None;
+    }
+    Some(LightSelector::of_some(
+        &description.lights,
+        &description.objects,
+        &description.bounds,
+        matters,
+    ))
+}

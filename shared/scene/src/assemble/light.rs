@@ -1,0 +1,275 @@
+//! Lights that are not surfaces.
+
+use super::{Parts, Problem, asset_problem, check_reach, required};
+use crate::assets::image::Encoding;
+use crate::parse::{Fault, LightRecord, LightType};
+use crate::transform;
+use crate::values::Spanned;
+use beamfarm_image::layer::LightGroup;
+use beamfarm_render::light::{Environment, Light, LightKind};
+use beamfarm_render::math::{Frame, Rgb};
+use beamfarm_render::medium::Medium;
+use glam::{DMat3, DVec3};
+use std::f64::consts::PI;
+
+impl Parts<'_> {
+    pub fn add_lights(&mut self, records: &[LightRecord]) -> Result<(), Problem> {
+        let is_environment = |r: &&LightRecord| *r.kind.get_ref() == LightType::Environment;
+        if let Some(second) = records.iter().filter(is_environment).nth(1) {
+            return Err(
+                Fault::new(second.kind.span(), "a scene has at most one environment").into(),
+            );
+        }
+        for (i, record) in records.iter().enumerate() {
+            let before = self.lights.len();
+            let name = record.name.clone();
+            let name = name.unwrap_or_else(|| format!("lights[{i}]"));
+            // A light that is turned off is no light.
+            for kind in self.light_kinds(record)? {
+                self.lights.push(Light {
+                    group: LightGroup::named(record.group.as_deref().unwrap_or(&name)),
+                    name: name.clone(),
+                    kind,
+                });
+            }
+            let group = record.group.as_deref();
+            let visible = record.visible.as_ref();
+            let added = before..self.lights.len();
+            self.names
+                .add(&name, group.as_slice(), visible, 0..0, added);
+        }
+        Ok(())
+    }
+
+    fn light_kinds(&mut self, record: &LightRecord) -> Result<Vec<LightKind>, Problem> {
+        let kind = &record.kind;
+        let from_infinity = matches!(
+            kind.get_ref(),
+            LightType::Directional | LightType::Environment
+        );
+        let world = self.world_medium.map(|m| &self.media.list[usize::from(m)]);
+        if from_infinity && matches!(world, Some(Medium::Homogeneous(_))) {
+            return Err(Fault::new(
+                kind.span(),
+                "light from infinitely far away would be absorbed by the world's medium, which has no end; bound the \
+                 medium by a shape, such as a cube with a material of type \"null\" and the medium as its interior",
+            )
+            .into());
+        }
+        let light = match kind.get_ref() {
+            LightType::Environment => return self.environment(record),
+            LightType::Point => {
+                let position = self.position(record)?;
+                let intensity = intensity(record, 4.0 * PI)?;
+                (intensity != Rgb::ZERO).then_some(LightKind::Point {
+                    position,
+                    intensity,
+                })
+            }
+            LightType::Spot => self.spot(record)?,
+            LightType::Directional => {
+                let direction = required(&record.direction, kind, "direction")?;
+                let irradiance = required(&record.irradiance, kind, "irradiance")?
+                    .get_ref()
+                    .rgb();
+                let direction = unit(
+                    direction.get_ref().0,
+                    direction,
+                    "expected a direction other than [0, 0, 0]",
+                )?;
+                (irradiance != Rgb::ZERO).then_some(LightKind::Directional {
+                    direction: direction.as_vec3(),
+                    irradiance,
+                })
+            }
+        };
+        Ok(light.into_iter().collect())
+    }
+
+    fn position(&mut self, record: &LightRecord) -> Result<glam::Vec3, Fault> {
+        let position = required(&record.position, &record.kind, "position")?;
+        let place = position.span();
+        let position = position.get_ref().0 - self.render_origin;
+        check_reach(position.length(), place)?;
+        self.points.push(position);
+        Ok(position.as_vec3())
+    }
+
+    fn spot(&mut self, record: &LightRecord) -> Result<Option<LightKind>, Problem> {
+        let position = self.position(record)?;
+        let target = required(&record.target, &record.kind, "target")?;
+        let from = record
+            .position
+            .as_ref()
+            .map_or(DVec3::ZERO, |p| p.get_ref().0);
+        let axis = unit(
+            target.get_ref().0 - from,
+            target,
+            "expected a point other than `position`",
+        )?;
+        let cutoff = record.cutoff_angle.as_ref().map_or(20.0, |a| a.get_ref().0);
+        let plateau = record
+            .beam_width
+            .as_ref()
+            .map_or(0.75 * cutoff, |a| a.get_ref().0);
+        let [cutoff, plateau] = [cutoff, plateau].map(f64::to_radians);
+        if plateau as f32 >= cutoff as f32 {
+            let place = record
+                .beam_width
+                .as_ref()
+                .map_or(record.kind.span(), |a| a.span());
+            return Err(Fault::new(
+                place,
+                "expected `beam_width` below `cutoff_angle` (default 20)",
+            )
+            .into());
+        }
+        let intensity = intensity(record, spot_solid_angle(plateau, cutoff))?;
+        Ok((intensity != Rgb::ZERO).then_some(LightKind::Spot {
+            position,
+            frame: Frame::from_normal(axis.as_vec3()),
+            intensity,
+            cutoff: cutoff as f32,
+            beam_width: plateau as f32,
+        }))
+    }
+
+    fn environment(&mut self, record: &LightRecord) -> Result<Vec<LightKind>, Problem> {
+        let render_from_env = orientation(record)?.as_mat3();
+        let environments = match (&record.radiance, &record.image, &record.scale) {
+            (Some(radiance), None, None) => {
+                let radiance = radiance.get_ref().rgb();
+                vec![Environment::new(None, radiance, render_from_env)]
+            }
+            (None, Some(path), scale) => {
+                let image = self.assets.image(path, Encoding::Srgb)?;
+                if image.width < 2 || image.height < 3 {
+                    let flaw = format!(
+                        "{} x {} pixels; expected at least 2 x 3",
+                        image.width, image.height
+                    );
+                    return Err(asset_problem(path, flaw));
+                }
+                let scale = scale.as_ref().map_or(Rgb::ONE, |s| s.get_ref().rgb());
+                let brightest = image.pixels.iter().fold(Rgb::ZERO, |a, b| a.max(*b)) * scale;
+                if !brightest.is_finite() {
+                    return Err(asset_problem(
+                        path,
+                        "times `scale` it is too bright for single precision",
+                    ));
+                }
+                Environment::sky_and_suns(&image, scale, render_from_env)
+            }
+            _ => {
+                let message =
+                    "an environment is given by `radiance`, or by `image` and perhaps `scale`";
+                return Err(Fault::new(record.kind.span(), message).into());
+            }
+        };
+        let lit = environments
+            .into_iter()
+            .filter(|e| e.fluence() != Rgb::ZERO);
+        Ok(lit.map(LightKind::Environment).collect())
+    }
+}
+
+/// How an environment is turned: a rotation, mirroring perhaps.
+fn orientation(record: &LightRecord) -> Result<DMat3, Fault> {
+    match (&record.rotate_y, &record.transform) {
+        (degrees, None) => {
+            let degrees = degrees.as_ref().map_or(0.0, |a| a.get_ref().0);
+            Ok(transform::rotation(DVec3::Y, degrees))
+        }
+        (None, Some(steps)) => {
+            // Nothing that is infinitely far away moves.
+            let m = transform::compose(steps.get_ref())?.matrix3;
+            let off = (m.transpose() * m - DMat3::IDENTITY).to_cols_array();
+            if off.iter().any(|x| x.is_nan() || x.abs() > 1e-4) {
+                return Err(Fault::new(
+                    steps.span(),
+                    "an environment is rotated and mirrored, not scaled or sheared",
+                ));
+            }
+            // Exactly so, whatever the digits of a matrix were.
+            let x = m.x_axis.normalize();
+            let y = (m.y_axis - x * x.dot(m.y_axis)).normalize();
+            let z = x.cross(y) * m.determinant().signum();
+            Ok(DMat3::from_cols(x, y, z))
+        }
+        (Some(_), Some(steps)) => Err(Fault::new(
+            steps.span(),
+            "expected `rotate_y` or `transform`, not both",
+        )),
+    }
+}
+
+/// W/sr on the axis, from `intensity`, or from `power` over the solid angle that it fills, weighted by the falloff.
+fn intensity(record: &LightRecord, solid_angle: f64) -> Result<Rgb, Fault> {
+    match (&record.intensity, &record.power) {
+        (Some(intensity), None) => Ok(intensity.get_ref().rgb()),
+        (None, Some(power)) => {
+            let intensity =
+                Rgb::from_array(power.get_ref().0.map(|watts| (watts / solid_angle) as f32));
+            match intensity.is_finite() {
+                true => Ok(intensity),
+                false => Err(Fault::new(
+                    power.span(),
+                    "too much power for single precision",
+                )),
+            }
+        }
+        _ => {
+            let message =
+                "this light is given by `intensity` (W/sr) or by `power` (W): exactly one of them";
+            Err(Fault::new(record.kind.span(), message))
+        }
+    }
+}
+
+/// Integral over all directions of a spot's falloff: 1 up to the angle `plateau`, linear in the angle to 0 at `cutoff`.
+fn spot_solid_angle(plateau: f64, cutoff: f64) -> f64 {
+    let (mean, half) = (0.5 * (cutoff + plateau), 0.5 * (cutoff - plateau));
+    // 2 pi (1 - (sin cutoff - sin plateau) / (cutoff - plateau)), written without cancellation for narrow cones.
+    let sinc_defect = match half < 1e-2 {
+        true => half * half / 6.0 * (1.0 - half * half / 20.0 * (1.0 - half * half / 42.0)),
+        false => 1.0 - libm::sin(half) / half,
+    };
+    let sine = libm::sin(0.5 * mean);
+    2.0 * PI * (2.0 * sine * sine + libm::cos(mean) * sinc_defect)
+}
+
+fn unit<T>(direction: DVec3, place: &Spanned<T>, expected: &str) -> Result<DVec3, Fault> {
+    direction
+        .try_normalize()
+        .ok_or_else(|| Fault::new(place.span(), expected))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn spot_solid_angle_is_the_integral_of_the_falloff() {
+        for (plateau, cutoff) in [
+            (0.0, 0.3),
+            (0.2, 0.3),
+            (1.0, 2.5),
+            (1e-4, 2e-4),
+            (0.5, 0.5001),
+        ] {
+            let steps = 200_000;
+            let width = cutoff / f64::from(steps);
+            let integrand = |i: i32| {
+                let angle = (f64::from(i) + 0.5) * width;
+                let falloff = ((cutoff - angle) / (cutoff - plateau)).min(1.0);
+                falloff * libm::sin(angle) * width
+            };
+            let expected = 2.0 * PI * (0..steps).map(integrand).sum::<f64>();
+            let found = spot_solid_angle(plateau, cutoff);
+            assert!(
+                (found / expected - 1.0).abs() < 1e-6,
+                "{plateau} {cutoff}: {found} {expected}"
+            );
+        }
+    }
+}

@@ -1,0 +1,330 @@
+//! Materials and their names.
+
+use super::texture;
+use super::{Assets, Problem, required, unknown_name};
+use crate::parse::{
+    DistributionName, Fault, ImageTextureRecord, MaterialRecord, MaterialType, TextureRecord,
+};
+use crate::values::Spanned;
+use crate::values::{NonNegative, Number, Unit};
+use beamfarm_render::bsdf::{
+    Coat, Distribution, Material, MaterialKind, Relief, RoughCoat, Tint, conductor_names,
+    conductor_preset,
+};
+use beamfarm_render::math::Rgb;
+use beamfarm_render::texture::Texture;
+use std::collections::BTreeMap;
+
+/// The scene's materials in the order of their names, then those for shapes that name none.
+pub struct Materials {
+    pub list: Vec<Material>,
+    names: BTreeMap<String, u32>,
+    grey: Option<u32>,
+    black: Option<u32>,
+}
+
+impl Materials {
+    pub fn new(
+        records: &BTreeMap<Spanned<String>, MaterialRecord>,
+        assets: &mut Assets<'_>,
+    ) -> Result<Self, Problem> {
+        let mut materials = Self {
+            list: Vec::new(),
+            names: BTreeMap::new(),
+            grey: None,
+            black: None,
+        };
+        materials.enter(records, assets)?;
+        Ok(materials)
+    }
+
+    /// Add materials whose names are the only ones until [`Self::leave`].
+    pub fn enter(
+        &mut self,
+        records: &BTreeMap<Spanned<String>, MaterialRecord>,
+        assets: &mut Assets<'_>,
+    ) -> Result<BTreeMap<String, u32>, Problem> {
+        let mut names = BTreeMap::new();
+        for (name, record) in records {
+            names.insert(name.get_ref().clone(), self.list.len() as u32);
+            self.list.push(material(record, assets)?);
+        }
+        Ok(std::mem::replace(&mut self.names, names))
+    }
+
+    /// Back to the names that held before.
+    pub fn leave(&mut self, names: BTreeMap<String, u32>) {
+        self.names = names;
+    }
+
+    /// The material of a name.
+    pub fn resolve(&self, name: &Spanned<String>) -> Result<u32, Fault> {
+        match self.names.get(name.get_ref()) {
+            Some(index) => Ok(*index),
+            None => Err(unknown_name(
+                "material",
+                name,
+                self.names.keys().map(String::as_str),
+            )),
+        }
+    }
+
+    /// The material of shapes that name none: black for those that emit, else grey.
+    pub fn default(&mut self, emits: bool) -> u32 {
+        let (slot, reflectance) = match emits {
+            true => (&mut self.black, 0.0),
+            false => (&mut self.grey, 0.5),
+        };
+        *slot.get_or_insert_with(|| {
+            let reflectance = Texture::Constant(Rgb::splat(reflectance));
+            let kind = MaterialKind::Diffuse { reflectance };
+            self.list.push(Material::new(kind, false));
+            (self.list.len() - 1) as u32
+        })
+    }
+}
+
+fn material(record: &MaterialRecord, assets: &mut Assets<'_>) -> Result<Material, Problem> {
+    let mut texture = |field: &Field, default| match field {
+        None => Ok(Texture::Constant(Rgb::splat(default))),
+        Some(given) => texture::texture(given.get_ref(), assets),
+    };
+    let two_sided = |default| record.two_sided.as_ref().map_or(default, |b| *b.get_ref());
+    let nonlinear = record.nonlinear.as_ref().is_some_and(|b| *b.get_ref());
+    let (kind, two_sided) = match record.kind.get_ref() {
+        MaterialType::Diffuse => (
+            MaterialKind::Diffuse {
+                reflectance: texture(&record.reflectance, 0.5)?,
+            },
+            two_sided(false),
+        ),
+        MaterialType::Mirror => (
+            MaterialKind::Mirror {
+                reflectance: texture(&record.reflectance, 1.0)?,
+            },
+            two_sided(true),
+        ),
+        MaterialType::Dielectric => (
+            MaterialKind::Dielectric {
+                eta: relative_ior(record, None)?,
+                tint: tint(record, texture)?,
+            },
+            true,
+        ),
+        MaterialType::ThinDielectric => (
+            MaterialKind::ThinDielectric {
+                eta: relative_ior(record, None)?,
+                tint: tint(record, texture)?,
+            },
+            true,
+        ),
+        MaterialType::RoughDielectric => (
+            MaterialKind::RoughDielectric {
+                distribution: distribution(record),
+                alpha: alpha(record)?,
+                eta: relative_ior(record, None)?,
+                tint: tint(record, texture)?,
+            },
+            true,
+        ),
+        MaterialType::Conductor => {
+            let (eta, k) = metal(record)?;
+            let reflectance = texture(&record.reflectance, 1.0)?;
+            (
+                MaterialKind::Conductor {
+                    eta,
+                    k,
+                    reflectance,
+                },
+                two_sided(true),
+            )
+        }
+        MaterialType::RoughConductor => {
+            let (eta, k) = metal(record)?;
+            let kind = MaterialKind::RoughConductor {
+                distribution: distribution(record),
+                alpha: alpha(record)?,
+                eta,
+                k,
+                reflectance: texture(&record.reflectance, 1.0)?,
+            };
+            (kind, two_sided(true))
+        }
+        MaterialType::Plastic => {
+            let eta = relative_ior(record, Some(POLYPROPYLENE))?;
+            let kind = MaterialKind::Plastic {
+                reflectance: texture(&record.reflectance, 0.5)?,
+                specular_reflectance: texture(&record.specular_reflectance, 1.0)?,
+                coat: Coat::new(eta, nonlinear),
+            };
+            (kind, two_sided(false))
+        }
+        MaterialType::RoughPlastic => {
+            let eta = relative_ior(record, Some(POLYPROPYLENE))?;
+            let coat = RoughCoat::new(distribution(record), alpha(record)?, eta, nonlinear);
+            let kind = MaterialKind::RoughPlastic {
+                reflectance: texture(&record.reflectance, 0.5)?,
+                specular_reflectance: texture(&record.specular_reflectance, 1.0)?,
+                coat: Box::new(coat),
+            };
+            (kind, two_sided(false))
+        }
+        MaterialType::Principled => {
+            let number = |field: &Option<Spanned<Number<Unit>>>, default| {
+                field.as_ref().map_or(default, |x| x.get_ref().f32())
+            };
+            let kind = MaterialKind::Principled {
+                base_color: texture(&record.base_color, 0.5)?,
+                metallic: number(&record.metallic, 0.0),
+                roughness: number(&record.roughness, 0.5),
+                eta: principled_eta(record)?,
+            };
+            (kind, two_sided(false))
+        }
+        MaterialType::Null => (MaterialKind::Null, true),
+    };
+    let opacity = match &record.opacity {
+        None => None,
+        Some(opacity) => match texture::texture(opacity.get_ref(), assets)? {
+            Texture::Constant(Rgb::ONE) => None,
+            texture => Some(texture),
+        },
+    };
+    Ok(Material {
+        kind,
+        two_sided,
+        opacity,
+        relief: relief(record, assets)?,
+    })
+}
+
+fn relief(record: &MaterialRecord, assets: &mut Assets<'_>) -> Result<Option<Relief>, Problem> {
+    match (&record.bump, &record.normal_map) {
+        (None, None) => Ok(None),
+        (Some(bump), None) => {
+            let bump = bump.get_ref();
+            let image = ImageTextureRecord {
+                file: bump.image.clone(),
+                raw: bump.raw,
+                filter: bump.filter,
+                wrap: bump.wrap,
+                uv: bump.uv.clone(),
+            };
+            Ok(Some(Relief::Bump {
+                height: texture::image::<NonNegative>(&image, assets)?,
+                scale: bump.scale.as_ref().map_or(1.0, Number::f32),
+            }))
+        }
+        (None, Some(map)) => {
+            let mut map = map.get_ref().clone();
+            if let TextureRecord::Image(image) = &mut map {
+                image.raw = true;
+            }
+            Ok(Some(Relief::Normals(texture::texture(&map, assets)?)))
+        }
+        (Some(_), Some(map)) => {
+            Err(Fault::new(map.span(), "a surface has `bump` or `normal_map`, not both").into())
+        }
+    }
+}
+
+/// A colour or image that reflects or transmits from nothing to everything.
+type Field = Option<Spanned<TextureRecord<Unit>>>;
+
+fn tint(
+    record: &MaterialRecord,
+    mut texture: impl FnMut(&Field, f32) -> Result<Texture, Problem>,
+) -> Result<Tint, Problem> {
+    Ok(Tint {
+        reflectance: texture(&record.specular_reflectance, 1.0)?,
+        transmittance: texture(&record.specular_transmittance, 1.0)?,
+    })
+}
+
+fn distribution(record: &MaterialRecord) -> Distribution {
+    match record.distribution.as_ref().map(Spanned::get_ref) {
+        None | Some(DistributionName::Ggx) => Distribution::Ggx,
+        Some(DistributionName::Beckmann) => Distribution::Beckmann,
+    }
+}
+
+fn alpha(record: &MaterialRecord) -> Result<f32, Fault> {
+    Ok(required(&record.alpha, &record.kind, "alpha")?
+        .get_ref()
+        .f32())
+}
+
+/// Index of refraction of plastics where the scene names none: polypropylene's.
+const POLYPROPYLENE: f64 = 1.49;
+
+fn relative_ior(record: &MaterialRecord, default: Option<f64>) -> Result<f32, Fault> {
+    let (ior, span) = match (&record.ior, default) {
+        (None, Some(ior)) => (ior, record.kind.span()),
+        (ior, _) => {
+            let ior = required(ior, &record.kind, "ior")?;
+            (ior.get_ref().0, ior.span())
+        }
+    };
+    let exterior = record
+        .exterior_ior
+        .as_ref()
+        .map_or(1.0, |ior| ior.get_ref().0);
+    let eta = (ior / exterior) as f32;
+    if !(1e-2..=1e2).contains(&eta) {
+        return Err(Fault::new(
+            span,
+            format!("expected `ior` / `exterior_ior` from 0.01 to 100, found {eta}"),
+        ));
+    }
+    Ok(eta)
+}
+
+/// By `specular`, the reflectance at normal incidence over 0.08, or by `ior`.
+fn principled_eta(record: &MaterialRecord) -> Result<f32, Fault> {
+    if record.ior.is_some() {
+        if let Some(specular) = &record.specular {
+            return Err(Fault::new(
+                specular.span(),
+                "the reflection is given by `specular` or by `ior`: one of the two ways",
+            ));
+        }
+        return relative_ior(record, None);
+    }
+    if let Some(exterior) = &record.exterior_ior {
+        return Err(Fault::new(
+            exterior.span(),
+            "`exterior_ior` goes with `ior`, which is missing",
+        ));
+    }
+    let specular = record.specular.as_ref().map_or(0.5, |s| s.get_ref().f32());
+    Ok(2.0 / (1.0 - (0.08 * specular).sqrt()) - 1.0)
+}
+
+fn metal(record: &MaterialRecord) -> Result<(Rgb, Rgb), Fault> {
+    match (&record.preset, &record.eta, &record.k) {
+        (Some(preset), None, None) => conductor_preset(preset.get_ref()).ok_or_else(|| {
+            let known = conductor_names().collect::<Vec<_>>().join(", ");
+            Fault::new(
+                preset.span(),
+                format!(
+                    "there is no metal \"{}\"; expected one of {known}",
+                    preset.get_ref()
+                ),
+            )
+        }),
+        (None, Some(eta), Some(k)) => {
+            let (eta, k) = (eta.get_ref().rgb(), k.get_ref().rgb());
+            if (eta + k).min_element() <= 0.0 {
+                return Err(Fault::new(
+                    record.kind.span(),
+                    "eta and k are both 0 in one channel",
+                ));
+            }
+            Ok((eta, k))
+        }
+        _ => Err(Fault::new(
+            record.kind.span(),
+            "a conductor is given by `preset`, or by `eta` and `k`: one of the two ways",
+        )),
+    }
+}

@@ -1,0 +1,314 @@
+//! Media and their names.
+
+use super::{Assets, Problem, check_reach, required, unknown_name};
+use crate::parse::{
+    AlbedoRecord, BlobRecord, DensityRecord, Fault, MediumKind, MediumRecord, PhaseRecord,
+};
+use crate::transform;
+use crate::values::Spanned;
+use beamfarm_render::math::Rgb;
+use beamfarm_render::medium::bricks::{Bricks, DensityError};
+use beamfarm_render::medium::procedural::{Blob, Height, Noise, Recipe, RecipeError};
+use beamfarm_render::medium::transmittance::Estimator;
+use beamfarm_render::medium::{Heterogeneous, Homogeneous, Medium, MediumId};
+use beamfarm_render::phase::Phase;
+use glam::{DAffine3, DVec3};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// The scene's media, in the order of their names.
+pub struct Media {
+    pub list: Vec<Medium>,
+    names: Vec<String>,
+    /// By medium: corners of the box that it fills, render space; none when it has no bounds.
+    corners: Vec<Vec<DVec3>>,
+}
+
+impl Media {
+    pub fn new(
+        records: &BTreeMap<Spanned<String>, MediumRecord>,
+        render_origin: DVec3,
+        assets: &mut Assets,
+    ) -> Result<Self, Problem> {
+        let mut media = Self {
+            list: Vec::new(),
+            names: Vec::new(),
+            corners: Vec::new(),
+        };
+        for (name, record) in records {
+            let refuse = |message: &str| Err(Fault::new(name.span(), message).into());
+            if name.get_ref() == "none" {
+                return refuse("the name \"none\" stands for vacuum; choose another");
+            }
+            if media.list.len() == usize::from(u16::MAX) {
+                return refuse("more than 65535 media");
+            }
+            let (medium, corners) = match record.kind.get_ref() {
+                MediumKind::Homogeneous => (Medium::Homogeneous(homogeneous(record)?), Vec::new()),
+                MediumKind::Heterogeneous => {
+                    let (medium, corners) = heterogeneous(record, render_origin, assets)?;
+                    (Medium::Heterogeneous(medium), corners)
+                }
+            };
+            media.list.push(medium);
+            media.corners.push(corners);
+            media.names.push(name.get_ref().clone());
+        }
+        Ok(media)
+    }
+
+    /// Corners of the box that a medium fills, render space.
+    pub fn corners(&self, medium: MediumId) -> impl Iterator<Item = DVec3> {
+        let corners = medium.and_then(|index| self.corners.get(usize::from(index)));
+        corners.into_iter().flatten().copied()
+    }
+
+    /// The medium of a name; "none" is vacuum.
+    pub fn resolve(&self, name: &Spanned<String>) -> Result<MediumId, Fault> {
+        if name.get_ref() == "none" {
+            return Ok(None);
+        }
+        match self.names.binary_search(name.get_ref()) {
+            Ok(index) => Ok(Some(index as u16)),
+            Err(_) => {
+                let known = self.names.iter().map(String::as_str).chain(["none"]);
+                Err(unknown_name("medium", name, known))
+            }
+        }
+    }
+
+    /// The medium of a name, or another where there is no name.
+    pub fn resolve_or(
+        &self,
+        name: Option<&Spanned<String>>,
+        default: MediumId,
+    ) -> Result<MediumId, Fault> {
+        name.map_or(Ok(default), |name| self.resolve(name))
+    }
+
+    /// For messages.
+    pub fn name(&self, medium: MediumId) -> &str {
+        medium.map_or("none", |index| &self.names[usize::from(index)])
+    }
+}
+
+fn homogeneous(record: &MediumRecord) -> Result<Homogeneous, Fault> {
+    let [sigma_a, sigma_s] = coefficients(record, 1.0)?;
+    Ok(Homogeneous {
+        sigma_a,
+        sigma_s,
+        phase: phase(record),
+    })
+}
+
+fn phase(record: &MediumRecord) -> Phase {
+    match &record.phase {
+        PhaseRecord::Isotropic => Phase::Isotropic,
+        PhaseRecord::HenyeyGreenstein(g) => Phase::HenyeyGreenstein { g: g.f32() },
+        PhaseRecord::Blend { weight, g } => Phase::blend(weight.f32(), g.map(|g| g as f32)),
+    }
+}
+
+/// Absorption and scattering, times `scale`.
+fn coefficients(record: &MediumRecord, scale: f64) -> Result<[Rgb; 2], Fault> {
+    let (sigma_a, sigma_s) = match (
+        &record.sigma_a,
+        &record.sigma_s,
+        &record.sigma_t,
+        &record.albedo,
+    ) {
+        (Some(sigma_a), Some(sigma_s), None, None) => (sigma_a.get_ref().0, sigma_s.get_ref().0),
+        (None, None, Some(sigma_t), Some(albedo)) => {
+            let sigma_t = sigma_t.get_ref().0;
+            let albedo = match (albedo.get_ref(), record.kind.get_ref()) {
+                (AlbedoRecord::Color(color), _) => color.0,
+                // The file's are factors on the scattering.
+                (AlbedoRecord::File { .. }, MediumKind::Heterogeneous) => [1.0; 3],
+                (AlbedoRecord::File { .. }, MediumKind::Homogeneous) => {
+                    let message = "an albedo from a file is one of a \"heterogeneous\" medium";
+                    return Err(Fault::new(albedo.span(), message));
+                }
+            };
+            let scattered = std::array::from_fn(|c| sigma_t[c] * albedo[c]);
+            (
+                std::array::from_fn(|c| sigma_t[c] - scattered[c]),
+                scattered,
+            )
+        }
+        (sigma_a, sigma_s, sigma_t, albedo) => {
+            let spans = [sigma_t, sigma_a, sigma_s].map(|f| f.as_ref().map(|f| f.span()));
+            let first = spans
+                .into_iter()
+                .flatten()
+                .next()
+                .or(albedo.as_ref().map(|f| f.span()));
+            return Err(Fault::new(
+                first.unwrap_or(record.kind.span()),
+                "a medium is given by `sigma_a` and `sigma_s`, or by `sigma_t` and `albedo`: both of a pair, and never mixed",
+            ));
+        }
+    };
+    let single = |sigma: [f64; 3]| Rgb::from_array(sigma.map(|x| (x * scale) as f32));
+    let (sigma_a, sigma_s) = (single(sigma_a), single(sigma_s));
+    if !(sigma_a + sigma_s).is_finite() {
+        return Err(Fault::new(
+            record.kind.span(),
+            "its extinction is too large for single precision",
+        ));
+    }
+    Ok([sigma_a, sigma_s])
+}
+
+/// A heterogeneous medium and the corners of its box, render space.
+fn heterogeneous(
+    record: &MediumRecord,
+    render_origin: DVec3,
+    assets: &mut Assets,
+) -> Result<(Heterogeneous, Vec<DVec3>), Problem> {
+    let place = required(&record.density, &record.kind, "density")?;
+    let density = match &place.get_ref().file {
+        Some(path) => {
+            let grid = place.get_ref().grid.as_ref();
+            assets.density(path, grid.map(|name| name.get_ref().as_str()))?
+        }
+        None => {
+            let raw = recipe(place)?
+                .sample()
+                .map_err(|error| recipe_fault(place, &error))?;
+            let bricks = Bricks::new(&raw).map_err(|error| {
+                let message = match error {
+                    DensityError::NotFinite(_) => {
+                        "somewhere it is too large for single precision".to_string()
+                    }
+                    error => error.to_string(),
+                };
+                Fault::new(place.span(), message)
+            })?;
+            Arc::new(bricks)
+        }
+    };
+    let to_world = match &record.transform {
+        Some(steps) => transform::compose(steps.get_ref())?,
+        None => DAffine3::IDENTITY,
+    };
+    let to_render = DAffine3::from_translation(-render_origin) * to_world;
+    let from_samples = to_render * density.to_object();
+    let [low, high] = density.domain().map(|p| p.as_dvec3());
+    let corners: Vec<DVec3> = (0..8)
+        .map(|i| DVec3::new((i & 1) as f64, (i >> 1 & 1) as f64, (i >> 2) as f64))
+        .map(|side| from_samples.transform_point3(low + (high - low) * side))
+        .collect();
+    let reach = corners.iter().map(|p| p.length()).fold(0.0, f64::max);
+    let placed_by = record.transform.as_ref().map_or(place.span(), |t| t.span());
+    check_reach(reach, placed_by.clone())?;
+    if !transform::is_invertible(&from_samples) {
+        let message = "the density's transform cannot be inverted: it makes the density flat, or its samples are too far \
+            apart or too close together for single precision";
+        return Err(Fault::new(placed_by, message).into());
+    }
+    let scale = record.scale.as_ref().map_or(1.0, |scale| scale.get_ref().0);
+    let estimator = match &record.transmittance {
+        None => Estimator::DEFAULT,
+        Some(given) => given.get_ref().0,
+    };
+    let medium = Heterogeneous::new(
+        coefficients(record, scale)?,
+        phase(record),
+        estimator,
+        density,
+        to_render,
+    );
+    let medium = match record.albedo.as_ref().map(|a| a.get_ref()) {
+        Some(AlbedoRecord::File { file, grid }) => {
+            let grid = grid.as_ref().map(|name| name.get_ref().as_str());
+            medium.with_albedo(assets.albedo(file, grid)?)
+        }
+        _ => medium,
+    };
+    let densest = medium.bricks().max();
+    if !(medium.sigma_t().max_element() * densest).is_finite() {
+        let message = format!(
+            "its extinction is too large for single precision where it is densest, at a density of {densest:.3e}"
+        );
+        return Err(Fault::new(record.kind.span(), message).into());
+    }
+    Ok((medium, corners))
+}
+
+/// The density that a record describes without a file.
+fn recipe(place: &Spanned<DensityRecord>) -> Result<Recipe, Fault> {
+    let record = place.get_ref();
+    let (min, max) = match (&record.min, &record.max) {
+        (Some(min), Some(max)) => (min, max),
+        (Some(one), None) | (None, Some(one)) => {
+            let message = "the box of a density takes both corners, `min` and `max`";
+            return Err(Fault::new(one.span(), message));
+        }
+        (None, None) => {
+            let message = "a density is given by `file`, or by `min` and `max`, the corners of its box, and what makes it \
+                vary within: `height`, `blobs`, `noise`";
+            return Err(Fault::new(place.span(), message));
+        }
+    };
+    let corners = [min.get_ref().0, max.get_ref().0];
+    let voxel = match &record.voxel {
+        Some(voxel) => voxel.get_ref().0,
+        None => (corners[1] - corners[0]).max_element() / DEFAULT_SAMPLES,
+    };
+    let noise = match &record.noise {
+        None => None,
+        Some(noise) => {
+            let noise = noise.get_ref();
+            let octaves = noise.octaves.as_ref();
+            if let Some(octaves) = octaves
+                && !(1..=MAX_OCTAVES).contains(octaves.get_ref())
+            {
+                let message = format!(
+                    "expected 1 to {MAX_OCTAVES} octaves, found {}",
+                    octaves.get_ref()
+                );
+                return Err(Fault::new(octaves.span(), message));
+            }
+            Some(Noise {
+                size: noise.size.get_ref().0,
+                octaves: octaves.map_or(4, |octaves| *octaves.get_ref()),
+                gain: noise.gain.map_or(0.5, |gain| gain.0),
+                contrast: noise.contrast.map_or(1.0, |contrast| contrast.0),
+                seed: noise.seed.unwrap_or(0),
+            })
+        }
+    };
+    Ok(Recipe {
+        corners,
+        voxel,
+        height: record.height.as_ref().map(|height| Height {
+            base: height.get_ref().base.map_or(0.0, |base| base.0),
+            scale: height.get_ref().scale.0,
+        }),
+        blobs: record.blobs.as_ref().map_or(Vec::new(), |blobs| {
+            let blob = |b: &BlobRecord| Blob {
+                center: b.center.0,
+                radius: b.radius.0,
+                density: b.density.map_or(1.0, |density| density.0),
+            };
+            blobs.get_ref().iter().map(blob).collect()
+        }),
+        noise,
+    })
+}
+
+/// A recipe's error at the field that it is about.
+fn recipe_fault(place: &Spanned<DensityRecord>, error: &RecipeError) -> Fault {
+    let record = place.get_ref();
+    let span = match error {
+        RecipeError::Corners { .. } => record.max.as_ref().map(|max| max.span()),
+        RecipeError::Samples { .. } => record.voxel.as_ref().map(|voxel| voxel.span()),
+        RecipeError::Noise { .. } => record.noise.as_ref().map(|n| n.get_ref().size.span()),
+    };
+    Fault::new(span.unwrap_or(place.span()), error.to_string())
+}
+
+/// Samples along the longest side of a box whose scene does not say how far they are apart.
+const DEFAULT_SAMPLES: f64 = 64.0;
+/// Octaves of noise, at most.
+const MAX_OCTAVES: u32 = 12;

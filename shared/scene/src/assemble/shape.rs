@@ -1,0 +1,495 @@
+//! Shapes: placed, flipped, made of their materials, bounding their media, emitting.
+
+use super::{Parts, Problem, asset_problem, check_reach, required};
+use crate::assets::mesh::RawMesh;
+use crate::parse::{Fault, ShapeRecord, ShapeType};
+use crate::transform;
+use crate::values::Spanned;
+use beamfarm_image::layer::LightGroup;
+use beamfarm_render::geometry::shape::Placement;
+use beamfarm_render::geometry::{Boundary, Mesh, Object, Shape, accel};
+use beamfarm_render::light::{Light, LightKind};
+use beamfarm_render::math::Rgb;
+use glam::{DAffine3, DVec3};
+use std::borrow::Cow;
+use std::f64::consts::PI;
+use std::ops::Range;
+use std::sync::Arc;
+
+/// A shape in its own space.
+enum Form {
+    Sphere,
+    Disc,
+    Cylinder,
+    Mesh(Arc<RawMesh>),
+}
+
+/// Everything about a shape but where it stands.
+struct Surface<'r> {
+    form: Form,
+    record: &'r ShapeRecord,
+    material: u32,
+    boundary: Option<Boundary>,
+}
+
+impl Parts<'_> {
+    /// Add the objects of a shape: one, or one for each instance.
+    pub fn add_shape(&mut self, record: &ShapeRecord, name: &str) -> Result<(), Problem> {
+        let before = [self.objects.len(), self.lights.len()];
+        self.add_objects(record, name)?;
+        let objects = before[0]..self.objects.len();
+        let lights = before[1]..self.lights.len();
+        let emission = record.emission.as_ref().map(Spanned::get_ref);
+        let group = emission.and_then(|emission| emission.group.as_deref());
+        let visible = record.visible.as_ref();
+        self.names
+            .add(name, group.as_slice(), visible, objects, lights);
+        Ok(())
+    }
+
+    fn add_objects(&mut self, record: &ShapeRecord, name: &str) -> Result<(), Problem> {
+        if *record.kind.get_ref() == ShapeType::Instances {
+            return self.add_instances(record, name);
+        }
+        let surface = self.surface(record)?;
+        let own = own_map(record)?;
+        let map = self.to_render_space(own, place(record))?;
+        let shape = self.placed(&surface, &map)?;
+        let light = self.area_light(&surface, &map, &shape, name)?;
+        self.push(&surface, shape, name.to_string(), light)
+    }
+
+    fn add_instances(&mut self, record: &ShapeRecord, name: &str) -> Result<(), Problem> {
+        let inner = required(&record.shape, &record.kind, "shape")?.get_ref();
+        let transforms = required(&record.transforms, &record.kind, "transforms")?;
+        if let Some(emission) = &inner.emission {
+            return Err(Fault::new(
+                emission.span(),
+                "instances cannot emit; list shapes of their own",
+            )
+            .into());
+        }
+        let surface = self.surface(inner)?;
+        let own = own_map(inner)?;
+        let mut shared = match &surface.form {
+            Form::Mesh(raw) => Some(SharedMesh::new(raw, inner, &own)),
+            _ => None,
+        };
+        for (i, steps) in transforms.get_ref().iter().enumerate() {
+            let map = transform::compose(steps.get_ref())? * own;
+            let map = self.to_render_space(map, steps.span())?;
+            let shape = match &mut shared {
+                Some(shared) => {
+                    let shape = shared.place(&map).ok_or_else(|| no_area(inner))?;
+                    check_shape_reach(&shape, steps.span())?;
+                    shape
+                }
+                None => self.placed(&surface, &map)?,
+            };
+            self.push(&surface, shape, format!("{name}[{i}]"), None)?;
+        }
+        Ok(())
+    }
+
+    fn push(
+        &mut self,
+        surface: &Surface<'_>,
+        shape: Shape,
+        name: String,
+        light: Option<u32>,
+    ) -> Result<(), Problem> {
+        if self.objects.len() >= u32::MAX as usize {
+            return Err(Fault::new(surface.record.kind.span(), "more than 2^32 objects").into());
+        }
+        self.objects.push(Object {
+            name,
+            shape,
+            material: surface.material,
+            boundary: surface.boundary,
+            light,
+        });
+        Ok(())
+    }
+
+    /// Resolve the record's names and its mesh.
+    fn surface<'r>(&mut self, record: &'r ShapeRecord) -> Result<Surface<'r>, Problem> {
+        let form = match record.kind.get_ref() {
+            ShapeType::Sphere => Form::Sphere,
+            ShapeType::Disc => Form::Disc,
+            ShapeType::Cylinder => Form::Cylinder,
+            ShapeType::Rectangle => Form::Mesh(Arc::new(RawMesh::rectangle())),
+            ShapeType::Cube => Form::Mesh(Arc::new(RawMesh::cube())),
+            ShapeType::Mesh => Form::Mesh(self.assets.mesh(required(
+                &record.file,
+                &record.kind,
+                "file",
+            )?)?),
+            ShapeType::Instances => {
+                let message = "expected the type of one shape";
+                return Err(Fault::new(record.kind.span(), message).into());
+            }
+        };
+        let material = match &record.material {
+            Some(name) => self.materials.resolve(name)?,
+            None => self.materials.default(record.emission.is_some()),
+        };
+        let boundary = self.boundary(record, &form, material)?;
+        Ok(Surface {
+            form,
+            record,
+            material,
+            boundary,
+        })
+    }
+
+    fn boundary(
+        &self,
+        record: &ShapeRecord,
+        form: &Form,
+        material: u32,
+    ) -> Result<Option<Boundary>, Problem> {
+        let transmits = self.materials.list[material as usize].bounds_media();
+        if !transmits {
+            return match record.interior.as_ref().or(record.exterior.as_ref()) {
+                None => Ok(None),
+                Some(name) => Err(Fault::new(
+                    name.span(),
+                    "this surface bounds no medium; expected a material of type \"dielectric\", \
+                     \"rough_dielectric\" or \"null\" without `opacity` on this shape",
+                )
+                .into()),
+            };
+        }
+        if let Some(place) = &record.boundary
+            && !place.get_ref()
+        {
+            return match record.interior.is_some() || record.exterior.is_some() {
+                false => Ok(None),
+                true => {
+                    let message = "what is no boundary takes neither `interior` nor `exterior`";
+                    Err(Fault::new(place.span(), message).into())
+                }
+            };
+        }
+        let boundary = Boundary {
+            interior: self.media.resolve_or(record.interior.as_ref(), None)?,
+            exterior: self
+                .media
+                .resolve_or(record.exterior.as_ref(), self.world_medium)?,
+        };
+        if boundary.interior != boundary.exterior
+            && let Some(reason) = opening(form)
+        {
+            let place = [&record.interior, &record.exterior, &record.material]
+                .into_iter()
+                .flatten()
+                .next();
+            let message = format!(
+                "an open surface cannot be the boundary between the media \"{}\" (inside) and \"{}\" (outside): {reason}",
+                self.media.name(boundary.interior),
+                self.media.name(boundary.exterior),
+            );
+            return Err(
+                Fault::new(place.map_or(record.kind.span(), Spanned::span), message).into(),
+            );
+        }
+        Ok(Some(boundary))
+    }
+
+    /// A map to world space, moved to render space.
+    fn to_render_space(&self, map: DAffine3, place: Range<usize>) -> Result<DAffine3, Fault> {
+        let map = DAffine3::from_translation(-self.render_origin) * map;
+        check_reach(map.translation.length(), place.clone())?;
+        match transform::is_invertible(&map) {
+            true => Ok(map),
+            false => Err(Fault::new(
+                place,
+                "the shape's transform cannot be inverted: it makes the shape flat (for a \
+                 rectangle or disc, leave the third factor of `scale` at 1), or it is too large \
+                 or too small for single precision",
+            )),
+        }
+    }
+
+    /// The shape at its place, as an object of its own.
+    fn placed(&self, surface: &Surface<'_>, map: &DAffine3) -> Result<Shape, Problem> {
+        let flip = flips(surface.record);
+        let shape = match &surface.form {
+            Form::Sphere => Shape::Sphere {
+                placement: placement(map),
+                flip,
+            },
+            Form::Disc => Shape::Disc {
+                placement: placement(map),
+                flip,
+            },
+            Form::Cylinder => Shape::Cylinder {
+                placement: placement(map),
+                flip,
+            },
+            Form::Mesh(raw) => {
+                let normals = normals(raw, surface.record, map);
+                let mesh = Arc::new(raw.to_mesh(map, flip, &normals));
+                if mesh.triangles.is_empty() {
+                    return Err(no_area(surface.record));
+                }
+                Shape::Mesh {
+                    mesh,
+                    placement: Placement::IDENTITY,
+                }
+            }
+        };
+        check_shape_reach(&shape, place(surface.record))?;
+        Ok(shape)
+    }
+
+    /// The light of an emitting shape, which the next object will be.
+    fn area_light(
+        &mut self,
+        surface: &Surface<'_>,
+        map: &DAffine3,
+        shape: &Shape,
+        name: &str,
+    ) -> Result<Option<u32>, Problem> {
+        let Some(emission) = &surface.record.emission else {
+            return Ok(None);
+        };
+        let radiance = match (&emission.get_ref().radiance, &emission.get_ref().power) {
+            (Some(radiance), None) => radiance.rgb(),
+            (None, Some(power)) => {
+                let area = area(&surface.form, map, shape);
+                Rgb::from_array(power.0.map(|watts| (watts / (PI * area)) as f32))
+            }
+            _ => {
+                let message = "emission is given by `radiance` (W/(m^2 sr)) or by `power` (W): exactly one of them";
+                return Err(Fault::new(emission.span(), message).into());
+            }
+        };
+        if !radiance.is_finite() {
+            return Err(Fault::new(
+                emission.span(),
+                "the radiance is too large for single precision",
+            )
+            .into());
+        }
+        if radiance == Rgb::ZERO {
+            return Ok(None);
+        }
+        let group = emission.get_ref().group.as_deref().unwrap_or(name);
+        self.lights.push(Light {
+            name: name.to_string(),
+            group: LightGroup::named(group),
+            kind: LightKind::Area {
+                object: self.objects.len() as u32,
+                radiance,
+            },
+        });
+        Ok(Some((self.lights.len() - 1) as u32))
+    }
+}
+
+/// One mesh for all instances, and its mirror image for those that mirror. Both lie in the unit ball, where single
+/// precision is finest.
+struct SharedMesh<'a> {
+    raw: &'a RawMesh,
+    flip: bool,
+    normals: Cow<'a, [DVec3]>,
+    unit_from_raw: DAffine3,
+    upright: Option<Arc<Mesh>>,
+    mirrored: Option<Arc<Mesh>>,
+}
+
+impl<'a> SharedMesh<'a> {
+    /// `own`: from the mesh's own space to that of what is copied.
+    fn new(raw: &'a RawMesh, record: &ShapeRecord, own: &DAffine3) -> Self {
+        let low = raw.positions.iter().fold(DVec3::INFINITY, |a, p| a.min(*p));
+        let high = raw
+            .positions
+            .iter()
+            .fold(DVec3::NEG_INFINITY, |a, p| a.max(*p));
+        let center = 0.5 * low + 0.5 * high;
+        let radius = raw
+            .positions
+            .iter()
+            .map(|p| p.distance(center))
+            .fold(0.0, f64::max);
+        let scale = if radius > 0.0 { 1.0 / radius } else { 1.0 };
+        Self {
+            raw,
+            flip: flips(record),
+            normals: normals(raw, record, own),
+            unit_from_raw: DAffine3::from_scale(DVec3::splat(scale))
+                * DAffine3::from_translation(-center),
+            upright: None,
+            mirrored: None,
+        }
+    }
+
+    /// The mesh under a map; `None` when it has no area.
+    fn place(&mut self, map: &DAffine3) -> Option<Shape> {
+        let (slot, mirror) = match map.matrix3.determinant() < 0.0 {
+            true => (&mut self.mirrored, DVec3::new(-1.0, 1.0, 1.0)),
+            false => (&mut self.upright, DVec3::ONE),
+        };
+        let unit_from_raw = DAffine3::from_scale(mirror) * self.unit_from_raw;
+        let mesh = slot.get_or_insert_with(|| {
+            let mesh = self.raw.to_mesh(&unit_from_raw, self.flip, &self.normals);
+            Arc::new(mesh)
+        });
+        let map = *map * unit_from_raw.inverse();
+        if mesh.triangles.is_empty() || !transform::is_invertible(&map) {
+            return None;
+        }
+        Some(Shape::Mesh {
+            mesh: mesh.clone(),
+            placement: placement(&map),
+        })
+    }
+}
+
+/// Whether all of the shape is near enough to the camera.
+fn check_shape_reach(shape: &Shape, place: Range<usize>) -> Result<(), Fault> {
+    let reach = match shape {
+        Shape::Sphere { placement, .. }
+        | Shape::Disc { placement, .. }
+        | Shape::Cylinder { placement, .. }
+        | Shape::Mesh { placement, .. }
+            if *placement != Placement::IDENTITY =>
+        {
+            // In its own space it lies in the unit ball, or in the unit cylinder.
+            let map = &placement.render_from_object;
+            let m = &map.matrix3;
+            let lengths = [map.translation, m.x_axis, m.y_axis, m.z_axis];
+            lengths
+                .iter()
+                .map(|v| glam::Vec3::from(*v).as_dvec3().length())
+                .sum()
+        }
+        _ => {
+            let (low, high) = accel::bounds(shape);
+            let farthest = low.abs().max(high.abs());
+            farthest.as_dvec3().length()
+        }
+    };
+    check_reach(reach, place)
+}
+
+fn own_map(record: &ShapeRecord) -> Result<DAffine3, Fault> {
+    let center = record
+        .center
+        .as_ref()
+        .map_or(DVec3::ZERO, |c| c.get_ref().0);
+    let radius = record.radius.as_ref().map_or(1.0, |r| r.get_ref().0);
+    let own = match record.kind.get_ref() {
+        ShapeType::Cylinder => between(record, radius)?,
+        _ => DAffine3::from_translation(center) * DAffine3::from_scale(DVec3::splat(radius)),
+    };
+    match &record.transform {
+        Some(steps) => Ok(transform::compose(steps.get_ref())? * own),
+        None => Ok(own),
+    }
+}
+
+/// Takes the unit cylinder to the one from `p0` to `p1`, azimuth 0 where it is in Mitsuba.
+fn between(record: &ShapeRecord, radius: f64) -> Result<DAffine3, Fault> {
+    let [p0, p1] = [&record.p0, &record.p1];
+    let start = p0.as_ref().map_or(DVec3::ZERO, |p| p.get_ref().0);
+    let end = p1.as_ref().map_or(DVec3::Z, |p| p.get_ref().0);
+    let axis = end - start;
+    let Some(n) = axis.try_normalize() else {
+        let place = p1.as_ref().or(p0.as_ref()).map(Spanned::span);
+        return Err(Fault::new(
+            place.unwrap_or(record.kind.span()),
+            "expected two different points as `p0` and `p1`",
+        ));
+    };
+    let (x, y) = n.any_orthonormal_pair();
+    Ok(DAffine3::from_cols(x * radius, y * radius, axis, start))
+}
+
+/// Where the file says how the shape is placed.
+fn place(record: &ShapeRecord) -> Range<usize> {
+    let transform = record.transform.as_ref().map(|t| t.span());
+    let center = record.center.as_ref().map(|c| c.span());
+    let radius = record.radius.as_ref().map(|r| r.span());
+    let ends = record.p0.as_ref().or(record.p1.as_ref());
+    transform
+        .or(center)
+        .or(ends.map(|p| p.span()))
+        .or(radius)
+        .unwrap_or(record.kind.span())
+}
+
+fn flips(record: &ShapeRecord) -> bool {
+    record
+        .flip_normals
+        .as_ref()
+        .is_some_and(|flip| *flip.get_ref())
+}
+
+/// The shading normals of a mesh: those of its file, or else, where the record asks for them, smooth ones under a map.
+fn normals<'a>(raw: &'a RawMesh, record: &ShapeRecord, map: &DAffine3) -> Cow<'a, [DVec3]> {
+    let asked = |field: &Option<Spanned<bool>>| field.as_ref().is_some_and(|f| *f.get_ref());
+    if asked(&record.face_normals) {
+        Cow::Borrowed(&[])
+    } else if asked(&record.smooth) && raw.normals.is_empty() {
+        Cow::Owned(raw.smooth_normals(map))
+    } else {
+        Cow::Borrowed(&raw.normals)
+    }
+}
+
+fn placement(map: &DAffine3) -> Placement {
+    let single = |map: &DAffine3| glam::Affine3A {
+        matrix3: glam::Mat3A::from(map.matrix3.as_mat3()),
+        translation: map.translation.as_vec3a(),
+    };
+    Placement {
+        render_from_object: single(map),
+        object_from_render: single(&map.inverse()),
+    }
+}
+
+fn no_area(record: &ShapeRecord) -> Problem {
+    let message = "no triangle of the mesh has an area that single precision can tell from 0";
+    match &record.file {
+        Some(path) => asset_problem(path, message),
+        None => Fault::new(place(record), message).into(),
+    }
+}
+
+/// Why a form does not separate an inside from an outside, if it does not.
+fn opening(form: &Form) -> Option<String> {
+    match form {
+        Form::Sphere => None,
+        Form::Disc => Some("a disc has no inside".to_string()),
+        Form::Cylinder => Some("a cylinder has no ends".to_string()),
+        Form::Mesh(raw) => raw.opening(),
+    }
+}
+
+/// Area in scene units squared.
+fn area(form: &Form, map: &DAffine3, shape: &Shape) -> f64 {
+    let m = map.matrix3;
+    match form {
+        Form::Sphere => match placement(map).uniform_scale() {
+            Some(_) => {
+                let radius = libm::cbrt(m.determinant().abs());
+                4.0 * PI * radius * radius
+            }
+            None => f64::from(shape.area()),
+        },
+        Form::Disc => PI * m.x_axis.cross(m.y_axis).length(),
+        Form::Cylinder => {
+            // The mean over the circle of a tangent's cross product with the axis.
+            let [x, y] = [m.x_axis, m.y_axis].map(|v| v.cross(m.z_axis));
+            const N: u32 = 4096;
+            let stretch = |i: u32| {
+                let (sin, cos) = libm::sincos(2.0 * PI * f64::from(i) / f64::from(N));
+                (y * cos - x * sin).length()
+            };
+            2.0 * PI * (0..N).map(stretch).sum::<f64>() / f64::from(N)
+        }
+        Form::Mesh(raw) => raw.area(map),
+    }
+}

@@ -1,0 +1,512 @@
+//! Images: PNG and JPEG (sRGB or as they are), OpenEXR and Radiance's HDR (linear), decoded to linear RGB.
+
+use super::Flaw;
+use ::exr::prelude::{self as exr, ReadChannels, ReadLayers};
+use ::image::codecs::hdr::HdrDecoder;
+use ::image::{DynamicImage, ImageDecoder, ImageError};
+use beamfarm_image::exr::{check_claims, without_panic};
+use beamfarm_render::math::Rgb;
+use beamfarm_render::texture::Image;
+use std::io::Cursor;
+use zune_jpeg::JpegDecoder;
+use zune_jpeg::zune_core::bytestream::ZCursor;
+use zune_jpeg::zune_core::colorspace::ColorSpace;
+use zune_jpeg::zune_core::options::DecoderOptions;
+
+/// Pixels a row, and rows, at most.
+const MAX_SIDE: usize = 32768;
+/// Pixels at most: 16384 x 8192.
+const MAX_PIXELS: usize = 1 << 27;
+/// Decoded bytes per byte of the file at most. Deflate reaches 1032; the other methods of EXR stay below it.
+const MAX_EXPANSION: usize = 2048;
+
+/// What the numbers of a PNG or a JPEG mean. Those of the other kinds are linear.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Encoding {
+    /// sRGB (IEC 61966-2-1), whatever the file says of its gamma.
+    Srgb,
+    /// Themselves, 1 the largest.
+    Raw,
+}
+
+/// Read an image; its first bytes tell of which kind.
+pub fn read(bytes: &[u8], encoding: Encoding) -> Result<Image, Flaw> {
+    let image = if bytes.starts_with(b"\x89PNG") {
+        read_png(bytes, encoding)?
+    } else if bytes.starts_with(b"\x76\x2f\x31\x01") {
+        read_exr(bytes)?
+    } else if bytes.starts_with(b"\xff\xd8\xff") {
+        read_jpeg(bytes, encoding)?
+    } else if bytes.starts_with(b"#?RADIANCE") || bytes.starts_with(b"#?RGBE") {
+        read_hdr(bytes)?
+    } else {
+        return Err(
+            "unsupported kind of image; expected PNG, JPEG, OpenEXR or Radiance HDR".into(),
+        );
+    };
+    let width = image.width as usize;
+    let bad = |p: &Rgb| !p.is_finite() || p.min_element() < 0.0;
+    if let Some(i) = image.pixels.iter().position(bad) {
+        let (x, y, value) = (i % width, i / width, image.pixels[i]);
+        return Err(format!(
+            "the pixel in column {x}, row {y} (from zero) is {value}; expected finite, not negative"
+        )
+        .into());
+    }
+    Ok(image)
+}
+
+/// The number of pixels, if it is one that an image may have.
+fn pixel_count(width: usize, height: usize) -> Result<usize, Flaw> {
+    let sides = 1..=MAX_SIDE;
+    if sides.contains(&width) && sides.contains(&height) && width * height <= MAX_PIXELS {
+        return Ok(width * height);
+    }
+    let message = format!(
+        "the image has {width} x {height} pixels; expected 1 to {MAX_SIDE} on a side and {MAX_PIXELS} in all"
+    );
+    Err(message.into())
+}
+
+/// Whether a file can hold as much as its header claims.
+fn check_claim(decoded_bytes: usize, file: &[u8]) -> Result<(), Flaw> {
+    match decoded_bytes > file.len().saturating_mul(MAX_EXPANSION) {
+        true => Err("the file is too short for the pixels that its header claims".into()),
+        false => Ok(()),
+    }
+}
+
+/// Grey, RGB or palette, 1 to 16 bits a channel, alpha ignored.
+fn read_png(bytes: &[u8], encoding: Encoding) -> Result<Image, Flaw> {
+    let message = |e: ::png::DecodingError| Flaw::from(format!("not a sound PNG: {e}"));
+    let mut decoder = ::png::Decoder::new(Cursor::new(bytes));
+    let header = decoder.read_header_info().map_err(message)?;
+    let (width, height) = header.size();
+    let count = pixel_count(width as usize, height as usize)?;
+    check_claim(count * header.bits_per_pixel() / 8, bytes)?;
+    decoder.set_transformations(::png::Transformations::EXPAND);
+    let mut reader = decoder.read_info().map_err(message)?;
+    let size = reader
+        .output_buffer_size()
+        .ok_or("the image is too large")?;
+    let mut data = vec![0; size];
+    let info = reader.next_frame(&mut data).map_err(message)?;
+    data.truncate(info.buffer_size());
+
+    let (bytes_per_sample, levels) = match info.bit_depth {
+        ::png::BitDepth::Sixteen => (2, 65535),
+        _ => (1, 255),
+    };
+    let linear = encoding.table(levels);
+    let sample = |p: &[u8], i: usize| match bytes_per_sample {
+        2 => linear[usize::from(u16::from_be_bytes([p[2 * i], p[2 * i + 1]]))],
+        _ => linear[usize::from(p[i])],
+    };
+    let channels = info.color_type.samples();
+    let pixel = |p: &[u8]| match channels {
+        1 | 2 => Rgb::splat(sample(p, 0)),
+        _ => Rgb::new(sample(p, 0), sample(p, 1), sample(p, 2)),
+    };
+    let pixels = data.chunks_exact(channels * bytes_per_sample).map(pixel);
+    Ok(Image {
+        width,
+        height,
+        pixels: pixels.collect(),
+    })
+}
+
+/// Grey or colour, 8 bits a channel, baseline or progressive.
+fn read_jpeg(bytes: &[u8], encoding: Encoding) -> Result<Image, Flaw> {
+    let message = |e: String| Flaw::from(format!("not a sound JPEG: {e}"));
+    let options = DecoderOptions::default()
+        .set_max_width(MAX_SIDE)
+        .set_max_height(MAX_SIDE)
+        .jpeg_set_out_colorspace(ColorSpace::RGB);
+    let mut decoder = JpegDecoder::new_with_options(ZCursor::new(bytes), options);
+    let headers = without_panic(|| decoder.decode_headers().map_err(|e| e.to_string()));
+    headers.map_err(message)?;
+    let (width, height) = decoder
+        .dimensions()
+        .ok_or_else(|| message("it has no size".into()))?;
+    let count = pixel_count(width, height)?;
+    check_claim(count * 3, bytes)?;
+    let data = without_panic(|| decoder.decode().map_err(|e| e.to_string())).map_err(message)?;
+    if data.len() != count * 3 {
+        return Err(message("it is neither grey nor red, green and blue".into()));
+    }
+    let linear = encoding.table(255);
+    let pixel = |p: &[u8; 3]| Rgb::from_array(p.map(|v| linear[usize::from(v)]));
+    Ok(Image {
+        width: width as u32,
+        height: height as u32,
+        pixels: data.as_chunks().0.iter().map(pixel).collect(),
+    })
+}
+
+/// Radiance's format of shared exponents, plain or run-length encoded.
+fn read_hdr(bytes: &[u8]) -> Result<Image, Flaw> {
+    let message = |e: String| Flaw::from(format!("not a sound Radiance HDR image: {e}"));
+    let sound = |e: ImageError| e.to_string();
+    let decoder = without_panic(|| HdrDecoder::new(Cursor::new(bytes)).map_err(sound));
+    let decoder = decoder.map_err(message)?;
+    let (width, height) = decoder.dimensions();
+    let count = pixel_count(width as usize, height as usize)?;
+    check_claim(count * 4, bytes)?;
+    let decoded = without_panic(|| DynamicImage::from_decoder(decoder).map_err(sound));
+    let decoded = decoded.map_err(message)?.into_rgb32f();
+    let pixels = decoded.pixels().map(|p| Rgb::from_array(p.0));
+    Ok(Image {
+        width,
+        height,
+        pixels: pixels.collect(),
+    })
+}
+
+impl Encoding {
+    /// Linear values of the numbers from 0 to `levels`.
+    fn table(self, levels: u32) -> Vec<f32> {
+        let value = |v: u32| {
+            let v = f64::from(v) / f64::from(levels);
+            match self {
+                Self::Srgb => linear_from_srgb(v),
+                Self::Raw => v as f32,
+            }
+        };
+        (0..=levels).map(value).collect()
+    }
+}
+
+/// The sRGB transfer function (IEC 61966-2-1), from [0, 1] to [0, 1].
+fn linear_from_srgb(v: f64) -> f32 {
+    let linear = if v <= 0.04045 {
+        v / 12.92
+    } else {
+        libm::pow((v + 0.055) / 1.055, 2.4)
+    };
+    linear as f32
+}
+
+/// The channels R, G and B, or Y alone, of the first layer that has them; the data window is the image.
+fn read_exr(bytes: &[u8]) -> Result<Image, Flaw> {
+    let message = |e: String| Flaw::from(format!("not a sound OpenEXR image: {e}"));
+    check_claims(bytes, true).map_err(message)?;
+    let decode = || {
+        exr::read()
+            .no_deep_data()
+            .largest_resolution_level()
+            .all_channels()
+            .all_layers()
+            .all_attributes()
+            .pedantic()
+            .non_parallel()
+            .from_buffered(Cursor::new(bytes))
+            .map_err(|e| e.to_string())
+    };
+    let image = without_panic(decode).map_err(message)?;
+    for layer in &image.layer_data {
+        let find = |name: &str| {
+            layer
+                .channel_data
+                .list
+                .iter()
+                .find(|c| c.name.eq_case_insensitive(name))
+        };
+        let channels = match (find("R"), find("G"), find("B"), find("Y")) {
+            (Some(r), Some(g), Some(b), _) => [r, g, b],
+            (None, None, None, Some(y)) => [y, y, y],
+            _ => continue,
+        };
+        let (width, height) = (layer.size.width(), layer.size.height());
+        pixel_count(width, height)?;
+        if channels.iter().any(|c| c.sampling != exr::Vec2(1, 1)) {
+            return Err("channels of reduced resolution are not supported".into());
+        }
+        let value = |c: &exr::AnyChannel<exr::FlatSamples>, i| {
+            c.sample_data.value_by_flat_index(i).to_f32()
+        };
+        let pixel = |i| Rgb::from_array(channels.map(|c| value(c, i)));
+        return Ok(Image {
+            width: width as u32,
+            height: height as u32,
+            pixels: (0..width * height).map(pixel).collect(),
+        });
+    }
+    Err("no layer has the channels R, G and B, or Y".into())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(bytes: &[u8]) -> Result<Image, Flaw> {
+        super::read(bytes, Encoding::Srgb)
+    }
+
+    fn png(
+        width: u32,
+        height: u32,
+        color: ::png::ColorType,
+        depth: ::png::BitDepth,
+        data: &[u8],
+    ) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        let mut encoder = ::png::Encoder::new(&mut bytes, width, height);
+        encoder.set_color(color);
+        encoder.set_depth(depth);
+        if color == ::png::ColorType::Indexed {
+            encoder.set_palette(vec![0, 0, 0, 255, 128, 0]);
+        }
+        encoder
+            .write_header()
+            .unwrap()
+            .write_image_data(data)
+            .unwrap();
+        bytes
+    }
+
+    fn exr_with(width: usize, height: usize, channels: &[(&str, f32)]) -> Vec<u8> {
+        let list = channels.iter().map(|(name, value)| {
+            exr::AnyChannel::new(*name, exr::FlatSamples::F32(vec![*value; width * height]))
+        });
+        let mut bytes = Cursor::new(Vec::new());
+        use ::exr::prelude::WritableImage;
+        exr::Image::from_channels((width, height), exr::AnyChannels::sort(list.collect()))
+            .write()
+            .to_buffered(&mut bytes)
+            .unwrap();
+        bytes.into_inner()
+    }
+
+    /// IEC 61966-2-1: 0.5 in sRGB is 0.2140411 linear.
+    #[test]
+    fn png_is_srgb_in_every_layout() {
+        use ::png::{BitDepth, ColorType};
+        let half = linear_from_srgb(128.0 / 255.0);
+        assert!((linear_from_srgb(0.5) - 0.214_041_1).abs() < 1e-6);
+        assert!((linear_from_srgb(0.04) - 0.04 / 12.92).abs() < 1e-8);
+        assert_eq!(linear_from_srgb(1.0), 1.0);
+        let orange = Rgb::new(1.0, half, 0.0);
+        for (color, depth, data, expected) in [
+            (
+                ColorType::Rgb,
+                BitDepth::Eight,
+                vec![255, 128, 0, 0, 0, 0],
+                orange,
+            ),
+            (
+                ColorType::Rgba,
+                BitDepth::Eight,
+                vec![255, 128, 0, 7, 0, 0, 0, 0],
+                orange,
+            ),
+            (
+                ColorType::Grayscale,
+                BitDepth::Eight,
+                vec![128, 0],
+                Rgb::splat(half),
+            ),
+            (
+                ColorType::GrayscaleAlpha,
+                BitDepth::Eight,
+                vec![128, 9, 0, 0],
+                Rgb::splat(half),
+            ),
+            (
+                ColorType::Grayscale,
+                BitDepth::One,
+                vec![0b1000_0000],
+                Rgb::ONE,
+            ),
+            (ColorType::Indexed, BitDepth::One, vec![0b1000_0000], orange),
+            (
+                ColorType::Grayscale,
+                BitDepth::Sixteen,
+                vec![0x80, 0x80, 0, 0],
+                Rgb::splat(half),
+            ),
+            (
+                ColorType::Rgb,
+                BitDepth::Sixteen,
+                vec![255, 255, 0x80, 0x80, 0, 0, 0, 0, 0, 0, 0, 0],
+                orange,
+            ),
+        ] {
+            let image = read(&png(2, 1, color, depth, &data)).unwrap();
+            assert_eq!((image.width, image.height), (2, 1));
+            assert!(
+                (image.pixels[0] - expected).abs().max_element() < 1e-6,
+                "{color:?} {depth:?}"
+            );
+            assert_eq!(image.pixels[1], Rgb::ZERO, "{color:?} {depth:?}");
+            let raw = super::read(&png(2, 1, color, depth, &data), Encoding::Raw).unwrap();
+            let is_half = |c: f32, raw: f32| {
+                if c == half {
+                    (raw - 0.502).abs() < 1e-3
+                } else {
+                    raw == c
+                }
+            };
+            let pairs = expected
+                .to_array()
+                .into_iter()
+                .zip(raw.pixels[0].to_array());
+            assert!(
+                pairs.into_iter().all(|(c, raw)| is_half(c, raw)),
+                "{color:?} {depth:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn exr_is_linear_by_channel_name() {
+        let image = read(&exr_with(
+            3,
+            2,
+            &[("B", 3.0), ("A", 9.0), ("R", 1.5), ("G", 2.0)],
+        ))
+        .unwrap();
+        assert_eq!((image.width, image.height), (3, 2));
+        assert!(image.pixels.iter().all(|p| *p == Rgb::new(1.5, 2.0, 3.0)));
+        let grey = read(&exr_with(3, 2, &[("Y", 0.25)])).unwrap();
+        assert!(grey.pixels.iter().all(|p| *p == Rgb::splat(0.25)));
+    }
+
+    #[test]
+    fn bad_images_say_why() {
+        let message = |bytes: &[u8]| read(bytes).unwrap_err().message;
+        assert!(message(&exr_with(2, 2, &[("Y", f32::NAN)])).contains("column 0, row 0"));
+        assert!(message(&exr_with(2, 2, &[("Y", f32::INFINITY)])).contains("expected finite"));
+        assert!(message(&exr_with(2, 2, &[("Y", -1.0)])).contains("not negative"));
+        assert!(message(&exr_with(2, 2, &[("Z", 1.0)])).contains("no layer has the channels"));
+        assert!(message(b"GIF89a").contains("expected PNG, JPEG"));
+        assert!(message(b"").contains("expected PNG, JPEG"));
+        let good = png(
+            1,
+            1,
+            ::png::ColorType::Grayscale,
+            ::png::BitDepth::Eight,
+            &[1],
+        );
+        // What follows the pixels' own chunk (12 bytes of IEND, 4 of a checksum) is not needed.
+        for length in 0..good.len() - 16 {
+            assert!(read(&good[..length]).is_err(), "{length}");
+        }
+        let good = exr_with(64, 64, &[("Y", 1.0)]);
+        assert!(message(&good[..good.len() / 2]).contains("not a sound OpenEXR"));
+    }
+
+    /// A header that claims gigabytes is refused before anything is allocated for them.
+    #[test]
+    fn claims_of_headers_are_not_believed() {
+        let huge = |width: u32, height: u32| {
+            let mut bytes = png(
+                1,
+                1,
+                ::png::ColorType::Rgb,
+                ::png::BitDepth::Eight,
+                &[1, 2, 3],
+            );
+            bytes[16..20].copy_from_slice(&width.to_be_bytes());
+            bytes[20..24].copy_from_slice(&height.to_be_bytes());
+            let crc = crc32(&bytes[12..29]).to_be_bytes();
+            bytes[29..33].copy_from_slice(&crc);
+            read(&bytes).unwrap_err().message
+        };
+        assert!(huge(0, 1).contains("PNG"), "{}", huge(0, 1));
+        assert!(huge(1 << 30, 1 << 30).contains("pixels; expected 1 to"));
+        assert!(huge(16384, 8192).contains("too short"));
+        assert!(huge(32768, 32768).contains("pixels; expected 1 to"));
+
+        let mut bytes = exr_with(1, 1, &[("Y", 1.0)]);
+        let name = b"dataWindow\0box2i\0";
+        let at = bytes.windows(name.len()).position(|w| w == name).unwrap() + name.len() + 4;
+        bytes[at + 8..at + 12].copy_from_slice(&16383u32.to_le_bytes());
+        bytes[at + 12..at + 16].copy_from_slice(&8191u32.to_le_bytes());
+        assert!(read(&bytes).is_err());
+    }
+
+    /// 16 x 8 pixels: the left half sRGB (200, 100, 50), the right half (20, 40, 220); quality 95 without subsampling.
+    const JPEG: &[u8] = include_bytes!("../../../../tests/fuzz/seeds/jpeg/halves.jpg");
+
+    #[test]
+    fn jpeg_is_srgb() {
+        let image = read(JPEG).unwrap();
+        assert_eq!((image.width, image.height), (16, 8));
+        for (i, pixel) in image.pixels.iter().enumerate() {
+            let srgb = match i % 16 {
+                0..8 => [200.0, 100.0, 50.0],
+                _ => [20.0, 40.0, 220.0],
+            };
+            for (found, expected) in pixel.to_array().into_iter().zip(srgb) {
+                // Two steps of 255, for JPEG's own rounding.
+                let near = |d: f64| linear_from_srgb((expected + d) / 255.0);
+                assert!((near(-2.0)..=near(2.0)).contains(&found), "{i}: {pixel}");
+            }
+        }
+        let raw = super::read(JPEG, Encoding::Raw).unwrap();
+        assert!((raw.pixels[0].x - 200.0 / 255.0).abs() < 0.01);
+        let mut huge = JPEG.to_vec();
+        let at = huge.windows(2).position(|w| w == [0xff, 0xc0]).unwrap();
+        huge[at + 5..at + 9].copy_from_slice(&[0x7f, 0xff, 0x0f, 0xff]);
+        let message = read(&huge).unwrap_err().message;
+        assert!(message.contains("too short"), "{message}");
+    }
+
+    /// One row of pixels in Radiance's format, not compressed.
+    fn hdr(pixels: &[Rgb]) -> Vec<u8> {
+        let mut bytes = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n".to_vec();
+        bytes.extend(format!("-Y 1 +X {}\n", pixels.len()).bytes());
+        for pixel in pixels {
+            // Shared exponent: the largest value is 1/2 to 1 times 2^(e - 128).
+            let exponent = libm::frexpf(pixel.max_element()).1;
+            let scale = libm::ldexpf(1.0, 8 - exponent);
+            bytes.extend(pixel.to_array().map(|v| (v * scale) as u8));
+            bytes.push((exponent + 128) as u8);
+        }
+        bytes
+    }
+
+    #[test]
+    fn hdr_is_linear() {
+        let pixels = [
+            Rgb::new(0.5, 2.0, 3.5),
+            Rgb::new(1e-12, 0.0, 5e-13),
+            Rgb::new(6e20, 1e20, 0.0),
+        ];
+        let image = read(&hdr(&pixels)).unwrap();
+        assert_eq!((image.width, image.height), (3, 1));
+        for (found, expected) in image.pixels.iter().zip(pixels) {
+            let step = expected.max_element() / 128.0;
+            assert!((*found - expected).abs().max_element() <= step, "{found}");
+        }
+        let huge = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 4096 +X 32768\n";
+        let message = read(huge).unwrap_err().message;
+        assert!(message.contains("too short"), "{message}");
+    }
+
+    #[test]
+    fn damage_does_not_panic() {
+        let grey = png(
+            8,
+            8,
+            ::png::ColorType::Grayscale,
+            ::png::BitDepth::Eight,
+            &[99; 64],
+        );
+        let color = exr_with(8, 8, &[("R", 1.0), ("G", 2.0), ("B", 3.0)]);
+        let jpeg = JPEG.to_vec();
+        let all = [grey, color, jpeg, hdr(&[Rgb::new(0.5, 2.0, 3e4); 12])];
+        crate::assets::tests::damage(&all, |bytes| {
+            let _ = read(bytes);
+        });
+    }
+
+    /// CRC-32 of PNG chunks (ISO 3309), bit by bit.
+    fn crc32(bytes: &[u8]) -> u32 {
+        !bytes.iter().fold(!0u32, |crc, byte| {
+            (0..8).fold(crc ^ u32::from(*byte), |crc, _| {
+                (crc >> 1) ^ (0xedb8_8320 & (crc & 1).wrapping_neg())
+            })
+        })
+    }
+}

@@ -1,0 +1,425 @@
+//! Meshes as their files give them, and the meshes that are rendered.
+
+use super::{Flaw, obj, ply};
+use beamfarm_render::geometry::Mesh;
+use glam::{DAffine3, DVec2, DVec3};
+
+/// A mesh in double precision, as its file gives it.
+#[derive(Clone, Debug, Default)]
+pub struct RawMesh {
+    /// Vertex positions.
+    pub positions: Vec<DVec3>,
+    /// One normal a vertex, or none at all.
+    pub normals: Vec<DVec3>,
+    /// One UV a vertex, or none at all.
+    pub uvs: Vec<DVec2>,
+    /// Vertex indices, counter-clockwise seen from outside.
+    pub triangles: Vec<[u32; 3]>,
+}
+
+impl RawMesh {
+    /// Read a PLY or OBJ file; its name's ending tells which.
+    pub fn read(name: &str, bytes: &[u8]) -> Result<Self, Flaw> {
+        let ending = name
+            .rsplit_once('.')
+            .map(|(_, ending)| ending.to_ascii_lowercase());
+        let mesh = match ending.as_deref() {
+            Some("ply") => ply::read(bytes)?,
+            Some("obj") => obj::read(bytes)?,
+            _ => return Err("unsupported kind of mesh file; expected .ply or .obj".into()),
+        };
+        mesh.checked()
+    }
+
+    /// The mesh with unit normals, if it can be used.
+    pub fn checked(mut self) -> Result<Self, Flaw> {
+        self.check()?;
+        self.repair_normals();
+        Ok(self)
+    }
+
+    fn check(&self) -> Result<(), Flaw> {
+        if self.triangles.is_empty() {
+            return Err("the mesh is empty; expected at least one triangle".into());
+        }
+        let count = self.positions.len();
+        let unusable = |p: &DVec3| !p.as_vec3().is_finite();
+        if let Some(i) = self.positions.iter().position(unusable) {
+            return Err(
+                format!("vertex {i} (from zero) has a position that is NaN or infinite").into(),
+            );
+        }
+        if let Some(i) = self.normals.iter().position(|n| !n.is_finite()) {
+            return Err(
+                format!("vertex {i} (from zero) has a normal that is NaN or infinite").into(),
+            );
+        }
+        if let Some(i) = self.uvs.iter().position(|uv| !uv.as_vec2().is_finite()) {
+            return Err(format!("vertex {i} (from zero) has a UV that is NaN or infinite").into());
+        }
+        let outside = |t: &[u32; 3]| t.iter().copied().find(|v| *v as usize >= count);
+        if let Some((i, v)) = self
+            .triangles
+            .iter()
+            .enumerate()
+            .find_map(|(i, t)| Some((i, outside(t)?)))
+        {
+            return Err(format!(
+                "triangle {i} (from zero) names vertex {v}, but there are {count}"
+            )
+            .into());
+        }
+        Ok(())
+    }
+
+    /// Make normals unit vectors; those that are zero become the mean of their triangles' normals.
+    fn repair_normals(&mut self) {
+        let mut any_zero = false;
+        for normal in &mut self.normals {
+            *normal = normal.normalize_or_zero();
+            any_zero |= *normal == DVec3::ZERO;
+        }
+        if !any_zero {
+            return;
+        }
+        let mut sums = vec![DVec3::ZERO; self.positions.len()];
+        for t in &self.triangles {
+            let [a, b, c] = t.map(|v| self.positions[v as usize]);
+            for v in t {
+                sums[*v as usize] += (b - a).cross(c - a);
+            }
+        }
+        for (normal, sum) in self.normals.iter_mut().zip(sums) {
+            if *normal == DVec3::ZERO {
+                *normal = sum.try_normalize().unwrap_or(DVec3::Z);
+            }
+        }
+    }
+
+    /// The square [-1, 1]^2 in the xy plane, normal +z, UV from (0, 0) to (1, 1).
+    pub fn rectangle() -> Self {
+        let mut mesh = Self::default();
+        mesh.push_square(DVec3::ZERO, DVec3::X, DVec3::Y);
+        mesh
+    }
+
+    /// The cube [-1, 1]^3; every face has the whole unit square of UV, turned as in Mitsuba 3.
+    pub fn cube() -> Self {
+        let mut mesh = Self::default();
+        let (x, y, z) = (DVec3::X, DVec3::Y, DVec3::Z);
+        // Each face's sides, and where its u and v grow to.
+        for (side, other, u, v) in [
+            (x, y, y, x),
+            (y, x, -y, x),
+            (y, z, y, -z),
+            (z, y, y, z),
+            (z, x, -x, -z),
+            (x, z, z, x),
+        ] {
+            let first = mesh.positions.len();
+            mesh.push_square(side.cross(other), side, other);
+            for (uv, p) in mesh.uvs.iter_mut().zip(&mesh.positions).skip(first) {
+                *uv = 0.5 * DVec2::new(p.dot(u), p.dot(v)) + 0.5;
+            }
+        }
+        mesh
+    }
+
+    fn push_square(&mut self, center: DVec3, x: DVec3, y: DVec3) {
+        let first = self.positions.len() as u32;
+        for (u, v) in [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)] {
+            self.positions
+                .push(center + x * (2.0 * u - 1.0) + y * (2.0 * v - 1.0));
+            self.uvs.push(DVec2::new(u, v));
+        }
+        self.triangles.push([first, first + 1, first + 2]);
+        self.triangles.push([first, first + 2, first + 3]);
+    }
+
+    /// Area under a map.
+    pub fn area(&self, map: &DAffine3) -> f64 {
+        let doubled = |t: &[u32; 3]| {
+            let [a, b, c] = t.map(|v| map.transform_point3(self.positions[v as usize]));
+            (b - a).cross(c - a).length()
+        };
+        0.5 * self.triangles.iter().map(doubled).sum::<f64>()
+    }
+
+    /// A normal for each vertex: the mean of its triangles' normals, weighted by their angles there (Thürmer and Wüthrich
+    /// 1998). They are right once they are mapped to where angles are measured, as normals are; here they stand in the mesh's
+    /// own space. Vertices at one position are different ones.
+    pub fn smooth_normals(&self, map: &DAffine3) -> Vec<DVec3> {
+        let m = map.matrix3;
+        // Triangles that a mirror turns around keep their outside.
+        let side = m.determinant().signum();
+        let mut sums = vec![DVec3::ZERO; self.positions.len()];
+        for t in &self.triangles {
+            let corners = t.map(|v| self.positions[v as usize]);
+            let edge = |i: usize| m * (corners[(i + 1) % 3] - corners[i % 3]);
+            let Some(normal) = edge(0).cross(-edge(2)).try_normalize() else {
+                continue;
+            };
+            for (i, v) in t.iter().enumerate() {
+                let (next, last) = (edge(i), -edge(i + 2));
+                let angle = libm::atan2(next.cross(last).length(), next.dot(last));
+                sums[*v as usize] += normal * (side * angle);
+            }
+        }
+        // Where normals cancel there is none; Mitsuba takes this one.
+        let unit = |sum: DVec3| sum.try_normalize().unwrap_or(DVec3::X);
+        let back = m.transpose();
+        let normals = sums.into_iter().map(|sum| back * unit(sum));
+        normals.map(DVec3::normalize_or_zero).collect()
+    }
+
+    /// The mesh under a map, in single precision, with these normals, one a vertex, or none at all. `flip` turns its outside
+    /// in; a map that mirrors does not. Triangles without an area are left out.
+    pub fn to_mesh(&self, map: &DAffine3, flip: bool, normals: &[DVec3]) -> Mesh {
+        let reverse = flip != (map.matrix3.determinant() < 0.0);
+        let normal_map = map.matrix3.inverse().transpose() * if flip { -1.0 } else { 1.0 };
+        let mut mesh = Mesh {
+            positions: self
+                .positions
+                .iter()
+                .map(|p| map.transform_point3(*p).as_vec3())
+                .collect(),
+            normals: normals
+                .iter()
+                .map(|n| (normal_map * *n).normalize().as_vec3())
+                .collect(),
+            uvs: self.uvs.iter().map(|uv| uv.as_vec2()).collect(),
+            triangles: self.triangles.clone(),
+            ..Mesh::default()
+        };
+        if reverse {
+            mesh.triangles.iter_mut().for_each(|t| t.swap(1, 2));
+        }
+        let positions = &mesh.positions;
+        mesh.triangles.retain(|t| {
+            let [a, b, c] = t.map(|v| positions[v as usize].as_dvec3());
+            (b - a).cross(c - a) != DVec3::ZERO
+        });
+        mesh
+    }
+
+    /// Why the mesh does not separate an inside from an outside, if it does not. Vertices at one position are one.
+    pub fn opening(&self) -> Option<String> {
+        let welded = self.weld();
+        let mut edges = Vec::with_capacity(3 * self.triangles.len());
+        for t in &self.triangles {
+            let [a, b, c] = t.map(|v| welded[v as usize]);
+            for (from, to) in [(a, b), (b, c), (c, a)] {
+                if from != to {
+                    edges.push((from.min(to), from.max(to), from < to));
+                }
+            }
+        }
+        edges.sort_unstable();
+        let bad = edges
+            .chunk_by(|e, f| (e.0, e.1) == (f.0, f.1))
+            .find(|edge| {
+                let upwards = edge.iter().filter(|e| e.2).count();
+                2 * upwards != edge.len()
+            })?;
+        let [from, to] = [bad[0].0, bad[0].1].map(|v| self.positions[v as usize].to_array());
+        let reason = match bad.len() {
+            1 => "belongs to one triangle only",
+            n if n % 2 == 0 => "belongs to triangles that wind in different directions",
+            _ => "belongs to an odd number of triangles",
+        };
+        Some(format!("its edge from {from:?} to {to:?} {reason}"))
+    }
+
+    /// For each vertex the first vertex at its position.
+    fn weld(&self) -> Vec<u32> {
+        // Adding zero turns -0 into +0.
+        let key = |v: u32| {
+            (self.positions[v as usize] + 0.0)
+                .to_array()
+                .map(f64::to_bits)
+        };
+        let mut order: Vec<u32> = (0..self.positions.len() as u32).collect();
+        order.sort_unstable_by_key(|v| (key(*v), *v));
+        let mut welded = vec![0; order.len()];
+        for same in order.chunk_by(|a, b| key(*a) == key(*b)) {
+            same.iter().for_each(|v| welded[*v as usize] = same[0]);
+        }
+        welded
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::Vec3;
+
+    fn normal(mesh: &Mesh, t: usize) -> Vec3 {
+        let [a, b, c] = mesh.triangles[t].map(|v| mesh.positions[v as usize]);
+        (b - a).cross(c - a).normalize()
+    }
+
+    /// A tetrahedron around the origin with outward vertex normals.
+    fn tetrahedron() -> RawMesh {
+        let positions = vec![
+            DVec3::new(1.0, 1.0, 1.0),
+            DVec3::new(-1.0, -1.0, 1.0),
+            DVec3::new(-1.0, 1.0, -1.0),
+            DVec3::new(1.0, -1.0, -1.0),
+        ];
+        RawMesh {
+            normals: positions.iter().map(|p| p.normalize()).collect(),
+            positions,
+            uvs: Vec::new(),
+            triangles: vec![[0, 2, 1], [0, 3, 2], [0, 1, 3], [1, 2, 3]],
+        }
+    }
+
+    #[test]
+    fn cube_and_rectangle_face_outwards() {
+        let cube = RawMesh::cube();
+        assert_eq!(cube.opening(), None);
+        assert_eq!(cube.area(&DAffine3::IDENTITY), 24.0);
+        let mesh = cube.to_mesh(&DAffine3::IDENTITY, false, &[]);
+        for t in 0..12 {
+            let center: Vec3 = mesh.triangles[t]
+                .iter()
+                .map(|v| mesh.positions[*v as usize])
+                .sum();
+            assert!(normal(&mesh, t).dot(center) > 0.0);
+            let uv = |k: usize| mesh.uvs[mesh.triangles[t][k] as usize];
+            // As in Mitsuba, where v runs downwards on images.
+            assert!((uv(1) - uv(0)).perp_dot(uv(2) - uv(0)) < 0.0);
+        }
+        let rectangle = RawMesh::rectangle().to_mesh(&DAffine3::IDENTITY, false, &[]);
+        assert_eq!(normal(&rectangle, 0), Vec3::Z);
+        assert_eq!(normal(&rectangle, 1), Vec3::Z);
+        for (p, uv) in rectangle.positions.iter().zip(&rectangle.uvs) {
+            assert_eq!(p.truncate(), *uv * 2.0 - 1.0);
+        }
+    }
+
+    /// Whatever the map, the outside stays outside unless it is flipped, and so do vertex normals.
+    #[test]
+    fn maps_that_mirror_keep_the_outside() {
+        let mirror = DAffine3::from_scale(DVec3::new(-2.0, 1.0, 0.5));
+        let turn = DAffine3::from_axis_angle(DVec3::new(0.6, 0.0, 0.8), 1.0);
+        for map in [
+            DAffine3::IDENTITY,
+            turn,
+            mirror,
+            turn * mirror,
+            mirror * turn * mirror,
+        ] {
+            for flip in [false, true] {
+                let raw = tetrahedron();
+                let mesh = raw.to_mesh(&map, flip, &raw.normals);
+                for t in 0..4 {
+                    let center: Vec3 = mesh.triangles[t]
+                        .iter()
+                        .map(|v| mesh.positions[*v as usize])
+                        .sum();
+                    assert_eq!(normal(&mesh, t).dot(center) < 0.0, flip);
+                    for v in mesh.triangles[t] {
+                        let outwards = mesh.normals[v as usize].dot(mesh.positions[v as usize]);
+                        assert_eq!(outwards < 0.0, flip);
+                        assert!((mesh.normals[v as usize].length() - 1.0).abs() < 1e-6);
+                    }
+                }
+                assert!(raw.to_mesh(&map, flip, &[]).normals.is_empty());
+            }
+        }
+    }
+
+    /// `vertex_positions` and `vertex_texcoords` of Mitsuba 3.9.1's cube, a face a line.
+    #[test]
+    fn cubes_have_the_uvs_of_mitsuba() {
+        #[rustfmt::skip]
+        let faces = [
+            [[1, -1, -1], [1, -1, 1], [-1, -1, 1], [-1, -1, -1]],
+            [[1, 1, -1], [-1, 1, -1], [-1, 1, 1], [1, 1, 1]],
+            [[1, -1, -1], [1, 1, -1], [1, 1, 1], [1, -1, 1]],
+            [[1, -1, 1], [1, 1, 1], [-1, 1, 1], [-1, -1, 1]],
+            [[-1, -1, 1], [-1, 1, 1], [-1, 1, -1], [-1, -1, -1]],
+            [[1, 1, -1], [1, -1, -1], [-1, -1, -1], [-1, 1, -1]],
+        ];
+        let cube = RawMesh::cube();
+        for face in faces {
+            let corners = face.map(|p| DVec3::from(p.map(f64::from)));
+            let normal = corners.iter().sum::<DVec3>() / 4.0;
+            for (corner, uv) in corners
+                .iter()
+                .zip([DVec2::Y, DVec2::ONE, DVec2::X, DVec2::ZERO])
+            {
+                let found = (0..cube.positions.len()).find(|v| {
+                    let center = cube.positions[v - v % 4..][..4].iter().sum::<DVec3>() / 4.0;
+                    center == normal && cube.positions[*v] == *corner
+                });
+                assert_eq!(cube.uvs[found.unwrap()], uv, "{normal} {corner}");
+            }
+        }
+    }
+
+    /// By their angles, not by how many triangles or how large ones they are: three faces of a cube, one of them in two
+    /// triangles, and under a map that makes their angles others.
+    #[test]
+    fn smooth_normals_are_weighted_by_angles() {
+        let (x, y, z) = (DVec3::X, DVec3::Y, DVec3::Z);
+        let corner = RawMesh {
+            positions: vec![DVec3::ZERO, 3.0 * x, x + y, y, 5.0 * z],
+            triangles: vec![[0, 2, 1], [0, 3, 2], [0, 1, 4], [0, 4, 3]],
+            ..RawMesh::default()
+        };
+        let normals = corner.smooth_normals(&DAffine3::IDENTITY);
+        assert!((normals[0] + DVec3::ONE.normalize()).length() < 1e-12);
+        // y becomes x + y, in the xy plane still: its angles at the origin are 45, 90 and 90 degrees.
+        let shear = DAffine3::from_mat3(glam::DMat3::from_cols(x, x + y, z));
+        let normals = corner.smooth_normals(&shear);
+        let mapped = (shear.matrix3.inverse().transpose() * normals[0]).normalize();
+        let expected = -z * 0.5 - y + (y - x).normalize();
+        assert!((mapped - expected.normalize()).length() < 1e-12, "{mapped}");
+    }
+
+    #[test]
+    fn openings_are_found() {
+        let mut mesh = tetrahedron();
+        assert_eq!(mesh.opening(), None);
+        // Vertices of their own for each triangle, and a zero of either sign, do not open it.
+        let split = RawMesh {
+            positions: mesh
+                .triangles
+                .iter()
+                .flatten()
+                .map(|v| mesh.positions[*v as usize] - 1.0)
+                .collect(),
+            triangles: (0..4).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect(),
+            ..RawMesh::default()
+        };
+        assert_eq!(split.opening(), None);
+        let mut signed = split.clone();
+        signed
+            .positions
+            .iter_mut()
+            .step_by(2)
+            .for_each(|p| *p = -(-*p));
+        signed.positions[0] = signed.positions[0] * 1.0 + DVec3::splat(-0.0);
+        assert_eq!(signed.opening(), None);
+
+        mesh.triangles[3].swap(0, 1);
+        assert!(mesh.opening().unwrap().contains("different directions"));
+        mesh.triangles.pop();
+        assert!(mesh.opening().unwrap().contains("one triangle only"));
+        assert!(RawMesh::rectangle().opening().is_some());
+    }
+
+    #[test]
+    fn triangles_without_area_are_left_out() {
+        let mut mesh = tetrahedron();
+        mesh.positions.push(DVec3::ZERO);
+        mesh.positions.push(DVec3::splat(0.5));
+        mesh.triangles.extend([[0, 0, 1], [0, 4, 5]]);
+        assert_eq!(
+            mesh.to_mesh(&DAffine3::IDENTITY, false, &[]).triangles,
+            tetrahedron().triangles
+        );
+    }
+}

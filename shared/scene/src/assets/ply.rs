@@ -1,0 +1,344 @@
+//! PLY: ASCII and binary of either byte order.
+
+use super::Flaw;
+use super::mesh::RawMesh;
+use glam::{DVec2, DVec3};
+use ply_rs_bw::parser::{ParseError, Parser, Reader};
+use ply_rs_bw::ply::{
+    DefaultElement, ElementDef, Encoding, Property, PropertyAccess, PropertyAccessResult,
+    PropertyType, ScalarType,
+};
+
+/// Read a mesh: element `vertex` with x, y, z, optional normals and UVs, element `face` with a list of vertex indices.
+/// Polygons become fans of triangles. Other elements and properties are skipped.
+pub fn read(bytes: &[u8]) -> Result<RawMesh, Flaw> {
+    let mut reader = Reader::new(bytes);
+    let header = Parser::<DefaultElement>::new()
+        .read_header(&mut reader)
+        .map_err(|e| flaw(&e, true))?;
+    let text = header.encoding == Encoding::Ascii;
+    let mut room = reader.get_ref().len() as u64;
+    for element in header.elements.values() {
+        let least = least_size(element, text).saturating_mul(element.count as u64);
+        room = room.checked_sub(least).ok_or_else(|| {
+            format!(
+                "the file is too short for the {} `{}` elements it claims",
+                element.count, element.name
+            )
+        })?;
+    }
+    let mut mesh = RawMesh::default();
+    for element in header.elements.values() {
+        let place = |e: ParseError| flaw(&e, text);
+        match element.name.as_str() {
+            "vertex" => {
+                let has = |names: &[&str]| {
+                    names
+                        .iter()
+                        .all(|name| element.properties.contains_key(*name))
+                };
+                if !has(&["x", "y", "z"]) {
+                    return Err("the element `vertex` lacks x, y or z".into());
+                }
+                let vertices = Parser::<Vertex>::new()
+                    .read_payload_for_element(&mut reader, element, &header)
+                    .map_err(place)?;
+                mesh.positions = vertices.iter().map(|v| v.position).collect();
+                if has(&["nx", "ny", "nz"]) {
+                    mesh.normals = vertices.iter().map(|v| v.normal).collect();
+                }
+                if UV_NAMES.iter().any(|names| has(names)) {
+                    mesh.uvs = vertices.iter().map(|v| v.uv).collect();
+                }
+            }
+            "face" => {
+                if !INDEX_NAMES
+                    .iter()
+                    .any(|name| element.properties.contains_key(*name))
+                {
+                    return Err("the element `face` lacks the list `vertex_indices`".into());
+                }
+                let faces = Parser::<Face>::new()
+                    .read_payload_for_element(&mut reader, element, &header)
+                    .map_err(place)?;
+                for face in &faces {
+                    for i in 2..face.0.len() {
+                        mesh.triangles.push([face.0[0], face.0[i - 1], face.0[i]]);
+                    }
+                }
+            }
+            _ => {
+                Parser::<Skipped>::new()
+                    .read_payload_for_element(&mut reader, element, &header)
+                    .map_err(place)?;
+            }
+        }
+    }
+    Ok(mesh)
+}
+
+const UV_NAMES: [[&str; 2]; 4] = [
+    ["u", "v"],
+    ["s", "t"],
+    ["texture_u", "texture_v"],
+    ["texture_s", "texture_t"],
+];
+const INDEX_NAMES: [&str; 2] = ["vertex_indices", "vertex_index"];
+
+fn flaw(error: &ParseError, has_lines: bool) -> Flaw {
+    let text = error.to_string();
+    let text = match (error.line(), text.split_once(": ")) {
+        (Some(_), Some((_, rest))) => rest.to_string(),
+        _ => text,
+    };
+    // The messages quote the line at length, then end with the cause.
+    let first = text.lines().next().unwrap_or_default();
+    let message = match text.rsplit_once("Error: ") {
+        Some((_, cause)) => format!("{first} {}", cause.trim()),
+        None => first.to_string(),
+    };
+    Flaw {
+        line: error.line().filter(|_| has_lines),
+        message,
+    }
+}
+
+/// The fewest bytes that one element can take, so that a count is believed only if its elements fit the file.
+fn least_size(element: &ElementDef, text: bool) -> u64 {
+    let size = |scalar: &ScalarType| match scalar {
+        ScalarType::Char | ScalarType::UChar => 1,
+        ScalarType::Short | ScalarType::UShort => 2,
+        ScalarType::Int | ScalarType::UInt | ScalarType::Float => 4,
+        ScalarType::Double => 8,
+    };
+    let sizes = element.properties.values().map(|p| match &p.data_type {
+        _ if text => 1,
+        PropertyType::Scalar(scalar) | PropertyType::List(scalar, _) => size(scalar),
+    });
+    // An element without properties would take no bytes, and any number of them could be claimed.
+    sizes.sum::<u64>().max(1)
+}
+
+struct Vertex {
+    position: DVec3,
+    normal: DVec3,
+    uv: DVec2,
+}
+
+impl PropertyAccess for Vertex {
+    fn new() -> Self {
+        Self {
+            position: DVec3::ZERO,
+            normal: DVec3::ZERO,
+            uv: DVec2::ZERO,
+        }
+    }
+    fn set_property(&mut self, name: &str, value: Property) -> PropertyAccessResult {
+        let target = match name {
+            "x" => &mut self.position.x,
+            "y" => &mut self.position.y,
+            "z" => &mut self.position.z,
+            "nx" => &mut self.normal.x,
+            "ny" => &mut self.normal.y,
+            "nz" => &mut self.normal.z,
+            "u" | "s" | "texture_u" | "texture_s" => &mut self.uv.x,
+            "v" | "t" | "texture_v" | "texture_t" => &mut self.uv.y,
+            _ => return PropertyAccessResult::Ignored,
+        };
+        *target = match value {
+            Property::Float(x) => x.into(),
+            Property::Double(x) => x,
+            Property::Char(x) => x.into(),
+            Property::UChar(x) => x.into(),
+            Property::Short(x) => x.into(),
+            Property::UShort(x) => x.into(),
+            Property::Int(x) => x.into(),
+            Property::UInt(x) => x.into(),
+            _ => return PropertyAccessResult::UnsupportedType,
+        };
+        PropertyAccessResult::Set
+    }
+}
+
+struct Face(Vec<u32>);
+
+impl PropertyAccess for Face {
+    fn new() -> Self {
+        Self(Vec::new())
+    }
+    fn set_property(&mut self, name: &str, value: Property) -> PropertyAccessResult {
+        if !INDEX_NAMES.contains(&name) {
+            return PropertyAccessResult::Ignored;
+        }
+        // A negative index becomes one that no vertex has.
+        let index = |i: i64| u32::try_from(i).unwrap_or(u32::MAX);
+        self.0 = match value {
+            Property::ListInt(list) => list.into_iter().map(|i| index(i.into())).collect(),
+            Property::ListUInt(list) => list,
+            Property::ListShort(list) => list.into_iter().map(|i| index(i.into())).collect(),
+            Property::ListUShort(list) => list.into_iter().map(u32::from).collect(),
+            Property::ListChar(list) => list.into_iter().map(|i| index(i.into())).collect(),
+            Property::ListUChar(list) => list.into_iter().map(u32::from).collect(),
+            _ => return PropertyAccessResult::UnsupportedType,
+        };
+        PropertyAccessResult::Set
+    }
+}
+
+struct Skipped;
+
+impl PropertyAccess for Skipped {
+    fn new() -> Self {
+        Self
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::assets::mesh::RawMesh;
+
+    const HEADER: &str = "comment a square\nelement vertex 4\nproperty float x\nproperty float y\n\
+        property double z\nproperty uchar red\nproperty float s\nproperty float t\nelement edge 1\n\
+        property int vertex1\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n";
+    const CORNERS: [[f32; 2]; 4] = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
+
+    fn ascii() -> Vec<u8> {
+        let mut text = format!("ply\nformat ascii 1.0\n{HEADER}");
+        for [x, y] in CORNERS {
+            text += &format!("{x} {y} 5e-1 7 {x} {y}\n");
+        }
+        (text + "3\n4 0 1 2 3\n").into_bytes()
+    }
+
+    fn binary(big: bool) -> Vec<u8> {
+        let format = if big {
+            "binary_big_endian"
+        } else {
+            "binary_little_endian"
+        };
+        let mut bytes = format!("ply\nformat {format} 1.0\n{HEADER}").into_bytes();
+        let mut put = |little: &[u8]| match big {
+            true => bytes.extend(little.iter().rev()),
+            false => bytes.extend(little),
+        };
+        for [x, y] in CORNERS {
+            put(&x.to_le_bytes());
+            put(&y.to_le_bytes());
+            put(&0.5f64.to_le_bytes());
+            put(&[7]);
+            put(&x.to_le_bytes());
+            put(&y.to_le_bytes());
+        }
+        put(&3i32.to_le_bytes());
+        put(&[4]);
+        (0..4i32).for_each(|i| put(&i.to_le_bytes()));
+        bytes
+    }
+
+    #[test]
+    fn all_encodings_give_the_same_mesh() {
+        for bytes in [ascii(), binary(false), binary(true)] {
+            let mesh = RawMesh::read("square.PLY", &bytes).unwrap();
+            assert_eq!(mesh.triangles, [[0, 1, 2], [0, 2, 3]]);
+            for (i, [x, y]) in CORNERS.iter().map(|c| c.map(f64::from)).enumerate() {
+                assert_eq!(mesh.positions[i], DVec3::new(x, y, 0.5));
+                assert_eq!(mesh.uvs[i], DVec2::new(x, y));
+            }
+            assert!(mesh.normals.is_empty());
+        }
+    }
+
+    #[test]
+    fn every_truncation_is_refused() {
+        for bytes in [ascii(), binary(false), binary(true)] {
+            // The last line of ASCII may do without its end.
+            for length in 0..bytes.len() - 1 {
+                assert!(
+                    RawMesh::read("a.ply", &bytes[..length]).is_err(),
+                    "{length}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn ascii_errors_have_lines() {
+        let text = String::from_utf8(ascii()).unwrap();
+        for (from, to, line) in [
+            ("0 1 5e-1 7 0 1\n", "0 nan 5e-1 7 0 1\n", 19),
+            ("0 1 5e-1 7 0 1\n", "0 1 5e-1 7 0\n", 19),
+            ("4 0 1 2 3\n", "4 0 1 2\n", 21),
+            ("property uchar red", "property colour red", 8),
+        ] {
+            assert!(text.contains(from));
+            let flaw = RawMesh::read("a.ply", text.replace(from, to).as_bytes()).unwrap_err();
+            assert_eq!(flaw.line, Some(line), "{}", flaw.message);
+        }
+    }
+
+    #[test]
+    fn bad_meshes_say_why() {
+        let text = String::from_utf8(ascii()).unwrap();
+        for (from, to, reason) in [
+            ("4 0 1 2 3", "4 0 1 2 4", "names vertex 4, but there are 4"),
+            ("4 0 1 2 3", "4 0 1 -2 3", "names vertex 4294967295"),
+            ("4 0 1 2 3", "2 0 1", "the mesh is empty"),
+            ("4 0 1 2 3", "4000000000 0 1 2 3", "list"),
+            (
+                "element vertex 4\n",
+                "element vertex 4000000000\n",
+                "too short",
+            ),
+            (
+                "element vertex 4\n",
+                "element vertex 18446744073709551615\n",
+                "too short",
+            ),
+            (
+                "element edge 1\nproperty int vertex1\n",
+                "element edge 4000000000\n",
+                "too short",
+            ),
+            (
+                "element face 1\n",
+                "element tristrips 1\n",
+                "the mesh is empty",
+            ),
+            (
+                "property double z\n",
+                "property double w\n",
+                "lacks x, y or z",
+            ),
+            (
+                "vertex_indices",
+                "indices",
+                "lacks the list `vertex_indices`",
+            ),
+            ("1 0 5e-1", "1e39 0 5e-1", "NaN or infinite"),
+        ] {
+            assert!(text.contains(from), "{from}");
+            let flaw = RawMesh::read("a.ply", text.replace(from, to).as_bytes()).unwrap_err();
+            assert!(flaw.message.contains(reason), "{}", flaw.message);
+        }
+        let nan = [0, 0, 0xc0, 0x7f];
+        let mut bytes = binary(false);
+        let first_vertex = bytes.len() - 25 * 4 - 4 - 17;
+        bytes[first_vertex..first_vertex + 4].copy_from_slice(&nan);
+        let flaw = RawMesh::read("a.ply", &bytes).unwrap_err();
+        assert!(
+            flaw.message
+                .contains("vertex 0 (from zero) has a position that is NaN"),
+            "{}",
+            flaw.message
+        );
+    }
+
+    /// Damaged files are refused or read as something else; none makes the reader panic.
+    #[test]
+    fn damage_does_not_panic() {
+        crate::assets::tests::damage(&[ascii(), binary(false), binary(true)], |bytes| {
+            let _ = RawMesh::read("a.ply", bytes);
+        });
+    }
+}

@@ -1,0 +1,270 @@
+//! Scene files: native ones (TOML) and Mitsuba's (XML) with the meshes, images and volumes that they name, read and validated into a
+//! [`SceneDescription`].
+//!
+//! `parse` turns text into records that know their places in the file, `assemble` turns records into what the renderer takes,
+//! `assets` reads what they name, and `mitsuba` turns XML into a native file.
+//!
+//! # Example
+//!
+//! ```
+//! use beamfarm_image::bundle::Bundle;
+//! use beamfarm_image::merge::{Node, TreeSum};
+//! use beamfarm_render::pass::render_pass;
+//! use beamfarm_render::plan::RenderPlan;
+//! use beamfarm_render::world::Scene;
+//!
+//! let text = r#"
+//! [image]
+//! width = 32
+//! height = 24
+//! [camera]
+//! origin = [0, 0, 3]
+//! target = [0, 0, 0]
+//! fov = 40
+//! [[shapes]]
+//! type = "sphere"
+//! center = [0, 0, 0]
+//! radius = 1
+//! [[lights]]
+//! type = "point"
+//! position = [2, 2, 3]
+//! power = 100
+//! "#;
+//! let mut bundle = Bundle { scene: "ball.toml".into(), ..Bundle::default() };
+//! bundle.files.insert("ball.toml".into(), text.into());
+//!
+//! let scene = Scene::new(beamfarm_scene::load(&bundle)?);
+//! let plan = RenderPlan::new(&scene, scene.description().defaults.job_settings());
+//! let mut sum = TreeSum::new(32, 24);
+//! for pass_index in 0..4 {
+//!     let pass = render_pass(&scene, &plan, pass_index);
+//!     sum.insert(Node::leaf(pass_index, pass.film))?;
+//! }
+//! let image = sum.average().expect("four passes are complete");
+//! assert!(image.beauty.pixels[12 * 32 + 16][0] > 0.0);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+mod assemble;
+mod assets;
+mod error;
+mod mitsuba;
+mod parse;
+mod source;
+mod transform;
+mod values;
+
+use assemble::{Assembled, Problem};
+use assets::gltf;
+use beamfarm_image::bundle::{self, Bundle};
+use beamfarm_render::world::SceneDescription;
+pub use error::SceneError;
+pub use mitsuba::{ImportOptions, Imported, Origin, import};
+use parse::{Fault, SceneRecord};
+use std::collections::BTreeMap;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+/// Parse and validate the scene of a bundle. Errors name files as the bundle does: relative to the scene's folder.
+pub fn load(bundle: &Bundle) -> Result<SceneDescription, SceneError> {
+    let file = Path::new(&bundle.scene);
+    let bytes = bundle.files.get(&bundle.scene).ok_or_else(|| SceneError {
+        file: file.to_path_buf(),
+        line: None,
+        message: "the bundle lacks its scene file".to_string(),
+    })?;
+    let text = text_of(file, bytes)?;
+    let record = SceneRecord::parse(text).map_err(|fault| source::locate(file, text, &fault))?;
+    let assembled = assemble::assemble(&record, bundle).map_err(|problem| match problem {
+        Problem::Scene(fault) => source::locate(file, text, &fault),
+        Problem::Asset { file, flaw } => SceneError {
+            file: PathBuf::from(file),
+            line: flaw.line,
+            message: flaw.message,
+        },
+    });
+    let Assembled {
+        mut description,
+        notes,
+        photon_places,
+    } = assembled?;
+    let note = |fault: &Fault| source::locate(file, text, fault).to_string();
+    description.notes = notes.iter().map(note).collect();
+    let rule = |place: &Range<usize>| note(&Fault::new(place.clone(), "photons obey this"));
+    description.photon_rules = photon_places.iter().map(rule).collect();
+    Ok(description)
+}
+
+/// A scene file with every asset that it names, native or Mitsuba's XML.
+#[derive(Clone, Debug)]
+pub struct SceneFile {
+    /// The native scene and its assets.
+    pub bundle: Bundle,
+    /// What was replaced of an XML scene, each with its file and line.
+    pub notes: Vec<String>,
+    /// What is not supported of an XML scene and was left out, each with its file and line.
+    pub left_out: Vec<String>,
+    folder: PathBuf,
+    origin: Option<Origin>,
+}
+
+impl SceneFile {
+    /// Read a scene; Mitsuba's if the file's name ends in `.xml`.
+    pub fn read(path: &Path, options: &ImportOptions) -> Result<Self, SceneError> {
+        Self::read_for(path, path.parent().unwrap_or(Path::new("")), options)
+    }
+
+    /// As [`Self::read`]. An XML scene becomes a native one that names its assets relative to `folder`.
+    pub fn read_for(
+        path: &Path,
+        folder: &Path,
+        options: &ImportOptions,
+    ) -> Result<Self, SceneError> {
+        let unreadable = |reason: String| SceneError {
+            file: path.to_path_buf(),
+            line: None,
+            message: reason,
+        };
+        let name = path
+            .file_name()
+            .ok_or_else(|| unreadable("not the name of a file".to_string()))?;
+        let name = name
+            .to_str()
+            .ok_or_else(|| unreadable("the file's name is not UTF-8".to_string()))?;
+        if !is_mitsuba(path) {
+            let folder = path.parent().unwrap_or(Path::new(""));
+            let bytes = read_file(path, bundle::MAX_BYTES).map_err(unreadable)?;
+            let bundle = with_assets(name.to_string(), bytes, path, folder)?;
+            return Ok(Self {
+                bundle,
+                notes: Vec::new(),
+                left_out: Vec::new(),
+                folder: folder.to_path_buf(),
+                origin: None,
+            });
+        }
+        let imported = import(path, folder, options)?;
+        let origin = imported.origin().clone();
+        let native = Path::new(name).with_extension("toml");
+        let native = native.to_string_lossy().into_owned();
+        let bundle = with_assets(native, imported.text.into_bytes(), path, folder)
+            .map_err(|error| origin.relocate(error))?;
+        Ok(Self {
+            bundle,
+            notes: imported.notes,
+            left_out: imported.left_out,
+            folder: folder.to_path_buf(),
+            origin: Some(origin),
+        })
+    }
+
+    /// The native scene file's text.
+    pub fn text(&self) -> &[u8] {
+        self.bundle
+            .files
+            .get(&self.bundle.scene)
+            .map_or(&[], Vec::as_slice)
+    }
+
+    /// Parse and validate the scene. Errors name files as [`Self::read`] was given them.
+    pub fn load(&self) -> Result<SceneDescription, SceneError> {
+        load(&self.bundle).map_err(|error| match &self.origin {
+            Some(origin) if error.file == Path::new(&self.bundle.scene) => origin.relocate(error),
+            _ => SceneError {
+                file: self.folder.join(&error.file),
+                ..error
+            },
+        })
+    }
+}
+
+/// Whether a scene file is Mitsuba's, by its name.
+pub fn is_mitsuba(path: &Path) -> bool {
+    path.extension()
+        .is_some_and(|ending| ending.eq_ignore_ascii_case("xml"))
+}
+
+/// Read a scene file and every asset that it names into a bundle.
+pub fn read_bundle(path: &Path) -> Result<Bundle, SceneError> {
+    SceneFile::read(path, &ImportOptions::default()).map(|file| file.bundle)
+}
+
+/// A bundle of a native scene file and its assets, which lie in `folder`. Errors name `path`.
+fn with_assets(
+    name: String,
+    bytes: Vec<u8>,
+    path: &Path,
+    folder: &Path,
+) -> Result<Bundle, SceneError> {
+    let text = text_of(path, &bytes)?;
+    let record = SceneRecord::parse(text).map_err(|fault| source::locate(path, text, &fault))?;
+    let scene = bundle::key(&name);
+    let mut room = bundle::MAX_BYTES.saturating_sub(bytes.len() as u64);
+    let mut files = BTreeMap::from([(scene.clone(), bytes.clone())]);
+    let mut add =
+        |files: &mut BTreeMap<String, Vec<u8>>, written: &str, span: std::ops::Range<usize>| {
+            let fault = |reason: String| {
+                let fault = Fault::new(span.clone(), reason);
+                source::locate(path, text, &fault)
+            };
+            let key = bundle::key(written);
+            if files.contains_key(&key) {
+                return Ok(());
+            }
+            bundle::check_key(&key).map_err(fault)?;
+            if files.len() == bundle::MAX_FILES {
+                return Err(fault(format!(
+                    "the scene names more files than the {} that it may have",
+                    bundle::MAX_FILES
+                )));
+            }
+            let bytes = read_file(&folder.join(written), room)
+                .map_err(|reason| fault(format!("the file \"{written}\": {reason}")))?;
+            room -= bytes.len() as u64;
+            files.insert(key, bytes);
+            Ok(())
+        };
+    for asset in record.assets() {
+        add(&mut files, asset.get_ref(), asset.span())?;
+    }
+    for asset in record.gltf_files() {
+        let name = asset.get_ref();
+        let bytes = files.get(&bundle::key(name)).map_or(&[][..], Vec::as_slice);
+        let named = gltf::files(bytes).map_err(|flaw| SceneError {
+            file: folder.join(name),
+            line: None,
+            message: flaw.message,
+        })?;
+        for file in named {
+            add(&mut files, &gltf::beside(name, &file), asset.span())?;
+        }
+    }
+    Ok(Bundle { scene, files })
+}
+
+/// The JSON Schema (draft 7) of native scene files, for editors: a JSON document.
+pub fn json_schema() -> String {
+    parse::json_schema()
+}
+
+fn text_of<'a>(file: &Path, bytes: &'a [u8]) -> Result<&'a str, SceneError> {
+    std::str::from_utf8(bytes).map_err(|e| SceneError {
+        file: file.to_path_buf(),
+        line: Some(source::line_of(bytes, e.valid_up_to())),
+        message: "the scene file is not UTF-8 text".to_string(),
+    })
+}
+
+/// A file of at most `room` bytes.
+fn read_file(path: &Path, room: u64) -> Result<Vec<u8>, String> {
+    // A device or a pipe might never end.
+    match std::fs::metadata(path) {
+        Ok(metadata) if !metadata.is_file() => Err("not a file".to_string()),
+        Ok(metadata) if metadata.len() > room => Err(format!(
+            "with it the scene's files take more than {} bytes",
+            bundle::MAX_BYTES
+        )),
+        Ok(_) => std::fs::read(path).map_err(|e| e.to_string()),
+        Err(e) => Err(e.to_string()),
+    }
+}

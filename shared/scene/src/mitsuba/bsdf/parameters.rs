@@ -1,0 +1,168 @@
+//! Parameters that several BSDFs share.
+
+use crate::mitsuba::value::Value;
+use crate::mitsuba::write::{Section, Toml};
+use crate::mitsuba::xml::{Content, Id};
+use crate::mitsuba::{Converter, cie, named};
+
+impl Converter<'_> {
+    /// A colour or texture between 0 and 1.
+    pub(super) fn field(
+        &mut self,
+        id: Id,
+        name: &str,
+        field: &'static str,
+        turned: bool,
+        section: &mut Section,
+    ) {
+        if let Some(member) = self.member(id, name)
+            && let Some(value) = self.textured_member(id, member, cie::Kind::Factor, turned)
+        {
+            section.set(field, value, member.place);
+        }
+    }
+
+    /// A colour or texture between 0 and 1, of the same name in both formats, which is 1 where it is not given.
+    pub(super) fn factor(
+        &mut self,
+        id: Id,
+        name: &'static str,
+        turned: bool,
+        section: &mut Section,
+    ) {
+        if let Some(member) = self.member(id, name)
+            && let Some(value) = self.textured_member(id, member, cie::Kind::Factor, turned)
+            && value != Toml::Float(1.0)
+        {
+            section.set(name, value, member.place);
+        }
+    }
+
+    /// Indices of refraction; by default of a named material in air.
+    pub(super) fn iors(&mut self, id: Id, inside: &str, section: &mut Section) {
+        for (name, field, default) in [
+            ("int_ior", "ior", inside),
+            ("ext_ior", "exterior_ior", "air"),
+        ] {
+            let place = self
+                .member(id, name)
+                .map_or(self.objects.list[id].place, |m| m.place);
+            if let Some(ior) = self.ior(id, name, default) {
+                section.set(field, Toml::Float(ior), place);
+            }
+        }
+    }
+
+    pub(super) fn ior(&mut self, id: Id, name: &str, default: &str) -> Option<f64> {
+        let Some(member) = self.member(id, name) else {
+            return named::ior(default);
+        };
+        let Content::Value(Value::String(known)) = &member.content else {
+            let ior = self.float(id, name)?;
+            if ior > 0.0 {
+                return Some(ior);
+            }
+            self.wrong(
+                id,
+                member,
+                &format!("expected an index of refraction above 0, found {ior}"),
+            );
+            return None;
+        };
+        let ior = named::ior(known);
+        if ior.is_none() {
+            let names: Vec<_> = named::iors().collect();
+            let message = format!(
+                "no index of refraction is known for \"{known}\"; expected one of {}",
+                names.join(", ")
+            );
+            self.wrong(id, member, &message);
+        }
+        ior
+    }
+
+    /// eta and k; `None` for a perfect mirror.
+    pub(super) fn conductor(&mut self, id: Id) -> Option<([f64; 3], [f64; 3])> {
+        let material = self.string(id, "material");
+        let given = ["eta", "k"].map(|name| self.member(id, name));
+        match (material, given) {
+            (None | Some("none"), [None, None]) => None,
+            (None | Some("none"), _) => {
+                let eta = self.color(id, "eta", cie::Kind::Unbounded);
+                let k = self.color(id, "k", cie::Kind::Unbounded);
+                if let [Some(one), None] | [None, Some(one)] = given {
+                    self.wrong(id, one, "expected both of eta and k");
+                }
+                Some((eta.unwrap_or([0.0; 3]), k.unwrap_or([1.0; 3])))
+            }
+            (Some(name), given) => {
+                let member = self.member(id, "material");
+                if let Some(one) = given.into_iter().flatten().next() {
+                    self.wrong(id, one, "expected a material, or eta and k, not both");
+                }
+                let found = named::conductor(name);
+                if let (None, Some(member)) = (found, member) {
+                    let names: Vec<_> = named::conductors().collect();
+                    let message = format!(
+                        "no conductor \"{name}\" is known; expected none, {}",
+                        names.join(", ")
+                    );
+                    self.wrong(id, member, &message);
+                }
+                found
+            }
+        }
+    }
+
+    pub(super) fn roughness(&mut self, id: Id, section: &mut Section) {
+        let place = self.objects.list[id].place;
+        let alpha = match (self.member(id, "alpha_u"), self.member(id, "alpha_v")) {
+            (None, None) => match self.member(id, "alpha") {
+                Some(_) => self.float(id, "alpha"),
+                None => Some(0.1),
+            },
+            (Some(member), Some(_)) => {
+                let (u, v) = (self.float(id, "alpha_u"), self.float(id, "alpha_v"));
+                if u != v {
+                    self.unsupported(
+                        id,
+                        member,
+                        "a roughness that differs by direction is not supported",
+                    );
+                }
+                u
+            }
+            (Some(member), None) | (None, Some(member)) => {
+                self.wrong(id, member, "expected both of alpha_u and alpha_v");
+                None
+            }
+        };
+        section.set("alpha", Toml::Float(alpha.unwrap_or(0.1)), place);
+        if self.word(id, "distribution", &["beckmann", "ggx"]) != Some("ggx") {
+            section.set("distribution", Toml::string("beckmann"), place);
+        }
+        // How directions are drawn, not how many.
+        self.ignore(id, &["sample_visible"]);
+    }
+
+    /// The lobes of `principled` that are not supported, unless they are turned off.
+    pub(super) fn unset_lobes(&mut self, id: Id) {
+        for name in [
+            "anisotropic",
+            "spec_trans",
+            "spec_tint",
+            "sheen",
+            "sheen_tint",
+            "flatness",
+            "clearcoat",
+            "clearcoat_gloss",
+        ] {
+            if let Some(member) = self.member(id, name)
+                && let Some(value) = self.float(id, name)
+                && value != 0.0
+            {
+                self.unsupported(id, member, "this lobe is not supported; expected 0");
+            }
+        }
+    }
+}

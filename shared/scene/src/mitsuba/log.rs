@@ -1,0 +1,89 @@
+//! What an import has to say: errors, parts that are not supported, notes.
+
+use super::Place;
+use crate::SceneError;
+use std::path::{Path, PathBuf};
+
+/// Collects everything that is wrong, so that it can be said in one go.
+#[derive(Debug, Default)]
+pub struct Log {
+    /// Files by their index in places, as messages name them.
+    pub files: Vec<PathBuf>,
+    invalid: Vec<(Option<Place>, String)>,
+    unsupported: Vec<(Option<Place>, String)>,
+    notes: Vec<(Option<Place>, String)>,
+}
+
+impl Log {
+    /// A mistake.
+    pub fn invalid(&mut self, place: Option<Place>, message: impl Into<String>) {
+        self.invalid.push((place, message.into()));
+    }
+
+    /// A mistake after which nothing can be read.
+    pub fn fatal<T>(&mut self, place: Option<Place>, message: impl Into<String>) -> Option<T> {
+        self.invalid(place, message);
+        None
+    }
+
+    /// Something that Mitsuba can do and this program cannot: a part that a render may leave out.
+    pub fn unsupported(&mut self, place: Place, message: impl Into<String>) {
+        self.unsupported.push((Some(place), message.into()));
+    }
+
+    /// Something worth knowing.
+    pub fn note(&mut self, place: Place, message: impl Into<String>) {
+        self.notes.push((Some(place), message.into()));
+    }
+
+    /// A place as messages name it.
+    pub fn describe(&self, place: Place) -> String {
+        let file = self.files.get(place.file);
+        let file = file.map(|file| file.display().to_string());
+        match file {
+            Some(file) => format!("{file}:{}", place.line),
+            None => format!("line {}", place.line),
+        }
+    }
+
+    /// Notes and what was left out, or every error as one. With `skip`, what is not supported is left out.
+    pub fn finish(self, main: &Path, skip: bool) -> Result<[Vec<String>; 2], SceneError> {
+        let mut errors = self.invalid.clone();
+        if !skip {
+            errors.extend(self.unsupported.iter().cloned());
+        }
+        if errors.is_empty() {
+            let describe = |(place, message): &(Option<Place>, String)| match place {
+                Some(place) => format!("{}: {message}", self.describe(*place)),
+                None => message.clone(),
+            };
+            return Ok(
+                [&self.notes, &self.unsupported].map(|list| list.iter().map(describe).collect())
+            );
+        }
+        // In the order of the files' lines, the ones without a line first.
+        errors.sort_by_key(|(place, _)| place.map(|place| (place.file, place.line)));
+        errors.dedup();
+        let error = |(place, message): &(Option<Place>, String)| SceneError {
+            file: place
+                .and_then(|place| self.files.get(place.file))
+                .map_or_else(|| main.to_path_buf(), Clone::clone),
+            line: place.map(|place| place.line),
+            message: message.clone(),
+        };
+        let mut all = errors.iter().map(error);
+        let first = all.next();
+        let rest = all.fold(String::new(), |text, error| format!("{text}\n{error}"));
+        Err(first.map_or_else(
+            || SceneError {
+                file: main.to_path_buf(),
+                line: None,
+                message: String::new(),
+            },
+            |first| SceneError {
+                message: first.message + &rest,
+                ..first
+            },
+        ))
+    }
+}

@@ -1,0 +1,271 @@
+//! Mitsuba 3's XML scenes, converted to the native format.
+//!
+//! Sources for what the format means: Mitsuba 3's documentation, and what Mitsuba 3.9.1 (variants `scalar_rgb` and
+//! `llvm_ad_rgb`) makes of a scene.
+
+mod bsdf;
+mod cie;
+mod emitter;
+mod log;
+mod medium;
+mod named;
+mod phase;
+mod property;
+mod sensor;
+mod shape;
+mod texture;
+mod transform;
+mod value;
+mod write;
+mod xml;
+
+use crate::SceneError;
+use log::Log;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+use write::{Section, Toml, Written};
+use xml::{Content, Id, Kind, Objects};
+
+/// A line of one of the XML files.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Place {
+    /// Index of the file.
+    pub file: usize,
+    /// From one.
+    pub line: usize,
+}
+
+/// What an import may be told.
+#[derive(Clone, Debug, Default)]
+pub struct ImportOptions {
+    /// Values of `$name` parameters, in place of the file's defaults.
+    pub parameters: Vec<(String, String)>,
+    /// Leave out what is not supported instead of failing.
+    pub skip_unsupported: bool,
+}
+
+/// A scene in the native format, and where it comes from.
+#[derive(Clone, Debug)]
+pub struct Imported {
+    /// The native scene file.
+    pub text: String,
+    /// What was replaced, each with its file and line.
+    pub notes: Vec<String>,
+    /// What is not supported and was left out, each with its file and line.
+    pub left_out: Vec<String>,
+    origin: Origin,
+}
+
+/// Which lines of a native scene file come from which lines of XML.
+#[derive(Clone, Debug)]
+pub struct Origin {
+    files: Vec<PathBuf>,
+    places: Vec<Option<Place>>,
+}
+
+impl Origin {
+    /// An error of the native scene file, at the place of the XML that it comes from.
+    pub fn relocate(&self, error: SceneError) -> SceneError {
+        let place = |line: usize| *self.places.get(line.checked_sub(1)?)?;
+        // Blank lines have no place; an error that ends up on one belongs to what stands above.
+        let found = error.line.and_then(|line| (1..=line).rev().find_map(place));
+        match found.and_then(|place| Some((self.files.get(place.file)?, place.line))) {
+            Some((file, line)) => SceneError {
+                file: file.clone(),
+                line: Some(line),
+                ..error
+            },
+            None => SceneError {
+                file: self.files.first().cloned().unwrap_or(error.file),
+                line: None,
+                ..error
+            },
+        }
+    }
+}
+
+impl Imported {
+    /// Where the native scene file comes from.
+    pub fn origin(&self) -> &Origin {
+        &self.origin
+    }
+}
+
+/// Convert the scene in `path`. Files are named relative to `folder`, where the native scene file is to stand.
+///
+/// The error names everything that is wrong with the XML, one line each.
+pub fn import(path: &Path, folder: &Path, options: &ImportOptions) -> Result<Imported, SceneError> {
+    let mut log = Log::default();
+    let written = xml::read(path, &options.parameters, &mut log)
+        .map(|objects| Converter::new(&objects, folder, &mut log).convert(path));
+    let files = log.files.clone();
+    let [notes, left_out] = log.finish(path, options.skip_unsupported)?;
+    // Without an error everything was read.
+    let written = written.unwrap_or_default();
+    Ok(Imported {
+        text: written.text,
+        notes,
+        left_out,
+        origin: Origin {
+            files,
+            places: written.places,
+        },
+    })
+}
+
+/// The conversion: one file for each kind of object holds its part.
+struct Converter<'a> {
+    objects: &'a Objects,
+    log: &'a mut Log,
+    /// What paths of files are relative to.
+    folder: &'a Path,
+    materials: bsdf::Materials,
+    media: BTreeMap<Id, String>,
+    media_names: BTreeSet<String>,
+    media_sections: Vec<Section>,
+    /// The medium outside of all shapes.
+    world: Option<Id>,
+    /// Where an integrator says that the camera does not see emitters.
+    hides_emitters: Option<Place>,
+    /// Objects whose members have all been asked for.
+    finished: BTreeSet<Id>,
+}
+
+impl<'a> Converter<'a> {
+    fn new(objects: &'a Objects, folder: &'a Path, log: &'a mut Log) -> Self {
+        let ids = |kind: Kind| {
+            let of_kind = objects.list.iter().filter(move |o| o.kind == kind);
+            of_kind.filter_map(|o| o.id.clone())
+        };
+        Self {
+            objects,
+            log,
+            folder,
+            materials: bsdf::Materials::new(ids(Kind::Bsdf)),
+            media: BTreeMap::new(),
+            media_names: ids(Kind::Medium).chain(["none".to_string()]).collect(),
+            media_sections: Vec::new(),
+            world: None,
+            hides_emitters: None,
+            finished: BTreeSet::new(),
+        }
+    }
+
+    fn convert(mut self, path: &Path) -> Written {
+        const SCENE: Id = 0;
+        let scene = &self.objects.list[SCENE];
+        self.world = self.world_medium(SCENE);
+        self.hides_emitters = self.hides_emitters(SCENE);
+        let mut view = None;
+        let mut shapes = Vec::new();
+        let mut lights = Vec::new();
+        let mut passes = None;
+        for member in &scene.members {
+            let Content::Object(id) = member.content else {
+                continue;
+            };
+            member.used.set(true);
+            let object = &self.objects.list[id];
+            match object.kind {
+                Kind::Integrator => {
+                    let message = format!(
+                        "the integrator \"{}\" is replaced by progressive photon beams",
+                        object.plugin
+                    );
+                    self.log.note(object.place, message);
+                }
+                Kind::Sensor if view.is_none() => view = Some(self.sensor(id)),
+                Kind::Sensor => {
+                    let message =
+                        "a scene is rendered through its first sensor; this one is left out";
+                    self.log.note(object.place, message);
+                }
+                Kind::Sampler => passes = self.sampler(id).or(passes),
+                Kind::Shape => self.shape(id, &mut shapes),
+                Kind::Emitter => lights.extend(self.emitter(id)),
+                Kind::Bsdf => {
+                    self.material(id, None, false);
+                }
+                Kind::Medium => {
+                    self.medium(id, None);
+                }
+                // Used where somebody refers to them.
+                Kind::Texture | Kind::Phase | Kind::Volume => {}
+                Kind::Scene | Kind::Film | Kind::Filter => {
+                    let message = format!(
+                        "<{}> cannot stand directly within <scene>",
+                        object.kind.tag()
+                    );
+                    self.log.invalid(Some(object.place), message);
+                }
+            }
+        }
+        self.shape_groups(SCENE, &mut shapes);
+        self.finish(SCENE);
+        let Some(mut view) = view else {
+            let message = "the scene has no <sensor>";
+            self.log.invalid(Some(scene.place), message);
+            return Written::default();
+        };
+        if let Some((count, place)) = passes
+            && view.render.is_empty()
+        {
+            view.render.set("passes", Toml::Integer(count), place);
+        }
+        let mut sections = vec![view.image];
+        if !view.render.is_empty() {
+            sections.push(view.render);
+        }
+        if let Some(world) = self.world
+            && let Some(name) = self.media.get(&world)
+        {
+            let mut section = Section::table("world", self.objects.list[world].place);
+            section.set("medium", Toml::string(name), self.objects.list[world].place);
+            sections.push(section);
+        }
+        sections.push(view.camera);
+        sections.extend(self.media_sections);
+        sections.extend(self.materials.sections);
+        sections.extend(shapes);
+        sections.extend(lights);
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        let comment = format!("Converted by beamfarm from Mitsuba's {name}.");
+        Written::new(&comment, &sections)
+    }
+}
+
+impl Converter<'_> {
+    /// Where an integrator, or one within it, hides emitters from the camera.
+    fn hides_emitters(&mut self, id: Id) -> Option<Place> {
+        let mut hides = None;
+        for (_, integrator) in self.nested(id, Kind::Integrator) {
+            let name = "hide_emitters";
+            if self.boolean(integrator, name) == Some(true) {
+                hides = self.member(integrator, name).map(|member| member.place);
+            }
+            hides = self.hides_emitters(integrator).or(hides);
+        }
+        hides
+    }
+
+    /// Keep an emitter out of the camera's sight, if the integrator says so. Mitsuba's camera rays pass such shapes, and see
+    /// black instead of an environment; mirrors show both.
+    fn hide(&self, emitter: &mut Section) {
+        if let Some(place) = self.hides_emitters {
+            let rays = ["reflected", "refracted", "shadow", "photon"];
+            let rays = rays.map(Toml::string).to_vec();
+            emitter.set("visible", Toml::Array(rays), place);
+        }
+    }
+}
+
+/// A name that is not taken yet: the wanted one, or with a number.
+fn unique(taken: &mut BTreeSet<String>, wanted: &str) -> String {
+    let mut name = wanted.to_string();
+    let mut count = 1;
+    while !taken.insert(name.clone()) {
+        count += 1;
+        name = format!("{wanted}-{count}");
+    }
+    name
+}

@@ -1,0 +1,525 @@
+//! The reading of files: includes, ids, aliases, references.
+
+use super::parameters::{MAX_ATTRIBUTE, Parameter, Substitution, substitute};
+use super::{Content, Id, Kind, Member, Object, Objects};
+use crate::mitsuba::Place;
+use crate::mitsuba::log::Log;
+use crate::mitsuba::transform::{self, Step};
+use crate::mitsuba::value::{self, Value};
+use roxmltree::{Document, Node};
+use std::cell::Cell;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+
+/// Elements within elements, at most. Mitsuba's own scenes have about six.
+pub const MAX_DEPTH: usize = 100;
+/// Elements of all files together, at most: included files may include others many times over.
+const MAX_ELEMENTS: usize = 10_000_000;
+/// Files included within each other, at most (Mitsuba's own limit).
+const MAX_INCLUDES: usize = 15;
+/// Files altogether, at most, each counted as often as it is included.
+const MAX_FILES: usize = 10_000;
+
+/// What an object refers to before all ids are known.
+struct Reference {
+    object: Id,
+    member: usize,
+    id: String,
+}
+
+struct Reader<'a> {
+    objects: Objects,
+    log: &'a mut Log,
+    ids: BTreeMap<String, Id>,
+    /// Names of members, by their owner.
+    names: BTreeSet<(Id, String)>,
+    references: Vec<Reference>,
+    /// Longest name first, so that $ab is not taken for $a.
+    parameters: Vec<Parameter>,
+    elements: usize,
+    /// The files that are being read, each included by the one before.
+    open: Vec<PathBuf>,
+}
+
+/// Read a scene. `None` when it is so broken that nothing else can be said; the log says why.
+pub fn read(path: &Path, given: &[(String, String)], log: &mut Log) -> Option<Objects> {
+    let mut parameters: Vec<Parameter> = Vec::new();
+    for (name, value) in given {
+        parameters.retain(|p| p.name != *name);
+        parameters.push(Parameter {
+            name: name.clone(),
+            value: value.clone(),
+            used: false,
+        });
+    }
+    parameters.sort_by_key(|p| std::cmp::Reverse(p.name.len()));
+    let mut reader = Reader {
+        objects: Objects {
+            list: Vec::new(),
+            folders: Vec::new(),
+        },
+        log,
+        ids: BTreeMap::new(),
+        names: BTreeSet::new(),
+        references: Vec::new(),
+        parameters,
+        elements: 0,
+        open: Vec::new(),
+    };
+    let done = reader.file(path, None);
+    for parameter in reader.parameters.iter().filter(|p| !p.used) {
+        let message = format!(
+            "the parameter {} of -D is not used: no attribute says ${}",
+            parameter.name, parameter.name
+        );
+        reader.log.invalid(None, message);
+    }
+    done?;
+    reader.resolve_references()?;
+    Some(reader.objects)
+}
+
+/// Where an element's content goes.
+#[derive(Clone, Copy)]
+struct Parent {
+    object: Option<Id>,
+    depth: usize,
+}
+
+impl Reader<'_> {
+    /// Read a file. `parent` is the object that includes it, with the name that the include gives.
+    fn file(&mut self, path: &Path, parent: Option<(Parent, Option<&str>, Place)>) -> Option<()> {
+        let from = parent.as_ref().map(|(_, _, place)| *place);
+        let canonical = path.canonicalize().unwrap_or_else(|_| path.to_path_buf());
+        if self.open.contains(&canonical) {
+            let chain: Vec<String> = self.open.iter().map(|p| p.display().to_string()).collect();
+            let message = format!(
+                "the file {} includes itself, by way of {}",
+                path.display(),
+                chain.join(", ")
+            );
+            return self.log.fatal(from, message);
+        }
+        if self.open.len() > MAX_INCLUDES {
+            let message = format!("more than {MAX_INCLUDES} files included within each other");
+            return self.log.fatal(from, message);
+        }
+        if self.log.files.len() == MAX_FILES {
+            let message =
+                format!("more than {MAX_FILES} files, counted as often as they are included");
+            return self.log.fatal(from, message);
+        }
+        let bytes = match crate::read_file(path, beamfarm_image::bundle::MAX_BYTES) {
+            Ok(bytes) => bytes,
+            Err(reason) if from.is_some() => {
+                let message = format!("the file \"{}\": {reason}", path.display());
+                return self.log.fatal(from, message);
+            }
+            Err(reason) => return self.log.fatal(None, reason),
+        };
+        let file = self.log.files.len();
+        self.log.files.push(path.to_path_buf());
+        let folder = path.parent().unwrap_or(Path::new("")).to_path_buf();
+        let mut folders = vec![folder];
+        if let Some(place) = from {
+            folders.extend(self.objects.folders[place.file].iter().cloned());
+        }
+        self.objects.folders.push(folders);
+        let top = Place { file, line: 1 };
+        let Ok(text) = std::str::from_utf8(&bytes) else {
+            return self.log.fatal(Some(top), "the file is not UTF-8 text");
+        };
+        // Without document types there are no entities of one's own, so none that grow.
+        let document = match Document::parse(text) {
+            Ok(document) => document,
+            Err(error) => {
+                let line = error.pos().row as usize;
+                let message = match error {
+                    roxmltree::Error::DtdDetected => {
+                        "document types (<!DOCTYPE ...>) and entities of one's own are not supported".to_string()
+                    }
+                    error => format!("not well-formed XML: {error}"),
+                };
+                return self.log.fatal(Some(Place { file, line }), message);
+            }
+        };
+        let lines = Lines::new(text);
+        let root = document.root_element();
+        let place = Place {
+            file,
+            line: lines.line(root.range().start),
+        };
+        check_version(root, place, self.log);
+        self.open.push(canonical);
+        let context = File {
+            file,
+            lines: &lines,
+        };
+        let done = match (parent, root.tag_name().name()) {
+            // The content of a scene goes straight into what includes it.
+            (Some((parent, ..)), "scene") => self.children(root, parent, &context),
+            (Some((parent, name, _)), _) => self.element(root, parent, name, &context),
+            (None, "scene") => {
+                let none = Parent {
+                    object: None,
+                    depth: 0,
+                };
+                self.element(root, none, None, &context)
+            }
+            (None, other) => self
+                .log
+                .fatal(Some(place), format!("expected <scene>, found <{other}>")),
+        };
+        self.open.pop();
+        done
+    }
+
+    fn children(&mut self, node: Node<'_, '_>, parent: Parent, file: &File<'_>) -> Option<()> {
+        for child in node.children().filter(Node::is_element) {
+            self.element(child, parent, None, file)?;
+        }
+        Some(())
+    }
+
+    /// Read an element into its parent. `None` ends the reading.
+    fn element(
+        &mut self,
+        node: Node<'_, '_>,
+        parent: Parent,
+        name: Option<&str>,
+        file: &File<'_>,
+    ) -> Option<()> {
+        let place = file.place(node);
+        self.count(parent.depth, place)?;
+        let tag = node.tag_name().name();
+        let attributes = self.attributes(node, place)?;
+        let attribute = |name: &str| attributes.get(name).map(String::as_str);
+        let name = name.or(attribute("name")).filter(|name| !name.is_empty());
+        // A spectrum with a type is an object.
+        let kind = match tag {
+            "spectrum" if attribute("type").is_some() => Some(Kind::Texture),
+            _ => Kind::of_tag(tag),
+        };
+        if let Some(kind) = kind {
+            let known: &[&str] = match kind {
+                Kind::Scene => &["version", "id", "name"],
+                _ => &["type", "id", "name", "version"],
+            };
+            self.known(tag, &attributes, known, place);
+            let Some(plugin) = attribute("type").or((kind == Kind::Scene).then_some("scene"))
+            else {
+                self.log
+                    .invalid(Some(place), format!("<{tag}> lacks the attribute \"type\""));
+                return Some(());
+            };
+            let object = self.objects.list.len();
+            self.objects.list.push(Object {
+                kind,
+                plugin: plugin.to_string(),
+                id: attribute("id").map(str::to_string),
+                place,
+                members: Vec::new(),
+            });
+            if let Some(id) = attribute("id") {
+                self.define(id, object, place);
+            }
+            if let Some(owner) = parent.object {
+                self.add(owner, name, place, Content::Object(object));
+            }
+            let inner = Parent {
+                object: Some(object),
+                depth: parent.depth + 1,
+            };
+            return self.children(node, inner, file);
+        }
+        let Some(owner) = parent.object else {
+            return Some(());
+        };
+        match tag {
+            "default" => {
+                self.known(tag, &attributes, &["name", "value"], place);
+                match (attribute("name"), attribute("value")) {
+                    (Some(name), Some(value)) if !name.is_empty() => {
+                        self.default(name, value);
+                    }
+                    _ => self.log.invalid(
+                        Some(place),
+                        "<default> takes the attributes \"name\" and \"value\"",
+                    ),
+                }
+            }
+            "include" => {
+                self.known(tag, &attributes, &["filename", "name"], place);
+                let Some(written) = attribute("filename") else {
+                    let message = "<include> lacks the attribute \"filename\"";
+                    self.log.invalid(Some(place), message);
+                    return Some(());
+                };
+                let path = self.objects.resolve(place, written);
+                return self.file(&path, Some((parent, name, place)));
+            }
+            "path" => {
+                self.known(tag, &attributes, &["value"], place);
+                if let Some(value) = attribute("value") {
+                    let folder = self.objects.resolve(place, value);
+                    if !folder.is_dir() {
+                        let message = format!("the folder \"{value}\" was not found");
+                        self.log.invalid(Some(place), message);
+                    }
+                    self.objects.folders[place.file].insert(0, folder);
+                }
+            }
+            "alias" => {
+                self.known(tag, &attributes, &["id", "as"], place);
+                match (attribute("id").and_then(|id| self.ids.get(id)), attribute("as")) {
+                    (Some(object), Some(new)) => self.define(new, *object, place),
+                    _ => self.log.invalid(
+                        Some(place),
+                        "<alias> takes the attributes \"id\", which names an object above, and \"as\"",
+                    ),
+                }
+            }
+            "ref" => {
+                self.known(tag, &attributes, &["id", "name"], place);
+                let Some(id) = attribute("id") else {
+                    let message = "<ref> lacks the attribute \"id\"";
+                    self.log.invalid(Some(place), message);
+                    return Some(());
+                };
+                self.references.push(Reference {
+                    object: owner,
+                    member: self.objects.list[owner].members.len(),
+                    id: id.to_string(),
+                });
+                // Which object it is shows once all ids are known.
+                self.add(owner, name, place, Content::Object(owner));
+            }
+            _ => {
+                let value = match tag {
+                    "transform" => {
+                        self.known(tag, &attributes, &["name"], place);
+                        self.transform(node, parent.depth + 1, file)?
+                    }
+                    _ => value::parse(tag, &attributes),
+                };
+                let value = match (value, name) {
+                    (Ok(value), Some(_)) => value,
+                    (Ok(_), None) => {
+                        let message = format!("<{tag}> lacks the attribute \"name\"");
+                        self.log.invalid(Some(place), message);
+                        return Some(());
+                    }
+                    (Err(message), name) => {
+                        let message = match name {
+                            Some(name) => format!("{name}: {message}"),
+                            None => message,
+                        };
+                        self.log.invalid(Some(place), message);
+                        return Some(());
+                    }
+                };
+                if tag != "transform"
+                    && let Some(child) = node.children().find(Node::is_element)
+                {
+                    let inner = child.tag_name().name();
+                    let message = format!("<{inner}> cannot stand within <{tag}>");
+                    self.log.invalid(Some(file.place(child)), message);
+                }
+                self.add(owner, name, place, Content::Value(value));
+            }
+        }
+        Some(())
+    }
+
+    fn add(&mut self, owner: Id, name: Option<&str>, place: Place, content: Content) {
+        if let Some(name) = name
+            && !self.names.insert((owner, name.to_string()))
+        {
+            let message = format!("\"{name}\" is given twice");
+            self.log.invalid(Some(place), message);
+        }
+        let members = &mut self.objects.list[owner].members;
+        members.push(Member {
+            name: name.map(str::to_string),
+            place,
+            content,
+            used: Cell::new(false),
+        });
+    }
+
+    /// The steps of a transform. The outer `None` ends the reading.
+    fn transform(
+        &mut self,
+        node: Node<'_, '_>,
+        depth: usize,
+        file: &File<'_>,
+    ) -> Option<Result<Value, String>> {
+        let mut steps = Vec::new();
+        for child in node.children().filter(Node::is_element) {
+            let place = file.place(child);
+            self.count(depth, place)?;
+            let attributes = self.attributes(child, place)?;
+            let tag = child.tag_name().name();
+            match transform::step(tag, &attributes) {
+                Ok(step) => {
+                    if tag == "rotate" && matches!(step, Step::Matrix(_)) {
+                        let message = "<rotate>: its axis is not of unit length, so that it scales and shears, as it does in \
+                            Mitsuba 3";
+                        self.log.note(place, message);
+                    }
+                    steps.push(step);
+                }
+                Err(message) => self.log.invalid(Some(place), message),
+            }
+        }
+        Some(Ok(Value::Transform(steps)))
+    }
+
+    fn count(&mut self, depth: usize, place: Place) -> Option<()> {
+        self.elements += 1;
+        if depth >= MAX_DEPTH {
+            let message = format!("more than {MAX_DEPTH} elements within each other");
+            return self.log.fatal(Some(place), message);
+        }
+        if self.elements > MAX_ELEMENTS {
+            let message =
+                format!("more than {MAX_ELEMENTS} elements, those of included files among them");
+            return self.log.fatal(Some(place), message);
+        }
+        Some(())
+    }
+
+    fn known(
+        &mut self,
+        tag: &str,
+        attributes: &BTreeMap<String, String>,
+        known: &[&str],
+        place: Place,
+    ) {
+        for name in attributes
+            .keys()
+            .filter(|name| !known.contains(&name.as_str()))
+        {
+            let message = format!("<{tag}> does not take the attribute \"{name}\"");
+            self.log.invalid(Some(place), message);
+        }
+    }
+
+    fn define(&mut self, id: &str, object: Id, place: Place) {
+        if let Some(before) = self.ids.get(id) {
+            let before = self.log.describe(self.objects.list[*before].place);
+            let message = format!("the id \"{id}\" stands for something else already, at {before}");
+            self.log.invalid(Some(place), message);
+        } else {
+            self.ids.insert(id.to_string(), object);
+        }
+    }
+
+    fn default(&mut self, name: &str, value: &str) {
+        if self.parameters.iter().any(|p| p.name == name) {
+            return;
+        }
+        let at = self
+            .parameters
+            .partition_point(|p| p.name.len() >= name.len());
+        let parameter = Parameter {
+            name: name.to_string(),
+            value: value.to_string(),
+            used: true,
+        };
+        self.parameters.insert(at, parameter);
+    }
+
+    /// The attributes, parameters replaced. `None` ends the reading.
+    fn attributes(&mut self, node: Node<'_, '_>, place: Place) -> Option<BTreeMap<String, String>> {
+        let mut attributes = BTreeMap::new();
+        for attribute in node.attributes() {
+            let value = match attribute.value().contains('$') {
+                false => attribute.value().to_string(),
+                true => match substitute(attribute.value(), &mut self.parameters) {
+                    Ok(value) => value,
+                    Err(Substitution::TooLong) => {
+                        let message = format!(
+                            "the attribute \"{}\" has more than {MAX_ATTRIBUTE} bytes once its parameters are replaced",
+                            attribute.name()
+                        );
+                        return self.log.fatal(Some(place), message);
+                    }
+                    Err(Substitution::Unknown(name)) => {
+                        let message = format!(
+                            "the parameter ${name} is not defined; give it by -D {name}=value, or a <default> above"
+                        );
+                        self.log.invalid(Some(place), message);
+                        continue;
+                    }
+                },
+            };
+            attributes.insert(attribute.name().to_string(), value);
+        }
+        Some(attributes)
+    }
+
+    fn resolve_references(&mut self) -> Option<()> {
+        let mut complete = true;
+        for reference in &self.references {
+            let member = &mut self.objects.list[reference.object].members[reference.member];
+            match self.ids.get(&reference.id) {
+                Some(object) => member.content = Content::Object(*object),
+                None => {
+                    complete = false;
+                    let message = format!("there is no object with the id \"{}\"", reference.id);
+                    self.log.invalid(Some(member.place), message);
+                }
+            }
+        }
+        // What follows walks the objects; it must come to an end.
+        let complete = complete.then_some(());
+        complete.and_then(|()| self.objects.refuse_cycles(self.log))
+    }
+}
+
+fn check_version(root: Node<'_, '_>, place: Place, log: &mut Log) {
+    match root.attribute("version") {
+        None => log.invalid(
+            Some(place),
+            "the attribute \"version\" is missing; expected version=\"3.0.0\" or another of Mitsuba 3",
+        ),
+        Some(version) => {
+            let major = version.split('.').next().and_then(|n| n.trim().parse::<u32>().ok());
+            if !matches!(major, Some(2 | 3)) {
+                let message = format!(
+                    "version \"{version}\" of the format is not supported; expected 2 or 3 (of older ones the parameters have \
+                     other names)"
+                );
+                log.invalid(Some(place), message);
+            }
+        }
+    }
+}
+
+struct File<'a> {
+    file: usize,
+    lines: &'a Lines,
+}
+
+impl File<'_> {
+    fn place(&self, node: Node<'_, '_>) -> Place {
+        Place {
+            file: self.file,
+            line: self.lines.line(node.range().start),
+        }
+    }
+}
+
+/// Where lines begin, so that each look-up takes no walk through the file.
+struct Lines(Vec<usize>);
+
+impl Lines {
+    fn new(text: &str) -> Self {
+        let starts = text.bytes().enumerate().filter(|(_, b)| *b == b'\n');
+        Self(starts.map(|(i, _)| i + 1).collect())
+    }
+    fn line(&self, byte: usize) -> usize {
+        1 + self.0.partition_point(|start| *start <= byte)
+    }
+}

@@ -1,0 +1,221 @@
+//! The image and the camera.
+
+use super::schema::table;
+use super::{Fault, given};
+use crate::values::*;
+use beamfarm_render::filter::PixelFilter;
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
+use serde::de::value::MapAccessDeserializer;
+use serde::de::{Error, MapAccess, Visitor};
+use serde::{Deserialize, Deserializer};
+use std::borrow::Cow;
+use std::fmt;
+
+/// The picture.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ImageRecord {
+    /// Pixels a row, 1 to 32768.
+    #[schemars(range(min = 1, max = 32768))]
+    pub width: Spanned<u32>,
+    /// Rows, 1 to 32768.
+    #[schemars(range(min = 1, max = 32768))]
+    pub height: Spanned<u32>,
+    /// Only this window is rendered; the picture has its size. Default: all of it.
+    pub crop: Option<Spanned<CropRecord>>,
+    /// Reconstruction filter. Default: box.
+    #[serde(default)]
+    pub filter: FilterRecord,
+}
+
+/// A window of the image, pixels.
+#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CropRecord {
+    /// Columns left of it.
+    #[serde(default)]
+    pub x: u32,
+    /// Rows above it.
+    #[serde(default)]
+    pub y: u32,
+    /// Pixels a row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+}
+
+/// `"box"`, `"tent"`, `"gaussian"`, or a table with the type and its parameter.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct FilterRecord(pub PixelFilter);
+
+impl JsonSchema for FilterRecord {
+    fn schema_name() -> Cow<'static, str> {
+        "FilterRecord".into()
+    }
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        let size = FilterSize::schema();
+        json_schema!({
+            "description": "A filter by name, or with its parameter in pixels.",
+            "anyOf": [
+                { "enum": ["box", "tent", "gaussian"] },
+                table(&["type"], json_schema!({ "type": { "const": "box" } })),
+                table(&["type"], json_schema!({ "type": { "const": "tent" }, "radius": size })),
+                table(&["type"], json_schema!({ "type": { "const": "gaussian" }, "stddev": size })),
+            ]
+        })
+    }
+}
+
+impl<'de> Deserialize<'de> for FilterRecord {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        const EXPECTED: &str = "\"box\", \"tent\", \"gaussian\", { type = \"tent\", radius = pixels } \
+            or { type = \"gaussian\", stddev = pixels }";
+
+        #[derive(Deserialize)]
+        #[serde(rename_all = "snake_case")]
+        enum Kind {
+            Box,
+            Tent,
+            Gaussian,
+        }
+        #[derive(Deserialize)]
+        #[serde(deny_unknown_fields)]
+        struct Table {
+            #[serde(rename = "type")]
+            kind: Kind,
+            radius: Option<Number<FilterSize>>,
+            stddev: Option<Number<FilterSize>>,
+        }
+        struct FilterVisitor;
+        impl<'de> Visitor<'de> for FilterVisitor {
+            type Value = FilterRecord;
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str(EXPECTED)
+            }
+            fn visit_str<E: Error>(self, name: &str) -> Result<Self::Value, E> {
+                let filter = match name {
+                    "box" => PixelFilter::Box,
+                    "tent" => PixelFilter::Tent { radius: 1.0 },
+                    "gaussian" => PixelFilter::Gaussian { stddev: 0.5 },
+                    _ => {
+                        return Err(E::custom(format_args!(
+                            "expected {EXPECTED}, found \"{name}\""
+                        )));
+                    }
+                };
+                Ok(FilterRecord(filter))
+            }
+            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Self::Value, A::Error> {
+                let table = Table::deserialize(MapAccessDeserializer::new(map))?;
+                let filter = match (table.kind, table.radius, table.stddev) {
+                    (Kind::Box, None, None) => PixelFilter::Box,
+                    (Kind::Tent, radius, None) => PixelFilter::Tent {
+                        radius: radius.map_or(1.0, |r| r.f32()),
+                    },
+                    (Kind::Gaussian, None, stddev) => PixelFilter::Gaussian {
+                        stddev: stddev.map_or(0.5, |s| s.f32()),
+                    },
+                    _ => return Err(A::Error::custom(format_args!("expected {EXPECTED}"))),
+                };
+                Ok(FilterRecord(filter))
+            }
+        }
+        deserializer.deserialize_any(FilterVisitor)
+    }
+}
+
+/// The camera.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CameraRecord {
+    /// Where it stands. Required without `gltf`.
+    pub origin: Option<Spanned<Vector>>,
+    /// A point in the middle of the image. Required without `gltf`.
+    pub target: Option<Spanned<Vector>>,
+    /// Direction towards the top of the image. Default: [0, 1, 0].
+    pub up: Option<Spanned<Vector>>,
+    /// Field of view, degrees. Required without `gltf`.
+    pub fov: Option<Spanned<Number<Degrees>>>,
+    /// The side of the image that `fov` spans. Default: x.
+    pub fov_axis: Option<Spanned<FovAxis>>,
+    /// In place of `origin`, `target`, `up`, `fov` and `fov_axis`: the first camera of this glTF file.
+    pub gltf: Option<Spanned<String>>,
+    /// Name of the camera of the glTF file, or of its node. Default: the first.
+    pub gltf_camera: Option<Spanned<String>>,
+    /// Radius of the lens, scene units. Default: 0, a pinhole.
+    pub aperture: Option<Number<NonNegative>>,
+    /// Distance of the plane in focus, scene units. Default: the distance to `target`.
+    pub focus_distance: Option<Number<Positive>>,
+    /// Moves the image over its plane by so many of its widths and heights. Default: [0, 0].
+    pub principal_point: Option<Spanned<Pair>>,
+    /// Mirror the image left to right.
+    #[serde(default)]
+    pub flip_x: bool,
+    /// The medium that the camera stands in; "none" for vacuum. Default: found by tracing.
+    pub medium: Option<Spanned<String>>,
+}
+
+/// The side of the image that the field of view spans.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum FovAxis {
+    /// Horizontal.
+    #[default]
+    X,
+    /// Vertical.
+    Y,
+    /// The shorter side.
+    Smaller,
+    /// The longer side.
+    Larger,
+}
+
+/// Where a camera is and how much it sees.
+#[derive(Clone, Debug)]
+pub struct Eye {
+    pub origin: Vector,
+    pub target: Spanned<Vector>,
+    pub up: Option<Spanned<Vector>>,
+    pub fov: Spanned<Number<Degrees>>,
+    pub fov_axis: FovAxis,
+}
+
+impl CameraRecord {
+    /// With `gltf`, nothing is given that its file says.
+    pub fn check(&self) -> Result<(), Fault> {
+        let given = given!(self, origin, target, up, fov, fov_axis);
+        let twice = given
+            .into_iter()
+            .find_map(|(name, span)| Some((name, span?)));
+        match (&self.gltf, &self.gltf_camera, twice) {
+            (Some(_), _, Some((name, span))) => Err(Fault::new(
+                span,
+                format!("the camera of a glTF file has its own `{name}`"),
+            )),
+            (None, Some(name), _) => Err(Fault::new(
+                name.span(),
+                "it names one of the cameras of a glTF file; `gltf`, which says of which, is missing",
+            )),
+            _ => Ok(()),
+        }
+    }
+
+    /// The eye of a camera without `gltf`; `place`: where the camera is in the file.
+    pub fn eye(&self, place: std::ops::Range<usize>) -> Result<Eye, Fault> {
+        let missing = |name: &str| Fault::new(place.clone(), format!("missing field `{name}`"));
+        Ok(Eye {
+            origin: *self
+                .origin
+                .as_ref()
+                .ok_or_else(|| missing("origin"))?
+                .get_ref(),
+            target: self.target.clone().ok_or_else(|| missing("target"))?,
+            up: self.up.clone(),
+            fov: self.fov.clone().ok_or_else(|| missing("fov"))?,
+            fov_axis: self
+                .fov_axis
+                .as_ref()
+                .map_or(FovAxis::X, |axis| *axis.get_ref()),
+        })
+    }
+}

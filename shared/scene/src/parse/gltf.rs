@@ -1,0 +1,44 @@
+//! glTF files: what the scene says of them, and what they are read as.
+
+use super::transform::Steps;
+use super::{LightRecord, MaterialRecord, ShapeRecord};
+use crate::values::*;
+use schemars::JsonSchema;
+use serde::Deserialize;
+use std::collections::BTreeMap;
+
+/// A glTF 2.0 file.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct GltfRecord {
+    /// .gltf or .glb, relative to the scene file.
+    pub file: Spanned<String>,
+    /// From the file's space to the world.
+    pub transform: Option<Spanned<Steps>>,
+    /// Base materials become principled materials. Default: true.
+    pub materials: Option<bool>,
+    /// KHR_lights_punctual become lights, candela taken for W/sr and lux for W/m^2. Default: true.
+    pub lights: Option<bool>,
+}
+
+/// The piece of a scene file that a glTF file is read as.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PieceRecord {
+    #[serde(default)]
+    pub materials: BTreeMap<Spanned<String>, MaterialRecord>,
+    #[serde(default)]
+    pub shapes: Vec<ShapeRecord>,
+    #[serde(default)]
+    pub lights: Vec<LightRecord>,
+}
+
+/// A camera of a glTF file as the fields of a scene file's.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct GltfCameraRecord {
+    pub origin: Vector,
+    pub target: Vector,
+    pub up: Vector,
+    pub fov: Number<Degrees>,
+}

@@ -1,0 +1,106 @@
+//! Lights that are not surfaces.
+
+use super::schema::one_of;
+use super::transform::Steps;
+use super::words::RayType;
+use super::{Fault, given, only_takes};
+use crate::values::*;
+use schemars::{JsonSchema, Schema};
+use serde::Deserialize;
+
+/// A light that is no surface.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(transform = LightType::narrow)]
+pub struct LightRecord {
+    /// For messages, and for the layer of its group.
+    pub name: Option<String>,
+    /// Lights of one group share a layer. Default: the name.
+    pub group: Option<String>,
+    /// Kind of light.
+    #[serde(rename = "type")]
+    pub kind: Spanned<LightType>,
+    /// Where it stands.
+    pub position: Option<Spanned<Vector>>,
+    /// A point on its axis.
+    pub target: Option<Spanned<Vector>>,
+    /// Direction of travel.
+    pub direction: Option<Spanned<Vector>>,
+    /// W/sr, of a spot on its axis.
+    pub intensity: Option<Spanned<Color<NonNegative>>>,
+    /// W, in all directions that it shines to.
+    pub power: Option<Spanned<Color<NonNegative>>>,
+    /// W/m^2 across the direction.
+    pub irradiance: Option<Spanned<Color<NonNegative>>>,
+    /// W/(m^2 sr).
+    pub radiance: Option<Spanned<Color<NonNegative>>>,
+    /// Half angle of the cone, degrees. Default: 20.
+    pub cutoff_angle: Option<Spanned<Number<Degrees>>>,
+    /// Half angle of full intensity, degrees, below `cutoff_angle`. Default: 3/4 of it.
+    pub beam_width: Option<Spanned<Number<NonNegative>>>,
+    /// Picture of the sky in latitude and longitude, .exr or .png.
+    pub image: Option<Spanned<String>>,
+    /// Factor on the picture. Default: 1.
+    pub scale: Option<Spanned<Color<NonNegative>>>,
+    /// Turned around +y, degrees. Default: 0.
+    pub rotate_y: Option<Spanned<Number<Finite>>>,
+    /// A rotation, which may mirror, in place of `rotate_y`.
+    pub transform: Option<Spanned<Steps>>,
+    /// Types of rays that see it, or its light. Default: all.
+    pub visible: Option<Spanned<Vec<RayType>>>,
+}
+
+impl LightRecord {
+    pub fn check(&self) -> Result<(), Fault> {
+        let (name, takes) = self.kind.get_ref().takes();
+        #[rustfmt::skip]
+        let given = given!(self, position, target, direction, intensity, power, irradiance, radiance, cutoff_angle,
+            beam_width, image, scale, rotate_y, transform);
+        only_takes(name, takes, &[], &given)
+    }
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum LightType {
+    /// The same to all sides.
+    Point,
+    /// A cone.
+    Spot,
+    /// Parallel light from infinitely far away.
+    Directional,
+    /// Light from all around; at most one.
+    Environment,
+}
+
+impl LightType {
+    /// The schema of each kind of light.
+    fn narrow(schema: &mut Schema) {
+        one_of(schema, |kind: Self| {
+            [&["name", "group", "visible"][..], kind.takes().1].concat()
+        });
+    }
+
+    /// As the scene file writes it, and the fields that it takes beside `type` and `name`.
+    pub fn takes(self) -> (&'static str, &'static [&'static str]) {
+        match self {
+            Self::Point => ("point", &["position", "intensity", "power"]),
+            Self::Spot => (
+                "spot",
+                &[
+                    "position",
+                    "target",
+                    "intensity",
+                    "power",
+                    "cutoff_angle",
+                    "beam_width",
+                ],
+            ),
+            Self::Directional => ("directional", &["direction", "irradiance"]),
+            Self::Environment => (
+                "environment",
+                &["radiance", "image", "scale", "rotate_y", "transform"],
+            ),
+        }
+    }
+}

@@ -1,0 +1,256 @@
+//! Materials.
+
+use super::schema::one_of;
+use super::words::{TextureFilter, Wrap};
+use super::{Fault, TextureRecord, UvSteps, given, only_takes};
+use crate::values::*;
+use schemars::{JsonSchema, Schema};
+use serde::Deserialize;
+
+/// What surfaces are made of.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(transform = MaterialType::narrow)]
+pub struct MaterialRecord {
+    /// Kind of material.
+    #[serde(rename = "type")]
+    pub kind: Spanned<MaterialType>,
+    /// Reflectance, 0 to 1. Default: 0.5 of diffuse bases, 1 of metals and mirrors.
+    pub reflectance: Option<Spanned<TextureRecord<Unit>>>,
+    /// Reflects on both sides. Default: only metals and mirrors.
+    pub two_sided: Option<Spanned<bool>>,
+    /// Index of refraction inside.
+    pub ior: Option<Spanned<Number<Positive>>>,
+    /// Index of refraction outside. Default: 1.
+    pub exterior_ior: Option<Spanned<Number<Positive>>>,
+    /// Roughness of microfacets, 0.001 to 1.
+    pub alpha: Option<Spanned<Number<Roughness>>>,
+    /// Real part of the index of refraction.
+    pub eta: Option<Spanned<Color<NonNegative>>>,
+    /// Imaginary part of the index of refraction.
+    pub k: Option<Spanned<Color<NonNegative>>>,
+    /// A metal by name, such as gold.
+    pub preset: Option<Spanned<String>>,
+    /// Distribution of microfacets. Default: ggx.
+    pub distribution: Option<Spanned<DistributionName>>,
+    /// Factor on what the interface reflects, 0 to 1. Default: 1.
+    pub specular_reflectance: Option<Spanned<TextureRecord<Unit>>>,
+    /// Factor on what the interface lets through, 0 to 1. Default: 1.
+    pub specular_transmittance: Option<Spanned<TextureRecord<Unit>>>,
+    /// Colours shift by reflection within the coat. Default: false.
+    pub nonlinear: Option<Spanned<bool>>,
+    /// Colour of the base, 0 to 1. Default: 0.5.
+    pub base_color: Option<Spanned<TextureRecord<Unit>>>,
+    /// From dielectric, 0, to metal, 1. Default: 0.
+    pub metallic: Option<Spanned<Number<Unit>>>,
+    /// 0 to 1; its square is alpha. Default: 0.5.
+    pub roughness: Option<Spanned<Number<Unit>>>,
+    /// Reflectance at normal incidence over 0.08, 0 to 1, in place of `ior`. Default: 0.5.
+    pub specular: Option<Spanned<Number<Unit>>>,
+    /// Share of the light that meets the surface, 0 to 1; the rest passes straight through. Default: 1.
+    pub opacity: Option<Spanned<TextureRecord<Unit>>>,
+    /// Heights that tilt the normal.
+    pub bump: Option<Spanned<BumpRecord>>,
+    /// Normals in place of those of the shape.
+    pub normal_map: Option<Spanned<TextureRecord<Unit>>>,
+}
+
+/// An image of heights.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, expecting = "{ image = \"file\", scale = 1.0 }")]
+pub struct BumpRecord {
+    /// .png or .exr, relative to the scene file; its luminance counts.
+    pub image: Spanned<String>,
+    /// Take the numbers of a PNG as they are, not as sRGB.
+    #[serde(default)]
+    pub raw: bool,
+    /// How it is interpolated. Default: bilinear.
+    #[serde(default)]
+    pub filter: TextureFilter,
+    /// How it goes on beyond its edges. Default: repeat.
+    #[serde(default)]
+    pub wrap: Wrap,
+    /// Steps that (u, v) go through before the look-up.
+    pub uv: Option<UvSteps>,
+    /// Factor on the heights. Default: 1.
+    pub scale: Option<Number<Finite>>,
+}
+
+impl MaterialRecord {
+    pub fn check(&self) -> Result<(), Fault> {
+        let (name, takes) = self.kind.get_ref().takes();
+        let given = given!(
+            self,
+            reflectance,
+            two_sided,
+            ior,
+            exterior_ior,
+            alpha,
+            eta,
+            k,
+            preset,
+            distribution,
+            specular_reflectance,
+            specular_transmittance,
+            nonlinear,
+            base_color,
+            metallic,
+            roughness,
+            specular,
+            opacity,
+            bump,
+            normal_map
+        );
+        only_takes(name, takes, self.kind.get_ref().common(), &given)
+    }
+
+    /// The files of its textures.
+    pub fn files(&self) -> impl Iterator<Item = &Spanned<String>> {
+        let textures = [
+            &self.reflectance,
+            &self.specular_reflectance,
+            &self.specular_transmittance,
+            &self.base_color,
+            &self.opacity,
+            &self.normal_map,
+        ];
+        let files = textures
+            .into_iter()
+            .filter_map(|field| field.as_ref()?.get_ref().file());
+        files.chain(self.bump.iter().map(|bump| &bump.get_ref().image))
+    }
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum MaterialType {
+    /// Lambertian.
+    Diffuse,
+    /// Smooth glass or liquid.
+    Dielectric,
+    /// Smooth metal.
+    Conductor,
+    /// Reflects alike at all angles.
+    Mirror,
+    /// Metal of microfacets.
+    RoughConductor,
+    /// Glass of microfacets.
+    RoughDielectric,
+    /// A pane.
+    ThinDielectric,
+    /// Smooth coat over a diffuse base.
+    Plastic,
+    /// Rough coat over a diffuse base.
+    RoughPlastic,
+    /// Burley's model.
+    Principled,
+    /// Nothing but the boundary of a medium.
+    Null,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum DistributionName {
+    /// GGX, also called Trowbridge-Reitz.
+    Ggx,
+    /// Beckmann.
+    Beckmann,
+}
+
+impl MaterialType {
+    /// The schema of each kind of material.
+    fn narrow(schema: &mut Schema) {
+        one_of(schema, |kind: Self| {
+            [kind.common(), kind.takes().1].concat()
+        });
+    }
+
+    /// Fields that every material takes, but `null`.
+    fn common(self) -> &'static [&'static str] {
+        match self {
+            Self::Null => &[],
+            _ => &["opacity", "bump", "normal_map"],
+        }
+    }
+
+    /// As the scene file writes it, and the fields that it takes beside `type`.
+    pub fn takes(self) -> (&'static str, &'static [&'static str]) {
+        match self {
+            Self::Diffuse => ("diffuse", &["reflectance", "two_sided"]),
+            Self::Mirror => ("mirror", &["reflectance", "two_sided"]),
+            Self::Dielectric => ("dielectric", SMOOTH_DIELECTRIC),
+            Self::ThinDielectric => ("thin_dielectric", SMOOTH_DIELECTRIC),
+            Self::RoughDielectric => (
+                "rough_dielectric",
+                &[
+                    "ior",
+                    "exterior_ior",
+                    "alpha",
+                    "distribution",
+                    "specular_reflectance",
+                    "specular_transmittance",
+                ],
+            ),
+            Self::Conductor => (
+                "conductor",
+                &["eta", "k", "preset", "reflectance", "two_sided"],
+            ),
+            Self::RoughConductor => (
+                "rough_conductor",
+                &[
+                    "alpha",
+                    "distribution",
+                    "eta",
+                    "k",
+                    "preset",
+                    "reflectance",
+                    "two_sided",
+                ],
+            ),
+            Self::Plastic => (
+                "plastic",
+                &[
+                    "reflectance",
+                    "specular_reflectance",
+                    "ior",
+                    "exterior_ior",
+                    "nonlinear",
+                    "two_sided",
+                ],
+            ),
+            Self::RoughPlastic => (
+                "rough_plastic",
+                &[
+                    "reflectance",
+                    "specular_reflectance",
+                    "ior",
+                    "exterior_ior",
+                    "alpha",
+                    "distribution",
+                    "nonlinear",
+                    "two_sided",
+                ],
+            ),
+            Self::Principled => (
+                "principled",
+                &[
+                    "base_color",
+                    "metallic",
+                    "roughness",
+                    "specular",
+                    "ior",
+                    "exterior_ior",
+                    "two_sided",
+                ],
+            ),
+            Self::Null => ("null", &[]),
+        }
+    }
+}
+
+const SMOOTH_DIELECTRIC: &[&str] = &[
+    "ior",
+    "exterior_ior",
+    "specular_reflectance",
+    "specular_transmittance",
+];

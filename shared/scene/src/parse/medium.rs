@@ -1,0 +1,402 @@
+//! Media: coefficients, densities, phase functions.
+
+use super::schema::{one_of, table};
+use super::transform::Steps;
+use super::{Fault, given, only_takes};
+use crate::values::*;
+use beamfarm_render::medium::transmittance::Estimator;
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
+use serde::de::value::MapAccessDeserializer;
+use serde::de::{MapAccess, SeqAccess, Visitor};
+use serde::{Deserialize, Deserializer};
+use std::borrow::Cow;
+use std::fmt;
+use std::marker::PhantomData;
+
+/// What absorbs and scatters.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(transform = MediumKind::narrow)]
+pub struct MediumRecord {
+    /// Kind of medium.
+    #[serde(rename = "type")]
+    pub kind: Spanned<MediumKind>,
+    /// Absorption, per scene unit. Given with `sigma_s`.
+    pub sigma_a: Option<Spanned<Color<NonNegative>>>,
+    /// Scattering, per scene unit. Given with `sigma_a`.
+    pub sigma_s: Option<Spanned<Color<NonNegative>>>,
+    /// Extinction, per scene unit. Given with `albedo`.
+    pub sigma_t: Option<Spanned<Color<NonNegative>>>,
+    /// Scattering over extinction, 0 to 1. Given with `sigma_t`.
+    pub albedo: Option<Spanned<AlbedoRecord>>,
+    /// Directions of scattering. Default: isotropic.
+    #[serde(default)]
+    pub phase: PhaseRecord,
+    /// A volume file or a recipe.
+    pub density: Option<Spanned<DensityRecord>>,
+    /// Factor on the density. Default: 1.
+    pub scale: Option<Spanned<Number<NonNegative>>>,
+    /// From the density's own space to the world.
+    pub transform: Option<Spanned<Steps>>,
+    /// How it is estimated. Default: residual_ratio_tracking.
+    pub transmittance: Option<Spanned<EstimatorRecord>>,
+}
+
+impl MediumRecord {
+    pub fn check(&self) -> Result<(), Fault> {
+        let (name, takes) = self.kind.get_ref().takes();
+        let given = given!(self, density, scale, transform, transmittance);
+        only_takes(name, takes, MediumKind::ALL, &given)
+    }
+
+    /// The volumes that it names.
+    pub fn files(&self) -> impl Iterator<Item = &Spanned<String>> {
+        let density = self
+            .density
+            .as_ref()
+            .and_then(|d| d.get_ref().file.as_ref());
+        let albedo = match self.albedo.as_ref().map(|a| a.get_ref()) {
+            Some(AlbedoRecord::File { file, .. }) => Some(file),
+            _ => None,
+        };
+        density.into_iter().chain(albedo)
+    }
+}
+
+#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum MediumKind {
+    /// The same everywhere.
+    Homogeneous,
+    /// With a density that varies.
+    Heterogeneous,
+}
+
+impl MediumKind {
+    /// The schema of each kind of medium.
+    fn narrow(schema: &mut Schema) {
+        one_of(schema, |kind: Self| [Self::ALL, kind.takes().1].concat());
+    }
+
+    /// Fields that every medium takes.
+    pub const ALL: &[&str] = &["sigma_a", "sigma_s", "sigma_t", "albedo", "phase"];
+
+    /// As the scene file writes it, and the fields of this kind alone.
+    pub fn takes(self) -> (&'static str, &'static [&'static str]) {
+        match self {
+            Self::Homogeneous => ("homogeneous", &[]),
+            Self::Heterogeneous => (
+                "heterogeneous",
+                &["density", "scale", "transform", "transmittance"],
+            ),
+        }
+    }
+}
+
+/// A colour, or a volume file.
+#[derive(Clone, Debug)]
+pub enum AlbedoRecord {
+    Color(Color<Unit>),
+    File {
+        file: Spanned<String>,
+        grid: Option<Spanned<String>>,
+    },
+}
+
+impl JsonSchema for AlbedoRecord {
+    fn schema_name() -> Cow<'static, str> {
+        "AlbedoRecord".into()
+    }
+    fn json_schema(generator: &mut SchemaGenerator) -> Schema {
+        let file = json_schema!({
+            "file": { "type": "string", "description": ".vdb or .vol, relative to the scene file." },
+            "grid": { "type": "string", "description": "Name of a grid of the file." },
+        });
+        json_schema!({ "anyOf": [Color::<Unit>::json_schema(generator), table(&["file"], file)] })
+    }
+}
+
+impl<'de> Deserialize<'de> for AlbedoRecord {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct AlbedoVisitor(ColorVisitor<Unit>);
+        impl<'de> Visitor<'de> for AlbedoVisitor {
+            type Value = AlbedoRecord;
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                self.0.expecting(f)?;
+                f.write_str(", or { file = \"volume\" }")
+            }
+            fn visit_f64<E: serde::de::Error>(self, x: f64) -> Result<Self::Value, E> {
+                self.0.visit_f64(x).map(AlbedoRecord::Color)
+            }
+            fn visit_i64<E: serde::de::Error>(self, x: i64) -> Result<Self::Value, E> {
+                self.0.visit_i64(x).map(AlbedoRecord::Color)
+            }
+            fn visit_seq<A: SeqAccess<'de>>(self, seq: A) -> Result<Self::Value, A::Error> {
+                self.0.visit_seq(seq).map(AlbedoRecord::Color)
+            }
+            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Self::Value, A::Error> {
+                #[derive(Deserialize)]
+                #[serde(deny_unknown_fields)]
+                struct Table {
+                    file: Spanned<String>,
+                    grid: Option<Spanned<String>>,
+                }
+                let table = Table::deserialize(MapAccessDeserializer::new(map))?;
+                Ok(AlbedoRecord::File {
+                    file: table.file,
+                    grid: table.grid,
+                })
+            }
+        }
+        deserializer.deserialize_any(AlbedoVisitor(ColorVisitor(PhantomData)))
+    }
+}
+
+/// A volume file, or a recipe.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct DensityRecord {
+    /// .vdb or .vol, relative to the scene file.
+    pub file: Option<Spanned<String>>,
+    /// Name of a grid of the file. Default: density, or the only one.
+    pub grid: Option<Spanned<String>>,
+    /// Lower corner of the box that a recipe fills.
+    pub min: Option<Spanned<Vector>>,
+    /// Upper corner of the box that a recipe fills.
+    pub max: Option<Spanned<Vector>>,
+    /// Distance of samples, scene units. Default: the longest side / 64.
+    pub voxel: Option<Spanned<Number<Positive>>>,
+    /// Falls off with height.
+    pub height: Option<Spanned<HeightRecord>>,
+    /// A sum of Gaussians.
+    pub blobs: Option<Spanned<Vec<BlobRecord>>>,
+    /// Fractal noise.
+    pub noise: Option<Spanned<NoiseRecord>>,
+}
+
+impl DensityRecord {
+    pub fn check(&self) -> Result<(), Fault> {
+        let given = given!(self, grid, min, max, voxel, height, blobs, noise);
+        let (takes, message): (&[&str], _) = match self.file {
+            Some(_) => (
+                &["grid"],
+                "a density takes only `grid` beside `file`; `min`, `max` and the rest describe one without a file",
+            ),
+            None => (
+                &["min", "max", "voxel", "height", "blobs", "noise"],
+                "it names one of the grids of a `file`, and this density has none",
+            ),
+        };
+        for (field, span) in given {
+            if let Some(span) = span
+                && !takes.contains(&field)
+            {
+                return Err(Fault::new(span, message));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// 1 up to y = base, above it exp(-(y - base) / scale).
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct HeightRecord {
+    /// Height where the fall begins. Default: 0.
+    pub base: Option<Number<Finite>>,
+    /// Height over which it falls to 1/e, scene units.
+    pub scale: Number<Positive>,
+}
+
+/// density exp(-d^2 / (2 radius^2)) at distance d from the centre.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct BlobRecord {
+    /// Its middle.
+    pub center: Vector,
+    /// Standard deviation, scene units.
+    pub radius: Number<Positive>,
+    /// At its middle. Default: 1.
+    pub density: Option<Number<NonNegative>>,
+}
+
+/// max(0, 1 + contrast n).
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct NoiseRecord {
+    /// Length of the coarsest waves, scene units.
+    pub size: Spanned<Number<Positive>>,
+    /// Octaves, 1 to 12. Default: 4.
+    #[schemars(range(min = 1, max = 12))]
+    pub octaves: Option<Spanned<u32>>,
+    /// Strength of an octave over that of the one before. Default: 0.5.
+    pub gain: Option<Number<Unit>>,
+    /// Strength. Default: 1.
+    pub contrast: Option<Number<NonNegative>>,
+    /// Seed. Default: 0.
+    pub seed: Option<u32>,
+}
+
+#[derive(Clone, Copy, Debug)]
+pub struct EstimatorRecord(pub Estimator);
+
+impl JsonSchema for EstimatorRecord {
+    fn schema_name() -> Cow<'static, str> {
+        "EstimatorRecord".into()
+    }
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        let flights = json_schema!({ "type": "integer", "minimum": 1, "maximum": 65535 });
+        json_schema!({
+            "description": "How transmittance is estimated.",
+            "anyOf": [
+                { "enum": ["ratio_tracking", "residual_ratio_tracking"] },
+                table(&["free_flights"], json_schema!({ "free_flights": flights })),
+            ]
+        })
+    }
+}
+
+impl<'de> Deserialize<'de> for EstimatorRecord {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        const EXPECTED: &str = "\"ratio_tracking\", \"residual_ratio_tracking\" \
+            or { free_flights = number from 1 to 65535 }";
+
+        #[derive(Deserialize)]
+        #[serde(deny_unknown_fields)]
+        struct Table {
+            free_flights: i64,
+        }
+        struct EstimatorVisitor;
+        impl<'de> Visitor<'de> for EstimatorVisitor {
+            type Value = EstimatorRecord;
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str(EXPECTED)
+            }
+            fn visit_str<E: serde::de::Error>(self, name: &str) -> Result<Self::Value, E> {
+                match name {
+                    "ratio_tracking" => Ok(EstimatorRecord(Estimator::RatioTracking)),
+                    "residual_ratio_tracking" => {
+                        Ok(EstimatorRecord(Estimator::ResidualRatioTracking))
+                    }
+                    _ => Err(E::custom(format_args!(
+                        "expected {EXPECTED}, found \"{name}\""
+                    ))),
+                }
+            }
+            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Self::Value, A::Error> {
+                let table = Table::deserialize(MapAccessDeserializer::new(map))?;
+                let flights = table.free_flights;
+                match u16::try_from(flights) {
+                    Ok(distances @ 1..) => Ok(EstimatorRecord(Estimator::FreeFlight { distances })),
+                    _ => Err(serde::de::Error::custom(format_args!(
+                        "expected 1 to {} free flights, found {flights}",
+                        u16::MAX
+                    ))),
+                }
+            }
+        }
+        deserializer.deserialize_any(EstimatorVisitor)
+    }
+}
+
+/// `"isotropic"`, `{ type = "isotropic" }`, `{ type = "hg", g = 0.7 }` or `{ type = "blend", weight = 0.3, phases = [...] }`.
+#[derive(Clone, Copy, Debug, Default)]
+pub enum PhaseRecord {
+    #[default]
+    Isotropic,
+    HenyeyGreenstein(Number<MeanCosine>),
+    Blend {
+        weight: Number<Unit>,
+        /// 0 for isotropic ones.
+        g: [f64; 2],
+    },
+}
+
+impl JsonSchema for PhaseRecord {
+    fn schema_name() -> Cow<'static, str> {
+        "PhaseRecord".into()
+    }
+    fn json_schema(generator: &mut SchemaGenerator) -> Schema {
+        let phase = generator.subschema_for::<Self>();
+        let phases =
+            json_schema!({ "type": "array", "items": phase, "minItems": 2, "maxItems": 2 });
+        let blend = json_schema!({
+            "type": { "const": "blend" },
+            "weight": Unit::schema(),
+            "phases": phases,
+        });
+        let hg = json_schema!({ "type": { "const": "hg" }, "g": MeanCosine::schema() });
+        json_schema!({
+            "description": "Isotropic, Henyey-Greenstein with the mean cosine g, or a blend: `weight` is that of the second.",
+            "anyOf": [
+                { "const": "isotropic" },
+                table(&["type"], json_schema!({ "type": { "const": "isotropic" } })),
+                table(&["type", "g"], hg),
+                table(&["type", "weight", "phases"], blend),
+            ]
+        })
+    }
+}
+
+impl<'de> Deserialize<'de> for PhaseRecord {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        const EXPECTED: &str = "\"isotropic\", { type = \"hg\", g = mean cosine } \
+            or { type = \"blend\", weight = share of the second, phases = [first, second] }";
+
+        #[derive(Deserialize)]
+        #[serde(rename_all = "snake_case")]
+        enum Kind {
+            Isotropic,
+            Hg,
+            Blend,
+        }
+        #[derive(Deserialize)]
+        #[serde(deny_unknown_fields)]
+        struct Table {
+            #[serde(rename = "type")]
+            kind: Kind,
+            g: Option<Number<MeanCosine>>,
+            weight: Option<Number<Unit>>,
+            phases: Option<Vec<PhaseRecord>>,
+        }
+        struct PhaseVisitor;
+        impl<'de> Visitor<'de> for PhaseVisitor {
+            type Value = PhaseRecord;
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str(EXPECTED)
+            }
+            fn visit_str<E: serde::de::Error>(self, name: &str) -> Result<Self::Value, E> {
+                if name == "isotropic" {
+                    Ok(PhaseRecord::Isotropic)
+                } else {
+                    Err(E::custom(format_args!(
+                        "expected {EXPECTED}, found \"{name}\""
+                    )))
+                }
+            }
+            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Self::Value, A::Error> {
+                let table = Table::deserialize(MapAccessDeserializer::new(map))?;
+                let given = (table.g, table.weight, table.phases.as_deref());
+                match (table.kind, given) {
+                    (Kind::Isotropic, (None, None, None)) => Ok(PhaseRecord::Isotropic),
+                    (Kind::Hg, (Some(g), None, None)) => Ok(PhaseRecord::HenyeyGreenstein(g)),
+                    (Kind::Blend, (None, Some(weight), Some([first, second]))) => {
+                        let single = |phase: &PhaseRecord| match phase {
+                            PhaseRecord::Isotropic => Ok(0.0),
+                            PhaseRecord::HenyeyGreenstein(g) => Ok(g.0),
+                            PhaseRecord::Blend { .. } => Err(serde::de::Error::custom(
+                                "a blend of blends is not supported",
+                            )),
+                        };
+                        let g = [single(first)?, single(second)?];
+                        Ok(PhaseRecord::Blend { weight, g })
+                    }
+                    _ => Err(serde::de::Error::custom(format_args!(
+                        "expected {EXPECTED}"
+                    ))),
+                }
+            }
+        }
+        deserializer.deserialize_any(PhaseVisitor)
+    }
+}

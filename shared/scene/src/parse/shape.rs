@@ -1,0 +1,161 @@
+//! Shapes.
+
+use super::schema::one_of;
+use super::transform::Steps;
+use super::words::RayType;
+use super::{Fault, given, only_takes};
+use crate::values::*;
+use schemars::{JsonSchema, Schema};
+use serde::Deserialize;
+
+/// A surface.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(transform = ShapeType::narrow)]
+pub struct ShapeRecord {
+    /// For messages, and for the layer of a shape that emits.
+    pub name: Option<String>,
+    /// Kind of shape.
+    #[serde(rename = "type")]
+    pub kind: Spanned<ShapeType>,
+    /// Middle of the sphere. Default: [0, 0, 0].
+    pub center: Option<Spanned<Vector>>,
+    /// One end of the axis. Default: [0, 0, 0].
+    pub p0: Option<Spanned<Vector>>,
+    /// The other end of the axis. Default: [0, 0, 1].
+    pub p1: Option<Spanned<Vector>>,
+    /// Scene units. Default: 1.
+    pub radius: Option<Spanned<Number<Positive>>>,
+    /// .ply or .obj, relative to the scene file.
+    pub file: Option<Spanned<String>>,
+    /// Ignore the normals of the file. Default: false.
+    pub face_normals: Option<Spanned<bool>>,
+    /// Make normals where the file has none. Default: false.
+    pub smooth: Option<Spanned<bool>>,
+    /// Turn the outside in. Default: false.
+    pub flip_normals: Option<Spanned<bool>>,
+    /// Name of a material. Default: grey; black for shapes that emit.
+    pub material: Option<Spanned<String>>,
+    /// Medium inside. Default: none.
+    pub interior: Option<Spanned<String>>,
+    /// Medium outside. Default: the world's.
+    pub exterior: Option<Spanned<String>>,
+    /// False: light that goes through keeps its medium. Default: true.
+    pub boundary: Option<Spanned<bool>>,
+    /// Light that it emits, on its outside.
+    pub emission: Option<Spanned<EmissionRecord>>,
+    /// Where it stands.
+    pub transform: Option<Spanned<Steps>>,
+    /// The shape that is copied.
+    pub shape: Option<Spanned<Box<ShapeRecord>>>,
+    /// One transform for each copy.
+    pub transforms: Option<Spanned<Vec<Spanned<Steps>>>>,
+    /// Types of rays that see it. Default: all.
+    pub visible: Option<Spanned<Vec<RayType>>>,
+}
+
+impl ShapeRecord {
+    pub fn check(&self) -> Result<(), Fault> {
+        let (name, takes) = self.kind.get_ref().takes();
+        let common = match self.kind.get_ref() {
+            ShapeType::Instances => &[],
+            _ => ShapeType::SURFACE,
+        };
+        #[rustfmt::skip]
+        let given = given!(self, center, p0, p1, radius, file, face_normals, smooth, flip_normals, material, interior,
+            exterior, boundary, emission, transform, shape, transforms);
+        only_takes(name, takes, common, &given)?;
+        if let (Some(faces), Some(smooth)) = (&self.face_normals, &self.smooth)
+            && *faces.get_ref()
+            && *smooth.get_ref()
+        {
+            let message =
+                "normals are those of faces (`face_normals`) or smooth (`smooth`): one of the two";
+            return Err(Fault::new(smooth.span(), message));
+        }
+        match &self.shape {
+            Some(shape) if shape.get_ref().kind.get_ref() == &ShapeType::Instances => {
+                Err(Fault::new(
+                    shape.get_ref().kind.span(),
+                    "instances of instances are not supported; expected the type of one shape",
+                ))
+            }
+            Some(shape) => match &shape.get_ref().visible {
+                Some(visible) => Err(Fault::new(
+                    visible.span(),
+                    "this field belongs to the instances, not to their shape",
+                )),
+                None => shape.get_ref().check(),
+            },
+            None => Ok(()),
+        }
+    }
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ShapeType {
+    /// By centre and radius.
+    Sphere,
+    /// [-1, 1] x [-1, 1] in the xy plane, normal +z.
+    Rectangle,
+    /// [-1, 1] along each axis.
+    Cube,
+    /// Radius 1 in the xy plane, normal +z.
+    Disc,
+    /// From p0 to p1, open at both ends.
+    Cylinder,
+    /// From a file.
+    Mesh,
+    /// Copies of one shape.
+    Instances,
+}
+
+impl ShapeType {
+    /// The schema of each kind of shape.
+    fn narrow(schema: &mut Schema) {
+        one_of(schema, |kind: Self| {
+            let common = match kind {
+                Self::Instances => &[],
+                _ => Self::SURFACE,
+            };
+            [&["name", "visible"], common, kind.takes().1].concat()
+        });
+    }
+
+    /// Fields that every shape takes, but `instances`, whose shape has its own.
+    pub const SURFACE: &[&str] = &[
+        "material",
+        "interior",
+        "exterior",
+        "boundary",
+        "emission",
+        "transform",
+        "flip_normals",
+    ];
+
+    /// As the scene file writes it, and the fields of this kind alone.
+    pub fn takes(self) -> (&'static str, &'static [&'static str]) {
+        match self {
+            Self::Sphere => ("sphere", &["center", "radius"]),
+            Self::Rectangle => ("rectangle", &[]),
+            Self::Cube => ("cube", &[]),
+            Self::Disc => ("disc", &[]),
+            Self::Cylinder => ("cylinder", &["p0", "p1", "radius"]),
+            Self::Mesh => ("mesh", &["file", "face_normals", "smooth"]),
+            Self::Instances => ("instances", &["shape", "transforms"]),
+        }
+    }
+}
+
+/// Either radiance or power.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct EmissionRecord {
+    /// W/(m^2 sr).
+    pub radiance: Option<Color<NonNegative>>,
+    /// W, of the whole surface.
+    pub power: Option<Color<NonNegative>>,
+    /// Lights of one group share a layer. Default: the shape's name.
+    pub group: Option<String>,
+}

@@ -1,0 +1,156 @@
+//! Colours that may be textures.
+
+use super::schema::table;
+use super::transform::RotateRecord;
+use super::words::{TextureFilter, Wrap};
+use crate::values::*;
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
+use serde::de::value::MapAccessDeserializer;
+use serde::de::{Error, MapAccess, SeqAccess, Visitor};
+use serde::{Deserialize, Deserializer};
+use std::borrow::Cow;
+use std::fmt;
+use std::marker::PhantomData;
+
+/// A colour, `{ image = "file", ... }` or `{ checkerboard = [colour, colour], ... }`.
+#[derive(Clone, Debug)]
+pub enum TextureRecord<R> {
+    /// The same everywhere.
+    Color(Color<R>),
+    Image(ImageTextureRecord),
+    Checkerboard {
+        colors: [Color<R>; 2],
+        uv: Option<UvSteps>,
+    },
+}
+
+#[derive(Clone, Debug)]
+pub struct ImageTextureRecord {
+    /// Path, relative to the scene file.
+    pub file: Spanned<String>,
+    pub raw: bool,
+    pub filter: TextureFilter,
+    pub wrap: Wrap,
+    pub uv: Option<UvSteps>,
+}
+
+impl<R> TextureRecord<R> {
+    /// The file that it names.
+    pub fn file(&self) -> Option<&Spanned<String>> {
+        match self {
+            Self::Image(image) => Some(&image.file),
+            Self::Color(_) | Self::Checkerboard { .. } => None,
+        }
+    }
+}
+
+/// A transform of texture coordinates: steps, applied in order.
+pub type UvSteps = Spanned<Vec<Spanned<UvStepRecord>>>;
+
+/// One step of it: exactly one of the fields.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(extend("minProperties" = 1, "maxProperties" = 1))]
+pub struct UvStepRecord {
+    /// So many repetitions.
+    pub scale: Option<Factors>,
+    /// Around [0, 0, 1].
+    pub rotate: Option<RotateRecord>,
+    /// By (x, y), z is 0.
+    pub translate: Option<Vector>,
+    /// Three rows of three.
+    pub matrix: Option<Vec<Vec<Number<Finite>>>>,
+}
+
+impl<R: Range> JsonSchema for TextureRecord<R> {
+    fn schema_name() -> Cow<'static, str> {
+        "TextureRecord".into()
+    }
+    fn schema_id() -> Cow<'static, str> {
+        format!("TextureRecord of {}", R::EXPECTED).into()
+    }
+    fn json_schema(generator: &mut SchemaGenerator) -> Schema {
+        let color = Color::<R>::json_schema(generator);
+        let uv = generator.subschema_for::<UvSteps>();
+        let colors =
+            json_schema!({ "type": "array", "items": color, "minItems": 2, "maxItems": 2 });
+        let image = json_schema!({
+            "image": { "type": "string", "description": ".png or .exr, relative to the scene file." },
+            "raw": { "type": "boolean", "description": "Take the numbers of a PNG as they are, not as sRGB." },
+            "filter": generator.subschema_for::<TextureFilter>(),
+            "wrap": generator.subschema_for::<Wrap>(),
+            "uv": uv,
+        });
+        json_schema!({
+            "anyOf": [
+                color,
+                table(&["image"], image),
+                table(&["checkerboard"], json_schema!({ "checkerboard": colors, "uv": uv })),
+            ]
+        })
+    }
+}
+
+impl<'de, R: Range> Deserialize<'de> for TextureRecord<R> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_any(TextureVisitor(ColorVisitor(PhantomData)))
+    }
+}
+
+struct TextureVisitor<R>(ColorVisitor<R>);
+
+impl<'de, R: Range> Visitor<'de> for TextureVisitor<R> {
+    type Value = TextureRecord<R>;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.expecting(f)?;
+        f.write_str(", or { image = \"file\" }, or { checkerboard = [color, color] }")
+    }
+    fn visit_f64<E: Error>(self, x: f64) -> Result<Self::Value, E> {
+        self.0.visit_f64(x).map(TextureRecord::Color)
+    }
+    fn visit_i64<E: Error>(self, x: i64) -> Result<Self::Value, E> {
+        self.0.visit_i64(x).map(TextureRecord::Color)
+    }
+    fn visit_seq<A: SeqAccess<'de>>(self, seq: A) -> Result<Self::Value, A::Error> {
+        self.0.visit_seq(seq).map(TextureRecord::Color)
+    }
+    fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Self::Value, A::Error> {
+        #[derive(Deserialize)]
+        #[serde(deny_unknown_fields, bound = "R: Range")]
+        struct Table<R> {
+            image: Option<Spanned<String>>,
+            checkerboard: Option<Vec<Color<R>>>,
+            raw: Option<bool>,
+            filter: Option<TextureFilter>,
+            wrap: Option<Wrap>,
+            uv: Option<UvSteps>,
+        }
+        let table = Table::<R>::deserialize(MapAccessDeserializer::new(map))?;
+        match (table.image, table.checkerboard) {
+            (Some(file), None) => Ok(TextureRecord::Image(ImageTextureRecord {
+                file,
+                raw: table.raw.unwrap_or_default(),
+                filter: table.filter.unwrap_or_default(),
+                wrap: table.wrap.unwrap_or_default(),
+                uv: table.uv,
+            })),
+            (None, Some(colors)) => {
+                if table.raw.is_some() || table.filter.is_some() || table.wrap.is_some() {
+                    return Err(A::Error::custom(
+                        "a checkerboard takes only `uv`; `raw`, `filter` and `wrap` are for an `image`",
+                    ));
+                }
+                let uv = table.uv;
+                let colors = <[Color<R>; 2]>::try_from(colors).map_err(|colors| {
+                    let count = colors.len();
+                    A::Error::custom(format_args!("a checkerboard has 2 colors, found {count}"))
+                })?;
+                Ok(TextureRecord::Checkerboard { colors, uv })
+            }
+            _ => Err(A::Error::custom(
+                "a texture is given by `image` or by `checkerboard`: one of the two ways",
+            )),
+        }
+    }
+}

@@ -1,0 +1,121 @@
+//! Choices among words: what the renderer's enums are called in scene files.
+
+use beamfarm_image::job;
+use beamfarm_render::{rules, texture};
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+/// Types of rays.
+#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum RayType {
+    /// From the camera.
+    Camera,
+    /// Seen in a mirror or on glass.
+    Reflected,
+    /// Seen through glass.
+    Refracted,
+    /// From a surface to a light.
+    Shadow,
+    /// From a light, a surface or a medium, with the light that it sends on.
+    Photon,
+}
+
+impl From<RayType> for rules::RayType {
+    fn from(word: RayType) -> Self {
+        match word {
+            RayType::Camera => Self::Camera,
+            RayType::Reflected => Self::Reflected,
+            RayType::Refracted => Self::Refracted,
+            RayType::Shadow => Self::Shadow,
+            RayType::Photon => Self::Photon,
+        }
+    }
+}
+
+/// How an image is interpolated.
+#[derive(Clone, Copy, Debug, Default, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum TextureFilter {
+    /// Linearly between the centres of pixels.
+    #[default]
+    Bilinear,
+    /// Not at all.
+    Nearest,
+}
+
+impl From<TextureFilter> for texture::TextureFilter {
+    fn from(word: TextureFilter) -> Self {
+        match word {
+            TextureFilter::Bilinear => Self::Bilinear,
+            TextureFilter::Nearest => Self::Nearest,
+        }
+    }
+}
+
+/// How an image goes on beyond its edges.
+#[derive(Clone, Copy, Debug, Default, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Wrap {
+    /// From the other edge.
+    #[default]
+    Repeat,
+    /// Mirrored at each edge.
+    Mirror,
+    /// With the pixels at its edge.
+    Clamp,
+}
+
+impl From<Wrap> for texture::Wrap {
+    fn from(word: Wrap) -> Self {
+        match word {
+            Wrap::Repeat => Self::Repeat,
+            Wrap::Mirror => Self::Mirror,
+            Wrap::Clamp => Self::Clamp,
+        }
+    }
+}
+
+/// How the radius scale depends on the pass: once a pass, or as if it shrank after every beam.
+#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum ScheduleKind {
+    /// Shrink once a pass.
+    Pass,
+    /// Shrink once a beam, so that the number of paths in a pass does not matter.
+    Beam,
+}
+
+impl From<ScheduleKind> for job::ScheduleKind {
+    fn from(word: ScheduleKind) -> Self {
+        match word {
+            ScheduleKind::Pass => Self::Pass,
+            ScheduleKind::Beam => Self::Beam,
+        }
+    }
+}
+
+/// When photons are aimed.
+#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Targeting {
+    /// Of lights where that makes far less noise.
+    Auto,
+    /// Never.
+    Off,
+    /// Of every light that is seen from somewhere.
+    On,
+    /// Photons that miss all targets are dropped. Biased: light that the targets do not know of is missing.
+    Reject,
+}
+
+impl From<Targeting> for job::Targeting {
+    fn from(word: Targeting) -> Self {
+        match word {
+            Targeting::Auto => Self::Auto,
+            Targeting::Off => Self::Off,
+            Targeting::On => Self::On,
+            Targeting::Reject => Self::Reject,
+        }
+    }
+}

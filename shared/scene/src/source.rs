@@ -1,0 +1,86 @@
+//! From a place in the scene file to an error that names the file, the line and the field.
+
+use super::parse::Fault;
+use crate::SceneError;
+use std::ops::Range as Span;
+use std::path::Path;
+use toml::Spanned;
+use toml::de::{DeTable, DeValue};
+
+/// `fault` as an error of `file`, whose text is `text`.
+pub fn locate(file: &Path, text: &str, fault: &Fault) -> SceneError {
+    // An empty span stands for the whole file.
+    let span = fault.span.as_ref().filter(|span| !span.is_empty());
+    let field = span.and_then(|span| field_at(text, span));
+    SceneError {
+        file: file.to_path_buf(),
+        line: fault
+            .span
+            .as_ref()
+            .map(|span| line_of(text.as_bytes(), span.start)),
+        message: match field {
+            Some(field) => format!("{field}: {}", fault.message),
+            None => fault.message.clone(),
+        },
+    }
+}
+
+/// The line, from one, of a byte.
+pub fn line_of(text: &[u8], byte: usize) -> usize {
+    let before = text.get(..byte).unwrap_or(text);
+    1 + before.iter().filter(|b| **b == b'\n').count()
+}
+
+/// The name of the innermost field around a span, such as `shapes["lamp"].radius`.
+fn field_at(text: &str, span: &Span<usize>) -> Option<String> {
+    let root = DeTable::parse(text).ok()?;
+    let mut best = None;
+    in_table(root.get_ref(), "", span, &mut best);
+    best.map(|(_, path)| path)
+}
+
+type Best = Option<(usize, String)>;
+
+fn consider(span: &Span<usize>, around: Span<usize>, path: &str, best: &mut Best) {
+    let size = around.len();
+    if around.start <= span.start
+        && span.end <= around.end
+        && best.as_ref().is_none_or(|(least, _)| size <= *least)
+    {
+        *best = Some((size, path.to_string()));
+    }
+}
+
+fn in_table(table: &DeTable<'_>, path: &str, span: &Span<usize>, best: &mut Best) {
+    for (key, value) in table {
+        let path = match path {
+            "" => key.get_ref().to_string(),
+            _ => format!("{path}.{}", key.get_ref()),
+        };
+        consider(span, key.span(), &path, best);
+        in_value(value, &path, span, best);
+    }
+}
+
+fn in_value(value: &Spanned<DeValue<'_>>, path: &str, span: &Span<usize>, best: &mut Best) {
+    consider(span, value.span(), path, best);
+    match value.get_ref() {
+        DeValue::Table(table) => in_table(table, path, span, best),
+        DeValue::Array(items) => {
+            for (i, item) in items.iter().enumerate() {
+                let name = match item.get_ref() {
+                    DeValue::Table(table) => {
+                        table.get("name").and_then(|name| name.get_ref().as_str())
+                    }
+                    _ => None,
+                };
+                let path = match name {
+                    Some(name) => format!("{path}[\"{name}\"]"),
+                    None => format!("{path}[{i}]"),
+                };
+                in_value(item, &path, span, best);
+            }
+        }
+        _ => {}
+    }
+}

@@ -405,10 +405,10 @@ fn light_from_infinity_reaches_a_bounded_world_medium() {
     suite.finish();
 }
 
-/// The examples of scenes/README.md are what the reader takes.
+/// The examples of docs/scenes.md are what the reader takes.
 #[test]
 fn examples_of_the_description_load() {
-    let text = include_str!("../../scenes/README.md");
+    let text = include_str!("../../docs/scenes.md");
     let media = text
         .split("\n## ")
         .find(|s| s.starts_with("Media\n"))

@@ -359,10 +359,10 @@ async fn everybody_can_read_it() {
     assert_eq!(page.evaluate("window.wrongs"), json!([]));
 }
 
-/// Pictures of the page of a job that runs at BEAMFARM_URL, for the README and to be looked at: light, dark, as on a phone,
-/// and without scripts, into the folder that BEAMFARM_SCREENSHOTS names. Run it with `--ignored`.
+/// Pictures of the page of a job that runs at BEAMFARM_URL, for docs/manual.md and to be looked at: light, dark, as on a
+/// phone, and without scripts, into the folder that BEAMFARM_SCREENSHOTS names. Run it with `--ignored`.
 #[tokio::test(flavor = "multi_thread")]
-#[ignore = "for the README's picture"]
+#[ignore = "for the picture in docs/manual.md"]
 async fn the_page_in_pictures() {
     let folder = std::env::var_os("BEAMFARM_SCREENSHOTS").expect("BEAMFARM_SCREENSHOTS=FOLDER");
     let url = std::env::var("BEAMFARM_URL").expect("BEAMFARM_URL=http://HOST:PORT");

@@ -334,7 +334,7 @@ def hard_cases(_work, _seconds):
 
 `cargo run --release -p beamfarm-tests --example hard_cases`: variations of one furnace, in which every point sees the same radiance, see
 [method.md](method.md#what-is-hard-on-the-numbers). Time is relative to an earlier render of the first line; errors are standard
-errors of the mean.
+errors of the mean. Evaluations are more where kernels are wider: at early passes, around a camera inside of beams.
 
 {told}"""
 

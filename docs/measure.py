@@ -5,8 +5,8 @@ All figures are made by commands of the repository, of one commit, in one run, s
 convergence goes to scenes/gallery/convergence.svg. Nothing else is changed. With --seconds 10, the default, it takes about
 half an hour on two cores after everything is built; the machine should have nothing else to do. Python 3.9, Linux.
 
-    python3 docs/measure.py --seconds 20                    # longer: less noise
-    python3 docs/measure.py --only scenes,suite -o /tmp/a.md # some sections, for a look
+    python3 docs/measure.py --seconds 20                         # longer: less noise
+    python3 docs/measure.py --only scenes,suite -o target/a.md   # some sections, for a look
 """
 
 import argparse

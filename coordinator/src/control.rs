@@ -1,6 +1,7 @@
 //! The calls of control.proto.
 
-use crate::farm::{End, Event, ExtendError, Farm, WorkerView};
+use crate::farm::{End, Event, ExtendError, Farm};
+use crate::ledger::WorkerView;
 use crate::watch::{Watch, unix_time};
 use beamfarm_proto::bytes::Bytes;
 use beamfarm_proto::wire::control_server::Control;

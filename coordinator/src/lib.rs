@@ -21,7 +21,8 @@ mod web;
 
 pub use farm::{
     DoneBlock, End, Entry, EntryState, Event, EventKind, ExtendError, Farm, JobSpec, Progress,
-    Start, Target, Timing, WorkerState, WorkerView,
+    Start, Target, Timing,
 };
+pub use ledger::{WorkerState, WorkerView};
 pub use listener::Entrance;
 pub use watch::{Terms, Watch};

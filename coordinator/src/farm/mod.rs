@@ -11,7 +11,7 @@ mod stopping;
 
 pub(crate) use calls::Refusal;
 pub use events::{Event, EventKind};
-pub use progress::{End, Progress, WorkerState, WorkerView};
+pub use progress::{End, Progress};
 pub use start::{DoneBlock, Entry, EntryState, Start};
 pub use stopping::Target;
 

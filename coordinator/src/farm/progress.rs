@@ -1,9 +1,7 @@
 //! Where a job stands.
 
-use crate::ledger::Failure;
-use beamfarm_image::job::{Block, PassStats};
-use beamfarm_proto::WorkerId;
-use std::time::Duration;
+use crate::ledger::{Failure, WorkerView};
+use beamfarm_image::job::PassStats;
 
 /// How a job ended.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -52,57 +50,4 @@ pub struct Progress {
     pub dropped: u64,
     /// Workers, in the order of their registration; of those that are gone, the last few hundred.
     pub workers_seen: Vec<WorkerView>,
-}
-
-/// A worker as others see it.
-#[derive(Clone, Debug, PartialEq)]
-pub struct WorkerView {
-    /// Its number.
-    pub id: WorkerId,
-    /// What it calls itself: the machine, say. Comes from outside.
-    pub name: String,
-    /// Rendering threads.
-    pub threads: u32,
-    /// Passes of it that count.
-    pub passes: u64,
-    /// Time that it takes for a pass, averaged over the last few; `None` before the first.
-    pub seconds_per_pass: Option<f64>,
-    /// Time since its last sign of life.
-    pub last_seen: Duration,
-    /// Blocks of it that another worker rendered again with the same bits.
-    pub audits_passed: u64,
-    /// Blocks of it that others rendered with other bits.
-    pub audits_failed: u64,
-    /// What it is at.
-    pub state: WorkerState,
-    /// The block that it was given first of those that it holds, and how many passes of it are rendered.
-    pub rendering: Option<(Block, u64)>,
-}
-
-/// What a worker is at.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum WorkerState {
-    /// Holds leases.
-    Working,
-    /// Is there and waits.
-    Idle,
-    /// Waits because its last attempts failed.
-    BackingOff,
-    /// Signed off, or its connection broke.
-    Gone,
-    /// Gets nothing any more: it sent wrong pixels, or nothing but failures.
-    ShutOut,
-}
-
-impl WorkerState {
-    /// One or two words, for people.
-    pub fn as_str(self) -> &'static str {
-        match self {
-            Self::Working => "working",
-            Self::Idle => "idle",
-            Self::BackingOff => "backing off",
-            Self::Gone => "gone",
-            Self::ShutOut => "shut out",
-        }
-    }
 }

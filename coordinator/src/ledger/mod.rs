@@ -11,10 +11,11 @@ mod level;
 mod ranges;
 mod register;
 mod standing;
+mod view;
 
 pub use standing::Sentence;
+pub use view::{WorkerState, WorkerView};
 
-use crate::farm::{WorkerState, WorkerView};
 use audit::Audit;
 use beamfarm_image::job::Block;
 use beamfarm_proto::{LeaseId, WorkerId};

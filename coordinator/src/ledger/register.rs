@@ -2,16 +2,13 @@
 
 use super::level;
 use super::standing::{Sentence, Worker};
-use super::{Done, LeaseId, Ledger, LedgerError, Note, PixelHash, WorkerState, WorkerView};
+use super::{Done, Ledger, LedgerError, Note, PixelHash};
 use beamfarm_image::job::Block;
 use beamfarm_proto::WorkerId;
-use std::collections::BTreeMap;
 use std::time::Duration;
 
 /// Names remembered for each test picture. More would not make a majority any surer.
 const VOTERS: usize = 1000;
-/// Workers that are gone, of those that are shown.
-const GONE_SHOWN: usize = 200;
 
 impl Ledger {
     /// A new worker, that rendered the test picture with these pixels.
@@ -211,46 +208,5 @@ impl Ledger {
     /// What the worker calls itself.
     pub fn name(&self, worker: WorkerId) -> &str {
         self.workers.get(&worker).map_or("", |entry| &entry.name)
-    }
-
-    /// The workers that are there, and those that were here last.
-    pub fn views(&self, now: Duration) -> Vec<WorkerView> {
-        let mut held: BTreeMap<WorkerId, (Block, u64)> = BTreeMap::new();
-        for LeaseId(place) in &self.active {
-            let lease = &self.leases[*place as usize];
-            held.entry(lease.worker)
-                .or_insert((lease.block, lease.rendered));
-        }
-        let view = |(id, worker): (&WorkerId, &Worker)| WorkerView {
-            id: *id,
-            name: worker.name.clone(),
-            threads: worker.threads,
-            passes: worker.passes,
-            seconds_per_pass: worker.seconds_per_pass,
-            last_seen: now.saturating_sub(worker.last_seen),
-            audits_passed: worker.audits_passed,
-            audits_failed: worker.audits_failed,
-            state: match worker {
-                _ if worker.shut_out.is_some() => WorkerState::ShutOut,
-                _ if !worker.is_present(&self.rules, now) => WorkerState::Gone,
-                _ if worker.not_before > now => WorkerState::BackingOff,
-                _ if held.contains_key(id) => WorkerState::Working,
-                _ => WorkerState::Idle,
-            },
-            rendering: held.get(id).copied(),
-        };
-        let mut views: Vec<WorkerView> = Vec::new();
-        let mut gone = 0;
-        for worker in self.workers.iter().rev() {
-            if !worker.1.is_present(&self.rules, now) {
-                gone += 1;
-                if gone > GONE_SHOWN {
-                    continue;
-                }
-            }
-            views.push(view(worker));
-        }
-        views.reverse();
-        views
     }
 }

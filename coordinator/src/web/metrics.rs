@@ -1,7 +1,8 @@
 //! `/metrics`, for Prometheus: the job's counters, read when they are asked for.
 
 use super::Web;
-use crate::farm::{Progress, WorkerState};
+use crate::farm::Progress;
+use crate::ledger::WorkerState;
 use crate::watch::Watch;
 use axum::extract::State;
 use axum::http::header::CONTENT_TYPE;

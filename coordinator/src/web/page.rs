@@ -2,7 +2,8 @@
 //! script; the script only puts newer pieces in their places.
 
 use super::{Asked, EXPOSURES, Web, curve};
-use crate::farm::{End, Event, EventKind, Progress, WorkerState, WorkerView};
+use crate::farm::{End, Event, EventKind, Progress};
+use crate::ledger::{WorkerState, WorkerView};
 use crate::watch::picture::Picture;
 use crate::watch::{Watch, unix_time};
 use askama::Template;

@@ -21,7 +21,7 @@ mod web;
 
 pub use farm::{
     DoneBlock, End, Entry, EntryState, Event, EventKind, ExtendError, Farm, JobSpec, Progress,
-    Start, Target, Timing,
+    Snapshot, Start, Target, Timing,
 };
 pub use ledger::{WorkerState, WorkerView};
 pub use listener::Entrance;

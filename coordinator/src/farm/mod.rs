@@ -6,12 +6,14 @@ mod calls;
 mod events;
 mod progress;
 mod settle;
+mod snapshot;
 mod start;
 mod stopping;
 
 pub(crate) use calls::Refusal;
 pub use events::{Event, EventKind};
 pub use progress::{End, Progress};
+pub use snapshot::Snapshot;
 pub use start::{DoneBlock, Entry, EntryState, Start};
 pub use stopping::Target;
 
@@ -224,11 +226,6 @@ impl Farm {
     /// Hash of a block that is there: its [`beamfarm_image::exr::node_hash`].
     pub fn block_hash(&self, block: Block) -> Option<PixelHash> {
         self.books().ledger.block_hash(block)
-    }
-
-    /// The sum of all that is there, to be kept on a disk. Shares its images, so it takes no time.
-    pub fn snapshot(&self) -> TreeSum {
-        self.sum().clone()
     }
 
     /// What happened lately, from the event of this number on.

@@ -5,7 +5,6 @@
 //! the chance to stop too early by luck is taken few times.
 
 use super::Farm;
-use crate::store::Checkpoint;
 use beamfarm_image::merge::{Average, Errors};
 use std::sync::{MutexGuard, PoisonError};
 use tracing::{debug, info};
@@ -41,6 +40,10 @@ impl Tested {
             stopped_at: None,
         }
     }
+
+    pub fn errors(&self) -> &[(u64, Errors)] {
+        &self.errors
+    }
 }
 
 impl Farm {
@@ -61,7 +64,7 @@ impl Farm {
             self.opened.notify_waiters();
         }
         loop {
-            let sum = self.snapshot();
+            let sum = self.sum().clone();
             let Some(fence) = sum.fence().filter(|fence| *fence <= sum.prefix()) else {
                 return;
             };
@@ -95,7 +98,7 @@ impl Farm {
         // The job may end while somebody else is about to look.
         self.look_at(&mut tested);
         let stopped_at = tested.stopped_at;
-        let sum = self.snapshot();
+        let sum = self.sum().clone();
         drop(tested);
         match stopped_at {
             Some((passes, _)) => sum.average_of(passes),
@@ -108,20 +111,7 @@ impl Farm {
         self.tested().stopped_at.map(|(passes, _)| passes)
     }
 
-    /// All that has to be kept on a disk, but for what the disk knows better. Shares the images, so it takes no time.
-    pub fn checkpoint(&self) -> Checkpoint {
-        let tested = self.tested();
-        Checkpoint {
-            number: 0,
-            sum: self.snapshot(),
-            tested: tested.errors.clone(),
-            stats: self.books().progress.stats,
-            seconds: (self.before + self.started.elapsed()).as_secs_f64(),
-            ledger: 0,
-        }
-    }
-
-    fn tested(&self) -> MutexGuard<'_, Tested> {
+    pub(super) fn tested(&self) -> MutexGuard<'_, Tested> {
         self.tested.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

@@ -2,6 +2,7 @@
 //!
 //! A header (magic, format, length of the rest, BLAKE3 of the rest), then the rest; all numbers little-endian.
 
+use crate::farm::Snapshot;
 use beamfarm_image::bias::RadiusSums;
 use beamfarm_image::film::Film;
 use beamfarm_image::job::{Block, PassStats};
@@ -105,6 +106,24 @@ impl Checkpoint {
             stats: PassStats::default(),
             seconds: 0.0,
             ledger: 0,
+        }
+    }
+
+    /// Of what a job has reached, when the ledger file had so many bytes. Its number comes with its place on the disk.
+    pub fn of(snapshot: Snapshot, ledger: u64) -> Self {
+        let Snapshot {
+            sum,
+            tested,
+            stats,
+            seconds,
+        } = snapshot;
+        Self {
+            number: 0,
+            sum,
+            tested,
+            stats,
+            seconds,
+            ledger,
         }
     }
 

@@ -2,6 +2,7 @@
 
 use super::{Checkpoint, Folder, StoreError};
 use crate::farm::{Entry, Farm};
+use beamfarm_image::merge::TreeSum;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::thread::JoinHandle;
@@ -89,10 +90,10 @@ struct State {
 }
 
 impl State {
-    fn new(checkpoint: &Checkpoint, dropped: u64) -> Self {
+    fn new(sum: &TreeSum, dropped: u64) -> Self {
         Self {
-            passes: checkpoint.sum.passes(),
-            fence: checkpoint.sum.fence(),
+            passes: sum.passes(),
+            fence: sum.fence(),
             dropped,
         }
     }
@@ -102,7 +103,7 @@ impl Work {
     fn new(folder: Folder, farm: Arc<Farm>, entries: UnboundedReceiver<Entry>) -> Self {
         Self {
             folder,
-            saved: State::new(&farm.checkpoint(), 0),
+            saved: State::new(&farm.snapshot().sum, 0),
             farm,
             entries,
             due: Instant::now(),
@@ -151,11 +152,8 @@ impl Work {
         // A block's line is entered together with the change of the sum: the sum follows these.
         self.take_lines();
         let ledger = self.folder.ledger_end();
-        let mut checkpoint = Checkpoint {
-            ledger,
-            ..self.farm.checkpoint()
-        };
-        let state = State::new(&checkpoint, progress.dropped);
+        let mut checkpoint = Checkpoint::of(self.farm.snapshot(), ledger);
+        let state = State::new(&checkpoint.sum, progress.dropped);
         if state == self.saved {
             return extended;
         }

@@ -447,7 +447,7 @@ async fn send(mut header: wire::SubmitHeader, bytes: &[u8]) -> bool {
                 panic!("what cannot be read was taken");
             };
             assert_eq!(node.block, leased.1);
-            let sum = site.farm.snapshot();
+            let sum = site.farm.snapshot().sum;
             let held: Vec<&Node> = sum.nodes().map(|node| &**node).collect();
             assert_eq!(held, [&node]);
             Some(node)

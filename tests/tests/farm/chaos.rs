@@ -287,7 +287,7 @@ async fn mischief(coordinator: Arc<Coordinator>, truth: Arc<Truth>, round: u64) 
 
 /// What a checkpoint of this moment would bring back.
 fn checkpoint(coordinator: &Coordinator) -> Start {
-    let sum = coordinator.farm.snapshot();
+    let sum = coordinator.farm.snapshot().sum;
     let done = coordinator.farm.blocks().into_iter().filter_map(|done| {
         Some(DoneBlock {
             block: done.block,

@@ -69,7 +69,7 @@ async fn run(
 ) -> Result<(), Failure> {
     let farm = watch.farm().clone();
     let exposure = watch.terms().exposure;
-    let before = farm.checkpoint();
+    let before = farm.snapshot();
     let seconds = Duration::try_from_secs_f64(before.seconds).unwrap_or_default();
     let history = History::new(&output.exr, before.sum.prefix(), seconds);
     drop(before);
@@ -219,7 +219,7 @@ async fn write(
         let meta = ImageMeta {
             scene: farm.job().scene,
             maker: Maker::Passes(farm.job().settings),
-            render_seconds: farm.checkpoint().seconds,
+            render_seconds: farm.snapshot().seconds,
             version: VERSION.into(),
             layers: farm.job().layers.clone(),
             standard_error: output.standard_error,

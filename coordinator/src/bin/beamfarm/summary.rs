@@ -72,7 +72,7 @@ impl Summary<'_> {
     /// For people.
     pub fn print(&self) {
         let progress = self.farm.progress();
-        let seconds = self.farm.checkpoint().seconds;
+        let seconds = self.farm.snapshot().seconds;
         if let Some(Written { average, .. }) = &self.image {
             println!(
                 "wrote {}, {} and {}",
@@ -128,7 +128,7 @@ impl Summary<'_> {
     /// For programs.
     pub fn report(&self) -> Report {
         let progress = self.farm.progress();
-        let checkpoint = self.farm.checkpoint();
+        let reached = self.farm.snapshot();
         let average = self.image.as_ref().map(|written| &written.average);
         let errors = average
             .map(|average| average.errors())
@@ -147,8 +147,8 @@ impl Summary<'_> {
             scene: self.farm.job().scene.to_string(),
             seed: self.farm.job().settings.seed,
             first_pass: self.args.first_pass,
-            prefix: average.map_or(checkpoint.sum.prefix(), |average| average.passes),
-            passes: checkpoint.sum.passes(),
+            prefix: average.map_or(reached.sum.prefix(), |average| average.passes),
+            passes: reached.sum.passes(),
             limit,
             pass_set: self.pass_set(),
             image: average.map(|_| self.output.exr.display().to_string()),
@@ -159,7 +159,7 @@ impl Summary<'_> {
             fireflies: noise.and_then(|noise| noise.fireflies).map(Into::into),
             bias: bias.map(ToString::to_string),
             bias_estimate: bias.and_then(BiasReport::new),
-            seconds: checkpoint.seconds,
+            seconds: reached.seconds,
             workers: workers.map(|worker| worker.name.clone()).collect(),
             stopped: self.stopped(),
         }

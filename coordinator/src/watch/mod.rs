@@ -3,6 +3,7 @@
 //! All of them ask the same [`Watch`], which measures rates, remembers how the error fell, and makes pictures only while
 //! somebody looks.
 
+pub(crate) mod heat;
 mod meter;
 pub(crate) mod picture;
 

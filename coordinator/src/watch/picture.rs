@@ -1,8 +1,8 @@
 //! Pictures of the job so far, for pages. They are made away from the threads that serve others, at a bounded rate, and
 //! only when somebody asks.
 
+use super::heat;
 use crate::farm::Farm;
-use crate::web::heat;
 use beamfarm_image::error::ImageError;
 use beamfarm_image::merge::{Average, Noise};
 use beamfarm_image::png::encode_png;

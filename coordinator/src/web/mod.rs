@@ -2,7 +2,6 @@
 //! nothing is loaded from elsewhere.
 
 mod curve;
-pub(crate) mod heat;
 mod live;
 mod metrics;
 mod page;

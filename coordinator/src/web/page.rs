@@ -5,7 +5,7 @@ use super::{Asked, EXPOSURES, Web, curve};
 use crate::farm::{End, Event, EventKind, Progress};
 use crate::ledger::{WorkerState, WorkerView};
 use crate::watch::picture::Picture;
-use crate::watch::{Watch, unix_time};
+use crate::watch::{Watch, heat, unix_time};
 use askama::Template;
 use axum::http::StatusCode;
 use axum::response::{Html, IntoResponse, Response};
@@ -140,7 +140,7 @@ pub(super) async fn page(web: &Web, asked: &Asked) -> Response {
         lowest: *EXPOSURES.start(),
         highest: *EXPOSURES.end(),
         error_view: asked.view.as_deref() == Some("error"),
-        scale: super::heat::scale(),
+        scale: heat::scale(),
         written: asked.written,
     };
     match page.render() {

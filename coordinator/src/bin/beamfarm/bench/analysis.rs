@@ -1,10 +1,39 @@
 //! From error against time to slopes and times. All in log-log, where convergence is a straight line.
 
+use super::suite::Point;
 use crate::figure::superscript;
 use serde::Serialize;
 
 /// Errors whose times are told.
 pub const TARGETS: [f64; 3] = [1e-1, 1e-2, 1e-3];
+
+/// What a clock counts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Clock {
+    Wall,
+    Cores,
+}
+
+impl Clock {
+    pub fn unit(self) -> &'static str {
+        match self {
+            Self::Wall => "wall seconds",
+            Self::Cores => "core-seconds",
+        }
+    }
+
+    /// Seconds and errors of the points whose time on this clock is known.
+    pub fn curve(self, points: &[Point]) -> Vec<(f64, f64)> {
+        let time = |point: &Point| match self {
+            Self::Wall => Some(point.wall_seconds),
+            Self::Cores => point.core_seconds,
+        };
+        let known = points
+            .iter()
+            .filter_map(|point| Some((time(point)?, point.rel_mse)));
+        known.filter(|(seconds, _)| *seconds > 0.0).collect()
+    }
+}
 
 /// A straight line through the last points.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]

@@ -14,6 +14,7 @@ mod table;
 pub use run::{CHILD, child};
 
 use crate::failure::Failure;
+use analysis::Clock;
 use beamfarm_image::exr::read_rgb;
 use beamfarm_image::job::MAX_PASSES;
 use beamfarm_scene::read_bundle;
@@ -24,7 +25,6 @@ use record::{Findings, PeerFindings, Record, RunFindings, SceneFindings, Setting
 use run::{Run, Task, checkpoints};
 use std::path::PathBuf;
 use suite::{Overrides, Peer, Point, RunCase, SceneCase, Suite};
-use table::Clock;
 
 pub const EXAMPLES: &str = "\
 Examples:

@@ -1,11 +1,10 @@
 //! What a benchmark found, and the files that programs read it from.
 
-use super::analysis::{Fit, TARGETS, TimeTo, fit, time_to};
+use super::analysis::{Clock, Fit, TARGETS, TimeTo, fit, time_to};
 use super::machine::Machine;
 use super::measure::{Comparison, Reference};
 use super::run::Sample;
 use super::suite::{Overrides, Point};
-use super::table::Clock;
 use crate::failure::Failure;
 use beamfarm_image::atomic::write_file;
 use beamfarm_image::film::Film;

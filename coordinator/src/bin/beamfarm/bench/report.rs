@@ -1,10 +1,10 @@
 //! The page: one file, without anything from elsewhere.
 
-use super::analysis::{fit, power, seconds};
+use super::analysis::{Clock, fit, power, seconds};
 use super::crops::{self, Row};
 use super::plot::{self, Curve, FAINT_GRID, GRID, INK, PALETTE};
 use super::record::{Findings, SceneFindings};
-use super::table::{self, Clock, Table};
+use super::table::{self, Table};
 use crate::failure::Failure;
 use askama::Template;
 use beamfarm_image::atomic::write_file;

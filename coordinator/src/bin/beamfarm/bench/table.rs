@@ -1,6 +1,6 @@
 //! The tables of a report, on a page and in a terminal.
 
-use super::analysis::{TARGETS, digits, fit, power, time_to, times_faster};
+use super::analysis::{Clock, TARGETS, digits, fit, power, time_to, times_faster};
 use super::record::{Record, SceneFindings};
 use super::suite::Point;
 use crate::figure::superscript;
@@ -20,34 +20,6 @@ impl Table {
         table.load_style(UTF8_FULL_CONDENSED);
         table.set_header(&self.head).add_rows(&self.rows);
         format!("{}\n{table}", self.title)
-    }
-}
-
-/// What a clock counts.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Clock {
-    Wall,
-    Cores,
-}
-
-impl Clock {
-    pub fn unit(self) -> &'static str {
-        match self {
-            Self::Wall => "wall seconds",
-            Self::Cores => "core-seconds",
-        }
-    }
-
-    /// Seconds and errors of the points whose time on this clock is known.
-    pub fn curve(self, points: &[Point]) -> Vec<(f64, f64)> {
-        let time = |point: &Point| match self {
-            Self::Wall => Some(point.wall_seconds),
-            Self::Cores => point.core_seconds,
-        };
-        let known = points
-            .iter()
-            .filter_map(|point| Some((time(point)?, point.rel_mse)));
-        known.filter(|(seconds, _)| *seconds > 0.0).collect()
     }
 }
 

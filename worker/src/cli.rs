@@ -1,7 +1,9 @@
 //! The command line of a worker, shared by `beamfarm worker` and `beamfarm-worker`.
 
-use crate::run::{Config, Summary, WorkerError, run};
+use crate::error::WorkerError;
+use crate::run::{Config, run};
 use crate::security::SecurityArgs;
+use crate::session::Summary;
 use crate::{cache, exit, signals};
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;

@@ -12,6 +12,7 @@ mod cache;
 mod canary;
 pub mod cli;
 mod client;
+mod error;
 pub mod exit;
 mod render;
 mod run;
@@ -20,4 +21,6 @@ mod session;
 pub mod signals;
 
 pub use canary::canary;
-pub use run::{Config, Summary, WorkerError, run};
+pub use error::WorkerError;
+pub use run::{Config, run};
+pub use session::Summary;

@@ -1,7 +1,7 @@
 //! The rendering threads.
 
 use crate::canary::canary;
-use crate::run::WorkerError;
+use crate::error::WorkerError;
 use beamfarm_image::bundle::Bundle;
 use beamfarm_image::job::{Block, PassStats};
 use beamfarm_image::merge::Node;

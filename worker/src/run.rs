@@ -2,12 +2,13 @@
 
 use crate::cache::Cache;
 use crate::client::{CallError, Client, Introduction, Registration};
+use crate::error::WorkerError;
 use crate::render::{Prepared, Renderer};
 use crate::security::Credentials;
-use crate::session::{Session, SessionEnd};
+use crate::session::{Session, SessionEnd, Summary};
+use crate::signals::drained;
 use beamfarm_image::bundle::Bundle;
 use beamfarm_proto::Job;
-use beamfarm_scene::SceneError;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
@@ -31,46 +32,6 @@ pub struct Config {
     pub patience: Duration,
     /// How long to go on rendering and delivering when told to finish.
     pub grace: Duration,
-}
-
-/// What a worker did.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Summary {
-    /// Passes that the coordinator took.
-    pub passes: u64,
-}
-
-/// Why a worker stopped before its job did.
-#[derive(Debug, thiserror::Error)]
-pub enum WorkerError {
-    /// The coordinator's address makes no sense.
-    #[error("{url}: expected http://HOST:PORT or https://HOST:PORT ({message})")]
-    Address {
-        /// What was given.
-        url: String,
-        /// What is wrong with it.
-        message: String,
-    },
-    /// A certificate, a key or the token cannot be read.
-    #[error("{0}")]
-    Security(String),
-    /// The coordinator cannot be reached, or no longer.
-    #[error("cannot reach the coordinator at {url}: {message}")]
-    Unreachable {
-        /// Its address.
-        url: String,
-        /// What the last attempt said.
-        message: String,
-    },
-    /// The coordinator wants nothing from this worker.
-    #[error("refused by the coordinator: {0}")]
-    Refused(String),
-    /// The job's scene cannot be read here.
-    #[error(transparent)]
-    Scene(#[from] SceneError),
-    /// Anything else.
-    #[error("{0}")]
-    Internal(String),
 }
 
 /// Work for a coordinator until its job is over, or until `drain` becomes true and what is at hand is delivered or given
@@ -158,14 +119,6 @@ async fn work(
             }
             Err(error) => return Err(fail(error)),
         }
-    }
-}
-
-/// Resolves when the worker shall finish.
-pub(crate) async fn drained(mut drain: watch::Receiver<bool>) {
-    if drain.wait_for(|drain| *drain).await.is_err() {
-        // Nobody is left who could ask for it.
-        std::future::pending::<()>().await;
     }
 }
 

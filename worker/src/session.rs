@@ -5,7 +5,7 @@
 
 use crate::client::{CallError, Client, Delivery, Introduction, Registration};
 use crate::render::{Failed, Prepared, Renderer};
-use crate::run::{Summary, drained};
+use crate::signals::drained;
 use beamfarm_image::exr::{BlockMeta, encode_block};
 use beamfarm_image::job::{Block, PassStats};
 use beamfarm_image::merge::Node;
@@ -24,6 +24,13 @@ use tracing::{debug, info, warn};
 const LEASE_AHEAD: f64 = 0.75;
 /// Time for giving leases back and signing off.
 const FAREWELL: Duration = Duration::from_secs(3);
+
+/// What a worker did.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Summary {
+    /// Passes that the coordinator took.
+    pub passes: u64,
+}
 
 /// Why a session ended.
 pub(crate) enum SessionEnd {

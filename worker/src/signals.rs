@@ -19,6 +19,14 @@ pub fn drain() -> std::io::Result<watch::Receiver<bool>> {
     Ok(receiver)
 }
 
+/// Resolves when the value of [`drain`] becomes true.
+pub(crate) async fn drained(mut drain: watch::Receiver<bool>) {
+    if drain.wait_for(|drain| *drain).await.is_err() {
+        // Nobody is left who could ask for it.
+        std::future::pending::<()>().await;
+    }
+}
+
 /// Leave SIGINT to others: in a terminal Ctrl-C reaches a process's children as well, and the parent decides what
 /// follows. To be called inside a tokio runtime.
 pub fn ignore_interrupt() -> std::io::Result<()> {

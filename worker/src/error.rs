@@ -1,0 +1,36 @@
+//! What can go wrong.
+
+use beamfarm_scene::SceneError;
+
+/// Why a worker stopped before its job did.
+#[derive(Debug, thiserror::Error)]
+pub enum WorkerError {
+    /// The coordinator's address makes no sense.
+    #[error("{url}: expected http://HOST:PORT or https://HOST:PORT ({message})")]
+    Address {
+        /// What was given.
+        url: String,
+        /// What is wrong with it.
+        message: String,
+    },
+    /// A certificate, a key or the token cannot be read.
+    #[error("{0}")]
+    Security(String),
+    /// The coordinator cannot be reached, or no longer.
+    #[error("cannot reach the coordinator at {url}: {message}")]
+    Unreachable {
+        /// Its address.
+        url: String,
+        /// What the last attempt said.
+        message: String,
+    },
+    /// The coordinator wants nothing from this worker.
+    #[error("refused by the coordinator: {0}")]
+    Refused(String),
+    /// The job's scene cannot be read here.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// Anything else.
+    #[error("{0}")]
+    Internal(String),
+}

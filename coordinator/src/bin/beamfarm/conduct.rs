@@ -3,35 +3,22 @@
 use crate::directory::Directory;
 use crate::failure::Failure;
 use crate::history::History;
+use crate::image::{Written, write, write_now};
 use crate::job::JobArgs;
 use crate::onlookers::{log_configuration, write_on_request};
 use crate::output::Output;
 use crate::progress;
-use crate::summary::Summary;
-use beamfarm_coordinator::store::Keeper;
-use beamfarm_coordinator::{End, Entrance, Farm, Terms, Watch, server};
-use beamfarm_image::exr::{ImageMeta, Maker};
-use beamfarm_image::merge::Average;
-use beamfarm_proto::VERSION;
+use crate::summary::{Stop, Summary};
+use beamfarm_coordinator::store::{Folder, Keeper, StoreError};
+use beamfarm_coordinator::{Entrance, Farm, Terms, Watch, server};
 use beamfarm_worker::signals;
 use std::convert::Infallible;
-use std::future::Future;
+use std::future::{Future, pending};
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::sync::oneshot;
-use tracing::{Instrument, Span, error_span, warn};
-
-/// Why no more passes were taken.
-pub enum Stop {
-    /// The farm ended by itself.
-    Ended(End),
-    /// The time is over.
-    Time,
-    /// Someone sent a signal.
-    Signal,
-    /// What had to keep running did not.
-    Broken(String),
-}
+use tokio::task::JoinHandle;
+use tracing::{Instrument, error_span, warn};
 
 /// Serve the farm until its job ends in whatever way, then write what is complete. `crew` runs beside it and only ends
 /// early to say what went wrong.
@@ -67,20 +54,19 @@ async fn run(
     entrance: Entrance,
     crew: impl Future<Output = Result<(), String>>,
 ) -> Result<(), Failure> {
-    let farm = watch.farm().clone();
-    let exposure = watch.terms().exposure;
-    let before = farm.snapshot();
-    let seconds = Duration::try_from_secs_f64(before.seconds).unwrap_or_default();
-    let history = History::new(&output.exr, before.sum.prefix(), seconds);
-    drop(before);
-    watch.recall(history.points());
-    let makes_image = args.first_pass == 0;
+    let farm = watch.farm();
+    let job = Job {
+        args,
+        output,
+        watch,
+        history: begin_history(watch, output),
+    };
     let keeper = directory.map(|Directory { folder, entries }| {
         let keeper = Keeper::start(folder, farm.clone(), entries);
         keeper.map_err(Failure::io)
     });
     let keeper = keeper.transpose()?;
-    let mut drain = signals::drain().map_err(Failure::io)?;
+    let drain = signals::drain().map_err(Failure::io)?;
     let (close, closed) = oneshot::channel::<()>();
     let closed = async {
         // Comes as an error: nothing is ever sent.
@@ -95,54 +81,7 @@ async fn run(
     }
     let mut server = tokio::spawn(server::run(entrance, watch.clone(), closed).in_current_span());
     let told = args.onlookers.tell(watch);
-    let time = async {
-        match args.time {
-            Some(time) => tokio::time::sleep(time).await,
-            None => std::future::pending().await,
-        }
-    };
-    let show = async {
-        if !args.quiet {
-            progress::show(watch.clone()).await;
-        }
-        std::future::pending::<Infallible>().await
-    };
-    let keep = async {
-        if makes_image {
-            history.clone().keep(farm.clone()).await;
-        }
-        std::future::pending::<Infallible>().await
-    };
-    let write_on_request = write_on_request(watch, || write_now(&farm, output, exposure));
-    let broken = |what: &str, how: String| Stop::Broken(format!("{what}: {how}"));
-    let stop = {
-        tokio::pin!(crew);
-        let crew_broken = async {
-            match (&mut crew).await {
-                // It ends in peace only with the farm.
-                Ok(()) => std::future::pending().await,
-                Err(message) => message,
-            }
-        };
-        tokio::select! {
-            // First: a job that was finished before needs no crew.
-            biased;
-            end = farm.ended() => Stop::Ended(end),
-            () = time => Stop::Time,
-            _ = drain.wait_for(|drain| *drain) => Stop::Signal,
-            message = crew_broken => Stop::Broken(message),
-            served = &mut server => match served {
-                Ok(()) => broken("the server", "ended early".into()),
-                Err(error) => broken("the server", error.to_string()),
-            },
-            never = show => match never {},
-            never = keep => match never {},
-            failed = write_on_request => match failed {
-                Ok(never) => match never {},
-                Err(error) => broken("SIGHUP", error.to_string()),
-            },
-        }
-    };
+    let stop = job.until_it_stops(drain, crew, &mut server).await;
     farm.stop();
     drop(close);
     progress::clear();
@@ -153,10 +92,7 @@ async fn run(
             .await
             .map_err(Failure::io)?,
     };
-    let written = match makes_image {
-        true => write(&farm, output, exposure, Some(history)).await,
-        false => Ok(None),
-    };
+    let image = job.write().await;
     // Workers and onlookers hear of the end meanwhile.
     told.last_words().await;
     if !server.is_finished() {
@@ -165,11 +101,114 @@ async fn run(
     let summary = Summary {
         args,
         output,
-        farm: &farm,
-        image: written?,
+        farm,
+        image: image?,
         stop,
     };
-    if !args.quiet {
+    conclude(summary, folder, kept)
+}
+
+/// The record beside the image, from where an earlier coordinator of the job left it.
+fn begin_history(watch: &Watch, output: &Output) -> Arc<History> {
+    let before = watch.farm().snapshot();
+    let seconds = Duration::try_from_secs_f64(before.seconds).unwrap_or_default();
+    let history = History::new(&output.exr, before.sum.prefix(), seconds);
+    watch.recall(history.points());
+    history
+}
+
+/// A job that runs.
+struct Job<'a> {
+    args: &'a JobArgs,
+    output: &'a Output,
+    watch: &'a Arc<Watch>,
+    history: Arc<History>,
+}
+
+impl Job<'_> {
+    /// A job that does not begin with the first pass makes no image.
+    fn makes_image(&self) -> bool {
+        self.args.first_pass == 0
+    }
+
+    /// Show and keep what there is, and write it when somebody asks, until no more passes are to be taken.
+    async fn until_it_stops(
+        &self,
+        mut drain: tokio::sync::watch::Receiver<bool>,
+        crew: impl Future<Output = Result<(), String>>,
+        server: &mut JoinHandle<()>,
+    ) -> Stop {
+        let farm = self.watch.farm();
+        let exposure = self.watch.terms().exposure;
+        let time = async {
+            match self.args.time {
+                Some(time) => tokio::time::sleep(time).await,
+                None => pending().await,
+            }
+        };
+        let crew_broken = async {
+            match crew.await {
+                // It ends in peace only with the farm.
+                Ok(()) => pending().await,
+                Err(message) => message,
+            }
+        };
+        let write_on_request =
+            write_on_request(self.watch, || write_now(farm, self.output, exposure));
+        let broken = |what: &str, how: String| Stop::Broken(format!("{what}: {how}"));
+        tokio::select! {
+            // First: a job that was finished before needs no crew.
+            biased;
+            end = farm.ended() => Stop::Ended(end),
+            () = time => Stop::Time,
+            _ = drain.wait_for(|drain| *drain) => Stop::Signal,
+            message = crew_broken => Stop::Broken(message),
+            served = server => match served {
+                Ok(()) => broken("the server", "ended early".into()),
+                Err(error) => broken("the server", error.to_string()),
+            },
+            never = self.show() => match never {},
+            never = self.keep() => match never {},
+            failed = write_on_request => match failed {
+                Ok(never) => match never {},
+                Err(error) => broken("SIGHUP", error.to_string()),
+            },
+        }
+    }
+
+    async fn show(&self) -> Infallible {
+        if !self.args.quiet {
+            progress::show(self.watch.clone()).await;
+        }
+        pending().await
+    }
+
+    async fn keep(&self) -> Infallible {
+        if self.makes_image() {
+            let history = self.history.clone();
+            history.keep(self.watch.farm().clone()).await;
+        }
+        pending().await
+    }
+
+    /// Write the image for the last time, if the job makes one.
+    async fn write(&self) -> Result<Option<Written>, Failure> {
+        if !self.makes_image() {
+            return Ok(None);
+        }
+        let exposure = self.watch.terms().exposure;
+        let history = Some(self.history.clone());
+        write(self.watch.farm(), self.output, exposure, history).await
+    }
+}
+
+/// Say how the job ended, on stdout, in its folder and by the exit code.
+fn conclude(
+    summary: Summary<'_>,
+    folder: Option<Folder>,
+    kept: Result<(), StoreError>,
+) -> Result<(), Failure> {
+    if !summary.args.quiet {
         summary.print();
     }
     if let Some(folder) = folder {
@@ -183,55 +222,4 @@ async fn run(
         kept?;
     }
     summary.verdict()
-}
-
-/// An image as it was written.
-pub struct Written {
-    pub average: Average,
-    pub meta: ImageMeta,
-}
-
-/// Write the image of the complete prefix now, and go on. Returns what was written, for people.
-async fn write_now(farm: &Arc<Farm>, output: &Output, exposure: f32) -> Result<String, Failure> {
-    match write(farm, output, exposure, None).await? {
-        Some(Written { average, .. }) => Ok(format!(
-            "wrote {} with {} passes",
-            output.exr.display(),
-            average.passes
-        )),
-        None => Err(Failure::nothing("no pass is complete")),
-    }
-}
-
-async fn write(
-    farm: &Arc<Farm>,
-    output: &Output,
-    exposure: f32,
-    history: Option<Arc<History>>,
-) -> Result<Option<Written>, Failure> {
-    let (farm, output) = (farm.clone(), output.clone());
-    let span = Span::current();
-    let write = move || {
-        let _job = span.entered();
-        let Some(average) = farm.average() else {
-            return Ok(None);
-        };
-        let meta = ImageMeta {
-            scene: farm.job().scene,
-            maker: Maker::Passes(farm.job().settings),
-            render_seconds: farm.snapshot().seconds,
-            version: VERSION.into(),
-            layers: farm.job().layers.clone(),
-            standard_error: output.standard_error,
-            drops_photons: output.drops_photons,
-        };
-        output.write(&average, &meta, exposure)?;
-        if let Some(history) = history {
-            history.finish(&average, &farm.progress())?;
-        }
-        Ok(Some(Written { average, meta }))
-    };
-    tokio::task::spawn_blocking(write)
-        .await
-        .map_err(Failure::io)?
 }

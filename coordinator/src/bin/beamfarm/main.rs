@@ -10,6 +10,7 @@ mod explain;
 mod failure;
 mod figure;
 mod history;
+mod image;
 mod job;
 mod local;
 mod merge;

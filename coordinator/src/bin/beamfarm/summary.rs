@@ -1,7 +1,7 @@
 //! What is said at the end of a job: on stdout, in report.json and by the exit code.
 
-use crate::conduct::{Stop, Written};
 use crate::failure::Failure;
+use crate::image::Written;
 use crate::job::JobArgs;
 use crate::output::Output;
 use crate::progress::si;
@@ -11,6 +11,18 @@ use beamfarm_image::exr::pixel_hash;
 use beamfarm_image::job::MAX_PASSES;
 use beamfarm_image::merge::Average;
 use beamfarm_proto::VERSION;
+
+/// Why no more passes were taken.
+pub enum Stop {
+    /// The farm ended by itself.
+    Ended(End),
+    /// The time is over.
+    Time,
+    /// Someone sent a signal.
+    Signal,
+    /// What had to keep running did not.
+    Broken(String),
+}
 
 /// A job that is over.
 pub struct Summary<'a> {

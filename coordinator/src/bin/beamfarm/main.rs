@@ -1,23 +1,19 @@
-//! The command `beamfarm`: one file a subcommand, and what they share.
+//! The command `beamfarm`: one file a subcommand, those that measure in a folder, and what they share.
 
-mod bench;
-mod compare;
 mod conduct;
-mod convergence;
 mod convert;
 mod directory;
 mod explain;
 mod failure;
-mod figure;
 mod history;
 mod image;
 mod job;
 mod local;
+mod measure;
 mod merge;
 mod onlookers;
 mod output;
 mod progress;
-mod reference;
 mod remote;
 mod render;
 mod replay;
@@ -32,6 +28,7 @@ use beamfarm_worker::cli::{self, LogArgs, WorkerArgs};
 use beamfarm_worker::exit;
 use clap::{Parser, Subcommand};
 use failure::Failure;
+use measure::{bench, compare, convergence, reference};
 use std::process::ExitCode;
 
 const EXAMPLES: &str = "\

@@ -2,7 +2,7 @@
 //! in their place on a dark one.
 
 use crate::failure::Failure;
-use crate::figure::{Decades, FINE, fine, shown_at};
+use crate::measure::figure::{Decades, FINE, fine, shown_at};
 use plotters::prelude::*;
 use plotters::style::RGBColor;
 

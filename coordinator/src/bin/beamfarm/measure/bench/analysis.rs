@@ -1,7 +1,7 @@
 //! From error against time to slopes and times. All in log-log, where convergence is a straight line.
 
 use super::suite::Point;
-use crate::figure::superscript;
+use crate::measure::figure::superscript;
 use serde::Serialize;
 
 /// Errors whose times are told.

@@ -1,7 +1,7 @@
 //! The figure: three panels over the number of passes.
 
 use super::Curves;
-use crate::figure::{Decades, FINE, fine, shown_at};
+use crate::measure::figure::{Decades, FINE, fine, shown_at};
 use beamfarm_render::convergence::Theory;
 use plotters::coord::Shift;
 use plotters::prelude::*;

@@ -1,9 +1,9 @@
 //! `beamfarm bench`: error against time.
 
 mod analysis;
+mod comparison;
 mod crops;
 mod machine;
-mod measure;
 mod plot;
 mod record;
 mod report;
@@ -19,8 +19,8 @@ use beamfarm_image::exr::read_rgb;
 use beamfarm_image::job::MAX_PASSES;
 use beamfarm_scene::read_bundle;
 use clap::Args;
+use comparison::Reference;
 use machine::Machine;
-use measure::Reference;
 use record::{Findings, PeerFindings, Record, RunFindings, SceneFindings, Settings};
 use run::{Run, Task, checkpoints};
 use std::path::PathBuf;

@@ -582,7 +582,7 @@ mod tests {
         for scene in &suite.scenes {
             assert_eq!(scene.peers.len(), 2, "{}", scene.name);
             let (description, _) =
-                crate::bench::run::load(&scene.path, &Overrides::default()).unwrap();
+                crate::measure::bench::run::load(&scene.path, &Overrides::default()).unwrap();
             assert_eq!(
                 (description.camera.width, description.camera.height),
                 (512, 512)

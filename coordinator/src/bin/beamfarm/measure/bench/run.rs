@@ -240,7 +240,7 @@ fn answer(sample: &Sample, image: &Film) -> io::Result<()> {
 }
 
 fn estimated_rel_mse(average: &Average) -> f64 {
-    super::measure::relative_noise(&average.beauty, &average.standard_error)
+    super::comparison::relative_noise(&average.beauty, &average.standard_error)
 }
 
 /// CPU time of this process and all its threads.

@@ -3,7 +3,7 @@
 use super::analysis::{Clock, TARGETS, digits, fit, power, time_to, times_faster};
 use super::record::{Record, SceneFindings};
 use super::suite::Point;
-use crate::figure::superscript;
+use crate::measure::figure::superscript;
 use comfy_table::presets::UTF8_FULL_CONDENSED;
 
 /// Text in rows; the first column says what a row is about.

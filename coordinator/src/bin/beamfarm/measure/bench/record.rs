@@ -1,8 +1,8 @@
 //! What a benchmark found, and the files that programs read it from.
 
 use super::analysis::{Clock, Fit, TARGETS, TimeTo, fit, time_to};
+use super::comparison::{Comparison, Reference};
 use super::machine::Machine;
-use super::measure::{Comparison, Reference};
 use super::run::Sample;
 use super::suite::{Overrides, Point};
 use crate::failure::Failure;

@@ -23,22 +23,22 @@ impl Farm {
         canary: PixelHash,
     ) -> Result<WorkerId, Sentence> {
         let now = self.now();
-        let mut books = self.books();
-        let registered = books.ledger.register(name, threads, canary, now);
+        let mut state = self.state();
+        let registered = state.ledger.register(name, threads, canary, now);
         match registered {
             Ok(worker) => {
-                books.progress.registered += 1;
+                state.progress.registered += 1;
                 let text = format!("worker {} is {name:?} with {threads} threads", worker.0);
                 info!(worker = worker.0, name, threads, "{text}");
-                books.events.push(EventKind::Joined, text);
+                state.events.push(EventKind::Joined, text);
             }
             Err(sentence) => {
                 let text = format!("{name:?} is refused: {sentence}");
                 error!(name, "{text}");
-                books.events.push(EventKind::ShutOut, text);
+                state.events.push(EventKind::ShutOut, text);
             }
         }
-        drop(books);
+        drop(state);
         self.settle();
         registered
     }
@@ -50,10 +50,10 @@ impl Farm {
         blocks: impl IntoIterator<Item = Block>,
     ) -> Vec<(LeaseId, Block)> {
         let now = self.now();
-        let mut books = self.books();
+        let mut state = self.state();
         let claims = blocks.into_iter();
         claims
-            .filter_map(|block| Some((books.ledger.claim(worker, block, now)?, block)))
+            .filter_map(|block| Some((state.ledger.claim(worker, block, now)?, block)))
             .collect()
     }
 
@@ -68,13 +68,13 @@ impl Farm {
             }
             let (grant, again) = {
                 let now = self.now();
-                let mut books = self.books();
-                if books.progress.paused {
-                    books.ledger.beat(worker, [], now)?;
+                let mut state = self.state();
+                if state.progress.paused {
+                    state.ledger.beat(worker, [], now)?;
                     (Grant::NotNow, None)
                 } else {
-                    let grant = books.ledger.lease(worker, now)?;
-                    (grant, books.ledger.ask_again(worker, now))
+                    let grant = state.ledger.lease(worker, now)?;
+                    (grant, state.ledger.ask_again(worker, now))
                 }
             };
             match grant {
@@ -104,16 +104,16 @@ impl Farm {
         leases: impl IntoIterator<Item = (LeaseId, u64)>,
     ) -> Result<(), LedgerError> {
         let now = self.now();
-        self.books().ledger.beat(worker, leases, now)
+        self.state().ledger.beat(worker, leases, now)
     }
 
     /// Count the worker as present until the value is dropped, which ends its leases.
     pub(crate) fn attend(self: &Arc<Self>, worker: WorkerId) -> Result<Attendance, LedgerError> {
         let now = self.now();
-        let mut books = self.books();
-        books.ledger.attend(worker, now)?;
-        books.progress.workers += 1;
-        drop(books);
+        let mut state = self.state();
+        state.ledger.attend(worker, now)?;
+        state.progress.workers += 1;
+        drop(state);
         let farm = self.clone();
         Ok(Attendance { farm, worker })
     }
@@ -125,19 +125,19 @@ impl Farm {
         leases: &BTreeSet<LeaseId>,
         leaving: bool,
     ) -> Result<(), LedgerError> {
-        let mut books = self.books();
-        let mut count = books.ledger.give_back(worker, leases)?;
+        let mut state = self.state();
+        let mut count = state.ledger.give_back(worker, leases)?;
         if leaving {
-            count += books.ledger.lost(worker);
-            let name = books.ledger.name(worker).to_owned();
+            count += state.ledger.lost(worker);
+            let name = state.ledger.name(worker).to_owned();
             let text = format!(
                 "worker {} ({name:?}) signs off and gives {count} leases back",
                 worker.0
             );
             info!(worker = worker.0, name, "{text}");
-            books.events.push(EventKind::Left, text);
+            state.events.push(EventKind::Left, text);
         }
-        drop(books);
+        drop(state);
         self.opened.notify_waiters();
         self.settle();
         Ok(())
@@ -145,13 +145,13 @@ impl Farm {
 
     /// Taking a block in takes so many seconds: what the size of blocks depends on.
     pub(crate) fn set_intake(&self, seconds: f64) {
-        self.books().ledger.set_intake(seconds);
+        self.state().ledger.set_intake(seconds);
     }
 
     /// Whether a block that is about to arrive can be one that was asked for.
     pub(crate) fn check(&self, claim: &Claim) -> Result<(), LedgerError> {
-        let books = self.books();
-        books.ledger.check(claim.worker, claim.lease, claim.block)
+        let state = self.state();
+        state.ledger.check(claim.worker, claim.lease, claim.block)
     }
 
     /// Look a delivered block over and add it to the sum. Takes milliseconds: not for a thread that serves others.
@@ -166,19 +166,19 @@ impl Farm {
         };
         let Claim { worker, block, .. } = *claim;
         let accepted = {
-            // The sum first, so that books and sum change together: a block of a worker that is being shut out must be in
+            // The sum first, so that ledger and sum change together: a block of a worker that is being shut out must be in
             // neither or in both.
             let mut sum = self.sum();
             let now = self.now();
-            let mut books = self.books();
-            let accepted = books.ledger.accept(worker, claim.lease, block, hash, now);
+            let mut state = self.state();
+            let accepted = state.ledger.accept(worker, claim.lease, block, hash, now);
             match accepted {
                 Ok(Accepted::New) => {
-                    books.progress.stats += claim.stats;
-                    let begun = books.ledger.leased_at(claim.lease).unwrap_or(now);
+                    state.progress.stats += claim.stats;
+                    let begun = state.ledger.leased_at(claim.lease).unwrap_or(now);
                     let took = now.saturating_sub(begun);
                     self.enter(
-                        &books,
+                        &state,
                         EntryState::Done,
                         block,
                         worker,
@@ -187,11 +187,11 @@ impl Farm {
                         None,
                     );
                 }
-                Ok(Accepted::Duplicate) => books.progress.duplicates += 1,
+                Ok(Accepted::Duplicate) => state.progress.duplicates += 1,
                 Ok(_) => {}
-                Err(_) => books.progress.refused += 1,
+                Err(_) => state.progress.refused += 1,
             }
-            drop(books);
+            drop(state);
             if accepted == Ok(Accepted::New)
                 && let Err(error) = sum.insert(node)
             {
@@ -204,7 +204,7 @@ impl Farm {
         debug!(worker = worker.0, %block, pixels, "delivered: {accepted:?}");
         if accepted == Ok(Accepted::New) {
             self.look();
-            if self.books().ledger.is_to_be_checked(block) {
+            if self.state().ledger.is_to_be_checked(block) {
                 // Those that have nothing to do can check it now.
                 self.opened.notify_waiters();
             }
@@ -222,28 +222,28 @@ impl Farm {
         message: &str,
     ) -> Result<(), LedgerError> {
         let now = self.now();
-        let mut books = self.books();
-        let block = books.ledger.leased_block(lease).unwrap_or(Block::leaf(0));
-        books.ledger.fail(worker, lease, pass_index, message, now)?;
-        books.progress.failures += 1;
-        let begun = books.ledger.leased_at(lease).unwrap_or(now);
+        let mut state = self.state();
+        let block = state.ledger.leased_block(lease).unwrap_or(Block::leaf(0));
+        state.ledger.fail(worker, lease, pass_index, message, now)?;
+        state.progress.failures += 1;
+        let begun = state.ledger.leased_at(lease).unwrap_or(now);
         let took = now.saturating_sub(begun);
         let said = Some(message.to_owned());
-        self.enter(&books, EntryState::Failed, block, worker, None, took, said);
-        let name = books.ledger.name(worker).to_owned();
+        self.enter(&state, EntryState::Failed, block, worker, None, took, said);
+        let name = state.ledger.name(worker).to_owned();
         let text = format!(
             "{block} failed on worker {} ({name:?}): {message}",
             worker.0
         );
         warn!(worker = worker.0, name, %block, pass = pass_index, "{text}");
-        books.events.push(EventKind::Failed, text);
-        drop(books);
+        state.events.push(EventKind::Failed, text);
+        drop(state);
         self.opened.notify_waiters();
         self.settle();
         Ok(())
     }
 
-    /// Enter into the books that a delivery does not count.
+    /// Note that a delivery does not count.
     pub(crate) fn reject(&self, claim: &Claim, flaw: &Flaw) {
         let Claim {
             worker,
@@ -251,27 +251,27 @@ impl Farm {
             block,
             ..
         } = *claim;
-        let mut books = self.books();
-        books.progress.refused += 1;
-        let name = books.ledger.name(worker).to_owned();
+        let mut state = self.state();
+        state.progress.refused += 1;
+        let name = state.ledger.name(worker).to_owned();
         let text = format!(
             "{block} from worker {} ({name:?}) is refused: {flaw}",
             worker.0
         );
         warn!(worker = worker.0, name, %block, "{text}");
-        books.events.push(EventKind::Refused, text);
+        state.events.push(EventKind::Refused, text);
         match flaw {
             Flaw::Damaged => return,
             // A worker looks at every pass that it adds up: it is to blame for what is wrong in the sum of several.
             Flaw::Pixels(message) if block.level == 0 => {
-                drop(books);
+                drop(state);
                 // The caller checked the lease; a worker that went away since changes nothing.
                 let _ = self.fail(worker, lease, block.start(), message);
                 return;
             }
-            Flaw::Foreign(_) | Flaw::Pixels(_) => books.ledger.refuse(worker, lease, block),
+            Flaw::Foreign(_) | Flaw::Pixels(_) => state.ledger.refuse(worker, lease, block),
         }
-        drop(books);
+        drop(state);
         self.opened.notify_waiters();
         self.settle();
     }
@@ -297,12 +297,12 @@ pub(crate) struct Attendance {
 impl Drop for Attendance {
     fn drop(&mut self) {
         let Self { farm, worker } = self;
-        let mut books = farm.books();
-        let lost = books.ledger.detach(*worker);
-        books.progress.workers = books.progress.workers.saturating_sub(1);
+        let mut state = farm.state();
+        let lost = state.ledger.detach(*worker);
+        state.progress.workers = state.progress.workers.saturating_sub(1);
         if farm.end.borrow().is_none() {
-            books.progress.lost_leases += lost as u64;
-            let name = books.ledger.name(*worker).to_owned();
+            state.progress.lost_leases += lost as u64;
+            let name = state.ledger.name(*worker).to_owned();
             let mut text = format!("worker {} ({name:?}) is gone", worker.0);
             if lost > 0 {
                 text += &format!("; its {lost} leases are handed out again");
@@ -310,9 +310,9 @@ impl Drop for Attendance {
             } else {
                 info!(worker = worker.0, name, "{text}");
             }
-            books.events.push(EventKind::Left, text);
+            state.events.push(EventKind::Left, text);
         }
-        drop(books);
+        drop(state);
         farm.opened.notify_waiters();
         farm.settle();
     }

@@ -86,7 +86,8 @@ impl Default for Timing {
     }
 }
 
-struct Books {
+/// What changes with each call, but for the images.
+struct State {
     ledger: Ledger,
     progress: Progress,
     events: Events,
@@ -99,7 +100,7 @@ pub struct Farm {
     files: BTreeMap<FileHash, Bytes>,
     timing: Timing,
     started: Instant,
-    books: Mutex<Books>,
+    state: Mutex<State>,
     sum: Mutex<TreeSum>,
     target: Option<Target>,
     tested: Mutex<Tested>,
@@ -171,7 +172,7 @@ impl Farm {
             files: files.map(|bytes| (FileHash::of(&bytes), bytes)).collect(),
             timing,
             started: Instant::now(),
-            books: Mutex::new(Books {
+            state: Mutex::new(State {
                 ledger,
                 progress: Progress {
                     stats: start.stats,
@@ -205,66 +206,66 @@ impl Farm {
     /// Where the job stands.
     pub fn progress(&self) -> Progress {
         let now = self.now();
-        let books = self.books();
-        let (audits_pending, divergent) = books.ledger.audits_pending();
+        let state = self.state();
+        let (audits_pending, divergent) = state.ledger.audits_pending();
         Progress {
-            prefix: books.ledger.prefix(),
-            passes: books.ledger.done(),
-            limit: books.ledger.limit(),
-            workers_seen: books.ledger.views(now),
+            prefix: state.ledger.prefix(),
+            passes: state.ledger.done(),
+            limit: state.ledger.limit(),
+            workers_seen: state.ledger.views(now),
             audits_pending,
             divergent,
-            ..books.progress.clone()
+            ..state.progress.clone()
         }
     }
 
     /// Blocks that are there, in the order of their passes.
     pub fn blocks(&self) -> Vec<Done> {
-        self.books().ledger.blocks().copied().collect()
+        self.state().ledger.blocks().copied().collect()
     }
 
     /// Hash of a block that is there: its [`beamfarm_image::exr::node_hash`].
     pub fn block_hash(&self, block: Block) -> Option<PixelHash> {
-        self.books().ledger.block_hash(block)
+        self.state().ledger.block_hash(block)
     }
 
     /// What happened lately, from the event of this number on.
     pub fn events(&self, since: u64) -> Vec<Event> {
-        self.books().events.since(since)
+        self.state().events.since(since)
     }
 
     /// Give no more passes away, or do so again. What is being rendered comes in.
     pub fn pause(&self, paused: bool) {
-        let mut books = self.books();
-        if books.progress.paused == paused {
+        let mut state = self.state();
+        if state.progress.paused == paused {
             return;
         }
-        books.progress.paused = paused;
+        state.progress.paused = paused;
         let text = if paused { "paused" } else { "resumed" };
-        books.events.push(EventKind::Control, text.into());
-        drop(books);
+        state.events.push(EventKind::Control, text.into());
+        drop(state);
         info!("{text}");
         self.opened.notify_waiters();
     }
 
     /// Ask for more passes, so many in all, while the job is not over.
     pub fn extend(&self, passes: u64) -> Result<(), ExtendError> {
-        let mut books = self.books();
-        if self.end.borrow().is_some() || books.ledger.failed().is_some() {
+        let mut state = self.state();
+        if self.end.borrow().is_some() || state.ledger.failed().is_some() {
             return Err(ExtendError::Over);
         }
-        let limit = books.ledger.limit();
+        let limit = state.ledger.limit();
         if passes < limit {
             return Err(ExtendError::Fewer { limit });
         }
         if passes > MAX_PASSES {
             return Err(ExtendError::TooMany);
         }
-        books.ledger.extend(passes);
+        state.ledger.extend(passes);
         let text = format!("extended from {limit} to {passes} passes");
         info!("{text}");
-        books.events.push(EventKind::Control, text);
-        drop(books);
+        state.events.push(EventKind::Control, text);
+        drop(state);
         self.opened.notify_waiters();
         Ok(())
     }
@@ -295,7 +296,7 @@ impl Farm {
         loop {
             // Before the look at the ledger, so that no news slips in between.
             let changed = self.opened.notified();
-            if !self.books().ledger.has_company() {
+            if !self.state().ledger.has_company() {
                 return;
             }
             changed.await;
@@ -305,9 +306,9 @@ impl Farm {
     /// End the leases that have run out, and the job if nobody is left to wait for. To be called about once a heartbeat.
     pub fn expire(&self) {
         let now = self.now();
-        let mut books = self.books();
-        let expired = books.ledger.expire(now);
-        drop(books);
+        let mut state = self.state();
+        let expired = state.ledger.expire(now);
+        drop(state);
         if expired > 0 {
             self.opened.notify_waiters();
         }
@@ -318,8 +319,8 @@ impl Farm {
         self.started.elapsed()
     }
 
-    fn books(&self) -> MutexGuard<'_, Books> {
-        self.books.lock().unwrap_or_else(PoisonError::into_inner)
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     fn sum(&self) -> MutexGuard<'_, TreeSum> {

@@ -1,6 +1,6 @@
-//! What follows from a change of the books.
+//! What follows from a change of the state.
 
-use super::{Books, End, Entry, EntryState, EventKind, Farm};
+use super::{End, Entry, EntryState, EventKind, Farm, State};
 use crate::ledger::{Failure, Note, PixelHash};
 use beamfarm_image::job::Block;
 use beamfarm_proto::WorkerId;
@@ -14,8 +14,8 @@ impl Farm {
     )]
     pub(super) fn enter(
         &self,
-        books: &Books,
-        state: EntryState,
+        state: &State,
+        became: EntryState,
         block: Block,
         worker: WorkerId,
         hash: Option<PixelHash>,
@@ -29,8 +29,8 @@ impl Farm {
         let _ = entries.send(Entry {
             time: SystemTime::now(),
             block,
-            state,
-            worker: books.ledger.name(worker).to_owned(),
+            state: became,
+            worker: state.ledger.name(worker).to_owned(),
             radius_scale: self.schedule.scale(block.start()),
             hash,
             took,
@@ -40,21 +40,21 @@ impl Farm {
 
     /// Do what follows from the last change: take back what must not count, tell who watches, end the job.
     pub(super) fn settle(&self) {
-        let mut books = self.books();
-        for note in books.ledger.take_notes() {
-            self.announce(&mut books, note);
+        let mut state = self.state();
+        for note in state.ledger.take_notes() {
+            self.announce(&mut state, note);
         }
-        let stained = !books.ledger.stained().is_empty();
-        let over = books.ledger.is_over(self.now());
-        let end = over.then(|| match books.ledger.failed() {
+        let stained = !state.ledger.stained().is_empty();
+        let over = state.ledger.is_over(self.now());
+        let end = over.then(|| match state.ledger.failed() {
             Some(failure) => End::Failed(failure.clone()),
             None => End::Complete,
         });
-        drop(books);
+        drop(state);
         if stained {
             self.take_back();
         } else if let Some(end) = end {
-            // A block is in the books a moment before it is in the sum.
+            // A block is in the ledger a moment before it is in the sum.
             drop(self.sum());
             self.finish(end);
         }
@@ -62,42 +62,42 @@ impl Farm {
 
     fn take_back(&self) {
         let mut sum = self.sum();
-        let mut books = self.books();
-        let stained = books.ledger.stained().to_vec();
+        let mut state = self.state();
+        let stained = state.ledger.stained().to_vec();
         let mut nodes = Vec::new();
         for block in &stained {
             nodes.extend(sum.remove(*block));
         }
-        let dropped = books.ledger.reopen(&nodes);
+        let dropped = state.ledger.reopen(&nodes);
         drop(sum);
         let passes: u64 = dropped.iter().map(|done| done.block.len()).sum();
         for done in &dropped {
             if let Some((worker, hash)) = done.by {
-                let (state, took) = (EntryState::Dropped, Duration::ZERO);
-                self.enter(&books, state, done.block, worker, Some(hash), took, None);
-                let name = books.ledger.name(worker);
+                let (dropped, took) = (EntryState::Dropped, Duration::ZERO);
+                self.enter(&state, dropped, done.block, worker, Some(hash), took, None);
+                let name = state.ledger.name(worker);
                 warn!(worker = worker.0, name, block = %done.block, "dropped");
             }
         }
         if passes > 0 {
-            books.progress.dropped += passes;
+            state.progress.dropped += passes;
             let text = format!("{passes} passes are dropped and will be rendered again");
             warn!("{text}");
-            books.events.push(EventKind::Dropped, text);
+            state.events.push(EventKind::Dropped, text);
         }
-        drop(books);
+        drop(state);
         // What was found good enough may be gone.
         self.look();
         self.opened.notify_waiters();
     }
 
-    fn announce(&self, books: &mut Books, note: Note) {
+    fn announce(&self, state: &mut State, note: Note) {
         let who =
-            |worker: WorkerId| format!("worker {} ({:?})", worker.0, books.ledger.name(worker));
+            |worker: WorkerId| format!("worker {} ({:?})", worker.0, state.ledger.name(worker));
         let (kind, text) = match note {
             Note::ShutOut(worker, sentence) => {
                 let text = format!("{} is shut out: {sentence}", who(worker));
-                let name = books.ledger.name(worker);
+                let name = state.ledger.name(worker);
                 error!(worker = worker.0, name, "{text}");
                 (EventKind::ShutOut, text)
             }
@@ -112,15 +112,15 @@ impl Farm {
                     "the lease of {block} ran out: nothing was heard of it from {}; it is handed out again",
                     who(worker)
                 );
-                let name = books.ledger.name(worker);
+                let name = state.ledger.name(worker);
                 warn!(worker = worker.0, name, %block, "{text}");
-                books.progress.lost_leases += 1;
+                state.progress.lost_leases += 1;
                 (EventKind::Lost, text)
             }
             Note::Confirmed(block, worker, hash) => {
                 let audited = EntryState::Audited;
                 self.enter(
-                    books,
+                    state,
                     audited,
                     block,
                     worker,
@@ -128,12 +128,12 @@ impl Farm {
                     Duration::ZERO,
                     None,
                 );
-                books.progress.audits += 1;
+                state.progress.audits += 1;
                 debug!(worker = worker.0, %block, "confirmed");
                 return;
             }
         };
-        books.events.push(kind, text);
+        state.events.push(kind, text);
         // Those that wait may be wanted as judges.
         self.opened.notify_waiters();
     }
@@ -161,7 +161,7 @@ impl Farm {
         };
         if self.end.send_if_modified(first) {
             info!(pass, "{text}");
-            self.books().events.push(EventKind::Ended, text);
+            self.state().events.push(EventKind::Ended, text);
         }
         self.opened.notify_waiters();
     }

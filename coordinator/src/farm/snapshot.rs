@@ -24,7 +24,7 @@ impl Farm {
         Snapshot {
             sum: self.sum().clone(),
             tested: tested.errors().to_vec(),
-            stats: self.books().progress.stats,
+            stats: self.state().progress.stats,
             seconds: (self.before + self.started.elapsed()).as_secs_f64(),
         }
     }

@@ -1,4 +1,4 @@
-//! What a job begins with, and what it tells whoever keeps its books.
+//! What a job begins with, and what it tells whoever keeps its ledger file.
 
 use super::Target;
 use crate::ledger::PixelHash;

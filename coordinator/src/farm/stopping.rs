@@ -60,7 +60,7 @@ impl Farm {
             }
             // A worker whose passes were among them is not to be trusted.
             tested.stopped_at = None;
-            self.books().ledger.set_limit(asked);
+            self.state().ledger.set_limit(asked);
             self.opened.notify_waiters();
         }
         loop {
@@ -80,9 +80,9 @@ impl Farm {
             }
             if is_met {
                 info!("the error is small enough at {fence} passes");
-                let mut books = self.books();
-                tested.stopped_at = Some((fence, books.ledger.limit()));
-                books.ledger.set_limit(fence);
+                let mut state = self.state();
+                tested.stopped_at = Some((fence, state.ledger.limit()));
+                state.ledger.set_limit(fence);
                 return;
             }
             sum.lift_fence();

@@ -2,10 +2,10 @@
 
 mod edges;
 pub mod estimate;
+mod lanes;
 mod order;
 pub mod store;
 pub mod trace;
-mod varying;
 
 use crate::math::{Rgb, Vec3};
 

@@ -1,7 +1,7 @@
 //! The beams of a pass, laid out for evaluation, and pieces of them, laid out for search.
 
 use super::PhotonBeam;
-use super::estimate::{LANES, Lanes};
+use super::lanes::{LANES, Lanes};
 use super::order::order;
 use crate::math::Vec3;
 use crate::medium::transmittance::StepFunctions;

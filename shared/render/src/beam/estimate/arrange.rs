@@ -1,7 +1,8 @@
 //! An order of segments in which neighbours are near each other and go the same way, for those that were turned and spread.
 
+use super::super::lanes::LANES;
 use super::super::order::order;
-use super::{CameraSegment, LANES};
+use super::CameraSegment;
 
 /// Parts that a bundle is divided into: a tile's quarters are tiles as well.
 const PARTS: usize = 4;

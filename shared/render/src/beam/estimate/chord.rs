@@ -1,8 +1,8 @@
 //! The chord estimate, for segments that are nearly parallel to a beam.
 
 use super::super::PhotonBeam;
+use super::super::lanes::LANES;
 use super::super::store::PieceRange;
-use super::LANES;
 use super::line::{Block, Shared};
 use crate::math::{PI, Rgb, Vec3, exp_rgb_neg};
 use crate::sampler::mix64;

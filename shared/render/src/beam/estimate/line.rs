@@ -4,9 +4,10 @@
 #![allow(clippy::needless_range_loop)]
 
 use super::super::PhotonBeam;
+use super::super::lanes::{LANES, Lanes};
 use super::super::store::PieceRange;
-use super::super::varying::Varying;
-use super::{CameraSegment, Gather, LANES, Lanes, NEARLY_PARALLEL_SIN, NEARLY_PARALLEL_SIN2};
+use super::varying::Varying;
+use super::{CameraSegment, Gather, NEARLY_PARALLEL_SIN, NEARLY_PARALLEL_SIN2};
 use crate::math::{PI, Rgb, Vec3, exp_neg};
 use crate::medium::Medium;
 use crate::medium::transmittance::StepFunctions;

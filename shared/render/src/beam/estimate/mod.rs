@@ -18,6 +18,7 @@ mod packet;
 mod ray;
 mod search;
 mod share;
+mod varying;
 
 use super::store::BeamMap;
 use crate::aov::Part;
@@ -28,12 +29,6 @@ use crate::phase::Phase;
 use arrange::arrange;
 use line::Block;
 pub use share::Sharing;
-
-/// Segments that are evaluated side by side: as many as fit the widest vectors.
-pub const LANES: usize = 16;
-
-/// A value for each of them.
-pub(super) type Lanes = [f32; LANES];
 
 /// Below this sine of the angle between beam and segment the chord is integrated.
 const NEARLY_PARALLEL_SIN: f32 = 0.1;

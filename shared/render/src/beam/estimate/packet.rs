@@ -4,12 +4,13 @@
 //! compared with holds what its parent's bounds let through. Blocks of segments that are left meet one beam after another. Where
 //! segments are far apart for the width of beams, each looks for its own.
 
+use super::super::lanes::LANES;
 use super::super::store::PieceList;
 use super::arrange::part_of;
 use super::bundle::Bundle;
 use super::line::{BeamLine, Block, Shared};
 use super::search::{Node, find_in_list, find_in_tree};
-use super::{CameraSegment, Gather, LANES, Way};
+use super::{CameraSegment, Gather, Way};
 use crate::math::prefetch;
 
 /// A list of beams this short is compared with every block of the bundle; so is a longer one with those of so few segments.

@@ -4,10 +4,11 @@
 #![allow(clippy::needless_range_loop)]
 
 use super::super::PhotonBeam;
+use super::super::lanes::{LANES, Lanes};
 use super::super::store::{Bounds, Cluster, PieceList, PieceRange, ROUNDING};
 use super::line::{Block, Meeting, Shared};
 use super::search::Probe;
-use super::{CameraSegment, LANES, Lanes, NEARLY_PARALLEL_SIN, NEARLY_PARALLEL_SIN2};
+use super::{CameraSegment, NEARLY_PARALLEL_SIN, NEARLY_PARALLEL_SIN2};
 use crate::math::{exp_neg, prefetch};
 
 /// How many beams ahead they are fetched from memory.

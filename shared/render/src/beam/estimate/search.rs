@@ -1,7 +1,7 @@
 //! Which pieces of beams may meet a bundle of segments, or one: every comparison is with as many as there are lanes.
 
+use super::super::lanes::LANES;
 use super::super::store::{Bounds, Cluster, PieceList, Tree};
-use super::LANES;
 use crate::math::prefetch;
 
 /// What looks for beams: a bundle of segments, or one.

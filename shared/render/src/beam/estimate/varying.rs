@@ -3,8 +3,9 @@
 // Loops over lanes by number are what becomes vector code.
 #![allow(clippy::needless_range_loop)]
 
-use super::PhotonBeam;
-use super::estimate::{CameraSegment, LANES, Lanes};
+use super::super::PhotonBeam;
+use super::super::lanes::{LANES, Lanes};
+use super::CameraSegment;
 use crate::math::{Rgb, exp_rgb_neg};
 use crate::medium::bricks::Bricks;
 use crate::medium::transmittance::{Step, StepFunction, StepFunctions};

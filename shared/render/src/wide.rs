@@ -11,14 +11,14 @@ use obvhs::bvh2::Bvh2;
 /// A tree whose leaves have numbers.
 #[derive(Default)]
 pub(crate) struct WideTree {
-    nodes: Vec<Node>,
+    nodes: Vec<WideNode>,
     /// Entries that the stack of a traversal may need.
     stack: usize,
 }
 
 /// Four boxes and what is in them.
 #[repr(align(16))]
-struct Node {
+struct WideNode {
     /// By axis; lower and upper. Boxes of no child are inside out.
     bounds: [[Vec4; 2]; 3],
     /// Of a leaf, [`LEAF`] plus its number.
@@ -71,7 +71,7 @@ impl BoxRay {
 
     /// Where the ray enters the boxes of a node, and which of them it meets before `t_max`.
     #[inline(always)]
-    fn enter(&self, node: &Node, t_max: f32) -> (Vec4, u32) {
+    fn enter(&self, node: &WideNode, t_max: f32) -> (Vec4, u32) {
         // Ize 2013, Robust BVH ray traversal: so much farther that rounding loses no box.
         const FARTHER: f32 = 1.0 + 4.0 * f32::EPSILON;
         let [x, y, z] = &node.bounds;
@@ -224,7 +224,7 @@ struct Builder<'a, L> {
     binary: &'a Bvh2,
     is_leaf: &'a [bool],
     leaf: L,
-    nodes: &'a mut Vec<Node>,
+    nodes: &'a mut Vec<WideNode>,
 }
 
 impl<L: FnMut(usize) -> u32> Builder<'_, L> {
@@ -243,7 +243,7 @@ impl<L: FnMut(usize) -> u32> Builder<'_, L> {
             children.push(first + 1);
         }
         let at = self.nodes.len();
-        self.nodes.push(Node {
+        self.nodes.push(WideNode {
             bounds: [[Vec4::INFINITY, Vec4::NEG_INFINITY]; 3],
             children: [0; 4],
         });

@@ -22,13 +22,13 @@ pub struct BeamMap {
     beams: Vec<PhotonBeam>,
     steps: StepFunctions,
     /// By medium.
-    media: Vec<Tree>,
+    media: Vec<PieceTree>,
 }
 
 /// Pieces of the beams in one medium, neighbours alike, and bounds of every [`LANES`] of them, of every [`LANES`] of these, and
 /// so on: a hierarchy without pointers.
 #[derive(Default)]
-pub(super) struct Tree {
+pub(super) struct PieceTree {
     pub pieces: PieceList,
     /// The lowest first; the last has one chunk.
     pub levels: Vec<Vec<Cluster>>,
@@ -70,7 +70,7 @@ impl BeamMap {
             }
             media[medium].extend(beam.pieces(i as u32, length));
         }
-        let tree = |pieces: Vec<Piece>| Tree::new(&arranged(&pieces, length));
+        let tree = |pieces: Vec<Piece>| PieceTree::new(&arranged(&pieces, length));
         Self {
             beams,
             steps,
@@ -89,7 +89,7 @@ impl BeamMap {
     }
 
     /// The beams in a medium, if there are any.
-    pub(super) fn tree(&self, medium: u16) -> Option<&Tree> {
+    pub(super) fn tree(&self, medium: u16) -> Option<&PieceTree> {
         self.media.get(usize::from(medium))
     }
 
@@ -102,12 +102,12 @@ impl BeamMap {
     /// Memory that the map holds, bytes.
     pub fn bytes(&self) -> usize {
         size_of_val(&self.beams[..])
-            + self.media.iter().map(Tree::bytes).sum::<usize>()
+            + self.media.iter().map(PieceTree::bytes).sum::<usize>()
             + self.steps.bytes()
     }
 }
 
-/// Neighbours alike, in parts of the sizes that a [`Tree`] has. `length`: how long pieces are; as far as directions move
+/// Neighbours alike, in parts of the sizes that a [`PieceTree`] has. `length`: how long pieces are; as far as directions move
 /// their ends, so much do they count.
 fn arranged(pieces: &[Piece], length: f32) -> Vec<Piece> {
     let place = |piece: &Piece| {
@@ -223,7 +223,7 @@ impl Piece {
     }
 }
 
-impl Tree {
+impl PieceTree {
     fn new(pieces: &[Piece]) -> Self {
         let mut tree = Self::default();
         for piece in pieces {

@@ -3,7 +3,7 @@
 use super::Object;
 use super::mesh::Mesh;
 use super::shape::{Placement, RawHit, Shape, SurfaceHit};
-use super::tree::{Item, Tree, TreeHit};
+use super::tree::{Item, ItemTree, TreeHit};
 use super::triangles::TriangleId;
 use crate::math::{Ray, Vec2, Vec3};
 use std::sync::Arc;
@@ -11,11 +11,11 @@ use std::sync::Arc;
 /// The objects of a scene, ready for rays.
 pub struct Geometry {
     /// The triangles of meshes that are where they are; the other objects by number.
-    tree: Tree,
+    tree: ItemTree,
     /// By object: index into `placed`, when it is a mesh that has a placement.
     placed_of: Vec<Option<usize>>,
     /// In object space.
-    placed: Vec<Tree>,
+    placed: Vec<ItemTree>,
 }
 
 impl std::fmt::Debug for Geometry {
@@ -60,10 +60,10 @@ impl Geometry {
         }
         let tree_of = |mesh: &&Arc<Mesh>| {
             let items: Vec<Item> = triangles(mesh, 0).collect();
-            Tree::new(&items)
+            ItemTree::new(&items)
         };
         Self {
-            tree: Tree::new(&items),
+            tree: ItemTree::new(&items),
             placed_of,
             placed: meshes.iter().map(tree_of).collect(),
         }
@@ -141,7 +141,7 @@ type ShapeHit = Option<(f32, u32, Vec2)>;
 
 /// A mesh put somewhere. Distances are the same in object space, whose directions are of any length.
 fn intersect_placed<const ANY: bool>(
-    tree: &Tree,
+    tree: &ItemTree,
     placement: &Placement,
     ray: &Ray,
     t_max: f32,

@@ -27,7 +27,7 @@ impl Boundable for Item {
 
 /// The tree.
 #[derive(Default)]
-pub(super) struct Tree {
+pub(super) struct ItemTree {
     boxes: WideTree,
     leaves: Vec<Leaf>,
     fours: Vec<Four>,
@@ -46,7 +46,7 @@ pub(super) enum TreeHit<T> {
     Other(T),
 }
 
-impl Tree {
+impl ItemTree {
     /// Build the tree. Deterministic.
     pub fn new(items: &[Item]) -> Self {
         let params = BvhBuildParams {
@@ -215,7 +215,7 @@ mod tests {
                     items.push(Item::Triangle(id, [a, b, c]));
                 }
             }
-            let tree = Tree::new(&items);
+            let tree = ItemTree::new(&items);
             let mut met = 0;
             for _ in 0..2000 {
                 let origin = point(&mut sampler) * 3.0 - 1.0;

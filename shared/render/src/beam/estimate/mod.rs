@@ -11,11 +11,11 @@
 //! one of them, so nothing is lost or counted twice.
 
 mod arrange;
-mod bundle;
 mod chord;
 mod line;
 mod packet;
 mod ray;
+mod ray_bundle;
 mod search;
 mod share;
 mod varying;

@@ -7,9 +7,9 @@
 use super::super::lanes::LANES;
 use super::super::store::PieceList;
 use super::arrange::part_of;
-use super::bundle::Bundle;
 use super::line::{BeamLine, Block, Shared};
-use super::search::{Node, find_in_list, find_in_tree};
+use super::ray_bundle::RayBundle;
+use super::search::{Waiting, find_in_list, find_in_tree};
 use super::{CameraSegment, Gather, Way};
 use crate::math::prefetch;
 
@@ -56,11 +56,11 @@ pub(super) fn sum<
     // of them.
     let mut levels: Vec<PieceList> = Vec::new();
     let mut lines: Vec<BeamLine> = Vec::new();
-    let mut stack: Vec<Node> = Vec::new();
+    let mut stack: Vec<Waiting> = Vec::new();
     let mut near: Vec<u32> = Vec::new();
     let mut tasks = vec![Task { segments, level: 0 }];
     while let Some(Task { segments, level }) = tasks.pop() {
-        let bundle = Bundle::new(segments);
+        let bundle = RayBundle::new(segments);
         let mut divide = |level| {
             let parts = segments.chunks(part_of(segments.len())).rev();
             tasks.extend(parts.map(|segments| Task { segments, level }));
@@ -126,7 +126,7 @@ pub(super) fn sum<
         }
         for segments in segments.chunks(LANES) {
             let mut block = Block::new(gather, segments);
-            let bundle = Bundle::new(segments);
+            let bundle = RayBundle::new(segments);
             find_in_list(&bundle, found, &mut near);
             for (i, &at) in near.iter().enumerate() {
                 if VARYING {

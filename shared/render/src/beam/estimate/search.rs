@@ -1,7 +1,7 @@
 //! Which pieces of beams may meet a bundle of segments, or one: every comparison is with as many as there are lanes.
 
 use super::super::lanes::LANES;
-use super::super::store::{Bounds, Cluster, PieceList, Tree};
+use super::super::store::{Bounds, Cluster, PieceList, PieceTree};
 use crate::math::prefetch;
 
 /// What looks for beams: a bundle of segments, or one.
@@ -12,8 +12,8 @@ pub(super) trait Probe {
     fn may_meet(&self, piece: Bounds) -> bool;
 }
 
-/// A chunk that is yet to be looked at: of the pieces at level 0, of the level below in a [`Tree`] above.
-pub(super) struct Node {
+/// A chunk that is yet to be looked at: of the pieces at level 0, of the level below in a [`PieceTree`] above.
+pub(super) struct Waiting {
     level: usize,
     chunk: u32,
 }
@@ -22,17 +22,17 @@ pub(super) struct Node {
 #[inline(always)]
 pub(super) fn find_in_tree(
     probe: &impl Probe,
-    tree: &Tree,
-    stack: &mut Vec<Node>,
+    tree: &PieceTree,
+    stack: &mut Vec<Waiting>,
     near: &mut Vec<u32>,
 ) {
     near.clear();
     stack.clear();
     if tree.pieces.len() > 0 {
         let level = tree.levels.len();
-        stack.push(Node { level, chunk: 0 });
+        stack.push(Waiting { level, chunk: 0 });
     }
-    while let Some(Node { level, chunk }) = stack.pop() {
+    while let Some(Waiting { level, chunk }) = stack.pop() {
         let Some(level) = level.checked_sub(1) else {
             find_in_chunk(probe, &tree.pieces, chunk as usize, near);
             continue;
@@ -46,7 +46,7 @@ pub(super) fn find_in_tree(
         let first = stack.len();
         for_each_flagged(&flags, |l| {
             let chunk = chunk * LANES as u32 + l;
-            stack.push(Node { level, chunk });
+            stack.push(Waiting { level, chunk });
             // Pieces of all beams are more than caches hold.
             if level == 0
                 && let Some(rows) = tree.pieces.chunks().get(chunk as usize)

@@ -1,4 +1,4 @@
-//! Which beams may matter to a bundle of segments.
+//! Which beams may matter to a bundle of camera rays.
 
 use super::super::store::{Bounds, Cluster};
 use super::search::Probe;
@@ -10,7 +10,7 @@ const SIN_ROUNDING: f32 = 1e-3;
 
 /// Bounds of some segments: a line in their middle, and how far they may be from it.
 #[derive(Clone, Copy)]
-pub(super) struct Bundle {
+pub(super) struct RayBundle {
     origin: [f32; 3],
     dir: [f32; 3],
     /// Deviation of origins, as a length.
@@ -26,7 +26,7 @@ pub(super) struct Bundle {
     length: f32,
 }
 
-impl Bundle {
+impl RayBundle {
     /// Bounds of at least one segment.
     pub fn new(segments: &[CameraSegment]) -> Self {
         let range = |of: fn(&CameraSegment) -> Vec3| {
@@ -136,7 +136,7 @@ impl Bundle {
     }
 }
 
-impl Probe for Bundle {
+impl Probe for RayBundle {
     #[inline(always)]
     fn may_meet_cluster(&self, cluster: &Cluster, lane: usize) -> bool {
         let ranges = [cluster.ranges[0][lane], cluster.ranges[1][lane]];

@@ -1,10 +1,8 @@
 //! How a value depends on the radius: least squares over passes, for each exponent that the bias may grow with.
 
+use super::BIAS_EXPONENTS;
 use super::sums::{EXPONENTS, RadiusSums, Sums};
 
-/// Exponents p of R^p, as which a bias may grow. Beams have the radius R and surface photons sqrt(R); at edges a bias is in
-/// proportion to the radius, where light is smooth to its square.
-pub const BIAS_EXPONENTS: [f64; 3] = [0.5, 1.0, 2.0];
 /// The exponent in between: what grows with another one is found by it almost as well.
 const MIDDLE: usize = 1;
 /// Pairs of passes of its own from which on a tile's noise is taken to change with the radius as its own pairs say, and

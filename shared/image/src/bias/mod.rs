@@ -13,11 +13,15 @@ mod naming;
 mod sums;
 mod words;
 
-pub use fit::{BIAS_EXPONENTS, BiasEstimate, Fit};
+pub use fit::{BiasEstimate, Fit};
 pub use sums::RadiusSums;
 
 use crate::film::Film;
 use fit::Scales;
+
+/// Exponents p of R^p, as which a bias may grow. Beams have the radius R and surface photons sqrt(R); at edges a bias is in
+/// proportion to the radius, where light is smooth to its square.
+pub const BIAS_EXPONENTS: [f64; 3] = [0.5, 1.0, 2.0];
 
 /// Pixels along the side of a tile.
 pub const TILE: u32 = 32;
@@ -218,6 +222,3 @@ fn pixel_errors(standard_error: &Film) -> Vec<f64> {
     let mean = |(squares, count): (f64, f64)| (squares / f64::max(count, 1.0)).sqrt();
     sums.into_iter().map(mean).collect()
 }
-
-#[cfg(test)]
-mod tests;

@@ -1,6 +1,11 @@
-use super::*;
-use crate::merge::{Average, Node, TreeSum};
-use crate::radius::radius_scale;
+//! Biases that are known are found again in the average of passes, and nothing is said where nothing is known.
+
+#![allow(clippy::unwrap_used, reason = "helpers of tests")]
+
+use beamfarm_image::bias::{BIAS_EXPONENTS, Bias, Channel, Finding, RadiusSums};
+use beamfarm_image::film::Film;
+use beamfarm_image::merge::{Average, Node, TreeSum};
+use beamfarm_image::radius::radius_scale;
 use rand_core::{Rng, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 

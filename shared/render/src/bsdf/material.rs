@@ -1,6 +1,7 @@
 //! Materials as the scene says them.
 
 use super::dielectric::Dielectric;
+use super::microfacet::MIN_ALPHA;
 use super::plastic::{Coat, Plastic, RoughCoat, RoughPlastic};
 use super::principled::Principled;
 use super::rough_dielectric::{MIN_CONTRAST, RoughDielectric};
@@ -8,8 +9,6 @@ use super::{Bsdf, Distribution, FOLLOWED_BELOW, Relief};
 use crate::math::{Rgb, Vec2, Vec3, luminance};
 use crate::texture::Texture;
 
-/// Roughness below this would cost single precision its digits.
-pub(super) const MIN_ALPHA: f32 = 1e-3;
 /// Largest part of a complex index of refraction; from here on a conductor is a mirror, and squares stay finite.
 const MAX_INDEX: Rgb = Rgb::splat(1e6);
 

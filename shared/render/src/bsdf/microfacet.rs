@@ -5,6 +5,9 @@
 use super::{beckmann, ggx};
 use crate::math::{Vec2, Vec3};
 
+/// Roughness below this would cost single precision its digits.
+pub(super) const MIN_ALPHA: f32 = 1e-3;
+
 /// The statistics of a rough surface's slopes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Distribution {
@@ -19,7 +22,7 @@ pub enum Distribution {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Facets {
     pub distribution: Distribution,
-    /// Roughness, at least 1e-3.
+    /// Roughness, at least [`MIN_ALPHA`].
     pub alpha: f32,
 }
 

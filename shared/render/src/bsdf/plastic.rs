@@ -2,8 +2,7 @@
 //! coat, bounces between base and coat until it leaves, and is spread over all directions by the last bounce.
 
 use super::fresnel::{fresnel_dielectric, mean_fresnel};
-use super::material::MIN_ALPHA;
-use super::microfacet::Facets;
+use super::microfacet::{Facets, MIN_ALPHA};
 use super::{BsdfSample, Distribution, half_vector, lit_side, mirrored, reflects};
 use crate::math::{Rgb, Vec2, Vec3, mean};
 use crate::warp;

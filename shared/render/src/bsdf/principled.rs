@@ -2,8 +2,7 @@
 //! dielectric and metal, in the form that Mitsuba 3 gives it.
 
 use super::fresnel::fresnel_dielectric;
-use super::material::MIN_ALPHA;
-use super::microfacet::Facets;
+use super::microfacet::{Facets, MIN_ALPHA};
 use super::{BsdfSample, Distribution, half_vector, lit_side, reflects};
 use crate::math::{Rgb, Vec2, Vec3, mean};
 use crate::warp;

@@ -4,8 +4,6 @@
 pub mod gltf;
 pub mod image;
 pub mod mesh;
-mod obj;
-mod ply;
 pub mod volume;
 
 /// What is wrong with an asset.

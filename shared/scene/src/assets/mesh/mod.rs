@@ -1,6 +1,9 @@
 //! Meshes as their files give them, and the meshes that are rendered.
 
-use super::{Flaw, obj, ply};
+mod obj;
+mod ply;
+
+use super::Flaw;
 use beamfarm_render::geometry::Mesh;
 use glam::{DAffine3, DVec2, DVec3};
 

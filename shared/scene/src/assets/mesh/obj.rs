@@ -1,7 +1,7 @@
 //! Wavefront OBJ: all objects and groups as one mesh; materials are ignored.
 
-use super::Flaw;
-use super::mesh::RawMesh;
+use super::RawMesh;
+use crate::assets::Flaw;
 use crate::source::line_of;
 use glam::{DVec2, DVec3};
 use std::io::Cursor;

@@ -1,7 +1,7 @@
 //! PLY: ASCII and binary of either byte order.
 
-use super::Flaw;
-use super::mesh::RawMesh;
+use super::RawMesh;
+use crate::assets::Flaw;
 use glam::{DVec2, DVec3};
 use ply_rs_bw::parser::{ParseError, Parser, Reader};
 use ply_rs_bw::ply::{

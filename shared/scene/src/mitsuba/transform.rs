@@ -1,6 +1,6 @@
 //! The operations of `<transform>`, which the native format has as well.
 
-use super::value::{Attributes, number, numbers, only, triple};
+use super::attributes::{Attributes, number, numbers, only, triple};
 use super::write::Toml;
 use crate::transform as native;
 use glam::{DAffine3, DMat3, DVec3};

@@ -1,0 +1,71 @@
+//! Attributes of an element, and the numbers in them.
+
+use std::collections::BTreeMap;
+
+/// Attributes by their names.
+pub type Attributes = BTreeMap<String, String>;
+
+/// Refuse attributes that an element does not take.
+pub fn only(tag: &str, attributes: &Attributes, known: &[&str]) -> Result<(), String> {
+    match attributes
+        .keys()
+        .find(|name| !known.contains(&name.as_str()))
+    {
+        Some(name) => Err(format!("<{tag}> does not take the attribute \"{name}\"")),
+        None => Ok(()),
+    }
+}
+
+/// A number as Mitsuba reads it: finite, no hexadecimals, nothing behind it.
+pub fn number(text: &str) -> Result<f64, String> {
+    let text = text.trim();
+    match text.parse::<f64>() {
+        Ok(number) if number.is_finite() => Ok(number),
+        _ => Err(format!("expected a finite number, found \"{text}\"")),
+    }
+}
+
+/// The words of a list separated by commas or spaces.
+pub fn words(text: &str) -> impl Iterator<Item = &str> {
+    text.split(|c: char| c == ',' || c.is_whitespace())
+        .filter(|word| !word.is_empty())
+}
+
+/// A list of numbers separated by commas or spaces.
+pub fn numbers(text: &str) -> Result<Vec<f64>, String> {
+    words(text).map(number).collect()
+}
+
+/// Three numbers: x, y, z, or in one attribute "value". Where there is no default, all must be given.
+pub fn triple(
+    tag: &str,
+    attributes: &Attributes,
+    default: Option<f64>,
+) -> Result<[f64; 3], String> {
+    const AXES: [&str; 3] = ["x", "y", "z"];
+    if let Some(text) = attributes.get("value") {
+        if AXES.iter().any(|axis| attributes.contains_key(*axis)) {
+            return Err(format!(
+                "<{tag}> takes \"value\", or \"x\", \"y\" and \"z\", not both"
+            ));
+        }
+        return match numbers(text)?[..] {
+            [all] => Ok([all; 3]),
+            [x, y, z] => Ok([x, y, z]),
+            _ => Err(format!("expected one number or three, found \"{text}\"")),
+        };
+    }
+    let mut triple = [default.unwrap_or(0.0); 3];
+    for (axis, value) in AXES.iter().zip(&mut triple) {
+        match attributes.get(*axis) {
+            Some(text) => *value = number(text).map_err(|message| format!("{axis}: {message}"))?,
+            None if default.is_none() => {
+                return Err(format!(
+                    "<{tag}> takes \"value\", or \"x\", \"y\" and \"z\"; \"{axis}\" is missing"
+                ));
+            }
+            None => {}
+        }
+    }
+    Ok(triple)
+}

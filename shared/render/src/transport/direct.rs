@@ -1,7 +1,7 @@
 //! Direct light at a surface point: from which light, and what is in its way.
 
 use super::CameraTracer;
-use super::shading::Vertex;
+use super::vertex::Vertex;
 use crate::light::{DirectSample, LightChoice, LocalChoice};
 use crate::math::{Rgb, Vec2, Vec3, mean};
 use crate::sampler::Sampler;

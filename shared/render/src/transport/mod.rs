@@ -39,6 +39,7 @@ mod direct;
 mod medium;
 mod shading;
 mod straight;
+mod vertex;
 mod walk;
 
 use crate::aov::{Part, Recorder};
@@ -56,7 +57,7 @@ use crate::sampler::Sampler;
 use crate::sight::{Sight, Start};
 use crate::warp::power_heuristic;
 use crate::world::Scene;
-use shading::{OneLobe, Vertex};
+use vertex::{OneLobe, Vertex};
 use walk::{Drawn, Walk, Wanted};
 
 /// What camera paths of a pass read.

@@ -2,7 +2,7 @@
 //! beams do not serve: a path tracer with light sampling, in which photons and beams bring caustics.
 
 use super::direct::Seen;
-use super::shading::{OneLobe, Vertex};
+use super::vertex::{OneLobe, Vertex};
 use super::{CameraTracer, Out};
 use crate::aov::Part;
 use crate::beam::estimate::{CameraSegment, CameraSegments};

@@ -184,7 +184,7 @@ fn prepare(case: &SceneCase, runs: &[RunCase]) -> Result<(SceneFindings, Vec<Nam
     let mut size = None;
     let mut exposure = 0.0;
     for run in runs.iter().filter(|run| run.renders(&case.name)) {
-        let (description, settings) = run::load(&case.path, &run.overrides)?;
+        let (description, settings) = run.overrides.load(&case.path)?;
         let camera = &description.camera;
         let this = [camera.width, camera.height];
         let first = *size.get_or_insert(this);
@@ -220,7 +220,7 @@ fn prepare(case: &SceneCase, runs: &[RunCase]) -> Result<(SceneFindings, Vec<Nam
         Some(size) => size,
         // Nothing is rendered, but others may be compared.
         None => {
-            let (description, _) = run::load(&case.path, &Overrides::default())?;
+            let (description, _) = Overrides::default().load(&case.path)?;
             exposure = description.defaults.exposure;
             [description.camera.width, description.camera.height]
         }

@@ -6,17 +6,15 @@
 use super::suite::Overrides;
 use crate::failure::Failure;
 use beamfarm_image::film::Film;
-use beamfarm_image::job::{JobSettings, PassStats};
+use beamfarm_image::job::PassStats;
 use beamfarm_image::merge::{Average, Node, TreeSum};
 use beamfarm_render::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::Scene;
-use beamfarm_render::world::SceneDescription;
-use beamfarm_scene::{ImportOptions, SceneFile};
 use beamfarm_worker::exit;
 use serde::{Deserialize, Serialize};
 use std::io::{self, BufRead, BufReader, Read, Write};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 use std::sync::mpsc;
 use std::time::Instant;
@@ -61,19 +59,6 @@ pub fn checkpoints(passes: u64) -> impl Iterator<Item = u64> {
     powers
         .take_while(move |power| *power < passes)
         .chain([passes])
-}
-
-/// Read a scene as it will be rendered.
-pub fn load(
-    scene: &Path,
-    overrides: &Overrides,
-) -> Result<(SceneDescription, JobSettings), Failure> {
-    let file = SceneFile::read(scene, &ImportOptions::default())?;
-    let mut description = file.load()?;
-    let settings = overrides
-        .apply(&mut description)
-        .map_err(|message| Failure::usage(format!("{}: {message}", scene.display())))?;
-    Ok((description, settings))
 }
 
 /// A child at work.
@@ -174,7 +159,7 @@ pub fn child() -> Result<(), Failure> {
     let gone = |_| Failure::io("the parent is gone");
     let task: Task = serde_json::from_str(&orders.recv().map_err(gone)?).map_err(Failure::usage)?;
     let begun = Instant::now();
-    let (description, settings) = load(&task.scene, &task.overrides)?;
+    let (description, settings) = task.overrides.load(&task.scene)?;
     // Zero threads stand for one per core.
     let threads = task.overrides.threads.map_or(0, usize::from);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();

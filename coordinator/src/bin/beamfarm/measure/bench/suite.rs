@@ -3,6 +3,7 @@
 use crate::failure::Failure;
 use beamfarm_image::job::{JobSettings, MAX_PASSES, ScheduleKind};
 use beamfarm_render::world::SceneDescription;
+use beamfarm_scene::{ImportOptions, SceneFile};
 use clap::Args;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
@@ -126,6 +127,16 @@ fn schedule(text: &str) -> Result<ScheduleKind, String> {
 }
 
 impl Overrides {
+    /// Read a scene as it will be rendered.
+    pub fn load(&self, scene: &Path) -> Result<(SceneDescription, JobSettings), Failure> {
+        let file = SceneFile::read(scene, &ImportOptions::default())?;
+        let mut description = file.load()?;
+        let settings = self
+            .apply(&mut description)
+            .map_err(|message| Failure::usage(format!("{}: {message}", scene.display())))?;
+        Ok((description, settings))
+    }
+
     /// These, where they say something, else those.
     fn or(&self, other: &Self) -> Self {
         Self {
@@ -141,7 +152,7 @@ impl Overrides {
     }
 
     /// Put them in place of the scene's own; returns the settings of the passes.
-    pub fn apply(&self, description: &mut SceneDescription) -> Result<JobSettings, String> {
+    fn apply(&self, description: &mut SceneDescription) -> Result<JobSettings, String> {
         let defaults = &mut description.defaults;
         let settings = JobSettings {
             seed: self.seed.unwrap_or(defaults.seed),
@@ -581,8 +592,7 @@ mod tests {
         assert_eq!(suite.scenes.len(), 2);
         for scene in &suite.scenes {
             assert_eq!(scene.peers.len(), 2, "{}", scene.name);
-            let (description, _) =
-                crate::measure::bench::run::load(&scene.path, &Overrides::default()).unwrap();
+            let (description, _) = Overrides::default().load(&scene.path).unwrap();
             assert_eq!(
                 (description.camera.width, description.camera.height),
                 (512, 512)

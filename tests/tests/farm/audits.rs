@@ -1,14 +1,13 @@
 //! Workers that compute other bits are found, and the image is right.
 
-use crate::harness::{Coordinator, LONG, RawWorker, canary, encode, free_port, node, spec};
-use beamfarm_coordinator::{End, EventKind, Timing, WorkerState};
+use crate::harness::{Coordinator, LONG, RawWorker, canary, encode, free_port, node, spec, within};
+use beamfarm_coordinator::{End, EventKind, Progress, Timing, WorkerState};
 use beamfarm_image::job::Block;
 use beamfarm_image::merge::{Average, TreeSum};
 use beamfarm_proto::wire::farm_client::FarmClient;
 use beamfarm_proto::{Grant, VERSION, wire};
 use std::sync::Arc;
-use std::time::Duration;
-use tokio::time::timeout;
+use std::time::Instant;
 use tonic::{Code, Status};
 
 const PASSES: u64 = 60;
@@ -59,14 +58,21 @@ async fn a_worker_that_waits_is_told_of_a_check_at_once() {
     let second = Arc::new(RawWorker::register(&coordinator).await);
     let _attendances = (first.attend().await, second.attend().await);
     let leased = first.lease().await;
+    let begun = Instant::now();
     let waiting = tokio::spawn({
         let second = second.clone();
         async move { second.lease().await }
     });
-    tokio::time::sleep(Duration::from_millis(200)).await;
+    // Its question has come, so there was no answer to it yet, and before the delivery there is none.
+    let has_asked = |progress: &Progress| {
+        let mut workers = progress.workers_seen.iter();
+        let view = workers.find(|view| view.id.0 == second.id)?;
+        (view.last_seen < begun.elapsed()).then_some(())
+    };
+    coordinator.shows("a question", has_asked).await;
+    assert!(!waiting.is_finished(), "there is nothing to be had");
     first.deliver(leased).await.unwrap();
-    let check = timeout(Duration::from_secs(20), waiting).await;
-    let check = check.unwrap().unwrap();
+    let check = within("a check", waiting).await.unwrap();
     assert_eq!(check.1, leased.1);
     second.deliver(check).await.unwrap();
     assert_eq!(coordinator.ended().await, End::Complete);
@@ -88,9 +94,13 @@ async fn liar_among(honest: usize, lies: u64) {
     assert_eq!(coordinator.ended().await, End::Complete);
     assert!(coordinator.farm.average().unwrap() == expected());
     for other in others {
-        other.await.unwrap().unwrap();
+        within("an honest worker's end", other)
+            .await
+            .unwrap()
+            .unwrap();
     }
-    let caught = lying.await.unwrap().unwrap_err();
+    let caught = within("the liar's end", lying).await;
+    let caught = caught.unwrap().unwrap_err();
     assert_eq!(caught.code(), Code::PermissionDenied, "{caught}");
     let progress = coordinator.farm.progress();
     assert_eq!(progress.divergent, 0);

@@ -1,6 +1,6 @@
 //! The calls beside submissions: who gets in, and what becomes of passes whose worker is gone.
 
-use crate::harness::{Coordinator, LONG, RawWorker, film, free_port, leaf, spec};
+use crate::harness::{Coordinator, LONG, RawWorker, film, free_port, leaf, spec, within};
 use beamfarm_coordinator::{End, Timing};
 use beamfarm_image::exr::pixel_hash;
 use beamfarm_image::job::{Block, SceneHash};
@@ -54,7 +54,7 @@ async fn large_files_arrive_whole_and_unknown_ones_are_refused() {
         let request = wire::FetchFileRequest { hash };
         let mut chunks = farm.fetch_file(request).await.unwrap().into_inner();
         let mut bytes = Vec::new();
-        while let Some(chunk) = chunks.message().await.unwrap() {
+        while let Some(chunk) = within("a chunk", chunks.message()).await.unwrap() {
             bytes.extend_from_slice(&chunk.data);
         }
         assert!(bytes == expected);
@@ -145,7 +145,7 @@ async fn stopping_keeps_the_prefix_and_tells_workers() {
     coordinator.farm.stop();
     assert_eq!(coordinator.ended().await, End::Stopped);
     assert_eq!(coordinator.farm.average().unwrap().passes, 2);
-    let notice = attendance.1.message().await.unwrap();
+    let notice = within("a notice", attendance.1.message()).await.unwrap();
     assert!(notice.unwrap().done);
 }
 

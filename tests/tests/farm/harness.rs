@@ -2,7 +2,9 @@
 
 use beamfarm_coordinator::limits::Limits;
 use beamfarm_coordinator::security::Security;
-use beamfarm_coordinator::{End, Entrance, Farm, JobSpec, Start, Terms, Timing, Watch, server};
+use beamfarm_coordinator::{
+    End, Entrance, Farm, JobSpec, Progress, Start, Terms, Timing, Watch, server,
+};
 use beamfarm_image::bundle::Bundle;
 use beamfarm_image::exr::{BlockMeta, encode_block};
 use beamfarm_image::film::Film;
@@ -16,11 +18,12 @@ use beamfarm_proto::{FileHash, Grant, LeaseId, VERSION, WireHash, wire};
 use beamfarm_render::sampler::{Purpose, Sampler};
 use std::net::SocketAddr;
 use std::sync::{Arc, OnceLock};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use tokio::net::TcpListener;
 use tokio::runtime::{Builder, Runtime};
 use tokio::sync::{mpsc, watch};
 use tokio::task::JoinHandle;
+use tokio::time::{sleep, timeout};
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::transport::Channel;
 use tonic::{Status, Streaming};
@@ -66,6 +69,17 @@ pub const HEIGHT: u32 = 30;
 
 /// Nothing in these tests takes this long. Where it is the length of a lease, only a broken connection can end one.
 pub const LONG: Duration = Duration::from_secs(3600);
+
+/// Waiting for something that must happen, on a machine that is busy.
+pub const PATIENCE: Duration = Duration::from_secs(120);
+
+/// What comes of it. Failing is better than waiting forever.
+pub async fn within<T>(what: &str, awaited: impl Future<Output = T>) -> T {
+    match timeout(PATIENCE, awaited).await {
+        Ok(result) => result,
+        Err(_) => panic!("waited {PATIENCE:?} for {what}"),
+    }
+}
 
 pub fn settings() -> JobSettings {
     JobSettings {
@@ -197,12 +211,28 @@ impl Coordinator {
         self.staying.send_replace(true);
     }
 
-    /// How the job ends. Failing is better than waiting forever.
+    /// How the job ends; where it stands, if it does not.
     pub async fn ended(&self) -> End {
-        let patience = Duration::from_secs(120);
-        tokio::time::timeout(patience, self.farm.ended())
-            .await
-            .unwrap()
+        match timeout(PATIENCE, self.farm.ended()).await {
+            Ok(end) => end,
+            Err(_) => panic!("the job does not end: {:#?}", self.farm.progress()),
+        }
+    }
+
+    /// Wait until there is something to be found in the job's progress; say where it stands, if there never is.
+    pub async fn shows<T>(&self, what: &str, find: impl Fn(&Progress) -> Option<T>) -> T {
+        let begun = Instant::now();
+        loop {
+            let progress = self.farm.progress();
+            if let Some(found) = find(&progress) {
+                return found;
+            }
+            assert!(
+                begun.elapsed() < PATIENCE,
+                "waited {PATIENCE:?} for {what}: {progress:#?}"
+            );
+            sleep(Duration::from_millis(2)).await;
+        }
     }
 
     pub fn url(&self) -> String {
@@ -225,7 +255,7 @@ pub struct WorkerHandle {
 
 impl WorkerHandle {
     pub async fn join(self) -> WorkerResult {
-        self.task.await.unwrap()
+        within("a worker's end", self.task).await.unwrap()
     }
 }
 
@@ -292,13 +322,10 @@ impl RawWorker {
             ..Default::default()
         };
         sender.try_send(beat).unwrap();
-        let notices = self
-            .farm
-            .clone()
-            .attend(ReceiverStream::new(beats))
-            .await
-            .unwrap();
-        (sender, notices.into_inner())
+        let mut farm = self.farm.clone();
+        let notices = farm.attend(ReceiverStream::new(beats));
+        let notices = within("an answer to a heartbeat", notices).await;
+        (sender, notices.unwrap().into_inner())
     }
 
     pub async fn grant(&self) -> Result<Grant, Status> {
@@ -306,19 +333,22 @@ impl RawWorker {
             worker: self.id,
             scene: self.scene.to_wire(),
         };
-        let reply = self.farm.clone().lease(request).await?;
+        let mut farm = self.farm.clone();
+        let reply = within("an answer about a lease", farm.lease(request)).await?;
         Ok(Grant::try_from(reply.into_inner()).unwrap())
     }
 
     /// Ask until there is a pass.
     pub async fn lease(&self) -> (LeaseId, Block) {
-        loop {
+        let (begun, mut refusals) = (Instant::now(), 0);
+        while begun.elapsed() < PATIENCE {
             match self.grant().await.unwrap() {
                 Grant::Lease(lease, block) => return (lease, block),
-                Grant::NotNow => {}
+                Grant::NotNow => refusals += 1,
                 Grant::Done => panic!("the job is over"),
             }
         }
+        panic!("no lease in {PATIENCE:?}: {refusals} times there was none");
     }
 
     pub fn header(&self, (lease, block): (LeaseId, Block), bytes: &[u8]) -> wire::SubmitHeader {
@@ -338,8 +368,9 @@ impl RawWorker {
             .into_iter()
             .map(|part| wire::SubmitRequest { part: Some(part) });
         let parts: Vec<_> = parts.collect();
-        let reply = self.farm.clone().submit(tokio_stream::iter(parts)).await?;
-        Ok(reply.into_inner())
+        let mut farm = self.farm.clone();
+        let reply = farm.submit(tokio_stream::iter(parts));
+        Ok(within("an answer to a block", reply).await?.into_inner())
     }
 
     /// Deliver these bytes, properly.

@@ -3,7 +3,7 @@
 // Messages grow.
 #![allow(clippy::needless_update)]
 
-use crate::harness::{Coordinator, RawWorker, encode, film, leaf, spec};
+use crate::harness::{Coordinator, RawWorker, encode, film, leaf, spec, within};
 use beamfarm_coordinator::End;
 use beamfarm_image::merge::TreeSum;
 use beamfarm_proto::bytes::{Buf, BufMut, Bytes};
@@ -61,7 +61,7 @@ impl Decoder for Raw {
 async fn call(channel: &Channel, call: &str, messages: Vec<Vec<u8>>) -> Result<(), Status> {
     let path = PathAndQuery::try_from(format!("/beamfarm.v1.Farm/{call}")).unwrap();
     let mut grpc = Grpc::new(channel.clone());
-    grpc.ready().await.unwrap();
+    within("a connection", grpc.ready()).await.unwrap();
     let messages = tokio_stream::iter(messages.into_iter().map(Bytes::from));
     let talk = async {
         let answer = grpc.streaming(Request::new(messages), path, Raw).await?;

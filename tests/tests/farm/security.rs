@@ -1,6 +1,6 @@
 //! Who gets in: tokens, TLS, certificates of clients.
 
-use crate::harness::{Coordinator, LONG, WorkerResult, free_port, spec};
+use crate::harness::{Coordinator, LONG, WorkerResult, free_port, spec, within};
 use beamfarm_coordinator::limits::Limits;
 use beamfarm_coordinator::security::{Security, Tls};
 use beamfarm_coordinator::{End, Timing};
@@ -65,7 +65,7 @@ async fn work(url: String, credentials: Credentials) -> WorkerResult {
         patience: Duration::from_millis(300),
         grace: Duration::from_secs(10),
     };
-    beamfarm_worker::run(config, receiver).await
+    within("a worker's end", beamfarm_worker::run(config, receiver)).await
 }
 
 /// The code of a call with these credentials.
@@ -76,7 +76,7 @@ async fn register(url: &str, credentials: &Credentials) -> Code {
         ..Default::default()
     };
     let mut farm = FarmClient::new(credentials.link(url).unwrap());
-    match farm.register(request).await {
+    match within("an answer about a worker", farm.register(request)).await {
         Ok(_) => Code::Ok,
         Err(status) => status.code(),
     }
@@ -89,7 +89,8 @@ async fn http(coordinator: &Coordinator, path: &str, headers: &str) -> String {
         format!("GET {path} HTTP/1.1\r\nhost: localhost\r\nconnection: close\r\n{headers}\r\n");
     stream.write_all(request.as_bytes()).await.unwrap();
     let mut answer = String::new();
-    stream.read_to_string(&mut answer).await.unwrap();
+    let read = stream.read_to_string(&mut answer);
+    within(path, read).await.unwrap();
     answer
 }
 
@@ -117,7 +118,7 @@ async fn only_those_with_the_token_get_in() {
     assert_eq!(coordinator.farm.progress().registered, 0);
     assert_eq!(register(&url, &with(token(TOKEN))).await, Code::Ok);
     work(url, with(token(TOKEN))).await.unwrap();
-    assert_eq!(coordinator.farm.ended().await, End::Complete);
+    assert_eq!(coordinator.ended().await, End::Complete);
 }
 
 #[tokio::test]
@@ -184,7 +185,7 @@ async fn tls_needs_an_authority_that_both_believe() {
     assert_eq!(register(&url, &nameless).await, Code::Unauthenticated);
     assert_eq!(coordinator.farm.progress().registered, 0);
     work(url, trust(&authority)).await.unwrap();
-    assert_eq!(coordinator.farm.ended().await, End::Complete);
+    assert_eq!(coordinator.ended().await, End::Complete);
 }
 
 #[tokio::test]
@@ -218,7 +219,7 @@ async fn mutual_tls_asks_for_a_certificate() {
     }
     assert_eq!(coordinator.farm.progress().registered, 0);
     work(url, show(identity(&clients))).await.unwrap();
-    assert_eq!(coordinator.farm.ended().await, End::Complete);
+    assert_eq!(coordinator.ended().await, End::Complete);
 }
 
 #[test]

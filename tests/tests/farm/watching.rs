@@ -1,11 +1,11 @@
 //! Those who watch and steer: the page, metrics, health, and the calls of control.proto.
 
-use crate::harness::{Coordinator, RawWorker, spec};
-use beamfarm_coordinator::{End, WorkerState};
+use crate::harness::{Coordinator, RawWorker, spec, within};
+use beamfarm_coordinator::{End, Progress, WorkerState};
 use beamfarm_proto::wire::control_client::ControlClient;
 use beamfarm_proto::wire::farm_client::FarmClient;
 use beamfarm_proto::{Grant, VERSION, wire};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use tokio::io::{AsyncBufReadExt, AsyncReadExt, AsyncWriteExt, BufReader};
 use tokio::net::TcpStream;
 use tokio::time::timeout;
@@ -52,7 +52,7 @@ async fn ask(coordinator: &Coordinator, request: &str) -> Answer {
             body: bytes[end + 4..].to_vec(),
         }
     };
-    timeout(PATIENCE, answer).await.unwrap()
+    within(request, answer).await
 }
 
 /// A coordinator with some passes, and its worker.
@@ -122,16 +122,16 @@ async fn pictures_are_of_the_passes_that_they_name() {
     let leased = worker.lease().await;
     worker.deliver(leased).await.unwrap();
     // Averages come at a bounded rate: the next one within about a second.
-    let two = timeout(PATIENCE, async {
-        loop {
-            let answer = ask(&coordinator, "GET /image.png").await;
-            if answer.header("beamfarm-passes") == Some("2") {
-                return answer;
-            }
-            tokio::time::sleep(Duration::from_millis(50)).await;
+    let begun = Instant::now();
+    let two = loop {
+        let answer = ask(&coordinator, "GET /image.png").await;
+        let passes = answer.header("beamfarm-passes");
+        if passes == Some("2") {
+            break answer;
         }
-    });
-    let two = two.await.unwrap();
+        assert!(begun.elapsed() < PATIENCE, "still of {passes:?} passes");
+        tokio::time::sleep(Duration::from_millis(50)).await;
+    };
     assert!(two.body != one.body);
     // The one before is still there for those who just heard of it.
     let again = ask(&coordinator, "GET /image.png?passes=1").await;
@@ -352,15 +352,10 @@ async fn workers_that_are_gone_are_seen_to_be() {
     let (coordinator, worker) = with_passes(8, 1).await;
     let attendance = worker.attend().await;
     drop(attendance);
-    let gone = async {
-        loop {
-            let seen = coordinator.farm.progress().workers_seen;
-            if seen[0].state == WorkerState::Gone {
-                return;
-            }
-            tokio::time::sleep(Duration::from_millis(10)).await;
-        }
+    let gone = |progress: &Progress| {
+        let state = progress.workers_seen[0].state;
+        (state == WorkerState::Gone).then_some(())
     };
-    timeout(PATIENCE, gone).await.unwrap();
+    coordinator.shows("a worker that is gone", gone).await;
     assert!(ask(&coordinator, "GET /").await.text().contains("gone"));
 }

@@ -4,7 +4,7 @@ use crate::harness::{
     Coordinator, LONG, RawWorker, SCENE, WIDTH, free_port, leaf, settings, spec, start_worker,
     start_worker_with,
 };
-use beamfarm_coordinator::{End, JobSpec, Timing, WorkerState, WorkerView};
+use beamfarm_coordinator::{End, JobSpec, Progress, Timing, WorkerState, WorkerView};
 use beamfarm_image::bundle::Bundle;
 use beamfarm_image::exr::pixel_hash;
 use beamfarm_image::job::Block;
@@ -17,6 +17,10 @@ use beamfarm_worker::WorkerError;
 use std::time::Duration;
 
 const PASSES: u64 = 7;
+
+fn one_pass(progress: &Progress) -> Option<()> {
+    (progress.prefix > 0).then_some(())
+}
 
 /// The job without a farm: on one thread, one pass after the other. Returns the hash of each pass as well.
 fn reference() -> (Average, Vec<String>) {
@@ -89,9 +93,7 @@ async fn a_worker_finds_a_restarted_coordinator_with_another_job() {
     let listener = port.try_clone().unwrap();
     let first = Coordinator::start_on(listener, spec(u64::MAX >> 20), timing).await;
     let worker = first.worker(1);
-    while first.farm.progress().prefix == 0 {
-        tokio::time::sleep(Duration::from_millis(5)).await;
-    }
+    first.shows("a pass", one_pass).await;
     drop(first);
     // Another scene: wider, and with a file more.
     let mut other = spec(3);
@@ -125,9 +127,7 @@ async fn a_worker_without_a_coordinator_gives_up() {
 async fn a_worker_that_shall_finish_delivers_its_pass() {
     let coordinator = Coordinator::start(spec(u64::MAX >> 20)).await;
     let worker = coordinator.worker(1);
-    while coordinator.farm.progress().prefix == 0 {
-        tokio::time::sleep(Duration::from_millis(5)).await;
-    }
+    coordinator.shows("a pass", one_pass).await;
     worker.drain.send_replace(true);
     let summary = worker.join().await.unwrap();
     assert_eq!(coordinator.farm.progress().prefix, summary.passes);
@@ -154,14 +154,12 @@ fn slow(passes: u64) -> JobSpec {
 
 /// Wait until the worker of this name renders something.
 async fn rendering(coordinator: &Coordinator, name: &str) -> Block {
-    loop {
-        let workers = coordinator.farm.progress().workers_seen;
-        let found = workers.iter().find(|worker| worker.name == name);
-        if let Some((block, _)) = found.and_then(|worker| worker.rendering) {
-            return block;
-        }
-        tokio::time::sleep(Duration::from_millis(2)).await;
-    }
+    let find = |progress: &Progress| {
+        let mut workers = progress.workers_seen.iter();
+        let found = workers.find(|worker| worker.name == name)?;
+        Some(found.rendering?.0)
+    };
+    coordinator.shows("a block that is rendered", find).await
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

@@ -1,20 +1,24 @@
 #!/usr/bin/env bash
 # The files of deploy/ against what reads them: Kubernetes' API schemas, OpenJD's, the Compose specification's, systemd's
 # own check, bash. The OpenJD template is run as well, and its image's bits compared. Usage: check.sh PATH/TO/beamfarm
+#
+# Ends with 77, as automake's tests do, where something that it needs is missing and that part was skipped.
 set -euo pipefail
 program=$(realpath "$1")
 cd "$(dirname "$0")/../../deploy"
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 
+code=0
 skipped() {
     echo "SKIPPED: $*" >&2
+    code=77
 }
 
 if ! python3 -m venv "$work/venv" || ! "$work/venv/bin/pip" install --quiet --disable-pip-version-check \
     kubernetes-validate==1.37.0 openjd-cli==0.8.0 pyyaml jsonschema; then
     skipped "the files of deploy/: their validators could not be installed from PyPI"
-    exit 0
+    exit "$code"
 fi
 
 if command -v kubectl >/dev/null; then
@@ -76,3 +80,4 @@ else
 fi
 
 bash -n slurm/beamfarm.sbatch
+exit "$code"

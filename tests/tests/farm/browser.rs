@@ -17,22 +17,21 @@ use tungstenite::{Message, WebSocket};
 /// Nothing here takes this long, even on a busy machine.
 const PATIENCE: Duration = Duration::from_secs(60);
 
-/// The browser: the one that is named, or one with a usual name.
+/// The browser: the one that is named, or one with a usual name. The build script looks for the same.
 fn chromium() -> Option<OsString> {
     let named = std::env::var_os("BEAMFARM_CHROMIUM");
-    let usual = ["chromium", "chromium-browser", "google-chrome"];
-    named
-        .into_iter()
-        .chain(usual.map(OsString::from))
-        .find(|program| {
-            let version = Command::new(program)
-                .arg("--version")
-                .stdout(Stdio::null())
-                .stderr(Stdio::null())
-                .status();
-            version.is_ok_and(|status| status.success())
-        })
+    let mut programs = named.into_iter().chain(USUAL.map(OsString::from));
+    programs.find(|program| {
+        let version = Command::new(program)
+            .arg("--version")
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            .status();
+        version.is_ok_and(|status| status.success())
+    })
 }
+
+const USUAL: [&str; 3] = ["chromium", "chromium-browser", "google-chrome"];
 
 /// A browser with one page.
 struct Browser {
@@ -51,12 +50,9 @@ impl Drop for Browser {
 }
 
 impl Browser {
-    /// Start it and open a page; `None`, and a loud word, where there is no browser.
-    fn open(url: &str) -> Option<Self> {
-        let Some(program) = chromium() else {
-            eprintln!("SKIPPED: there is no Chromium here (Debian: apt-get install chromium)");
-            return None;
-        };
+    /// Start it and open a page.
+    fn open(url: &str) -> Self {
+        let program = chromium().expect("no Chromium (Debian: apt-get install chromium)");
         let profile = tempfile::tempdir().unwrap();
         let mut folder = OsString::from("--user-data-dir=");
         folder.push(profile.path());
@@ -77,14 +73,26 @@ impl Browser {
             .stderr(Stdio::piped())
             .spawn()
             .unwrap();
-        let mut lines = BufReader::new(process.stderr.take().unwrap()).lines();
-        let address = lines.find_map(|line| {
-            let line = line.unwrap();
-            Some(line.strip_prefix("DevTools listening on ")?.to_owned())
+        let lines = BufReader::new(process.stderr.take().unwrap()).lines();
+        let (sender, said) = std::sync::mpsc::channel();
+        // Read to the end, whoever listens: the pipe must not fill up.
+        std::thread::spawn(move || {
+            lines
+                .map_while(Result::ok)
+                .for_each(|l| drop(sender.send(l)))
         });
-        // Nobody reads on: the pipe must not fill up.
-        std::thread::spawn(move || lines.for_each(drop));
-        let (socket, _) = tungstenite::connect(address.unwrap()).unwrap();
+        let (begun, mut heard) = (Instant::now(), Vec::new());
+        let address = loop {
+            let Ok(line) = said.recv_timeout(PATIENCE.saturating_sub(begun.elapsed())) else {
+                let _ = process.kill();
+                panic!("the browser names no address; it said {heard:#?}");
+            };
+            if let Some(address) = line.strip_prefix("DevTools listening on ") {
+                break address.to_owned();
+            }
+            heard.push(line);
+        };
+        let (socket, _) = tungstenite::connect(address).unwrap();
         if let MaybeTlsStream::Plain(stream) = socket.get_ref() {
             stream.set_read_timeout(Some(PATIENCE)).unwrap();
         }
@@ -108,7 +116,7 @@ impl Browser {
         let script = json!({"source": listen});
         browser.call("Page.addScriptToEvaluateOnNewDocument", script);
         browser.call("Page.navigate", json!({"url": url}));
-        Some(browser)
+        browser
     }
 
     fn call(&mut self, method: &str, params: Value) -> Value {
@@ -118,8 +126,12 @@ impl Browser {
             call["sessionId"] = json!(session);
         }
         self.socket.send(Message::text(call.to_string())).unwrap();
+        let begun = Instant::now();
         loop {
-            let Message::Text(text) = self.socket.read().unwrap() else {
+            assert!(begun.elapsed() < PATIENCE, "no answer to {method}");
+            let message = self.socket.read();
+            let message = message.unwrap_or_else(|error| panic!("{method}: {error}"));
+            let Message::Text(text) = message else {
                 continue;
             };
             let mut answer: Value = serde_json::from_str(&text).unwrap();
@@ -222,13 +234,12 @@ const SET: &str = "(id, value) => {
 }";
 
 #[tokio::test(flavor = "multi_thread")]
+#[cfg_attr(not(has_chromium), ignore = "no Chromium when this was built")]
 async fn the_image_changes_and_the_numbers_move() {
     let coordinator = Coordinator::start(spec(6)).await;
     let worker = RawWorker::register(&coordinator).await;
     let _attendance = worker.attend().await;
-    let Some(mut page) = Browser::open(&coordinator.url()) else {
-        return;
-    };
+    let mut page = Browser::open(&coordinator.url());
     let state = |text: &str| {
         format!("document.getElementById('state')?.innerText.includes('{text}') ?? false")
     };
@@ -324,6 +335,7 @@ const TINY: &str = "[...document.querySelectorAll('svg text')]
     .filter((size) => size > 0 && size < 10.5)";
 
 #[tokio::test(flavor = "multi_thread")]
+#[cfg_attr(not(has_chromium), ignore = "no Chromium when this was built")]
 async fn everybody_can_read_it() {
     let coordinator = Coordinator::start(spec(9)).await;
     let name = "a-machine-with-a-name-as-long-as-names-of-machines-get.farm.example.org";
@@ -334,9 +346,7 @@ async fn everybody_can_read_it() {
         .submit(leased, b"no picture".to_vec())
         .await
         .unwrap_err();
-    let Some(mut page) = Browser::open(&coordinator.url()) else {
-        return;
-    };
+    let mut page = Browser::open(&coordinator.url());
     for passes in [2, 4] {
         deliver(&worker, 2).await;
         page.wait_for(&format!(
@@ -366,7 +376,7 @@ async fn everybody_can_read_it() {
 async fn the_page_in_pictures() {
     let folder = std::env::var_os("BEAMFARM_SCREENSHOTS").expect("BEAMFARM_SCREENSHOTS=FOLDER");
     let url = std::env::var("BEAMFARM_URL").expect("BEAMFARM_URL=http://HOST:PORT");
-    let mut page = Browser::open(&url).unwrap();
+    let mut page = Browser::open(&url);
     page.wait_for("document.getElementById('shown')?.dataset.passes > 0");
     for (name, width, scheme) in [
         ("light", 1200, "light"),

@@ -528,7 +528,14 @@ fn furnaces_with_lumpy_smoke() {
     let file = lumps(cube()).vol();
     let medium = smoke([0.0; 3], sigma_s, &of_file(cube(), ""));
     let inside = format!("{EVERYWHERE}{medium}");
-    is_one("room", &closed_box(0.5, &inside), &[(VOL, &file)], 0.012);
+    let mut suite = Suite::new(1e-3);
+    is_one(
+        &mut suite,
+        "room",
+        &closed_box(0.5, &inside),
+        &[(VOL, &file)],
+        24,
+    );
     for shape in ["sphere", "cube"] {
         let cloud = format!(
             r#"
@@ -541,6 +548,13 @@ material = "boundary"
 interior = "smoke"
 "#
         );
-        is_one(shape, &under_the_sky(&cloud), &[(VOL, &file)], 0.02);
+        is_one(
+            &mut suite,
+            shape,
+            &under_the_sky(&cloud),
+            &[(VOL, &file)],
+            24,
+        );
     }
+    suite.finish();
 }

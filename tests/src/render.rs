@@ -98,6 +98,13 @@ impl Blocks {
         means
     }
 
+    /// Standard error of the difference from another picture, as a share of its mean: the largest of the channels.
+    pub fn noise(&self, other: &Self) -> f64 {
+        let channels = self.whole.iter().zip(&other.whole);
+        let errors = channels.map(|(a, b)| a.std_error().hypot(b.std_error()) / b.mean().abs());
+        errors.fold(0.0, f64::max)
+    }
+
     fn add(&mut self, film: &Film) {
         let (side, width) = (self.side, film.width as usize);
         let columns = width / side;

@@ -1,10 +1,17 @@
 //! Many statistical tests with one significance for all of them together.
 
 use crate::chi2::Chi2Result;
+use crate::render::Blocks;
 use crate::z_test::MeanEstimate;
 
 /// Share of samples of zero density that passes as rounding.
 const MAX_IMPOSSIBLE: f64 = 1e-4;
+
+/// Significance of each of so many tests, so that all of them pass with probability `1 - significance` where all is right
+/// (Šidák 1967): 1 - (1 - significance)^(1 / tests), without cancellation.
+pub fn sidak(significance: f64, tests: usize) -> f64 {
+    -libm::expm1(libm::log1p(-significance) / tests.max(1) as f64)
+}
 
 /// Collects p-values and judges them together. The bound on each p-value is corrected after Šidák, so that all of the
 /// tests pass with probability `1 - significance` when everything is right.
@@ -62,6 +69,17 @@ impl Suite {
 
     /// Add a z-test of a mean against its known value.
     pub fn mean(&mut self, name: impl Into<String>, estimate: &MeanEstimate, expected: f64) {
+        self.mean_within(name, estimate, expected, 0.0);
+    }
+
+    /// The same, of a mean that may be off by a share of its value.
+    pub fn mean_within(
+        &mut self,
+        name: impl Into<String>,
+        estimate: &MeanEstimate,
+        expected: f64,
+        share: f64,
+    ) {
         self.p_value(
             format!(
                 "{} (mean {:e} +- {:e}, expected {expected:e})",
@@ -69,12 +87,23 @@ impl Suite {
                 estimate.mean(),
                 estimate.std_error()
             ),
-            estimate.p_value(expected),
+            estimate.p_value_within(expected, share),
         );
     }
 
     /// Add a z-test of two estimates of the same mean.
     pub fn same_mean(&mut self, name: impl Into<String>, a: &MeanEstimate, b: &MeanEstimate) {
+        self.same_mean_within(name, a, b, 0.0);
+    }
+
+    /// The same, of means that may be apart by a share of the second.
+    pub fn same_mean_within(
+        &mut self,
+        name: impl Into<String>,
+        a: &MeanEstimate,
+        b: &MeanEstimate,
+        share: f64,
+    ) {
         self.p_value(
             format!(
                 "{} (means {:e} +- {:e} and {:e} +- {:e})",
@@ -84,15 +113,35 @@ impl Suite {
                 b.mean(),
                 b.std_error()
             ),
-            a.p_value_same(b),
+            a.p_value_same_within(b, share),
         );
+    }
+
+    /// Add z-tests of two pictures of the same: every channel of every block and of the whole. Means may be apart by a share
+    /// of the second's.
+    ///
+    /// # Panics
+    /// When the pictures have different numbers of blocks, or are black.
+    #[track_caller]
+    pub fn same_blocks(&mut self, name: &str, a: &Blocks, b: &Blocks, share: f64) {
+        assert_eq!(a.blocks.len(), b.blocks.len(), "{name}");
+        assert!(
+            b.whole.iter().any(|mean| mean.mean() != 0.0),
+            "{name}: black"
+        );
+        let blocks = a.blocks.iter().zip(&b.blocks).enumerate();
+        let blocks = blocks.map(|(i, both)| (format!("block {i}"), both));
+        for (part, (a, b)) in blocks.chain([("all".to_owned(), (&a.whole, &b.whole))]) {
+            for c in 0..3 {
+                let name = format!("{name}, {part}, channel {c}");
+                self.same_mean_within(name, &a[c], &b[c], share);
+            }
+        }
     }
 
     /// The tests that failed, one a line; empty when all passed.
     pub fn failures(&self) -> Vec<String> {
-        let tests = self.p_values.len().max(1) as f64;
-        // 1 - (1 - significance)^(1 / tests), without cancellation.
-        let bound = -libm::expm1(libm::log1p(-self.significance) / tests);
+        let bound = sidak(self.significance, self.p_values.len());
         let mut failures = self.failures.clone();
         for (name, p) in &self.p_values {
             if *p < bound {

@@ -48,13 +48,25 @@ impl MeanEstimate {
     /// Two-sided p-value of the mean being `expected`. Where all values are equal, a relative rounding error of 1e-6 is
     /// forgiven.
     pub fn p_value(&self, expected: f64) -> f64 {
-        p_value(self.mean - expected, self.std_error(), expected)
+        self.p_value_within(expected, 0.0)
+    }
+
+    /// Two-sided p-value of the mean being off from `expected` by no more than this share of it.
+    pub fn p_value_within(&self, expected: f64, share: f64) -> f64 {
+        let off = beyond(self.mean - expected, share * expected);
+        p_value(off, self.std_error(), expected)
     }
 
     /// Two-sided p-value of two independent estimates having the same mean.
     pub fn p_value_same(&self, other: &Self) -> f64 {
+        self.p_value_same_within(other, 0.0)
+    }
+
+    /// Two-sided p-value of the means of two independent estimates being apart by no more than this share of the other's.
+    pub fn p_value_same_within(&self, other: &Self, share: f64) -> f64 {
         let error = self.std_error().hypot(other.std_error());
-        p_value(self.mean - other.mean, error, other.mean)
+        let off = beyond(self.mean - other.mean, share * other.mean);
+        p_value(off, error, other.mean)
     }
 }
 
@@ -69,6 +81,12 @@ impl FromIterator<f64> for MeanEstimate {
 /// Probability that a standard normal variable is at least as far from zero as `z`.
 pub fn two_sided(z: f64) -> f64 {
     libm::erfc(z.abs() * std::f64::consts::FRAC_1_SQRT_2)
+}
+
+/// What of a difference is more than allowed. NaN stays NaN.
+fn beyond(difference: f64, allowed: f64) -> f64 {
+    let off = difference.abs() - allowed.abs();
+    if off < 0.0 { 0.0 } else { off }
 }
 
 /// Single precision values carry rounding errors that no standard error covers: they are allowed for as one more
@@ -92,6 +110,16 @@ mod tests {
             .collect();
         assert_eq!(estimate.mean(), 5.0);
         assert!((estimate.variance() - 32.0 / 7.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_share_is_taken_off_the_difference() {
+        let estimate: MeanEstimate = [9.0, 10.0, 11.0, 12.0].into_iter().collect();
+        let same = |off: f64, share| estimate.p_value_within(10.5 - off, share);
+        assert_eq!(same(0.1, 0.0), estimate.p_value(10.4));
+        assert_eq!(same(0.1, 0.01), 1.0);
+        assert!((same(1.5, 0.1) - two_sided(0.6 / estimate.std_error())).abs() < 1e-6);
+        assert!(estimate.p_value_within(f64::NAN, 0.1).is_nan());
     }
 
     #[test]

@@ -2,9 +2,10 @@
 
 #![allow(clippy::unwrap_used)]
 
+use beamfarm_tests::differential::Effort;
 use beamfarm_tests::differential::many::examine_alone;
-use beamfarm_tests::differential::{Effort, bias::sidak};
 use beamfarm_tests::random_scene::RandomScene;
+use beamfarm_tests::suite::sidak;
 use std::path::Path;
 
 /// All together at a significance of 1e-3.

@@ -6,7 +6,6 @@ use beamfarm_render::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_tests::Suite;
 use beamfarm_tests::render::{Blocks, blocks, reference_images, scene};
-use beamfarm_tests::z_test::two_sided;
 
 /// A closed room whose walls are lit by a spot and a small lamp, and a ball.
 const ROOM: &str = r#"
@@ -109,23 +108,12 @@ fn both(text: &str) -> [Blocks; 2] {
     })
 }
 
-fn same_means(name: &str, both: &[Blocks; 2], suite: &mut Suite) {
-    let [alone, together] = both;
-    for (i, (a, b)) in alone.blocks.iter().zip(&together.blocks).enumerate() {
-        for c in 0..3 {
-            let off = a[c].mean() - b[c].mean();
-            // Kernels blur what photons bring: another 0.5 %.
-            let error = a[c].std_error().hypot(b[c].std_error());
-            let error = error.hypot(5e-3 * a[c].mean());
-            let name = format!("{name}, block {i}, channel {c}: {off:e} off, error {error:e}");
-            suite.p_value(name, two_sided(off / error));
-        }
-    }
-    for c in 0..3 {
-        let (a, b) = (&alone.whole[c], &together.whole[c]);
-        let error = a.std_error().hypot(b.std_error());
-        assert!(error < 0.03 * a.mean(), "{name}: {error} of {}", a.mean());
-    }
+/// Two pictures are the same, and sharp enough to tell.
+fn same_means(name: &str, [alone, together]: &[Blocks; 2], suite: &mut Suite) {
+    // Kernels blur what photons bring.
+    suite.same_blocks(name, together, alone, 3e-3);
+    let noise = together.noise(alone);
+    assert!(noise < 0.03, "{name}: {noise}");
 }
 
 /// Metal, frosted glass with what it transmits, a rough coat, and the principled BSDF. Significance 1e-2 for all blocks of

@@ -8,11 +8,10 @@
 use beamfarm_image::exr::pixel_hash;
 use beamfarm_image::job::ReferenceSettings;
 use beamfarm_render::world::Scene;
+use beamfarm_tests::Suite;
 use beamfarm_tests::furnace::{closed_box, is_one, under_the_sky};
 use beamfarm_tests::path_tracer::{Camera, Grid, Lamp, Room};
 use beamfarm_tests::render::{Blocks, average, blocks, reference_images, scene_with};
-use beamfarm_tests::z_test::two_sided;
-use beamfarm_tests::{MeanEstimate, Suite};
 use glam::{DAffine3, DQuat, DVec2, DVec3};
 use std::f64::consts::PI;
 
@@ -199,44 +198,6 @@ fn lit_room(grid: Grid) -> Room {
     }
 }
 
-/// Two means are the same, within a share of the second and both errors.
-fn same(
-    suite: &mut Suite,
-    name: String,
-    a: &[MeanEstimate; 3],
-    b: &[MeanEstimate; 3],
-    allowance: f64,
-) {
-    for c in 0..3 {
-        let (error_a, error_b) = (a[c].std_error(), b[c].std_error());
-        let difference = (a[c].mean() - b[c].mean()).abs();
-        let beyond = (difference - allowance * b[c].mean()).max(0.0);
-        suite.p_value(
-            format!(
-                "{name} channel {c}: {} +- {error_a}, expected {} +- {error_b}",
-                a[c].mean(),
-                b[c].mean(),
-            ),
-            two_sided(beyond / error_a.hypot(error_b)),
-        );
-    }
-}
-
-/// Two images are the same: every block and the whole.
-fn same_image(suite: &mut Suite, name: &str, a: &Blocks, b: &Blocks, allowance: f64) {
-    assert_eq!(a.blocks.len(), b.blocks.len());
-    for (i, (a, b)) in a.blocks.iter().zip(&b.blocks).enumerate() {
-        same(suite, format!("{name}, block {i}"), a, b, allowance);
-    }
-    same(
-        suite,
-        format!("{name}, whole"),
-        &a.whole,
-        &b.whole,
-        allowance,
-    );
-}
-
 /// What the reference integrator sees.
 fn reference(scene: &Scene) -> Blocks {
     let settings = ReferenceSettings::default();
@@ -261,9 +222,9 @@ fn a_room_of_lumpy_smoke_is_what_a_path_tracer_sees() {
         ];
         let scene = scene_with(&text.map(String::from).concat(), &[(VOL, &room.grid.vol())]);
         let got = blocks(&scene, BLOCK);
-        same_image(&mut suite, estimator, &got, &expected, 0.005);
+        suite.same_blocks(estimator, &got, &expected, 0.005);
         let name = format!("reference {estimator}");
-        same_image(&mut suite, &name, &reference(&scene), &expected, 0.0);
+        suite.same_blocks(&name, &reference(&scene), &expected, 0.0);
     }
     suite.finish();
 }
@@ -304,20 +265,8 @@ transform = {}
     let scene = scene_with(&text, &[(VOL, &room.grid.vol())]);
     // Significance 1e-3; 0.5 % for kernels.
     let mut suite = Suite::new(1e-3);
-    same_image(
-        &mut suite,
-        "cloud",
-        &blocks(&scene, BLOCK),
-        &expected,
-        0.005,
-    );
-    same_image(
-        &mut suite,
-        "cloud, reference",
-        &reference(&scene),
-        &expected,
-        0.0,
-    );
+    suite.same_blocks("cloud", &blocks(&scene, BLOCK), &expected, 0.005);
+    suite.same_blocks("cloud, reference", &reference(&scene), &expected, 0.0);
     suite.finish();
 }
 
@@ -354,20 +303,8 @@ fn smoke_of_many_colours_is_what_a_path_tracer_sees() {
     let scene = scene_with(&text.map(String::from).concat(), &assets);
     // Significance 1e-3 for all images; 0.5 % for kernels.
     let mut suite = Suite::new(1e-3);
-    same_image(
-        &mut suite,
-        "colours",
-        &blocks(&scene, BLOCK),
-        &expected,
-        0.005,
-    );
-    same_image(
-        &mut suite,
-        "colours, reference",
-        &reference(&scene),
-        &expected,
-        0.0,
-    );
+    suite.same_blocks("colours", &blocks(&scene, BLOCK), &expected, 0.005);
+    suite.same_blocks("colours, reference", &reference(&scene), &expected, 0.0);
     suite.finish();
 }
 
@@ -407,12 +344,12 @@ fn constant_density_is_a_homogeneous_medium() {
     let recipe = "type = \"heterogeneous\"\ndensity = { min = [-1, -1, -1], max = [1, 1, 1] }\ntransmittance = ";
     for (i, estimator) in ESTIMATORS.into_iter().enumerate() {
         let got = image(2 + i, &format!("{recipe}{estimator}"), &[]);
-        same_image(&mut suite, estimator, &got, &expected, 0.0);
+        suite.same_blocks(estimator, &got, &expected, 0.0);
     }
     // The file says 2, the scene half of it.
     let twos = Grid::new([3, 2, 4], vec![2.0; 24], cube());
     let got = image(9, &of_file(cube(), "scale = 0.5"), &[(VOL, &twos.vol())]);
-    same_image(&mut suite, "file", &got, &expected, 0.0);
+    suite.same_blocks("file", &got, &expected, 0.0);
     suite.finish();
 }
 
@@ -459,15 +396,8 @@ fn absorbed(name: &str, passes: usize, rest: &str, radiance: impl Fn(DVec3, usiz
         let got = blocks(&scene_with(&text, &[(VOL, &file)]), BLOCK);
         for (i, (got, expected)) in got.blocks.iter().zip(&expected).enumerate() {
             for c in 0..3 {
-                let (mean, error) = (got[c].mean(), got[c].std_error());
-                let off = ((mean - expected[c]).abs() - 1e-4 * expected[c]).max(0.0);
-                suite.p_value(
-                    format!(
-                        "{name}, {estimator}, block {i} channel {c}: {mean} +- {error}, expected {}",
-                        expected[c]
-                    ),
-                    two_sided(off / error),
-                );
+                let name = format!("{name}, {estimator}, block {i}, channel {c}");
+                suite.mean_within(name, &got[c], expected[c], 1e-4);
             }
         }
     }

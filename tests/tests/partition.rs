@@ -7,7 +7,6 @@ use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::Scene;
 use beamfarm_tests::Suite;
 use beamfarm_tests::render::{Blocks, reference_images, scene};
-use beamfarm_tests::z_test::two_sided;
 
 const ROOM: &str = r#"
 [image]
@@ -101,22 +100,11 @@ fn by(scene: &Scene, beams: Option<bool>) -> Blocks {
     )
 }
 
+/// Two pictures are the same, and sharp enough to tell.
 fn same_means(name: &str, a: &Blocks, b: &Blocks, suite: &mut Suite) {
-    for (i, (a, b)) in a.blocks.iter().zip(&b.blocks).enumerate() {
-        for c in 0..3 {
-            let off = a[c].mean() - b[c].mean();
-            // Kernels blur what photons bring: another 0.7 %.
-            let error = a[c].std_error().hypot(b[c].std_error());
-            let error = error.hypot(7e-3 * a[c].mean());
-            let name = format!("{name}, block {i}, channel {c}: {off:e} off, error {error:e}");
-            suite.p_value(name, two_sided(off / error));
-        }
-    }
-    for c in 0..3 {
-        let (a, b) = (&a.whole[c], &b.whole[c]);
-        let error = a.std_error().hypot(b.std_error());
-        assert!(error < 0.02 * a.mean(), "{name}: {error} of {}", a.mean());
-    }
+    // Kernels blur what photons bring.
+    suite.same_blocks(name, a, b, 5e-3);
+    assert!(a.noise(b) < 0.02, "{name}: {}", a.noise(b));
 }
 
 const FOG: &str = "[world]\nmedium = \"fog\"";

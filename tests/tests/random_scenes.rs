@@ -8,8 +8,8 @@
 #![allow(clippy::unwrap_used)]
 
 use beamfarm_tests::differential::Effort;
-use beamfarm_tests::differential::bias::sidak;
 use beamfarm_tests::differential::many::examine_seeds;
+use beamfarm_tests::suite::sidak;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 

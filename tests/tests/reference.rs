@@ -16,8 +16,7 @@ use beamfarm_tests::furnace::{
 };
 use beamfarm_tests::point_in_fog::PointInFog;
 use beamfarm_tests::render::{Blocks, reference_images, scene, scene_with};
-use beamfarm_tests::z_test::two_sided;
-use beamfarm_tests::{MeanEstimate, Suite, mitsuba};
+use beamfarm_tests::{Suite, mitsuba};
 use glam::{DVec2, DVec3};
 
 const BLOCK: usize = 8;
@@ -40,24 +39,13 @@ fn images(scene: &Scene, settings: ReferenceSettings, samples: u64) -> Blocks {
     Blocks::new(reference_images(scene, settings, 32, samples), BLOCK)
 }
 
-/// Add a test of a mean against a value, a share of which may be off.
-fn test(suite: &mut Suite, name: String, mean: &MeanEstimate, expected: f64, share: f64) {
-    let off = (mean.mean() - expected).abs();
-    let beyond = (off - share * expected).max(0.0);
-    let error = mean.std_error().max(1e-12);
-    suite.p_value(
-        format!("{name}: {} +- {error:e}, expected {expected}", mean.mean()),
-        two_sided(beyond / error),
-    );
-}
-
 /// Every block has this radiance, and so has the whole. Significance 1e-3.
 fn is_everywhere(got: &Blocks, expected: [f64; 3]) {
     let mut suite = Suite::new(1e-3);
     for (i, block) in got.blocks.iter().chain([&got.whole]).enumerate() {
         for c in 0..3 {
             let name = format!("block {i}, channel {c}");
-            test(&mut suite, name, &block[c], expected[c], ROUNDING);
+            suite.mean_within(name, &block[c], expected[c], ROUNDING);
         }
     }
     suite.finish();
@@ -225,7 +213,7 @@ transform = [{ scale = 0.02 }]
     let mut suite = Suite::new(1e-3);
     for (c, (sigma_a, mean)) in sigma_a.into_iter().zip(&got.whole).enumerate() {
         let expected = 0.8 * libm::exp(-sigma_a * 1.4);
-        test(&mut suite, format!("channel {c}"), mean, expected, 1e-4);
+        suite.mean_within(format!("channel {c}"), mean, expected, 1e-4);
     }
     suite.finish();
 }
@@ -259,7 +247,7 @@ fn a_point_light_in_fog_is_the_integral_along_the_ray() {
         }
         for c in 0..3 {
             let name = format!("block {i}, channel {c}");
-            test(&mut suite, name, &block[c], expected[c], 1e-3);
+            suite.mean_within(name, &block[c], expected[c], 1e-3);
         }
     }
     suite.finish();
@@ -348,18 +336,7 @@ fn fog_with_a_lamp_is_what_beams_show() {
     let beams = Blocks::new(passes, BLOCK);
     let got = images(&scene, UNBOUNDED, 16);
     let mut suite = Suite::new(1e-3);
-    let all = |blocks: Blocks| [blocks.blocks, vec![blocks.whole]].concat();
-    for (i, (got, beams)) in all(got).into_iter().zip(all(beams)).enumerate() {
-        for c in 0..3 {
-            let error = got[c].std_error().hypot(beams[c].std_error());
-            let (got, beams) = (got[c].mean(), beams[c].mean());
-            let beyond = ((got - beams).abs() - 0.01 * got).max(0.0);
-            suite.p_value(
-                format!("block {i}, channel {c}: {got}, beams {beams}, +- {error:e}"),
-                two_sided(beyond / error),
-            );
-        }
-    }
+    suite.same_blocks("fog", &beams, &got, 0.01);
     suite.finish();
 }
 

@@ -94,18 +94,10 @@ transform = [{{ scale = {lamp} }}, {{ rotate = {{ axis = [1, 0, 0], angle = 90 }
     ))
 }
 
-/// All blocks have the same means: by two renders, the significance is of all of them together.
+/// Two pictures are the same, and sharp enough to tell.
 fn same(what: &str, a: &Blocks, b: &Blocks, suite: &mut Suite) {
-    for (i, (a, b)) in a.blocks.iter().zip(&b.blocks).enumerate() {
-        for c in 0..3 {
-            suite.same_mean(format!("{what}, block {i}, channel {c}"), &a[c], &b[c]);
-        }
-    }
-    for (c, (a, b)) in a.whole.iter().zip(&b.whole).enumerate() {
-        suite.same_mean(format!("{what}, channel {c}"), a, b);
-        let error = a.std_error().hypot(b.std_error()) / a.mean();
-        assert!(error < 0.01, "{what}: {error}");
-    }
+    suite.same_blocks(what, a, b, 0.0);
+    assert!(a.noise(b) < 0.01, "{what}: {}", a.noise(b));
 }
 
 /// Significance 1e-2 for all units together.

@@ -1,6 +1,7 @@
 //! Whether the means of two renderers differ by more than noise and what is allowed.
 
 use super::images::{BLOCK, Images};
+use crate::suite::sidak;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 use std::fmt;
 
@@ -197,11 +198,6 @@ const HEAVY: f64 = 3.0;
 
 /// What a part that has a tail may differ by in a block where none was seen: a share of the block's beauty.
 const SMALL: f64 = 0.02;
-
-/// Level of each of so many tests, so that all of them pass with probability `1 - significance` where all is right.
-pub fn sidak(significance: f64, tests: usize) -> f64 {
-    -libm::expm1(libm::log1p(-significance) / tests.max(1) as f64)
-}
 
 /// Two-sided p-value of a difference (Welch 1947).
 fn p_value(beyond: f64, [a, b]: [&Moments; 2]) -> f64 {

@@ -13,7 +13,8 @@ mod views;
 use beamfarm_render::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::Scene;
-use beamfarm_tests::render::{Blocks, blocks, scene};
+use beamfarm_tests::Suite;
+use beamfarm_tests::render::{blocks, scene};
 
 /// The pixels of some passes, one after the other.
 fn pixels(scene: &Scene) -> Vec<[f32; 3]> {
@@ -43,30 +44,14 @@ fn different(one: &str, other: &str) {
     );
 }
 
-/// Means over blocks of 8 x 8 pixels are the same at a significance of 1e-4 for all of them together (Šidák), apart from
-/// `bias`, relative.
+/// Means over blocks of 8 x 8 pixels are the same at a significance of 1e-4 for all of them together, apart from `bias`,
+/// relative.
 #[track_caller]
 fn same_means(one: &str, other: &str, bias: f64) {
-    let (a, b) = (scene(one), scene(other));
-    let (a, b): (Blocks, Blocks) = (blocks(&a, 8), blocks(&b, 8));
-    let pairs: Vec<_> = (a.blocks.iter().zip(&b.blocks))
-        .flat_map(|(a, b)| a.iter().zip(b))
-        .collect();
-    let threshold = 1.0 - libm::pow(1.0 - 1e-4, 1.0 / pairs.len() as f64);
-    assert!(pairs.iter().any(|(a, _)| a.mean() > 0.0), "black");
-    for (i, (a, b)) in pairs.iter().enumerate() {
-        let error = a.std_error().hypot(b.std_error()).hypot(1e-7);
-        let off = ((a.mean() - b.mean()).abs() - bias * b.mean()).max(0.0);
-        let p = beamfarm_tests::z_test::two_sided(off / error);
-        assert!(
-            p > threshold,
-            "value {i}: {:.5} ± {:.5} and {:.5} ± {:.5}",
-            a.mean(),
-            a.std_error(),
-            b.mean(),
-            b.std_error()
-        );
-    }
+    let [one, other] = [one, other].map(|text| blocks(&scene(text), 8));
+    let mut suite = Suite::new(1e-4);
+    suite.same_blocks("both", &one, &other, bias);
+    suite.finish();
 }
 
 /// A picture of 24 x 16 pixels from the front.

@@ -2,8 +2,8 @@
 
 use super::VIEW;
 use beamfarm_image::job::ReferenceSettings;
+use beamfarm_tests::Suite;
 use beamfarm_tests::render::{Blocks, blocks, reference_images, scene};
-use beamfarm_tests::z_test::two_sided;
 
 const ROOM: &str = r#"
 [media.fog]
@@ -129,21 +129,9 @@ fn same_as_the_path_tracer(plain: &str, rule_sets: impl IntoIterator<Item = Stri
             rules.len() < RULES[0].len() * 3 || differ.fold(0.0, f64::max) > 8.0,
             "{rules}: no effect"
         );
-        let pairs = beams.blocks.iter().zip(&truth.blocks);
-        let pairs: Vec<_> = pairs.flat_map(|(a, b)| a.iter().zip(b)).collect();
-        let threshold = 1.0 - libm::pow(1.0 - 1e-4, 1.0 / pairs.len() as f64);
-        for (i, (a, b)) in pairs.iter().enumerate() {
-            // Kernels blur by a little.
-            let off = ((a.mean() - b.mean()).abs() - 0.01 * b.mean()).max(0.0);
-            let p = two_sided(off / a.std_error().hypot(b.std_error()));
-            assert!(
-                p > threshold,
-                "{rules}, value {i}: {:.5} ± {:.5} and {:.5} ± {:.5}",
-                a.mean(),
-                a.std_error(),
-                b.mean(),
-                b.std_error()
-            );
-        }
+        // Kernels blur by a little.
+        let mut suite = Suite::new(1e-4);
+        suite.same_blocks(&rules, &beams, &truth, 0.01);
+        suite.finish();
     }
 }

@@ -1,6 +1,7 @@
 //! Shadow linking of lights: the shadow rays to one pass what those to the others do not.
 
 use super::{VIEW, different, same_bits};
+use beamfarm_tests::Suite;
 use beamfarm_tests::render::{blocks, scene};
 use beamfarm_tests::z_test::two_sided;
 
@@ -50,7 +51,7 @@ fn lit(shines: impl Fn(usize) -> bool) -> String {
 }
 
 /// Light adds up: a picture is that of the lamp without the ball's shadow and that of the other lamps with it. At a
-/// significance of 1e-4 for each lamp (Šidák).
+/// significance of 1e-4 for each lamp.
 #[test]
 fn a_lamp_whose_shadow_rays_pass_an_object() {
     let rule = "[[rules]]\nrays = [\"shadow\"]\nexclude = [\"ball\"]\n";
@@ -62,24 +63,25 @@ fn a_lamp_whose_shadow_rays_pass_an_object() {
         let linked = blocks(&linked, 8);
         let alone = blocks(&scene(&format!("{}{rule}", lit(|n| n == number))), 8);
         let others = blocks(&scene(&lit(|n| n != number)), 8);
-        let count = linked.blocks.len() * 3;
-        let threshold = 1.0 - libm::pow(1.0 - 1e-4, 1.0 / count as f64);
-        for i in 0..count {
+        let mut suite = Suite::new(1e-4);
+        for i in 0..linked.blocks.len() * 3 {
             let [whole, alone, others] =
                 [&linked, &alone, &others].map(|picture| &picture.blocks[i / 3][i % 3]);
             let off = (whole.mean() - alone.mean() - others.mean()).abs();
             // Sums of single precision are not exact.
             let off = (off - 1e-5 * whole.mean()).max(0.0);
             let parts = alone.std_error().hypot(others.std_error());
-            let p = two_sided(off / whole.std_error().hypot(parts).hypot(1e-7));
-            assert!(
-                p > threshold,
-                "{name}, value {i}: {:.5} ± {:.5}, expected {:.5} ± {parts:.5}",
-                whole.mean(),
-                whole.std_error(),
-                alone.mean() + others.mean(),
+            suite.p_value(
+                format!(
+                    "{name}, value {i}: {:.5} ± {:.5}, expected {:.5} ± {parts:.5}",
+                    whole.mean(),
+                    whole.std_error(),
+                    alone.mean() + others.mean(),
+                ),
+                two_sided(off / whole.std_error().hypot(parts).hypot(1e-7)),
             );
         }
+        suite.finish();
     }
 }
 

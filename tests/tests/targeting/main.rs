@@ -8,6 +8,7 @@ mod starts;
 use beamfarm_render::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::Scene;
+use beamfarm_tests::Suite;
 use beamfarm_tests::render::{Blocks, scene};
 use beamfarm_tests::z_test::two_sided;
 
@@ -204,25 +205,12 @@ fn passes(scene: &Scene, plan: &RenderPlan) -> Blocks {
     Blocks::new(passes.map(|i| render_pass(scene, plan, i).film), 4)
 }
 
-/// All means are the same at a significance of 1e-3 for all of them together (Šidák).
+/// All means are the same at a significance of 1e-3 for all of them together.
 #[track_caller]
 fn same(what: &str, a: &Blocks, b: &Blocks) {
-    let pairs: Vec<_> = (a.blocks.iter().zip(&b.blocks))
-        .flat_map(|(a, b)| a.iter().zip(b))
-        .chain(a.whole.iter().zip(&b.whole))
-        .collect();
-    let threshold = 1.0 - libm::pow(1.0 - 1e-3, 1.0 / pairs.len() as f64);
-    assert!(pairs.iter().any(|(a, _)| a.mean() > 0.0), "{what}: black");
-    for (i, (a, b)) in pairs.iter().enumerate() {
-        assert!(
-            a.p_value_same(b) > threshold,
-            "{what}, value {i}: {:.5} ± {:.5} and {:.5} ± {:.5}",
-            a.mean(),
-            a.std_error(),
-            b.mean(),
-            b.std_error()
-        );
-    }
+    let mut suite = Suite::new(1e-3);
+    suite.same_blocks(what, a, b, 0.0);
+    suite.finish();
 }
 
 /// Variance of the picture's blocks over that of another's.

@@ -6,7 +6,7 @@ use beamfarm_render::math::{Frame, Vec2, Vec3};
 use beamfarm_render::sampler::{Purpose, Sampler};
 use beamfarm_render::warp;
 use beamfarm_tests::quadrature::Rect;
-use beamfarm_tests::{Chi2, MeanEstimate};
+use beamfarm_tests::{Chi2, MeanEstimate, Suite};
 
 /// Makes the world a thousand times as large as the room, so that rays from its rim meet discs but roughly.
 const FAR: &str = r#"
@@ -18,8 +18,8 @@ radius = 0.4
 material = "wall"
 "#;
 
-/// Flux by where the photons start and where they go is that of plain emission, at a significance of 1e-3 for all of a light's
-/// together (Šidák).
+/// Flux by where the photons start and where they go is that of plain emission, at a significance of 1e-3 for all of a
+/// light's together.
 #[test]
 fn flux_is_that_of_the_light() {
     for (what, more) in [
@@ -72,18 +72,12 @@ fn flux_is_that_of_the_light() {
                 }
             }
         }
-        let threshold = 1.0 - libm::pow(1.0 - 1e-3, 1.0 / BINS as f64);
+        let mut suite = Suite::new(1e-3);
         let [plain, mixed] = &means;
         for (i, (a, b)) in plain.iter().zip(mixed).enumerate() {
-            assert!(
-                a.p_value_same(b) > threshold,
-                "{what}, bin {i}: {:.5} ± {:.5} and {:.5} ± {:.5}",
-                a.mean(),
-                a.std_error(),
-                b.mean(),
-                b.std_error()
-            );
+            suite.same_mean(format!("{what}, bin {i}"), a, b);
         }
+        suite.finish();
         let power = f64::from(light.power(objects, bounds).x);
         let total = &mixed[BINS - 1];
         assert!(
@@ -110,7 +104,7 @@ fn caps_hold_what_their_density_says(
         })
         .unwrap();
     let drawn: Vec<Option<Vec3>> = (0..200_000).map(|_| draw(&mut sampler)).collect();
-    let threshold = 1.0 - libm::pow(1.0 - 1e-3, 1.0 / CAPS as f64);
+    let mut suite = Suite::new(1e-3);
     let least = libm::cosf(0.05);
     let size = 2.0 * std::f64::consts::PI * (1.0 - f64::from(least));
     for cap in caps {
@@ -123,15 +117,9 @@ fn caps_hold_what_their_density_says(
             .map(even)
             .map(|dir| size * f64::from(pdf(dir)))
             .collect();
-        assert!(
-            counted.p_value_same(&integral) > threshold,
-            "{what}, around {cap}: {:e} +- {:e} and {:e} +- {:e}",
-            counted.mean(),
-            counted.std_error(),
-            integral.mean(),
-            integral.std_error()
-        );
+        suite.same_mean(format!("{what}, around {cap}"), &counted, &integral);
     }
+    suite.finish();
 }
 
 /// Directions from lights that are somewhere, and points across the sun's rays, follow the density that weighs them. Each test

@@ -43,8 +43,13 @@ const NEARLY_PARALLEL_SIN: f32 = 0.1;
 const NEARLY_PARALLEL_SIN2: f32 = NEARLY_PARALLEL_SIN * NEARLY_PARALLEL_SIN;
 
 /// How a camera path came to a segment: how often it went straight on through a surface, or that it turned.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Way(u32);
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Way {
+    /// It passed so many surfaces: segments of neighbouring pixels are near each other.
+    Straight(u16),
+    /// Segments of neighbouring pixels may be anywhere.
+    Turned,
+}
 
 /// What a camera path did at a surface.
 #[derive(Clone, Copy, Debug)]
@@ -57,16 +62,21 @@ pub enum Turn {
     Refracted,
 }
 
-impl Way {
-    /// Segments of neighbouring pixels may be anywhere then.
-    const TURNED: Self = Self(u32::MAX);
+impl Default for Way {
+    fn default() -> Self {
+        Self::Straight(0)
+    }
+}
 
-    /// The way and one more turn.
+impl Way {
+    /// The way and one more turn. After more surfaces than can be counted nothing is taken to be near.
     #[inline]
     pub fn then(self, turn: Turn) -> Self {
-        match turn {
-            Turn::Passed => Self(self.0.saturating_add(1)),
-            Turn::Reflected | Turn::Refracted => Self::TURNED,
+        match (self, turn) {
+            (Self::Straight(passed), Turn::Passed) => {
+                passed.checked_add(1).map_or(Self::Turned, Self::Straight)
+            }
+            _ => Self::Turned,
         }
     }
 }
@@ -101,7 +111,7 @@ impl CameraSegment {
             beta,
             medium,
             pixel: 0,
-            way: Way::TURNED,
+            way: Way::Turned,
             part: Part::Volume,
             steps: 0,
         }
@@ -163,7 +173,7 @@ impl Gather<'_> {
             return gathered;
         };
         let pinhole = segments.iter().all(|s| s.ray.origin == first.ray.origin);
-        let order = match first.way == Way::TURNED {
+        let order = match first.way == Way::Turned {
             true => arrange(segments),
             false => (0..segments.len() as u32).collect(),
         };

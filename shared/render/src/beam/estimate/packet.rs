@@ -93,7 +93,7 @@ impl<'a> Packets<'a, '_> {
     #[inline(always)]
     fn take(&mut self, Task { segments, level }: Task<'a>) {
         let bundle = RayBundle::new(segments);
-        let turned = segments[0].way == Way::TURNED;
+        let turned = segments[0].way == Way::Turned;
         let mean_radius = list(&self.levels, level, self.all).mean_radius();
         let apart = bundle.is_wide() || bundle.spread() > APART * mean_radius;
         let is_block = segments.len() <= LANES;

@@ -33,7 +33,7 @@ impl Sharing {
         place: impl Fn(&CameraSegment) -> (u32, u32),
         sampler: &mut Sampler,
     ) -> Self {
-        if segments.iter().any(|s| s.way == Way::TURNED) {
+        if segments.iter().any(|s| s.way == Way::Turned) {
             return Self {
                 chosen: segments.to_vec(),
                 of: (0..segments.len() as u32).collect(),

@@ -2,7 +2,7 @@
 //! together, and nothing that an estimate would count is passed over on the way. What segments share is what one of them
 //! gathers, and in the mean what all do.
 
-use beamfarm_render::aov::Part;
+use beamfarm_render::aov::{GroupNumber, Part};
 use beamfarm_render::beam::PhotonBeam;
 use beamfarm_render::beam::estimate::{
     CameraSegment, CameraSegments, Gather, Sharing, Vectors, Way,
@@ -101,7 +101,7 @@ fn beams(medium: &Medium, count: u64) -> BeamMap {
                 radius: 1.5 * radius,
                 radius_slope: slope,
                 medium: 0,
-                group: (i % 3) as u16,
+                group: GroupNumber::new(i as usize % 3),
                 steps: stretch.steps,
             })
         })

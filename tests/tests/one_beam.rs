@@ -37,7 +37,7 @@ fn slanted_beam() -> PhotonBeam {
         radius: 0.02,
         radius_slope: 0.015,
         medium: 0,
-        group: 0,
+        group: None,
         steps: 0,
     }
 }
@@ -179,7 +179,7 @@ fn a_wall_of_rays_sees_what_the_beam_scatters_in_a_cloud() {
     let beam = PhotonBeam {
         radius: 0.01,
         radius_slope: 0.002,
-        group: 0,
+        group: None,
         steps: 1,
         ..slanted_beam()
     };
@@ -310,7 +310,7 @@ fn the_estimate_along_one_ray_is_the_blurred_line() {
         radius: 0.1,
         radius_slope: 0.0,
         medium: 0,
-        group: 0,
+        group: None,
         steps: 0,
     };
     let medium = medium(Phase::Isotropic);

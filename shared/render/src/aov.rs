@@ -14,7 +14,28 @@ pub struct LayerPlan {
     /// The groups among them: numbers of their layers.
     groups: Vec<usize>,
     /// By light, when there are groups: the number of its group.
-    group_of_light: Vec<u16>,
+    group_of_light: Vec<Option<GroupNumber>>,
+}
+
+/// Number of a group of lights among those that have a layer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct GroupNumber(
+    /// One more than the number: none is as small as any.
+    NonZeroU16,
+);
+
+impl GroupNumber {
+    /// None for the groups beyond the first 65,535, which nothing belongs to.
+    pub fn new(number: usize) -> Option<Self> {
+        let number = u16::try_from(number).ok()?;
+        number.checked_add(1).and_then(NonZeroU16::new).map(Self)
+    }
+
+    /// Where it is in lists of groups.
+    #[inline]
+    pub fn index(self) -> usize {
+        usize::from(self.0.get() - 1)
+    }
 }
 
 /// A layer was asked for of a group that no light belongs to.
@@ -43,18 +64,16 @@ impl LayerPlan {
             let is_its =
                 |i: &usize| matches!(&layers[*i], Layer::Light(group) if *group == light.group);
             let number = plan.groups.iter().position(is_its);
-            number
-                .and_then(|n| u16::try_from(n).ok())
-                .unwrap_or(u16::MAX)
+            number.and_then(GroupNumber::new)
         };
         plan.group_of_light = scene.lights().iter().map(number).collect();
         Ok(plan)
     }
 
-    /// Number of the group that a light belongs to, below [`Self::groups`]; anything else when it has none.
+    /// Number of the group that a light belongs to, if that has a layer.
     #[inline]
-    pub fn group(&self, light: usize) -> u16 {
-        self.group_of_light.get(light).copied().unwrap_or(u16::MAX)
+    pub fn group(&self, light: usize) -> Option<GroupNumber> {
+        self.group_of_light.get(light).copied().flatten()
     }
 
     /// Whether the beams that contribute to each pixel are counted.
@@ -73,6 +92,11 @@ impl LayerPlan {
     }
 
     /// The number of the group whose layer this one is.
+    /// Their numbers.
+    pub(crate) fn group_numbers(&self) -> impl Iterator<Item = GroupNumber> {
+        (0..self.groups()).filter_map(GroupNumber::new)
+    }
+
     pub(crate) fn group_of_layer(&self, layer: usize) -> Option<usize> {
         self.groups.iter().position(|i| *i == layer)
     }
@@ -210,11 +234,11 @@ impl<'a> Recorder<'a> {
 
     /// Radiance at the film that comes from a group of lights, as [`LayerPlan::group`] numbers them.
     #[inline]
-    pub fn add_of_group(&mut self, part: Part, group: u16, radiance: Rgb) {
+    pub fn add_of_group(&mut self, part: Part, group: Option<GroupNumber>, radiance: Rgb) {
         let part = self.part_or(part);
         if let Some(parts) = &mut self.parts {
             parts.add(part, radiance);
-            if let Some(sum) = parts.groups.get_mut(usize::from(group)) {
+            if let Some(sum) = group.and_then(|group| parts.groups.get_mut(group.index())) {
                 *sum += radiance;
             }
         }

@@ -307,9 +307,9 @@ impl<V: Sight> CameraPass<'_, V> {
                     parts[segment[0].pixel as usize].beams += (counts[0] + counts[1]) as u32;
                 }
             }
-            for group in 0..self.tracer.plan.layers.groups() {
-                for (segment, sum) in run.iter().zip(gather(Some(group as u16)).radiance) {
-                    parts[segment.pixel as usize].groups[group] += segment.beta * sum;
+            for group in self.tracer.plan.layers.group_numbers() {
+                for (segment, sum) in run.iter().zip(gather(Some(group)).radiance) {
+                    parts[segment.pixel as usize].groups[group.index()] += segment.beta * sum;
                 }
             }
         }

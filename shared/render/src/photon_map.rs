@@ -1,5 +1,6 @@
 //! Surface photons: where light landed on surfaces that are not specular, and the density estimate over them.
 
+use crate::aov::GroupNumber;
 use crate::math::{PI, Rgb, Vec3};
 use crate::wide::WideTree;
 use glam::{Vec3A, Vec4};
@@ -64,7 +65,7 @@ pub struct SurfacePhoton {
     /// By which lobes it is seen.
     pub lobes: SeenBy,
     /// Group of the light that it comes from, see [`crate::aov::LayerPlan::group`].
-    pub group: u16,
+    pub group: Option<GroupNumber>,
     /// That light's kind, see [`crate::sight::Sight::light_kind`].
     pub light_kind: u8,
 }
@@ -228,7 +229,7 @@ mod tests {
             arrival: Arrival::Caustic,
             odds: f32::INFINITY,
             lobes: SeenBy::Wide,
-            group: 0,
+            group: None,
             light_kind: 0,
         };
         let map = SurfacePhotonMap::new(vec![photon]);
@@ -259,7 +260,7 @@ mod tests {
                         arrival: Arrival::Surface,
                         odds: f32::INFINITY,
                         lobes: SeenBy::Wide,
-                        group: 0,
+                        group: None,
                         light_kind: 0,
                     }
                 })

@@ -83,7 +83,7 @@ fn beams(medium: &Medium) -> BeamMap {
             radius: 0.02,
             radius_slope: 0.0,
             medium: 0,
-            group: 0,
+            group: None,
             steps: stretch.steps,
         }
     };
@@ -201,7 +201,7 @@ fn peak(criterion: &mut Criterion) {
                 radius: 0.1,
                 radius_slope: 0.0,
                 medium: 0,
-                group: 0,
+                group: None,
                 steps: 0,
             }
         };

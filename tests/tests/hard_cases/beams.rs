@@ -19,7 +19,7 @@ fn beam(length: f32, radius: f32) -> PhotonBeam {
         radius,
         radius_slope: 0.0,
         medium: 0,
-        group: 0,
+        group: None,
         steps: 0,
     }
 }

@@ -341,7 +341,7 @@ mod tests {
                         arrival: Arrival::Caustic,
                         odds: f32::INFINITY,
                         lobes: SeenBy::Wide,
-                        group: 0,
+                        group: None,
                         light_kind: 0,
                     }]);
                     let mut flux = 0.0;

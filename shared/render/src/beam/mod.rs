@@ -7,6 +7,7 @@ mod order;
 pub mod store;
 pub mod trace;
 
+use crate::aov::GroupNumber;
 use crate::math::{Rgb, Vec3};
 
 /// A segment of a photon path inside a scattering medium: a long beam, from where the photon entered or was scattered
@@ -32,7 +33,7 @@ pub struct PhotonBeam {
     /// Index into the scene's media.
     pub medium: u16,
     /// Group of the light that it comes from, see [`crate::aov::LayerPlan::group`].
-    pub group: u16,
+    pub group: Option<GroupNumber>,
     /// Number of the beam's transmittance among the pass's step functions, in a heterogeneous medium.
     pub steps: u32,
 }

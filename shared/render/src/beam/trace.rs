@@ -6,6 +6,7 @@
 
 use super::PhotonBeam;
 use super::edges::Probe;
+use crate::aov::GroupNumber;
 use crate::bsdf::TransportMode;
 use crate::footprint::{Footprint, spread};
 use crate::geometry::SurfaceHit;
@@ -135,7 +136,7 @@ struct Photon<H> {
     is_pure: bool,
     /// Its light, and that light's group.
     light: usize,
-    group: u16,
+    group: Option<GroupNumber>,
     depth: u32,
     leaves_beams: bool,
 }

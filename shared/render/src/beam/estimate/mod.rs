@@ -27,7 +27,7 @@ mod varying;
 mod vectors;
 
 use super::store::BeamMap;
-use crate::aov::Part;
+use crate::aov::{GroupNumber, Part};
 use crate::math::{Ray, Rgb};
 use crate::medium::Medium;
 use crate::medium::transmittance::StepFunctions;
@@ -154,7 +154,7 @@ pub struct Gather<'a> {
     /// Transmittance along the segments, in a heterogeneous medium.
     pub steps: &'a StepFunctions,
     /// Only the beams of this group of lights.
-    pub group: Option<u16>,
+    pub group: Option<GroupNumber>,
     /// Addresses the random numbers of chords.
     pub key: u64,
     /// A kind of vectors that this machine has.

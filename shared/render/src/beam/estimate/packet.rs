@@ -137,7 +137,8 @@ impl<'a> Packets<'a, '_> {
             0 => find_in_tree(probe, self.all, &mut self.stack, &mut self.near),
             _ => find_in_list(probe, list, &mut self.near),
         }
-        if let Some(group) = self.sum.gather.group {
+        let group = self.sum.gather.group;
+        if group.is_some() {
             let beam = |at: u32| &self.shared.beams[list.ranges()[at as usize].beam as usize];
             self.near.retain(|&at| beam(at).group == group);
         }

@@ -5,6 +5,7 @@ use crate::math::{Rgb, Vec3};
 use crate::world::Scene;
 use crate::world::SceneDescription;
 use beamfarm_image::layer::Layer;
+use std::num::NonZeroU16;
 
 /// Layers, and which lights belong to which.
 #[derive(Clone, Debug, Default)]
@@ -91,12 +92,12 @@ impl LayerPlan {
         self.groups.len()
     }
 
-    /// The number of the group whose layer this one is.
     /// Their numbers.
     pub(crate) fn group_numbers(&self) -> impl Iterator<Item = GroupNumber> {
         (0..self.groups()).filter_map(GroupNumber::new)
     }
 
+    /// The number of the group whose layer this one is.
     pub(crate) fn group_of_layer(&self, layer: usize) -> Option<usize> {
         self.groups.iter().position(|i| *i == layer)
     }

@@ -31,6 +31,35 @@ pub(crate) fn gloss_odds(scene: &Scene, plan: &RenderPlan, pass_index: u64) -> f
 /// drawn by itself, for which the odds stand.
 const GLOSS_SHARE: f32 = 0.1;
 
+/// How well photons find some light, compared to gather rays: a number where both do, or which of them does. One number in
+/// all, as photons are many.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Odds(f32);
+
+impl Odds {
+    /// Photons alone find it.
+    pub const PHOTONS_ONLY: Self = Self(f32::INFINITY);
+    /// It is left to gather rays, from where there are any.
+    pub const GATHER_RAYS: Self = Self(0.0);
+    /// It is for gather rays alone: rules keep it off the surface that the photon is on.
+    pub const UNSEEN: Self = Self(-1.0);
+
+    /// Both find it: for what the numbers mean see [`gather_share`].
+    pub(crate) fn shared(odds: f32) -> Self {
+        Self(odds)
+    }
+
+    /// Whether gather rays may find it.
+    pub(crate) fn counts_gather_rays(self) -> bool {
+        self.0 < f32::INFINITY
+    }
+
+    /// Share of photons in it, where gather rays have this `density`. `scale`: factor on the odds.
+    pub(crate) fn photon_share(self, scale: f32, density: f32) -> f32 {
+        1.0 - gather_share(self.0 * scale, density)
+    }
+}
+
 /// Share of a gather ray from x to D in the light that D sends to x and that photons find as well, by the balance heuristic
 /// (Veach 1997, section 9.2.2): how many photons of the pass are expected to come from the light by D into a kernel at x,
 /// over the density of the same path from x. Of both, what happens between D and x: `odds`, the photons' density per solid
@@ -47,9 +76,6 @@ pub(crate) fn gather_share(odds: f32, density: f32) -> f32 {
 
 /// Ratio from which on photons count all.
 const SURE_RATIO: f32 = 3.0;
-
-/// The `odds` of photons that rules keep off the surface they are on: only gather rays find what it sends on.
-pub(crate) const UNSEEN: f32 = -1.0;
 
 /// Least way between two vertices, in the widest kernels' radii, for a camera path to end at the second by the photons there: from
 /// nearer by, their blur would be seen, in corners and creases most of all.

@@ -2,6 +2,7 @@
 
 use crate::aov::GroupNumber;
 use crate::math::{PI, Rgb, Vec3};
+pub use crate::odds::Odds;
 use crate::wide::WideTree;
 use glam::{Vec3A, Vec4};
 use obvhs::aabb::Aabb;
@@ -60,8 +61,8 @@ pub struct SurfacePhoton {
     pub radius: f32,
     /// Its last scattering.
     pub arrival: Arrival,
-    /// How well photons find this light, compared to gather rays: see `transport::shading`. Infinite where only photons do.
-    pub odds: f32,
+    /// How well photons find this light, compared to gather rays: see `transport::shading`.
+    pub odds: Odds,
     /// By which lobes it is seen.
     pub lobes: SeenBy,
     /// Group of the light that it comes from, see [`crate::aov::LayerPlan::group`].
@@ -227,7 +228,7 @@ mod tests {
             power: Rgb::ONE,
             radius: 0.25,
             arrival: Arrival::Caustic,
-            odds: f32::INFINITY,
+            odds: Odds::PHOTONS_ONLY,
             lobes: SeenBy::Wide,
             group: None,
             light_kind: 0,
@@ -258,7 +259,7 @@ mod tests {
                         power: Rgb::splat(sampler.next_1d()),
                         radius: 0.6 * sampler.next_1d(),
                         arrival: Arrival::Surface,
-                        odds: f32::INFINITY,
+                        odds: Odds::PHOTONS_ONLY,
                         lobes: SeenBy::Wide,
                         group: None,
                         light_kind: 0,

@@ -173,7 +173,7 @@ mod tests {
     use crate::geometry::{Mesh, Object, Placement, Shape};
     use crate::light::SceneBounds;
     use crate::math::{Frame, Rgb, Vec2};
-    use crate::photon_map::{Arrival, SeenBy, SurfacePhoton, SurfacePhotonMap};
+    use crate::photon_map::{Arrival, Odds, SeenBy, SurfacePhoton, SurfacePhotonMap};
     use crate::sampler::Purpose;
     use crate::texture::Texture;
     use crate::world::{RenderDefaults, SceneDescription};
@@ -339,7 +339,7 @@ mod tests {
                         power: Rgb::splat(factor),
                         radius,
                         arrival: Arrival::Caustic,
-                        odds: f32::INFINITY,
+                        odds: Odds::PHOTONS_ONLY,
                         lobes: SeenBy::Wide,
                         group: None,
                         light_kind: 0,

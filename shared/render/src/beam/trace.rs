@@ -7,15 +7,15 @@
 use super::PhotonBeam;
 use super::edges::Probe;
 use crate::aov::GroupNumber;
-use crate::bsdf::TransportMode;
+use crate::bsdf::{Material, TransportMode};
 use crate::footprint::{Footprint, spread};
 use crate::geometry::SurfaceHit;
 use crate::light::{EmissionSample, EmissionUniforms, LightChoice, LightHit};
 use crate::math::{Frame, Ray, Rgb, Vec3, mean};
 use crate::medium::transmittance::StepFunctions;
 use crate::medium::{Flight, Medium, MediumId, Stretch};
-use crate::odds::{DEEPER_ODDS, MAX_SURVIVAL, TRAPPED_DEPTH, UNSEEN, first_odds, least_flight};
-use crate::photon_map::{Arrival, SeenBy, SurfacePhoton};
+use crate::odds::{DEEPER_ODDS, MAX_SURVIVAL, TRAPPED_DEPTH, first_odds, least_flight};
+use crate::photon_map::{Arrival, Odds, SeenBy, SurfacePhoton};
 use crate::plan::RenderPlan;
 use crate::sampler::{Purpose, Sampler};
 use crate::sight::{Ruled, Sight, Start, Unruled};
@@ -126,8 +126,8 @@ struct Photon<H> {
     /// Normal of the surface that the ray starts on, if it does.
     starts_on: Option<Vec3>,
     arrival: Arrival,
-    /// The `odds` of what it leaves at the next surface.
-    odds: f32,
+    /// Of what it leaves at the next surface.
+    odds: Odds,
     /// Length of its way since it was scattered last.
     flown: f32,
     /// Normal of the light where it started.
@@ -233,7 +233,7 @@ impl<V: Sight> Tracer<'_, V> {
             footprint: Footprint::new(emission.dir, radius, spread(emission.pdf_dir, paths)),
             starts_on: emission.normal,
             arrival: Arrival::Direct,
-            odds: f32::INFINITY,
+            odds: Odds::PHOTONS_ONLY,
             flown: 0.0,
             emitted_along: emission.normal.unwrap_or(-emission.dir),
             is_pure: true,
@@ -313,7 +313,10 @@ impl<V: Sight> Tracer<'_, V> {
                         false => Arrival::Surface,
                     };
                     // What other media send on is found by camera paths.
-                    photon.odds = if serves_all { f32::INFINITY } else { 0.0 };
+                    photon.odds = match serves_all {
+                        true => Odds::PHOTONS_ONLY,
+                        false => Odds::GATHER_RAYS,
+                    };
                     photon.flown = 0.0;
                     photon.is_pure = false;
                 }
@@ -394,60 +397,15 @@ impl<V: Sight> Tracer<'_, V> {
         }
         let wo = -dir;
         let tilt = self.scene.tilt(hit, wo);
-        let of_object = self.sight.from(Start::Photon(hit.object));
-        let is_specular = material.is_specular();
-        let followed = material.is_followed();
-        let by_wide = !followed
-            && match photon.arrival {
-                Arrival::Direct => false,
-                Arrival::Caustic => self.brings_caustics(photon),
-                Arrival::Scattered => true,
-                Arrival::Surface => self.plan.estimators.deep,
-            };
-        let by_followed = photon.arrival == Arrival::Caustic
-            && photon.is_pure
-            && self.scene.lights()[photon.light].kind.is_delta()
-            && (followed || material.has_narrow_lobe());
-        let lobes = match (by_wide, by_followed) {
-            (true, true) => Some(SeenBy::All),
-            (true, false) => Some(SeenBy::Wide),
-            (false, true) => Some(SeenBy::Followed),
-            (false, false) => None,
-        };
-        if let Some(lobes) = lobes.filter(|_| !is_specular) {
-            let radii = &self.plan.radii;
-            let radius = radii.surface(&photon.footprint, self.surface_footprint);
-            let probe = Probe {
-                scene: self.scene,
-                hides: |object: u32| self.sight.hides(photon.hidden, object),
-            };
-            let widest = LOCAL * self.scene.extents[hit.object as usize];
-            let radius = radius.min(widest) * self.surface_scale;
-            let (radius, factor) = probe.surface(hit, wo, radius, sampler);
-            out.surface.push(SurfacePhoton {
-                point: hit.point,
-                ng: hit.ng,
-                wi: wo,
-                power: photon.power * factor,
-                radius,
-                arrival: photon.arrival,
-                odds: match self.sight.hides_light(of_object, photon.light) {
-                    true => UNSEEN,
-                    // Camera paths go on after a flight so short.
-                    false if photon.odds < f32::INFINITY && photon.flown < self.least_flight => 0.0,
-                    false => photon.odds,
-                },
-                lobes,
-                group: photon.group,
-                light_kind: self.sight.light_kind(photon.light),
-            });
+        if let Some(lobes) = self.seen_by(photon, material) {
+            self.leave_surface_photon(photon, hit, lobes, sampler, out);
         }
         let before = mean(photon.power);
         let frame = Frame::from_normal(hit.ns);
         let local_wo = frame.to_local(wo);
         let mut bsdf = material.bsdf(hit.uv);
         let mut u_lobe = sampler.next_1d();
-        let mut is_narrow = followed;
+        let mut is_narrow = material.is_followed();
         if let Some((p, [narrow, wide])) = bsdf.narrow_and_wide(local_wo) {
             is_narrow = u_lobe < p;
             let q;
@@ -488,32 +446,15 @@ impl<V: Sight> Tracer<'_, V> {
         if sample.transmitted {
             photon.medium = self.scene.medium_beyond(hit, wi, photon.medium);
         }
-        photon.odds = if is_followed || !self.sight.is_gathered(hit.object) {
-            f32::INFINITY
-        } else if tilt.is_some() || !self.plan.estimators.ends_paths(&bsdf) {
+        photon.odds = match is_followed || !self.sight.is_gathered(hit.object) {
+            true => Odds::PHOTONS_ONLY,
             // The normal is another one seen from elsewhere: left to gather rays, which see it from one side only. So are
             // surfaces that camera paths go on from.
-            0.0
-        } else {
-            let arriving = match photon.arrival {
-                Arrival::Direct => {
-                    let light = &self.scene.lights()[photon.light];
-                    let at = LightHit {
-                        normal: photon.emitted_along,
-                        distance: photon.flown,
-                    };
-                    let density = light.photon_density(
-                        self.scene.objects(),
-                        self.scene.bounds(),
-                        hit.point,
-                        wo,
-                        at,
-                    );
-                    self.first_odds * density * wo.dot(hit.ng).abs()
-                }
-                _ => DEEPER_ODDS,
-            };
-            arriving * sample.pdf / wi.dot(hit.ng).abs()
+            false if tilt.is_some() || !self.plan.estimators.ends_paths(&bsdf) => Odds::GATHER_RAYS,
+            false => {
+                let odds = self.arriving_odds(photon, hit) * sample.pdf;
+                Odds::shared(odds / wi.dot(hit.ng).abs())
+            }
         };
         photon.arrival = match (photon.arrival, is_followed) {
             (Arrival::Direct | Arrival::Caustic, true) => Arrival::Caustic,
@@ -524,8 +465,91 @@ impl<V: Sight> Tracer<'_, V> {
         photon.is_pure &= is_followed;
         photon.flown = 0.0;
         photon.ray = hit.spawn_ray(wi);
-        photon.hidden = of_object;
+        photon.hidden = self.sight.from(Start::Photon(hit.object));
         photon.starts_on = Some(hit.ng);
+    }
+
+    /// By which lobes of a surface a photon that lands there is to be seen; none if it is not to be left.
+    fn seen_by(&self, photon: &Photon<V::Hidden>, material: &Material) -> Option<SeenBy> {
+        let followed = material.is_followed();
+        let by_wide = !followed
+            && match photon.arrival {
+                Arrival::Direct => false,
+                Arrival::Caustic => self.brings_caustics(photon),
+                Arrival::Scattered => true,
+                Arrival::Surface => self.plan.estimators.deep,
+            };
+        let by_followed = photon.arrival == Arrival::Caustic
+            && photon.is_pure
+            && self.scene.lights()[photon.light].kind.is_delta()
+            && (followed || material.has_narrow_lobe());
+        match (by_wide, by_followed) {
+            _ if material.is_specular() => None,
+            (true, true) => Some(SeenBy::All),
+            (true, false) => Some(SeenBy::Wide),
+            (false, true) => Some(SeenBy::Followed),
+            (false, false) => None,
+        }
+    }
+
+    /// Leave a surface photon where a photon has landed.
+    fn leave_surface_photon(
+        &self,
+        photon: &Photon<V::Hidden>,
+        hit: &SurfaceHit,
+        lobes: SeenBy,
+        sampler: &mut Sampler,
+        out: &mut Photons,
+    ) {
+        let wi = -photon.ray.dir;
+        let radii = &self.plan.radii;
+        let radius = radii.surface(&photon.footprint, self.surface_footprint);
+        let probe = Probe {
+            scene: self.scene,
+            hides: |object: u32| self.sight.hides(photon.hidden, object),
+        };
+        let widest = LOCAL * self.scene.extents[hit.object as usize];
+        let radius = radius.min(widest) * self.surface_scale;
+        let (radius, factor) = probe.surface(hit, wi, radius, sampler);
+        let of_object = self.sight.from(Start::Photon(hit.object));
+        // Camera paths go on after a flight so short.
+        let is_near = photon.flown < self.least_flight;
+        out.surface.push(SurfacePhoton {
+            point: hit.point,
+            ng: hit.ng,
+            wi,
+            power: photon.power * factor,
+            radius,
+            arrival: photon.arrival,
+            odds: match self.sight.hides_light(of_object, photon.light) {
+                true => Odds::UNSEEN,
+                false if photon.odds.counts_gather_rays() && is_near => Odds::GATHER_RAYS,
+                false => photon.odds,
+            },
+            lobes,
+            group: photon.group,
+            light_kind: self.sight.light_kind(photon.light),
+        });
+    }
+
+    /// Odds of the light that a photon brings to a surface, before the density of its next direction.
+    fn arriving_odds(&self, photon: &Photon<V::Hidden>, hit: &SurfaceHit) -> f32 {
+        if photon.arrival != Arrival::Direct {
+            return DEEPER_ODDS;
+        }
+        let wo = -photon.ray.dir;
+        let at = LightHit {
+            normal: photon.emitted_along,
+            distance: photon.flown,
+        };
+        let density = self.scene.lights()[photon.light].photon_density(
+            self.scene.objects(),
+            self.scene.bounds(),
+            hit.point,
+            wo,
+            at,
+        );
+        self.first_odds * density * wo.dot(hit.ng).abs()
     }
 }
 

@@ -8,8 +8,8 @@ use crate::aov::Part;
 use crate::bsdf::TransportMode;
 use crate::light::{DirectSample, LightChoice, LightHit};
 use crate::math::{Rgb, Vec2, Vec3};
-use crate::odds::{DEEPER_ODDS, UNSEEN, gather_share};
-use crate::photon_map::{Arrival, SurfacePhoton};
+use crate::odds::{DEEPER_ODDS, gather_share};
+use crate::photon_map::{Arrival, Odds, SurfacePhoton};
 use crate::sampler::Sampler;
 use crate::sight::{Sight, Start};
 use crate::warp::power_heuristic;
@@ -76,15 +76,16 @@ impl<V: Sight> CameraTracer<'_, V> {
         let odds_scale = self.odds_scale(x);
         let weight = |photon: &SurfacePhoton, wi: Vec3| {
             if V::RULED
-                && (photon.odds == UNSEEN || is_glossy && photon.arrival == Arrival::Surface)
+                && (photon.odds == Odds::UNSEEN || is_glossy && photon.arrival == Arrival::Surface)
             {
                 return 0.0;
             }
-            if photon.odds == f32::INFINITY || !gathers {
+            if photon.odds == Odds::PHOTONS_ONLY || !gathers {
                 return 1.0;
             }
             let cos = x.hit.ng.dot(photon.wi).abs();
-            1.0 - gather_share(photon.odds * odds_scale, rays * x.pdf(x.local_wo, wi) / cos)
+            let density = rays * x.pdf(x.local_wo, wi) / cos;
+            photon.odds.photon_share(odds_scale, density)
         };
         radiance + self.photon_radiance(x, weight, beta, out)
     }

@@ -23,7 +23,6 @@ pub mod budget;
 pub mod camera;
 pub mod convergence;
 pub mod estimators;
-mod extent;
 pub mod filter;
 pub mod footprint;
 pub mod geometry;

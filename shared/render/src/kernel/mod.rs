@@ -1,6 +1,9 @@
 //! Kernel radii: of what size they are fractions, and how a photon's footprint becomes one.
 
+mod extent;
+
 use crate::footprint::Footprint;
+use crate::world::Scene;
 
 /// From footprints to kernel radii, before the pass's scale.
 #[derive(Clone, Copy, Debug)]
@@ -11,6 +14,26 @@ pub struct KernelRadii {
     pub ceiling: f32,
     /// Largest base radius of light that has been scattered, scene units.
     pub smooth_ceiling: f32,
+}
+
+/// The size by which kernels of a scene are wide or narrow.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Extent {
+    /// Radius of the scene, or of the part that the camera sees; scene units.
+    pub radius: f32,
+    /// It is that of a part.
+    pub is_of_part: bool,
+}
+
+impl Extent {
+    /// Of a scene.
+    pub fn of(scene: &Scene) -> Self {
+        let part = extent::of_part_seen(scene);
+        Self {
+            radius: part.unwrap_or(scene.bounds().radius),
+            is_of_part: part.is_some(),
+        }
+    }
 }
 
 /// Kernel radius over footprint radius: kernels of neighbouring photons overlap, those of surfaces by more, because they

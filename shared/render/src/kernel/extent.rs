@@ -20,7 +20,7 @@ const SMALL: f32 = 0.25;
 const AROUND: f32 = 2.0;
 
 /// The radius that base radii of kernels are fractions of, where that is not the scene's, since the camera sees but a small part.
-pub(crate) fn of_radii(scene: &Scene) -> Option<f32> {
+pub(super) fn of_part_seen(scene: &Scene) -> Option<f32> {
     let seen = seen(scene);
     (seen < SMALL * scene.bounds().radius).then_some(AROUND * seen)
 }

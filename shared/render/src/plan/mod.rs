@@ -1,0 +1,236 @@
+//! The plan: which stages this scene needs, made once, with the reason for each.
+//!
+//! What is decided stands here, what is said of it in `stages`.
+
+mod stages;
+
+use crate::aov::{LayerPlan, NoSuchGroup};
+use crate::bsdf::Material;
+use crate::camera::Camera;
+use crate::estimators::Estimators;
+use crate::kernel::{Extent, KernelRadii};
+use crate::light::LightSelector;
+use crate::targeting::Targets;
+use crate::world::{Scene, SceneDescription};
+use beamfarm_image::job::{Budget, JobSettings, ScheduleKind};
+use beamfarm_image::layer::Layer;
+use stages::Stage;
+use std::fmt;
+use std::sync::Arc;
+
+/// Pixels for each photon path that leaves surface photons, where paths for beams are fewer.
+const PIXELS_PER_SURFACE_PATH: u64 = 4;
+/// Most of those paths for each one that leaves beams.
+const MAX_SURFACE_PATHS: u32 = 8;
+
+/// Four gather rays: more cost more than the noise that they take away, where pixels are many for each photon path.
+const GLOSS_RAYS_SIDE: u32 = 2;
+
+/// What every pass of a job does. `Display` is what `beamfarm explain` prints.
+#[derive(Clone, Debug)]
+pub struct RenderPlan {
+    /// The job.
+    pub settings: JobSettings,
+    /// Beams are left and gathered: in media whose light they bring, and of caustics.
+    pub beams: bool,
+    /// Surface photons are stored: of caustics, and of what such media send to surfaces.
+    pub surface_photons: bool,
+    /// Which light photons bring, and which camera paths find.
+    pub estimators: Estimators,
+    /// The lights that photons start at, where that is not all of them.
+    pub emitters: Option<LightSelector>,
+    /// Gather rays that gloss sends, at the surface that camera paths meet first: in a square, so many along each side.
+    pub gloss_rays_side: u32,
+    /// Photon paths that leave surface photons; the first of them, as many as the settings say, leave beams as well.
+    pub surface_paths: u32,
+    /// Kernel radii.
+    pub radii: KernelRadii,
+    /// Of what radius they are fractions, where that is not the scene's; scene units.
+    extent_seen: Option<f32>,
+    /// What photons are aimed at, if they are.
+    pub targets: Option<Arc<Targets>>,
+    /// What is rendered beside the beauty.
+    pub layers: LayerPlan,
+    stages: Vec<Stage>,
+}
+
+impl RenderPlan {
+    /// Decide the stages.
+    pub fn new(scene: &Scene, settings: JobSettings) -> Self {
+        let description = scene.description();
+        let contents = Contents::of(description);
+        let fixed = description.defaults.radius;
+        let extent = Extent::of(scene);
+        let radii = match fixed {
+            Some(radius) => KernelRadii::fixed(radius),
+            None => KernelRadii::of_extent(extent.radius),
+        };
+        let extent_seen = (extent.is_of_part && fixed.is_none()).then_some(extent.radius);
+        let estimators = Estimators::new(scene, &radii, extent.radius);
+        let (estimators, aimed) =
+            match aimed_instead_of_paths(scene, &settings, &contents, &estimators) {
+                Some((estimators, aimed)) => (estimators, Some(aimed)),
+                None => (estimators, None),
+            };
+        let beams = contents.leave_beams(&estimators);
+        let surface_photons = contents.store_surface_photons(&estimators);
+        let (targets, on_targets) = match (aimed, beams || surface_photons) {
+            (Some(aimed), _) => aimed,
+            (None, true) => aim(scene, &settings, &estimators),
+            (None, false) => (None, "no photon paths".into()),
+        };
+        let mut plan = Self {
+            settings,
+            beams,
+            surface_photons,
+            emitters: emitters(description, &estimators),
+            estimators,
+            gloss_rays_side: GLOSS_RAYS_SIDE,
+            surface_paths: match beams && surface_photons {
+                true => surface_paths_beside_beams(&description.camera, settings.paths_per_pass),
+                false => settings.paths_per_pass,
+            },
+            radii,
+            extent_seen,
+            targets: targets.map(Arc::new),
+            layers: LayerPlan::default(),
+            stages: Vec::new(),
+        };
+        plan.stages = stages::all(scene, &plan, &contents, on_targets);
+        plan
+    }
+
+    /// Render these layers as well. The beauty stays the same to the last bit.
+    pub fn with_layers(mut self, scene: &Scene, layers: &[Layer]) -> Result<Self, NoSuchGroup> {
+        self.layers = LayerPlan::new(scene, layers)?;
+        self.stages.push(stages::layers(layers));
+        Ok(self)
+    }
+}
+
+/// What a scene has that decides about stages: numbers of media and objects.
+struct Contents {
+    /// Media that scatter.
+    scattering: usize,
+    /// Objects that cause caustics.
+    specular: usize,
+    /// Objects on which photons are seen.
+    surfaces: usize,
+    /// Objects that are but boundaries of media.
+    boundaries: usize,
+    /// Objects that are not opaque.
+    cut_out: usize,
+    /// There is a light.
+    lit: bool,
+}
+
+impl Contents {
+    fn of(description: &SceneDescription) -> Self {
+        let used = |test: &dyn Fn(&Material) -> bool| {
+            let objects = description.objects.iter();
+            objects
+                .filter(|o| test(&description.materials[o.material as usize]))
+                .count()
+        };
+        Self {
+            scattering: description.media.iter().filter(|m| m.scatters()).count(),
+            specular: used(&|m| {
+                m.has_delta() && !m.is_null() || m.is_followed() || m.has_narrow_lobe()
+            }),
+            surfaces: used(&|m| !m.is_specular()),
+            boundaries: used(&|m| m.is_null()),
+            cut_out: used(&|m| m.opacity.is_some()),
+            lit: !description.lights.is_empty(),
+        }
+    }
+
+    /// Whether there is light that comes by way of specular surfaces, for photons to bring.
+    fn has_caustics(&self, estimators: &Estimators) -> bool {
+        estimators.caustics && self.lit
+    }
+
+    fn leave_beams(&self, estimators: &Estimators) -> bool {
+        self.lit && (estimators.any_beams() || self.has_caustics(estimators) && self.scattering > 0)
+    }
+
+    fn store_surface_photons(&self, estimators: &Estimators) -> bool {
+        self.surfaces > 0 && self.lit && (estimators.deep || self.has_caustics(estimators))
+    }
+}
+
+/// What photons are aimed at, if they are, and what there is to say about it.
+type Aimed = (Option<Targets>, String);
+
+fn aim(scene: &Scene, settings: &JobSettings, estimators: &Estimators) -> Aimed {
+    let mode = scene.description().defaults.targeting;
+    Targets::prepare(scene, estimators, settings.seed, mode)
+}
+
+/// Estimators by which photons go on from surface to surface, although nothing but targets asks for it: where those find
+/// what paths would be long in finding.
+fn aimed_instead_of_paths(
+    scene: &Scene,
+    settings: &JobSettings,
+    contents: &Contents,
+    estimators: &Estimators,
+) -> Option<(Estimators, Aimed)> {
+    if estimators.deep || contents.surfaces == 0 || !contents.lit {
+        return None;
+    }
+    let deeper = estimators.deepened();
+    let (targets, told) = aim(scene, settings, &deeper);
+    let mode = scene.description().defaults.targeting;
+    let targets = targets.filter(|targets| targets.outdo_paths(mode))?;
+    Some((deeper, (Some(targets), told)))
+}
+
+/// The lights that photons start at, where that is not all of them.
+fn emitters(description: &SceneDescription, estimators: &Estimators) -> Option<LightSelector> {
+    (!estimators.deep && estimators.is_met.contains(&true)).then(|| {
+        LightSelector::of_some(
+            &description.lights,
+            &description.objects,
+            &description.bounds,
+            |light| !estimators.is_met[light],
+        )
+    })
+}
+
+/// Beams cost more than photons: where there are both, more paths leave photons alone, up to about one for a few pixels.
+fn surface_paths_beside_beams(camera: &Camera, paths: u32) -> u32 {
+    let pixels = u64::from(camera.width) * u64::from(camera.height);
+    let enough = (pixels / PIXELS_PER_SURFACE_PATH).min(u64::from(u32::MAX)) as u32;
+    enough.clamp(paths, paths.saturating_mul(MAX_SURFACE_PATHS))
+}
+
+impl fmt::Display for RenderPlan {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for stage in &self.stages {
+            writeln!(f, "{stage}")?;
+        }
+        let schedule = match self.settings.schedule {
+            ScheduleKind::Pass => "once a pass",
+            ScheduleKind::Beam => "once a beam",
+        };
+        let alpha = self.settings.alpha;
+        match self.settings.budget {
+            None => writeln!(
+                f,
+                "     radius scale: alpha {alpha:.4}, shrinking {schedule}"
+            )?,
+            Some(Budget { passes, scale }) => writeln!(
+                f,
+                "     radius scale: {scale:.4} for {passes} passes; beyond them alpha {alpha:.4}"
+            )?,
+        }
+        write!(
+            f,
+            "     base radii: {:.3e} to {:.3e} scene units",
+            self.radii.floor, self.radii.smooth_ceiling
+        )?;
+        match self.extent_seen {
+            Some(radius) => writeln!(f, ", by the part that the camera sees: radius {radius:.3}"),
+            None => writeln!(f),
+        }
+    }
+}

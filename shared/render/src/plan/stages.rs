@@ -1,0 +1,274 @@
+//! What the plan says of each stage: whether a scene has it, and why.
+
+use super::{Contents, RenderPlan};
+use crate::medium::{Heterogeneous, Medium};
+use crate::world::Scene;
+use beamfarm_image::layer::Layer;
+use std::fmt;
+
+/// A stage, and why a scene has it or not.
+#[derive(Clone, Debug)]
+pub(super) struct Stage {
+    name: &'static str,
+    state: State,
+    reason: String,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum State {
+    In,
+    Out,
+}
+
+/// A line of `beamfarm explain`.
+impl fmt::Display for Stage {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let state = match self.state {
+            State::In => "in ",
+            State::Out => "out",
+        };
+        write!(f, "{state}  {:<30} {}", self.name, self.reason)
+    }
+}
+
+impl Stage {
+    /// With one reason, whether the stage is in or not.
+    fn new(name: &'static str, is_in: bool, reason: String) -> Self {
+        let state = match is_in {
+            true => State::In,
+            false => State::Out,
+        };
+        Self {
+            name,
+            state,
+            reason,
+        }
+    }
+
+    /// With a reason for either.
+    fn either(
+        name: &'static str,
+        is_in: bool,
+        if_in: impl FnOnce() -> String,
+        if_out: &str,
+    ) -> Self {
+        let reason = if is_in { if_in() } else { if_out.to_owned() };
+        Self::new(name, is_in, reason)
+    }
+}
+
+/// All but the layers, in the order in which they are told. `on_targets`: what there is to say about targets.
+pub(super) fn all(
+    scene: &Scene,
+    plan: &RenderPlan,
+    contents: &Contents,
+    on_targets: String,
+) -> Vec<Stage> {
+    vec![
+        photon_paths(scene, plan),
+        Stage::new("photon targeting", plan.targets.is_some(), on_targets),
+        photon_beams(plan, contents),
+        sampled_in_fog(scene, plan, contents),
+        closed_transmittance(scene),
+        tracked_transmittance(scene),
+        boundary_walk(scene, contents),
+        surface_photons(plan, contents),
+        second_surface(plan),
+        direct_light(contents),
+        visibility_rules(scene, plan),
+        thin_lens(scene),
+    ]
+}
+
+/// A reason for a stage to be out, if it is not for want of light.
+fn lit_or(contents: &Contents, otherwise: &'static str) -> &'static str {
+    if contents.lit { otherwise } else { "no light" }
+}
+
+/// Media whose light beams bring.
+fn by_beams(plan: &RenderPlan) -> usize {
+    let media = plan.estimators.beams.iter();
+    media.filter(|beams| **beams).count()
+}
+
+fn heterogeneous(scene: &Scene) -> impl Iterator<Item = &Heterogeneous> {
+    scene.media().iter().filter_map(|medium| match medium {
+        Medium::Heterogeneous(medium) => Some(medium),
+        Medium::Homogeneous(_) => None,
+    })
+}
+
+fn photon_paths(scene: &Scene, plan: &RenderPlan) -> Stage {
+    let said = || {
+        format!(
+            "{} a pass from {} light(s)",
+            plan.settings.paths_per_pass,
+            scene.lights().len()
+        )
+    };
+    Stage::either(
+        "photon paths",
+        plan.beams || plan.surface_photons,
+        said,
+        "no light, or nothing that it could reach",
+    )
+}
+
+fn photon_beams(plan: &RenderPlan, contents: &Contents) -> Stage {
+    let said = || {
+        let by_beams = by_beams(plan);
+        format!(
+            "all light of {by_beams} scattering medium/media, caustics in {}",
+            contents.scattering - by_beams
+        )
+    };
+    let otherwise = match contents.scattering {
+        0 => "no medium scatters light",
+        _ => "media are dense or small: camera paths are scattered in them",
+    };
+    Stage::either(
+        "photon beams",
+        plan.beams,
+        said,
+        lit_or(contents, otherwise),
+    )
+}
+
+fn sampled_in_fog(scene: &Scene, plan: &RenderPlan, contents: &Contents) -> Stage {
+    let is_sampled = |m: &Medium| matches!(m, Medium::Homogeneous(_)) && m.scatters();
+    let media = scene.media().iter().zip(&plan.estimators.beams);
+    let count = media.filter(|(m, beams)| **beams && is_sampled(m)).count();
+    Stage::either(
+        "unscattered light in fog, sampled",
+        count > 0 && contents.lit,
+        || format!("{count} homogeneous scattering medium/media: no beams for it"),
+        lit_or(contents, "beams bring the light of no homogeneous medium"),
+    )
+}
+
+fn closed_transmittance(scene: &Scene) -> Stage {
+    let count = scene.media().len() - heterogeneous(scene).count();
+    Stage::either(
+        "transmittance in closed form",
+        count > 0,
+        || format!("{count} homogeneous medium/media"),
+        "no homogeneous medium",
+    )
+}
+
+fn tracked_transmittance(scene: &Scene) -> Stage {
+    let tracked = heterogeneous(scene).map(|medium| {
+        let [x, y, z] = medium.bricks().samples().to_array();
+        format!("{} in a box of {x} x {y} x {z} samples", medium.estimator)
+    });
+    let tracked: Vec<String> = tracked.collect();
+    Stage::either(
+        "transmittance by random walks",
+        !tracked.is_empty(),
+        || tracked.join("; "),
+        "no heterogeneous medium",
+    )
+}
+
+fn boundary_walk(scene: &Scene, contents: &Contents) -> Stage {
+    let Contents {
+        boundaries,
+        cut_out,
+        ..
+    } = contents;
+    let said = || {
+        let walked = format!("{boundaries} index-matched boundary/boundaries of media");
+        match cut_out {
+            0 => walked,
+            _ => format!("{walked}, {cut_out} object(s) that are not opaque"),
+        }
+    };
+    Stage::either(
+        "boundary walk of shadow rays",
+        scene.shadow_rays_walk,
+        said,
+        "no index-matched boundary between media, everything else is opaque",
+    )
+}
+
+fn surface_photons(plan: &RenderPlan, contents: &Contents) -> Stage {
+    let said = || {
+        let caustics = match contents.has_caustics(&plan.estimators) {
+            true => format!("caustics of {} specular object(s), ", contents.specular),
+            false => String::new(),
+        };
+        format!(
+            "on {} object(s) that are not specular, {} paths a pass: {caustics}light scattered by {} medium/media",
+            contents.surfaces,
+            plan.surface_paths,
+            by_beams(plan)
+        )
+    };
+    let otherwise = "no caustics and no light that beams bring: camera paths find everything";
+    Stage::either(
+        "surface photons",
+        plan.surface_photons,
+        said,
+        lit_or(contents, otherwise),
+    )
+}
+
+fn second_surface(plan: &RenderPlan) -> Stage {
+    let ruled = plan.estimators.ends_at_second;
+    let reason = match ruled {
+        true => "rules tell what photons see: camera paths end at the second surface",
+        false => "camera paths go on from surface to surface",
+    };
+    Stage::new(
+        "photons behind the second surface",
+        ruled && plan.surface_photons,
+        reason.into(),
+    )
+}
+
+fn direct_light(contents: &Contents) -> Stage {
+    Stage::either(
+        "direct light",
+        contents.surfaces > 0 && contents.lit,
+        || "light and BSDF sampling, balanced".into(),
+        lit_or(contents, "no surface to light directly"),
+    )
+}
+
+fn visibility_rules(scene: &Scene, plan: &RenderPlan) -> Stage {
+    let rules = scene.description().rules.as_ref();
+    let reason = match rules {
+        Some(rules) => format!(
+            "{} rule(s) in {} bytes of sets{}",
+            rules.rules,
+            rules.bytes(),
+            match plan.estimators.ends_at_second {
+                true => ", photons obey them",
+                false => "",
+            }
+        ),
+        None => "no rule with an effect: every ray sees everything".into(),
+    };
+    Stage::new("visibility rules", rules.is_some(), reason)
+}
+
+fn thin_lens(scene: &Scene) -> Stage {
+    let aperture = scene.description().camera.aperture;
+    Stage::either(
+        "thin lens",
+        aperture > 0.0,
+        || format!("aperture {aperture}"),
+        "aperture 0: a pinhole",
+    )
+}
+
+/// What is rendered beside the beauty.
+pub(super) fn layers(layers: &[Layer]) -> Stage {
+    let names = || layers.iter().map(Layer::to_string).collect::<Vec<_>>();
+    Stage::either(
+        "layers",
+        !layers.is_empty(),
+        || names().join(", "),
+        "none asked for",
+    )
+}

@@ -76,8 +76,39 @@ pub fn write_image(path: &Path, average: &Average, meta: &ImageMeta) -> Result<(
 fn encode_image(average: &Average, meta: &ImageMeta) -> Result<Vec<u8>, ImageError> {
     let beauty = &average.beauty;
     let size = Vec2(beauty.width as usize, beauty.height as usize);
+    let channels = channels(average, meta, size)?;
+    let layer_attributes = LayerAttributes {
+        software_name: exr::prelude::Text::new_or_none(format!("beamfarm {}", meta.version)),
+        other: attributes(own_attributes(average, meta)?),
+        ..LayerAttributes::default()
+    };
+    let encoding = Encoding {
+        compression: Compression::ZIP16,
+        line_order: LineOrder::Increasing,
+        ..Encoding::UNCOMPRESSED
+    };
+    let image = Image::from_layer(Layer::new(size, layer_attributes, encoding, channels));
+    let mut bytes = Vec::new();
+    let written = image
+        .write()
+        .non_parallel()
+        .to_buffered(Cursor::new(&mut bytes));
+    written.map_err(|error| ImageError::Encode {
+        field: "EXR image",
+        message: error.to_string(),
+    })?;
+    sort_attributes(&mut bytes)?;
+    Ok(bytes)
+}
+
+/// The films of an average as channels, in EXR's order.
+fn channels(
+    average: &Average,
+    meta: &ImageMeta,
+    size: Vec2<usize>,
+) -> Result<AnyChannels<FlatSamples>, ImageError> {
     const RGB: &[&str] = &["R", "G", "B"];
-    let mut films = vec![(String::new(), RGB, beauty)];
+    let mut films = vec![(String::new(), RGB, &average.beauty)];
     if meta.standard_error {
         films.push(("stderr.".into(), RGB, &average.standard_error));
     }
@@ -104,9 +135,14 @@ fn encode_image(average: &Average, meta: &ImageMeta) -> Result<Vec<u8>, ImageErr
             channels.push(AnyChannel::new(name.as_str(), FlatSamples::F32(samples)));
         }
     }
-    let channels = AnyChannels::sort(channels.into_iter().collect());
+    Ok(AnyChannels::sort(channels.into_iter().collect()))
+}
 
-    let number = |n: u64| text("number", &n.to_string());
+/// An attribute of the image, by its name.
+type Attribute = (&'static str, AttributeValue);
+
+/// What the image says about itself.
+fn own_attributes(average: &Average, meta: &ImageMeta) -> Result<Vec<Attribute>, ImageError> {
     let mut own = vec![
         ("beamfarmScene", text("scene", &meta.scene.to_string())?),
         (
@@ -119,75 +155,70 @@ fn encode_image(average: &Average, meta: &ImageMeta) -> Result<Vec<u8>, ImageErr
         ),
         ("beamfarmVersion", text("version", &meta.version)?),
     ];
-    match meta.maker {
-        Maker::Passes(settings) => {
-            own.extend([
-                ("beamfarmPasses", number(average.passes)?),
-                ("beamfarmFirstPass", number(0)?),
-                (
-                    "beamfarmLastPass",
-                    number(average.passes.saturating_sub(1))?,
-                ),
-                (
-                    "beamfarmPassSet",
-                    text("pass set", &meta.pass_set(&settings, average))?,
-                ),
-                ("beamfarmSeed", number(settings.seed)?),
-                ("beamfarmAlpha", AttributeValue::F64(settings.alpha)),
-                (
-                    "beamfarmSchedule",
-                    text("schedule", &settings.schedule.to_string())?,
-                ),
-                (
-                    "beamfarmPathsPerPass",
-                    number(settings.paths_per_pass.into())?,
-                ),
-                (
-                    "beamfarmReferencePaths",
-                    number(settings.reference_paths.into())?,
-                ),
-            ]);
-            if let Some(budget) = settings.budget {
-                own.push(("beamfarmBudget", text("budget", &budget.to_string())?));
-            }
-        }
-        Maker::Reference(settings) => {
-            own.extend([
-                ("beamfarmSamples", number(average.passes)?),
-                ("beamfarmSeed", number(settings.seed)?),
-            ]);
-            if let Some(depth) = settings.max_depth {
-                own.push(("beamfarmMaxDepth", number(depth.into())?));
-            }
-        }
-    }
+    own.extend(match meta.maker {
+        Maker::Passes(settings) => attributes_of_passes(&settings, average, meta)?,
+        Maker::Reference(settings) => attributes_of_reference(&settings, average)?,
+    });
     if meta.drops_photons {
         let what = "photons that missed all targets were dropped: targeting = \"reject\"";
         own.push(("beamfarmBiased", text("bias", what)?));
     }
-    let other = attributes(own);
-    let layer_attributes = LayerAttributes {
-        software_name: exr::prelude::Text::new_or_none(format!("beamfarm {}", meta.version)),
-        other,
-        ..LayerAttributes::default()
-    };
-    let encoding = Encoding {
-        compression: Compression::ZIP16,
-        line_order: LineOrder::Increasing,
-        ..Encoding::UNCOMPRESSED
-    };
-    let image = Image::from_layer(Layer::new(size, layer_attributes, encoding, channels));
-    let mut bytes = Vec::new();
-    let written = image
-        .write()
-        .non_parallel()
-        .to_buffered(Cursor::new(&mut bytes));
-    written.map_err(|error| ImageError::Encode {
-        field: "EXR image",
-        message: error.to_string(),
-    })?;
-    sort_attributes(&mut bytes)?;
-    Ok(bytes)
+    Ok(own)
+}
+
+fn attributes_of_passes(
+    settings: &JobSettings,
+    average: &Average,
+    meta: &ImageMeta,
+) -> Result<Vec<Attribute>, ImageError> {
+    let mut own = vec![
+        ("beamfarmPasses", number(average.passes)?),
+        ("beamfarmFirstPass", number(0)?),
+        (
+            "beamfarmLastPass",
+            number(average.passes.saturating_sub(1))?,
+        ),
+        (
+            "beamfarmPassSet",
+            text("pass set", &meta.pass_set(settings, average))?,
+        ),
+        ("beamfarmSeed", number(settings.seed)?),
+        ("beamfarmAlpha", AttributeValue::F64(settings.alpha)),
+        (
+            "beamfarmSchedule",
+            text("schedule", &settings.schedule.to_string())?,
+        ),
+        (
+            "beamfarmPathsPerPass",
+            number(settings.paths_per_pass.into())?,
+        ),
+        (
+            "beamfarmReferencePaths",
+            number(settings.reference_paths.into())?,
+        ),
+    ];
+    if let Some(budget) = settings.budget {
+        own.push(("beamfarmBudget", text("budget", &budget.to_string())?));
+    }
+    Ok(own)
+}
+
+fn attributes_of_reference(
+    settings: &ReferenceSettings,
+    average: &Average,
+) -> Result<Vec<Attribute>, ImageError> {
+    let mut own = vec![
+        ("beamfarmSamples", number(average.passes)?),
+        ("beamfarmSeed", number(settings.seed)?),
+    ];
+    if let Some(depth) = settings.max_depth {
+        own.push(("beamfarmMaxDepth", number(depth.into())?));
+    }
+    Ok(own)
+}
+
+fn number(n: u64) -> Result<AttributeValue, ImageError> {
+    text("number", &n.to_string())
 }
 
 /// Read the channels R, G, B, half or float, of the first layer that has them.

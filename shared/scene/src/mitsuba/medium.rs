@@ -4,7 +4,7 @@ use super::transform::{self, Step};
 use super::value::Value;
 use super::write::{Section, Toml};
 use super::xml::{Content, Id, Kind, Member};
-use super::{Converter, cie, property, unique};
+use super::{Converter, Place, cie, property, unique};
 use glam::DVec3;
 use std::collections::BTreeSet;
 use std::io::Read;
@@ -14,6 +14,12 @@ use std::path::Path;
 enum Coefficient {
     Constant([f64; 3]),
     Grid(Id),
+}
+
+/// What a parameter says, and where.
+struct Placed<T> {
+    place: Place,
+    value: T,
 }
 
 impl Converter<'_> {
@@ -76,95 +82,133 @@ impl Converter<'_> {
         // Mitsuba 3.9 takes sigma_t and albedo only; the other pair is common in older scenes.
         let pair = ["sigma_s", "sigma_a"].map(|name| self.member(id, name));
         if let [Some(sigma_s), Some(sigma_a)] = pair {
-            section.set("type", Toml::string("homogeneous"), place);
-            for (name, member) in [("sigma_s", sigma_s), ("sigma_a", sigma_a)] {
-                if let Some(color) = self.color(id, name, cie::Kind::Unbounded) {
-                    section.set(name, Toml::color(color.map(|c| c * scale)), member.place);
-                }
-            }
-            for name in ["sigma_t", "albedo"] {
-                if let Some(member) = self.member(id, name) {
-                    self.wrong(
-                        id,
-                        member,
-                        "expected sigma_s and sigma_a, or sigma_t and albedo, never mixed",
-                    );
-                }
-            }
-            return;
+            return self.scattering_and_absorption(id, [sigma_s, sigma_a], scale, section);
         }
         if let Some(one) = pair.into_iter().flatten().next() {
             self.wrong(id, one, "expected both of sigma_s and sigma_a");
             return;
         }
-        let albedo_place = self.member(id, "albedo").map_or(place, |m| m.place);
-        let albedo = self.coefficient(id, "albedo", 0.75);
-        if let Some(Coefficient::Constant(albedo)) = albedo
+        let albedo = Placed {
+            place: self.member(id, "albedo").map_or(place, |m| m.place),
+            value: self.coefficient(id, "albedo", 0.75),
+        };
+        if let Some(Coefficient::Constant(albedo)) = albedo.value
             && albedo.iter().any(|c| !(0.0..=1.0).contains(c))
             && let Some(member) = self.member(id, "albedo")
         {
             let message = format!("expected numbers from 0 to 1, found {albedo:?}");
             self.wrong(id, member, &message);
         }
-        let place_t = self.member(id, "sigma_t").map_or(place, |m| m.place);
+        let place = self.member(id, "sigma_t").map_or(place, |m| m.place);
         match self.coefficient(id, "sigma_t", 1.0) {
             Some(Coefficient::Constant(sigma_t)) => {
-                let confined = self.objects.list[id].plugin == "heterogeneous";
-                let kind = match confined {
-                    true => "heterogeneous",
-                    false => "homogeneous",
-                };
-                section.set("type", Toml::string(kind), place);
-                section.set("sigma_t", Toml::color(sigma_t.map(|c| c * scale)), place_t);
-                if confined {
-                    section.set("density", self.constant_box(id), place_t);
-                }
-                if let Some(Coefficient::Grid(_)) = albedo {
-                    let message = format!(
-                        "{}: an albedo that varies in space where the extinction does not is not supported",
-                        self.title(id)
-                    );
-                    self.log.unsupported(albedo_place, message);
-                } else if let Some(Coefficient::Constant(albedo)) = albedo {
-                    section.set("albedo", Toml::color(albedo), albedo_place);
-                }
+                let value = sigma_t.map(|c| c * scale);
+                self.constant_extinction(id, Placed { place, value }, albedo, section);
+            }
+            Some(Coefficient::Grid(value)) => {
+                self.varying_extinction(id, Placed { place, value }, scale, albedo, section);
+            }
+            None => {}
+        }
+    }
+
+    fn scattering_and_absorption(
+        &mut self,
+        id: Id,
+        [sigma_s, sigma_a]: [&Member; 2],
+        scale: f64,
+        section: &mut Section,
+    ) {
+        let place = self.objects.list[id].place;
+        section.set("type", Toml::string("homogeneous"), place);
+        for (name, member) in [("sigma_s", sigma_s), ("sigma_a", sigma_a)] {
+            if let Some(color) = self.color(id, name, cie::Kind::Unbounded) {
+                section.set(name, Toml::color(color.map(|c| c * scale)), member.place);
+            }
+        }
+        for name in ["sigma_t", "albedo"] {
+            if let Some(member) = self.member(id, name) {
+                self.wrong(
+                    id,
+                    member,
+                    "expected sigma_s and sigma_a, or sigma_t and albedo, never mixed",
+                );
+            }
+        }
+    }
+
+    /// An extinction that is the same everywhere.
+    fn constant_extinction(
+        &mut self,
+        id: Id,
+        sigma_t: Placed<[f64; 3]>,
+        albedo: Placed<Option<Coefficient>>,
+        section: &mut Section,
+    ) {
+        let confined = self.objects.list[id].plugin == "heterogeneous";
+        let kind = match confined {
+            true => "heterogeneous",
+            false => "homogeneous",
+        };
+        section.set("type", Toml::string(kind), self.objects.list[id].place);
+        section.set("sigma_t", Toml::color(sigma_t.value), sigma_t.place);
+        if confined {
+            section.set("density", self.constant_box(id), sigma_t.place);
+        }
+        match albedo.value {
+            Some(Coefficient::Constant(value)) => {
+                section.set("albedo", Toml::color(value), albedo.place);
+            }
+            Some(Coefficient::Grid(_)) => {
+                let message = format!(
+                    "{}: an albedo that varies in space where the extinction does not is not supported",
+                    self.title(id)
+                );
+                self.log.unsupported(albedo.place, message);
+            }
+            None => {}
+        }
+    }
+
+    /// An extinction in a grid, which becomes the density.
+    fn varying_extinction(
+        &mut self,
+        id: Id,
+        sigma_t: Placed<Id>,
+        scale: f64,
+        albedo: Placed<Option<Coefficient>>,
+        section: &mut Section,
+    ) {
+        let place = self.objects.list[id].place;
+        section.set("type", Toml::string("heterogeneous"), place);
+        section.set("sigma_t", Toml::Float(1.0), sigma_t.place);
+        if scale != 1.0 {
+            let place = self.member(id, "scale").map_or(place, |m| m.place);
+            section.set("scale", Toml::Float(scale), place);
+        }
+        let Some((file, steps)) = self.grid(sigma_t.value) else {
+            return;
+        };
+        let grid_place = self.objects.list[sigma_t.value].place;
+        section.set("density", file, grid_place);
+        if !steps.is_empty() {
+            section.set("transform", transform::write(&steps), grid_place);
+        }
+        match albedo.value {
+            Some(Coefficient::Constant(value)) => {
+                section.set("albedo", Toml::color(value), albedo.place);
             }
             Some(Coefficient::Grid(grid)) => {
-                section.set("type", Toml::string("heterogeneous"), place);
-                section.set("sigma_t", Toml::Float(1.0), place_t);
-                if scale != 1.0 {
-                    let place = self.member(id, "scale").map_or(place, |m| m.place);
-                    section.set("scale", Toml::Float(scale), place);
-                }
-                let Some((file, steps)) = self.grid(grid) else {
+                let Some((file, own)) = self.grid(grid) else {
                     return;
                 };
-                section.set("density", file, self.objects.list[grid].place);
-                if !steps.is_empty() {
-                    section.set(
-                        "transform",
-                        transform::write(&steps),
-                        self.objects.list[grid].place,
+                section.set("albedo", file, albedo.place);
+                if own != steps {
+                    let message = format!(
+                        "{}: an albedo that is not placed as sigma_t is is not supported",
+                        self.title(id)
                     );
-                }
-                match albedo {
-                    Some(Coefficient::Constant(albedo)) => {
-                        section.set("albedo", Toml::color(albedo), albedo_place);
-                    }
-                    Some(Coefficient::Grid(grid)) => {
-                        let Some((file, own)) = self.grid(grid) else {
-                            return;
-                        };
-                        section.set("albedo", file, albedo_place);
-                        if own != steps {
-                            let message = format!(
-                                "{}: an albedo that is not placed as sigma_t is is not supported",
-                                self.title(id)
-                            );
-                            self.log.unsupported(albedo_place, message);
-                        }
-                    }
-                    None => {}
+                    self.log.unsupported(albedo.place, message);
                 }
             }
             None => {}

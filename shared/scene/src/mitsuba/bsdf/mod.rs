@@ -1,10 +1,12 @@
 //! BSDFs.
 
 mod parameters;
+mod plain;
 
 use super::write::{Section, Toml};
 use super::xml::{Content, Id, Kind};
 use super::{Converter, Place, cie, unique};
+use plain::Plain;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// The materials that were converted.
@@ -254,134 +256,6 @@ impl Converter<'_> {
             false => kind.through,
         }
     }
-
-    /// Write a BSDF that contains no other.
-    fn plain(&mut self, id: Id, turned: bool, section: &mut Section) -> Option<Plain> {
-        let object = &self.objects.list[id];
-        let place = object.place;
-        let one_sided = Plain {
-            place,
-            through: Through::No,
-            two_sided: Some(false),
-            null: false,
-        };
-        let through = Plain {
-            through: Through::Boundary,
-            two_sided: None,
-            ..one_sided
-        };
-        let metal = Plain {
-            two_sided: Some(true),
-            ..one_sided
-        };
-        let set =
-            |section: &mut Section, kind: &str| section.set("type", Toml::string(kind), place);
-        Some(match object.plugin.as_str() {
-            "diffuse" => {
-                set(section, "diffuse");
-                self.field(id, "reflectance", "reflectance", turned, section);
-                one_sided
-            }
-            "dielectric" | "thindielectric" | "roughdielectric" => {
-                let kind = match object.plugin.as_str() {
-                    "dielectric" => "dielectric",
-                    "thindielectric" => "thin_dielectric",
-                    _ => "rough_dielectric",
-                };
-                set(section, kind);
-                self.iors(id, "bk7", section);
-                if kind == "rough_dielectric" {
-                    self.roughness(id, section);
-                }
-                for name in ["specular_reflectance", "specular_transmittance"] {
-                    self.factor(id, name, turned, section);
-                }
-                Plain {
-                    through: match kind {
-                        "thin_dielectric" => Through::Sheet,
-                        _ => Through::Boundary,
-                    },
-                    ..through
-                }
-            }
-            "conductor" | "roughconductor" => {
-                let rough = object.plugin == "roughconductor";
-                let fresnel = self.conductor(id);
-                match (rough, fresnel) {
-                    (false, None) => set(section, "mirror"),
-                    _ => {
-                        let kind = if rough {
-                            "rough_conductor"
-                        } else {
-                            "conductor"
-                        };
-                        set(section, kind);
-                        // Without Fresnel: all is reflected.
-                        let (eta, k) = fresnel.unwrap_or(([0.0; 3], [1.0; 3]));
-                        section.set("eta", Toml::color(eta), place);
-                        section.set("k", Toml::color(k), place);
-                    }
-                }
-                if rough {
-                    self.roughness(id, section);
-                }
-                self.field(id, "specular_reflectance", "reflectance", turned, section);
-                metal
-            }
-            "plastic" | "roughplastic" => {
-                let rough = object.plugin == "roughplastic";
-                set(section, if rough { "rough_plastic" } else { "plastic" });
-                self.field(id, "diffuse_reflectance", "reflectance", turned, section);
-                self.iors(id, "polypropylene", section);
-                if rough {
-                    self.roughness(id, section);
-                }
-                if self.boolean(id, "nonlinear") == Some(true) {
-                    section.set("nonlinear", Toml::Boolean(true), place);
-                }
-                self.factor(id, "specular_reflectance", turned, section);
-                one_sided
-            }
-            "principled" => {
-                set(section, "principled");
-                self.field(id, "base_color", "base_color", turned, section);
-                for name in ["metallic", "roughness"] {
-                    if let Some(member) = self.member(id, name)
-                        && let Some(value) = self.float(id, name)
-                    {
-                        section.set(name, Toml::Float(value), member.place);
-                    }
-                }
-                if let Some(eta) = self.float(id, "eta") {
-                    section.set("ior", Toml::Float(eta), place);
-                }
-                if let Some(specular) = self.float(id, "specular") {
-                    section.set("specular", Toml::Float(specular), place);
-                }
-                self.unset_lobes(id);
-                self.ignore(
-                    id,
-                    &[
-                        "main_specular_sampling_rate",
-                        "clearcoat_sampling_rate",
-                        "diffuse_reflectance_sampling_rate",
-                    ],
-                );
-                one_sided
-            }
-            "null" => {
-                set(section, "null");
-                Plain {
-                    null: true,
-                    ..through
-                }
-            }
-            _ => {
-                self.unsupported_plugin(id);
-                return None;
-            }
-        })
-    }
 }
 
 /// Mitsuba 3.9.1 takes the colours of a chequerboard the other way round where it wants numbers (`eval_1`).
@@ -391,14 +265,4 @@ fn swap_checkers(opacity: &mut Toml) {
     {
         colors.reverse();
     }
-}
-
-/// A BSDF that contains no other.
-#[derive(Clone, Copy)]
-struct Plain {
-    place: Place,
-    through: Through,
-    /// Whether it has two sides here by default; `None` if the question does not arise.
-    two_sided: Option<bool>,
-    null: bool,
 }

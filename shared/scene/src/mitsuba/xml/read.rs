@@ -3,6 +3,7 @@
 use super::parameters::{MAX_ATTRIBUTE, Parameter, Substitution, substitute};
 use super::{Content, Id, Kind, Member, Object, Objects};
 use crate::mitsuba::Place;
+use crate::mitsuba::attributes::Attributes;
 use crate::mitsuba::log::Log;
 use crate::mitsuba::transform::{self, Step};
 use crate::mitsuba::value::{self, Value};
@@ -84,6 +85,22 @@ pub fn read(path: &Path, given: &[(String, String)], log: &mut Log) -> Option<Ob
 struct Parent {
     object: Option<Id>,
     depth: usize,
+}
+
+/// An element that is being read, with its attributes after substitution.
+struct Element<'a, 'xml> {
+    node: Node<'a, 'xml>,
+    tag: &'a str,
+    /// The name that it has in its parent.
+    name: Option<&'a str>,
+    attributes: &'a Attributes,
+    place: Place,
+}
+
+impl<'a> Element<'a, '_> {
+    fn attribute(&self, name: &str) -> Option<&'a str> {
+        self.attributes.get(name).map(String::as_str)
+    }
 }
 
 impl Reader<'_> {
@@ -191,143 +208,191 @@ impl Reader<'_> {
     ) -> Option<()> {
         let place = file.place(node);
         self.count(parent.depth, place)?;
-        let tag = node.tag_name().name();
         let attributes = self.attributes(node, place)?;
-        let attribute = |name: &str| attributes.get(name).map(String::as_str);
-        let name = name.or(attribute("name")).filter(|name| !name.is_empty());
-        // A spectrum with a type is an object.
-        let kind = match tag {
-            "spectrum" if attribute("type").is_some() => Some(Kind::Texture),
-            _ => Kind::of_tag(tag),
+        let name = name.or(attributes.get("name").map(String::as_str));
+        let element = Element {
+            node,
+            tag: node.tag_name().name(),
+            name: name.filter(|name| !name.is_empty()),
+            attributes: &attributes,
+            place,
         };
-        if let Some(kind) = kind {
-            let known: &[&str] = match kind {
-                Kind::Scene => &["version", "id", "name"],
-                _ => &["type", "id", "name", "version"],
-            };
-            self.known(tag, &attributes, known, place);
-            let Some(plugin) = attribute("type").or((kind == Kind::Scene).then_some("scene"))
-            else {
-                self.log
-                    .invalid(Some(place), format!("<{tag}> lacks the attribute \"type\""));
-                return Some(());
-            };
-            let object = self.objects.list.len();
-            self.objects.list.push(Object {
-                kind,
-                plugin: plugin.to_string(),
-                id: attribute("id").map(str::to_string),
-                place,
-                members: Vec::new(),
-            });
-            if let Some(id) = attribute("id") {
-                self.define(id, object, place);
-            }
-            if let Some(owner) = parent.object {
-                self.add(owner, name, place, Content::Object(object));
-            }
-            let inner = Parent {
-                object: Some(object),
-                depth: parent.depth + 1,
-            };
-            return self.children(node, inner, file);
+        // A spectrum with a type is an object.
+        let kind = match element.tag {
+            "spectrum" if element.attribute("type").is_some() => Some(Kind::Texture),
+            tag => Kind::of_tag(tag),
+        };
+        match (kind, parent.object) {
+            (Some(kind), _) => self.object(&element, kind, parent, file),
+            (None, None) => Some(()),
+            (None, Some(owner)) => match element.tag {
+                "default" => self.default_element(&element),
+                "include" => self.include(&element, parent),
+                "path" => self.path(&element),
+                "alias" => self.alias(&element),
+                "ref" => self.reference(&element, owner),
+                _ => self.property(&element, owner, parent.depth, file),
+            },
         }
-        let Some(owner) = parent.object else {
+    }
+
+    fn object(
+        &mut self,
+        element: &Element<'_, '_>,
+        kind: Kind,
+        parent: Parent,
+        file: &File<'_>,
+    ) -> Option<()> {
+        let &Element {
+            node, tag, place, ..
+        } = element;
+        let known: &[&str] = match kind {
+            Kind::Scene => &["version", "id", "name"],
+            _ => &["type", "id", "name", "version"],
+        };
+        self.known(element, known);
+        let plugin = element.attribute("type");
+        let Some(plugin) = plugin.or((kind == Kind::Scene).then_some("scene")) else {
+            self.log
+                .invalid(Some(place), format!("<{tag}> lacks the attribute \"type\""));
             return Some(());
         };
-        match tag {
-            "default" => {
-                self.known(tag, &attributes, &["name", "value"], place);
-                match (attribute("name"), attribute("value")) {
-                    (Some(name), Some(value)) if !name.is_empty() => {
-                        self.default(name, value);
-                    }
-                    _ => self.log.invalid(
-                        Some(place),
-                        "<default> takes the attributes \"name\" and \"value\"",
-                    ),
-                }
-            }
-            "include" => {
-                self.known(tag, &attributes, &["filename", "name"], place);
-                let Some(written) = attribute("filename") else {
-                    let message = "<include> lacks the attribute \"filename\"";
-                    self.log.invalid(Some(place), message);
-                    return Some(());
-                };
-                let path = self.objects.resolve(place, written);
-                return self.file(&path, Some((parent, name, place)));
-            }
-            "path" => {
-                self.known(tag, &attributes, &["value"], place);
-                if let Some(value) = attribute("value") {
-                    let folder = self.objects.resolve(place, value);
-                    if !folder.is_dir() {
-                        let message = format!("the folder \"{value}\" was not found");
-                        self.log.invalid(Some(place), message);
-                    }
-                    self.objects.folders[place.file].insert(0, folder);
-                }
-            }
-            "alias" => {
-                self.known(tag, &attributes, &["id", "as"], place);
-                match (attribute("id").and_then(|id| self.ids.get(id)), attribute("as")) {
-                    (Some(object), Some(new)) => self.define(new, *object, place),
-                    _ => self.log.invalid(
-                        Some(place),
-                        "<alias> takes the attributes \"id\", which names an object above, and \"as\"",
-                    ),
-                }
-            }
-            "ref" => {
-                self.known(tag, &attributes, &["id", "name"], place);
-                let Some(id) = attribute("id") else {
-                    let message = "<ref> lacks the attribute \"id\"";
-                    self.log.invalid(Some(place), message);
-                    return Some(());
-                };
-                self.references.push(Reference {
-                    object: owner,
-                    member: self.objects.list[owner].members.len(),
-                    id: id.to_string(),
-                });
-                // Which object it is shows once all ids are known.
-                self.add(owner, name, place, Content::Object(owner));
-            }
-            _ => {
-                let value = match tag {
-                    "transform" => {
-                        self.known(tag, &attributes, &["name"], place);
-                        self.transform(node, parent.depth + 1, file)?
-                    }
-                    _ => value::parse(tag, &attributes),
-                };
-                let value = match (value, name) {
-                    (Ok(value), Some(_)) => value,
-                    (Ok(_), None) => {
-                        let message = format!("<{tag}> lacks the attribute \"name\"");
-                        self.log.invalid(Some(place), message);
-                        return Some(());
-                    }
-                    (Err(message), name) => {
-                        let message = match name {
-                            Some(name) => format!("{name}: {message}"),
-                            None => message,
-                        };
-                        self.log.invalid(Some(place), message);
-                        return Some(());
-                    }
-                };
-                if tag != "transform"
-                    && let Some(child) = node.children().find(Node::is_element)
-                {
-                    let inner = child.tag_name().name();
-                    let message = format!("<{inner}> cannot stand within <{tag}>");
-                    self.log.invalid(Some(file.place(child)), message);
-                }
-                self.add(owner, name, place, Content::Value(value));
-            }
+        let object = self.objects.list.len();
+        self.objects.list.push(Object {
+            kind,
+            plugin: plugin.to_string(),
+            id: element.attribute("id").map(str::to_string),
+            place,
+            members: Vec::new(),
+        });
+        if let Some(id) = element.attribute("id") {
+            self.define(id, object, place);
         }
+        if let Some(owner) = parent.object {
+            self.add(owner, element.name, place, Content::Object(object));
+        }
+        let inner = Parent {
+            object: Some(object),
+            depth: parent.depth + 1,
+        };
+        self.children(node, inner, file)
+    }
+
+    fn default_element(&mut self, element: &Element<'_, '_>) -> Option<()> {
+        self.known(element, &["name", "value"]);
+        match (element.attribute("name"), element.attribute("value")) {
+            (Some(name), Some(value)) if !name.is_empty() => self.default(name, value),
+            _ => self.log.invalid(
+                Some(element.place),
+                "<default> takes the attributes \"name\" and \"value\"",
+            ),
+        }
+        Some(())
+    }
+
+    fn include(&mut self, element: &Element<'_, '_>, parent: Parent) -> Option<()> {
+        self.known(element, &["filename", "name"]);
+        let place = element.place;
+        let Some(written) = element.attribute("filename") else {
+            let message = "<include> lacks the attribute \"filename\"";
+            self.log.invalid(Some(place), message);
+            return Some(());
+        };
+        let path = self.objects.resolve(place, written);
+        self.file(&path, Some((parent, element.name, place)))
+    }
+
+    fn path(&mut self, element: &Element<'_, '_>) -> Option<()> {
+        self.known(element, &["value"]);
+        let place = element.place;
+        if let Some(value) = element.attribute("value") {
+            let folder = self.objects.resolve(place, value);
+            if !folder.is_dir() {
+                let message = format!("the folder \"{value}\" was not found");
+                self.log.invalid(Some(place), message);
+            }
+            self.objects.folders[place.file].insert(0, folder);
+        }
+        Some(())
+    }
+
+    fn alias(&mut self, element: &Element<'_, '_>) -> Option<()> {
+        self.known(element, &["id", "as"]);
+        let place = element.place;
+        let object = element.attribute("id").and_then(|id| self.ids.get(id));
+        match (object, element.attribute("as")) {
+            (Some(object), Some(new)) => self.define(new, *object, place),
+            _ => self.log.invalid(
+                Some(place),
+                "<alias> takes the attributes \"id\", which names an object above, and \"as\"",
+            ),
+        }
+        Some(())
+    }
+
+    fn reference(&mut self, element: &Element<'_, '_>, owner: Id) -> Option<()> {
+        self.known(element, &["id", "name"]);
+        let place = element.place;
+        let Some(id) = element.attribute("id") else {
+            let message = "<ref> lacks the attribute \"id\"";
+            self.log.invalid(Some(place), message);
+            return Some(());
+        };
+        self.references.push(Reference {
+            object: owner,
+            member: self.objects.list[owner].members.len(),
+            id: id.to_string(),
+        });
+        // Which object it is shows once all ids are known.
+        self.add(owner, element.name, place, Content::Object(owner));
+        Some(())
+    }
+
+    fn property(
+        &mut self,
+        element: &Element<'_, '_>,
+        owner: Id,
+        depth: usize,
+        file: &File<'_>,
+    ) -> Option<()> {
+        let &Element {
+            node,
+            tag,
+            name,
+            place,
+            ..
+        } = element;
+        let value = match tag {
+            "transform" => {
+                self.known(element, &["name"]);
+                self.transform(node, depth + 1, file)?
+            }
+            _ => value::parse(tag, element.attributes),
+        };
+        let value = match (value, name) {
+            (Ok(value), Some(_)) => value,
+            (Ok(_), None) => {
+                let message = format!("<{tag}> lacks the attribute \"name\"");
+                self.log.invalid(Some(place), message);
+                return Some(());
+            }
+            (Err(message), name) => {
+                let message = match name {
+                    Some(name) => format!("{name}: {message}"),
+                    None => message,
+                };
+                self.log.invalid(Some(place), message);
+                return Some(());
+            }
+        };
+        if tag != "transform"
+            && let Some(child) = node.children().find(Node::is_element)
+        {
+            let inner = child.tag_name().name();
+            let message = format!("<{inner}> cannot stand within <{tag}>");
+            self.log.invalid(Some(file.place(child)), message);
+        }
+        self.add(owner, name, place, Content::Value(value));
         Some(())
     }
 
@@ -389,19 +454,12 @@ impl Reader<'_> {
         Some(())
     }
 
-    fn known(
-        &mut self,
-        tag: &str,
-        attributes: &BTreeMap<String, String>,
-        known: &[&str],
-        place: Place,
-    ) {
-        for name in attributes
-            .keys()
-            .filter(|name| !known.contains(&name.as_str()))
-        {
+    fn known(&mut self, element: &Element<'_, '_>, known: &[&str]) {
+        let Element { tag, place, .. } = element;
+        let names = element.attributes.keys();
+        for name in names.filter(|name| !known.contains(&name.as_str())) {
             let message = format!("<{tag}> does not take the attribute \"{name}\"");
-            self.log.invalid(Some(place), message);
+            self.log.invalid(Some(*place), message);
         }
     }
 
@@ -431,8 +489,8 @@ impl Reader<'_> {
     }
 
     /// The attributes, parameters replaced. `None` ends the reading.
-    fn attributes(&mut self, node: Node<'_, '_>, place: Place) -> Option<BTreeMap<String, String>> {
-        let mut attributes = BTreeMap::new();
+    fn attributes(&mut self, node: Node<'_, '_>, place: Place) -> Option<Attributes> {
+        let mut attributes = Attributes::new();
         for attribute in node.attributes() {
             let value = match attribute.value().contains('$') {
                 false => attribute.value().to_string(),

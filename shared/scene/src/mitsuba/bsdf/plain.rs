@@ -1,0 +1,164 @@
+//! BSDFs that contain no other.
+
+use super::Through;
+use crate::mitsuba::write::{Section, Toml};
+use crate::mitsuba::xml::Id;
+use crate::mitsuba::{Converter, Place};
+
+/// A BSDF that contains no other, once it is written.
+#[derive(Clone, Copy)]
+pub(super) struct Plain {
+    pub place: Place,
+    pub through: Through,
+    /// Whether it has two sides here by default; `None` if the question does not arise.
+    pub two_sided: Option<bool>,
+    pub null: bool,
+}
+
+impl Plain {
+    fn opaque(place: Place, two_sided: bool) -> Self {
+        Self {
+            place,
+            through: Through::No,
+            two_sided: Some(two_sided),
+            null: false,
+        }
+    }
+
+    fn transmitting(place: Place, through: Through) -> Self {
+        Self {
+            place,
+            through,
+            two_sided: None,
+            null: false,
+        }
+    }
+}
+
+fn set_type(section: &mut Section, kind: &str, place: Place) {
+    section.set("type", Toml::string(kind), place);
+}
+
+impl Converter<'_> {
+    /// Write a BSDF that contains no other. `None` if it is not supported.
+    pub(super) fn plain(&mut self, id: Id, turned: bool, section: &mut Section) -> Option<Plain> {
+        let object = &self.objects.list[id];
+        let place = object.place;
+        Some(match object.plugin.as_str() {
+            "diffuse" => {
+                set_type(section, "diffuse", place);
+                self.field(id, "reflectance", "reflectance", turned, section);
+                Plain::opaque(place, false)
+            }
+            "dielectric" => self.dielectric(id, "dielectric", turned, section),
+            "thindielectric" => self.dielectric(id, "thin_dielectric", turned, section),
+            "roughdielectric" => self.dielectric(id, "rough_dielectric", turned, section),
+            "conductor" => self.metal(id, false, turned, section),
+            "roughconductor" => self.metal(id, true, turned, section),
+            "plastic" => self.plastic(id, false, turned, section),
+            "roughplastic" => self.plastic(id, true, turned, section),
+            "principled" => self.principled(id, turned, section),
+            "null" => {
+                set_type(section, "null", place);
+                Plain {
+                    null: true,
+                    ..Plain::transmitting(place, Through::Boundary)
+                }
+            }
+            _ => {
+                self.unsupported_plugin(id);
+                return None;
+            }
+        })
+    }
+
+    fn dielectric(&mut self, id: Id, kind: &str, turned: bool, section: &mut Section) -> Plain {
+        let place = self.objects.list[id].place;
+        set_type(section, kind, place);
+        self.iors(id, "bk7", section);
+        if kind == "rough_dielectric" {
+            self.roughness(id, section);
+        }
+        for name in ["specular_reflectance", "specular_transmittance"] {
+            self.factor(id, name, turned, section);
+        }
+        let through = match kind {
+            "thin_dielectric" => Through::Sheet,
+            _ => Through::Boundary,
+        };
+        Plain::transmitting(place, through)
+    }
+
+    fn metal(&mut self, id: Id, rough: bool, turned: bool, section: &mut Section) -> Plain {
+        let place = self.objects.list[id].place;
+        let fresnel = self.conductor(id);
+        match (rough, fresnel) {
+            (false, None) => set_type(section, "mirror", place),
+            _ => {
+                let kind = if rough {
+                    "rough_conductor"
+                } else {
+                    "conductor"
+                };
+                set_type(section, kind, place);
+                // Without Fresnel: all is reflected.
+                let (eta, k) = fresnel.unwrap_or(([0.0; 3], [1.0; 3]));
+                section.set("eta", Toml::color(eta), place);
+                section.set("k", Toml::color(k), place);
+            }
+        }
+        if rough {
+            self.roughness(id, section);
+        }
+        self.field(id, "specular_reflectance", "reflectance", turned, section);
+        Plain::opaque(place, true)
+    }
+
+    fn plastic(&mut self, id: Id, rough: bool, turned: bool, section: &mut Section) -> Plain {
+        let place = self.objects.list[id].place;
+        set_type(
+            section,
+            if rough { "rough_plastic" } else { "plastic" },
+            place,
+        );
+        self.field(id, "diffuse_reflectance", "reflectance", turned, section);
+        self.iors(id, "polypropylene", section);
+        if rough {
+            self.roughness(id, section);
+        }
+        if self.boolean(id, "nonlinear") == Some(true) {
+            section.set("nonlinear", Toml::Boolean(true), place);
+        }
+        self.factor(id, "specular_reflectance", turned, section);
+        Plain::opaque(place, false)
+    }
+
+    fn principled(&mut self, id: Id, turned: bool, section: &mut Section) -> Plain {
+        let place = self.objects.list[id].place;
+        set_type(section, "principled", place);
+        self.field(id, "base_color", "base_color", turned, section);
+        for name in ["metallic", "roughness"] {
+            if let Some(member) = self.member(id, name)
+                && let Some(value) = self.float(id, name)
+            {
+                section.set(name, Toml::Float(value), member.place);
+            }
+        }
+        if let Some(eta) = self.float(id, "eta") {
+            section.set("ior", Toml::Float(eta), place);
+        }
+        if let Some(specular) = self.float(id, "specular") {
+            section.set("specular", Toml::Float(specular), place);
+        }
+        self.unset_lobes(id);
+        self.ignore(
+            id,
+            &[
+                "main_specular_sampling_rate",
+                "clearcoat_sampling_rate",
+                "diffuse_reflectance_sampling_rate",
+            ],
+        );
+        Plain::opaque(place, false)
+    }
+}

@@ -8,7 +8,7 @@
 //! that without targeting to the last bit, and what it costs is the pilot: the first column says how much of the time of the scene's
 //! own passes in the scene's own size that is. Linux, which tells a thread's time.
 
-use beamfarm_image::job::Targeting;
+use beamfarm_image::job::{JobSettings, Targeting};
 use beamfarm_render::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::Scene;
@@ -73,23 +73,41 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         println!("| {path} | auto: on, {pilot:.3} s |");
     }
     for turn in 0..turns {
+        let mut settings = settings;
+        settings.seed += u64::from(turn);
         for way in &mut ways {
-            let mut settings = settings;
-            settings.seed += u64::from(turn);
-            let begun = cpu_seconds()?;
-            let plan = RenderPlan::new(&way.scene, settings);
-            let mut image: Image = Vec::new();
-            for pass_index in 0..u64::from(passes) {
-                let film = render_pass(&way.scene, &plan, pass_index).film;
-                image.resize(film.pixels.len() * 3, 0.0);
-                for (sum, value) in image.iter_mut().zip(film.pixels.iter().flatten()) {
-                    *sum += f64::from(*value) / f64::from(passes);
-                }
-            }
-            way.seconds.push(cpu_seconds()? - begun);
-            way.images.push(image);
+            way.render(settings, passes)?;
         }
     }
+    compare(&ways, passes, turns);
+    Ok(())
+}
+
+impl Way {
+    /// Render an image, and take the time.
+    fn render(
+        &mut self,
+        settings: JobSettings,
+        passes: u32,
+    ) -> Result<(), Box<dyn std::error::Error>> {
+        let begun = cpu_seconds()?;
+        let plan = RenderPlan::new(&self.scene, settings);
+        let mut image: Image = Vec::new();
+        for pass_index in 0..u64::from(passes) {
+            let film = render_pass(&self.scene, &plan, pass_index).film;
+            image.resize(film.pixels.len() * 3, 0.0);
+            for (sum, value) in image.iter_mut().zip(film.pixels.iter().flatten()) {
+                *sum += f64::from(*value) / f64::from(passes);
+            }
+        }
+        self.seconds.push(cpu_seconds()? - begun);
+        self.images.push(image);
+        Ok(())
+    }
+}
+
+/// Print times and errors over those of the first way.
+fn compare(ways: &[Way], passes: u32, turns: u32) {
     let all: Vec<usize> = (0..turns as usize).collect();
     let scale: Image = (0..ways[0].images[0].len())
         .map(|i| {
@@ -117,13 +135,13 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             .map(|(ratio, sum)| format!("{ratio:.3} ± {:.3}", (sum * (n - 1.0) / n).sqrt()))
             .collect();
         let name = way.name;
-        let height = way.scene.description().camera.height;
+        let camera = way.scene.description().camera;
+        let (width, height) = (camera.width, camera.height);
         println!(
             "| | {name}, {width}x{height}, {passes} passes, {turns} turns | {} |",
             told.join(" | ")
         );
     }
-    Ok(())
 }
 
 /// Mean over the pixels of the images' variance, relative as relMSE is.

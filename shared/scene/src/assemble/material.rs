@@ -85,103 +85,20 @@ impl Materials {
 }
 
 fn material(record: &MaterialRecord, assets: &mut Assets<'_>) -> Result<Material, Problem> {
-    let mut texture = |field: &Field, default| match field {
-        None => Ok(Texture::Constant(Rgb::splat(default))),
-        Some(given) => texture::texture(given.get_ref(), assets),
-    };
-    let two_sided = |default| record.two_sided.as_ref().map_or(default, |b| *b.get_ref());
-    let nonlinear = record.nonlinear.as_ref().is_some_and(|b| *b.get_ref());
-    let (kind, two_sided) = match record.kind.get_ref() {
-        MaterialType::Diffuse => (
-            MaterialKind::Diffuse {
-                reflectance: texture(&record.reflectance, 0.5)?,
-            },
-            two_sided(false),
-        ),
-        MaterialType::Mirror => (
-            MaterialKind::Mirror {
-                reflectance: texture(&record.reflectance, 1.0)?,
-            },
-            two_sided(true),
-        ),
-        MaterialType::Dielectric => (
-            MaterialKind::Dielectric {
-                eta: relative_ior(record, None)?,
-                tint: tint(record, texture)?,
-            },
-            true,
-        ),
-        MaterialType::ThinDielectric => (
-            MaterialKind::ThinDielectric {
-                eta: relative_ior(record, None)?,
-                tint: tint(record, texture)?,
-            },
-            true,
-        ),
-        MaterialType::RoughDielectric => (
-            MaterialKind::RoughDielectric {
-                distribution: distribution(record),
-                alpha: alpha(record)?,
-                eta: relative_ior(record, None)?,
-                tint: tint(record, texture)?,
-            },
-            true,
-        ),
-        MaterialType::Conductor => {
-            let (eta, k) = metal(record)?;
-            let reflectance = texture(&record.reflectance, 1.0)?;
-            (
-                MaterialKind::Conductor {
-                    eta,
-                    k,
-                    reflectance,
-                },
-                two_sided(true),
-            )
-        }
-        MaterialType::RoughConductor => {
-            let (eta, k) = metal(record)?;
-            let kind = MaterialKind::RoughConductor {
-                distribution: distribution(record),
-                alpha: alpha(record)?,
-                eta,
-                k,
-                reflectance: texture(&record.reflectance, 1.0)?,
-            };
-            (kind, two_sided(true))
-        }
-        MaterialType::Plastic => {
-            let eta = relative_ior(record, Some(POLYPROPYLENE))?;
-            let kind = MaterialKind::Plastic {
-                reflectance: texture(&record.reflectance, 0.5)?,
-                specular_reflectance: texture(&record.specular_reflectance, 1.0)?,
-                coat: Coat::new(eta, nonlinear),
-            };
-            (kind, two_sided(false))
-        }
-        MaterialType::RoughPlastic => {
-            let eta = relative_ior(record, Some(POLYPROPYLENE))?;
-            let coat = RoughCoat::new(distribution(record), alpha(record)?, eta, nonlinear);
-            let kind = MaterialKind::RoughPlastic {
-                reflectance: texture(&record.reflectance, 0.5)?,
-                specular_reflectance: texture(&record.specular_reflectance, 1.0)?,
-                coat: Box::new(coat),
-            };
-            (kind, two_sided(false))
-        }
-        MaterialType::Principled => {
-            let number = |field: &Option<Spanned<Number<Unit>>>, default| {
-                field.as_ref().map_or(default, |x| x.get_ref().f32())
-            };
-            let kind = MaterialKind::Principled {
-                base_color: texture(&record.base_color, 0.5)?,
-                metallic: number(&record.metallic, 0.0),
-                roughness: number(&record.roughness, 0.5),
-                eta: principled_eta(record)?,
-            };
-            (kind, two_sided(false))
-        }
-        MaterialType::Null => (MaterialKind::Null, true),
+    let kind = kind(record, assets)?;
+    let said = record.two_sided.as_ref().map(|b| *b.get_ref());
+    let two_sided = match kind {
+        MaterialKind::Dielectric { .. }
+        | MaterialKind::ThinDielectric { .. }
+        | MaterialKind::RoughDielectric { .. }
+        | MaterialKind::Null => true,
+        MaterialKind::Mirror { .. }
+        | MaterialKind::Conductor { .. }
+        | MaterialKind::RoughConductor { .. } => said.unwrap_or(true),
+        MaterialKind::Diffuse { .. }
+        | MaterialKind::Plastic { .. }
+        | MaterialKind::RoughPlastic { .. }
+        | MaterialKind::Principled { .. } => said.unwrap_or(false),
     };
     let opacity = match &record.opacity {
         None => None,
@@ -195,6 +112,83 @@ fn material(record: &MaterialRecord, assets: &mut Assets<'_>) -> Result<Material
         two_sided,
         opacity,
         relief: relief(record, assets)?,
+    })
+}
+
+fn kind(record: &MaterialRecord, assets: &mut Assets<'_>) -> Result<MaterialKind, Problem> {
+    let mut texture = |field: &Field, default| match field {
+        None => Ok(Texture::Constant(Rgb::splat(default))),
+        Some(given) => texture::texture(given.get_ref(), assets),
+    };
+    let nonlinear = record.nonlinear.as_ref().is_some_and(|b| *b.get_ref());
+    Ok(match record.kind.get_ref() {
+        MaterialType::Diffuse => MaterialKind::Diffuse {
+            reflectance: texture(&record.reflectance, 0.5)?,
+        },
+        MaterialType::Mirror => MaterialKind::Mirror {
+            reflectance: texture(&record.reflectance, 1.0)?,
+        },
+        MaterialType::Dielectric => MaterialKind::Dielectric {
+            eta: relative_ior(record, None)?,
+            tint: tint(record, texture)?,
+        },
+        MaterialType::ThinDielectric => MaterialKind::ThinDielectric {
+            eta: relative_ior(record, None)?,
+            tint: tint(record, texture)?,
+        },
+        MaterialType::RoughDielectric => MaterialKind::RoughDielectric {
+            distribution: distribution(record),
+            alpha: alpha(record)?,
+            eta: relative_ior(record, None)?,
+            tint: tint(record, texture)?,
+        },
+        MaterialType::Conductor => {
+            let (eta, k) = metal(record)?;
+            MaterialKind::Conductor {
+                eta,
+                k,
+                reflectance: texture(&record.reflectance, 1.0)?,
+            }
+        }
+        MaterialType::RoughConductor => {
+            let (eta, k) = metal(record)?;
+            MaterialKind::RoughConductor {
+                distribution: distribution(record),
+                alpha: alpha(record)?,
+                eta,
+                k,
+                reflectance: texture(&record.reflectance, 1.0)?,
+            }
+        }
+        MaterialType::Plastic => {
+            let eta = relative_ior(record, Some(POLYPROPYLENE))?;
+            MaterialKind::Plastic {
+                reflectance: texture(&record.reflectance, 0.5)?,
+                specular_reflectance: texture(&record.specular_reflectance, 1.0)?,
+                coat: Coat::new(eta, nonlinear),
+            }
+        }
+        MaterialType::RoughPlastic => {
+            let eta = relative_ior(record, Some(POLYPROPYLENE))?;
+            let coat = RoughCoat::new(distribution(record), alpha(record)?, eta, nonlinear);
+            MaterialKind::RoughPlastic {
+                reflectance: texture(&record.reflectance, 0.5)?,
+                specular_reflectance: texture(&record.specular_reflectance, 1.0)?,
+                coat: Box::new(coat),
+            }
+        }
+        MaterialType::Principled => {
+            let number = |field: &Option<Spanned<Number<Unit>>>, default| {
+                field.as_ref().map_or(default, |x| x.get_ref().f32())
+            };
+            MaterialKind::Principled {
+                base_color: texture(&record.base_color, 0.5)?,
+                metallic: number(&record.metallic, 0.0),
+                roughness: number(&record.roughness, 0.5),
+                eta: principled_eta(record)?,
+            }
+        }
+        MaterialType::Null => MaterialKind::Null,
     })
 }
 

@@ -247,25 +247,34 @@ fn grids_of_halves_are_read() {
     assert_eq!(hash(&raw), hash(&vdb(&bytes).unwrap()));
 }
 
-/// Headers and chunks that lie are refused, whatever they claim, and before anything of that size is allocated.
+/// A place in a file, what is written there, and the message that it then gives.
+type Lie<'a> = (usize, &'a [u8], &'a str);
+
+const HUGE: [u8; 4] = u32::MAX.to_le_bytes();
+const BILLIONS: [u8; 4] = (1u32 << 31).to_le_bytes();
+const TERABYTES: [u8; 8] = (1u64 << 42).to_le_bytes();
+
+fn are_refused(bytes: &[u8], lies: &[Lie<'_>], read: impl Fn(&[u8]) -> Result<RawDensity, Flaw>) {
+    for (at, patch, reason) in lies {
+        let message = message(read(&patched(bytes, &[(*at, patch)])));
+        assert!(message.contains(reason), "{message}, not {reason}");
+    }
+}
+
+/// Headers that lie are refused, whatever they claim, and before anything of that size is allocated.
 #[test]
-fn claims_are_not_believed() {
+fn claims_of_headers_are_not_believed() {
     let bytes = file("blosc.vdb");
     let name = 65;
     let positions = after(&bytes, "Tree_float_5_4_3") + 4;
     let header = u64_at(&bytes, positions) as usize;
-    let blocks = u64_at(&bytes, positions + 8) as usize;
     let tree = after(&bytes, "UniformScaleMap") + 5 * 24;
     let class = after(&bytes, "fog volume") - 14;
-    let leaf = blocks + 64;
-    let huge = u32::MAX.to_le_bytes();
-    let billions = (1u32 << 31).to_le_bytes();
-    let terabytes = (1u64 << 42).to_le_bytes();
-    let cases: &[(usize, &[u8], &str)] = &[
+    let lies: &[Lie<'_>] = &[
         (0, b"VDB ", "not an OpenVDB file"),
         (20, &[0], "written as a stream"),
-        (57, &huge, "4294967295 metadata are claimed at byte 57"),
-        (61, &billions, "2147483648 grids are claimed at byte 61"),
+        (57, &HUGE, "4294967295 metadata are claimed at byte 57"),
+        (61, &BILLIONS, "2147483648 grids are claimed at byte 61"),
         (
             61,
             &2u32.to_le_bytes(),
@@ -273,17 +282,17 @@ fn claims_are_not_believed() {
         ),
         (
             name,
-            &billions,
+            &BILLIONS,
             "the file ends within the description of a grid: 2147483648 bytes expected at byte 69",
         ),
         (
             positions,
-            &terabytes,
+            &TERABYTES,
             "its header should be at byte 4398046511104",
         ),
         (
             positions + 8,
-            &terabytes,
+            &TERABYTES,
             "its leaves' values should be at byte",
         ),
         (
@@ -293,7 +302,7 @@ fn claims_are_not_believed() {
         ),
         (
             positions + 16,
-            &terabytes,
+            &TERABYTES,
             "the end of the grid \"density\" should be at byte",
         ),
         (
@@ -302,11 +311,11 @@ fn claims_are_not_believed() {
             "is said to end at byte 8, before its begin",
         ),
         (header, &[8], "its compression has flags 0x8"),
-        (header, &huge, "its compression has flags 0xffffffff"),
-        (header + 4, &huge, "4294967295 metadata are claimed"),
+        (header, &HUGE, "its compression has flags 0xffffffff"),
+        (header + 4, &HUGE, "4294967295 metadata are claimed"),
         (
             class,
-            &huge,
+            &HUGE,
             "the file ends within the metadata: 4294967295 bytes",
         ),
         (
@@ -316,17 +325,38 @@ fn claims_are_not_believed() {
         ),
         (
             tree - 5 * 24 - 19,
-            &huge,
+            &HUGE,
             "the file ends within the grid's transform",
         ),
-        (tree, &billions, "its tree has -2147483648 buffers"),
+    ];
+    are_refused(&bytes, lies, vdb);
+
+    let bytes = file("affine.vdb");
+    let last = after(&bytes, "AffineMap") + 15 * 8;
+    for number in [0.0, 1.001, f64::NAN] {
+        let message = message(vdb(&patched(&bytes, &[(last, &number.to_le_bytes())])));
+        let reason = format!("row 3 (from zero) of its matrix ends with {number}; expected 1");
+        assert!(message.contains(&reason), "{message}");
+    }
+}
+
+/// So are nodes and chunks.
+#[test]
+fn claims_of_nodes_are_not_believed() {
+    let bytes = file("blosc.vdb");
+    let positions = after(&bytes, "Tree_float_5_4_3") + 4;
+    let blocks = u64_at(&bytes, positions + 8) as usize;
+    let tree = after(&bytes, "UniformScaleMap") + 5 * 24;
+    let leaf = blocks + 64;
+    let lies: &[Lie<'_>] = &[
+        (tree, &BILLIONS, "its tree has -2147483648 buffers"),
         (tree + 4, &f32::NAN.to_le_bytes(), "its background is NaN"),
         (
             tree + 8,
-            &billions,
+            &BILLIONS,
             "2147483648 tiles of the root are claimed",
         ),
-        (tree + 12, &huge, "4294967295 nodes of the root are claimed"),
+        (tree + 12, &HUGE, "4294967295 nodes of the root are claimed"),
         (tree + 16, &[1], "expected multiples of 4096"),
         (tree + 16, &i32::MIN.to_le_bytes(), "up to 268435456"),
         (tree + 28, &[0xff; 4096], "the node at byte"),
@@ -338,7 +368,7 @@ fn claims_are_not_believed() {
         (leaf, &[255], "inactive values of kind 255"),
         (
             leaf + 1,
-            &terabytes,
+            &TERABYTES,
             "the file ends within a node's values: 4398046511104 bytes",
         ),
         (
@@ -353,33 +383,25 @@ fn claims_are_not_believed() {
         ),
         (leaf + 1, &0u64.to_le_bytes(), "holds 0 bytes; expected"),
         (leaf + 9, &[3], "has format version 3; expected 2"),
-        (leaf + 9 + 4, &billions, "and holds 2147483648; expected"),
+        (leaf + 9 + 4, &BILLIONS, "and holds 2147483648; expected"),
         (
             leaf + 9 + 12,
-            &billions,
+            &BILLIONS,
             "it takes 2147483648 bytes and holds",
         ),
     ];
-    for (at, patch, reason) in cases {
-        let message = message(vdb(&patched(&bytes, &[(*at, patch)])));
-        assert!(message.contains(reason), "{message}, not {reason}");
-    }
+    are_refused(&bytes, lies, vdb);
+}
 
-    let bytes = file("affine.vdb");
-    let last = after(&bytes, "AffineMap") + 15 * 8;
-    for number in [0.0, 1.001, f64::NAN] {
-        let message = message(vdb(&patched(&bytes, &[(last, &number.to_le_bytes())])));
-        let reason = format!("row 3 (from zero) of its matrix ends with {number}; expected 1");
-        assert!(message.contains(&reason), "{message}");
-    }
-
+#[test]
+fn claims_of_mitsuba_volumes_are_not_believed() {
     let bytes = file("grid.vol");
-    let cases: &[(usize, &[u8], &str)] = &[
+    let lies: &[Lie<'_>] = &[
         (0, b"VOX", "not a Mitsuba volume"),
         (3, &[2], "version 2 of the format"),
         (4, &[3], "encoding 3 is unsupported; expected 1"),
         (8, &[0], "the grid is 0 x 5 x 3"),
-        (8, &billions, "the grid is -2147483648 x 5 x 3"),
+        (8, &BILLIONS, "the grid is -2147483648 x 5 x 3"),
         (
             8,
             &[0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0],
@@ -393,10 +415,7 @@ fn claims_are_not_believed() {
             "samples of 3 channels takes 1800 bytes; 600 follow",
         ),
     ];
-    for (at, patch, reason) in cases {
-        let message = message(read("a.vol", &patched(&bytes, &[(*at, patch)]), None));
-        assert!(message.contains(reason), "{message}, not {reason}");
-    }
+    are_refused(&bytes, lies, |bytes| read("a.vol", bytes, None));
 }
 
 const FILES: [&str; 19] = [

@@ -88,9 +88,9 @@ fn beams(medium: &Medium, count: u64) -> BeamMap {
                 _ => uniform_sphere(sampler.next_2d()),
             };
             let ray = Ray { origin, dir };
-            let (stretch, _) = medium.stretch(&ray, length, &mut sampler, &mut steps);
-            let stretch = stretch?;
-            let [start, end] = stretch.range;
+            let (segment, _) = medium.segment(&ray, length, &mut sampler, &mut steps);
+            let segment = segment?;
+            let [start, end] = segment.range;
             let radius = radius + slope.abs() * length;
             Some(PhotonBeam {
                 origin,
@@ -102,7 +102,7 @@ fn beams(medium: &Medium, count: u64) -> BeamMap {
                 radius_slope: slope,
                 medium: 0,
                 group: GroupNumber::new(i as usize % 3),
-                steps: stretch.steps,
+                steps: segment.steps,
             })
         })
         .collect();
@@ -132,17 +132,17 @@ fn segments(medium: &Medium, kind: u64) -> CameraSegments {
             },
         };
         let length = 0.5 + 2.0 * sampler.next_1d();
-        let (stretch, _) = medium.stretch(&ray, length, &mut sampler, &mut camera.steps);
-        let stretch = stretch.expect("a ray through the medium");
+        let (segment, _) = medium.segment(&ray, length, &mut sampler, &mut camera.steps);
+        let segment = segment.expect("a ray through the medium");
         camera.segments.push(CameraSegment {
             ray,
-            length: stretch.range[1],
+            length: segment.range[1],
             beta: Rgb::ONE,
             medium: 0,
             pixel: i as u16,
             way: Way::default(),
             part: Part::Volume,
-            steps: stretch.steps,
+            steps: segment.steps,
         });
     }
     camera

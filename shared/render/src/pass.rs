@@ -59,7 +59,7 @@ pub fn render_pass(scene: &Scene, plan: &RenderPlan, pass_index: u64) -> PassIma
         .as_ref()
         .map_or(0, |beams| beams.sharp.bytes() + beams.smooth.bytes())
         as u64;
-    let made = Made {
+    let photon_pass = PhotonPass {
         scene,
         plan,
         pass_index,
@@ -67,8 +67,8 @@ pub fn render_pass(scene: &Scene, plan: &RenderPlan, pass_index: u64) -> PassIma
         beams: beams.as_ref(),
     };
     let (film, layers, evaluations) = match &scene.description().rules {
-        None => made.seen(Unruled).render(),
-        Some(rules) => made.seen(Ruled(rules)).render(),
+        None => photon_pass.camera_pass(Unruled).render(),
+        Some(rules) => photon_pass.camera_pass(Ruled(rules)).render(),
     };
     stats.beam_evaluations = evaluations;
     stats.non_finite = layers.iter().chain([&film]).map(Film::non_finite).sum();
@@ -87,8 +87,8 @@ struct Beams {
     smooth: BeamMap,
 }
 
-/// What the camera finds of a pass.
-struct Made<'a> {
+/// What photons of a pass have left for the camera to find.
+struct PhotonPass<'a> {
     scene: &'a Scene,
     plan: &'a RenderPlan,
     pass_index: u64,
@@ -96,8 +96,8 @@ struct Made<'a> {
     beams: Option<&'a Beams>,
 }
 
-impl<'a> Made<'a> {
-    fn seen<V: Sight>(&self, sight: V) -> CameraPass<'a, V> {
+impl<'a> PhotonPass<'a> {
+    fn camera_pass<V: Sight>(&self, sight: V) -> CameraPass<'a, V> {
         let Self {
             plan, pass_index, ..
         } = *self;

@@ -18,7 +18,7 @@
 //! missing from the picture). What it finds only by chance: caustics of small lights.
 
 use crate::aov::{LayerPlan, NoSuchGroup, Part, Parts, Recorder};
-use crate::bsdf::{Bsdf, Tilt, TransportMode};
+use crate::bsdf::{Bsdf, BumpShadowing, TransportMode};
 use crate::geometry::SurfaceHit;
 use crate::light::{LightHit, LightKind, LightSelector};
 use crate::math::{Frame, Ray, Rgb, Vec3};
@@ -241,7 +241,7 @@ enum Vertex<'a> {
     Surface {
         hit: &'a SurfaceHit,
         bsdf: &'a Bsdf<'a>,
-        tilt: Option<Tilt>,
+        bump_shadowing: Option<BumpShadowing>,
         frame: Frame,
         local_wo: Vec3,
     },
@@ -441,7 +441,7 @@ impl PathTracer<'_> {
         }
         let material = scene.material(hit);
         let wo = -path.ray.dir;
-        let tilt = scene.tilt(hit, wo);
+        let bump_shadowing = scene.perturb_normal(hit, wo);
         let hit = &*hit;
         let mut bsdf = material.bsdf(hit.uv);
         if bsdf.is_black() {
@@ -479,7 +479,7 @@ impl PathTracer<'_> {
             let vertex = Vertex::Surface {
                 hit,
                 bsdf: &bsdf,
-                tilt,
+                bump_shadowing,
                 frame,
                 local_wo,
             };
@@ -495,11 +495,11 @@ impl PathTracer<'_> {
         let wi = frame.to_world(sample.wi).normalize();
         // Interpolated and turned normals: no light through what is closed. Smooth surfaces that are only interpolated
         // keep what they send to the other side, as they do for photons.
-        if (!sample.delta || tilt.is_some()) && sample.wi.z * hit.ng.dot(wi) <= 0.0 {
+        if (!sample.delta || bump_shadowing.is_some()) && sample.wi.z * hit.ng.dot(wi) <= 0.0 {
             return false;
         }
-        if let Some(tilt) = tilt {
-            path.beta *= tilt.shadowing(wi);
+        if let Some(shadowing) = bump_shadowing {
+            path.beta *= shadowing.factor(wi);
         }
         path.beta *= sample.weight;
         if sample.transmitted {
@@ -625,7 +625,7 @@ impl Vertex<'_> {
             Self::Surface {
                 hit,
                 bsdf,
-                tilt,
+                bump_shadowing,
                 frame,
                 local_wo,
             } => {
@@ -636,7 +636,7 @@ impl Vertex<'_> {
                         pdf: 0.0,
                     };
                 }
-                let shadowing = tilt.map_or(1.0, |tilt| tilt.shadowing(wi));
+                let shadowing = bump_shadowing.map_or(1.0, |shadowing| shadowing.factor(wi));
                 let value = bsdf.eval(*local_wo, local, TransportMode::Radiance);
                 Scattering {
                     value: value * (local.z.abs() * shadowing),

@@ -72,19 +72,19 @@ fn beams(medium: &Medium) -> BeamMap {
             origin: 2.0 * u - 1.0,
             dir: uniform_sphere(sampler.next_2d()),
         };
-        let (stretch, _) = medium.stretch(&ray, 1.0, &mut sampler, &mut steps);
-        let stretch = stretch.expect("a beam within the medium");
+        let (segment, _) = medium.segment(&ray, 1.0, &mut sampler, &mut steps);
+        let segment = segment.expect("a beam within the medium");
         PhotonBeam {
             origin: ray.origin,
             dir: ray.dir,
             length: 1.0,
-            extent: stretch.range,
+            extent: segment.range,
             power: Rgb::splat(1.0 / BEAMS as f32),
             radius: 0.02,
             radius_slope: 0.0,
             medium: 0,
             group: None,
-            steps: stretch.steps,
+            steps: segment.steps,
         }
     };
     let beams = (0..BEAMS).map(beam).collect();
@@ -105,17 +105,17 @@ fn tiles(medium: &Medium) -> Vec<CameraSegments> {
                 origin: Vec3::new(0.0, 0.0, -2.0),
                 dir: Vec3::new(at(0), at(1), 2.0).normalize(),
             };
-            let (stretch, _) = medium.stretch(&ray, 3.8, &mut sampler, &mut camera.steps);
-            let stretch = stretch.expect("a ray through the medium");
+            let (segment, _) = medium.segment(&ray, 3.8, &mut sampler, &mut camera.steps);
+            let segment = segment.expect("a ray through the medium");
             camera.segments.push(CameraSegment {
                 ray,
-                length: stretch.range[1],
+                length: segment.range[1],
                 beta: Rgb::ONE,
                 medium: 0,
                 pixel: pixel as u16,
                 way: Way::default(),
                 part: Part::Volume,
-                steps: stretch.steps,
+                steps: segment.steps,
             });
         }
         camera

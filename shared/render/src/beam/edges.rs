@@ -230,7 +230,7 @@ mod tests {
             two_sided: true,
             kind,
             opacity: None,
-            relief: None,
+            normal_perturbation: None,
         };
         let white = || Texture::Constant(Rgb::ONE);
         let pane = MaterialKind::ThinDielectric {

@@ -13,7 +13,7 @@ use crate::geometry::SurfaceHit;
 use crate::light::{EmissionSample, EmissionUniforms, LightChoice, LightHit};
 use crate::math::{Frame, Ray, Rgb, Vec3, mean};
 use crate::medium::transmittance::StepFunctions;
-use crate::medium::{Flight, Medium, MediumId, Stretch};
+use crate::medium::{Flight, Medium, MediumId, MediumSegment};
 use crate::odds::{DEEPER_ODDS, MAX_SURVIVAL, TRAPPED_DEPTH, first_odds, least_flight};
 use crate::photon_map::{Arrival, Odds, SeenBy, SurfacePhoton};
 use crate::plan::RenderPlan;
@@ -271,9 +271,9 @@ impl<V: Sight> Tracer<'_, V> {
         let of_medium = self.sight.from(Start::Medium(id));
         let is_unlit = self.sight.hides_light(of_medium, photon.light);
         if photon.leaves_beams && medium.scatters() && counts && !is_unlit {
-            let (stretch, _) = medium.stretch(&photon.ray, length, sampler, &mut out.steps);
-            if let Some(stretch) = stretch {
-                let beam = self.beam(photon, id, stretch, hit, sampler);
+            let (segment, _) = medium.segment(&photon.ray, length, sampler, &mut out.steps);
+            if let Some(segment) = segment {
+                let beam = self.beam(photon, id, segment, hit, sampler);
                 match medium {
                     Medium::Homogeneous(_) if photon.footprint.is_smooth() => {
                         out.smooth_beams.push(beam);
@@ -325,16 +325,16 @@ impl<V: Sight> Tracer<'_, V> {
         }
     }
 
-    /// The beam of a photon that flies to `hit`, over the stretch of its way that can be seen.
+    /// The beam of a photon that flies to `hit`, over the segment of its way that can be seen.
     fn beam(
         &self,
         photon: &Photon<V::Hidden>,
         id: u16,
-        stretch: Stretch,
+        segment: MediumSegment,
         hit: Option<&SurfaceHit>,
         sampler: &mut Sampler,
     ) -> PhotonBeam {
-        let [start, length] = stretch.range;
+        let [start, length] = segment.range;
         let widest = match photon.footprint.is_smooth() {
             true => f32::INFINITY,
             false => self.scene.free_paths[usize::from(id)],
@@ -375,7 +375,7 @@ impl<V: Sight> Tracer<'_, V> {
             radius_slope: slope,
             medium: id,
             group: photon.group,
-            steps: stretch.steps,
+            steps: segment.steps,
         }
     }
 
@@ -396,7 +396,7 @@ impl<V: Sight> Tracer<'_, V> {
             return;
         }
         let wo = -dir;
-        let tilt = self.scene.tilt(hit, wo);
+        let bump_shadowing = self.scene.perturb_normal(hit, wo);
         if let Some(lobes) = self.seen_by(photon, material) {
             self.leave_surface_photon(photon, hit, lobes, sampler, out);
         }
@@ -427,8 +427,8 @@ impl<V: Sight> Tracer<'_, V> {
         }
         let wi = frame.to_world(sample.wi).normalize();
         photon.power *= sample.weight * adjoint_factor(hit, wo, wi);
-        if let Some(tilt) = tilt {
-            photon.power *= tilt.shadowing(wo);
+        if let Some(shadowing) = bump_shadowing {
+            photon.power *= shadowing.factor(wo);
         }
         if !photon.survives(before, sampler) {
             return;
@@ -450,7 +450,7 @@ impl<V: Sight> Tracer<'_, V> {
             true => Odds::PHOTONS_ONLY,
             // The normal is another one seen from elsewhere: left to gather rays, which see it from one side only. So are
             // surfaces that camera paths go on from.
-            false if tilt.is_some() || !self.plan.estimators.ends_paths(&bsdf) => Odds::GATHER_RAYS,
+            false if bump_shadowing.is_some() || !self.plan.estimators.ends_paths(&bsdf) => Odds::GATHER_RAYS,
             false => {
                 let odds = self.arriving_odds(photon, hit) * sample.pdf;
                 Odds::shared(odds / wi.dot(hit.ng).abs())

@@ -5,7 +5,7 @@ use super::microfacet::MIN_ALPHA;
 use super::plastic::{Coat, Plastic, RoughCoat, RoughPlastic};
 use super::principled::Principled;
 use super::rough_dielectric::{MIN_CONTRAST, RoughDielectric};
-use super::{Bsdf, Distribution, FOLLOWED_BELOW, Relief};
+use super::{Bsdf, Distribution, FOLLOWED_BELOW, NormalPerturbation};
 use crate::math::{Rgb, Vec2, Vec3, luminance};
 use crate::texture::Texture;
 
@@ -21,8 +21,8 @@ pub struct Material {
     pub two_sided: bool,
     /// Share of rays that the surface meets; the others go on as if it were not there. `None`: all of them.
     pub opacity: Option<Texture>,
-    /// Detail that turns the shading normal.
-    pub relief: Option<Relief>,
+    /// Bump or normal map.
+    pub normal_perturbation: Option<NormalPerturbation>,
 }
 
 /// The kinds of surfaces. Inside is the side that the geometric normal points away from.
@@ -142,7 +142,7 @@ impl Material {
             kind,
             two_sided,
             opacity: None,
-            relief: None,
+            normal_perturbation: None,
         }
     }
 

@@ -10,20 +10,20 @@ mod fresnel;
 mod ggx;
 mod material;
 mod microfacet;
+mod perturbation;
 mod plastic;
 mod presets;
 mod principled;
-mod relief;
 mod rough_dielectric;
 
 pub use dielectric::Dielectric;
 pub use fresnel::{fresnel_conductor, fresnel_dielectric};
 pub use material::{Material, MaterialKind, Tint};
 pub use microfacet::Distribution;
+pub use perturbation::{BumpShadowing, NormalPerturbation};
 pub use plastic::{Coat, Plastic, RoughCoat, RoughPlastic};
 pub use presets::{conductor_names, conductor_preset};
 pub use principled::Principled;
-pub use relief::{Relief, Tilt};
 pub use rough_dielectric::RoughDielectric;
 
 use crate::math::{Rgb, Vec2, Vec3};

@@ -30,7 +30,7 @@ pub enum Medium {
 
 /// Where along a ray a medium scatters light that may still be seen.
 #[derive(Clone, Copy, Debug)]
-pub struct Stretch {
+pub struct MediumSegment {
     /// Distances along the ray, finite.
     pub range: [f32; 2],
     /// Number of the transmittance in the [`StepFunctions`]; without meaning in a homogeneous medium.
@@ -87,20 +87,20 @@ impl Medium {
 
     /// The part of a ray that beams or the camera see this medium by, and the transmittance over all of `length`, which
     /// may be infinite. Where the transmittance is an estimate, it is one and the same function of the distance.
-    pub fn stretch(
+    pub fn segment(
         &self,
         ray: &Ray,
         length: f32,
         sampler: &mut Sampler,
         steps: &mut StepFunctions,
-    ) -> (Option<Stretch>, Rgb) {
+    ) -> (Option<MediumSegment>, Rgb) {
         match self {
             Self::Homogeneous(medium) => {
-                let stretch = Stretch {
+                let segment = MediumSegment {
                     range: [0.0, length.min(medium.reach())],
                     steps: 0,
                 };
-                (Some(stretch), medium.transmittance(length))
+                (Some(segment), medium.transmittance(length))
             }
             Self::Heterogeneous(medium) => {
                 let Some(track) = medium.track(ray, length) else {
@@ -109,11 +109,11 @@ impl Medium {
                 let number = medium.walk(&track, sampler, steps);
                 let function = steps.get(number);
                 let [start, end] = track.range;
-                let stretch = Stretch {
+                let segment = MediumSegment {
                     range: [start, function.end().unwrap_or(end)],
                     steps: number,
                 };
-                (Some(stretch), function.last(medium.sigma_t()))
+                (Some(segment), function.last(medium.sigma_t()))
             }
         }
     }

@@ -5,7 +5,7 @@
 //! followed, and a surface or medium beyond.
 
 use super::Place;
-use crate::bsdf::{Bsdf, Tilt, TransportMode};
+use crate::bsdf::{Bsdf, BumpShadowing, TransportMode};
 use crate::estimators::Estimators;
 use crate::geometry::SurfaceHit;
 use crate::light::{DirectSample, LightHit, LightKind};
@@ -115,7 +115,7 @@ enum Vertex<'a> {
     Surface {
         hit: &'a SurfaceHit,
         bsdf: &'a Bsdf<'a>,
-        tilt: Option<Tilt>,
+        bump_shadowing: Option<BumpShadowing>,
         frame: Frame,
         wo: Vec3,
         is_specular: bool,
@@ -278,7 +278,7 @@ impl<V: Sight> Pilot<'_, V> {
         let scene = self.scene;
         let material = scene.material(hit);
         let wo = -path.ray.dir;
-        let tilt = scene.tilt(hit, wo);
+        let bump_shadowing = scene.perturb_normal(hit, wo);
         let hit = &*hit;
         let bsdf = material.bsdf(hit.uv);
         let frame = Frame::from_normal(hit.ns);
@@ -299,7 +299,7 @@ impl<V: Sight> Pilot<'_, V> {
             let vertex = Vertex::Surface {
                 hit,
                 bsdf: &bsdf,
-                tilt,
+                bump_shadowing,
                 frame,
                 wo,
                 is_specular,
@@ -463,7 +463,7 @@ impl Vertex<'_> {
             Self::Surface {
                 hit,
                 bsdf,
-                tilt,
+                bump_shadowing,
                 frame,
                 wo,
                 ..
@@ -472,7 +472,7 @@ impl Vertex<'_> {
                 if wi.z * hit.ng.dot(direct.wi) <= 0.0 {
                     return Rgb::ZERO;
                 }
-                let shadowing = tilt.map_or(1.0, |tilt| tilt.shadowing(direct.wi));
+                let shadowing = bump_shadowing.map_or(1.0, |shadowing| shadowing.factor(direct.wi));
                 let value = bsdf.eval(wo, wi, TransportMode::Flux);
                 (value * (wi.z.abs() * shadowing), bsdf.pdf(wo, wi))
             }

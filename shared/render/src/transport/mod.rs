@@ -208,11 +208,11 @@ impl<V: Sight> CameraTracer<'_, V> {
                 continue;
             }
             let wo = -path.ray.dir;
-            let tilt = scene.tilt(&mut hit, wo);
+            let bump_shadowing = scene.perturb_normal(&mut hit, wo);
             let frame = Frame::from_normal(hit.ns);
             let mut vertex = Vertex {
                 bsdf: material.bsdf(hit.uv),
-                tilt,
+                bump_shadowing,
                 frame,
                 wo,
                 local_wo: frame.to_local(wo),
@@ -442,11 +442,11 @@ impl<H> Path<H> {
     ) -> bool {
         let hit: &SurfaceHit = vertex.hit;
         let wi = vertex.frame.to_world(sample.wi).normalize();
-        if let Some(tilt) = vertex.tilt {
+        if let Some(shadowing) = vertex.bump_shadowing {
             if sample.wi.z * hit.ng.dot(wi) <= 0.0 {
                 return false;
             }
-            self.beta *= tilt.shadowing(wi);
+            self.beta *= shadowing.factor(wi);
         }
         if sample.transmitted {
             self.medium = scene.medium_beyond(hit, wi, self.medium);

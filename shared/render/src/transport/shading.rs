@@ -164,8 +164,8 @@ impl<V: Sight> CameraTracer<'_, V> {
             return Rgb::ZERO;
         }
         let mut throughput = sample.weight;
-        if let Some(tilt) = x.tilt {
-            throughput *= tilt.shadowing(wi);
+        if let Some(shadowing) = x.bump_shadowing {
+            throughput *= shadowing.factor(wi);
         }
         let object = x.hit.object;
         let walk = |start, wanted| Walk {
@@ -221,7 +221,9 @@ impl<V: Sight> CameraTracer<'_, V> {
         let scene = self.scene;
         // Photons find their way from y to x where nothing at y depends on the side that it is seen from.
         let found_too = from.filter(|(x, _)| {
-            !self.is_glossy(x) && y.tilt.is_none() && y.local_wo.z * y.hit.ng.dot(y.wo) > 0.0
+            !self.is_glossy(x)
+                && y.bump_shadowing.is_none()
+                && y.local_wo.z * y.hit.ng.dot(y.wo) > 0.0
         });
         let cos_out = y.hit.ng.dot(y.wo).abs();
         let share = |arriving: f32, wi: Vec3| match found_too {

@@ -1,6 +1,6 @@
 //! Surface points from which camera paths ask for light.
 
-use crate::bsdf::{Bsdf, Tilt, TransportMode};
+use crate::bsdf::{Bsdf, BumpShadowing, TransportMode};
 use crate::geometry::SurfaceHit;
 use crate::math::{Frame, Rgb, Vec3};
 use crate::medium::MediumId;
@@ -12,8 +12,8 @@ use crate::world::Scene;
 pub(super) struct Vertex<'a> {
     pub hit: &'a SurfaceHit,
     pub bsdf: Bsdf<'a>,
-    /// Where a relief has turned the hit's shading normal.
-    pub tilt: Option<Tilt>,
+    /// Where a bump or normal map has perturbed the hit's shading normal.
+    pub bump_shadowing: Option<BumpShadowing>,
     pub frame: Frame,
     pub wo: Vec3,
     pub local_wo: Vec3,
@@ -90,9 +90,9 @@ impl Vertex<'_> {
         let f = self
             .bsdf
             .eval(self.local_wo, local_wi, TransportMode::Radiance);
-        match self.tilt {
+        match self.bump_shadowing {
             None => f,
-            Some(tilt) => f * tilt.shadowing(wi),
+            Some(shadowing) => f * shadowing.factor(wi),
         }
     }
 
@@ -105,7 +105,7 @@ impl Vertex<'_> {
     /// Whether this is a facet that scatters diffusely.
     #[inline]
     pub(super) fn is_even(&self) -> bool {
-        self.tilt.is_none()
+        self.bump_shadowing.is_none()
             && self.hit.ns == self.hit.ng
             && matches!(self.bsdf, Bsdf::Diffuse { .. })
     }

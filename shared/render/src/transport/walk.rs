@@ -219,12 +219,12 @@ impl<V: Sight> CameraTracer<'_, V> {
     ) -> Rgb {
         let medium = &self.scene.media()[usize::from(segment.medium)];
         let CameraSegments { segments, steps } = &mut *out.segments;
-        let (stretch, transmittance) = medium.stretch(&segment.ray, segment.length, sampler, steps);
-        if let Some(stretch) = stretch {
+        let (seen, transmittance) = medium.segment(&segment.ray, segment.length, sampler, steps);
+        if let Some(seen) = seen {
             segments.push(CameraSegment {
-                length: stretch.range[1],
+                length: seen.range[1],
                 pixel: out.pixel,
-                steps: stretch.steps,
+                steps: seen.steps,
                 ..segment
             });
         }
@@ -315,12 +315,12 @@ impl<V: Sight> CameraTracer<'_, V> {
         let scene = self.scene;
         let material = scene.material(hit);
         let wo = -walk.ray.dir;
-        let tilt = scene.tilt(hit, wo);
+        let bump_shadowing = scene.perturb_normal(hit, wo);
         let hit = &*hit;
         let frame = Frame::from_normal(hit.ns);
         let mut y = Vertex {
             bsdf: material.bsdf(hit.uv),
-            tilt,
+            bump_shadowing,
             frame,
             wo,
             local_wo: frame.to_local(wo),
@@ -369,13 +369,13 @@ impl<V: Sight> CameraTracer<'_, V> {
             return Some(radiance);
         };
         let wi = frame.to_world(sample.wi).normalize();
-        if (!sample.delta || tilt.is_some()) && sample.wi.z * hit.ng.dot(wi) <= 0.0 {
+        if (!sample.delta || bump_shadowing.is_some()) && sample.wi.z * hit.ng.dot(wi) <= 0.0 {
             walk.beta = Rgb::ZERO;
             return Some(radiance);
         }
         let mut weight = sample.weight;
-        if let Some(tilt) = tilt {
-            weight *= tilt.shadowing(wi);
+        if let Some(shadowing) = bump_shadowing {
+            weight *= shadowing.factor(wi);
         }
         walk.pass(weight);
         if sample.transmitted {

@@ -4,7 +4,7 @@ mod crossing;
 mod description;
 mod shadow;
 
-use crate::bsdf::{Material, Tilt};
+use crate::bsdf::{BumpShadowing, Material};
 use crate::geometry::{Geometry, Object, SurfaceHit, bounds, clearance};
 use crate::light::{EmissionSample, Light, LightKind, LightSelector, LightSources, SceneBounds};
 use crate::math::{Ray, Rgb, Vec3};
@@ -151,14 +151,14 @@ impl Scene {
         let boundary = self.objects()[object as usize].boundary;
         boundary.is_none_or(|b| b.interior == b.exterior)
     }
-    /// Gives the hit the shading normal of its material's relief, if it has one, seen from `wo`.
+    /// Perturbs the hit's shading normal by its material's bump or normal map, if it has one, seen from `wo`.
     #[inline]
-    pub(crate) fn tilt(&self, hit: &mut SurfaceHit, wo: Vec3) -> Option<Tilt> {
-        let relief = self.material(hit).relief.as_ref()?;
+    pub(crate) fn perturb_normal(&self, hit: &mut SurfaceHit, wo: Vec3) -> Option<BumpShadowing> {
+        let map = self.material(hit).normal_perturbation.as_ref()?;
         let shape = &self.objects()[hit.object as usize].shape;
-        let (ns, tilt) = relief.normal(hit, shape.tangents(hit), wo);
+        let (ns, shadowing) = map.normal(hit, shape.tangents(hit), wo);
         hit.ns = ns;
-        Some(tilt)
+        Some(shadowing)
     }
     /// Whether the direct light of this light is all counted by sampling it: rays may pass its surface unseen.
     pub(crate) fn only_sampled(&self, light: usize) -> bool {

@@ -8,8 +8,8 @@ use crate::parse::{
 use crate::values::Spanned;
 use crate::values::{NonNegative, Number, Unit};
 use beamfarm_render::bsdf::{
-    Coat, Distribution, Material, MaterialKind, Relief, RoughCoat, Tint, conductor_names,
-    conductor_preset,
+    Coat, Distribution, Material, MaterialKind, NormalPerturbation, RoughCoat, Tint,
+    conductor_names, conductor_preset,
 };
 use beamfarm_render::math::Rgb;
 use beamfarm_render::texture::Texture;
@@ -111,7 +111,7 @@ fn material(record: &MaterialRecord, assets: &mut Assets<'_>) -> Result<Material
         kind,
         two_sided,
         opacity,
-        relief: relief(record, assets)?,
+        normal_perturbation: normal_perturbation(record, assets)?,
     })
 }
 
@@ -192,7 +192,10 @@ fn kind(record: &MaterialRecord, assets: &mut Assets<'_>) -> Result<MaterialKind
     })
 }
 
-fn relief(record: &MaterialRecord, assets: &mut Assets<'_>) -> Result<Option<Relief>, Problem> {
+fn normal_perturbation(
+    record: &MaterialRecord,
+    assets: &mut Assets<'_>,
+) -> Result<Option<NormalPerturbation>, Problem> {
     match (&record.bump, &record.normal_map) {
         (None, None) => Ok(None),
         (Some(bump), None) => {
@@ -204,7 +207,7 @@ fn relief(record: &MaterialRecord, assets: &mut Assets<'_>) -> Result<Option<Rel
                 wrap: bump.wrap,
                 uv: bump.uv.clone(),
             };
-            Ok(Some(Relief::Bump {
+            Ok(Some(NormalPerturbation::BumpMap {
                 height: texture::image::<NonNegative>(&image, assets)?,
                 scale: bump.scale.as_ref().map_or(1.0, Number::f32),
             }))
@@ -214,7 +217,9 @@ fn relief(record: &MaterialRecord, assets: &mut Assets<'_>) -> Result<Option<Rel
             if let TextureRecord::Image(image) = &mut map {
                 image.raw = true;
             }
-            Ok(Some(Relief::Normals(texture::texture(&map, assets)?)))
+            Ok(Some(NormalPerturbation::NormalMap(texture::texture(
+                &map, assets,
+            )?)))
         }
         (Some(_), Some(map)) => {
             Err(Fault::new(map.span(), "a surface has `bump` or `normal_map`, not both").into())

@@ -10,7 +10,6 @@
 
 use beamfarm_image::exr::pixel_hash;
 use beamfarm_image::merge::{Node, TreeSum};
-use beamfarm_image::radius::Schedule;
 use beamfarm_render::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::Scene;
@@ -186,7 +185,6 @@ fn render_here(scene: &Path, first: u64, step: u64, passes: u64) -> Result<(), A
     let settings = description.defaults.job_settings();
     let scene = Scene::new(description);
     let plan = RenderPlan::new(&scene, settings);
-    let schedule = Schedule::new(&settings);
     let camera = &scene.description().camera;
     let sum = Mutex::new(TreeSum::new(camera.width, camera.height));
     let next = AtomicU64::new(first);
@@ -198,7 +196,7 @@ fn render_here(scene: &Path, first: u64, step: u64, passes: u64) -> Result<(), A
                 return Ok(());
             }
             let image = pool.install(|| render_pass(&scene, &plan, pass));
-            let node = Node::leaf(pass, image.film).with_radius_scale(schedule.scale(pass));
+            let node = Node::leaf(pass, image.film).with_radius_scale(image.radius_scale);
             sum.lock().map_err(|_| "a thread failed")?.insert(node)?;
         }
     };

@@ -5,7 +5,6 @@ use beamfarm_image::bundle::Bundle;
 use beamfarm_image::film::Film;
 use beamfarm_image::job::{JobSettings, ReferenceSettings};
 use beamfarm_image::merge::{Average, Node, TreeSum};
-use beamfarm_image::radius::Schedule;
 use beamfarm_render::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::reference::render_sample;
@@ -60,13 +59,12 @@ pub fn run(scene: &Scene, settings: JobSettings, passes: u64) -> Average {
 /// # Panics
 /// When a pass has a pixel that is not finite.
 pub fn run_plan(scene: &Scene, plan: &RenderPlan, passes: u64) -> Average {
-    let schedule = Schedule::new(&plan.settings);
     let camera = &scene.description().camera;
     let mut sum = TreeSum::new(camera.width, camera.height);
     for pass_index in 0..passes {
         let image = render_pass(scene, plan, pass_index);
         let leaf = Node::leaf(pass_index, image.film);
-        let inserted = sum.insert(leaf.with_radius_scale(schedule.scale(pass_index)));
+        let inserted = sum.insert(leaf.with_radius_scale(image.radius_scale));
         assert!(inserted.is_ok(), "{inserted:?}");
     }
     let Some(average) = sum.average() else {

@@ -5,7 +5,6 @@ use crate::error::WorkerError;
 use beamfarm_image::bundle::Bundle;
 use beamfarm_image::job::{Block, PassStats};
 use beamfarm_image::merge::Node;
-use beamfarm_image::radius::Schedule;
 use beamfarm_proto::Job;
 use beamfarm_render::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
@@ -31,9 +30,8 @@ impl Prepared {
             return Err(format!("{bad} pixel values are not finite"));
         }
         let count = image.layers.len();
-        let scale = Schedule::new(&self.plan.settings).scale(pass_index);
         let leaf = Node::leaf(pass_index, image.film).with_layers(image.layers);
-        let mut node = leaf.with_radius_scale(scale);
+        let mut node = leaf.with_radius_scale(image.radius_scale);
         let (width, height) = (node.sum.width, node.sum.height);
         // Looked at here, so that the pass can be named and not only the block.
         node.check(width, height, count)

@@ -15,6 +15,7 @@ use crate::transport::{CameraTracer, Out};
 use crate::world::Scene;
 use beamfarm_image::film::Film;
 use beamfarm_image::job::PassStats;
+use beamfarm_image::radius::Schedule;
 use rayon::prelude::*;
 
 /// What a pass returns.
@@ -24,6 +25,8 @@ pub struct PassImage {
     pub film: Film,
     /// What the plan has beside it, in its order.
     pub layers: Vec<Film>,
+    /// What kernel radii of the pass were scaled by.
+    pub radius_scale: f64,
     /// Counters.
     pub stats: PassStats,
 }
@@ -75,6 +78,7 @@ pub fn render_pass(scene: &Scene, plan: &RenderPlan, pass_index: u64) -> PassIma
     PassImage {
         film,
         layers,
+        radius_scale: Schedule::new(&plan.settings).scale(pass_index),
         stats,
     }
 }

@@ -13,7 +13,6 @@ use beamfarm_image::bundle::Bundle;
 use beamfarm_image::exr::encode_block;
 use beamfarm_image::job::Block;
 use beamfarm_image::merge::{Average, Node, TreeSum};
-use beamfarm_image::radius::Schedule;
 use beamfarm_proto::{Grant, LeaseId};
 use beamfarm_render::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
@@ -206,12 +205,11 @@ impl Truth {
         let plan = RenderPlan::new(&scene, settings());
         let camera = scene.description().camera;
         let mut sum = TreeSum::new(camera.width, camera.height);
-        let schedule = Schedule::new(&settings());
         let mut passes = Vec::new();
         for pass_index in 0..PASSES {
-            let film = render_pass(&scene, &plan, pass_index).film;
-            let leaf = Node::leaf(pass_index, film);
-            passes.push(leaf.with_radius_scale(schedule.scale(pass_index)));
+            let image = render_pass(&scene, &plan, pass_index);
+            let leaf = Node::leaf(pass_index, image.film);
+            passes.push(leaf.with_radius_scale(image.radius_scale));
             sum.insert(passes[pass_index as usize].clone()).unwrap();
         }
         let average = sum.average().unwrap();

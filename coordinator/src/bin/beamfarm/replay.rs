@@ -7,7 +7,6 @@ use beamfarm_image::atomic::write_file;
 use beamfarm_image::exr::{BlockMeta, encode_block, pixel_hash};
 use beamfarm_image::job::{Block, MAX_PASSES};
 use beamfarm_image::merge::Node;
-use beamfarm_image::radius::Schedule;
 use beamfarm_proto::VERSION;
 use beamfarm_render::aov::NoSuchGroup;
 use beamfarm_render::pass::render_pass;
@@ -86,7 +85,7 @@ pub fn main(args: ReplayArgs) -> Result<(), Failure> {
             block: Block::leaf(args.pass),
             seed: settings.seed,
             alpha: settings.alpha,
-            radius_scale: Schedule::new(&settings).scale(args.pass),
+            radius_scale: image.radius_scale,
             version: VERSION.into(),
         };
         let node = Node::leaf(args.pass, image.film).with_layers(image.layers);

@@ -4,6 +4,7 @@ mod analysis;
 mod comparison;
 mod crops;
 mod machine;
+mod overrides;
 mod plot;
 mod record;
 mod report;
@@ -21,10 +22,11 @@ use beamfarm_scene::read_bundle;
 use clap::Args;
 use comparison::Reference;
 use machine::Machine;
+use overrides::{Overrides, load};
 use record::{Findings, PeerFindings, Record, RunFindings, SceneFindings, Settings};
 use run::{Run, Task, checkpoints};
 use std::path::PathBuf;
-use suite::{Overrides, Peer, Point, RunCase, SceneCase, Suite};
+use suite::{Peer, Point, RunCase, SceneCase, Suite};
 
 pub const EXAMPLES: &str = "\
 Examples:
@@ -184,7 +186,7 @@ fn prepare(case: &SceneCase, runs: &[RunCase]) -> Result<(SceneFindings, Vec<Nam
     let mut size = None;
     let mut exposure = 0.0;
     for run in runs.iter().filter(|run| run.renders(&case.name)) {
-        let (description, settings) = run.overrides.load(&case.path)?;
+        let (description, settings) = load(&case.path, &run.overrides)?;
         let camera = &description.camera;
         let this = [camera.width, camera.height];
         let first = *size.get_or_insert(this);
@@ -220,7 +222,7 @@ fn prepare(case: &SceneCase, runs: &[RunCase]) -> Result<(SceneFindings, Vec<Nam
         Some(size) => size,
         // Nothing is rendered, but others may be compared.
         None => {
-            let (description, _) = Overrides::default().load(&case.path)?;
+            let (description, _) = load(&case.path, &Overrides::default())?;
             exposure = description.defaults.exposure;
             [description.camera.width, description.camera.height]
         }

@@ -3,8 +3,9 @@
 use super::analysis::{Clock, Fit, TARGETS, TimeTo, fit, time_to};
 use super::comparison::{Comparison, Reference};
 use super::machine::Machine;
+use super::overrides::Overrides;
 use super::run::Sample;
-use super::suite::{Overrides, Point};
+use super::suite::Point;
 use crate::failure::Failure;
 use beamfarm_image::atomic::write_file;
 use beamfarm_image::film::Film;

@@ -3,7 +3,7 @@
 //! The parent writes a line of JSON, the [`Task`], and then an empty line whenever the next passes may begin: nothing else
 //! runs while they are timed. The child answers each with a line of JSON, the [`Sample`], and the pixels of the image.
 
-use super::suite::Overrides;
+use super::overrides::{Overrides, load};
 use crate::failure::Failure;
 use beamfarm_image::film::Film;
 use beamfarm_image::job::PassStats;
@@ -159,7 +159,7 @@ pub fn child() -> Result<(), Failure> {
     let gone = |_| Failure::io("the parent is gone");
     let task: Task = serde_json::from_str(&orders.recv().map_err(gone)?).map_err(Failure::usage)?;
     let begun = Instant::now();
-    let (description, settings) = task.overrides.load(&task.scene)?;
+    let (description, settings) = load(&task.scene, &task.overrides)?;
     // Zero threads stand for one per core.
     let threads = task.overrides.threads.map_or(0, usize::from);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();

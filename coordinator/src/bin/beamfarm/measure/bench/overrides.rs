@@ -1,0 +1,127 @@
+//! What a run changes of its scene.
+
+use crate::failure::Failure;
+use beamfarm_image::job::{JobSettings, ScheduleKind};
+use beamfarm_render::world::SceneDescription;
+use beamfarm_scene::{ImportOptions, SceneFile};
+use clap::Args;
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+
+/// What stands in place of the scene's own settings.
+#[derive(Args, Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Overrides {
+    /// Photon paths that each pass emits [default: the scene's]
+    #[arg(long, value_name = "M", value_parser = clap::value_parser!(u32).range(1..))]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub paths: Option<u32>,
+
+    /// How quickly radii shrink, between 0 and 1 [default: the scene's]
+    #[arg(long, value_name = "A")]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub alpha: Option<f64>,
+
+    /// Fixed base radius of all beams and photons, in scene units [default: the scene's, or by photon differentials]
+    #[arg(long, value_name = "R")]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub radius: Option<f32>,
+
+    /// Shrink radii once a `pass` or once a `beam` [default: the scene's]
+    #[arg(long, value_name = "KIND", value_parser = schedule)]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub schedule: Option<ScheduleKind>,
+
+    /// Seed of all random numbers [default: the scene's]
+    #[arg(long, value_name = "S")]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub seed: Option<u64>,
+
+    /// Rendering threads [default: one per core]
+    #[arg(long, value_name = "T", value_parser = clap::value_parser!(u16).range(1..))]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub threads: Option<u16>,
+
+    /// Pixels a row [default: the scene's]
+    #[arg(long, value_name = "W", value_parser = clap::value_parser!(u32).range(1..=MAX_SIDE))]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub width: Option<u32>,
+
+    /// Rows of pixels [default: the scene's]
+    #[arg(long, value_name = "H", value_parser = clap::value_parser!(u32).range(1..=MAX_SIDE))]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub height: Option<u32>,
+}
+
+/// Pixels along a side at most.
+const MAX_SIDE: i64 = 1 << 14;
+
+fn schedule(text: &str) -> Result<ScheduleKind, String> {
+    match text {
+        "pass" => Ok(ScheduleKind::Pass),
+        "beam" => Ok(ScheduleKind::Beam),
+        _ => Err("expected pass or beam".into()),
+    }
+}
+
+impl Overrides {
+    /// These, where they say something, else those.
+    pub fn or(&self, other: &Self) -> Self {
+        Self {
+            paths: self.paths.or(other.paths),
+            alpha: self.alpha.or(other.alpha),
+            radius: self.radius.or(other.radius),
+            schedule: self.schedule.or(other.schedule),
+            seed: self.seed.or(other.seed),
+            threads: self.threads.or(other.threads),
+            width: self.width.or(other.width),
+            height: self.height.or(other.height),
+        }
+    }
+
+    /// Put them in place of the scene's own; returns the settings of the passes.
+    pub fn apply(&self, description: &mut SceneDescription) -> Result<JobSettings, String> {
+        let defaults = &mut description.defaults;
+        let settings = JobSettings {
+            seed: self.seed.unwrap_or(defaults.seed),
+            alpha: self.alpha.unwrap_or(defaults.alpha),
+            schedule: self.schedule.unwrap_or(defaults.schedule),
+            paths_per_pass: self.paths.unwrap_or(defaults.paths_per_pass),
+            ..defaults.job_settings()
+        };
+        settings.check().map_err(|error| error.to_string())?;
+        if let Some(radius) = self.radius {
+            if !(radius > 0.0 && radius.is_finite()) {
+                return Err(format!("radius is {radius}; expected a positive length"));
+            }
+            defaults.radius = Some(radius);
+        }
+        for (name, side) in [("width", self.width), ("height", self.height)] {
+            if side.is_some_and(|side| !(1..=MAX_SIDE).contains(&i64::from(side))) {
+                return Err(format!(
+                    "{name} is out of range; expected 1 to {MAX_SIDE} pixels"
+                ));
+            }
+        }
+        if self.threads == Some(0) {
+            return Err("threads is 0; expected at least 1".into());
+        }
+        let camera = &mut description.camera;
+        camera.width = self.width.unwrap_or(camera.width);
+        camera.height = self.height.unwrap_or(camera.height);
+        Ok(settings)
+    }
+}
+
+/// Read a scene as it will be rendered.
+pub fn load(
+    scene: &Path,
+    overrides: &Overrides,
+) -> Result<(SceneDescription, JobSettings), Failure> {
+    let file = SceneFile::read(scene, &ImportOptions::default())?;
+    let mut description = file.load()?;
+    let settings = overrides
+        .apply(&mut description)
+        .map_err(|message| Failure::usage(format!("{}: {message}", scene.display())))?;
+    Ok((description, settings))
+}

@@ -155,9 +155,13 @@ mod tests {
                 tokio::spawn(async move { intake.admit(largest).await.map(drop) })
             })
             .collect();
-        while intake.waiting.available_permits() > 0 {
-            tokio::task::yield_now().await;
-        }
+        let all_wait = async {
+            while intake.waiting.available_permits() > 0 {
+                tokio::task::yield_now().await;
+            }
+        };
+        let long = Duration::from_secs(60);
+        tokio::time::timeout(long, all_wait).await.unwrap();
         let refused = intake.admit(1).await.err().map(|status| status.code());
         assert_eq!(refused, Some(tonic::Code::ResourceExhausted));
         drop(inside);

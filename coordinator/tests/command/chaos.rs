@@ -3,18 +3,15 @@
 //!
 //! `BEAMFARM_CHAOS_ROUNDS=100` makes it a long one; `BEAMFARM_CHAOS_SEED=17` repeats the round of that number.
 
-use crate::setup::{beamfarm, folder_with, line, random, scene, signal, succeed};
+use crate::setup::{LONG, Process, beamfarm, folder_with, line, random, scene, spawn, succeed};
 use std::fs::File;
-use std::io::{BufRead, BufReader};
 use std::path::Path;
-use std::process::{Child, Stdio};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use std::process::Stdio;
+use std::sync::mpsc::RecvTimeoutError;
 use std::time::{Duration, Instant};
 
 const ACTS: u64 = 16;
 const WORKERS: usize = 2;
-/// Nothing takes this long.
-const LONG: Duration = Duration::from_secs(60);
 
 struct Dice(u64);
 
@@ -25,58 +22,24 @@ impl Dice {
     }
 }
 
-/// A process that does not outlive the test.
-struct Process(Child);
-
-impl Process {
-    fn kill(&mut self) {
-        // Fails when it has ended.
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
-    fn signal(&self, name: &str) {
-        signal(name, &self.0.id().to_string());
-    }
-    fn is_running(&mut self) -> bool {
-        self.0.try_wait().unwrap().is_none()
-    }
-}
-
-impl Drop for Process {
-    fn drop(&mut self) {
-        self.kill();
-    }
-}
-
 struct Stage<'a> {
     folder: &'a Path,
     address: String,
     coordinator: Process,
-    /// What it says.
-    log: Receiver<String>,
     /// What all of them have said.
     said: Vec<String>,
     workers: Vec<Process>,
 }
 
-fn start_coordinator(folder: &Path, address: &str, passes: u64) -> (Process, Receiver<String>) {
+fn start_coordinator(folder: &Path, address: &str, passes: u64) -> Process {
     let mut command = beamfarm(
         folder,
         &["serve", "scene.toml", "--job", "a.job", "--quiet"],
     );
     command.args(["--listen", address, "--passes", &passes.to_string()]);
     command.args(["--log", "beamfarm_coordinator=debug,warn"]);
-    let mut child = command.stdout(Stdio::null()).spawn().unwrap();
-    let stderr = BufReader::new(child.stderr.take().unwrap());
-    let (sender, log) = channel();
-    std::thread::spawn(move || {
-        let lines = stderr.lines().map_while(Result::ok);
-        lines
-            .map(|line| sender.send(line))
-            .take_while(Result::is_ok)
-            .count()
-    });
-    (Process(child), log)
+    command.stdout(Stdio::null());
+    spawn(command)
 }
 
 fn start_worker(folder: &Path, address: &str, i: usize) -> Process {
@@ -89,7 +52,7 @@ fn start_worker(folder: &Path, address: &str, i: usize) -> Process {
         .append(true)
         .open(folder.join(name + ".log"));
     command.stdout(Stdio::null()).stderr(log.unwrap());
-    Process(command.spawn().unwrap())
+    spawn(command)
 }
 
 impl<'a> Stage<'a> {
@@ -97,23 +60,22 @@ impl<'a> Stage<'a> {
         let port = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
         let address = port.local_addr().unwrap().to_string();
         drop(port);
-        let (coordinator, log) = start_coordinator(folder, &address, 1_000_000);
+        let coordinator = start_coordinator(folder, &address, 1_000_000);
         let workers = (0..WORKERS).map(|i| start_worker(folder, &address, i));
         Self {
             workers: workers.collect(),
             folder,
             address,
             coordinator,
-            log,
             said: Vec::new(),
         }
     }
 
     /// The next line of the coordinator's log; `None` when it has ended.
     fn hear(&mut self) -> Option<&str> {
-        match self.log.recv_timeout(LONG) {
+        match self.coordinator.log.next(Instant::now() + LONG) {
             Ok(line) => {
-                self.said.push(line);
+                self.said.push(line.trim_end().to_owned());
                 self.said.last().map(String::as_str)
             }
             Err(RecvTimeoutError::Disconnected) => None,
@@ -159,8 +121,7 @@ impl<'a> Stage<'a> {
     }
 
     fn start_coordinator(&mut self, passes: u64) {
-        let (coordinator, log) = start_coordinator(self.folder, &self.address, passes);
-        (self.coordinator, self.log) = (coordinator, log);
+        self.coordinator = start_coordinator(self.folder, &self.address, passes);
     }
 
     fn restart_coordinator(&mut self) {
@@ -229,16 +190,14 @@ impl<'a> Stage<'a> {
         let passes = self.untouched() + 10;
         self.start_coordinator(passes);
         while self.hear().is_some() {}
-        let status = self.coordinator.0.wait().unwrap();
+        let status = self.coordinator.wait();
         assert!(status.success(), "{status}: {}", self.tale());
         // They are told, and so they were all the time.
-        let begun = Instant::now();
+        let until = Instant::now() + LONG;
         for i in 0..WORKERS {
-            while self.workers[i].is_running() {
-                assert!(begun.elapsed() < LONG, "worker {i} stays: {}", self.tale());
-                std::thread::sleep(Duration::from_millis(5));
-            }
-            let status = self.workers[i].0.wait().unwrap();
+            let Some(status) = self.workers[i].ends(until) else {
+                panic!("worker {i} stays: {}", self.tale());
+            };
             assert!(status.success(), "worker {i}: {status}: {}", self.tale());
         }
         let differs = |line: &&String| line.contains("different pixels");

@@ -1,9 +1,6 @@
 //! Rendering, on one machine and over several: exit codes, what stands on stdout and stderr, what survives a signal.
 
-use crate::setup::{
-    beamfarm, fail, finish, folder_with, line, run, scene, signal, spawn, succeed, wait_for,
-};
-use std::io::{BufRead, BufReader};
+use crate::setup::{beamfarm, fail, folder_with, line, run, scene, signal, spawn, succeed, text};
 use std::path::Path;
 use tempfile::TempDir;
 
@@ -113,19 +110,20 @@ fn a_killed_worker_does_not_change_a_bit() {
     let undisturbed = succeed(path, &args);
     let mut command = beamfarm(path, &args);
     command.args(["--log", "debug", "-o", "killed.exr"]);
-    let (child, mut log) = spawn(command);
-    let rest = wait_for(&mut log, "started worker process ");
-    let pid = rest.split(' ').next().unwrap().to_owned();
-    wait_for(&mut log, "block=pass 3 lease=");
-    signal("-KILL", &pid);
-    let (output, log) = finish(child, log);
+    let mut render = spawn(command);
+    let rest = render.log.wait_for("started worker process ");
+    let pid = rest.split(' ').next().unwrap();
+    render.log.wait_for("block=pass 3 lease=");
+    signal("-KILL", pid);
+    let output = render.finish();
+    let log = text(&output.stderr);
     assert!(output.status.success(), "{log}");
     assert!(
         log.contains("was killed by signal 9; starting another one"),
         "{log}"
     );
-    let stdout = String::from_utf8(output.stdout).unwrap();
-    assert_eq!(line(&stdout, "pixels"), line(&undisturbed, "pixels"));
+    let stdout = text(&output.stdout);
+    assert_eq!(line(stdout, "pixels"), line(&undisturbed, "pixels"));
 }
 
 #[test]
@@ -134,12 +132,13 @@ fn workers_that_keep_dying_end_the_job() {
     let mut command = beamfarm(folder.path(), &["render", "scene.toml", "--workers", "1"]);
     // A pass that takes longer than its workers live.
     command.args(["--paths", "50000000", "--log", "info"]);
-    let (child, mut log) = spawn(command);
+    let mut render = spawn(command);
     for _ in 0..5 {
-        let rest = wait_for(&mut log, "started worker process ");
+        let rest = render.log.wait_for("started worker process ");
         signal("-KILL", rest.split(' ').next().unwrap());
     }
-    let (output, log) = finish(child, log);
+    let output = render.finish();
+    let log = text(&output.stderr);
     assert_eq!(output.status.code(), Some(5), "{log}");
     assert!(log.contains("5 workers died in a row"), "{log}");
     assert!(!folder.path().join("scene.exr").exists());
@@ -150,13 +149,12 @@ fn an_interrupted_job_writes_what_is_complete() {
     let folder = folder();
     let mut command = beamfarm(folder.path(), &["render", "scene.toml", "--time", "1h"]);
     command.args(["--log", "debug"]);
-    let (child, mut log) = spawn(command);
-    wait_for(&mut log, "block=pass 0 pixels=");
-    signal("-INT", &child.id().to_string());
-    let (output, log) = finish(child, log);
-    assert_eq!(output.status.code(), Some(0), "{log}");
-    let stdout = String::from_utf8(output.stdout).unwrap();
-    assert!(line(&stdout, "wrote").contains("scene.exr"));
+    let mut render = spawn(command);
+    render.log.wait_for("block=pass 0 pixels=");
+    render.signal("-INT");
+    let output = render.finish();
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    assert!(line(text(&output.stdout), "wrote").contains("scene.exr"));
     assert!(folder.path().join("scene.exr").exists());
 }
 
@@ -174,14 +172,13 @@ fn workers_die_with_their_parent() {
     let folder = folder();
     let mut command = beamfarm(folder.path(), &["render", "scene.toml", "--time", "1h"]);
     command.args(["--log", "info", "--workers", "1", "--threads", "1"]);
-    let (mut child, mut log) = spawn(command);
-    let rest = wait_for(&mut log, "started worker process ");
-    let worker = rest.split(' ').next().unwrap().to_owned();
-    assert!(Path::new("/proc").join(&worker).exists());
-    child.kill().unwrap();
-    child.wait().unwrap();
+    let mut render = spawn(command);
+    let rest = render.log.wait_for("started worker process ");
+    let worker = rest.split(' ').next().unwrap();
+    assert!(Path::new("/proc").join(worker).exists());
+    render.kill();
     // Its end of the log closes when the worker is gone, and only then.
-    std::io::read_to_string(log).unwrap();
+    render.log.wait_for_end();
 }
 
 #[test]
@@ -191,22 +188,15 @@ fn a_server_and_a_worker_make_the_same_picture() {
     let alone = succeed(path, &["render", "scene.toml"]);
     let mut command = beamfarm(path, &["serve", "scene.toml", "--listen", "127.0.0.1:0"]);
     command.args(["-o", "served.exr", "--log", "info"]);
-    let mut server = command.spawn().unwrap();
-    let mut stdout = BufReader::new(server.stdout.take().unwrap());
-    let mut first = String::new();
-    stdout.read_line(&mut first).unwrap();
-    let url = first
-        .trim()
-        .strip_prefix("listening on ")
-        .unwrap()
-        .to_owned();
+    let mut server = spawn(command);
+    let url = server.out.wait_for("listening on ");
     let worker = run(path, &["worker", "--connect", &url, "--threads", "1"]);
     let stderr = String::from_utf8(worker.stderr).unwrap();
     assert_eq!(worker.status.code(), Some(0), "{stderr}");
     assert_eq!(worker.stdout, b"");
-    let stdout = std::io::read_to_string(stdout).unwrap();
-    assert!(server.wait().unwrap().success());
-    assert_eq!(line(&stdout, "pixels"), line(&alone, "pixels"));
+    let server = server.finish();
+    assert!(server.status.success(), "{}", text(&server.stderr));
+    assert_eq!(line(text(&server.stdout), "pixels"), line(&alone, "pixels"));
     // The worker kept the scene for the next time.
     assert!(
         path.join("cache")

@@ -1,9 +1,18 @@
 //! Scenes to run the command on, and running it.
 
-use std::io::{BufRead, BufReader};
+use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
-use std::process::{Child, ChildStderr, Command, Output, Stdio};
+use std::process::{Child, Command, ExitStatus, Output, Stdio};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use std::time::{Duration, Instant};
 use tempfile::TempDir;
+
+/// Nothing that a test waits for takes this long: a line, a file, an end that was asked for.
+pub const LONG: Duration = Duration::from_secs(60);
+/// Nor does a command with all of its work, on a machine that has other things to do.
+const WHOLE_RUN: Duration = Duration::from_secs(300);
+/// Time between two looks.
+const LOOK: Duration = Duration::from_millis(5);
 
 /// A lamp in fog over a ball.
 const SCENE: &str = r#"
@@ -55,7 +64,12 @@ pub fn beamfarm(folder: &Path, args: &[&str]) -> Command {
 }
 
 pub fn run(folder: &Path, args: &[&str]) -> Output {
-    beamfarm(folder, args).output().unwrap()
+    output(beamfarm(folder, args))
+}
+
+/// What a command did by itself.
+pub fn output(command: Command) -> Output {
+    spawn(command).finish()
 }
 
 pub fn succeed(folder: &Path, args: &[&str]) -> String {
@@ -79,31 +93,184 @@ pub fn line<'a>(stdout: &'a str, word: &str) -> &'a str {
     found.unwrap_or_else(|| panic!("no {word:?} in {stdout}"))
 }
 
-/// Read the log until a line holds this text, and return what follows it there.
-pub fn wait_for(log: &mut BufReader<ChildStderr>, text: &str) -> String {
-    let mut read = String::new();
-    for line in log.lines() {
-        let line = line.unwrap();
-        if let Some((_, rest)) = line.split_once(text) {
-            return rest.to_owned();
+/// What a process writes, read as it comes, so that the process never waits for its reader.
+pub struct Lines {
+    coming: Receiver<String>,
+    seen: String,
+}
+
+impl Lines {
+    fn of(stream: Option<impl Read + Send + 'static>) -> Self {
+        let (sender, coming) = channel();
+        if let Some(stream) = stream {
+            std::thread::spawn(move || {
+                let mut stream = BufReader::new(stream);
+                let mut line = Vec::new();
+                while stream.read_until(b'\n', &mut line).is_ok_and(|n| n > 0) {
+                    // Fails when the test is over; what still comes is read all the same.
+                    let _ = sender.send(String::from_utf8_lossy(&line).into_owned());
+                    line.clear();
+                }
+            });
         }
-        read.push_str(&line);
-        read.push('\n');
+        Self {
+            coming,
+            seen: String::new(),
+        }
     }
-    panic!("no {text:?} in the log:\n{read}");
+
+    /// The next line, with its end. An error when there is none by then, or none will come.
+    pub fn next(&mut self, until: Instant) -> Result<String, RecvTimeoutError> {
+        let patience = until.saturating_duration_since(Instant::now());
+        let line = self.coming.recv_timeout(patience)?;
+        self.seen.push_str(&line);
+        Ok(line)
+    }
+
+    /// Wait for a line that holds this text, and return what follows it there.
+    pub fn wait_for(&mut self, text: &str) -> String {
+        let until = Instant::now() + LONG;
+        loop {
+            match self.next(until) {
+                Ok(line) => {
+                    if let Some((_, rest)) = line.split_once(text) {
+                        return rest.trim_end().to_owned();
+                    }
+                }
+                Err(RecvTimeoutError::Timeout) => {
+                    panic!("no {text:?} within {LONG:?}, but:\n{}", self.seen)
+                }
+                Err(RecvTimeoutError::Disconnected) => {
+                    panic!("it has ended without {text:?}:\n{}", self.seen)
+                }
+            }
+        }
+    }
+
+    /// The same, unless such a line has come already.
+    pub fn wait_until_seen(&mut self, text: &str) {
+        if !self.so_far().contains(text) {
+            self.wait_for(text);
+        }
+    }
+
+    /// All that has come.
+    pub fn so_far(&mut self) -> &str {
+        self.seen.extend(self.coming.try_iter());
+        &self.seen
+    }
+
+    /// Wait until nothing more will come.
+    pub fn wait_for_end(&mut self) {
+        if !self.has_ended(Instant::now() + LONG) {
+            panic!("it goes on after {LONG:?}:\n{}", self.seen);
+        }
+    }
+
+    /// The same, or until then; whether it has ended.
+    fn has_ended(&mut self, until: Instant) -> bool {
+        loop {
+            match self.next(until) {
+                Ok(_) => {}
+                Err(error) => return error == RecvTimeoutError::Disconnected,
+            }
+        }
+    }
 }
 
-pub fn spawn(mut command: Command) -> (Child, BufReader<ChildStderr>) {
+/// A process that does not outlive its test.
+pub struct Process {
+    child: Child,
+    /// Its stdout, unless that goes elsewhere.
+    pub out: Lines,
+    /// Its stderr, unless that goes elsewhere. Ends when its children have ended as well.
+    pub log: Lines,
+}
+
+pub fn spawn(mut command: Command) -> Process {
     let mut child = command.spawn().unwrap();
-    let log = BufReader::new(child.stderr.take().unwrap());
-    (child, log)
+    Process {
+        out: Lines::of(child.stdout.take()),
+        log: Lines::of(child.stderr.take()),
+        child,
+    }
 }
 
-/// The rest of the log has to be read, or the process blocks.
-pub fn finish(child: Child, log: BufReader<ChildStderr>) -> (Output, String) {
-    let log = std::thread::spawn(move || std::io::read_to_string(log).unwrap());
-    let output = child.wait_with_output().unwrap();
-    (output, log.join().unwrap())
+impl Process {
+    pub fn signal(&self, name: &str) {
+        signal(name, &self.child.id().to_string());
+    }
+
+    pub fn is_running(&mut self) -> bool {
+        self.child.try_wait().unwrap().is_none()
+    }
+
+    pub fn kill(&mut self) {
+        // Fails when it has ended.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+
+    /// How it ended, if it does by then.
+    pub fn ends(&mut self, until: Instant) -> Option<ExitStatus> {
+        loop {
+            let status = self.child.try_wait().unwrap();
+            if status.is_some() || Instant::now() >= until {
+                return status;
+            }
+            std::thread::sleep(LOOK);
+        }
+    }
+
+    /// How it ended.
+    pub fn wait(&mut self) -> ExitStatus {
+        let status = self.ends(Instant::now() + LONG);
+        status.unwrap_or_else(|| panic!("it goes on after {LONG:?}:\n{}", self.said()))
+    }
+
+    /// How it ended, and all that it wrote.
+    pub fn finish(mut self) -> Output {
+        let until = Instant::now() + WHOLE_RUN;
+        let whole = self.out.has_ended(until) && self.log.has_ended(until);
+        match self.ends(until).filter(|_| whole) {
+            Some(status) => Output {
+                status,
+                stdout: std::mem::take(&mut self.out.seen).into_bytes(),
+                stderr: std::mem::take(&mut self.log.seen).into_bytes(),
+            },
+            None => panic!("it goes on after {WHOLE_RUN:?}:\n{}", self.said()),
+        }
+    }
+
+    /// All that it wrote until now.
+    fn said(&mut self) -> String {
+        format!("{}\n{}", self.out.so_far(), self.log.so_far())
+    }
+}
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        self.kill();
+    }
+}
+
+/// Look until there is what is looked for; an error says what there is instead.
+pub fn wait_until<T>(what: &str, mut look: impl FnMut() -> Result<T, String>) -> T {
+    let until = Instant::now() + LONG;
+    loop {
+        match look() {
+            Ok(found) => return found,
+            Err(instead) if Instant::now() >= until => {
+                panic!("no {what} within {LONG:?}, but:\n{instead}")
+            }
+            Err(_) => std::thread::sleep(LOOK),
+        }
+    }
+}
+
+/// What was written, as text.
+pub fn text(bytes: &[u8]) -> &str {
+    std::str::from_utf8(bytes).unwrap()
 }
 
 pub fn signal(name: &str, pid: &str) {

@@ -1,41 +1,22 @@
 //! A server that is asked how it stands, and told what to do.
 
 use crate::setup::{
-    beamfarm, fail, finish, folder_with, line, scene, signal, spawn, succeed, wait_for,
+    Process, beamfarm, fail, folder_with, line, run, scene, spawn, succeed, text, wait_until,
 };
-use std::io::{BufRead, BufReader};
-use std::process::{Child, ChildStdout};
+use serde_json::Value;
+use std::path::Path;
 
-/// Lines of stdout as they come.
-fn stdout(child: &mut Child) -> std::io::Lines<BufReader<ChildStdout>> {
-    BufReader::new(child.stdout.take().unwrap()).lines()
+fn status(folder: &Path, url: &str) -> Value {
+    serde_json::from_str(&succeed(folder, &["status", url, "--json"])).unwrap()
 }
 
-fn wait_for_line(lines: &mut impl Iterator<Item = std::io::Result<String>>, text: &str) -> String {
-    let mut lines = lines.map(Result::unwrap);
-    lines
-        .find(|line| line.contains(text))
-        .unwrap_or_else(|| panic!("no {text:?}"))
-}
-
-#[test]
-fn a_server_is_watched_paused_extended_written_and_cancelled() {
-    let folder = folder_with(&scene([16, 12], 100_000, 200));
-    let folder = folder.path();
-    let serve = [
-        "serve",
-        "scene.toml",
-        "--listen",
-        "127.0.0.1:0",
-        "--openjd",
-        "--log-format",
-        "json",
-    ];
-    let (mut server, mut log) = spawn(beamfarm(folder, &serve));
-    let mut lines = stdout(&mut server);
-    let listening = wait_for_line(&mut lines, "listening on ");
-    let url = listening.split_once("listening on ").unwrap().1.to_owned();
-    let configuration = wait_for(&mut log, "\"message\":\"configuration\"");
+/// A server that says what it does, and its address.
+fn start_server(folder: &Path) -> (Process, String) {
+    let serve = ["serve", "scene.toml", "--listen", "127.0.0.1:0"];
+    let told = ["--openjd", "--log-format", "json"];
+    let mut server = spawn(beamfarm(folder, &[&serve[..], &told].concat()));
+    let url = server.out.wait_for("listening on ");
+    let configuration = server.log.wait_for("\"message\":\"configuration\"");
     for part in [
         "\"passes\":100000",
         "\"paths_per_pass\":200",
@@ -46,74 +27,80 @@ fn a_server_is_watched_paused_extended_written_and_cancelled() {
             "{part} is not in {configuration}"
         );
     }
+    (server, url)
+}
+
+fn pause_and_extend(folder: &Path, url: &str) {
+    assert_eq!(succeed(folder, &["pause", url]), "paused\n");
+    assert_eq!(status(folder, url)["state"], "paused");
+    assert_eq!(succeed(folder, &["resume", url]), "resumed\n");
+    assert_eq!(status(folder, url)["state"], "running");
+    succeed(folder, &["extend", url, "--passes", "100001"]);
+    assert_eq!(status(folder, url)["limit"], 100_001);
+    let (code, message) = fail(folder, &["extend", url, "--passes", "7"]);
+    assert!(code == 2 && message.contains("100001"), "{code} {message}");
+}
+
+fn write_twice(folder: &Path, url: &str, server: &mut Process) {
+    let exr = folder.join("scene.exr");
+    assert!(succeed(folder, &["write", url]).starts_with("wrote scene.exr with "));
+    std::fs::remove_file(&exr).unwrap();
+    server.signal("-HUP");
+    // The log has the line of the write before as well, so that the file itself tells.
+    wait_until("image after a hangup", || match exr.exists() {
+        true => Ok(()),
+        false => Err(server.log.so_far().to_owned()),
+    });
+}
+
+#[test]
+fn a_server_is_watched_paused_extended_written_and_cancelled() {
+    let folder = folder_with(&scene([16, 12], 100_000, 200));
+    let folder = folder.path();
+    let (mut server, url) = start_server(folder);
+    let begun = server.log.so_far().len();
     let (code, message) = fail(folder, &["write", &url]);
     assert!(
         code == 1 && message.contains("no pass is complete"),
         "{code} {message}"
     );
 
-    let (mut worker, worker_log) = spawn(beamfarm(
-        folder,
-        &["worker", "--connect", &url, "--threads", "1"],
-    ));
-    let progress = wait_for_line(&mut lines, "openjd_status: ");
+    let worker = ["worker", "--connect", &url, "--threads", "1"];
+    let mut worker = spawn(beamfarm(folder, &worker));
+    let progress = server.out.wait_for("openjd_status: ");
     assert!(progress.contains(" of 100000 passes"), "{progress}");
-    let status = || -> serde_json::Value {
-        serde_json::from_str(&succeed(folder, &["status", &url, "--json"])).unwrap()
-    };
-    while status()["prefix"].as_u64().unwrap() < 4 {
-        std::thread::sleep(std::time::Duration::from_millis(20));
-    }
-    assert_eq!(succeed(folder, &["pause", &url]), "paused\n");
-    assert_eq!(status()["state"], "paused");
-    assert_eq!(succeed(folder, &["resume", &url]), "resumed\n");
-    assert_eq!(status()["state"], "running");
-    succeed(folder, &["extend", &url, "--passes", "100001"]);
-    assert_eq!(status()["limit"], 100_001);
-    let (code, message) = fail(folder, &["extend", &url, "--passes", "7"]);
-    assert!(code == 2 && message.contains("100001"), "{code} {message}");
+    let said = server.out.so_far().len();
+    wait_until("fourth pass", || {
+        let status = status(folder, &url);
+        let there = status["prefix"].as_u64().is_some_and(|prefix| prefix >= 4);
+        there.then_some(()).ok_or(status.to_string())
+    });
+    pause_and_extend(folder, &url);
     // It is estimated now and then.
-    let error = loop {
-        match status()["relative_standard_error"].as_f64() {
-            Some(error) => break error,
-            None => std::thread::sleep(std::time::Duration::from_millis(20)),
-        }
-    };
+    let error = wait_until("estimate of the error", || {
+        let status = status(folder, &url);
+        let error = status["relative_standard_error"].as_f64();
+        error.ok_or(status.to_string())
+    });
     assert!(error > 0.0);
-    let text = succeed(folder, &["status", &url]);
-    assert!(line(&text, "passes").contains("of 100001 (0"), "{text}");
-
-    let exr = folder.join("scene.exr");
-    assert!(succeed(folder, &["write", &url]).starts_with("wrote scene.exr with "));
-    std::fs::remove_file(&exr).unwrap();
-    signal("-HUP", &server.id().to_string());
-    // The log has the line of the write before as well, so that the file itself tells.
-    while !exr.exists() {
-        std::thread::sleep(std::time::Duration::from_millis(20));
-    }
+    let stood = succeed(folder, &["status", &url]);
+    assert!(line(&stood, "passes").contains("of 100001 (0"), "{stood}");
+    write_twice(folder, &url, &mut server);
 
     let cancelled = succeed(folder, &["cancel", &url]);
     assert!(cancelled.starts_with("cancelled with "), "{cancelled}");
-    let rest: Vec<String> = lines.map(Result::unwrap).collect();
-    assert!(
-        rest.iter()
-            .any(|line| line.starts_with("openjd_progress: 0.")),
-        "{rest:?}"
-    );
-    assert!(
-        rest.iter().any(|line| line.starts_with("wrote scene.exr")),
-        "{rest:?}"
-    );
-    let (output, log) = finish(server, log);
+    let output = server.finish();
+    let (stdout, log) = (text(&output.stdout), text(&output.stderr));
     assert_eq!(output.status.code(), Some(0), "{log}");
+    line(&stdout[said..], "openjd_progress: 0.");
+    line(&stdout[said..], "wrote scene.exr");
     // Every line is an object, and names the job.
-    for line in log.lines() {
-        let line: serde_json::Value = serde_json::from_str(line).unwrap();
+    for line in log[begun..].lines() {
+        let line: Value = serde_json::from_str(line).unwrap();
         let job = line["span"]["job"].as_str();
         assert!(job.is_some_and(|job| job.starts_with("scene-")), "{line}");
     }
-    assert_eq!(worker.wait().unwrap().code(), Some(0));
-    drop(worker_log);
+    assert_eq!(worker.wait().code(), Some(0));
     let (code, message) = fail(folder, &["status", &url]);
     assert!(
         code == 3 && message.contains("cannot reach"),
@@ -125,7 +112,7 @@ fn a_server_is_watched_paused_extended_written_and_cancelled() {
 fn a_job_that_fails_tells_openjd() {
     let folder = folder_with(&scene([16, 12], 2, 200));
     let args = ["render", "scene.toml", "--openjd", "--time", "1ms"];
-    let output = beamfarm(folder.path(), &args).output().unwrap();
+    let output = run(folder.path(), &args);
     let stdout = String::from_utf8(output.stdout).unwrap();
     assert_eq!(output.status.code(), Some(4), "{stdout}");
     let failure = line(&stdout, "openjd_fail: ");

@@ -39,26 +39,13 @@ fn a_coordinator_killed_again_and_again_ends_with_the_same_bits() {
     let job = path.join("a.job");
     let mut kills = 0;
     let end = loop {
-        let mut child = beamfarm(path, &[&args[..], &passes].concat())
-            .spawn()
-            .unwrap();
+        let mut render = spawn(beamfarm(path, &[&args[..], &passes].concat()));
         // From before the first look at the directory to after some checkpoints.
         let patience = Duration::from_millis(random(kills) % 300);
-        let begun = Instant::now();
-        let ended = loop {
-            if let Some(status) = child.try_wait().unwrap() {
-                break Some(status);
-            }
-            if begun.elapsed() > patience && kills < 12 {
-                break None;
-            }
-            std::thread::sleep(Duration::from_millis(2));
-        };
-        if ended.is_some() {
-            break child.wait_with_output().unwrap();
+        if kills >= 12 || render.ends(Instant::now() + patience).is_some() {
+            break render.finish();
         }
-        child.kill().unwrap();
-        child.wait().unwrap();
+        render.kill();
         kills += 1;
     };
     assert!(kills > 2, "it was never killed");
@@ -151,33 +138,15 @@ fn a_finished_job_can_have_more_passes() {
     // The report is of a job that has ended, not of one that was killed later.
     assert!(path.join("a.job/report.json").exists());
     let job = ["render", "scene.toml", "--job", "a.job"];
-    let (mut child, mut log) = spawn(beamfarm(
-        path,
-        &[&job[..], &["--time", "1h", "--log", "debug"]].concat(),
-    ));
-    wait_for(&mut log, "block=pass 13 pixels=");
-    child.kill().unwrap();
-    child.wait().unwrap();
+    let more = ["--time", "1h", "--log", "debug"];
+    let mut render = spawn(beamfarm(path, &[&job[..], &more].concat()));
+    render.log.wait_for("block=pass 13 pixels=");
+    render.kill();
     assert!(!path.join("a.job/report.json").exists());
 }
 
-#[test]
-fn jobs_of_disjoint_passes_make_one_image() {
-    let folder = folder();
-    let path = folder.path();
-    let whole = succeed(
-        path,
-        &[
-            "render",
-            "scene.toml",
-            "--passes",
-            "12",
-            "-o",
-            "whole.exr",
-            "--aov",
-            "depth,stderr",
-        ],
-    );
+/// Jobs a, b and c that make a whole one of 12 passes, and d, which is part of another.
+fn render_parts(path: &Path) {
     let part = |job: &str, first: &str, passes: &str, more: &[&str]| {
         let mut args = vec![
             "render",
@@ -207,7 +176,26 @@ fn jobs_of_disjoint_passes_make_one_image() {
             .unwrap(),
         image
     );
+}
 
+#[test]
+fn jobs_of_disjoint_passes_make_one_image() {
+    let folder = folder();
+    let path = folder.path();
+    let whole = succeed(
+        path,
+        &[
+            "render",
+            "scene.toml",
+            "--passes",
+            "12",
+            "-o",
+            "whole.exr",
+            "--aov",
+            "depth,stderr",
+        ],
+    );
+    render_parts(path);
     let merged = succeed(
         path,
         &["merge", "c.job", "a.job", "b.job", "-o", "merged.exr"],
@@ -222,13 +210,17 @@ fn jobs_of_disjoint_passes_make_one_image() {
         image.layer_data.channel_data
     };
     assert_eq!(channels("merged.exr"), channels("whole.exr"));
+    merge_into_a_job_that_goes_on(path, &whole);
+    merge_what_does_not_fit(path);
+}
 
-    // As one job, which goes on.
+/// As one job, which goes on.
+fn merge_into_a_job_that_goes_on(path: &Path, whole: &str) {
     let merge = ["merge", "a.job", "b.job", "c.job", "-o", "merged.exr"];
     let merge = [&merge[..], &["--job", "all.job"]].concat();
     let kept = succeed(path, &merge);
     assert_eq!(line(&kept, "made"), "made all.job");
-    assert_eq!(pixels(&kept), pixels(&whole));
+    assert_eq!(pixels(&kept), pixels(whole));
     let (code, stderr) = fail(path, &merge);
     assert_eq!(code, 2);
     assert!(
@@ -239,7 +231,7 @@ fn jobs_of_disjoint_passes_make_one_image() {
     let again = ["--resume", "--job", "all.job", "-o", "again.exr"];
     let again = succeed(path, &[&aov[..], &again].concat());
     assert!(again.contains("resuming all.job with 12 passes"), "{again}");
-    assert_eq!(pixels(&again), pixels(&whole));
+    assert_eq!(pixels(&again), pixels(whole));
     let more = ["--passes", "19", "-o", "more.exr"];
     let more = [&aov[..], &more].concat();
     let undisturbed = succeed(path, &more);
@@ -256,7 +248,9 @@ fn jobs_of_disjoint_passes_make_one_image() {
         .collect();
     passes.sort();
     assert!(passes.into_iter().eq(0..19));
+}
 
+fn merge_what_does_not_fit(path: &Path) {
     for (jobs, expected) in [
         (&["a.job", "c.job"][..], "passes 3 to 6 missing"),
         (&["b.job"], "passes 0 to 2 missing"),
@@ -374,8 +368,8 @@ fn two_coordinators_cannot_have_one_directory() {
         "--log",
         "debug",
     ];
-    let (child, mut log) = spawn(beamfarm(path, &args));
-    wait_for(&mut log, "checkpoint 0 of");
+    let mut render = spawn(beamfarm(path, &args));
+    render.log.wait_for("checkpoint 0 of");
     let output = run(path, &args);
     assert_eq!(output.status.code(), Some(1));
     let stderr = String::from_utf8(output.stderr).unwrap();
@@ -383,19 +377,21 @@ fn two_coordinators_cannot_have_one_directory() {
         stderr.contains("another coordinator uses this job directory"),
         "{stderr}"
     );
-    // A hangup writes what is complete and ends nothing.
-    signal("-HUP", &child.id().to_string());
-    wait_for(&mut log, "wrote scene.exr with ");
+    // A hangup writes what is complete and ends nothing. That there is a checkpoint does not say that the first pass is
+    // there: another worker's may have come before it.
+    render.log.wait_until_seen("block=pass 0 pixels=");
+    render.signal("-HUP");
+    render.log.wait_for("wrote scene.exr with ");
     assert!(
         attribute(&path.join("scene.exr"), "beamfarmPasses")
             .parse::<u64>()
             .unwrap()
             > 0
     );
-    wait_for(&mut log, "pass ");
-    signal("-TERM", &child.id().to_string());
-    let (output, log) = finish(child, log);
-    assert_eq!(output.status.code(), Some(0), "{log}");
+    render.log.wait_for("pass ");
+    render.signal("-TERM");
+    let output = render.finish();
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
     assert_eq!(report(&path.join("a.job"))["stopped"], "asked");
 }
 
@@ -429,25 +425,22 @@ fn a_full_disk_costs_nothing() {
         "--log",
         "beamfarm_coordinator=debug,warn",
     ];
-    let (mut child, mut log) = spawn(beamfarm(path, &args));
-    wait_for(&mut log, "checkpoint 0 of");
+    let mut render = spawn(beamfarm(path, &args));
+    render.log.wait_for("checkpoint 0 of");
     std::fs::write(disk.join("ballast"), vec![0; 1 << 20]).unwrap_or_default();
     let mut ballast = std::fs::File::create(disk.join("more")).unwrap();
     // All that is left, in the end a byte at a time.
     for size in [4096, 1] {
         while std::io::Write::write_all(&mut ballast, &vec![0; size]).is_ok() {}
     }
-    let warning = wait_for(&mut log, "the job goes on, and writes it again");
+    let warning = render.log.wait_for("the job goes on, and writes it again");
     assert!(warning.contains("5s"), "{warning}");
-    child.kill().unwrap();
-    child.wait().unwrap();
-    drop(log);
+    render.kill();
     // The checkpoint from before is good.
     std::fs::remove_file(disk.join("ballast")).unwrap();
     drop(ballast);
     std::fs::remove_file(disk.join("more")).unwrap();
-    let (child, log) = spawn(beamfarm(path, &args));
-    let (output, log) = finish(child, log);
+    let output = run(path, &args);
     assert!(
         Command::new("umount")
             .arg(&disk)
@@ -455,10 +448,10 @@ fn a_full_disk_costs_nothing() {
             .unwrap()
             .success()
     );
-    assert!(output.status.success(), "{log}");
-    let stdout = String::from_utf8(output.stdout).unwrap();
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    let stdout = text(&output.stdout);
     assert!(stdout.contains("resuming disk/a.job"), "{stdout}");
-    assert_eq!(pixels(&stdout), pixels(&undisturbed));
+    assert_eq!(pixels(stdout), pixels(&undisturbed));
 }
 
 /// A limit on the size of files stands for a disk that is full to the end.
@@ -474,12 +467,11 @@ fn a_job_whose_checkpoints_cannot_be_written_still_makes_its_image() {
     let script = format!(
         "ulimit -f 40; trap '' XFSZ; exec {binary} render scene.toml -o full.exr --passes 7 --job a.job --workers 2 --threads 1"
     );
-    let output = Command::new("sh")
-        .args(["-c", &script])
-        .current_dir(path)
-        .stdin(Stdio::null())
-        .output()
-        .unwrap();
+    let mut shell = Command::new("sh");
+    shell.args(["-c", &script]).current_dir(path);
+    shell.stdin(Stdio::null());
+    shell.stdout(Stdio::piped()).stderr(Stdio::piped());
+    let output = output(shell);
     let stderr = String::from_utf8(output.stderr).unwrap();
     let stdout = String::from_utf8(output.stdout).unwrap();
     assert_eq!(output.status.code(), Some(1), "{stderr}");

@@ -11,13 +11,10 @@ fn main() {
         println!("cargo::rerun-if-env-changed={name}");
     }
     println!("cargo::rustc-check-cfg=cfg(has_chromium)");
-    let folders: Vec<PathBuf> =
-        var_os("PATH").map_or_else(Vec::new, |path| split_paths(&path).collect());
+    let folders: Vec<PathBuf> = var_os("PATH").map_or_else(Vec::new, |path| split_paths(&path).collect());
     let find = |program: PathBuf| {
         let places = folders.iter().map(|folder| folder.join(&program));
-        places
-            .chain([program.clone()])
-            .find(|place| place.is_file())
+        places.chain([program.clone()]).find(|place| place.is_file())
     };
     let named = var_os("BEAMFARM_CHROMIUM").map(PathBuf::from);
     let mut programs = named.into_iter().chain(CHROMIUM.map(PathBuf::from));

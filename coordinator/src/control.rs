@@ -60,10 +60,7 @@ fn event(event: Event) -> wire::Event {
 
 #[tonic::async_trait]
 impl Control for Service {
-    async fn status(
-        &self,
-        _: Request<wire::StatusRequest>,
-    ) -> Result<Response<wire::StatusReply>, Status> {
+    async fn status(&self, _: Request<wire::StatusRequest>) -> Result<Response<wire::StatusReply>, Status> {
         let watch = &self.watch;
         // For its error; there is nothing to be said of it before the first pass.
         let _ = watch.picture().await;
@@ -118,10 +115,7 @@ impl Control for Service {
         }))
     }
 
-    async fn cancel(
-        &self,
-        _: Request<wire::CancelRequest>,
-    ) -> Result<Response<wire::CancelReply>, Status> {
+    async fn cancel(&self, _: Request<wire::CancelRequest>) -> Result<Response<wire::CancelReply>, Status> {
         let farm = self.running()?;
         info!("cancelled by a call");
         farm.stop();
@@ -129,26 +123,17 @@ impl Control for Service {
         Ok(Response::new(wire::CancelReply { prefix }))
     }
 
-    async fn pause(
-        &self,
-        _: Request<wire::PauseRequest>,
-    ) -> Result<Response<wire::PauseReply>, Status> {
+    async fn pause(&self, _: Request<wire::PauseRequest>) -> Result<Response<wire::PauseReply>, Status> {
         self.running()?.pause(true);
         Ok(Response::new(wire::PauseReply {}))
     }
 
-    async fn resume(
-        &self,
-        _: Request<wire::ResumeRequest>,
-    ) -> Result<Response<wire::ResumeReply>, Status> {
+    async fn resume(&self, _: Request<wire::ResumeRequest>) -> Result<Response<wire::ResumeReply>, Status> {
         self.running()?.pause(false);
         Ok(Response::new(wire::ResumeReply {}))
     }
 
-    async fn extend(
-        &self,
-        request: Request<wire::ExtendRequest>,
-    ) -> Result<Response<wire::ExtendReply>, Status> {
+    async fn extend(&self, request: Request<wire::ExtendRequest>) -> Result<Response<wire::ExtendReply>, Status> {
         match self.running()?.extend(request.into_inner().passes) {
             Ok(()) => Ok(Response::new(wire::ExtendReply {})),
             Err(error @ ExtendError::Over) => Err(Status::failed_precondition(error.to_string())),
@@ -156,10 +141,7 @@ impl Control for Service {
         }
     }
 
-    async fn write_now(
-        &self,
-        _: Request<wire::WriteNowRequest>,
-    ) -> Result<Response<wire::WriteNowReply>, Status> {
+    async fn write_now(&self, _: Request<wire::WriteNowRequest>) -> Result<Response<wire::WriteNowReply>, Status> {
         self.running()?;
         match self.watch.write_now().await {
             Ok(message) => Ok(Response::new(wire::WriteNowReply { message })),

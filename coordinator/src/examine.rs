@@ -64,12 +64,7 @@ pub struct Examined {
 }
 
 /// The block in these bytes, if it is what the claim says and belongs to the job.
-pub fn examine(
-    job: &Job,
-    schedule: &Schedule,
-    claim: &Claim,
-    bytes: &[u8],
-) -> Result<Examined, Flaw> {
+pub fn examine(job: &Job, schedule: &Schedule, claim: &Claim, bytes: &[u8]) -> Result<Examined, Flaw> {
     if FileHash::of(bytes) != claim.hash {
         return Err(Flaw::Damaged);
     }
@@ -79,9 +74,7 @@ pub fn examine(
         Err(error) => return Err(Flaw::Foreign(error.to_string())),
     };
     let foreign = |field: &str, found: String, expected: String| {
-        Err(Flaw::Foreign(format!(
-            "{field} is {found}; expected {expected}"
-        )))
+        Err(Flaw::Foreign(format!("{field} is {found}; expected {expected}")))
     };
     if meta.version != VERSION {
         return foreign("version", meta.version, VERSION.into());

@@ -40,9 +40,7 @@ impl Intake {
     pub async fn admit(self: &Arc<Self>, size: u64) -> Result<Delivery, Status> {
         let busy = || Status::resource_exhausted("too much arrives at the same time");
         // Never none; and never more than there are.
-        let units = size
-            .div_ceil(UNIT)
-            .clamp(1, self.units.min(u32::MAX.into())) as u32;
+        let units = size.div_ceil(UNIT).clamp(1, self.units.min(u32::MAX.into())) as u32;
         let room = match self.bytes.clone().try_acquire_many_owned(units) {
             Ok(room) => room,
             Err(_) => {
@@ -101,9 +99,7 @@ impl Meter {
             0 => self.since.take(),
             _ => self.since.replace(now),
         };
-        let took = since.map_or(0.0, |since| {
-            now.saturating_duration_since(since).as_secs_f64()
-        });
+        let took = since.map_or(0.0, |since| now.saturating_duration_since(since).as_secs_f64());
         match self.known {
             true => self.seconds += RECENT * (took - self.seconds),
             false => self.seconds = took,

@@ -1,8 +1,8 @@
 //! The coordinator: hands passes out, checks what comes back, and adds it up.
 //!
-//! [`ledger`] decides who renders what and knows neither clock nor network; [`farm`] is the job as a whole, shared by all
-//! calls; [`server`] is the way in, for workers and those who [`watch`], as far as [`security`] lets
-//! them pass. The renderer is not needed here: a scene is bytes and a hash.
+//! [`ledger`] decides who renders what and knows neither clock nor network; [`farm`] is the job as a whole, shared by
+//! all calls; [`server`] is the way in, for workers and those who [`watch`], as far as [`security`] lets them pass. The
+//! renderer is not needed here: a scene is bytes and a hash.
 
 mod control;
 mod examine;
@@ -20,8 +20,8 @@ pub mod watch;
 mod web;
 
 pub use farm::{
-    DoneBlock, End, Entry, EntryState, Event, EventKind, ExtendError, Farm, JobSpec, Progress,
-    Snapshot, Start, Target, Timing,
+    DoneBlock, End, Entry, EntryState, Event, EventKind, ExtendError, Farm, JobSpec, Progress, Snapshot, Start, Target,
+    Timing,
 };
 pub use ledger::{WorkerState, WorkerView};
 pub use listener::Entrance;

@@ -86,8 +86,8 @@ impl Pace {
     }
 }
 
-/// A request's body that must keep coming: it may stand still for a while, and has to be as fast as the slowest over its
-/// whole length.
+/// A request's body that must keep coming: it may stand still for a while, and has to be as fast as the slowest over
+/// its whole length.
 pub(crate) struct Steady {
     body: Body,
     limits: Limits,

@@ -95,10 +95,7 @@ pub(crate) async fn serve(entrance: Entrance, router: Router, shutdown: impl Fut
         };
         let Ok(place) = places.clone().try_acquire_owned() else {
             if !std::mem::replace(&mut full, true) {
-                warn!(
-                    "{} connections: {peer} and more are turned away",
-                    limits.connections
-                );
+                warn!("{} connections: {peer} and more are turned away", limits.connections);
             }
             continue;
         };
@@ -118,11 +115,7 @@ pub(crate) async fn serve(entrance: Entrance, router: Router, shutdown: impl Fut
 
 type ConnectionError = Box<dyn std::error::Error + Send + Sync>;
 
-async fn connection(
-    stream: TcpStream,
-    shared: Arc<Shared>,
-    watcher: Watcher,
-) -> Result<(), ConnectionError> {
+async fn connection(stream: TcpStream, shared: Arc<Shared>, watcher: Watcher) -> Result<(), ConnectionError> {
     stream.set_nodelay(true)?;
     let mut stream = TimeoutStream::new(stream);
     // For peers that do not read what they asked for.

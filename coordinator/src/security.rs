@@ -34,12 +34,11 @@ pub struct Tls {
 }
 
 impl Tls {
-    /// From PEM: the certificate with those between it and its authority, its private key, and the authorities that vouch
-    /// for clients, which then must show a certificate. The error is for people.
+    /// From PEM: the certificate with those between it and its authority, its private key, and the authorities that
+    /// vouch for clients, which then must show a certificate. The error is for people.
     pub fn new(chain: &[u8], key: &[u8], clients: Option<&[u8]>) -> Result<Self, String> {
         let chain = certificates(chain, "the certificate")?;
-        let key = PrivateKeyDer::from_pem_slice(key)
-            .map_err(|error| format!("the private key is not PEM: {error}"))?;
+        let key = PrivateKeyDer::from_pem_slice(key).map_err(|error| format!("the private key is not PEM: {error}"))?;
         let provider = Arc::new(rustls::crypto::ring::default_provider());
         let config = ServerConfig::builder_with_provider(provider.clone())
             .with_protocol_versions(&[&rustls::version::TLS13])
@@ -53,10 +52,9 @@ impl Tls {
                         .add(authority)
                         .map_err(|error| format!("the authority of clients: {error}"))?;
                 }
-                let verifier =
-                    WebPkiClientVerifier::builder_with_provider(Arc::new(roots), provider)
-                        .build()
-                        .map_err(|error| format!("the authority of clients: {error}"))?;
+                let verifier = WebPkiClientVerifier::builder_with_provider(Arc::new(roots), provider)
+                    .build()
+                    .map_err(|error| format!("the authority of clients: {error}"))?;
                 config.with_client_cert_verifier(verifier)
             }
         };
@@ -118,8 +116,7 @@ impl Security {
         }
         let Some(token) = &self.token else {
             return (local && rebound(request)).then(|| {
-                let message =
-                    "expected localhost or an address as host; with a token any name will do";
+                let message = "expected localhost or an address as host; with a token any name will do";
                 answer(headers, Status::permission_denied(message))
             });
         };
@@ -303,11 +300,7 @@ mod tests {
         let rebound: [&[(&str, &str)]; 3] = [
             &[("host", "rebound.example:7325")],
             &[],
-            &[
-                ("host", "rebound.example"),
-                grpc,
-                ("origin", "http://rebound.example"),
-            ],
+            &[("host", "rebound.example"), grpc, ("origin", "http://rebound.example")],
         ];
         for headers in rebound {
             assert!(refused(&open, true, headers), "{headers:?}");
@@ -315,17 +308,9 @@ mod tests {
             assert!(!refused(&with_token(), true, headers), "{headers:?}");
         }
         let cross: [&[(&str, &str)]; 3] = [
-            &[
-                ("host", "localhost:1"),
-                ("origin", "http://other.example"),
-                password,
-            ],
+            &[("host", "localhost:1"), ("origin", "http://other.example"), password],
             &[("host", "localhost:1"), ("origin", "null"), password],
-            &[
-                ("host", "localhost:1"),
-                ("sec-fetch-site", "cross-site"),
-                password,
-            ],
+            &[("host", "localhost:1"), ("sec-fetch-site", "cross-site"), password],
         ];
         for headers in cross {
             assert!(refused(&open, false, headers), "{headers:?}");

@@ -29,15 +29,11 @@ const LAST_LOOK: Duration = Duration::from_secs(2);
 /// Longest time for replies that are under way.
 const LAST_WORDS: Duration = Duration::from_secs(2);
 
-/// Serve the farm, and those who watch it, until `shutdown` resolves, then until every worker has heard of it and hung up,
-/// and every open page has its last picture, for a few seconds at most.
+/// Serve the farm, and those who watch it, until `shutdown` resolves, then until every worker has heard of it and hung
+/// up, and every open page has its last picture, for a few seconds at most.
 ///
 /// To end well, end the job first: that is what workers wait to hear.
-pub async fn run(
-    entrance: impl Into<Entrance>,
-    watch: Arc<Watch>,
-    shutdown: impl Future<Output = ()>,
-) {
+pub async fn run(entrance: impl Into<Entrance>, watch: Arc<Watch>, shutdown: impl Future<Output = ()>) {
     let (closing, mut closed) = tokio::sync::watch::channel(false);
     let entrance = entrance.into();
     let farm = watch.farm().clone();
@@ -49,10 +45,7 @@ pub async fn run(
     let farewell = async {
         shutdown.await;
         // Calls are answered meanwhile: nobody who asks for the last time shall find a closed door.
-        let _ = tokio::join!(
-            watch.left_alone(LAST_LOOK),
-            timeout(FAREWELL, farm.deserted())
-        );
+        let _ = tokio::join!(watch.left_alone(LAST_LOOK), timeout(FAREWELL, farm.deserted()));
         closing.send_replace(true);
         sleep(LAST_WORDS).await;
     };
@@ -71,15 +64,11 @@ pub async fn router(watch: &Arc<Watch>, limits: Limits) -> Router {
     let steering = ControlServer::new(control::Service::new(watch.clone()));
     let (health, health_service) = tonic_health::server::health_reporter();
     health.set_serving::<FarmServer<Service>>().await;
-    health
-        .set_serving::<ControlServer<control::Service>>()
-        .await;
+    health.set_serving::<ControlServer<control::Service>>().await;
     // Every line of the log says which job it is about.
     let job: Arc<str> = watch.id().into();
-    let name_job = from_fn(move |request: Request, next: Next| {
-        next.run(request)
-            .instrument(error_span!("job", job = &*job))
-    });
+    let name_job =
+        from_fn(move |request: Request, next: Next| next.run(request).instrument(error_span!("job", job = &*job)));
     Routes::from(web::routes(watch.clone()))
         .add_service(calls)
         .add_service(steering.max_decoding_message_size(MESSAGE_BYTES))

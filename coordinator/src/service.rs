@@ -90,10 +90,7 @@ enum BodyError {
     Wrong(String),
 }
 
-async fn read_body(
-    parts: &mut Streaming<wire::SubmitRequest>,
-    size: u64,
-) -> Result<Vec<u8>, BodyError> {
+async fn read_body(parts: &mut Streaming<wire::SubmitRequest>, size: u64) -> Result<Vec<u8>, BodyError> {
     let mut bytes = Vec::with_capacity(size as usize);
     while let Some(part) = parts.message().await.map_err(BodyError::Cut)? {
         let Some(Part::Data(data)) = part.part else {
@@ -120,18 +117,12 @@ fn shortened(text: &str) -> &str {
 
 #[tonic::async_trait]
 impl FarmService for Service {
-    async fn register(
-        &self,
-        request: Request<wire::RegisterRequest>,
-    ) -> Result<Response<wire::RegisterReply>, Status> {
+    async fn register(&self, request: Request<wire::RegisterRequest>) -> Result<Response<wire::RegisterReply>, Status> {
         let request = request.into_inner();
         let name = shortened(&request.name);
         if request.version != VERSION {
             let version = shortened(&request.version);
-            warn!(
-                name,
-                "{name:?} is refused: it is version {version}, this is {VERSION}"
-            );
+            warn!(name, "{name:?} is refused: it is version {version}, this is {VERSION}");
             let message = format!("version {version}; this coordinator is version {VERSION}");
             return Err(Status::failed_precondition(message));
         }
@@ -233,10 +224,7 @@ impl FarmService for Service {
         Ok(Response::new(ReceiverStream::new(receiver)))
     }
 
-    async fn lease(
-        &self,
-        request: Request<wire::LeaseRequest>,
-    ) -> Result<Response<wire::LeaseReply>, Status> {
+    async fn lease(&self, request: Request<wire::LeaseRequest>) -> Result<Response<wire::LeaseReply>, Status> {
         let request = request.into_inner();
         let worker = WorkerId(request.worker);
         // A worker of the coordinator before, with another scene, shall hear that it is unknown, and register again.
@@ -282,19 +270,14 @@ impl FarmService for Service {
             let accepted = farm.submit(&claim, &bytes);
             (accepted, bytes)
         });
-        let (accepted, bytes) = submitted
-            .await
-            .map_err(|error| Status::internal(error.to_string()))?;
+        let (accepted, bytes) = submitted.await.map_err(|error| Status::internal(error.to_string()))?;
         drop(bytes);
         self.farm.set_intake(self.intake.seconds_per_block());
         let duplicate = accepted? != Accepted::New;
         Ok(Response::new(wire::SubmitReply { duplicate }))
     }
 
-    async fn fail(
-        &self,
-        request: Request<wire::FailRequest>,
-    ) -> Result<Response<wire::FailReply>, Status> {
+    async fn fail(&self, request: Request<wire::FailRequest>) -> Result<Response<wire::FailReply>, Status> {
         let request = request.into_inner();
         let (worker, lease) = (WorkerId(request.worker), LeaseId(request.lease));
         let message = shortened(&request.message);

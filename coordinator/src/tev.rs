@@ -1,5 +1,5 @@
-//! The image in [tev](https://github.com/Tom94/tev), by its display protocol: little-endian packets over TCP, of which two
-//! are needed. Each begins with its own length (u32, itself included) and its kind (u8); texts end in a zero byte.
+//! The image in [tev](https://github.com/Tom94/tev), by its display protocol: little-endian packets over TCP, of which
+//! two are needed. Each begins with its own length (u32, itself included) and its kind (u8); texts end in a zero byte.
 //!
 //! A tev that is not there, or goes away, changes nothing for the job.
 
@@ -24,8 +24,8 @@ const CREATE_IMAGE: u8 = 4;
 const UPDATE_IMAGE_V3: u8 = 6;
 const CHANNELS: [&str; 3] = ["R", "G", "B"];
 
-/// Show the image of the complete passes in the tev at this address (`host:port`) whenever there is a new one, until the job
-/// ends; the last image too.
+/// Show the image of the complete passes in the tev at this address (`host:port`) whenever there is a new one, until
+/// the job ends; the last image too.
 pub async fn show(watch: Arc<Watch>, address: String) {
     let mut reached = true;
     loop {
@@ -97,9 +97,7 @@ fn create(name: &str, film: &Film) -> io::Result<Vec<u8>> {
     packet.extend(film.width.to_le_bytes());
     packet.extend(film.height.to_le_bytes());
     packet.extend((CHANNELS.len() as u32).to_le_bytes());
-    CHANNELS
-        .iter()
-        .for_each(|channel| text(&mut packet, channel));
+    CHANNELS.iter().for_each(|channel| text(&mut packet, channel));
     finish(packet)
 }
 
@@ -108,9 +106,7 @@ fn update(name: &str, film: &Film) -> io::Result<Vec<u8>> {
     let mut packet = begin(UPDATE_IMAGE_V3, false, name);
     packet.reserve(12 * film.pixels.len() + 100);
     packet.extend((CHANNELS.len() as u32).to_le_bytes());
-    CHANNELS
-        .iter()
-        .for_each(|channel| text(&mut packet, channel));
+    CHANNELS.iter().for_each(|channel| text(&mut packet, channel));
     for number in [0, 0, film.width, film.height] {
         packet.extend(number.to_le_bytes());
     }

@@ -3,9 +3,7 @@
 use crate::domain::{FileEntry, FileHash, Grant, Job, LeaseId, Manifest};
 use crate::wire;
 use beamfarm_image::bundle::{MAX_BYTES, MAX_FILES, check_key};
-use beamfarm_image::job::{
-    Block, Budget, JobSettings, MAX_PASSES, PassStats, SceneHash, ScheduleKind,
-};
+use beamfarm_image::job::{Block, Budget, JobSettings, MAX_PASSES, PassStats, SceneHash, ScheduleKind};
 use beamfarm_image::layer::{self, Layer};
 use prost::bytes::Bytes;
 
@@ -115,9 +113,7 @@ impl TryFrom<wire::Manifest> for Manifest {
         let wrong = |message: String| WireError::new("manifest.files", message);
         if manifest.files.len() > MAX_FILES {
             let count = manifest.files.len();
-            return Err(wrong(format!(
-                "{count} files; expected at most {MAX_FILES}"
-            )));
+            return Err(wrong(format!("{count} files; expected at most {MAX_FILES}")));
         }
         let mut files: Vec<FileEntry> = Vec::with_capacity(manifest.files.len());
         let mut room = MAX_BYTES;
@@ -143,10 +139,7 @@ impl TryFrom<wire::Manifest> for Manifest {
             });
         }
         let scene = manifest.scene;
-        if files
-            .binary_search_by(|file| file.path.cmp(&scene))
-            .is_err()
-        {
+        if files.binary_search_by(|file| file.path.cmp(&scene)).is_err() {
             let shown: String = scene.chars().take(100).collect();
             return Err(WireError::new(
                 "manifest.scene",
@@ -259,9 +252,7 @@ impl From<Grant> for wire::LeaseReply {
             Grant::NotNow => Outcome::NotNow(wire::NotNow {}),
             Grant::Done => Outcome::Done(wire::Done {}),
         };
-        Self {
-            outcome: Some(outcome),
-        }
+        Self { outcome: Some(outcome) }
     }
 }
 
@@ -270,10 +261,9 @@ impl TryFrom<wire::LeaseReply> for Grant {
     fn try_from(reply: wire::LeaseReply) -> Result<Self, WireError> {
         use wire::lease_reply::Outcome;
         Ok(match require(reply.outcome, "outcome")? {
-            Outcome::Lease(lease) => Self::Lease(
-                LeaseId(lease.lease),
-                require(lease.block, "lease.block")?.try_into()?,
-            ),
+            Outcome::Lease(lease) => {
+                Self::Lease(LeaseId(lease.lease), require(lease.block, "lease.block")?.try_into()?)
+            }
             Outcome::NotNow(_) => Self::NotNow,
             Outcome::Done(_) => Self::Done,
         })
@@ -352,13 +342,7 @@ mod tests {
 
     #[test]
     fn blocks_past_the_last_pass_are_refused() {
-        for (level, index) in [
-            (64, 0),
-            (u32::MAX, 1),
-            (0, u64::MAX),
-            (0, MAX_PASSES),
-            (53, 1),
-        ] {
+        for (level, index) in [(64, 0), (u32::MAX, 1), (0, u64::MAX), (0, MAX_PASSES), (53, 1)] {
             assert!(Block::try_from(wire::Block { level, index }).is_err());
         }
         for (level, index) in [(0, 0), (0, MAX_PASSES - 1), (53, 0), (5, 77)] {
@@ -399,17 +383,11 @@ mod tests {
                 &[("../b", 0), ("a", 0)],
                 format!("{path} \"../b\" has the component `..`"),
             ),
-            (
-                "a",
-                &[("/b", 0), ("a", 0)],
-                format!("{path} \"/b\" is absolute"),
-            ),
+            ("a", &[("/b", 0), ("a", 0)], format!("{path} \"/b\" is absolute")),
             (
                 "a",
                 &[("a", 1), ("b", MAX_BYTES)],
-                format!(
-                    "manifest.files: with \"b\" of {MAX_BYTES} bytes they take more than {MAX_BYTES}"
-                ),
+                format!("manifest.files: with \"b\" of {MAX_BYTES} bytes they take more than {MAX_BYTES}"),
             ),
             (
                 "a",
@@ -424,11 +402,7 @@ mod tests {
                 &[("a", 0), ("b", 0)],
                 "manifest.scene: \"c\" is not among the files".into(),
             ),
-            (
-                "c",
-                &[],
-                "manifest.scene: \"c\" is not among the files".into(),
-            ),
+            ("c", &[], "manifest.scene: \"c\" is not among the files".into()),
         ] {
             assert_eq!(convert(scene, files), Err(expected));
         }

@@ -37,10 +37,7 @@ impl Token {
             Some(file) => {
                 let place = file.display().to_string();
                 let text = std::fs::read_to_string(file);
-                (
-                    place.clone(),
-                    text.map_err(|error| format!("{place}: {error}"))?,
-                )
+                (place.clone(), text.map_err(|error| format!("{place}: {error}"))?)
             }
             None => match std::env::var(TOKEN_VARIABLE) {
                 Ok(text) if text.is_empty() => return Ok(None),

@@ -1,9 +1,11 @@
-//! What the farm costs: `cargo run --release -p beamfarm-tests --example farm_overhead -- target/release/beamfarm SCENE PASSES`.
+//! What the farm costs: `cargo run --release -p beamfarm-tests --example farm_overhead -- target/release/beamfarm SCENE
+//! PASSES`.
 //!
 //! Three ways take turns: `beamfarm serve`, with its job folder, and two worker processes of one thread; two processes
-//! that render every second pass each, without coordinator, network or images; and two threads of one process. The first
-//! over the second is what the farm costs, the second over the third what it costs that processes share no memory. The
-//! processors' time is less disturbed by other programs; the standard error of a mean tells how far to believe it.
+//! that render every second pass each, without coordinator, network or images; and two threads of one process. The
+//! first over the second is what the farm costs, the second over the third what it costs that processes share no
+//! memory. The processors' time is less disturbed by other programs; the standard error of a mean tells how far to
+//! believe it.
 //!
 //! All that render are this program, begun anew for each run: the compiler makes other machine code of the renderer for
 //! each program, and memory that a process has used before is quicker, and either would be measured with the farm.
@@ -55,9 +57,7 @@ fn main() -> Result<(), AnyError> {
         let runs = [farm, processes, threads];
         let seconds = runs.each_ref().map(|run| run.seconds);
         let cpu = runs.each_ref().map(|run| run.cpu_seconds);
-        println!(
-            "turn {turn}: farm, two processes, one process: {seconds:.2?} s, of the processors {cpu:.2?} s"
-        );
+        println!("turn {turn}: farm, two processes, one process: {seconds:.2?} s, of the processors {cpu:.2?} s");
         let of_turn = [
             seconds[0] / seconds[1],
             cpu[0] / cpu[1],
@@ -201,9 +201,7 @@ fn render_here(scene: &Path, first: u64, step: u64, passes: u64) -> Result<(), A
         }
     };
     std::thread::scope(|scope| {
-        let threads: Vec<_> = (0..THREADS / step as usize)
-            .map(|_| scope.spawn(work))
-            .collect();
+        let threads: Vec<_> = (0..THREADS / step as usize).map(|_| scope.spawn(work)).collect();
         let mut joined = threads.into_iter().map(|thread| thread.join());
         joined.try_for_each(|ended| ended.map_err(|_| "a thread panicked")?)
     })?;

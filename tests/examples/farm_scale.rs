@@ -1,8 +1,9 @@
-//! How many workers a coordinator can serve: `cargo run --release -p beamfarm-tests --example farm_scale -- [WORKERS] [PASSES]`.
+//! How many workers a coordinator can serve: `cargo run --release -p beamfarm-tests --example farm_scale -- [WORKERS]
+//! [PASSES]`.
 //!
-//! A coordinator in a process of its own takes blocks of 1280 x 720 pixels from simulated workers, tasks of this process that
-//! send ready-made images, each over its own connection. What it takes in per second of its own CPU time is compared with
-//! what one core can copy and sum.
+//! A coordinator in a process of its own takes blocks of 1280 x 720 pixels from simulated workers, tasks of this
+//! process that send ready-made images, each over its own connection. What it takes in per second of its own CPU time
+//! is compared with what one core can copy and sum.
 
 use beamfarm_coordinator::{Farm, JobSpec, Start, Terms, Timing, Watch, server};
 use beamfarm_image::bundle::Bundle;
@@ -187,10 +188,7 @@ async fn crowd(url: &str, workers: u64, passes: u64, coordinator: u32) -> Result
     }
 }
 
-async fn register(
-    url: &str,
-    index: u64,
-) -> Result<(FarmClient<Channel>, wire::RegisterReply), AnyError> {
+async fn register(url: &str, index: u64) -> Result<(FarmClient<Channel>, wire::RegisterReply), AnyError> {
     let mut farm = FarmClient::connect(url.to_owned()).await?;
     let request = wire::RegisterRequest {
         version: VERSION.into(),
@@ -203,12 +201,7 @@ async fn register(
     Ok((farm, reply))
 }
 
-async fn worker(
-    url: String,
-    index: u64,
-    ready: Arc<ReadyMade>,
-    taken: Arc<AtomicU64>,
-) -> Result<(), AnyError> {
+async fn worker(url: String, index: u64, ready: Arc<ReadyMade>, taken: Arc<AtomicU64>) -> Result<(), AnyError> {
     // A thousand at the same moment are more than a socket lets wait: again a little later, as workers do.
     let (mut farm, reply) = loop {
         match register(&url, index).await {
@@ -224,10 +217,7 @@ async fn worker(
         ..Default::default()
     };
     beats.send(beat).await?;
-    let mut notices = farm
-        .attend(ReceiverStream::new(receiver))
-        .await?
-        .into_inner();
+    let mut notices = farm.attend(ReceiverStream::new(receiver)).await?.into_inner();
     let work = async {
         loop {
             let request = wire::LeaseRequest {
@@ -332,12 +322,7 @@ fn encoded(block: Block, scene: &[u8], film: &Film) -> Result<Bytes, AnyError> {
 /// CPU seconds of a process so far (Linux).
 fn cpu_seconds(pid: u32) -> Result<f64, AnyError> {
     let text = std::fs::read_to_string(format!("/proc/{pid}/stat"))?;
-    let fields: Vec<&str> = text
-        .rsplit(')')
-        .next()
-        .unwrap_or("")
-        .split_whitespace()
-        .collect();
+    let fields: Vec<&str> = text.rsplit(')').next().unwrap_or("").split_whitespace().collect();
     let ticks = |i: usize| fields.get(i).and_then(|f| f.parse::<f64>().ok());
     Ok((ticks(11).unwrap_or(0.0) + ticks(12).unwrap_or(0.0)) / 100.0)
 }

@@ -1,4 +1,5 @@
-//! What is hard on the numbers, each case rendered, as a table: `cargo run --release -p beamfarm-tests --example hard_cases`.
+//! What is hard on the numbers, each case rendered, as a table: `cargo run --release -p beamfarm-tests --example
+//! hard_cases`.
 
 use beamfarm_tests::hard_cases::{Case, Outcome, cases, ordinary};
 use std::time::Instant;

@@ -20,9 +20,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let (mut prints, mut shrinks, mut what) = (false, false, None);
     let mut arguments = std::env::args().skip(1);
     while let Some(argument) = arguments.next() {
-        let mut count = || -> Result<u64, Box<dyn Error>> {
-            Ok(arguments.next().ok_or("expected a number")?.parse()?)
-        };
+        let mut count = || -> Result<u64, Box<dyn Error>> { Ok(arguments.next().ok_or("expected a number")?.parse()?) };
         match argument.as_str() {
             "--print" => prints = true,
             "--shrink" => shrinks = true,

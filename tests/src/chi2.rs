@@ -1,9 +1,9 @@
 //! Chi-square tests of samplers against the densities that they claim (Pearson 1900).
 //!
-//! The domain is cut into bins by a k-d tree: first evenly, then at the medians of a pilot run of the sampler. The pilot's
-//! samples are not used again, hence the test stays exact. Counts per bin are compared with the integral of the density over
-//! it. Samples that the sampler refuses (`None`) are one more bin, whose expected count is what the density lacks of
-//! integrating to one.
+//! The domain is cut into bins by a k-d tree: first evenly, then at the medians of a pilot run of the sampler. The
+//! pilot's samples are not used again, hence the test stays exact. Counts per bin are compared with the integral of the
+//! density over it. Samples that the sampler refuses (`None`) are one more bin, whose expected count is what the
+//! density lacks of integrating to one.
 
 use crate::quadrature::{Rect, integrate};
 use beamfarm_render::math::{Frame, Vec2, Vec3};
@@ -56,9 +56,9 @@ pub struct Chi2Result {
 impl Chi2 {
     /// Test a sampler of unit directions against `pdf` per solid angle.
     ///
-    /// Bins are rectangles in the angle to `axis`, on a scale that grows from linear to logarithmic about the median sample,
-    /// and in the angle around it. So a lobe around the axis may be as narrow as it likes; one elsewhere should not be
-    /// narrower than a few degrees. Test several narrow lobes one by one, refusing the samples of the others.
+    /// Bins are rectangles in the angle to `axis`, on a scale that grows from linear to logarithmic about the median
+    /// sample, and in the angle around it. So a lobe around the axis may be as narrow as it likes; one elsewhere should
+    /// not be narrower than a few degrees. Test several narrow lobes one by one, refusing the samples of the others.
     pub fn sphere(
         &self,
         axis: Vec3,
@@ -240,8 +240,8 @@ impl Node {
     }
 }
 
-/// Pearson's statistic, its degrees of freedom and its p-value for counts against expected counts of the same total. Bins
-/// that expect fewer than five are pooled.
+/// Pearson's statistic, its degrees of freedom and its p-value for counts against expected counts of the same total.
+/// Bins that expect fewer than five are pooled.
 ///
 /// # Panics
 /// If the slices differ in length.
@@ -302,15 +302,9 @@ mod tests {
         let right = test.sphere(axis, sample, |d| warp::cosine_hemisphere_pdf(d.z));
         assert!(right.p_value > 0.01 && right.impossible == 0.0, "{right:?}");
         assert!((right.integral - 1.0).abs() < 1e-3);
-        let uniform = test.sphere(
-            axis,
-            sample,
-            |d| if d.z > 0.0 { 0.5 / PI as f32 } else { 0.0 },
-        );
+        let uniform = test.sphere(axis, sample, |d| if d.z > 0.0 { 0.5 / PI as f32 } else { 0.0 });
         assert!(uniform.p_value < 1e-9);
-        let tilted = test.sphere(axis, sample, |d| {
-            warp::cosine_hemisphere_pdf(d.z) * (1.0 + 0.05 * d.x)
-        });
+        let tilted = test.sphere(axis, sample, |d| warp::cosine_hemisphere_pdf(d.z) * (1.0 + 0.05 * d.x));
         assert!(tilted.p_value < 1e-3, "{tilted:?}");
     }
 
@@ -322,11 +316,7 @@ mod tests {
             (d.z > 0.5).then_some(d)
         };
         let pdf = |d: Vec3| {
-            if d.z > 0.5 {
-                warp::uniform_sphere_pdf()
-            } else {
-                0.0
-            }
+            if d.z > 0.5 { warp::uniform_sphere_pdf() } else { 0.0 }
         };
         assert!(test.sphere(Vec3::Z, sample, pdf).p_value > 0.01);
         let too_low = |d: Vec3| 0.9 * pdf(d);

@@ -134,15 +134,9 @@ radiance = 1.0
 /// Add tests of the image's mean being 1 in every channel, and that of each quarter of it. Returns the standard error
 /// of the channel that has least noise.
 ///
-/// Kernels lose light where they reach beyond an edge or a boundary, in proportion to their radius: each pass is rendered
-/// with twice the radius as well, and what the two say of no radius at all is 1. There is no allowance.
-pub fn is_one(
-    suite: &mut Suite,
-    name: &str,
-    toml: &str,
-    assets: &[(&str, &[u8])],
-    passes: u64,
-) -> f64 {
+/// Kernels lose light where they reach beyond an edge or a boundary, in proportion to their radius: each pass is
+/// rendered with twice the radius as well, and what the two say of no radius at all is 1. There is no allowance.
+pub fn is_one(suite: &mut Suite, name: &str, toml: &str, assets: &[(&str, &[u8])], passes: u64) -> f64 {
     let scene = scene_with(toml, assets);
     let settings = scene.description().defaults.job_settings();
     let narrow = RenderPlan::new(&scene, settings);

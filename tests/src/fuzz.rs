@@ -1,5 +1,5 @@
-//! Readers of bytes that nobody vouches for, one function each: bodies of the fuzz targets in `tests/fuzz`, which the test
-//! `fuzz` runs on their seeds and on mutations of them.
+//! Readers of bytes that nobody vouches for, one function each: bodies of the fuzz targets in `tests/fuzz`, which the
+//! test `fuzz` runs on their seeds and on mutations of them.
 //!
 //! A reader may refuse what it gets; it must not panic, overflow the stack, take more memory than its input allows, or
 //! run for long.
@@ -37,10 +37,7 @@ pub const TARGETS: &[Target] = &[
         name: "control",
         run: farm::control,
     },
-    Target {
-        name: "exr",
-        run: exr,
-    },
+    Target { name: "exr", run: exr },
     Target {
         name: "give_back",
         run: farm::give_back,
@@ -49,10 +46,7 @@ pub const TARGETS: &[Target] = &[
         name: "gltf",
         run: gltf,
     },
-    Target {
-        name: "hdr",
-        run: hdr,
-    },
+    Target { name: "hdr", run: hdr },
     Target {
         name: "jpeg",
         run: jpeg,
@@ -61,18 +55,9 @@ pub const TARGETS: &[Target] = &[
         name: "mitsuba",
         run: mitsuba,
     },
-    Target {
-        name: "obj",
-        run: obj,
-    },
-    Target {
-        name: "ply",
-        run: ply,
-    },
-    Target {
-        name: "png",
-        run: png,
-    },
+    Target { name: "obj", run: obj },
+    Target { name: "ply", run: ply },
+    Target { name: "png", run: png },
     Target {
         name: "scene",
         run: scene,
@@ -81,14 +66,8 @@ pub const TARGETS: &[Target] = &[
         name: "submit",
         run: farm::submit,
     },
-    Target {
-        name: "vdb",
-        run: vdb,
-    },
-    Target {
-        name: "vol",
-        run: vol,
-    },
+    Target { name: "vdb", run: vdb },
+    Target { name: "vol", run: vol },
     Target {
         name: "wire",
         run: wire,
@@ -131,18 +110,13 @@ fn volume(name: &str, data: &[u8]) {
 /// A scene file, with a mesh, a picture and a volume beside it.
 pub fn scene(data: &[u8]) {
     const FILES: [(&str, &[u8]); 3] = [
-        (
-            "a.ply",
-            include_bytes!("../fuzz/seeds/ply/square_ascii.ply"),
-        ),
+        ("a.ply", include_bytes!("../fuzz/seeds/ply/square_ascii.ply")),
         ("a.png", include_bytes!("../fuzz/seeds/png/rgb.png")),
         ("a.vol", include_bytes!("../data/volumes/grid.vol")),
     ];
     let mut bundle = Bundle {
         scene: "scene.toml".into(),
-        files: FILES
-            .map(|(name, bytes)| (name.to_string(), bytes.to_vec()))
-            .into(),
+        files: FILES.map(|(name, bytes)| (name.to_string(), bytes.to_vec())).into(),
     };
     bundle.files.insert("scene.toml".into(), data.to_vec());
     let _ = beamfarm_scene::load(&bundle);
@@ -343,7 +317,8 @@ const TEXT: [&str; 16] = [
     "\0",
 ];
 
-/// A damaged copy: up to four bytes flipped, pieces cut, doubled, or taken from `other`, the end cut off, numbers put in.
+/// A damaged copy: up to four bytes flipped, pieces cut, doubled, or taken from `other`, the end cut off, numbers put
+/// in.
 pub fn mutate(seed: &[u8], other: &[u8], random: &mut Pcg32) -> Vec<u8> {
     let mut bytes = seed.to_vec();
     let mut below = |n: usize| random.next_u32() as usize % n.max(1);

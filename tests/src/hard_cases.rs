@@ -1,5 +1,5 @@
-//! Scenes at the edge of what numbers can hold, whose radiance is known: variations of one furnace, a closed box in which
-//! every point sees radiance 1 (n^2 within glass of index n), whatever scatters in it without absorbing.
+//! Scenes at the edge of what numbers can hold, whose radiance is known: variations of one furnace, a closed box in
+//! which every point sees radiance 1 (n^2 within glass of index n), whatever scatters in it without absorbing.
 
 use crate::MeanEstimate;
 use crate::path_tracer::Grid;
@@ -26,7 +26,8 @@ pub struct Case {
     pub first_pass: u64,
     /// Passes.
     pub passes: u64,
-    /// Nearly all light comes from beams that hardly any ray finds: what is seen in a few passes is no more than the truth.
+    /// Nearly all light comes from beams that hardly any ray finds: what is seen in a few passes is no more than the
+    /// truth.
     pub rarely_seen: bool,
     /// Beams and beam evaluations over those of the ordinary case that are no more than the case asks for: the work is
     /// compared per unit of it.
@@ -153,10 +154,7 @@ pub fn ordinary() -> Case {
 pub fn cases() -> Vec<Case> {
     let mut cases = vec![
         of_medium("sigma_t = 0", "sigma_a = 0\nsigma_s = 0"),
-        of_medium(
-            "sigma_t = 0 in one channel",
-            "sigma_a = 0\nsigma_s = [0.5, 0.0, 0.2]",
-        ),
+        of_medium("sigma_t = 0 in one channel", "sigma_a = 0\nsigma_s = [0.5, 0.0, 0.2]"),
         of_medium("sigma_t = 1e-12", "sigma_a = 0\nsigma_s = 1e-12"),
         in_fog(
             "index-matched glass",
@@ -359,12 +357,7 @@ material = "white"
 fn spike() -> Vec<u8> {
     let mut samples = vec![1.0; 8 * 8 * 8];
     samples[4 + 8 * (4 + 8 * 4)] = 1000.0;
-    Grid::new(
-        [8; 3],
-        samples,
-        DAffine3::from_translation(DVec3::splat(-0.5)),
-    )
-    .vol()
+    Grid::new([8; 3], samples, DAffine3::from_translation(DVec3::splat(-0.5))).vol()
 }
 
 /// A square, the same square again, slivers along its diagonal, and triangles without an area.

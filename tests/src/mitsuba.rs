@@ -1,7 +1,7 @@
 //! Mitsuba scenes and the pictures that Mitsuba 3 made of them (`tests/mitsuba/compare.py` says how).
 //!
-//! Compared are means over blocks of 8 x 8 pixels and over the whole picture, by channel. Standard errors are those of the
-//! references, which are part of their files, and of our images.
+//! Compared are means over blocks of 8 x 8 pixels and over the whole picture, by channel. Standard errors are those of
+//! the references, which are part of their files, and of our images.
 
 use crate::Suite;
 use crate::render::Blocks;
@@ -51,8 +51,7 @@ impl Reference {
             let mut film = Film::new(size.0 as u32, size.1 as u32);
             for (c, name) in ["R", "G", "B"].into_iter().enumerate() {
                 let name = format!("{prefix}{name}");
-                let is_named =
-                    |channel: &&AnyChannel<FlatSamples>| channel.name.to_string() == name;
+                let is_named = |channel: &&AnyChannel<FlatSamples>| channel.name.to_string() == name;
                 let channels = &image.layer_data.channel_data.list;
                 let Some(channel) = channels.iter().find(is_named) else {
                     panic!("{}: no channel {name}", path.display());
@@ -90,7 +89,8 @@ impl Reference {
     }
 }
 
-/// Compare independent images of a scene with its reference. Significance 1e-3 a scene, over all its blocks and channels.
+/// Compare independent images of a scene with its reference. Significance 1e-3 a scene, over all its blocks and
+/// channels.
 ///
 /// # Panics
 /// When they differ.
@@ -103,8 +103,7 @@ pub fn compare(name: &str, images: impl Iterator<Item = Film>) {
         assert_eq!(blocks.len(), ours.blocks.len());
         let named = ours.blocks.iter().zip(blocks).enumerate();
         let blocks = named.map(|(i, (block, expected))| (format!("block {i}"), block[c], expected));
-        for (part, block, [expected, error]) in blocks.chain([("all".into(), ours.whole[c], whole)])
-        {
+        for (part, block, [expected, error]) in blocks.chain([("all".into(), ours.whole[c], whole)]) {
             let error = error.hypot(ROUNDING * expected);
             // Welch's test: ours is a mean of few values, the reference one of many.
             let own = block.std_error();

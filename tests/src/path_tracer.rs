@@ -1,8 +1,8 @@
 //! A plain path tracer for a room full of a medium given on a grid: what the renderer's images are compared with.
 //!
 //! It is slow and simple, in double precision, one colour channel at a time, and shares no code with the renderer:
-//! distances by delta tracking under the grid's largest density, direct light from the lamp at every vertex, the optical
-//! depth towards it in closed form.
+//! distances by delta tracking under the grid's largest density, direct light from the lamp at every vertex, the
+//! optical depth towards it in closed form.
 
 use beamfarm_image::film::Film;
 use glam::{DAffine3, DVec2, DVec3};
@@ -50,8 +50,7 @@ impl Grid {
         for int in [1, x, y, z, channels.len() as i32] {
             bytes.extend(int.to_le_bytes());
         }
-        let samples =
-            (0..channels[0].samples.len()).flat_map(|i| channels.iter().map(move |c| c.samples[i]));
+        let samples = (0..channels[0].samples.len()).flat_map(|i| channels.iter().map(move |c| c.samples[i]));
         for float in [0.0f32, 0.0, 0.0, 1.0, 1.0, 1.0].into_iter().chain(samples) {
             bytes.extend(float.to_le_bytes());
         }
@@ -92,13 +91,10 @@ impl Grid {
         sum
     }
 
-    /// The density integrated from a point to another: exactly, as it is a cubic between two planes of samples, and Gauss's
-    /// rule with two points is exact for cubics.
+    /// The density integrated from a point to another: exactly, as it is a cubic between two planes of samples, and
+    /// Gauss's rule with two points is exact for cubics.
     pub fn depth(&self, from: DVec3, to: DVec3) -> f64 {
-        let (a, b) = (
-            self.to_cells.transform_point3(from),
-            self.to_cells.transform_point3(to),
-        );
+        let (a, b) = (self.to_cells.transform_point3(from), self.to_cells.transform_point3(to));
         let mut cuts = vec![0.0, 1.0];
         for axis in 0..3 {
             let n = self.resolution[axis];
@@ -269,14 +265,7 @@ impl Room {
     }
 
     /// Distance to the next real collision, if it is nearer than `end` (delta tracking, Woodcock et al. 1965).
-    fn collision(
-        &self,
-        origin: DVec3,
-        dir: DVec3,
-        end: f64,
-        c: usize,
-        random: &mut Random,
-    ) -> Option<f64> {
+    fn collision(&self, origin: DVec3, dir: DVec3, end: f64, c: usize, random: &mut Random) -> Option<f64> {
         let majorant = (self.sigma_s[c] + self.sigma_a[c]) * self.grid.max;
         if majorant == 0.0 {
             return None;
@@ -293,14 +282,9 @@ impl Room {
         }
     }
 
-    /// Light of the lamp that a vertex sends on, for one direction in the cone that the lamp fills, uniform by solid angle.
-    fn direct(
-        &self,
-        vertex: DVec3,
-        scattering: impl Fn(DVec3) -> f64,
-        c: usize,
-        random: &mut Random,
-    ) -> f64 {
+    /// Light of the lamp that a vertex sends on, for one direction in the cone that the lamp fills, uniform by solid
+    /// angle.
+    fn direct(&self, vertex: DVec3, scattering: impl Fn(DVec3) -> f64, c: usize, random: &mut Random) -> f64 {
         let to_lamp = self.lamp.center - vertex;
         let (distance, axis) = (to_lamp.length(), to_lamp.normalize());
         let sin_max = (self.lamp.radius / distance).min(1.0);
@@ -439,20 +423,13 @@ mod tests {
             };
             let dir = DVec3::new(0.6, 0.0, -0.8);
             let mut random = Random(Pcg64::new(1, 2));
-            let cosines: Vec<f64> = (0..20_000)
-                .map(|_| dir.dot(room.scattered(dir, &mut random)))
-                .collect();
+            let cosines: Vec<f64> = (0..20_000).map(|_| dir.dot(room.scattered(dir, &mut random))).collect();
             // Its mean cosine, and the share below -1/2 by quadrature of what `phase_value` says.
             let mean: MeanEstimate = cosines.iter().copied().collect();
             suite.mean(format!("mean cosine {g}"), &mean, g);
-            let back: MeanEstimate = cosines
-                .iter()
-                .map(|cos| f64::from(u8::from(*cos < -0.5)))
-                .collect();
+            let back: MeanEstimate = cosines.iter().map(|cos| f64::from(u8::from(*cos < -0.5))).collect();
             let cos = |i: i32| -1.0 + (f64::from(i) + 0.5) * 5e-4;
-            let share: f64 = (0..1000)
-                .map(|i| TAU * room.phase_value(cos(i)) * 5e-4)
-                .sum();
+            let share: f64 = (0..1000).map(|i| TAU * room.phase_value(cos(i)) * 5e-4).sum();
             suite.mean(format!("backwards {g}"), &back, share);
         }
         suite.finish();

@@ -73,8 +73,8 @@ pub fn run_plan(scene: &Scene, plan: &RenderPlan, passes: u64) -> Average {
     average
 }
 
-/// Means over blocks of pixels, RGB, of independent images of one scene. What an image's pixels share of its draw is in its
-/// block's mean: the standard errors are those of blocks, not of pixels.
+/// Means over blocks of pixels, RGB, of independent images of one scene. What an image's pixels share of its draw is in
+/// its block's mean: the standard errors are those of blocks, not of pixels.
 #[derive(Clone, Debug)]
 pub struct Blocks {
     side: usize,

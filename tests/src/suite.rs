@@ -7,8 +7,8 @@ use crate::z_test::MeanEstimate;
 /// Share of samples of zero density that passes as rounding.
 const MAX_IMPOSSIBLE: f64 = 1e-4;
 
-/// Significance of each of so many tests, so that all of them pass with probability `1 - significance` where all is right
-/// (Šidák 1967): 1 - (1 - significance)^(1 / tests), without cancellation.
+/// Significance of each of so many tests, so that all of them pass with probability `1 - significance` where all is
+/// right (Šidák 1967): 1 - (1 - significance)^(1 / tests), without cancellation.
 pub fn sidak(significance: f64, tests: usize) -> f64 {
     -libm::expm1(libm::log1p(-significance) / tests.max(1) as f64)
 }
@@ -42,8 +42,8 @@ impl Suite {
         }
     }
 
-    /// Add a chi-square test. Besides its p-value, more than a few samples of zero density, or a density that integrates
-    /// to more than one, fail the suite.
+    /// Add a chi-square test. Besides its p-value, more than a few samples of zero density, or a density that
+    /// integrates to more than one, fail the suite.
     pub fn chi2(&mut self, name: impl Into<String>, result: &Chi2Result) {
         let name = name.into();
         if result.impossible > MAX_IMPOSSIBLE {
@@ -53,16 +53,11 @@ impl Suite {
             ));
         }
         if result.integral.is_nan() || result.integral > 1.0 + 1e-3 {
-            self.failures.push(format!(
-                "{name}: the density integrates to {}",
-                result.integral
-            ));
+            self.failures
+                .push(format!("{name}: the density integrates to {}", result.integral));
         }
         self.p_value(
-            format!(
-                "{name} (chi2 = {:.1}, {} dof)",
-                result.statistic, result.dof
-            ),
+            format!("{name} (chi2 = {:.1}, {} dof)", result.statistic, result.dof),
             result.p_value,
         );
     }
@@ -73,13 +68,7 @@ impl Suite {
     }
 
     /// The same, of a mean that may be off by a share of its value.
-    pub fn mean_within(
-        &mut self,
-        name: impl Into<String>,
-        estimate: &MeanEstimate,
-        expected: f64,
-        share: f64,
-    ) {
+    pub fn mean_within(&mut self, name: impl Into<String>, estimate: &MeanEstimate, expected: f64, share: f64) {
         self.p_value(
             format!(
                 "{} (mean {:e} +- {:e}, expected {expected:e})",
@@ -97,13 +86,7 @@ impl Suite {
     }
 
     /// The same, of means that may be apart by a share of the second.
-    pub fn same_mean_within(
-        &mut self,
-        name: impl Into<String>,
-        a: &MeanEstimate,
-        b: &MeanEstimate,
-        share: f64,
-    ) {
+    pub fn same_mean_within(&mut self, name: impl Into<String>, a: &MeanEstimate, b: &MeanEstimate, share: f64) {
         self.p_value(
             format!(
                 "{} (means {:e} +- {:e} and {:e} +- {:e})",
@@ -117,18 +100,15 @@ impl Suite {
         );
     }
 
-    /// Add z-tests of two pictures of the same: every channel of every block and of the whole. Means may be apart by a share
-    /// of the second's.
+    /// Add z-tests of two pictures of the same: every channel of every block and of the whole. Means may be apart by a
+    /// share of the second's.
     ///
     /// # Panics
     /// When the pictures have different numbers of blocks, or are black.
     #[track_caller]
     pub fn same_blocks(&mut self, name: &str, a: &Blocks, b: &Blocks, share: f64) {
         assert_eq!(a.blocks.len(), b.blocks.len(), "{name}");
-        assert!(
-            b.whole.iter().any(|mean| mean.mean() != 0.0),
-            "{name}: black"
-        );
+        assert!(b.whole.iter().any(|mean| mean.mean() != 0.0), "{name}: black");
         let blocks = a.blocks.iter().zip(&b.blocks).enumerate();
         let blocks = blocks.map(|(i, both)| (format!("block {i}"), both));
         for (part, (a, b)) in blocks.chain([("all".to_owned(), (&a.whole, &b.whole))]) {

@@ -62,7 +62,8 @@ impl MeanEstimate {
         self.p_value_same_within(other, 0.0)
     }
 
-    /// Two-sided p-value of the means of two independent estimates being apart by no more than this share of the other's.
+    /// Two-sided p-value of the means of two independent estimates being apart by no more than this share of the
+    /// other's.
     pub fn p_value_same_within(&self, other: &Self, share: f64) -> f64 {
         let error = self.std_error().hypot(other.std_error());
         let off = beyond(self.mean - other.mean, share * other.mean);
@@ -105,9 +106,7 @@ mod tests {
 
     #[test]
     fn mean_and_variance_of_known_values() {
-        let estimate: MeanEstimate = [2.0, 4.0, 4.0, 4.0, 5.0, 5.0, 7.0, 9.0]
-            .into_iter()
-            .collect();
+        let estimate: MeanEstimate = [2.0, 4.0, 4.0, 4.0, 5.0, 5.0, 7.0, 9.0].into_iter().collect();
         assert_eq!(estimate.mean(), 5.0);
         assert!((estimate.variance() - 32.0 / 7.0).abs() < 1e-12);
     }

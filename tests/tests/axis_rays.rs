@@ -38,10 +38,7 @@ radius = 3.0
                 let ray = Ray { origin, dir };
                 let hit = geometry.intersect(objects, &ray, f32::INFINITY, |_| false);
                 let t = hit.map(|hit| hit.t);
-                assert!(
-                    t.is_some_and(|t| (t - expected).abs() < 1e-5),
-                    "{origin} {dir}: {t:?}"
-                );
+                assert!(t.is_some_and(|t| (t - expected).abs() < 1e-5), "{origin} {dir}: {t:?}");
             }
         }
     }

@@ -50,15 +50,12 @@ impl Made {
         1e-4 * (1.0 - self.kernel + self.kernel / scale)
     }
 
-    /// Least standard error that an estimate of the average's bias can have if the exponent and the noise are known, and
-    /// the standard error of the average.
+    /// Least standard error that an estimate of the average's bias can have if the exponent and the noise are known,
+    /// and the standard error of the average.
     fn standard_errors(&self) -> (f64, f64) {
         let scales = self.scales();
         let n = scales.len() as f64;
-        let powers: Vec<f64> = scales
-            .iter()
-            .map(|r| libm::pow(*r, self.exponent))
-            .collect();
+        let powers: Vec<f64> = scales.iter().map(|r| libm::pow(*r, self.exponent)).collect();
         let sum = |f: &dyn Fn(f64, f64) -> f64| -> f64 {
             let passes = scales.iter().zip(&powers);
             passes.map(|(r, g)| f(1.0 / self.variance(*r), *g)).sum()
@@ -66,10 +63,7 @@ impl Made {
         let mean = sum(&|w, g| w * g) / sum(&|w, _| w);
         let spread = sum(&|w, g| w * (g - mean) * (g - mean));
         let variance: f64 = scales.iter().map(|r| self.variance(*r)).sum();
-        (
-            powers.iter().sum::<f64>() / n / spread.sqrt(),
-            variance.sqrt() / n,
-        )
+        (powers.iter().sum::<f64>() / n / spread.sqrt(), variance.sqrt() / n)
     }
 
     /// A job whose tiles' averages have these biases.
@@ -131,8 +125,7 @@ impl Tally {
             self.covered += u32::from(is_named && off <= 2.0 * estimate.standard_error);
         }
         self.named += named;
-        self.false_share
-            .add(f64::from(wrong) / f64::from(named.max(1)));
+        self.false_share.add(f64::from(wrong) / f64::from(named.max(1)));
     }
 
     fn power(&self) -> f64 {
@@ -156,10 +149,7 @@ impl Tally {
             false_share.mean()
         );
         let slack = |share: f64, count: f64| 3.0 * (share * (1.0 - share) / count).sqrt();
-        assert!(
-            self.power() > 0.8 - slack(0.8, f64::from(*biased)),
-            "{name}"
-        );
+        assert!(self.power() > 0.8 - slack(0.8, f64::from(*biased)), "{name}");
         let error = false_share.std_error();
         assert!(false_share.mean() < 0.05 + 3.0 * error, "{name}");
         assert!(covered > 0.85 - slack(0.85, f64::from(*named)), "{name}");
@@ -205,8 +195,8 @@ fn biased_tiles_are_named_and_hardly_any_other() {
     assert!(all.power() > 0.8 && all.false_share.mean() < 0.05);
 }
 
-/// Without any bias, a job in twenty names a tile at most: also where all noise comes in one pass of twenty, and where all
-/// tiles have the same.
+/// Without any bias, a job in twenty names a tile at most: also where all noise comes in one pass of twenty, and where
+/// all tiles have the same.
 #[test]
 fn noise_is_no_bias() {
     let mut rng = Pcg64Mcg::seed_from_u64(2);
@@ -348,8 +338,8 @@ fn print(name: &str, job: &Average) {
     println!("{name}: {bias}; {}", tiles.unwrap_or_default());
 }
 
-/// Radii as wide as a tile, against the path tracer: how many tiles of all jobs are biased beyond doubt and by two standard
-/// errors of a job's estimate, and how many of them are named.
+/// Radii as wide as a tile, against the path tracer: how many tiles of all jobs are biased beyond doubt and by two
+/// standard errors of a job's estimate, and how many of them are named.
 fn told_of(name: &str, toml: &str, radius: f64) -> (u32, u32) {
     let (scene, jobs) = jobs(toml, radius);
     let settings = ReferenceSettings {
@@ -395,9 +385,7 @@ fn told_of(name: &str, toml: &str, radius: f64) -> (u32, u32) {
 fn is_silent(name: &str, toml: &str, radius: f64) {
     let (_, jobs) = jobs(toml, radius);
     jobs.iter().for_each(|job| print(name, job));
-    let named = jobs
-        .iter()
-        .map(|job| job.bias.as_ref().unwrap().named().len());
+    let named = jobs.iter().map(|job| job.bias.as_ref().unwrap().named().len());
     let named = named.sum::<usize>();
     println!("{name}: {named} named falsely of {}", 9 * jobs.len());
     assert!(20 * named <= 9 * jobs.len(), "{name}");

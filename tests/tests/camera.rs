@@ -68,8 +68,7 @@ fn points_in_focus_are_sharp() {
             let ray = camera.ray(image, rng.next_2d());
             let offset = ray.origin - camera.position;
             assert!(offset.dot(camera.frame.n).abs() < 1e-6 && offset.length() <= 0.4 + 1e-6);
-            let t =
-                (camera.focus_distance - offset.dot(camera.frame.n)) / ray.dir.dot(camera.frame.n);
+            let t = (camera.focus_distance - offset.dot(camera.frame.n)) / ray.dir.dot(camera.frame.n);
             assert!((ray.at(t) - sharp).length() < 1e-5);
         }
     }
@@ -116,17 +115,13 @@ fn on_plane(camera: &Camera, image: Vec2) -> Vec2 {
     dir.truncate() / -dir.z
 }
 
-/// Mitsuba 3.9.1: where rays through a corner, the middle and the opposite corner of the image meet the plane at distance 1,
-/// over tan 30 degrees. A film of 40 x 20 pixels, a field of view of 60 degrees.
+/// Mitsuba 3.9.1: where rays through a corner, the middle and the opposite corner of the image meet the plane at
+/// distance 1, over tan 30 degrees. A film of 40 x 20 pixels, a field of view of 60 degrees.
 #[test]
 fn windows_and_principal_points_are_those_of_mitsuba() {
     for (image, camera, expected) in [
         ("", "", [(-1.0, 0.5), (0.0, 0.0), (1.0, -0.5)]),
-        (
-            "",
-            "principal_point = [0.1, 0]",
-            [(-0.8, 0.5), (0.2, 0.0), (1.2, -0.5)],
-        ),
+        ("", "principal_point = [0.1, 0]", [(-0.8, 0.5), (0.2, 0.0), (1.2, -0.5)]),
         (
             "",
             "principal_point = [0, 0.1]",
@@ -168,16 +163,13 @@ fn windows_and_principal_points_are_those_of_mitsuba() {
         let tan = libm::tanf((30.0f32).to_radians());
         for (at, (x, y)) in [0.0, 0.5, 1.0].into_iter().zip(expected) {
             let found = on_plane(&camera, size * at) / tan;
-            assert!(
-                (found - Vec2::new(x, y)).length() < 1e-5,
-                "{text} at {at}: {found}"
-            );
+            assert!((found - Vec2::new(x, y)).length() < 1e-5, "{text} at {at}: {found}");
         }
     }
 }
 
-/// Mitsuba 3.9.1: a window of 7 x 5 pixels of a rectangle of radiance 1, its edges within pixels, under five reconstruction
-/// filters; 131072 samples a pixel. Mitsuba's Gaussian is a fit, off by up to 8e-4 of its height.
+/// Mitsuba 3.9.1: a window of 7 x 5 pixels of a rectangle of radiance 1, its edges within pixels, under five
+/// reconstruction filters; 131072 samples a pixel. Mitsuba's Gaussian is a fit, off by up to 8e-4 of its height.
 #[rustfmt::skip]
 const MITSUBA: [(&str, [[f64; 7]; 5]); 5] = [
     ("\"box\"", [
@@ -257,11 +249,7 @@ fn filters_are_sampled_in_proportion_to_their_values() {
     let tent = |x: f32| (1.0 - x.abs()).max(0.0);
     let gaussian = |x: f32| (libm::expf(-2.0 * x * x) - libm::expf(-8.0)).max(0.0);
     for (name, filter, value) in [
-        (
-            "tent",
-            PixelFilter::Tent { radius: 1.0 },
-            &tent as &dyn Fn(f32) -> f32,
-        ),
+        ("tent", PixelFilter::Tent { radius: 1.0 }, &tent as &dyn Fn(f32) -> f32),
         ("gaussian", PixelFilter::Gaussian { stddev: 0.5 }, &gaussian),
     ] {
         for pixel in [[0, 0], [1, 4], [4, 4]] {
@@ -364,8 +352,7 @@ fn a_window_under_a_tent_is_the_weighted_picture() {
         let weighted: MeanEstimate = fine
             .iter()
             .map(|film| {
-                let row =
-                    |j: usize| &film.pixels[(y0 * FINE + j) * film.width as usize + x0 * FINE..];
+                let row = |j: usize| &film.pixels[(y0 * FINE + j) * film.width as usize + x0 * FINE..];
                 let sum = |(j, weight): (usize, &f64)| {
                     let pixels = row(j).iter().zip(&across);
                     weight * pixels.map(|(p, w)| f64::from(p[0]) * w).sum::<f64>()

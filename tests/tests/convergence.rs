@@ -15,8 +15,8 @@ use statrs::distribution::{ChiSquared, ContinuousCDF};
 use std::f64::consts::PI;
 
 const SCENE: &str = include_str!("../data/convergence.toml");
-/// Of the scene: intensity of the lamp, the medium, kernel radius of the first pass. The mirror reflects all, so that no
-/// photon is lost in a roulette.
+/// Of the scene: intensity of the lamp, the medium, kernel radius of the first pass. The mirror reflects all, so that
+/// no photon is lost in a roulette.
 const INTENSITY: f64 = 1e7;
 const SIGMA_S: f64 = 1e-4;
 const SIGMA_T: f64 = 0.5 + SIGMA_S;
@@ -28,8 +28,8 @@ const RUNS: u64 = 300;
 
 /// Mean and second moment of the radiance that one photon adds, times the photons of a pass, at a kernel radius.
 ///
-/// The mirror makes of the lamp its image at (-5, 0, 0). A direction (1, y, z) of it that meets the mirror is a beam that
-/// passes the camera's ray (x = 3, y = 0, downwards in z from 6) at z = 8 z.
+/// The mirror makes of the lamp its image at (-5, 0, 0). A direction (1, y, z) of it that meets the mirror is a beam
+/// that passes the camera's ray (x = 3, y = 0, downwards in z from 6) at z = 8 z.
 fn moments(radius: f64, flux: f64) -> (f64, f64) {
     let half = 0.1875 / 3.0;
     // The distance of the two lines is 8 y / sqrt(1 + y^2).
@@ -123,27 +123,18 @@ fn variance_and_bias_are_those_of_the_theory() {
             let z = over(&|x, (mean, variance)| (x - mean) / variance.sqrt());
             suite.mean(format!("{name}: mean less its expectation"), &z, 0.0);
             let ratio = over(&|x, (mean, variance)| (x - mean) * (x - mean) / variance);
-            suite.mean(
-                format!("{name}: variance over its expectation"),
-                &ratio,
-                1.0,
-            );
+            suite.mean(format!("{name}: variance over its expectation"), &ratio, 1.0);
         }
         // Averages: sums of enough beams to be normal.
         let averaged = runs.averaged().of_passes();
         for passes in [16, 48, PASSES] {
             let n = passes as f64;
-            let sums = |f: fn(&(f64, f64)) -> f64| -> f64 {
-                expected[..passes as usize].iter().map(f).sum()
-            };
+            let sums = |f: fn(&(f64, f64)) -> f64| -> f64 { expected[..passes as usize].iter().map(f).sum() };
             let (mean, variance) = (sums(|e| e.0) / n, sums(|e| e.1) / (n * n));
             let found = averaged[passes as usize - 1];
             let name = format!("alpha {alpha}, average of {passes}");
             let p = variance_p_value(found.variance, variance, RUNS);
-            suite.p_value(
-                format!("{name}: variance {} for {variance}", found.variance),
-                p,
-            );
+            suite.p_value(format!("{name}: variance {} for {variance}", found.variance), p);
             let z = (found.mean - mean) / (variance / RUNS as f64).sqrt();
             suite.p_value(
                 format!("{name}: bias {} for {}", found.mean - truth, mean - truth),
@@ -154,8 +145,8 @@ fn variance_and_bias_are_those_of_the_theory() {
     }
     suite.finish();
 
-    // The published laws have no constants but those of the first pass: the exact ones deviate by as much as the kernel is
-    // wide beside the shaft of light.
+    // The published laws have no constants but those of the first pass: the exact ones deviate by as much as the kernel
+    // is wide beside the shaft of light.
     let theory = Theory {
         truth,
         bias: first_mean - truth,
@@ -165,9 +156,7 @@ fn variance_and_bias_are_those_of_the_theory() {
         for (prediction, scale) in theory.predict(&runs.scales).iter().zip(&runs.scales) {
             let (mean, variance) = pass_moments(RADIUS * scale, flux);
             let Prediction {
-                variance: v,
-                bias: b,
-                ..
+                variance: v, bias: b, ..
             } = prediction;
             assert!((v / variance - 1.0).abs() < 0.12, "{v} {variance}");
             assert!(
@@ -220,11 +209,10 @@ fn the_extrapolated_bias_is_the_true_one() {
             // The curve is not quite a line: the intercept deviates by a little.
             let error: MeanEstimate = estimates().map(|e| e.bias - bias).collect();
             suite.mean(format!("{name}: bias"), &error, 0.0);
-            // The noise of a lone pixel is all from kernels and rarer than not: what is claimed may be larger than it is, by a
-            // third, but not smaller. Three standard errors.
-            let squares = |value: fn(f64, Fit) -> f64| -> MeanEstimate {
-                estimates().map(|e| value(e.bias - bias, e)).collect()
-            };
+            // The noise of a lone pixel is all from kernels and rarer than not: what is claimed may be larger than it
+            // is, by a third, but not smaller. Three standard errors.
+            let squares =
+                |value: fn(f64, Fit) -> f64| -> MeanEstimate { estimates().map(|e| value(e.bias - bias, e)).collect() };
             let excess = squares(|off, e| off * off - e.standard_error * e.standard_error);
             let claimed = squares(|_, e| e.standard_error * e.standard_error).mean();
             let most = excess.mean() + 3.0 * excess.std_error();
@@ -240,10 +228,7 @@ fn the_extrapolated_bias_is_the_true_one() {
         }
         // All runs together are one job with many paths.
         let together: Vec<f64> = runs.of_passes().iter().map(|pass| pass.mean).collect();
-        println!(
-            "alpha {alpha:.2}: {}",
-            extrapolated(&together, &runs.scales)
-        );
+        println!("alpha {alpha:.2}: {}", extrapolated(&together, &runs.scales));
     }
     suite.finish();
 }

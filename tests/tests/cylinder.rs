@@ -55,19 +55,13 @@ fn hits_are_those_of_mitsuba() {
     for (fields, origin, dir, t, normal, uv) in MITSUBA {
         let found = hit(&loaded(fields), origin.into(), dir.into()).unwrap();
         assert!((found.t - t).abs() < 1e-5, "{fields}: {found:?}");
-        assert!(
-            (found.ng - Vec3::from(normal)).length() < 3e-5,
-            "{fields}: {found:?}"
-        );
-        assert!(
-            (found.uv - Vec2::from(uv)).length() < 3e-5,
-            "{fields}: {found:?}"
-        );
+        assert!((found.ng - Vec3::from(normal)).length() < 3e-5, "{fields}: {found:?}");
+        assert!((found.uv - Vec2::from(uv)).length() < 3e-5, "{fields}: {found:?}");
     }
 }
 
-/// Distances along a line from `o` where it meets an endless cylinder, in double precision; and how far it is from missing
-/// it, as the square of a sine.
+/// Distances along a line from `o` where it meets an endless cylinder, in double precision; and how far it is from
+/// missing it, as the square of a sine.
 fn exact(o: DVec3, d: DVec3, radius: f64) -> ([f64; 2], f64) {
     let (o2, d2) = (DVec2::new(o.x, o.y), DVec2::new(d.x, d.y));
     let a = d2.length_squared();
@@ -77,21 +71,13 @@ fn exact(o: DVec3, d: DVec3, radius: f64) -> ([f64; 2], f64) {
     ([middle - half, middle + half], gap)
 }
 
-/// From near and far, thick and thin: the nearest hit is where double precision has it, and a ray that leaves it meets the
-/// far side or nothing, never the same place again.
+/// From near and far, thick and thin: the nearest hit is where double precision has it, and a ray that leaves it meets
+/// the far side or nothing, never the same place again.
 #[test]
 fn hits_are_precise_and_rays_leave() {
     let mut rng = Sampler::new(5, 0, Purpose::Test, 0);
-    for (radius, height) in [
-        (1.0, 1.0),
-        (0.001, 1.0),
-        (50.0, 5.0),
-        (0.01, 0.01),
-        (300.0, 700.0),
-    ] {
-        let scene = loaded(&format!(
-            "p0 = [0, 0, 0]\np1 = [0, 0, {height}]\nradius = {radius}"
-        ));
+    for (radius, height) in [(1.0, 1.0), (0.001, 1.0), (50.0, 5.0), (0.01, 0.01), (300.0, 700.0)] {
+        let scene = loaded(&format!("p0 = [0, 0, 0]\np1 = [0, 0, {height}]\nradius = {radius}"));
         let size = f64::max(radius, height);
         let mut met = [0; 2];
         for far in [0.7, 3.0, 1e3] {
@@ -117,18 +103,11 @@ fn hits_are_precise_and_rays_leave() {
                     let z = height_at(t);
                     z.abs().min((height - z).abs()) < 10.0 * blur
                 };
-                if gap.abs() < 20.0 * blur / radius
-                    || (1.0 - d.z * d.z) < 1e-4
-                    || roots.iter().any(at_end)
-                {
+                if gap.abs() < 20.0 * blur / radius || (1.0 - d.z * d.z) < 1e-4 || roots.iter().any(at_end) {
                     continue;
                 }
                 let found = hit(&scene, origin, dir);
-                assert_eq!(
-                    found.is_some(),
-                    expected.is_some(),
-                    "{roots:?} from {origin} to {dir}"
-                );
+                assert_eq!(found.is_some(), expected.is_some(), "{roots:?} from {origin} to {dir}");
                 let (Some(found), Some(expected)) = (found, expected) else {
                     continue;
                 };
@@ -150,10 +129,7 @@ fn hits_are_precise_and_rays_leave() {
                 let (o, d) = (inside.origin.as_dvec3(), inside.dir.as_dvec3());
                 if let Some(again) = hit(&scene, inside.origin, inside.dir) {
                     let chord = 2.0 * radius * f64::from(leaving.dot(found.ng)) / (1.0 - d.z * d.z);
-                    assert!(
-                        f64::from(again.t) > 0.5 * chord,
-                        "{again:?} after {found:?}, {o}"
-                    );
+                    assert!(f64::from(again.t) > 0.5 * chord, "{again:?} after {found:?}, {o}");
                     met[1] += 1;
                 }
             }

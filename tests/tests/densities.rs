@@ -1,9 +1,7 @@
-//! Every sampler of directions on surfaces and in media against its density: chi-square, fixed seeds, one significance for
-//! each test function.
+//! Every sampler of directions on surfaces and in media against its density: chi-square, fixed seeds, one significance
+//! for each test function.
 
-use beamfarm_render::bsdf::{
-    Bsdf, Dielectric, Distribution, RoughDielectric, TransportMode, conductor_preset,
-};
+use beamfarm_render::bsdf::{Bsdf, Dielectric, Distribution, RoughDielectric, TransportMode, conductor_preset};
 use beamfarm_render::math::{Rgb, Vec2, Vec3};
 use beamfarm_render::phase::Phase;
 use beamfarm_render::sampler::{Purpose, Sampler};
@@ -115,10 +113,7 @@ fn rough_bsdfs() -> Vec<(String, Bsdf<'static>)> {
         let reflectance = Rgb::new(0.2, 0.5, 0.9);
         bsdfs.push((
             format!("diffuse, two-sided {two_sided}"),
-            Bsdf::Diffuse {
-                reflectance,
-                two_sided,
-            },
+            Bsdf::Diffuse { reflectance, two_sided },
         ));
         bsdfs.push((
             format!("conductor 0.3, two-sided {two_sided}"),
@@ -178,8 +173,9 @@ fn incidences() -> impl Iterator<Item = (f32, Vec3)> {
         .map(|degrees| (degrees, direction(degrees, 25.0)))
 }
 
-/// Each side of the surface by itself, around the mean of its samples. Together the densities integrate to one, but for the
-/// light that is lost for want of second bounces among microfacets: none for diffuse surfaces, next to none for smooth ones.
+/// Each side of the surface by itself, around the mean of its samples. Together the densities integrate to one, but for
+/// the light that is lost for want of second bounces among microfacets: none for diffuse surfaces, next to none for
+/// smooth ones.
 #[test]
 fn bsdfs_are_sampled_in_proportion_to_their_densities() {
     let mut suite = Suite::new(SIGNIFICANCE);
@@ -196,19 +192,13 @@ fn bsdfs_are_sampled_in_proportion_to_their_densities() {
                         .filter(wanted)
                 };
                 let mut rng = Sampler::new(1, 0, Purpose::Test, 0);
-                let mean: Vec3 = (0..50_000)
-                    .filter_map(|_| sample(&mut rng))
-                    .take(2_000)
-                    .sum();
+                let mean: Vec3 = (0..50_000).filter_map(|_| sample(&mut rng)).take(2_000).sum();
                 let axis = mean.try_normalize().unwrap_or(Vec3::Z);
                 let pdf = |wi| f32::from(wanted(&wi)) * bsdf.pdf(wo, wi);
                 let result = Chi2::default().sphere(axis, sample, pdf);
                 integral += result.integral;
                 if reflected || both {
-                    suite.chi2(
-                        format!("{name} at {degrees}, reflected {reflected}"),
-                        &result,
-                    );
+                    suite.chi2(format!("{name} at {degrees}, reflected {reflected}"), &result);
                 } else {
                     assert_eq!(result.integral, 0.0, "{name}");
                 }
@@ -248,14 +238,8 @@ fn sample_weights_are_value_times_cosine_over_density() {
                     // The half vector of two rounded directions is off by their rounding over the roughness.
                     let tolerance = weight_tolerance(&bsdf);
                     let error = (value - sample.weight).abs().max_element();
-                    assert!(
-                        error <= tolerance * sample.weight.max_element(),
-                        "{name}: {value}"
-                    );
-                    assert!(
-                        (pdf / sample.pdf - 1.0).abs() < 20.0 * tolerance,
-                        "{name}: {pdf}"
-                    );
+                    assert!(error <= tolerance * sample.weight.max_element(), "{name}: {value}");
+                    assert!((pdf / sample.pdf - 1.0).abs() < 20.0 * tolerance, "{name}: {pdf}");
                 }
             }
         }

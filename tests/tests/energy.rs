@@ -6,8 +6,8 @@ use beamfarm_render::plan::RenderPlan;
 use beamfarm_tests::render::scene;
 use beamfarm_tests::{MeanEstimate, Suite};
 
-/// A lamp behind glass in a closed box of fog. Kernels so narrow that none reaches over an edge, where powers are larger. The glass makes every photon that gets to a wall one that is stored (light
-/// straight from its source is not).
+/// A lamp behind glass in a closed box of fog. Kernels so narrow that none reaches over an edge, where powers are
+/// larger. The glass makes every photon that gets to a wall one that is stored (light straight from its source is not).
 const BOX: &str = r#"
 [image]
 width = 8
@@ -61,8 +61,8 @@ fn what_is_emitted_is_absorbed() {
         assert!(!photons.surface.is_empty());
         for c in 0..3 {
             let walls: f64 = photons.surface.iter().map(|p| p.power[c] as f64).sum();
-            // A long beam holds the flux at its start: what the medium absorbs along it, in expectation, is the absorbed
-            // share of what is lost.
+            // A long beam holds the flux at its start: what the medium absorbs along it, in expectation, is the
+            // absorbed share of what is lost.
             let lost: f64 = photons
                 .beams
                 .iter()

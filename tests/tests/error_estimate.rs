@@ -1,5 +1,5 @@
-//! The error that a render claims is the error that it has: over repeated runs of small scenes, the squared error divided by
-//! the estimated one is 1.
+//! The error that a render claims is the error that it has: over repeated runs of small scenes, the squared error
+//! divided by the estimated one is 1.
 
 use beamfarm_image::job::JobSettings;
 use beamfarm_image::merge::Average;
@@ -132,10 +132,7 @@ fn jackknife(count: usize, ratio: impl Fn(Option<usize>) -> f64) -> Ratio {
 /// Squared error over estimated squared error, both relative to the radiance as the number that `render` prints is.
 fn ratios(runs: &[Average]) -> [Ratio; 2] {
     let values: Vec<Vec<f64>> = runs.iter().map(|r| flat(&r.beauty.pixels)).collect();
-    let errors: Vec<Vec<f64>> = runs
-        .iter()
-        .map(|r| flat(&r.standard_error.pixels))
-        .collect();
+    let errors: Vec<Vec<f64>> = runs.iter().map(|r| flat(&r.standard_error.pixels)).collect();
     let printed: Vec<f64> = runs.iter().map(Average::relative_standard_error).collect();
     let count = values[0].len();
     let picture: f64 = values.iter().flatten().sum::<f64>() / (count * runs.len()) as f64;
@@ -196,10 +193,7 @@ fn squared_errors_are_what_was_estimated() {
         let runs: Vec<Average> = (0..RUNS).into_par_iter().map(of_seed).collect();
         assert_eq!(runs[0].beauty.pixels.len(), SIDE * SIDE);
         for (ratio, what) in ratios(&runs).iter().zip(["by pixel", "as printed"]) {
-            println!(
-                "{name} {what}: {:.3} +- {:.3}",
-                ratio.value, ratio.standard_error
-            );
+            println!("{name} {what}: {:.3} +- {:.3}", ratio.value, ratio.standard_error);
             let z = (ratio.value - 1.0) / ratio.standard_error;
             suite.p_value(
                 format!("{name} {what}: {} +- {}", ratio.value, ratio.standard_error),

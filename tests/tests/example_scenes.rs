@@ -80,11 +80,7 @@ fn every_scene_makes_a_picture() {
         let plan = RenderPlan::new(&scene, settings);
         let pass = render_pass(&scene, &plan, 0);
         assert_eq!(pass.stats.non_finite, 0, "{path:?}");
-        let lit = pass
-            .film
-            .pixels
-            .iter()
-            .filter(|p| p.iter().sum::<f32>() > 1e-4);
+        let lit = pass.film.pixels.iter().filter(|p| p.iter().sum::<f32>() > 1e-4);
         let (lit, all) = (lit.count(), pass.film.pixels.len());
         assert!(2 * lit > all, "{path:?}: {lit} of {all} pixels are lit");
     }

@@ -1,4 +1,5 @@
-//! Scenes on which pictures were wrong: small, each with its cause in its first line. Passes and path tracer against one another.
+//! Scenes on which pictures were wrong: small, each with its cause in its first line. Passes and path tracer against
+//! one another.
 
 #![allow(clippy::unwrap_used)]
 
@@ -34,9 +35,5 @@ fn what_was_wrong_is_right() {
             Err(message) => wrong.push(format!("{name}: {message}")),
         }
     }
-    assert!(
-        files.len() >= 19 && wrong.is_empty(),
-        "{}",
-        wrong.join("\n")
-    );
+    assert!(files.len() >= 19 && wrong.is_empty(), "{}", wrong.join("\n"));
 }

@@ -288,10 +288,7 @@ fn light_of_every_kind_scattered_once_is_the_integral() {
                     // Light scattered twice, and the quadrature: another independent error of 2e-3.
                     let off = (block[c].mean() - expected[c]).abs();
                     let error = block[c].std_error().hypot(2e-3 * expected[c]);
-                    suite.p_value(
-                        format!("{name}: {off:e} off, error {error:e}"),
-                        two_sided(off / error),
-                    );
+                    suite.p_value(format!("{name}: {off:e} off, error {error:e}"), two_sided(off / error));
                     // Nothing is so bright now and then that the mean would hide it.
                     let error = block[c].std_error() / expected[c];
                     assert!(error < 0.04, "{}, g = {g}: {error}", case.name);

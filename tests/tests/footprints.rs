@@ -65,7 +65,8 @@ fn apparent_distances(beams: &[PhotonBeam], z: f32) -> Vec<f32> {
     distances
 }
 
-/// Fails unless 99 of 100 are within a hundredth of what is expected: the others were reflected to and fro within the glass.
+/// Fails unless 99 of 100 are within a hundredth of what is expected: the others were reflected to and fro within the
+/// glass.
 fn check(what: &str, distances: &[f32], expected: f32) {
     let is_off = |distance: &&f32| (*distance / expected - 1.0).abs() > 0.01;
     let off = distances.iter().filter(is_off).count();
@@ -104,9 +105,7 @@ radius = 0.5
     let beams = beams_near_axis(ball);
     // Refraction at one surface, n' / s' = n / s + (n' - n) / R (Hecht, Optics, section 5.2), with s' counted back to
     // where the light seems to come from, and R positive where the surface bulges towards it.
-    let behind = |from: f32, to: f32, distance: f32, radius: f32| {
-        to / (from / distance - (to - from) / radius)
-    };
+    let behind = |from: f32, to: f32, distance: f32, radius: f32| to / (from / distance - (to - from) / radius);
     let inside = behind(1.0, ETA, 0.1, RADIUS);
     check("in the ball", &apparent_distances(&beams, 0.1), inside);
     let outside = behind(ETA, 1.0, inside + 2.0 * RADIUS, -RADIUS);

@@ -2,8 +2,7 @@
 
 use beamfarm_tests::Suite;
 use beamfarm_tests::furnace::{
-    COATS_VEILS_AND_PANES, GLASS_BALL, MIRROR_BALL, WHITE_AND_GLASS, closed_box, is_one,
-    under_the_sky,
+    COATS_VEILS_AND_PANES, GLASS_BALL, MIRROR_BALL, WHITE_AND_GLASS, closed_box, is_one, under_the_sky,
 };
 
 /// Of each test, for all of its images, channels and quarters.
@@ -52,13 +51,7 @@ phase = { type = "hg", g = 0.5 }
     let mut suite = Suite::new(SIGNIFICANCE);
     is_one(&mut suite, "fog", &closed_box(0.5, fog), &[], 16);
     let with_glass = format!("{GLASS_BALL}{fog}");
-    is_one(
-        &mut suite,
-        "fog and glass",
-        &closed_box(0.5, &with_glass),
-        &[],
-        16,
-    );
+    is_one(&mut suite, "fog and glass", &closed_box(0.5, &with_glass), &[], 16);
     suite.finish();
 }
 

@@ -76,9 +76,7 @@ fn seeds(target: &Target) -> Vec<(String, Vec<u8>)> {
         };
         for path in entries.map(|entry| entry.unwrap().path()) {
             let name = path.file_name().unwrap().to_string_lossy().into_owned();
-            if !name.ends_with("md")
-                && (!path.starts_with(tests.join("data")) || name.ends_with(target.name))
-            {
+            if !name.ends_with("md") && (!path.starts_with(tests.join("data")) || name.ends_with(target.name)) {
                 seeds.push((name, std::fs::read(path).unwrap()));
             }
         }
@@ -211,9 +209,7 @@ fn write_seeds() {
         write(&format!("exr/block_{name}.exr"), &bytes);
     }
 
-    let pixels = SpecificChannels::rgb(|p: exr::prelude::Vec2<usize>| {
-        (p.x() as f32 / 4.0, p.y() as f32 / 4.0, 1f32)
-    });
+    let pixels = SpecificChannels::rgb(|p: exr::prelude::Vec2<usize>| (p.x() as f32 / 4.0, p.y() as f32 / 4.0, 1f32));
     let tiled = Encoding {
         blocks: exr::prelude::Blocks::Tiles(exr::prelude::Vec2(4, 4)),
         ..Encoding::FAST_LOSSLESS
@@ -224,12 +220,7 @@ fn write_seeds() {
         ("piz", Encoding::SMALL_FAST_LOSSLESS),
         ("tiles", tiled),
     ] {
-        let layer = Layer::new(
-            (9, 7),
-            LayerAttributes::named("picture"),
-            encoding,
-            pixels.clone(),
-        );
+        let layer = Layer::new((9, 7), LayerAttributes::named("picture"), encoding, pixels.clone());
         let mut bytes = Vec::new();
         Image::from_layer(layer)
             .write()

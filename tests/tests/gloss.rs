@@ -1,5 +1,5 @@
-//! Gather rays beside one another and surface photons seen on gloss: the same light on average as one gather ray finds alone,
-//! and less noise.
+//! Gather rays beside one another and surface photons seen on gloss: the same light on average as one gather ray finds
+//! alone, and less noise.
 
 use beamfarm_image::job::ReferenceSettings;
 use beamfarm_render::pass::render_pass;
@@ -116,8 +116,8 @@ fn same_means(name: &str, [alone, together]: &[Blocks; 2], suite: &mut Suite) {
     assert!(noise < 0.03, "{name}: {noise}");
 }
 
-/// Metal, frosted glass with what it transmits, a rough coat, and the principled BSDF. Significance 1e-2 for all blocks of
-/// all rooms together.
+/// Metal, frosted glass with what it transmits, a rough coat, and the principled BSDF. Significance 1e-2 for all blocks
+/// of all rooms together.
 #[test]
 fn gloss_changes_noise_and_not_light() {
     let mut suite = Suite::new(1e-2);
@@ -138,8 +138,8 @@ fn gloss_obeys_its_rules() {
     suite.finish();
 }
 
-/// More lights than gloss chooses from at a time, and a room without gloss, against the path tracer: points of all powers around
-/// the room, and the lantern. Significance 1e-2 for all blocks of all rooms together.
+/// More lights than gloss chooses from at a time, and a room without gloss, against the path tracer: points of all
+/// powers around the room, and the lantern. Significance 1e-2 for all blocks of all rooms together.
 #[test]
 fn surfaces_among_many_lights_are_what_the_path_tracer_shows() {
     let mut suite = Suite::new(1e-2);
@@ -148,9 +148,7 @@ fn surfaces_among_many_lights_are_what_the_path_tracer_shows() {
         for i in 0..12 {
             let (x, z) = (0.1 * f64::from(i) - 0.6, 0.6 - 0.1 * f64::from(i));
             let intensity = 0.01 * f64::from(1 + i * i);
-            text += &format!(
-                "[[lights]]\ntype = \"point\"\nposition = [{x}, 0.85, {z}]\nintensity = {intensity}\n"
-            );
+            text += &format!("[[lights]]\ntype = \"point\"\nposition = [{x}, 0.85, {z}]\nintensity = {intensity}\n");
         }
         let scene = scene(&text);
         let settings = ReferenceSettings {
@@ -163,7 +161,8 @@ fn surfaces_among_many_lights_are_what_the_path_tracer_shows() {
     suite.finish();
 }
 
-/// The variance of passes in the middle of a ball of metal, that shows a wall lit by the spot, over that of one gather ray.
+/// The variance of passes in the middle of a ball of metal, that shows a wall lit by the spot, over that of one gather
+/// ray.
 #[test]
 fn gloss_lowers_the_noise() {
     for (paths, first, bound) in [(3000, 100, 0.5), (40_000, 0, 0.35)] {
@@ -180,9 +179,7 @@ fn gloss_lowers_the_noise() {
             let blocks = Blocks::new((first..first + 60).map(film), 1);
             let pixels = blocks.blocks.iter().enumerate();
             let on_ball = |i: usize| (13..17).contains(&(i / 24)) && (6..10).contains(&(i % 24));
-            let variances = pixels
-                .filter(|(i, _)| on_ball(*i))
-                .map(|(_, b)| b[0].variance());
+            let variances = pixels.filter(|(i, _)| on_ball(*i)).map(|(_, b)| b[0].variance());
             variances.sum::<f64>()
         });
         assert!(

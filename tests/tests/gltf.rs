@@ -18,7 +18,8 @@ render = { passes = 2, paths = 200 }
 const CAMERA: &str = "camera = { origin = [0.5, 1, 6], target = [0.5, 1, 0], fov = 50 }
 ";
 
-/// A square's corners: positions, normals, texture coordinates; then two triangles as bytes, and as a strip as 16-bit numbers.
+/// A square's corners: positions, normals, texture coordinates; then two triangles as bytes, and as a strip as 16-bit
+/// numbers.
 fn square() -> Vec<u8> {
     let mut bytes = Vec::new();
     let corners = [[0f32, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
@@ -63,11 +64,7 @@ fn glb(json: &str, bin: &[u8]) -> Vec<u8> {
         let length = (bytes.len() as u32).to_le_bytes();
         [&length[..], kind, &bytes].concat()
     };
-    let body = [
-        chunk(b"JSON", pad(json.as_bytes(), b' ')),
-        chunk(b"BIN\0", pad(bin, 0)),
-    ]
-    .concat();
+    let body = [chunk(b"JSON", pad(json.as_bytes(), b' ')), chunk(b"BIN\0", pad(bin, 0))].concat();
     let length = (body.len() as u32 + 12).to_le_bytes();
     [b"glTF", &2u32.to_le_bytes()[..], &length, &body].concat()
 }
@@ -219,10 +216,7 @@ fn base_materials_are_principled() {
             { "emissiveFactor": [1, 0, 0] }
         ]"#;
     let text = format!("{VIEW}{CAMERA}[[gltf]]\nfile = \"in/a.glb\"");
-    let files = [
-        ("in/a.glb", file(body)),
-        ("in/tex tures/a.png", png.to_vec()),
-    ];
+    let files = [("in/a.glb", file(body)), ("in/tex tures/a.png", png.to_vec())];
     let description = load(&text, &files).unwrap();
     let kinds: Vec<_> = description
         .objects
@@ -255,12 +249,8 @@ fn base_materials_are_principled() {
     };
     assert_eq!(*white, Rgb::ONE);
     // Column 1, row 0 is (60, 80, 100) of 255, in sRGB.
-    let expected =
-        [60.0, 80.0, 100.0].map(|v: f64| libm::pow((v / 255.0 + 0.055) / 1.055, 2.4) as f32);
-    assert_near(
-        image.pixels[1],
-        [expected[0] * 0.5, expected[1], expected[2]],
-    );
+    let expected = [60.0, 80.0, 100.0].map(|v: f64| libm::pow((v / 255.0 + 0.055) / 1.055, 2.4) as f32);
+    assert_near(image.pixels[1], [expected[0] * 0.5, expected[1], expected[2]]);
     // Means over columns 0 to 3, rows 0 to 2, of 60 x + 20 c + y.
     assert!((metallic - 131.0 / 255.0).abs() < 1e-6);
     assert!((roughness - 0.5 * 111.0 / 255.0).abs() < 1e-6);
@@ -271,16 +261,12 @@ fn base_materials_are_principled() {
     let [light] = &description.lights[..] else {
         panic!("{:?}", description.lights);
     };
-    assert!(
-        matches!(light.kind, LightKind::Area { object: 2, radiance } if radiance == Rgb::new(1.0, 0.0, 0.0))
-    );
+    assert!(matches!(light.kind, LightKind::Area { object: 2, radiance } if radiance == Rgb::new(1.0, 0.0, 0.0)));
 
     let plain = format!("{text}\nmaterials = false");
     let description = load(&plain, &files).unwrap();
     assert!(description.lights.is_empty());
-    assert!(
-        matches!(description.materials[..], [ref m] if matches!(m.kind, MaterialKind::Diffuse { .. }))
-    );
+    assert!(matches!(description.materials[..], [ref m] if matches!(m.kind, MaterialKind::Diffuse { .. })));
 }
 
 const LIGHTS_AND_CAMERAS: &str = r#"
@@ -314,14 +300,8 @@ fn punctual_lights_are_lights() {
     assert_eq!(names, ["bulb", "sun", "spot", "hard"]);
     let kinds: Vec<&LightKind> = description.lights.iter().map(|l| &l.kind).collect();
     let [
-        LightKind::Point {
-            position,
-            intensity,
-        },
-        LightKind::Directional {
-            direction,
-            irradiance,
-        },
+        LightKind::Point { position, intensity },
+        LightKind::Directional { direction, irradiance },
         LightKind::Spot {
             position: lamp,
             frame,
@@ -372,9 +352,7 @@ fn cameras_are_found_by_name() {
         let description = with_camera(&camera, placed).unwrap();
         assert_near(description.camera.frame.n, [-1.0, 0.0, 0.0]);
         assert_eq!(description.camera.aperture, 0.25);
-        assert!(
-            (f64::from(description.camera.tan_half_fov_x) - 1.5 * libm::tan(0.25)).abs() < 1e-6
-        );
+        assert!((f64::from(description.camera.tan_half_fov_x) - 1.5 * libm::tan(0.25)).abs() < 1e-6);
         // The bulb at (1, 2, 3) and the camera at (4, 5, 6), both turned to (z, y, -x).
         let LightKind::Point { position, .. } = description.lights[0].kind else {
             panic!();
@@ -421,42 +399,21 @@ fn files_beside_the_file_are_in_the_bundle() {
         let buffer = format!("{{ \"byteLength\": 144, \"uri\": \"{uri}\" }}");
         json(&format!("{nodes},\n{SQUARE}")).replace("{ \"byteLength\": 144 }", &buffer)
     };
-    std::fs::write(
-        at("scenes/models/a.gltf"),
-        with_buffer("../data%20files/a.bin"),
-    )
-    .unwrap();
+    std::fs::write(at("scenes/models/a.gltf"), with_buffer("../data%20files/a.bin")).unwrap();
     std::fs::write(at("scenes/data files/a.bin"), square()).unwrap();
     let scene = at("scenes/scene.toml");
-    std::fs::write(
-        &scene,
-        format!("{VIEW}{CAMERA}[[gltf]]\nfile = \"models/a.gltf\""),
-    )
-    .unwrap();
+    std::fs::write(&scene, format!("{VIEW}{CAMERA}[[gltf]]\nfile = \"models/a.gltf\"")).unwrap();
     let bundle = read_bundle(&scene).unwrap();
     let keys: Vec<&str> = bundle.files.keys().map(|key| &**key).collect();
-    assert_eq!(
-        keys,
-        [
-            "models/%2E%2E/data files/a.bin",
-            "models/a.gltf",
-            "scene.toml"
-        ]
-    );
+    assert_eq!(keys, ["models/%2E%2E/data files/a.bin", "models/a.gltf", "scene.toml"]);
     let outside = beamfarm_scene::load(&bundle).unwrap();
 
-    let text = with_buffer(&format!(
-        "data:application/octet-stream;base64,{}",
-        base64(&square())
-    ));
+    let text = with_buffer(&format!("data:application/octet-stream;base64,{}", base64(&square())));
     std::fs::write(at("scenes/models/a.gltf"), text).unwrap();
     let bundle = read_bundle(&scene).unwrap();
     assert_eq!(bundle.files.len(), 2);
     let inside = beamfarm_scene::load(&bundle).unwrap();
-    assert_eq!(
-        mesh(&inside.objects[0]).positions,
-        mesh(&outside.objects[0]).positions
-    );
+    assert_eq!(mesh(&inside.objects[0]).positions, mesh(&outside.objects[0]).positions);
 
     std::fs::write(at("scenes/models/a.gltf"), with_buffer("b.bin")).unwrap();
     let error = read_bundle(&scene).unwrap_err().to_string();
@@ -486,10 +443,8 @@ fn bad_files_say_why() {
         "scenes": [{ "nodes": [0] }],
         "nodes": [{ "name": "plate", "mesh": 0 }],
         "meshes": [{ "primitives": [{ @, "indices": 3 }] }]"#;
-    let all = format!("{body},\n{SQUARE}").replace(
-        '@',
-        r#""attributes": { "POSITION": 0, "NORMAL": 1, "TEXCOORD_0": 2 }"#,
-    );
+    let all =
+        format!("{body},\n{SQUARE}").replace('@', r#""attributes": { "POSITION": 0, "NORMAL": 1, "TEXCOORD_0": 2 }"#);
     let plate = "a.glb: the node \"plate\": primitive 0 of its mesh: ";
     for (from, to, expected) in [
         (
@@ -618,9 +573,6 @@ fn bad_files_say_why() {
         format!("{{\"extras\":{}", "[".repeat(100_000)).into_bytes(),
     ] {
         let error = error_of(bytes);
-        assert!(
-            error.starts_with("a.glb: not a usable glTF file: "),
-            "{error}"
-        );
+        assert!(error.starts_with("a.glb: not a usable glTF file: "), "{error}");
     }
 }

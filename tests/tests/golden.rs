@@ -171,11 +171,7 @@ radiance = [0.2, 0.3, 0.5]
 fn hashes_of_small_images() {
     let hash = |toml| pixel_hash(&average(&scene(toml)).beauty);
     assert_eq!(
-        [
-            ("fog", hash(FOG)),
-            ("smoke", hash(SMOKE)),
-            ("surfaces", hash(SURFACES))
-        ],
+        [("fog", hash(FOG)), ("smoke", hash(SMOKE)), ("surfaces", hash(SURFACES))],
         [
             ("fog", FOG_HASH.into()),
             ("smoke", SMOKE_HASH.into()),

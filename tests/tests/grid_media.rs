@@ -1,9 +1,9 @@
 //! Images of media whose density is given on a grid, those of the reference integrator as well, against a path tracer,
 //! quadrature and homogeneous media.
 //!
-//! Compared are means over blocks of pixels, whose standard errors come from the passes' own block means. Kernels blur and
-//! lose a little light at edges, in proportion to their radius: scenes name a small one, and each comparison allows for a
-//! stated share of the expected value besides its errors.
+//! Compared are means over blocks of pixels, whose standard errors come from the passes' own block means. Kernels blur
+//! and lose a little light at edges, in proportion to their radius: scenes name a small one, and each comparison allows
+//! for a stated share of the expected value besides its errors.
 
 use beamfarm_image::exr::pixel_hash;
 use beamfarm_image::job::ReferenceSettings;
@@ -47,11 +47,7 @@ fn lumps(to_world: DAffine3) -> Grid {
         }
     };
     let count: usize = RESOLUTION.iter().product();
-    Grid::new(
-        RESOLUTION,
-        (0..count as u32).map(sample).collect(),
-        to_world,
-    )
+    Grid::new(RESOLUTION, (0..count as u32).map(sample).collect(), to_world)
 }
 
 /// Where a unit cube is: its size, the angle by which it is turned, its centre.
@@ -120,9 +116,7 @@ phase = {{ type = "hg", g = {G} }}
 /// Fields of a medium whose density is [`VOL`].
 fn of_file(to_world: DAffine3, rest: &str) -> String {
     let transform = steps(to_world);
-    format!(
-        "type = \"heterogeneous\"\ndensity = {{ file = \"{VOL}\" }}\ntransform = {transform}\n{rest}"
-    )
+    format!("type = \"heterogeneous\"\ndensity = {{ file = \"{VOL}\" }}\ntransform = {transform}\n{rest}")
 }
 
 /// The walls of the cube [-1, 1]^3, in the path tracer's order.
@@ -240,9 +234,7 @@ fn a_cloud_in_a_cube_is_what_a_path_tracer_sees() {
     };
     let expected = Blocks::new(room.images(800, 2).into_iter(), BLOCK);
     // The shape spans [-1, 1]^3, the density the unit cube.
-    let boundary = to_world
-        * DAffine3::from_translation(DVec3::splat(0.5))
-        * DAffine3::from_scale(DVec3::splat(0.5));
+    let boundary = to_world * DAffine3::from_translation(DVec3::splat(0.5)) * DAffine3::from_scale(DVec3::splat(0.5));
     let cube = format!(
         r#"
 [materials.boundary]
@@ -272,11 +264,7 @@ transform = {}
 
 #[test]
 fn smoke_of_many_colours_is_what_a_path_tracer_sees() {
-    let to_world = placed(
-        DVec3::new(2.4, 2.0, 2.2),
-        25.0,
-        DVec3::new(0.1, -0.05, 0.05),
-    );
+    let to_world = placed(DVec3::new(2.4, 2.0, 2.2), 25.0, DVec3::new(0.1, -0.05, 0.05));
     // Coarser than the density; red scatters on one side, blue on the other.
     let albedo = [0, 1, 2].map(|c| {
         let sample = |i: usize| [1.0f32, 0.6, 0.1, 0.9, 0.0][(i + i / 3 + 2 * c) % 5];
@@ -391,8 +379,7 @@ fn absorbed(name: &str, passes: usize, rest: &str, radiance: impl Fn(DVec3, usiz
     let mut suite = Suite::new(1e-3);
     for estimator in ESTIMATORS {
         let medium = of_file(to_world, &format!("transmittance = {estimator}"));
-        let text =
-            head(&FACING, passes, 1) + EVERYWHERE + &smoke(ABSORBING, [0.0; 3], &medium) + rest;
+        let text = head(&FACING, passes, 1) + EVERYWHERE + &smoke(ABSORBING, [0.0; 3], &medium) + rest;
         let got = blocks(&scene_with(&text, &[(VOL, &file)]), BLOCK);
         for (i, (got, expected)) in got.blocks.iter().zip(&expected).enumerate() {
             for c in 0..3 {
@@ -414,10 +401,7 @@ fn absorbing_place() -> DAffine3 {
 fn a_glowing_wall_behind_smoke_that_absorbs() {
     const RADIANCE: [f64; 3] = [1.0, 2.0, 0.5];
     let grid = lumps(absorbing_place());
-    let glowing = walls(
-        [[0.0; 3]; 6],
-        &format!("emission = {{ radiance = {RADIANCE:?} }}"),
-    );
+    let glowing = walls([[0.0; 3]; 6], &format!("emission = {{ radiance = {RADIANCE:?} }}"));
     absorbed("glowing wall", 800, &glowing, |point, c| {
         RADIANCE[c] * libm::exp(-ABSORBING[c] * grid.depth(FACING.origin, point))
     });
@@ -447,8 +431,7 @@ intensity = {INTENSITY:?}
         let distance = to_light.length();
         let cos = to_light.z / distance;
         let depth = grid.depth(point, LIGHT) + grid.depth(FACING.origin, point);
-        REFLECTANCE[c] / PI * INTENSITY[c] * cos / (distance * distance)
-            * libm::exp(-ABSORBING[c] * depth)
+        REFLECTANCE[c] / PI * INTENSITY[c] * cos / (distance * distance) * libm::exp(-ABSORBING[c] * depth)
     });
 }
 
@@ -459,13 +442,7 @@ fn furnaces_with_lumpy_smoke() {
     let medium = smoke([0.0; 3], sigma_s, &of_file(cube(), ""));
     let inside = format!("{EVERYWHERE}{medium}");
     let mut suite = Suite::new(1e-3);
-    is_one(
-        &mut suite,
-        "room",
-        &closed_box(0.5, &inside),
-        &[(VOL, &file)],
-        24,
-    );
+    is_one(&mut suite, "room", &closed_box(0.5, &inside), &[(VOL, &file)], 24);
     for shape in ["sphere", "cube"] {
         let cloud = format!(
             r#"
@@ -478,13 +455,7 @@ material = "boundary"
 interior = "smoke"
 "#
         );
-        is_one(
-            &mut suite,
-            shape,
-            &under_the_sky(&cloud),
-            &[(VOL, &file)],
-            24,
-        );
+        is_one(&mut suite, shape, &under_the_sky(&cloud), &[(VOL, &file)], 24);
     }
     suite.finish();
 }

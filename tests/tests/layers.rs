@@ -95,9 +95,7 @@ fn layers(scene: &Scene) -> Vec<Layer> {
 
 fn pass(scene: &Scene, layers: &[Layer], pass_index: u64) -> PassImage {
     let settings = scene.description().defaults.job_settings();
-    let plan = RenderPlan::new(scene, settings)
-        .with_layers(scene, layers)
-        .unwrap();
+    let plan = RenderPlan::new(scene, settings).with_layers(scene, layers).unwrap();
     render_pass(scene, &plan, pass_index)
 }
 
@@ -146,10 +144,7 @@ fn layers_do_not_depend_on_each_other_nor_on_threads() {
     let scene = scene(ROOM);
     let all = layers(&scene);
     let together = pass(&scene, &all, 3);
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(3)
-        .build()
-        .unwrap();
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(3).build().unwrap();
     for (layer, film) in all.iter().zip(&together.layers) {
         let alone = pool.install(|| pass(&scene, std::slice::from_ref(layer), 3));
         assert!(alone.layers[0] == *film, "{layer}");
@@ -230,7 +225,8 @@ fn a_group_is_what_its_lights_alone_would_give() {
             }
         }
         for c in 0..3 {
-            // Radii shrink with the pass, so late passes are another image by their bias; it is far below the noise here.
+            // Radii shrink with the pass, so late passes are another image by their bias; it is far below the noise
+            // here.
             suite.same_mean(format!("{name}, channel {c}"), &group[c], &means[c]);
         }
     }
@@ -282,11 +278,7 @@ power = 10
     let near = |a: [f32; 3], b: [f32; 3]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-5);
     // The right half meets the wall, whose distance along the axis is 5 everywhere.
     for i in (0..8 * 16).filter(|i| i % 16 >= 8) {
-        assert!(
-            near(depth.pixels[i], [5.0, 0.0, 0.0]),
-            "{:?}",
-            depth.pixels[i]
-        );
+        assert!(near(depth.pixels[i], [5.0, 0.0, 0.0]), "{:?}", depth.pixels[i]);
         assert!(near(normal.pixels[i], [0.0, 0.0, 1.0]));
         assert!(near(albedo.pixels[i], [0.7, 0.2, 0.1]));
     }
@@ -333,8 +325,8 @@ fn a_layer_of_no_light_is_refused() {
     );
 }
 
-/// Passes and samples mean the same by their layers. Means of 24 images over the whole; kernels may blur what passes see
-/// by 2 %. Significance 1e-3.
+/// Passes and samples mean the same by their layers. Means of 24 images over the whole; kernels may blur what passes
+/// see by 2 %. Significance 1e-3.
 #[test]
 fn layers_of_samples_are_those_of_passes() {
     let lights = "[[lights]]\nname = \"bulb\"\ntype = \"point\"";
@@ -366,8 +358,7 @@ fn layers_of_samples_are_those_of_passes() {
             sums[0].add(mean(film));
         }
         for sample in 4 * index..4 * (index + 1) {
-            let theirs =
-                render_sample_with_layers(&scene, &settings, &sampled, sample, || true).unwrap();
+            let theirs = render_sample_with_layers(&scene, &settings, &sampled, sample, || true).unwrap();
             let alone = render_sample(&scene, &settings, sample, || true).unwrap();
             assert!(theirs.film == alone, "bits");
             let parts: Vec<&Film> = theirs.layers.iter().collect();

@@ -1,12 +1,10 @@
 //! Gathering many beams: the bits depend neither on the vectors that a machine has nor on which segments look for beams
-//! together, and nothing that an estimate would count is passed over on the way. What segments share is what one of them
-//! gathers, and in the mean what all do.
+//! together, and nothing that an estimate would count is passed over on the way. What segments share is what one of
+//! them gathers, and in the mean what all do.
 
 use beamfarm_render::aov::{GroupNumber, Part};
 use beamfarm_render::beam::PhotonBeam;
-use beamfarm_render::beam::estimate::{
-    CameraSegment, CameraSegments, Gather, Sharing, Vectors, Way,
-};
+use beamfarm_render::beam::estimate::{CameraSegment, CameraSegments, Gather, Sharing, Vectors, Way};
 use beamfarm_render::beam::store::BeamMap;
 use beamfarm_render::math::{Ray, Rgb, Vec3};
 use beamfarm_render::medium::bricks::Bricks;
@@ -35,10 +33,7 @@ fn haze(phase: Phase) -> Medium {
     let recipe = Recipe {
         corners: [DVec3::splat(-3.0), DVec3::splat(3.0)],
         voxel: 0.25,
-        height: Some(Height {
-            base: -2.0,
-            scale: 3.0,
-        }),
+        height: Some(Height { base: -2.0, scale: 3.0 }),
         blobs: Vec::new(),
         noise: None,
     };
@@ -46,13 +41,7 @@ fn haze(phase: Phase) -> Medium {
     let bricks = Arc::new(Bricks::new(&raw).expect("samples within limits"));
     let estimator = Estimator::DEFAULT;
     let map = DAffine3::IDENTITY;
-    Medium::Heterogeneous(Heterogeneous::new(
-        [SIGMA_A, SIGMA_S],
-        phase,
-        estimator,
-        bricks,
-        map,
-    ))
+    Medium::Heterogeneous(Heterogeneous::new([SIGMA_A, SIGMA_S], phase, estimator, bricks, map))
 }
 
 /// One for each instance of the code: one extinction or three, none to two lobes, constant or varying.
@@ -61,13 +50,7 @@ fn media() -> Vec<Medium> {
     let grey = Rgb::splat(0.3);
     [Phase::Isotropic, Phase::HenyeyGreenstein { g: 0.7 }, blend]
         .into_iter()
-        .flat_map(|phase| {
-            [
-                fog(grey, grey, phase),
-                fog(SIGMA_A, SIGMA_S, phase),
-                haze(phase),
-            ]
-        })
+        .flat_map(|phase| [fog(grey, grey, phase), fog(SIGMA_A, SIGMA_S, phase), haze(phase)])
         .collect()
 }
 
@@ -149,10 +132,7 @@ fn segments(medium: &Medium, kind: u64) -> CameraSegments {
 }
 
 fn bits(radiance: &[Rgb]) -> Vec<[u32; 3]> {
-    radiance
-        .iter()
-        .map(|v| v.to_array().map(f32::to_bits))
-        .collect()
+    radiance.iter().map(|v| v.to_array().map(f32::to_bits)).collect()
 }
 
 #[test]
@@ -221,10 +201,7 @@ fn no_beam_is_passed_over() {
         let found = together.evaluations;
         // Rounding at the rim of kernels; chords are counted by another rule (a hundredth of the directions).
         let difference = found.abs_diff(pairs) as f64 / pairs as f64;
-        assert!(
-            difference < 0.03,
-            "rays {kind}: {found} found, {pairs} there"
-        );
+        assert!(difference < 0.03, "rays {kind}: {found} found, {pairs} there");
     }
 }
 
@@ -239,11 +216,7 @@ fn picture(side: usize) -> Vec<CameraSegment> {
                 origin: Vec3::new(0.0, 0.0, -0.5),
                 dir: Vec3::new(x, y, 1.0).normalize(),
             },
-            length: if x < 0.02 {
-                2.0
-            } else {
-                1.2 + 6.0 * y.max(0.0)
-            },
+            length: if x < 0.02 { 2.0 } else { 1.2 + 6.0 * y.max(0.0) },
             beta: Rgb::ONE,
             medium: 0,
             pixel: i as u16,
@@ -255,8 +228,8 @@ fn picture(side: usize) -> Vec<CameraSegment> {
     (0..side * side).map(segment).collect()
 }
 
-/// Each segment is given what one near it gathers, for itself to the last bit; the sum over the picture is the same in the
-/// mean.
+/// Each segment is given what one near it gathers, for itself to the last bit; the sum over the picture is the same in
+/// the mean.
 #[test]
 fn what_segments_share_is_what_one_of_them_gathers() {
     const SIDE: usize = 32;
@@ -302,10 +275,7 @@ fn what_segments_share_is_what_one_of_them_gathers() {
                 bits(&alone.radiance[*j..=*j]) == bits(&[*value])
                     && ends(&segments[*j]).distance(ends(&segments[i])) <= 2.0 * radius
             };
-            assert!(
-                (0..segments.len()).any(|j| given_by(&j)),
-                "{name}: segment {i}"
-            );
+            assert!((0..segments.len()).any(|j| given_by(&j)), "{name}: segment {i}");
         }
         let sum = |radiance: &[Rgb]| radiance.iter().map(|v| f64::from(v.element_sum())).sum();
         let expected: f64 = sum(&alone.radiance);

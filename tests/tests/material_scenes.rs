@@ -1,5 +1,5 @@
-//! Scenes of materials that camera paths, gather rays, shadow rays and photons each treat in their own way, against Mitsuba 3's
-//! path tracer; see tests/data/mitsuba_renders/render.py.
+//! Scenes of materials that camera paths, gather rays, shadow rays and photons each treat in their own way, against
+//! Mitsuba 3's path tracer; see tests/data/mitsuba_renders/render.py.
 
 use beamfarm_tests::Suite;
 use beamfarm_tests::render::{blocks, scene, scene_with};
@@ -36,22 +36,14 @@ emission = { radiance = [8, 7, 6] }
 transform = [{ scale = 0.5 }, { rotate = { axis = [1, 0, 0], angle = 90 } }, { translate = [0, 2.2, -0.6] }]
 "#;
 
-/// Every block of 8 x 8 pixels is that of Mitsuba within the noise of both and a share for what kernels blur over edges.
+/// Every block of 8 x 8 pixels is that of Mitsuba within the noise of both and a share for what kernels blur over
+/// edges.
 #[track_caller]
 fn is_that_of_mitsuba(objects: &str, expected: &str, bias: f64) {
     let assets: [(&str, &[u8]); 3] = [
-        (
-            "mask.png",
-            include_bytes!("../data/mitsuba_renders/mask.png"),
-        ),
-        (
-            "normals.png",
-            include_bytes!("../data/mitsuba_renders/normals.png"),
-        ),
-        (
-            "bump.png",
-            include_bytes!("../data/mitsuba_renders/bump.png"),
-        ),
+        ("mask.png", include_bytes!("../data/mitsuba_renders/mask.png")),
+        ("normals.png", include_bytes!("../data/mitsuba_renders/normals.png")),
+        ("bump.png", include_bytes!("../data/mitsuba_renders/bump.png")),
     ];
     let ours = blocks(&scene_with(&format!("{ROOM}{objects}"), &assets), 8);
     let mut failures = vec![];
@@ -62,9 +54,7 @@ fn is_that_of_mitsuba(objects: &str, expected: &str, bias: f64) {
             // 48 tests a scene: 4.5 standard errors are less than 1e-3 for all of them.
             if (ours.mean() - mean).abs() > bias * mean + 4.5 * error {
                 let ratio = ours.mean() / mean;
-                failures.push(format!(
-                    "block {i}, channel {c}: {ratio} of {mean} +- {error}"
-                ));
+                failures.push(format!("block {i}, channel {c}: {ratio} of {mean} +- {error}"));
             }
         }
     }
@@ -188,8 +178,8 @@ material = "principled"
     is_that_of_mitsuba(objects, expected, 0.005);
 }
 
-/// What a surface emits does not depend on what it lets through: a black lamp that rays pass shines like one that they do not,
-/// as long as there is nothing behind it.
+/// What a surface emits does not depend on what it lets through: a black lamp that rays pass shines like one that they
+/// do not, as long as there is nothing behind it.
 #[test]
 fn lamps_that_are_not_opaque() {
     let image = |opacity: f32| {

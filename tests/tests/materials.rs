@@ -166,8 +166,8 @@ fn direction(degrees: f32) -> Vec3 {
 
 const INCIDENCES: [f32; 5] = [1.0, 35.0, 70.0, 86.0, 140.0];
 
-/// Each side of the surface by itself. Together with the delta lobes' probabilities the densities integrate to one, but for
-/// the light that is lost for want of second bounces among microfacets.
+/// Each side of the surface by itself. Together with the delta lobes' probabilities the densities integrate to one, but
+/// for the light that is lost for want of second bounces among microfacets.
 #[test]
 fn samples_follow_their_densities() {
     let named = Named::new();
@@ -190,19 +190,13 @@ fn samples_follow_their_densities() {
                         .filter(wanted)
                 };
                 let mut rng = Sampler::new(1, 0, Purpose::Test, 0);
-                let mean: Vec3 = (0..50_000)
-                    .filter_map(|_| sample(&mut rng))
-                    .take(2_000)
-                    .sum();
+                let mean: Vec3 = (0..50_000).filter_map(|_| sample(&mut rng)).take(2_000).sum();
                 let axis = mean.try_normalize().unwrap_or(Vec3::Z);
                 let pdf = |wi| f32::from(wanted(&wi)) * bsdf.pdf(wo, wi);
                 let result = Chi2::default().sphere(axis, sample, pdf);
                 integral += result.integral;
                 if result.integral > 0.0 {
-                    suite.chi2(
-                        format!("{name} at {degrees}, reflected {reflected}"),
-                        &result,
-                    );
+                    suite.chi2(format!("{name} at {degrees}, reflected {reflected}"), &result);
                 }
             }
             let black = wo.z < 0.0 && !name.contains("dielectric");
@@ -236,10 +230,7 @@ fn weights_are_value_times_cosine_over_density() {
                     let pdf = bsdf.pdf(wo, sample.wi);
                     let value = bsdf.eval(wo, sample.wi, mode) * (sample.wi.z.abs() / pdf);
                     let error = (value - sample.weight).abs().max_element();
-                    assert!(
-                        error <= 2e-4 * sample.weight.max_element(),
-                        "{name}: {value}"
-                    );
+                    assert!(error <= 2e-4 * sample.weight.max_element(), "{name}: {value}");
                     assert!((pdf / sample.pdf - 1.0).abs() < 2e-3, "{name}: {pdf}");
                 }
             }
@@ -262,11 +253,8 @@ fn albedos_agree_and_never_gain() {
             let mode = TransportMode::Flux;
             let bsdf = material.bsdf(Vec2::ZERO);
             let smooth = bsdf.without_delta();
-            let (mut whole, mut sampled, mut integrated) = (
-                MeanEstimate::new(),
-                MeanEstimate::new(),
-                MeanEstimate::new(),
-            );
+            let (mut whole, mut sampled, mut integrated) =
+                (MeanEstimate::new(), MeanEstimate::new(), MeanEstimate::new());
             for _ in 0..40_000 {
                 let (lobe, u) = (rng.next_1d(), rng.next_2d());
                 let weight = |b: &Bsdf| {
@@ -285,11 +273,7 @@ fn albedos_agree_and_never_gain() {
             }
             let name = format!("{name} at {degrees} degrees");
             // Burley's lobes are not balanced against each other: there is a little too much at grazing angles.
-            let bound = if name.contains("principled") {
-                1.05
-            } else {
-                1.0
-            };
+            let bound = if name.contains("principled") { 1.05 } else { 1.0 };
             let mean = whole.mean();
             assert!(mean <= bound + 4.0 * whole.std_error(), "{name}: {mean}");
             suite.same_mean(name, &sampled, &integrated);
@@ -298,8 +282,8 @@ fn albedos_agree_and_never_gain() {
     suite.finish();
 }
 
-/// f(a, b) / eta(a)^2 = f(b, a) / eta(b)^2 for radiance (Veach 1997, eq. 5.14), and the flux of one is the radiance of the
-/// other.
+/// f(a, b) / eta(a)^2 = f(b, a) / eta(b)^2 for radiance (Veach 1997, eq. 5.14), and the flux of one is the radiance of
+/// the other.
 #[test]
 fn values_are_reciprocal() {
     let named = Named::new();
@@ -318,10 +302,7 @@ fn values_are_reciprocal() {
             let back = bsdf.eval(b, a, TransportMode::Radiance) * (eta2(b) / eta2(a)).recip();
             for other in [flux, back] {
                 let error = (forth - other).abs() / forth.max(Rgb::splat(1e-4));
-                assert!(
-                    error.max_element() < 0.01,
-                    "{name} {a} {b}: {forth} {other}"
-                );
+                assert!(error.max_element() < 0.01, "{name} {a} {b}: {forth} {other}");
             }
         }
     }
@@ -334,11 +315,7 @@ fn furnace_of_a_coated_white_base() {
     let scene = scene(&white);
     let mut rng = Sampler::new(9, 0, Purpose::Test, 0);
     let mut suite = Suite::new(SIGNIFICANCE);
-    let mut bsdfs = scene
-        .description()
-        .materials
-        .iter()
-        .map(|m| m.bsdf(Vec2::ZERO));
+    let mut bsdfs = scene.description().materials.iter().map(|m| m.bsdf(Vec2::ZERO));
     let plastic = bsdfs.find(|bsdf| matches!(bsdf, Bsdf::Plastic(_)));
     let plastic = plastic.expect("a smooth coat");
     for degrees in [1.0, 35.0, 70.0, 86.0] {

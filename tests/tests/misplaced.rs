@@ -38,27 +38,18 @@ ior = 1.5
     scene(&text).misplaced()
 }
 
-const FOG: &str =
-    "[[shapes]]\ntype = \"cube\"\nname = \"fog\"\nmaterial = \"none\"\ninterior = \"fog\"\n";
+const FOG: &str = "[[shapes]]\ntype = \"cube\"\nname = \"fog\"\nmaterial = \"none\"\ninterior = \"fog\"\n";
 
 fn ball(more: &str) -> String {
-    format!(
-        "[[shapes]]\ntype = \"sphere\"\nname = \"ball\"\nradius = 0.4\nmaterial = \"glass\"\n{more}\n"
-    )
+    format!("[[shapes]]\ntype = \"sphere\"\nname = \"ball\"\nradius = 0.4\nmaterial = \"glass\"\n{more}\n")
 }
 
 #[test]
 fn what_lies_in_fog_says_so() {
     assert_eq!(misplaced(&(FOG.to_owned() + &ball(""))), ["ball"]);
-    assert_eq!(
-        misplaced(&(FOG.to_owned() + &ball("exterior = \"milk\""))),
-        ["ball"]
-    );
+    assert_eq!(misplaced(&(FOG.to_owned() + &ball("exterior = \"milk\""))), ["ball"]);
     for right in ["exterior = \"fog\"", "boundary = false"] {
-        assert!(
-            misplaced(&(FOG.to_owned() + &ball(right))).is_empty(),
-            "{right}"
-        );
+        assert!(misplaced(&(FOG.to_owned() + &ball(right))).is_empty(), "{right}");
     }
 }
 

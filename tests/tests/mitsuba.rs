@@ -1,5 +1,5 @@
-//! Mitsuba scenes against pictures that Mitsuba 3 made of them. Late passes are rendered, whose radii have shrunk so far
-//! that their bias is below the noise.
+//! Mitsuba scenes against pictures that Mitsuba 3 made of them. Late passes are rendered, whose radii have shrunk so
+//! far that their bias is below the noise.
 
 use beamfarm_image::job::JobSettings;
 use beamfarm_render::pass::render_pass;

@@ -47,10 +47,7 @@ fn cloud(phase: Phase, estimator: Estimator) -> Medium {
     let recipe = Recipe {
         corners: [DVec3::splat(-3.0), DVec3::splat(4.0)],
         voxel: 0.1,
-        height: Some(Height {
-            base: -1.0,
-            scale: 4.0,
-        }),
+        height: Some(Height { base: -1.0, scale: 4.0 }),
         blobs: vec![
             Blob {
                 center: DVec3::new(0.6, 0.3, 0.5),
@@ -81,30 +78,23 @@ fn radiance(map: &BeamMap, medium: &Medium, rays: &[Ray], length: f32, key: u64)
     let mut camera = CameraSegments::default();
     let mut sampler = Sampler::new(8, 0, Purpose::Test, key);
     for (i, ray) in rays.iter().enumerate() {
-        let (stretch, _) = medium.stretch(ray, length, &mut sampler, &mut camera.steps);
-        let stretch = stretch.expect("a ray through the medium");
+        let (segment, _) = medium.segment(ray, length, &mut sampler, &mut camera.steps);
+        let segment = segment.expect("a ray through the medium");
         camera.segments.push(CameraSegment {
             ray: *ray,
-            length: stretch.range[1],
+            length: segment.range[1],
             beta: Rgb::ONE,
             medium: 0,
-            steps: stretch.steps,
+            steps: segment.steps,
             pixel: i as u16,
             way: Way::default(),
             part: Part::Volume,
         });
     }
-    gather(map, medium, &camera, key)
-        .along(&camera.segments)
-        .radiance
+    gather(map, medium, &camera, key).along(&camera.segments).radiance
 }
 
-fn gather<'a>(
-    map: &'a BeamMap,
-    medium: &'a Medium,
-    camera: &'a CameraSegments,
-    key: u64,
-) -> Gather<'a> {
+fn gather<'a>(map: &'a BeamMap, medium: &'a Medium, camera: &'a CameraSegments, key: u64) -> Gather<'a> {
     Gather {
         map,
         medium,
@@ -125,7 +115,7 @@ fn map_of(beam: &PhotonBeam, medium: &Medium, number: u64) -> BeamMap {
     };
     // Not the first of the functions, so that numbers are looked at.
     for _ in 0..2 {
-        let _ = medium.stretch(&ray, beam.length, &mut sampler, &mut steps);
+        let _ = medium.segment(&ray, beam.length, &mut sampler, &mut steps);
     }
     BeamMap::new(vec![*beam], steps)
 }
@@ -185,15 +175,9 @@ fn a_wall_of_rays_sees_what_the_beam_scatters_in_a_cloud() {
     };
     let estimators = [
         (Estimator::RatioTracking, Phase::Isotropic),
-        (
-            Estimator::ResidualRatioTracking,
-            Phase::HenyeyGreenstein { g: 0.6 },
-        ),
+        (Estimator::ResidualRatioTracking, Phase::HenyeyGreenstein { g: 0.6 }),
         (Estimator::FreeFlight { distances: 30 }, Phase::Isotropic),
-        (
-            Estimator::ResidualRatioTracking,
-            Phase::blend(0.3, [-0.4, 0.7]),
-        ),
+        (Estimator::ResidualRatioTracking, Phase::blend(0.3, [-0.4, 0.7])),
     ];
     for (estimator, phase) in estimators {
         let medium = cloud(phase, estimator);
@@ -276,10 +260,7 @@ fn wall(beam: &PhotonBeam, medium: &Medium, angle: f64) -> ([MeanEstimate; 3], [
         dir: beam.dir,
     };
     let mut expected = [0.0; 3];
-    for (i, (tr_beam, density)) in along(medium, &ray, beam.length as f64, n)
-        .into_iter()
-        .enumerate()
-    {
+    for (i, (tr_beam, density)) in along(medium, &ray, beam.length as f64, n).into_iter().enumerate() {
         let s = (i as f64 + 0.5) / n as f64 * beam.length as f64;
         let t = before as f64 + (s - 0.5 * beam.length as f64) * cos;
         let seen = Ray {
@@ -323,13 +304,9 @@ fn the_estimate_along_one_ray_is_the_blurred_line() {
         let got = radiance(&map, &medium, &[ray], 4.0, 0)[0];
         for c in 0..3 {
             let (sigma_t, sigma_s) = (medium.sigma_t()[c] as f64, medium.sigma_s()[c] as f64);
-            let expected =
-                kernel * sigma_s / (4.0 * std::f64::consts::PI) * libm::exp(-sigma_t * 3.25);
+            let expected = kernel * sigma_s / (4.0 * std::f64::consts::PI) * libm::exp(-sigma_t * 3.25);
             let tolerance = 1e-5 * expected + 1e-4 * sigma_s;
-            assert!(
-                (got[c] as f64 - expected).abs() < tolerance,
-                "u {u}: {got} {expected}"
-            );
+            assert!((got[c] as f64 - expected).abs() < tolerance, "u {u}: {got} {expected}");
         }
     }
 }

@@ -1,5 +1,5 @@
-//! Which estimator counts which light path is a choice: any gives the same light. Rooms with every class of paths, by beams and
-//! photons, by camera paths, and by the path tracer.
+//! Which estimator counts which light path is a choice: any gives the same light. Rooms with every class of paths, by
+//! beams and photons, by camera paths, and by the path tracer.
 
 use beamfarm_image::job::ReferenceSettings;
 use beamfarm_render::pass::render_pass;
@@ -94,10 +94,7 @@ fn by(scene: &Scene, beams: Option<bool>) -> Blocks {
         plan.beams = plan.estimators.caustics || beams;
         plan.surface_photons = plan.beams;
     }
-    Blocks::new(
-        (0..defaults.passes).map(|i| render_pass(scene, &plan, i).film),
-        8,
-    )
+    Blocks::new((0..defaults.passes).map(|i| render_pass(scene, &plan, i).film), 8)
 }
 
 /// Two pictures are the same, and sharp enough to tell.
@@ -115,12 +112,7 @@ fn beams_and_camera_paths_find_the_same_light() {
     let mut suite = Suite::new(1e-2);
     for (name, world, ball, other) in [
         ("fog", FOG, "material = \"red\"", "material = \"red\""),
-        (
-            "fog and glass",
-            FOG,
-            "material = \"glass\"",
-            "material = \"lacquer\"",
-        ),
+        ("fog and glass", FOG, "material = \"glass\"", "material = \"lacquer\""),
         (
             "fog and rough glass",
             FOG,

@@ -1,9 +1,9 @@
 //! Passes against the path tracer on scenes that nobody made.
 //!
-//! Here 48; with BEAMFARM_LONG=1 2,000, longer. BEAMFARM_SCENES and BEAMFARM_FIRST_SEED say how many, and from which seed
-//! on: a line is printed for each as soon as it is known. BEAMFARM_SECONDS: no single render that would last longer; what
-//! would have needed it is counted as "too long", and says nothing. Scenes with a fault are written to BEAMFARM_FAULTS
-//! (target/random-scenes by default).
+//! Here 48; with BEAMFARM_LONG=1 2,000, longer. BEAMFARM_SCENES and BEAMFARM_FIRST_SEED say how many, and from which
+//! seed on: a line is printed for each as soon as it is known. BEAMFARM_SECONDS: no single render that would last
+//! longer; what would have needed it is counted as "too long", and says nothing. Scenes with a fault are written to
+//! BEAMFARM_FAULTS (target/random-scenes by default).
 
 #![allow(clippy::unwrap_used)]
 
@@ -44,21 +44,10 @@ fn passes_are_right_on_random_scenes() {
         let word = outcome.verdict.as_ref().map_or("panic", |v| v.word());
         *counts.entry(word).or_insert(0) += 1;
         if outcome.is_fault() {
-            let path = outcome
-                .scene
-                .write(&folder, &format!("seed-{}", outcome.seed));
-            faults.push(format!(
-                "{}\n    {}",
-                outcome.line(),
-                path.unwrap().display()
-            ));
+            let path = outcome.scene.write(&folder, &format!("seed-{}", outcome.seed));
+            faults.push(format!("{}\n    {}", outcome.line(), path.unwrap().display()));
         }
     });
     println!("{counts:?}");
-    assert!(
-        faults.is_empty(),
-        "{} faults:\n{}",
-        faults.len(),
-        faults.join("\n")
-    );
+    assert!(faults.is_empty(), "{} faults:\n{}", faults.len(), faults.join("\n"));
 }

@@ -1,5 +1,5 @@
-//! How fast the error falls, of boxes in which every wall has corners, creases and caustics: blur at edges that does not go away
-//! shows in it long before it shows in a mean.
+//! How fast the error falls, of boxes in which every wall has corners, creases and caustics: blur at edges that does
+//! not go away shows in it long before it shows in a mean.
 
 use beamfarm_image::film::Film;
 use beamfarm_image::job::ReferenceSettings;
@@ -22,9 +22,7 @@ const QUANTILE: f64 = 2.326;
 /// A box that is open to the camera, with a round lamp in it. `things`: what else is there.
 fn open_box(things: &str) -> Scene {
     let wall = |material: &str, turn: &str| {
-        format!(
-            "[[shapes]]\ntype = \"rectangle\"\nmaterial = \"{material}\"\ntransform = [{turn}]\n"
-        )
+        format!("[[shapes]]\ntype = \"rectangle\"\nmaterial = \"{material}\"\ntransform = [{turn}]\n")
     };
     let turned = |axis: &str, angle: f64, to: &str| {
         format!("{{ rotate = {{ axis = {axis}, angle = {angle} }} }}, {{ translate = {to} }}")
@@ -127,15 +125,14 @@ fn errors(film: &Film, truth: &[Truth]) -> Vec<f64> {
     tiles
 }
 
-/// The exponent between the two numbers of passes, and its standard error, by leaving out one tile after the other (Tukey 1958).
+/// The exponent between the two numbers of passes, and its standard error, by leaving out one tile after the other
+/// (Tukey 1958).
 fn exponent([few, many]: [&[f64]; 2]) -> [f64; 2] {
     let ratio = PASSES[1] as f64 / PASSES[0] as f64;
     let of = |left_out: Option<usize>| {
         let sum = |tiles: &[f64]| -> f64 {
             let kept = tiles.iter().enumerate();
-            kept.filter(|(i, _)| Some(*i) != left_out)
-                .map(|(_, v)| v)
-                .sum()
+            kept.filter(|(i, _)| Some(*i) != left_out).map(|(_, v)| v).sum()
         };
         libm::log(sum(few) / sum(many)) / libm::log(ratio)
     };

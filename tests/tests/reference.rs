@@ -1,7 +1,7 @@
 //! The reference integrator against closed forms, quadrature, the beams, and Mitsuba.
 //!
-//! It has no bias, so there is no allowance for one: z-tests of means over blocks of pixels of independent images, at the
-//! significance that each test states. (Against an older path tracer, in smoke given on grids: `grid_media.rs`.)
+//! It has no bias, so there is no allowance for one: z-tests of means over blocks of pixels of independent images, at
+//! the significance that each test states. (Against an older path tracer, in smoke given on grids: `grid_media.rs`.)
 
 #![allow(clippy::unwrap_used)]
 
@@ -146,13 +146,8 @@ interior = "cloud"
         for int in [1i32, 3, 2, 2, 1] {
             vol.extend(int.to_le_bytes());
         }
-        let densities = [
-            0.0f32, 1.0, 4.0, 0.5, 0.0, 2.0, 3.0, 0.0, 1.0, 0.2, 6.0, 0.0,
-        ];
-        for float in [0.0f32, 0.0, 0.0, 1.0, 1.0, 1.0]
-            .into_iter()
-            .chain(densities)
-        {
+        let densities = [0.0f32, 1.0, 4.0, 0.5, 0.0, 2.0, 3.0, 0.0, 1.0, 0.2, 6.0, 0.0];
+        for float in [0.0f32, 0.0, 0.0, 1.0, 1.0, 1.0].into_iter().chain(densities) {
             vol.extend(float.to_le_bytes());
         }
         let toml = under_the_sky(&media);
@@ -161,7 +156,8 @@ interior = "cloud"
     }
 }
 
-/// A medium that only absorbs, in a ball around the camera: what is left of the sky, and of a small white disc that it lights.
+/// A medium that only absorbs, in a ball around the camera: what is left of the sky, and of a small white disc that it
+/// lights.
 #[test]
 fn the_sky_is_absorbed_on_the_way_in_and_back() {
     let sigma_a = [0.3, 1.5, 0.0];
@@ -208,8 +204,8 @@ material = "paint"
 transform = [{ scale = 0.02 }]
 "#;
     let got = images(&scene(&ball("[0.0, 0.0, 0.4]", disc)), UNBOUNDED, 16);
-    // Significance 1e-3. Points of the disc that are seen are up to 0.005 off the centre: distances differ by the square
-    // of that.
+    // Significance 1e-3. Points of the disc that are seen are up to 0.005 off the centre: distances differ by the
+    // square of that.
     let mut suite = Suite::new(1e-3);
     for (c, (sigma_a, mean)) in sigma_a.into_iter().zip(&got.whole).enumerate() {
         let expected = 0.8 * libm::exp(-sigma_a * 1.4);
@@ -230,8 +226,8 @@ fn a_point_light_in_fog_is_the_integral_along_the_ray() {
     let side = 4;
     let scene = scene(&FOG_AROUND.scene());
     let got = Blocks::new(reference_images(&scene, bounded(1), 64, 16), side);
-    // Significance 1e-3. Blocks near the light, where the variance is infinite, are left out. Rounding of the quadrature
-    // and of single precision: 1e-3.
+    // Significance 1e-3. Blocks near the light, where the variance is infinite, are left out. Rounding of the
+    // quadrature and of single precision: 1e-3.
     let mut suite = Suite::new(1e-3);
     for (i, block) in got.blocks.iter().enumerate() {
         let (bx, by) = (i % (SIZE / side), i / (SIZE / side));
@@ -253,7 +249,8 @@ fn a_point_light_in_fog_is_the_integral_along_the_ray() {
     suite.finish();
 }
 
-/// Fog in colours, lit by a lamp in sight, with a mirror, a shiny ball, a cloud within a boundary and a paper with holes.
+/// Fog in colours, lit by a lamp in sight, with a mirror, a shiny ball, a cloud within a boundary and a paper with
+/// holes.
 const FOGGY_ROOM: &str = r#"
 [image]
 width = 32
@@ -327,7 +324,8 @@ material = "paper"
 transform = [{ scale = 0.3 }, { rotate = { axis = [0, 1, 0], angle = 30 } }, { translate = [0.1, 0.4, -0.6] }]
 "#;
 
-/// Another estimator of the same light. Significance 1e-3 over all blocks and channels; 1 % for kernels, of late passes.
+/// Another estimator of the same light. Significance 1e-3 over all blocks and channels; 1 % for kernels, of late
+/// passes.
 #[test]
 fn fog_with_a_lamp_is_what_beams_show() {
     let scene = scene(FOGGY_ROOM);

@@ -126,8 +126,7 @@ fn what_is_black_and_far_away_does_not_matter() {
     let expected = blocks(&still_life(1.0, 120, 1, ""), 8);
     let plane = "[[shapes]]\ntype = \"rectangle\"\nmaterial = \"black\"\ntransform = [{ scale = 2000 }, { rotate = { axis = [1, 0, 0], \
                  angle = -90 } }, { translate = [0, -0.1, 0] }]";
-    let dome =
-        "[[shapes]]\ntype = \"sphere\"\nmaterial = \"black\"\nradius = 1000\nflip_normals = true";
+    let dome = "[[shapes]]\ntype = \"sphere\"\nmaterial = \"black\"\nradius = 1000\nflip_normals = true";
     let mut suite = Suite::new(1e-2);
     for (what, seed, more) in [("plane", 2, plane), ("dome", 3, dome)] {
         let found = blocks(&still_life(1.0, 120, seed, more), 8);

@@ -1,8 +1,6 @@
 //! Physics of surfaces and phase functions: energy, reciprocity, mean cosines, and agreement with Mitsuba 3.
 
-use beamfarm_render::bsdf::{
-    Bsdf, Distribution, RoughDielectric, TransportMode, fresnel_dielectric,
-};
+use beamfarm_render::bsdf::{Bsdf, Distribution, RoughDielectric, TransportMode, fresnel_dielectric};
 use beamfarm_render::math::{Rgb, Vec3};
 use beamfarm_render::phase::Phase;
 use beamfarm_render::sampler::{Purpose, Sampler};
@@ -54,10 +52,7 @@ fn scattering_bsdfs() -> Vec<(String, Bsdf<'static>)> {
     for alpha in [0.2, 0.5, 1.0] {
         bsdfs.push((format!("conductor {alpha}"), white_conductor(alpha)));
         for eta in [1.5, 1.0 / 1.5, 2.4] {
-            bsdfs.push((
-                format!("dielectric {alpha}, eta {eta}"),
-                rough_dielectric(alpha, eta),
-            ));
+            bsdfs.push((format!("dielectric {alpha}, eta {eta}"), rough_dielectric(alpha, eta)));
         }
     }
     bsdfs
@@ -69,8 +64,7 @@ fn albedo_by_sampling(bsdf: &Bsdf, wo: Vec3, mode: TransportMode, chunk: u64) ->
     (0..SAMPLES)
         .map(|_| {
             let (lobe, u) = (rng.next_1d(), rng.next_2d());
-            bsdf.sample(wo, lobe, u, mode)
-                .map_or(0.0, |s| f64::from(s.weight.x))
+            bsdf.sample(wo, lobe, u, mode).map_or(0.0, |s| f64::from(s.weight.x))
         })
         .collect()
 }
@@ -99,11 +93,7 @@ fn sampling_and_values_agree_on_the_albedo() {
                 let wo = direction(degrees);
                 let sampled = albedo_by_sampling(&bsdf, wo, mode, chunk);
                 let integrated = albedo_by_value(&bsdf, wo, mode, chunk + 1);
-                suite.same_mean(
-                    format!("{name} at {degrees}, {mode:?}"),
-                    &sampled,
-                    &integrated,
-                );
+                suite.same_mean(format!("{name} at {degrees}, {mode:?}"), &sampled, &integrated);
                 chunk += 2;
             }
         }
@@ -111,8 +101,8 @@ fn sampling_and_values_agree_on_the_albedo() {
     suite.finish();
 }
 
-/// In a white furnace a surface sends back no more than it gets. A diffuse one and smooth ones send all of it; rough ones
-/// lose what one bounce among the microfacets cannot carry.
+/// In a white furnace a surface sends back no more than it gets. A diffuse one and smooth ones send all of it; rough
+/// ones lose what one bounce among the microfacets cannot carry.
 #[test]
 fn furnace_never_gains_and_smooth_surfaces_lose_nothing() {
     let mut bsdfs = scattering_bsdfs();
@@ -133,8 +123,8 @@ fn furnace_never_gains_and_smooth_surfaces_lose_nothing() {
     }
 }
 
-/// f(a, b) / eta(a)^2 = f(b, a) / eta(b)^2 for radiance (Veach 1997, eq. 5.14), and the flux of one is the radiance of the
-/// other.
+/// f(a, b) / eta(a)^2 = f(b, a) / eta(b)^2 for radiance (Veach 1997, eq. 5.14), and the flux of one is the radiance of
+/// the other.
 #[test]
 fn values_are_reciprocal() {
     let mut rng = rng(0);
@@ -192,10 +182,7 @@ fn nearly_smooth_boundaries_reflect_as_smooth_ones() {
 fn hg_mean_cosine_is_g() {
     let mut suite = Suite::new(SIGNIFICANCE);
     let old = direction(70.0);
-    for (i, g) in [-0.999, -0.6, 0.0, 0.01, 0.5, 0.85, 0.999]
-        .into_iter()
-        .enumerate()
-    {
+    for (i, g) in [-0.999, -0.6, 0.0, 0.01, 0.5, 0.85, 0.999].into_iter().enumerate() {
         let phase = Phase::HenyeyGreenstein { g };
         let mut rng = rng(i as u64);
         let cosine: MeanEstimate = (0..SAMPLES)
@@ -242,15 +229,9 @@ fn rough_surfaces_are_those_of_mitsuba() {
         };
         let wo = Vec3::from_slice(&numbers[0..3]);
         let wi = Vec3::from_slice(&numbers[3..6]);
-        for (ours, theirs) in [
-            (bsdf.eval(wo, wi, mode).x, numbers[6]),
-            (bsdf.pdf(wo, wi), numbers[7]),
-        ] {
+        for (ours, theirs) in [(bsdf.eval(wo, wi, mode).x, numbers[6]), (bsdf.pdf(wo, wi), numbers[7])] {
             let tolerance = 1e-4 * theirs + 1e-8;
-            assert!(
-                (ours - theirs).abs() < tolerance,
-                "{row}: {ours}, expected {theirs}"
-            );
+            assert!((ours - theirs).abs() < tolerance, "{row}: {ours}, expected {theirs}");
         }
         rows += 1;
     }

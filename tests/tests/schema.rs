@@ -36,10 +36,7 @@ fn the_committed_schema_is_current() {
 fn every_scene_is_valid() {
     let validator = validator();
     let mut count = 0;
-    for folder in [
-        folder(),
-        Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz/seeds/scene"),
-    ] {
+    for folder in [folder(), Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz/seeds/scene")] {
         for entry in std::fs::read_dir(folder).unwrap() {
             let path = entry.unwrap().path();
             if path.extension().is_none_or(|ending| ending != "toml") {
@@ -66,12 +63,7 @@ fn scenes_name_their_schema() {
         if path.extension().is_some_and(|ending| ending == "toml") {
             let text = std::fs::read_to_string(&path).unwrap();
             let first = text.lines().next();
-            assert_eq!(
-                first,
-                Some("#:schema ./beamfarm.schema.json"),
-                "{}",
-                path.display()
-            );
+            assert_eq!(first, Some("#:schema ./beamfarm.schema.json"), "{}", path.display());
         }
     }
 }
@@ -140,10 +132,7 @@ fn fields_are_described() {
         if let Some(fields) = schema["properties"].as_object() {
             for (name, field) in fields {
                 let known = field["description"].is_string()
-                    || matches!(
-                        &**name,
-                        "type" | "radius" | "stddev" | "g" | "weight" | "phases"
-                    )
+                    || matches!(&**name, "type" | "radius" | "stddev" | "g" | "weight" | "phases")
                     || ["checkerboard", "uv", "filter", "wrap", "free_flights"].contains(&&**name);
                 if !known {
                     missing.push(format!("{path}.{name}"));
@@ -159,10 +148,6 @@ fn fields_are_described() {
         }
     }
     let mut missing = Vec::new();
-    walk(
-        &serde_json::from_str(&json_schema()).unwrap(),
-        "",
-        &mut missing,
-    );
+    walk(&serde_json::from_str(&json_schema()).unwrap(), "", &mut missing);
     assert!(missing.is_empty(), "without a doc comment: {missing:?}");
 }

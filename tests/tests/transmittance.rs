@@ -59,11 +59,7 @@ impl Profile {
     /// Least and largest density of a stretch: the profiles rise, or rise and fall around 0.9.
     fn range(self, start: f64, end: f64) -> [f64; 2] {
         let (a, b) = (self.density(start), self.density(end));
-        let inner = if start < 0.9 && 0.9 < end {
-            self.density(0.9)
-        } else {
-            a
-        };
+        let inner = if start < 0.9 && 0.9 < end { self.density(0.9) } else { a };
         [a.min(b), a.max(b).max(inner)]
     }
 }
@@ -95,11 +91,7 @@ impl Way {
     }
 
     fn spans(&self) -> Vec<Span> {
-        let cells = if matches!(self.bounds, Bounds::PerCell) {
-            13
-        } else {
-            1
-        };
+        let cells = if matches!(self.bounds, Bounds::PerCell) { 13 } else { 1 };
         let at = |i: usize| LENGTH * i as f64 / cells as f64;
         (0..cells)
             .map(|i| {
@@ -130,8 +122,7 @@ impl Way {
         let density = |t: f32| self.profile.density(self.place(t as f64)) as f32;
         let spans = spans.iter().copied();
         let push = |t, step| steps.push(t, step);
-        self.estimator
-            .walk(spans, density, SIGMA_T, 1.0, sampler, push);
+        self.estimator.walk(spans, density, SIGMA_T, 1.0, sampler, push);
         number
     }
 }
@@ -218,8 +209,8 @@ fn check(index: u64, way: &Way) -> Vec<String> {
                 .chunks_exact(count)
                 .map(|group| group.iter().sum::<f64>() / count as f64 - expected)
                 .collect();
-            // The first mean of 2048 is within 4 standard errors. Few repetitions are not distributed normally, and more
-            // of them may be off: Chebyshev's inequality allows one in sixteen.
+            // The first mean of 2048 is within 4 standard errors. Few repetitions are not distributed normally, and
+            // more of them may be off: Chebyshev's inequality allows one in sixteen.
             let bound = 4.0 * sigma / (count as f64).sqrt() + rounding;
             let outside = errors.iter().filter(|e| e.abs() > bound).count();
             let first_is = count == REPETITIONS && errors[0].abs() > bound;
@@ -234,30 +225,20 @@ fn check(index: u64, way: &Way) -> Vec<String> {
             let predicted = all.variance() / count as f64;
             let bound = 4.0 * squares.std_error() + rounding * rounding + 1e-9 * predicted;
             // With few groups their spread is itself uncertain: a chi-square of 24 degrees is far from normal.
-            let bound = bound.max(if count == REPETITIONS {
-                1.3 * predicted
-            } else {
-                0.0
-            });
+            let bound = bound.max(if count == REPETITIONS { 1.3 * predicted } else { 0.0 });
             if (squares.mean() - predicted).abs() > bound {
-                fail(format!(
-                    "squared error of {count}: {} not {predicted}",
-                    squares.mean()
-                ));
+                fail(format!("squared error of {count}: {} not {predicted}", squares.mean()));
             }
         }
         if (all.mean() - expected).abs() > 4.0 * all.std_error() + rounding {
-            fail(format!(
-                "{} +- {} not {expected}",
-                all.mean(),
-                all.std_error()
-            ));
+            fail(format!("{} +- {} not {expected}", all.mean(), all.std_error()));
         }
     }
     failures
 }
 
-/// Where it is thin to one channel and hundreds of mean free paths to another, estimates are numbers all the same, and right.
+/// Where it is thin to one channel and hundreds of mean free paths to another, estimates are numbers all the same, and
+/// right.
 #[test]
 fn channels_may_differ_as_much_as_they_like() {
     let mut failures = Vec::new();
@@ -301,8 +282,7 @@ fn channels_may_differ_as_much_as_they_like() {
             for (mean, sigma_t) in means.iter().zip(sigma_t.to_array()) {
                 let expected = libm::exp(-f64::from(sigma_t) * profile.depth(LENGTH));
                 // Less comes in tails that so few walks do not have.
-                if expected > 0.01 && (mean.mean() - expected).abs() > 4.0 * mean.std_error() + 3e-7
-                {
+                if expected > 0.01 && (mean.mean() - expected).abs() > 4.0 * mean.std_error() + 3e-7 {
                     failures.push(format!(
                         "{profile:?} * {scale}, {estimator}: {} +- {} not {expected}",
                         mean.mean(),
@@ -320,10 +300,7 @@ fn lumps(estimator: Estimator) -> Heterogeneous {
     let recipe = Recipe {
         corners: [DVec3::new(-1.0, 0.0, -1.0), DVec3::new(1.0, 1.5, 1.2)],
         voxel: 0.07,
-        height: Some(Height {
-            base: 0.3,
-            scale: 0.8,
-        }),
+        height: Some(Height { base: 0.3, scale: 0.8 }),
         blobs: vec![
             Blob {
                 center: DVec3::new(0.2, 0.4, 0.1),
@@ -462,11 +439,7 @@ fn flights_scatter_where_and_as_much_as_they_should() {
                 Flight::Passed { weight } => (3, weight),
             };
             for (k, mean) in means.iter_mut().enumerate() {
-                mean.add(if k / 3 == place {
-                    weight[k % 3] as f64
-                } else {
-                    0.0
-                });
+                mean.add(if k / 3 == place { weight[k % 3] as f64 } else { 0.0 });
             }
         }
         let mut before = 0.0;
@@ -482,11 +455,7 @@ fn flights_scatter_where_and_as_much_as_they_should() {
         }
         for c in 0..3 {
             let passed = libm::exp(-before * medium.sigma_t()[c] as f64);
-            suite.mean(
-                format!("ray {i}, passed, channel {c}"),
-                &means[9 + c],
-                passed,
-            );
+            suite.mean(format!("ray {i}, passed, channel {c}"), &means[9 + c], passed);
         }
     }
     suite.finish();
@@ -535,11 +504,7 @@ fn flights_keep_the_flux_where_channels_differ_as_much_as_they_can() {
                     DAffine3::IDENTITY,
                 )),
             ];
-            for power in colours
-                .map(|c| [c, c * 1e-30, c * 1e30])
-                .into_iter()
-                .flatten()
-            {
+            for power in colours.map(|c| [c, c * 1e-30, c * 1e30]).into_iter().flatten() {
                 for (i, medium) in media.iter().enumerate() {
                     for round in 0..300 {
                         let mut sampler = Sampler::new(12, i as u64, Purpose::Test, round);

@@ -74,17 +74,10 @@ fn openvdb_densities_are_at_their_places() {
     );
     let mut count = 0;
     for line in section.lines().filter(|line| line.starts_with("value")) {
-        let numbers: Vec<f64> = line
-            .split(' ')
-            .skip(1)
-            .map(|word| word.parse().unwrap())
-            .collect();
+        let numbers: Vec<f64> = line.split(' ').skip(1).map(|word| word.parse().unwrap()).collect();
         let world = DVec3::from_slice(&numbers) * 0.1 + DVec3::new(10.0, 20.5, -30.0);
         let moved = DVec3::new(2.0 * world.z, world.y, -2.0 * world.x);
-        for (medium, point) in [
-            (&alone, world),
-            (&placed, moved + DVec3::new(1.0, -2.0, 3.0)),
-        ] {
+        for (medium, point) in [(&alone, world), (&placed, moved + DVec3::new(1.0, -2.0, 3.0))] {
             // Single precision at 1000 samples from the origin.
             let error = f64::from(at(medium, point)) - numbers[3];
             assert!(error.abs() < 2e-3, "{line}: off by {error}");
@@ -107,10 +100,7 @@ fn mitsuba_densities_fill_the_unit_cube() {
     for line in expected.lines() {
         let numbers: Vec<f64> = line.split(' ').map(|word| word.parse().unwrap()).collect();
         let point = DVec3::from_slice(&numbers);
-        for (medium, point) in [
-            (&alone, point),
-            (&placed, 3.0 * point + DVec3::new(-1.0, 0.0, 4.0)),
-        ] {
+        for (medium, point) in [(&alone, point), (&placed, 3.0 * point + DVec3::new(-1.0, 0.0, 4.0))] {
             let error = f64::from(at(medium, point)) - numbers[3];
             assert!(error.abs() < 2e-5, "{line}: off by {error}");
         }
@@ -129,18 +119,11 @@ fn fields_arrive() {
     let file = r#"file = "several.vdb", grid = "heat[1]""#;
     let estimators = [
         ("\"ratio_tracking\"", Estimator::RatioTracking),
-        (
-            "\"residual_ratio_tracking\"",
-            Estimator::ResidualRatioTracking,
-        ),
-        (
-            "{ free_flights = 12 }",
-            Estimator::FreeFlight { distances: 12 },
-        ),
+        ("\"residual_ratio_tracking\"", Estimator::ResidualRatioTracking),
+        ("{ free_flights = 12 }", Estimator::FreeFlight { distances: 12 }),
     ];
     for (written, estimator) in estimators {
-        let fields =
-            format!("scale = 4\nphase = {{ type = \"hg\", g = 0.7 }}\ntransmittance = {written}");
+        let fields = format!("scale = 4\nphase = {{ type = \"hg\", g = 0.7 }}\ntransmittance = {written}");
         let cloud = medium(file, &fields, &["several.vdb"]);
         assert_eq!(cloud.estimator, estimator);
         assert_eq!(cloud.sigma_a, Rgb::splat(2.0));
@@ -162,8 +145,7 @@ fn media_of_one_grid_share_its_samples() {
             density = {{ file = \"several.vdb\", grid = \"{grid}\" }}\ntransform = [{{ scale = {scale} }}]\n"
         )
     };
-    let text =
-        cloud("a", "heat[0]", 1.0) + &cloud("b", "heat[0]", 2.0) + &cloud("c", "heat[1]", 1.0);
+    let text = cloud("a", "heat[0]", 1.0) + &cloud("b", "heat[0]", 2.0) + &cloud("c", "heat[1]", 1.0);
     let scene = load(&text, &["several.vdb"]);
     let media = heterogeneous(&scene);
     assert!(std::ptr::eq(media[0].bricks(), media[1].bricks()));
@@ -242,13 +224,8 @@ fn recipes_follow_their_formulas() {
 #[test]
 fn recipes_have_their_defaults() {
     let same = |short: &str, long: &str| {
-        let [short, long] = [short, long].map(|fields| {
-            medium(
-                &format!("min = [0, -1, 0], max = [2, 0.5, 1], {fields}"),
-                "",
-                &[],
-            )
-        });
+        let [short, long] =
+            [short, long].map(|fields| medium(&format!("min = [0, -1, 0], max = [2, 0.5, 1], {fields}"), "", &[]));
         assert_eq!(short.bricks().samples(), long.bricks().samples());
         for i in 0..1000 {
             let p = DVec3::new(
@@ -260,10 +237,7 @@ fn recipes_have_their_defaults() {
         }
     };
     same("blobs = []", "voxel = 0.03125");
-    same(
-        "height = { scale = 0.5 }",
-        "height = { base = 0, scale = 0.5 }",
-    );
+    same("height = { scale = 0.5 }", "height = { base = 0, scale = 0.5 }");
     same(
         "height = { scale = 0.5 }, voxel = 0.1",
         "height = { base = 0.0, scale = 0.5 }, voxel = 0.1",
@@ -305,9 +279,7 @@ fn noise_is_what_the_format_says() {
         let values = noise(&format!("seed = {seed}"), 1.0);
         assert!(values.iter().all(|v| (0.0..=2.0).contains(v)));
         let mean = values.iter().map(|v| f64::from(*v)).sum::<f64>() / values.len() as f64;
-        let spread = values
-            .iter()
-            .map(|v| (f64::from(*v) - mean) * (f64::from(*v) - mean));
+        let spread = values.iter().map(|v| (f64::from(*v) - mean) * (f64::from(*v) - mean));
         let deviation = libm::sqrt(spread.sum::<f64>() / values.len() as f64);
         // Five standard errors, if its 16^3 cells of a deviation of about 0.2 were independent.
         assert!((mean - 1.0).abs() < 0.015, "{mean}");
@@ -370,7 +342,8 @@ fn plans_say_how_transmittance_is_found() {
     }
 }
 
-/// Light from infinitely far away reaches the world's medium, which ends at its box, as it does the interior of a shape around it.
+/// Light from infinitely far away reaches the world's medium, which ends at its box, as it does the interior of a shape
+/// around it.
 #[test]
 fn light_from_infinity_reaches_a_bounded_world_medium() {
     let mut suite = Suite::new(0.01);
@@ -395,10 +368,7 @@ fn light_from_infinity_reaches_a_bounded_world_medium() {
             };
             (0..400).map(mean).collect::<MeanEstimate>()
         });
-        assert!(
-            world.mean() > 20.0 * world.std_error(),
-            "{world:?} {shape:?}"
-        );
+        assert!(world.mean() > 20.0 * world.std_error(), "{world:?} {shape:?}");
         let name = format!("{light}: {} and {}", world.mean(), shape.mean());
         suite.p_value(name, world.p_value_same(&shape));
     }
@@ -409,10 +379,7 @@ fn light_from_infinity_reaches_a_bounded_world_medium() {
 #[test]
 fn examples_of_the_description_load() {
     let text = include_str!("../../docs/scenes.md");
-    let media = text
-        .split("\n## ")
-        .find(|s| s.starts_with("Media\n"))
-        .unwrap();
+    let media = text.split("\n## ").find(|s| s.starts_with("Media\n")).unwrap();
     let examples = media.split("```toml\n").skip(1);
     let mut count = 0;
     for example in examples {

@@ -1,5 +1,5 @@
-//! No path grows heavy, however often it is scattered: slabs and sheets from thin to dense, with colours that light dies in and
-//! others that it does not.
+//! No path grows heavy, however often it is scattered: slabs and sheets from thin to dense, with colours that light
+//! dies in and others that it does not.
 
 use beamfarm_render::beam::trace::trace_photons;
 use beamfarm_render::pass::render_pass;
@@ -8,12 +8,7 @@ use beamfarm_render::world::Scene;
 use beamfarm_tests::render::scene;
 
 const DEPTHS: [f64; 4] = [1e-3, 1.0, 30.0, 1e3];
-const ALBEDOS: [&str; 4] = [
-    "1.0",
-    "[1.0, 0.0, 0.5]",
-    "[0.98, 0.5, 0.01]",
-    "[0.0, 0.9999, 0.0]",
-];
+const ALBEDOS: [&str; 4] = ["1.0", "[1.0, 0.0, 0.5]", "[0.98, 0.5, 0.01]", "[0.0, 0.9999, 0.0]"];
 /// Extinction of the channels beside the given one.
 const COLOURS: [[f64; 3]; 3] = [[1.0, 1.0, 1.0], [1.0, 0.01, 3.0], [0.1, 1.0, 0.01]];
 /// Half the slab's thickness over half its sides.
@@ -76,8 +71,8 @@ transform = [{{ scale = [1.0, 1.0, {thickness}] }}]
     })
 }
 
-/// In an even sky of radiance 1 nothing is brighter, and no sample by more than what many scatterings near a face may bring, each of
-/// them half of the light at most.
+/// In an even sky of radiance 1 nothing is brighter, and no sample by more than what many scatterings near a face may
+/// bring, each of them half of the light at most.
 #[test]
 fn camera_paths_stay_light() {
     let sky = "[[lights]]\ntype = \"environment\"\nradiance = 1.0";
@@ -101,17 +96,14 @@ fn camera_paths_stay_light() {
     }
 }
 
-/// Photons' flux is that of the light divided among them: a channel has at most the sum of all three, and a beam the reciprocal
-/// of the share of its kernel that lies in the medium as a factor.
+/// Photons' flux is that of the light divided among them: a channel has at most the sum of all three, and a beam the
+/// reciprocal of the share of its kernel that lies in the medium as a factor.
 #[test]
 fn photons_stay_light() {
     let lamp = "[[shapes]]\ntype = \"sphere\"\ncenter = [0.0, 2.0, 1.5]\nradius = 0.5\nemission = { power = 1.0 }";
     let paths = 2000;
     let mut beams = 0;
-    for (name, slab) in slabs(
-        &format!("paths = {paths}\nradius = 1e-4\ntargeting = \"off\""),
-        lamp,
-    ) {
+    for (name, slab) in slabs(&format!("paths = {paths}\nradius = 1e-4\ntargeting = \"off\""), lamp) {
         let settings = slab.description().defaults.job_settings();
         let plan = RenderPlan::new(&slab, settings);
         let photons = trace_photons(&slab, &plan, 0);
@@ -121,9 +113,7 @@ fn photons_stay_light() {
         let heaviest = powers.iter().copied().fold(0.0, f32::max);
         let most = 3.0 * 16.0 / paths as f32;
         assert!(heaviest <= 1.001 * most, "{name}: {heaviest} for {most}");
-        let heavy = powers
-            .iter()
-            .filter(|power| **power > 2.0 * 3.01 / paths as f32);
+        let heavy = powers.iter().filter(|power| **power > 2.0 * 3.01 / paths as f32);
         let share = heavy.count() as f64 / powers.len().max(1) as f64;
         assert!(share < 0.02, "{name}: {share}");
     }

@@ -33,8 +33,8 @@ pub struct WorkerArgs {
     #[arg(long)]
     pub name: Option<String>,
 
-    /// Folder for files of scenes, kept between jobs; may be deleted at any time [default: beamfarm in $XDG_CACHE_HOME or
-    /// ~/.cache]
+    /// Folder for files of scenes, kept between jobs; may be deleted at any time [default: beamfarm in $XDG_CACHE_HOME
+    /// or ~/.cache]
     #[arg(long, value_name = "DIR", env = "BEAMFARM_CACHE")]
     pub cache: Option<PathBuf>,
 
@@ -46,8 +46,8 @@ pub struct WorkerArgs {
     #[arg(long, value_name = "TIME", default_value = "60s", value_parser = humantime::parse_duration)]
     pub patience: Duration,
 
-    /// After SIGINT or SIGTERM, how long to go on with what is being rendered. What cannot be done in that time is given
-    /// back at once, for others to render
+    /// After SIGINT or SIGTERM, how long to go on with what is being rendered. What cannot be done in that time is
+    /// given back at once, for others to render
     #[arg(long, value_name = "TIME", default_value = "20s", value_parser = humantime::parse_duration)]
     pub grace: Duration,
 
@@ -105,9 +105,7 @@ impl LogArgs {
             Err(_) => filter.to_owned(),
         };
         let filter = EnvFilter::try_new(filter).map_err(|error| format!("--log: {error}"))?;
-        let log = tracing_subscriber::fmt()
-            .with_env_filter(filter)
-            .with_writer(writer);
+        let log = tracing_subscriber::fmt().with_env_filter(filter).with_writer(writer);
         match self.log_format {
             LogFormat::Text => log
                 .with_ansi(std::io::IsTerminal::is_terminal(&std::io::stderr()))
@@ -152,9 +150,7 @@ pub fn main(args: WorkerArgs) -> ExitCode {
         Err(error) => {
             eprintln!("error: {error}");
             match error {
-                WorkerError::Address { .. } | WorkerError::Security(_) | WorkerError::Scene(_) => {
-                    exit::USAGE
-                }
+                WorkerError::Address { .. } | WorkerError::Security(_) | WorkerError::Scene(_) => exit::USAGE,
                 WorkerError::Unreachable { .. } => exit::UNREACHABLE,
                 WorkerError::Refused(_) => exit::REFUSED,
                 WorkerError::Internal(_) => exit::IO,
@@ -207,9 +203,7 @@ fn exit_with_parent() {
 
 fn machine_name() -> String {
     let files = ["/proc/sys/kernel/hostname", "/etc/hostname"];
-    let read = files
-        .iter()
-        .find_map(|file| std::fs::read_to_string(file).ok());
+    let read = files.iter().find_map(|file| std::fs::read_to_string(file).ok());
     let name = read.or_else(|| std::env::var("HOSTNAME").ok());
     let name = name.or_else(|| std::env::var("COMPUTERNAME").ok());
     name.map_or_else(|| "unnamed".into(), |name| name.trim().to_owned())

@@ -7,8 +7,7 @@ use beamfarm_proto::bytes::Bytes;
 use beamfarm_proto::wire::farm_client::FarmClient;
 use beamfarm_proto::wire::submit_request::Part;
 use beamfarm_proto::{
-    CHUNK_BYTES, FileEntry, FileHash, Grant, Job, LeaseId, VERSION, WireError, WireHash, WorkerId,
-    wire,
+    CHUNK_BYTES, FileEntry, FileHash, Grant, Job, LeaseId, VERSION, WireError, WireHash, WorkerId, wire,
 };
 use std::future::Future;
 use std::hash::{BuildHasher, Hasher, RandomState};
@@ -208,12 +207,7 @@ impl Client {
     }
 
     /// Give leases back, or sign off.
-    pub async fn give_back(
-        &self,
-        worker: WorkerId,
-        leases: Vec<LeaseId>,
-        leaving: bool,
-    ) -> Result<(), CallError> {
+    pub async fn give_back(&self, worker: WorkerId, leases: Vec<LeaseId>, leaving: bool) -> Result<(), CallError> {
         let request = wire::GiveBackRequest {
             worker: worker.0,
             leases: leases.into_iter().map(|lease| lease.0).collect(),

@@ -6,12 +6,13 @@ pub const DONE: u8 = 0;
 pub const IO: u8 = 1;
 /// Wrong usage, or a scene or image that cannot be used (clap's code for usage too).
 pub const USAGE: u8 = 2;
-/// The worker, or a command that asks a coordinator something, cannot reach it, or lost it and did not find it again. Worth another try later.
+/// The worker, or a command that asks a coordinator something, cannot reach it, or lost it and did not find it again.
+/// Worth another try later.
 pub const UNREACHABLE: u8 = 3;
 /// Stopped before the first pass was complete: there is nothing to write.
 pub const NOTHING: u8 = 4;
-/// The job failed: a pass cannot be rendered, workers keep dying, or two machines disagree about a pass. The image before
-/// it was written, if there is one.
+/// The job failed: a pass cannot be rendered, workers keep dying, or two machines disagree about a pass. The image
+/// before it was written, if there is one.
 pub const FAILED: u8 = 5;
 /// The coordinator refused the worker: another version, another test picture, or wrong results. Not worth another try.
 pub const REFUSED: u8 = 6;

@@ -34,11 +34,8 @@ impl Prepared {
         let mut node = leaf.with_radius_scale(image.radius_scale);
         let (width, height) = (node.sum.width, node.sum.height);
         // Looked at here, so that the pass can be named and not only the block.
-        node.check(width, height, count)
-            .map_err(|error| error.to_string())?;
-        while nodes
-            .last()
-            .is_some_and(|left| left.block == node.block.sibling())
+        node.check(width, height, count).map_err(|error| error.to_string())?;
+        while nodes.last().is_some_and(|left| left.block == node.block.sibling())
             && node.block.index % 2 == 1
             && let Some(left) = nodes.pop()
         {
@@ -107,8 +104,8 @@ impl Renderer {
         }
     }
 
-    /// Render a block, one pass after the other, and add them up as a tree. `rendered` is told the number of passes that
-    /// are there.
+    /// Render a block, one pass after the other, and add them up as a tree. `rendered` is told the number of passes
+    /// that are there.
     pub async fn block(
         &self,
         prepared: &Arc<Prepared>,
@@ -121,10 +118,7 @@ impl Renderer {
         for pass_index in block.passes() {
             let prepared = prepared.clone();
             let done = self.run(move || prepared.add(pass_index, &mut nodes).map(|s| (nodes, s)));
-            let failed = |message| Failed {
-                pass_index,
-                message,
-            };
+            let failed = |message| Failed { pass_index, message };
             let (grown, of_pass) = done.await.and_then(|done| done).map_err(failed)?;
             nodes = grown;
             stats += of_pass;
@@ -138,10 +132,7 @@ impl Renderer {
         node.map(|node| (node, stats)).ok_or_else(missing)
     }
 
-    async fn run<T: Send + 'static>(
-        &self,
-        work: impl FnOnce() -> T + Send + 'static,
-    ) -> Result<T, String> {
+    async fn run<T: Send + 'static>(&self, work: impl FnOnce() -> T + Send + 'static) -> Result<T, String> {
         let (sender, receiver) = oneshot::channel();
         self.pool.spawn(move || {
             let done = catch_unwind(AssertUnwindSafe(work));

@@ -34,19 +34,15 @@ pub struct Config {
     pub grace: Duration,
 }
 
-/// Work for a coordinator until its job is over, or until `drain` becomes true and what is at hand is delivered or given
-/// back.
+/// Work for a coordinator until its job is over, or until `drain` becomes true and what is at hand is delivered or
+/// given back.
 pub async fn run(config: Config, drain: watch::Receiver<bool>) -> Result<Summary, WorkerError> {
     let mut summary = Summary::default();
     work(&config, &drain, &mut summary).await?;
     Ok(summary)
 }
 
-async fn work(
-    config: &Config,
-    drain: &watch::Receiver<bool>,
-    summary: &mut Summary,
-) -> Result<(), WorkerError> {
+async fn work(config: &Config, drain: &watch::Receiver<bool>, summary: &mut Summary) -> Result<(), WorkerError> {
     let address = |message| WorkerError::Address {
         url: config.url.clone(),
         message,
@@ -75,10 +71,7 @@ async fn work(
         let get_ready = async {
             let registration = match known.take() {
                 Some(registration) => registration,
-                None => client
-                    .register(&introduction, scene, Vec::new())
-                    .await
-                    .map_err(fail)?,
+                None => client.register(&introduction, scene, Vec::new()).await.map_err(fail)?,
             };
             let job = &registration.job;
             let prepared = match &loaded {

@@ -24,21 +24,11 @@ pub struct SecurityArgs {
     pub tls_ca: Option<PathBuf>,
 
     /// Certificate to show to the coordinator, as PEM, with those between it and its authority
-    #[arg(
-        long,
-        value_name = "FILE",
-        env = "BEAMFARM_TLS_CERT",
-        requires = "tls_key"
-    )]
+    #[arg(long, value_name = "FILE", env = "BEAMFARM_TLS_CERT", requires = "tls_key")]
     pub tls_cert: Option<PathBuf>,
 
     /// Its private key, as PEM
-    #[arg(
-        long,
-        value_name = "FILE",
-        env = "BEAMFARM_TLS_KEY",
-        requires = "tls_cert"
-    )]
+    #[arg(long, value_name = "FILE", env = "BEAMFARM_TLS_KEY", requires = "tls_cert")]
     pub tls_key: Option<PathBuf>,
 
     /// File with the coordinator's token; without it BEAMFARM_TOKEN may hold the token itself
@@ -49,9 +39,7 @@ pub struct SecurityArgs {
 impl SecurityArgs {
     /// Read what the options name. The error is for people.
     pub fn read(&self) -> Result<Credentials, String> {
-        let pem = |path: &Path| {
-            std::fs::read(path).map_err(|error| format!("{}: {error}", path.display()))
-        };
+        let pem = |path: &Path| std::fs::read(path).map_err(|error| format!("{}: {error}", path.display()));
         let authority = self.tls_ca.as_deref().map(pem).transpose()?;
         let identity = match (&self.tls_cert, &self.tls_key) {
             (Some(cert), Some(key)) => Some(Identity::from_pem(pem(cert)?, pem(key)?)),
@@ -86,17 +74,15 @@ pub struct Bearer(Option<MetadataValue<Ascii>>);
 impl Interceptor for Bearer {
     fn call(&mut self, mut request: Request<()>) -> Result<Request<()>, Status> {
         if let Some(token) = &self.0 {
-            request
-                .metadata_mut()
-                .insert("authorization", token.clone());
+            request.metadata_mut().insert("authorization", token.clone());
         }
         Ok(request)
     }
 }
 
 impl Credentials {
-    /// A connection to `url`, http://HOST:PORT or https://HOST:PORT, that comes about with its first call. The error says
-    /// what is wrong with the address, or with the certificates.
+    /// A connection to `url`, http://HOST:PORT or https://HOST:PORT, that comes about with its first call. The error
+    /// says what is wrong with the address, or with the certificates.
     pub fn link(&self, url: &str) -> Result<Link, String> {
         let mut endpoint = Endpoint::from_shared(url.to_owned())
             .map_err(|error| describe(&error))?

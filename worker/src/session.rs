@@ -1,7 +1,7 @@
 //! The time between a registration and the end of the job.
 //!
-//! A coordinator that was restarted does not know its workers. They register again, claim the blocks that they have in hand
-//! or are rendering, and go on; only another job ends the session.
+//! A coordinator that was restarted does not know its workers. They register again, claim the blocks that they have in
+//! hand or are rendering, and go on; only another job ends the session.
 
 use crate::client::{CallError, Client, Delivery, Introduction, Registration};
 use crate::render::{Failed, Prepared, Renderer};
@@ -18,9 +18,9 @@ use tokio::sync::{mpsc, oneshot, watch};
 use tokio::time::{interval, sleep};
 use tracing::{debug, info, warn};
 
-/// The next block is leased when this part of the time that the current one will probably take is over. Early enough that
-/// rendering need not wait for it; late enough that a worker does not sit on a block that another one, with nothing to do,
-/// could have begun.
+/// The next block is leased when this part of the time that the current one will probably take is over. Early enough
+/// that rendering need not wait for it; late enough that a worker does not sit on a block that another one, with
+/// nothing to do, could have begun.
 const LEASE_AHEAD: f64 = 0.75;
 /// Time for giving leases back and signing off.
 const FAREWELL: Duration = Duration::from_secs(3);
@@ -114,8 +114,7 @@ impl<'a> Session<'a> {
     pub async fn run(&self, summary: &mut Summary) -> Result<SessionEnd, CallError> {
         // One block waits here while the one before is on its way and the one after is being rendered.
         let (finished, deliveries) = mpsc::channel(1);
-        let work =
-            async { tokio::try_join!(self.render(finished), self.deliver(deliveries, summary)) };
+        let work = async { tokio::try_join!(self.render(finished), self.deliver(deliveries, summary)) };
         let end = {
             tokio::pin!(work);
             tokio::select! {
@@ -288,22 +287,14 @@ impl<'a> Session<'a> {
     }
 
     /// Encode and upload, one block at a time.
-    async fn deliver(
-        &self,
-        mut finished: mpsc::Receiver<Finished>,
-        summary: &mut Summary,
-    ) -> Result<(), CallError> {
+    async fn deliver(&self, mut finished: mpsc::Receiver<Finished>, summary: &mut Summary) -> Result<(), CallError> {
         while let Some(Finished { block, result }) = finished.recv().await {
             self.delivering.send_replace(true);
             let encoded = match result {
                 Ok((node, stats)) => encode(&self.job, node).await.map(|bytes| (bytes, stats)),
                 Err(failed) => Err(failed),
             };
-            if let Err(Failed {
-                pass_index,
-                message,
-            }) = &encoded
-            {
+            if let Err(Failed { pass_index, message }) = &encoded {
                 let worker = self.identity().0.0;
                 warn!(worker, %block, pass = pass_index, "pass {pass_index}: {message}");
             }

@@ -16,12 +16,7 @@ impl Farm {
         self.files.get(&hash).cloned()
     }
 
-    pub(crate) fn register(
-        &self,
-        name: &str,
-        threads: u32,
-        canary: PixelHash,
-    ) -> Result<WorkerId, Sentence> {
+    pub(crate) fn register(&self, name: &str, threads: u32, canary: PixelHash) -> Result<WorkerId, Sentence> {
         let now = self.now();
         let mut state = self.state();
         let registered = state.ledger.register(name, threads, canary, now);
@@ -44,11 +39,7 @@ impl Farm {
     }
 
     /// Leases of blocks that the worker has or is rendering, as far as they are wanted.
-    pub(crate) fn claim(
-        &self,
-        worker: WorkerId,
-        blocks: impl IntoIterator<Item = Block>,
-    ) -> Vec<(LeaseId, Block)> {
+    pub(crate) fn claim(&self, worker: WorkerId, blocks: impl IntoIterator<Item = Block>) -> Vec<(LeaseId, Block)> {
         let now = self.now();
         let mut state = self.state();
         let claims = blocks.into_iter();
@@ -130,10 +121,7 @@ impl Farm {
         if leaving {
             count += state.ledger.lost(worker);
             let name = state.ledger.name(worker).to_owned();
-            let text = format!(
-                "worker {} ({name:?}) signs off and gives {count} leases back",
-                worker.0
-            );
+            let text = format!("worker {} ({name:?}) signs off and gives {count} leases back", worker.0);
             info!(worker = worker.0, name, "{text}");
             state.events.push(EventKind::Left, text);
         }
@@ -156,8 +144,7 @@ impl Farm {
 
     /// Look a delivered block over and add it to the sum. Takes milliseconds: not for a thread that serves others.
     pub(crate) fn submit(&self, claim: &Claim, bytes: &[u8]) -> Result<Accepted, Refusal> {
-        let Examined { node, pixels, hash } = match examine(&self.job, &self.schedule, claim, bytes)
-        {
+        let Examined { node, pixels, hash } = match examine(&self.job, &self.schedule, claim, bytes) {
             Ok(examined) => examined,
             Err(flaw) => {
                 self.reject(claim, &flaw);
@@ -166,8 +153,8 @@ impl Farm {
         };
         let Claim { worker, block, .. } = *claim;
         let accepted = {
-            // The sum first, so that ledger and sum change together: a block of a worker that is being shut out must be in
-            // neither or in both.
+            // The sum first, so that ledger and sum change together: a block of a worker that is being shut out must be
+            // in neither or in both.
             let mut sum = self.sum();
             let now = self.now();
             let mut state = self.state();
@@ -177,15 +164,7 @@ impl Farm {
                     state.progress.stats += claim.stats;
                     let begun = state.ledger.leased_at(claim.lease).unwrap_or(now);
                     let took = now.saturating_sub(begun);
-                    self.enter(
-                        &state,
-                        EntryState::Done,
-                        block,
-                        worker,
-                        Some(hash),
-                        took,
-                        None,
-                    );
+                    self.enter(&state, EntryState::Done, block, worker, Some(hash), took, None);
                 }
                 Ok(Accepted::Duplicate) => state.progress.duplicates += 1,
                 Ok(_) => {}
@@ -231,10 +210,7 @@ impl Farm {
         let said = Some(message.to_owned());
         self.enter(&state, EntryState::Failed, block, worker, None, took, said);
         let name = state.ledger.name(worker).to_owned();
-        let text = format!(
-            "{block} failed on worker {} ({name:?}): {message}",
-            worker.0
-        );
+        let text = format!("{block} failed on worker {} ({name:?}): {message}", worker.0);
         warn!(worker = worker.0, name, %block, pass = pass_index, "{text}");
         state.events.push(EventKind::Failed, text);
         drop(state);
@@ -246,18 +222,12 @@ impl Farm {
     /// Note that a delivery does not count.
     pub(crate) fn reject(&self, claim: &Claim, flaw: &Flaw) {
         let Claim {
-            worker,
-            lease,
-            block,
-            ..
+            worker, lease, block, ..
         } = *claim;
         let mut state = self.state();
         state.progress.refused += 1;
         let name = state.ledger.name(worker).to_owned();
-        let text = format!(
-            "{block} from worker {} ({name:?}) is refused: {flaw}",
-            worker.0
-        );
+        let text = format!("{block} from worker {} ({name:?}) is refused: {flaw}", worker.0);
         warn!(worker = worker.0, name, %block, "{text}");
         state.events.push(EventKind::Refused, text);
         match flaw {

@@ -67,8 +67,8 @@ pub struct JobSpec {
 
 /// How quickly the loss of a worker is noticed when its connection does not break.
 ///
-/// A worker whose attempt failed gets nothing for a tenth of a heartbeat, twice as long after the next failure, and so on up
-/// to 6.4 heartbeats.
+/// A worker whose attempt failed gets nothing for a tenth of a heartbeat, twice as long after the next failure, and so
+/// on up to 6.4 heartbeats.
 #[derive(Clone, Copy, Debug)]
 pub struct Timing {
     /// Time between heartbeats.
@@ -285,10 +285,7 @@ impl Farm {
         let mut end = self.end.subscribe();
         // The sender lives in self.
         let ended = end.wait_for(Option::is_some).await;
-        ended
-            .ok()
-            .and_then(|end| end.clone())
-            .unwrap_or(End::Stopped)
+        ended.ok().and_then(|end| end.clone()).unwrap_or(End::Stopped)
     }
 
     /// Resolves when no worker is left: each has hung up or signed off.
@@ -303,7 +300,8 @@ impl Farm {
         }
     }
 
-    /// End the leases that have run out, and the job if nobody is left to wait for. To be called about once a heartbeat.
+    /// End the leases that have run out, and the job if nobody is left to wait for. To be called about once a
+    /// heartbeat.
     pub fn expire(&self) {
         let now = self.now();
         let mut state = self.state();

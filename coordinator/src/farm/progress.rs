@@ -31,7 +31,8 @@ pub struct Progress {
     pub registered: u32,
     /// Counters, over all passes that counted.
     pub stats: PassStats,
-    /// Deliveries of a block that was there already, with the same bits, and which nobody had asked to be rendered again.
+    /// Deliveries of a block that was there already, with the same bits, and which nobody had asked to be rendered
+    /// again.
     pub duplicates: u64,
     /// Deliveries that were refused.
     pub refused: u64,
@@ -39,8 +40,8 @@ pub struct Progress {
     pub failures: u64,
     /// Leases that ended without a result.
     pub lost_leases: u64,
-    /// Blocks whose bits are in dispute: delivered twice with different bits, and nobody has decided yet who is right. Any at
-    /// the end is one too many.
+    /// Blocks whose bits are in dispute: delivered twice with different bits, and nobody has decided yet who is right.
+    /// Any at the end is one too many.
     pub divergent: u64,
     /// Blocks that another worker rendered again with the same bits.
     pub audits: u64,

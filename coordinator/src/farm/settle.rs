@@ -8,10 +8,7 @@ use std::time::{Duration, SystemTime};
 use tracing::{debug, error, info, warn};
 
 impl Farm {
-    #[expect(
-        clippy::too_many_arguments,
-        reason = "one for each column of the entry"
-    )]
+    #[expect(clippy::too_many_arguments, reason = "one for each column of the entry")]
     pub(super) fn enter(
         &self,
         state: &State,
@@ -92,8 +89,7 @@ impl Farm {
     }
 
     fn announce(&self, state: &mut State, note: Note) {
-        let who =
-            |worker: WorkerId| format!("worker {} ({:?})", worker.0, state.ledger.name(worker));
+        let who = |worker: WorkerId| format!("worker {} ({:?})", worker.0, state.ledger.name(worker));
         let (kind, text) = match note {
             Note::ShutOut(worker, sentence) => {
                 let text = format!("{} is shut out: {sentence}", who(worker));
@@ -119,15 +115,7 @@ impl Farm {
             }
             Note::Confirmed(block, worker, hash) => {
                 let audited = EntryState::Audited;
-                self.enter(
-                    state,
-                    audited,
-                    block,
-                    worker,
-                    Some(hash),
-                    Duration::ZERO,
-                    None,
-                );
+                self.enter(state, audited, block, worker, Some(hash), Duration::ZERO, None);
                 state.progress.audits += 1;
                 debug!(worker = worker.0, %block, "confirmed");
                 return;

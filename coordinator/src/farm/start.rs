@@ -13,9 +13,9 @@ pub struct Start {
     /// The sum of the passes that are there. Of the job's size and layers.
     pub sum: Option<TreeSum>,
     /// Blocks that were rendered in earlier lives of the job. Those that are not part of the sum are rendered again and
-    /// compared with what they were. Where a block is named twice, with different bits, the first counts, and others have to
-    /// decide. Passes of the sum that no block of these covers count as well; nobody is found out later to have rendered
-    /// them wrong.
+    /// compared with what they were. Where a block is named twice, with different bits, the first counts, and others
+    /// have to decide. Passes of the sum that no block of these covers count as well; nobody is found out later to have
+    /// rendered them wrong.
     pub done: Vec<DoneBlock>,
     /// When the image is good enough; `None`: only when all passes are there.
     pub target: Option<Target>,

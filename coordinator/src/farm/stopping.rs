@@ -1,8 +1,8 @@
 //! When the image is good enough.
 //!
-//! The error is only looked at where [`beamfarm_image::merge::next_boundary`] says so: at prefixes of 2, 3, 4, 6, 8, 12, ... passes, each for itself
-//! and in their order, whatever came in meanwhile. So the same scene and seed end with the same pass on any farm, and
-//! the chance to stop too early by luck is taken few times.
+//! The error is only looked at where [`beamfarm_image::merge::next_boundary`] says so: at prefixes of 2, 3, 4, 6, 8,
+//! 12, ... passes, each for itself and in their order, whatever came in meanwhile. So the same scene and seed end with
+//! the same pass on any farm, and the chance to stop too early by luck is taken few times.
 
 use super::Farm;
 use beamfarm_image::merge::{Average, Errors};
@@ -47,8 +47,8 @@ impl Tested {
 }
 
 impl Farm {
-    /// Look at the boundaries that the prefix has reached. Takes as long as a few copies of the image when there is one:
-    /// not for a thread that serves others.
+    /// Look at the boundaries that the prefix has reached. Takes as long as a few copies of the image when there is
+    /// one: not for a thread that serves others.
     pub(super) fn look(&self) {
         self.look_at(&mut self.tested());
     }
@@ -91,8 +91,8 @@ impl Farm {
         }
     }
 
-    /// The average of what the image is made of: the complete prefix, or the one that was good enough. Nothing before the
-    /// first pass is there. Takes as long as a few copies of the image.
+    /// The average of what the image is made of: the complete prefix, or the one that was good enough. Nothing before
+    /// the first pass is there. Takes as long as a few copies of the image.
     pub fn average(&self) -> Option<Average> {
         let mut tested = self.tested();
         // The job may end while somebody else is about to look.

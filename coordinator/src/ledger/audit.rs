@@ -1,9 +1,9 @@
 //! Blocks that several workers render, and what follows when their bits differ.
 //!
-//! A block is checked because it was drawn, or because it happened to be rendered twice. When two workers disagree, others
-//! render it until two agree; all that do not are shut out. What they delivered and nobody confirmed is taken back: the
-//! caller removes it from the sum ([`Ledger::stained`]), tells what went with it ([`Ledger::reopen`]), and it is rendered
-//! again.
+//! A block is checked because it was drawn, or because it happened to be rendered twice. When two workers disagree,
+//! others render it until two agree; all that do not are shut out. What they delivered and nobody confirmed is taken
+//! back: the caller removes it from the sum ([`Ledger::stained`]), tells what went with it ([`Ledger::reopen`]), and it
+//! is rendered again.
 
 use super::standing::Sentence;
 use super::{Accepted, Done, Ledger, LedgerError, Note, PixelHash};
@@ -39,8 +39,7 @@ impl Audit {
 
     /// The worker can say something new. Who failed to render it may try again only where others do not agree.
     fn may_judge(&self, worker: WorkerId) -> bool {
-        (self.is_disputed() || !self.unable.contains(&worker))
-            && self.votes.iter().all(|(voter, _)| *voter != worker)
+        (self.is_disputed() || !self.unable.contains(&worker)) && self.votes.iter().all(|(voter, _)| *voter != worker)
     }
 
     /// Pixels that two workers found.
@@ -129,9 +128,7 @@ impl Ledger {
             self.convict(worker, Sentence::Contradiction);
             return Err(LedgerError::ShutOut(worker, Sentence::Contradiction));
         }
-        let same = |(voter, before): &(WorkerId, PixelHash)| {
-            *before == pixels && self.was_earlier(*voter, worker)
-        };
+        let same = |(voter, before): &(WorkerId, PixelHash)| *before == pixels && self.was_earlier(*voter, worker);
         if votes.iter().any(same) {
             // Says nothing new.
             return Ok(Accepted::Duplicate);
@@ -146,10 +143,7 @@ impl Ledger {
                 }
             };
         }
-        let audit = self
-            .audits
-            .entry(block)
-            .or_insert_with(|| Audit::new(first, hash, now));
+        let audit = self.audits.entry(block).or_insert_with(|| Audit::new(first, hash, now));
         let news = !audit.is_disputed();
         audit.votes.push((worker, pixels));
         let Some(winner) = audit.verdict() else {
@@ -199,14 +193,9 @@ impl Ledger {
         audit.may_judge(worker) && !voters.any(|(voter, _)| self.was_earlier(*voter, worker))
     }
 
-    /// A block that was rendered once more because an earlier life of the job had lost it counts, but when it is another one
-    /// than it was, others have to decide.
-    pub(super) fn compare_with_earlier(
-        &mut self,
-        block: Block,
-        vote: (WorkerId, PixelHash),
-        now: Duration,
-    ) {
+    /// A block that was rendered once more because an earlier life of the job had lost it counts, but when it is
+    /// another one than it was, others have to decide.
+    pub(super) fn compare_with_earlier(&mut self, block: Block, vote: (WorkerId, PixelHash), now: Duration) {
         let lost = self.earlier.range(..block.passes().end).rev();
         let overlapping = lost.take_while(|(_, (lost, _))| lost.passes().end > block.start());
         let overlapping: Vec<u64> = overlapping.map(|(start, _)| *start).collect();
@@ -250,10 +239,7 @@ impl Ledger {
             votes.retain(|(voter, _)| *voter != worker);
         }
         self.audits.retain(|_, audit| {
-            let counts = audit
-                .votes
-                .first()
-                .is_some_and(|(first, _)| *first == worker);
+            let counts = audit.votes.first().is_some_and(|(first, _)| *first == worker);
             audit.votes.retain(|(voter, _)| *voter != worker);
             !counts
         });

@@ -72,9 +72,10 @@ impl Ledger {
                     let end = next.map_or(end, |(pass, _)| *pass);
                     return Some(self.first_block(start..end, open, &load));
                 };
-                let somebody_else = self.workers.iter().any(|(id, w)| {
-                    w.is_present(&self.rules, now) && !attempts.workers.contains(id)
-                });
+                let somebody_else = self
+                    .workers
+                    .iter()
+                    .any(|(id, w)| w.is_present(&self.rules, now) && !attempts.workers.contains(id));
                 if !attempts.workers.contains(&worker) || !somebody_else {
                     return Some(Block::leaf(start));
                 }
@@ -84,7 +85,8 @@ impl Ledger {
         None
     }
 
-    /// The first block of these open passes: one that an earlier life of the job lost, as it was, so that it can be compared.
+    /// The first block of these open passes: one that an earlier life of the job lost, as it was, so that it can be
+    /// compared.
     fn first_block(&self, range: Range<u64>, open: u64, load: &Load) -> Block {
         let lost = self.earlier.range(range.clone()).next();
         let end = match lost {

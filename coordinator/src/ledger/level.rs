@@ -1,14 +1,15 @@
 //! How many passes a lease is of.
 //!
-//! With W workers that take p seconds for a pass, and a coordinator that takes a block in within q seconds, blocks of 2^l
-//! passes arrive at W / (p 2^l) a second. The level is the lowest at which that is at most half of 1 / q:
+//! With W workers that take p seconds for a pass, and a coordinator that takes a block in within q seconds, blocks of
+//! 2^l passes arrive at W / (p 2^l) a second. The level is the lowest at which that is at most half of 1 / q:
 //!
 //! l = ceil(log2(2 W q / p)), at least 0 and at most [`HIGHEST`].
 //!
 //! It is lowered until the block
 //! - is aligned and made of open passes only,
 //! - is at most half of a worker's share of what is open, so that all end at about the same time,
-//! - lies between two of the prefixes 2, 3, 4, 6, 8, 12, … (2^k and 3 2^k), at which a job may be found to be good enough.
+//! - lies between two of the prefixes 2, 3, 4, 6, 8, 12, … (2^k and 3 2^k), at which a job may be found to be good
+//!   enough.
 
 use beamfarm_image::job::Block;
 use std::ops::Range;
@@ -72,10 +73,7 @@ mod tests {
                     index: start >> level,
                 }
                 .passes();
-                passes.start == start
-                    && prefixes
-                        .iter()
-                        .all(|p| !(passes.start < *p && *p < passes.end))
+                passes.start == start && prefixes.iter().all(|p| !(passes.start < *p && *p < passes.end))
             };
             assert!((0..=level).all(fits), "{start}");
             // It could not be higher, but for the two passes before the first prefix.
@@ -85,14 +83,7 @@ mod tests {
 
     #[test]
     fn few_workers_get_single_passes_and_many_get_as_few_blocks_as_are_needed() {
-        let load = |workers, pass, intake| {
-            Load {
-                workers,
-                pass,
-                intake,
-            }
-            .level()
-        };
+        let load = |workers, pass, intake| Load { workers, pass, intake }.level();
         assert_eq!(load(0, 0.0, 0.0), 0);
         assert_eq!(load(10, 0.0, 0.0), 0);
         assert_eq!(load(10, 1.0, 0.0), 0);
@@ -117,22 +108,13 @@ mod tests {
             intake: 1.0,
         };
         let block = |start: u64, end: u64| first_block(&(start..end), end - start, &load);
-        assert_eq!(
-            block(1024, 4096),
-            Block {
-                level: 3,
-                index: 128
-            }
-        );
+        assert_eq!(block(1024, 4096), Block { level: 3, index: 128 });
         assert_eq!(block(1024, 1056).level, 2);
         assert_eq!(block(1024, 1031).level, 0);
         assert_eq!(block(1027, 4096), Block::leaf(1027));
         assert_eq!(block(0, 4096), Block::leaf(0));
         let alone = Load { workers: 1, ..load };
-        assert_eq!(
-            first_block(&(1024..1025), 1 << 20, &alone),
-            Block::leaf(1024)
-        );
+        assert_eq!(first_block(&(1024..1025), 1 << 20, &alone), Block::leaf(1024));
         assert_eq!(first_block(&(1024..1026), 1 << 20, &alone).level, 1);
     }
 }

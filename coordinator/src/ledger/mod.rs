@@ -1,9 +1,10 @@
-//! Who renders what: a state machine of leases. It has no clock, no lock and no network; whoever calls it says what time
-//! it is, as the time since the job began.
+//! Who renders what: a state machine of leases. It has no clock, no lock and no network; whoever calls it says what
+//! time it is, as the time since the job began.
 //!
 //! A pass is open, leased or done. Open passes are handed out lowest first, in aligned blocks, so that the prefix of
-//! passes that are done, which is all that an image may be made of, grows without gaps. What nobody is left to do but wait
-//! for is handed out a second time; as passes replay bit for bit, the first result counts and the second confirms it.
+//! passes that are done, which is all that an image may be made of, grows without gaps. What nobody is left to do but
+//! wait for is handed out a second time; as passes replay bit for bit, the first result counts and the second confirms
+//! it.
 
 mod audit;
 mod hand_out;
@@ -235,11 +236,7 @@ impl Ledger {
     }
 
     /// The worker does not want these leases any more, which is nobody's fault.
-    pub fn give_back(
-        &mut self,
-        worker: WorkerId,
-        leases: &BTreeSet<LeaseId>,
-    ) -> Result<usize, LedgerError> {
+    pub fn give_back(&mut self, worker: WorkerId, leases: &BTreeSet<LeaseId>) -> Result<usize, LedgerError> {
         self.worker(worker)?;
         Ok(self.end_leases(|id, lease| lease.worker == worker && leases.contains(&id)))
     }
@@ -249,16 +246,10 @@ impl Ledger {
         if let Some(sentence) = self.worker(worker)?.shut_out {
             return Err(LedgerError::ShutOut(worker, sentence));
         }
-        let given = usize::try_from(lease.0)
-            .ok()
-            .and_then(|i| self.leases.get(i));
+        let given = usize::try_from(lease.0).ok().and_then(|i| self.leases.get(i));
         match given {
             Some(given) if given.worker == worker && given.block == block => Ok(()),
-            _ => Err(LedgerError::NotLeased {
-                worker,
-                lease,
-                block,
-            }),
+            _ => Err(LedgerError::NotLeased { worker, lease, block }),
         }
     }
 
@@ -294,11 +285,8 @@ impl Ledger {
         }
         // Others may be rendering some of it again: their leases must not put it back.
         let leases = &self.leases;
-        self.active.retain(|id| {
-            !block
-                .passes()
-                .contains(&leases[id.0 as usize].block.start())
-        });
+        self.active
+            .retain(|id| !block.passes().contains(&leases[id.0 as usize].block.start()));
         self.open.remove(block.passes());
         self.enter(Done {
             block,

@@ -13,8 +13,8 @@ const VOTERS: usize = 1000;
 impl Ledger {
     /// A new worker, that rendered the test picture with these pixels.
     ///
-    /// The picture of most names counts, and the first in a tie. When that changes, those who made the other one are shut
-    /// out like workers that were found to have delivered wrong pixels.
+    /// The picture of most names counts, and the first in a tie. When that changes, those who made the other one are
+    /// shut out like workers that were found to have delivered wrong pixels.
     pub fn register(
         &mut self,
         name: &str,
@@ -36,12 +36,7 @@ impl Ledger {
         let votes = voters.len();
         let reference = *self.canary.get_or_insert(canary);
         if canary != reference {
-            if votes
-                <= self
-                    .canaries
-                    .get(&reference)
-                    .map_or(0, |voters| voters.len())
-            {
+            if votes <= self.canaries.get(&reference).map_or(0, |voters| voters.len()) {
                 return Err(Sentence::Canary);
             }
             self.canary = Some(canary);
@@ -63,21 +58,14 @@ impl Ledger {
     }
 
     /// Enter what an earlier life of the job has done: before anything else.
-    pub fn resume<'a>(
-        &mut self,
-        blocks: impl IntoIterator<Item = (Block, Option<(&'a str, PixelHash)>, bool)>,
-    ) {
+    pub fn resume<'a>(&mut self, blocks: impl IntoIterator<Item = (Block, Option<(&'a str, PixelHash)>, bool)>) {
         for (block, by, confirmed) in blocks {
             if self.first_done(block.passes()).is_some() {
                 continue;
             }
             let by = by.map(|(name, hash)| (self.earlier_worker(name), hash));
             self.open.remove(block.passes());
-            self.enter(Done {
-                block,
-                by,
-                confirmed,
-            });
+            self.enter(Done { block, by, confirmed });
         }
     }
 
@@ -94,9 +82,7 @@ impl Ledger {
     /// [`Self::resume_rest`]. Those that are not done any more are leased again as they were, to be compared.
     pub fn expect(&mut self, block: Block, name: &str, hash: PixelHash) {
         if let Some(known) = self.done.get(&block.start()).copied() {
-            if let Some(vote) = known
-                .by
-                .filter(|_| known.block == block && !known.confirmed)
+            if let Some(vote) = known.by.filter(|_| known.block == block && !known.confirmed)
                 && vote.1 != hash
             {
                 let earlier = (self.earlier_worker(name), hash);
@@ -114,10 +100,7 @@ impl Ledger {
             return;
         }
         let earlier = (self.earlier_worker(name), hash);
-        let (_, votes) = self
-            .earlier
-            .entry(block.start())
-            .or_insert((block, Vec::new()));
+        let (_, votes) = self.earlier.entry(block.start()).or_insert((block, Vec::new()));
         if !votes.contains(&earlier) {
             votes.push(earlier);
         }
@@ -153,7 +136,8 @@ impl Ledger {
         Ok(())
     }
 
-    /// The worker's stream of heartbeats broke. When it was its last, its leases end; what it still delivers is welcome.
+    /// The worker's stream of heartbeats broke. When it was its last, its leases end; what it still delivers is
+    /// welcome.
     pub fn detach(&mut self, worker: WorkerId) -> usize {
         let Some(entry) = self.workers.get_mut(&worker) else {
             return 0;

@@ -69,8 +69,7 @@ impl Ledger {
         let mut held: BTreeMap<WorkerId, (Block, u64)> = BTreeMap::new();
         for LeaseId(place) in &self.active {
             let lease = &self.leases[*place as usize];
-            held.entry(lease.worker)
-                .or_insert((lease.block, lease.rendered));
+            held.entry(lease.worker).or_insert((lease.block, lease.rendered));
         }
         let view = |(id, worker): (&WorkerId, &Worker)| WorkerView {
             id: *id,

@@ -231,11 +231,7 @@ impl Checkpoint {
         Self::read_content(shape, length, input)
     }
 
-    fn read_content<R: Read>(
-        shape: &Shape,
-        length: u64,
-        mut input: Input<R>,
-    ) -> Result<Self, Damage> {
+    fn read_content<R: Read>(shape: &Shape, length: u64, mut input: Input<R>) -> Result<Self, Damage> {
         if input.array()? != shape.digest {
             return damaged("it belongs to another job");
         }
@@ -276,9 +272,7 @@ impl Checkpoint {
         // Before there is room made for them.
         let pixels = u64::from(shape.width) * u64::from(shape.height);
         if nodes > 0 && pixels.saturating_mul(12) > length {
-            return damaged(format!(
-                "{length} bytes of content, which is less than an image"
-            ));
+            return damaged(format!("{length} bytes of content, which is less than an image"));
         }
         debug_assert_eq!(PERCENTILES, 100);
         for _ in 0..nodes {
@@ -308,12 +302,7 @@ fn write_film(film: &Film, out: &mut impl Write) -> io::Result<()> {
     let mut buffer = Vec::with_capacity(BUFFER);
     for pixels in film.pixels.chunks(BUFFER / 12) {
         buffer.clear();
-        buffer.extend(
-            pixels
-                .iter()
-                .flatten()
-                .flat_map(|value| value.to_le_bytes()),
-        );
+        buffer.extend(pixels.iter().flatten().flat_map(|value| value.to_le_bytes()));
         out.write_all(&buffer)?;
     }
     Ok(())

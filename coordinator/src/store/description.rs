@@ -125,9 +125,7 @@ impl Description {
             paths_per_pass: self.paths_per_pass,
             reference_paths: self.reference_paths,
         };
-        settings
-            .check()
-            .map_err(|error| foreign(error.to_string()))?;
+        settings.check().map_err(|error| foreign(error.to_string()))?;
         Ok(settings)
     }
 
@@ -144,10 +142,7 @@ impl Description {
                 ("seed", job.seed.to_string()),
                 ("alpha", job.alpha.clone()),
                 ("schedule", job.schedule.to_string()),
-                (
-                    "budget",
-                    job.budget.clone().unwrap_or_else(|| "none".into()),
-                ),
+                ("budget", job.budget.clone().unwrap_or_else(|| "none".into())),
                 ("paths per pass", job.paths_per_pass.to_string()),
                 ("reference paths", job.reference_paths.to_string()),
                 ("width", job.width.to_string()),

@@ -51,8 +51,8 @@ pub struct Resumed {
 impl Folder {
     /// The directory of this job: a new one, or one that holds the same job, with what it has reached.
     ///
-    /// `limit_asked`: whether someone asked for the number of passes, or for another end. If not, that of the directory counts,
-    /// if it has one, and `spec` is changed.
+    /// `limit_asked`: whether someone asked for the number of passes, or for another end. If not, that of the directory
+    /// counts, if it has one, and `spec` is changed.
     pub fn open(
         path: &Path,
         spec: &mut JobSpec,
@@ -264,9 +264,7 @@ impl Folder {
 /// Wait until the disk has the directory's name.
 pub(super) fn sync_parent(path: &Path) -> Result<(), StoreError> {
     match path.parent() {
-        Some(parent) if !parent.as_os_str().is_empty() => {
-            sync_folder(parent).map_err(StoreError::io(parent))
-        }
+        Some(parent) if !parent.as_os_str().is_empty() => sync_folder(parent).map_err(StoreError::io(parent)),
         _ => Ok(()),
     }
 }
@@ -282,9 +280,7 @@ fn read_description(path: &Path) -> Result<Description, StoreError> {
     let file = path.join(JOB);
     match fs::read(&file) {
         Ok(json) => Description::from_json(&file, &json),
-        Err(error) if error.kind() == ErrorKind::NotFound => {
-            Err(StoreError::Missing(path.to_owned()))
-        }
+        Err(error) if error.kind() == ErrorKind::NotFound => Err(StoreError::Missing(path.to_owned())),
         Err(error) => Err(StoreError::io(&file)(error)),
     }
 }
@@ -307,11 +303,7 @@ pub(super) fn refuse_foreign(path: &Path) -> Result<(), StoreError> {
 
 pub(super) fn lock(path: &Path) -> Result<File, StoreError> {
     let name = path.join(LOCK);
-    let file = File::options()
-        .write(true)
-        .create(true)
-        .truncate(false)
-        .open(&name);
+    let file = File::options().write(true).create(true).truncate(false).open(&name);
     let file = file.map_err(StoreError::io(&name))?;
     match file.try_lock() {
         Ok(()) => Ok(file),
@@ -341,9 +333,7 @@ fn write_bundle(path: &Path, bundle: &Bundle) -> Result<(), StoreError> {
 /// Remove what a coordinator was writing when it was killed: it takes room.
 fn clean(path: &Path) {
     let folders = [path.to_owned(), path.join(SCENE)];
-    let entries = folders
-        .iter()
-        .filter_map(|folder| fs::read_dir(folder).ok());
+    let entries = folders.iter().filter_map(|folder| fs::read_dir(folder).ok());
     for entry in entries.flatten().flatten() {
         let name = entry.file_name();
         let name = name.to_string_lossy();
@@ -356,8 +346,8 @@ fn clean(path: &Path) {
     }
 }
 
-/// Blocks that were found to be wrong after the checkpoint was written, or while it was. What was rendered in place of them
-/// may be there already; it is rendered once more.
+/// Blocks that were found to be wrong after the checkpoint was written, or while it was. What was rendered in place of
+/// them may be there already; it is rendered once more.
 fn drop_again(checkpoint: &mut Checkpoint, blocks: Vec<Block>) {
     let before = checkpoint.sum.passes();
     for block in blocks {
@@ -398,10 +388,7 @@ fn newest_checkpoint(path: &Path, shape: &Shape) -> Result<Option<Checkpoint>, S
         }
     }
     let instead = match &newest {
-        Some(checkpoint) => format!(
-            "the other one is used, with {} passes",
-            checkpoint.sum.passes()
-        ),
+        Some(checkpoint) => format!("the other one is used, with {} passes", checkpoint.sum.passes()),
         None => "there is no other one: the job starts from nothing".into(),
     };
     for (file, damage) in damaged {

@@ -8,8 +8,8 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 impl Folder {
-    /// Make a directory for the job that the first of these holds a part of. Its passes begin with 0 and are those of the
-    /// checkpoint, which others may go on from; its ledger file says what theirs do.
+    /// Make a directory for the job that the first of these holds a part of. Its passes begin with 0 and are those of
+    /// the checkpoint, which others may go on from; its ledger file says what theirs do.
     pub fn join(
         path: &Path,
         parts: &[PathBuf],

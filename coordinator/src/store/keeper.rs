@@ -28,11 +28,7 @@ pub struct Keeper {
 
 impl Keeper {
     /// Keep the directory of this farm, which tells about its blocks through `entries`.
-    pub fn start(
-        folder: Folder,
-        farm: Arc<Farm>,
-        entries: UnboundedReceiver<Entry>,
-    ) -> Result<Self, StoreError> {
+    pub fn start(folder: Folder, farm: Arc<Farm>, entries: UnboundedReceiver<Entry>) -> Result<Self, StoreError> {
         folder.withdraw_report()?;
         let path = folder.path().to_owned();
         let (stop, stopped) = channel();
@@ -59,10 +55,7 @@ impl Keeper {
             Ok((folder, last)) => (Some(folder), last),
             Err(_) => {
                 let error = std::io::Error::other("its keeper panicked");
-                (
-                    None,
-                    Err(StoreError::io(std::path::Path::new("job directory"))(error)),
-                )
+                (None, Err(StoreError::io(std::path::Path::new("job directory"))(error)))
             }
         }
     }

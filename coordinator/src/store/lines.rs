@@ -103,9 +103,7 @@ impl Lines {
             worker: entry.worker.clone(),
             radius_scale: entry.radius_scale,
             seed: self.seed,
-            hash: entry
-                .hash
-                .map(|hash| blake3::Hash::from_bytes(hash).to_string()),
+            hash: entry.hash.map(|hash| blake3::Hash::from_bytes(hash).to_string()),
             seconds: entry.took.as_secs_f64(),
             build: VERSION.into(),
             time: entry
@@ -162,9 +160,9 @@ impl Lines {
         self.length + self.waiting.len() as u64
     }
 
-    /// Blocks that counted, as the last word on them is, in the order of their passes. Where lives of the job found other
-    /// pixels and nobody decided which are right, the older ones follow, behind all others. Lines that make no sense are
-    /// left out.
+    /// Blocks that counted, as the last word on them is, in the order of their passes. Where lives of the job found
+    /// other pixels and nobody decided which are right, the older ones follow, behind all others. Lines that make no
+    /// sense are left out.
     pub fn done(&self) -> io::Result<Vec<DoneBlock>> {
         // By first pass. Disjoint: of overlapping ones, which come from different lives of the job, the last counts.
         let mut done: BTreeMap<u64, DoneBlock> = BTreeMap::new();

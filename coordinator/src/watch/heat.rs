@@ -1,5 +1,5 @@
-//! Where the error of a picture is, as colours: from dark blue over grey to yellow, so that people who see no difference of
-//! red and green, or no colours at all, see the same.
+//! Where the error of a picture is, as colours: from dark blue over grey to yellow, so that people who see no
+//! difference of red and green, or no colours at all, see the same.
 
 use beamfarm_image::error::ImageError;
 use beamfarm_image::merge::Average;
@@ -8,8 +8,8 @@ use beamfarm_image::png::encode_rgb;
 /// The scale's ends: relative standard errors of 0.1 % and 100 %, in powers of ten.
 const LOW: f64 = -3.0;
 const HIGH: f64 = 0.0;
-/// Nuñez, Anderton, Renslow 2018, "Optimizing colormaps with consideration for color vision deficiency": cividis, at equal
-/// steps, sRGB.
+/// Nuñez, Anderton, Renslow 2018, "Optimizing colormaps with consideration for color vision deficiency": cividis, at
+/// equal steps, sRGB.
 const CIVIDIS: [[u8; 3]; 9] = [
     [0, 34, 78],
     [26, 56, 111],
@@ -87,9 +87,7 @@ mod tests {
             let [r, g, b] = colour(error).map(f64::from);
             0.299 * r + 0.587 * g + 0.114 * b
         };
-        let errors: Vec<f64> = (0..=60)
-            .map(|i| libm::exp10(LOW + f64::from(i) * 0.05))
-            .collect();
+        let errors: Vec<f64> = (0..=60).map(|i| libm::exp10(LOW + f64::from(i) * 0.05)).collect();
         assert!(errors.windows(2).all(|w| luma(w[0]) < luma(w[1])));
         assert_eq!(colour(0.0), CIVIDIS[0]);
         assert_eq!(colour(1e-9), CIVIDIS[0]);
@@ -102,11 +100,6 @@ mod tests {
         let mut sum = TreeSum::new(2, 1);
         sum.insert(Node::leaf(0, Film::new(2, 1))).unwrap();
         let average = sum.average().unwrap();
-        assert!(
-            average
-                .squared_errors()
-                .iter()
-                .all(|square| *square == f64::INFINITY)
-        );
+        assert!(average.squared_errors().iter().all(|square| *square == f64::INFINITY));
     }
 }

@@ -1,7 +1,7 @@
 //! A job as those see it who look on and steer: the page, the metrics, `beamfarm status`, tev.
 //!
-//! All of them ask the same [`Watch`], which measures rates, remembers how the error fell, and makes pictures only while
-//! somebody looks.
+//! All of them ask the same [`Watch`], which measures rates, remembers how the error fell, and makes pictures only
+//! while somebody looks.
 
 pub(crate) mod heat;
 mod meter;
@@ -128,9 +128,7 @@ impl Watch {
             let now = self.elapsed();
             {
                 let mut state = self.state();
-                state.rates = state
-                    .meter
-                    .rates(now, progress.passes, progress.stats.beams);
+                state.rates = state.meter.rates(now, progress.passes, progress.stats.beams);
             }
             // So that there is a curve for those who come later: a handful of looks in the life of a job.
             if progress.prefix >= 2 && progress.prefix >= 2 * known {
@@ -197,11 +195,7 @@ impl Watch {
                 number % 2 == 0
             });
         }
-        state.curve.push(Point {
-            passes,
-            seconds,
-            error,
-        });
+        state.curve.push(Point { passes, seconds, error });
     }
 
     /// The picture of the complete passes, or one that is about a second old; `None` before the first pass.
@@ -245,11 +239,7 @@ impl Watch {
 
     /// Have the image of the complete passes written. Returns what was written.
     pub async fn write_now(&self) -> Result<String, String> {
-        let writer = self
-            .writer
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
-            .clone();
+        let writer = self.writer.lock().unwrap_or_else(PoisonError::into_inner).clone();
         let writer = writer.ok_or("this coordinator writes no images")?;
         let (reply, written) = oneshot::channel();
         let busy = |_| "the image is being written already".to_owned();
@@ -293,8 +283,7 @@ fn job_id(title: &str, job: &Job) -> String {
 
 /// Seconds since 1970, for messages and pages.
 pub(crate) fn unix_time(time: SystemTime) -> Duration {
-    time.duration_since(SystemTime::UNIX_EPOCH)
-        .unwrap_or_default()
+    time.duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default()
 }
 
 #[cfg(test)]
@@ -306,11 +295,7 @@ mod tests {
         let before = Duration::from_secs(100);
         let farm = picture::tests::farm(8, None, before);
         let watch = Watch::new(farm, Terms::default());
-        let point = |passes, seconds, error| Point {
-            passes,
-            seconds,
-            error,
-        };
+        let point = |passes, seconds, error| Point { passes, seconds, error };
         let earlier = [point(2, 20.0, 0.4), point(4, 50.0, 0.3)];
         let nonsense = [point(3, 60.0, 0.3), point(6, f64::NAN, 0.3)];
         watch.recall(earlier.into_iter().chain(nonsense));

@@ -93,11 +93,7 @@ impl Pictures {
             let average = farm.average()?;
             let error = average.relative_standard_error();
             let noise = average.noise();
-            Some(Arc::new(Picture {
-                average,
-                error,
-                noise,
-            }))
+            Some(Arc::new(Picture { average, error, noise }))
         };
         let made = tokio::task::spawn_blocking(average).await;
         let took = now.elapsed();
@@ -141,9 +137,7 @@ impl Pictures {
         }
         let started = Instant::now();
         let encode = move || match view {
-            View::Beauty { centistops } => {
-                encode_png(&picture.average.beauty, centistops as f32 / 100.0)
-            }
+            View::Beauty { centistops } => encode_png(&picture.average.beauty, centistops as f32 / 100.0),
             View::Error => heat::encode(&picture.average),
         };
         let png = tokio::task::spawn_blocking(encode).await;

@@ -179,11 +179,7 @@ mod tests {
     use super::*;
 
     fn point(passes: u64, seconds: f64, error: f64) -> Point {
-        Point {
-            passes,
-            seconds,
-            error,
-        }
+        Point { passes, seconds, error }
     }
 
     #[test]

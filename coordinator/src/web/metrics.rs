@@ -95,11 +95,7 @@ fn counters(progress: &Progress) -> [(&'static str, &'static str, u64); 14] {
             "Attempts at a block of passes that failed",
             progress.failures,
         ),
-        (
-            "refused_deliveries",
-            "Deliveries that were refused",
-            progress.refused,
-        ),
+        ("refused_deliveries", "Deliveries that were refused", progress.refused),
         (
             "duplicate_deliveries",
             "Deliveries of a block that was there already, with the same bits",
@@ -115,16 +111,8 @@ fn counters(progress: &Progress) -> [(&'static str, &'static str, u64); 14] {
             "Passes that counted and do so no more, because of who rendered them",
             progress.dropped,
         ),
-        (
-            "photon_paths",
-            "Photon paths of the passes that counted",
-            stats.paths,
-        ),
-        (
-            "beams",
-            "Photon beams of the passes that counted",
-            stats.beams,
-        ),
+        ("photon_paths", "Photon paths of the passes that counted", stats.paths),
+        ("beams", "Photon beams of the passes that counted", stats.beams),
         (
             "surface_photons",
             "Surface photons of the passes that counted",
@@ -175,11 +163,7 @@ fn gauges(watch: &Watch, progress: &Progress) -> Vec<(&'static str, &'static str
             "Blocks whose bits are in dispute",
             progress.divergent as f64,
         ),
-        (
-            "job_paused",
-            "1 while nobody is given passes",
-            progress.paused.into(),
-        ),
+        ("job_paused", "1 while nobody is given passes", progress.paused.into()),
         (
             "job_ended",
             "1 when the job is over",

@@ -22,7 +22,8 @@ use live::Live;
 use serde::Deserialize;
 use std::sync::Arc;
 
-/// Nothing but what this server sends, and what the script makes of it. No page may frame it, and no form of it goes elsewhere.
+/// Nothing but what this server sends, and what the script makes of it. No page may frame it, and no form of it goes
+/// elsewhere.
 const POLICY: &str = "default-src 'none'; img-src 'self' blob:; style-src 'self'; script-src 'self'; connect-src 'self'; \
                       form-action 'self'; base-uri 'none'; frame-ancestors 'none'";
 /// Names the passes of a picture.
@@ -55,10 +56,7 @@ pub(crate) fn routes(watch: Arc<Watch>) -> Router {
             "/page.js",
             get(|| file("text/javascript; charset=utf-8", include_str!("page.js"))),
         )
-        .route(
-            "/icon.svg",
-            get(|| file("image/svg+xml", include_str!("icon.svg"))),
-        )
+        .route("/icon.svg", get(|| file("image/svg+xml", include_str!("icon.svg"))))
         .route("/metrics", get(metrics::serve))
         .route(HEALTH, get(|| file("text/plain; charset=utf-8", "ok\n")))
         .layer(from_fn(harden))
@@ -72,14 +70,9 @@ async fn harden(request: Request<axum::body::Body>, next: Next) -> Response {
         (X_CONTENT_TYPE_OPTIONS, "nosniff"),
         (REFERRER_POLICY, "no-referrer"),
         (CACHE_CONTROL, "no-store"),
-        (
-            HeaderName::from_static("cross-origin-resource-policy"),
-            "same-origin",
-        ),
+        (HeaderName::from_static("cross-origin-resource-policy"), "same-origin"),
     ] {
-        response
-            .headers_mut()
-            .insert(name, HeaderValue::from_static(value));
+        response.headers_mut().insert(name, HeaderValue::from_static(value));
     }
     response
 }
@@ -131,25 +124,18 @@ async fn image(State(web): State<Arc<Web>>, Query(asked): Query<Asked>) -> Respo
     };
     let passes = picture.average.passes.to_string();
     match pictures.png(picture, asked.view(&web.watch)).await {
-        Ok(png) => (
-            [(CONTENT_TYPE, "image/png".to_owned()), (PASSES, passes)],
-            png,
-        )
-            .into_response(),
+        Ok(png) => ([(CONTENT_TYPE, "image/png".to_owned()), (PASSES, passes)], png).into_response(),
         Err(error) => (StatusCode::INTERNAL_SERVER_ERROR, error.to_string()).into_response(),
     }
 }
 
-/// The button: as the call of the same name. Pages of other sites are kept out before. Scripts get the words, forms go back to the page.
+/// The button: as the call of the same name. Pages of other sites are kept out before. Scripts get the words, forms go
+/// back to the page.
 async fn write(State(web): State<Arc<Web>>, headers: HeaderMap) -> Response {
     let written = web.watch.write_now().await;
-    let from_script = headers
-        .get("accept")
-        .is_some_and(|accept| accept == "text/plain");
+    let from_script = headers.get("accept").is_some_and(|accept| accept == "text/plain");
     match written {
-        _ if !from_script => {
-            Redirect::to(&format!("/?written={}", written.is_ok())).into_response()
-        }
+        _ if !from_script => Redirect::to(&format!("/?written={}", written.is_ok())).into_response(),
         Ok(message) => message.into_response(),
         Err(message) => (StatusCode::CONFLICT, message).into_response(),
     }

@@ -152,8 +152,7 @@ pub(super) async fn page(web: &Web, asked: &Asked) -> Response {
 fn texts(watch: &Watch, picture: Option<&Picture>) -> [String; 5] {
     let progress = watch.farm().progress();
     let events = watch.farm().events(0);
-    let text =
-        |rendered: askama::Result<String>| rendered.unwrap_or_else(|error| error.to_string());
+    let text = |rendered: askama::Result<String>| rendered.unwrap_or_else(|error| error.to_string());
     let curve = curve::svg(&watch.curve());
     [
         text(state(watch, &progress, picture).render()),
@@ -197,11 +196,7 @@ fn state(watch: &Watch, progress: &Progress, picture: Option<&Picture>) -> State
         (false, None) => "not known yet".into(),
     };
     let error = match watch.curve().last() {
-        Some(point) => format!(
-            "{} after {} passes",
-            curve::percent(point.error),
-            point.passes
-        ),
+        Some(point) => format!("{} after {} passes", curve::percent(point.error), point.passes),
         None => "known from two passes on".into(),
     };
     let mut facts = vec![
@@ -328,10 +323,7 @@ fn failures(progress: &Progress, events: &[Event]) -> FailuresPiece {
     ];
     let is_trouble = |event: &&Event| {
         use EventKind::{Divergent, Dropped, Failed, Lost, Refused, ShutOut};
-        matches!(
-            event.kind,
-            Divergent | Dropped | Failed | Lost | Refused | ShutOut
-        )
+        matches!(event.kind, Divergent | Dropped | Failed | Lost | Refused | ShutOut)
     };
     let troubles = events.iter().rev().filter(is_trouble).take(TROUBLES);
     FailuresPiece {
@@ -398,10 +390,7 @@ mod tests {
             ..Progress::default()
         };
         let text = workers(&progress).render().unwrap();
-        assert!(
-            !text.contains("<script") && !text.contains("\" onload"),
-            "{text}"
-        );
+        assert!(!text.contains("<script") && !text.contains("\" onload"), "{text}");
         assert!(text.contains("&#60;script&#62;alert(1)"), "{text}");
         assert!(text.contains("4.00/s") && text.contains("2 ✓ 1 ✕") && text.contains("shut out"));
         assert!(text.contains("3 more"), "{text}");
@@ -421,10 +410,7 @@ mod tests {
             failures(&Progress::default(), &events).render().unwrap(),
         ];
         for text in texts {
-            assert!(
-                text.contains("&#60;img") && !text.contains("<img"),
-                "{text}"
-            );
+            assert!(text.contains("&#60;img") && !text.contains("<img"), "{text}");
             assert!(text.contains("01:02:03"));
         }
     }
@@ -453,14 +439,8 @@ mod tests {
         };
         let facts = quality(&picture);
         let names: Vec<&str> = facts.iter().map(|(name, _)| *name).collect();
-        assert_eq!(
-            names,
-            ["Error of lit blocks, median", "Fireflies", "Bias", "Tiles"]
-        );
-        assert!(
-            facts[1].1.starts_with("1 pixel holds 99 % of the error"),
-            "{facts:?}"
-        );
+        assert_eq!(names, ["Error of lit blocks, median", "Fireflies", "Bias", "Tiles"]);
+        assert!(facts[1].1.starts_with("1 pixel holds 99 % of the error"), "{facts:?}");
         assert!(
             facts[3].1.contains("1 of 2") && facts[3].1.ends_with("at (0, 0)"),
             "{facts:?}"
@@ -476,10 +456,7 @@ mod tests {
             ..Progress::default()
         };
         let text = failures(&progress, &[]).render().unwrap();
-        assert!(
-            text.contains("3 leases") || text.contains("<b>3</b> leases"),
-            "{text}"
-        );
+        assert!(text.contains("3 leases") || text.contains("<b>3</b> leases"), "{text}");
     }
 
     #[test]

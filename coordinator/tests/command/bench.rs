@@ -83,11 +83,7 @@ fn a_scene_is_measured_against_its_reference_and_against_others() {
     }
 
     let rows = read_csv(&path.join("out/bench.csv"));
-    let column = |name: &str| -> Vec<f64> {
-        rows.iter()
-            .map(|row| row[name].parse().unwrap_or(f64::NAN))
-            .collect()
-    };
+    let column = |name: &str| -> Vec<f64> { rows.iter().map(|row| row[name].parse().unwrap_or(f64::NAN)).collect() };
     assert_eq!(column("passes"), [1.0, 2.0, 3.0]);
     assert_eq!(column("photon_paths"), [200.0, 400.0, 600.0]);
     // The farm's image, to the last bit.
@@ -115,10 +111,7 @@ fn a_scene_is_measured_against_its_reference_and_against_others() {
     assert!(column("estimated_relative_error")[1] > 0.0);
     if cfg!(target_os = "linux") {
         let peak = column("peak_memory_bytes");
-        assert!(
-            peak[0] > 1e6 && peak[0] <= peak[2] && peak[2] < 1e9,
-            "{peak:?}"
-        );
+        assert!(peak[0] > 1e6 && peak[0] <= peak[2] && peak[2] < 1e9, "{peak:?}");
         assert_eq!(column("bytes_per_pixel")[0], peak[0] / (24.0 * 16.0));
     }
 
@@ -157,10 +150,7 @@ fn the_reference_tells_its_own_noise() {
         path,
         "render scene.toml --aov stderr --passes 8 --seed 3 -o ref.exr --quiet",
     );
-    succeed(
-        path,
-        "bench scene.toml --reference ref.exr --passes 2 -o out --quiet",
-    );
+    succeed(path, "bench scene.toml --reference ref.exr --passes 2 -o out --quiet");
     let json = read_json(&path.join("out/bench.json"));
     let noise = json["scenes"][0]["reference_noise"].as_f64().unwrap();
     assert!(noise > 0.0);
@@ -213,10 +203,7 @@ overrides = { alpha = 0.5, paths = 100, radius = 0.05, schedule = "beam", seed =
     assert!(rows.iter().all(|row| row["rel_mse"].is_empty()));
     let settings = &read_json(&path.join("out/bench.json"))["scenes"][0]["runs"][1]["settings"];
     assert_eq!(settings["schedule"], "beam");
-    assert_eq!(
-        (&settings["alpha"], &settings["seed"]),
-        (&0.5.into(), &1.into())
-    );
+    assert_eq!((&settings["alpha"], &settings["seed"]), (&0.5.into(), &1.into()));
     let texts = read_page(&path.join("out/bench.html"));
     for text in ["All <of> & it", "one", "two", "half", "known figures"] {
         assert!(texts.iter().any(|found| found == text), "{text}");
@@ -236,7 +223,8 @@ fn what_cannot_be_measured_is_told_before_anything_is_rendered() {
         "[[scenes]]\nscene = \"scene.toml\"\npasses = \"x\"\n",
     )
     .unwrap();
-    let half = "[[scenes]]\nscene = 'scene.toml'\nreference = 'ref.exr'\n[[runs]]\nname = 'a'\noverrides = { width = 12 }\n";
+    let half =
+        "[[scenes]]\nscene = 'scene.toml'\nreference = 'ref.exr'\n[[runs]]\nname = 'a'\noverrides = { width = 12 }\n";
     std::fs::write(path.join("half.toml"), half).unwrap();
     let cases = [
         ("bench", "<SCENES>"),
@@ -255,10 +243,7 @@ fn what_cannot_be_measured_is_told_before_anything_is_rendered() {
             "bench scene.toml --reference ref.exr --against a.exr",
             "[NAME=]OTHER.exr,SECONDS",
         ),
-        (
-            "bench scene.toml --reference ref.exr --against a.exr,1",
-            "a.exr",
-        ),
+        ("bench scene.toml --reference ref.exr --against a.exr,1", "a.exr"),
         (
             "bench scene.toml --reference ref.exr --against x=small.exr,1",
             "small.exr",
@@ -312,18 +297,11 @@ fn every_render_leaves_its_error_against_time() {
     let stdout = succeed(path, "render scene.toml --passes 40 -o a.exr");
     assert!(stdout.contains("wrote a.exr, a.png and a.csv"), "{stdout}");
     let rows = read_csv(&path.join("a.csv"));
-    let column = |name: &str| -> Vec<f64> {
-        rows.iter()
-            .map(|row| row[name].parse().unwrap_or(f64::NAN))
-            .collect()
-    };
+    let column = |name: &str| -> Vec<f64> { rows.iter().map(|row| row[name].parse().unwrap_or(f64::NAN)).collect() };
     let passes = column("passes");
     assert_eq!(passes.last(), Some(&40.0));
     let before = &passes[..passes.len() - 1];
-    assert!(
-        before.windows(2).all(|pair| pair[1] >= 2.0 * pair[0]),
-        "{passes:?}"
-    );
+    assert!(before.windows(2).all(|pair| pair[1] >= 2.0 * pair[0]), "{passes:?}");
     assert!(column("relative_standard_error").last().unwrap() > &0.0);
     assert_eq!(column("photon_paths").last(), Some(&8000.0));
     for name in [

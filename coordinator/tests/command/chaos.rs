@@ -32,10 +32,7 @@ struct Stage<'a> {
 }
 
 fn start_coordinator(folder: &Path, address: &str, passes: u64) -> Process {
-    let mut command = beamfarm(
-        folder,
-        &["serve", "scene.toml", "--job", "a.job", "--quiet"],
-    );
+    let mut command = beamfarm(folder, &["serve", "scene.toml", "--job", "a.job", "--quiet"]);
     command.args(["--listen", address, "--passes", &passes.to_string()]);
     command.args(["--log", "beamfarm_coordinator=debug,warn"]);
     command.stdout(Stdio::null());
@@ -222,11 +219,7 @@ fn round(seed: u64) {
     let args = ["render", "scene.toml", "--passes", &passes.to_string()];
     let undisturbed = succeed(path, &[&args[..], &["-o", "whole.exr"]].concat());
     let pixels = report["pixels"].as_str().unwrap();
-    assert_eq!(
-        line(&undisturbed, "pixels"),
-        format!("pixels {pixels}"),
-        "round {seed}"
-    );
+    assert_eq!(line(&undisturbed, "pixels"), format!("pixels {pixels}"), "round {seed}");
 }
 
 #[test]

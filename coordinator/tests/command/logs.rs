@@ -30,10 +30,7 @@ fn lines_name_their_job_worker_and_passes() {
         }
     }
     for line in about("worker ") {
-        assert!(
-            line["worker"].is_u64() && line["name"].is_string(),
-            "{line}"
-        );
+        assert!(line["worker"].is_u64() && line["name"].is_string(), "{line}");
     }
     for line in about("delivered").into_iter().chain(about("configuration")) {
         // A span's fields are in an object of their own.

@@ -39,7 +39,8 @@ fn one_command_renders_and_the_crew_does_not_change_a_bit() {
     assert!(compared.contains("identical"), "{compared}");
 }
 
-/// The pilot is the same wherever it runs, and the job folder knows what it found: what was begun with a budget goes on with it.
+/// The pilot is the same wherever it runs, and the job folder knows what it found: what was begun with a budget goes on
+/// with it.
 #[test]
 fn a_budget_changes_radii_and_not_what_is_promised() {
     let folder = folder();
@@ -75,19 +76,13 @@ fn a_budget_changes_radii_and_not_what_is_promised() {
 
     let (code, stderr) = fail(path, &["render", "scene.toml", "--budget", "0"]);
     assert_eq!(code, 2);
-    assert!(
-        stderr.contains("expected a number of passes, or inf"),
-        "{stderr}"
-    );
+    assert!(stderr.contains("expected a number of passes, or inf"), "{stderr}");
 }
 
 #[test]
 fn quiet_says_nothing() {
     let folder = folder();
-    let stdout = succeed(
-        folder.path(),
-        &["render", "scene.toml", "--quiet", "--passes", "2"],
-    );
+    let stdout = succeed(folder.path(), &["render", "scene.toml", "--quiet", "--passes", "2"]);
     assert_eq!(stdout, "");
     assert!(folder.path().join("scene.exr").exists());
 }
@@ -118,10 +113,7 @@ fn a_killed_worker_does_not_change_a_bit() {
     let output = render.finish();
     let log = text(&output.stderr);
     assert!(output.status.success(), "{log}");
-    assert!(
-        log.contains("was killed by signal 9; starting another one"),
-        "{log}"
-    );
+    assert!(log.contains("was killed by signal 9; starting another one"), "{log}");
     let stdout = text(&output.stdout);
     assert_eq!(line(stdout, "pixels"), line(&undisturbed, "pixels"));
 }
@@ -198,14 +190,7 @@ fn a_server_and_a_worker_make_the_same_picture() {
     assert!(server.status.success(), "{}", text(&server.stderr));
     assert_eq!(line(text(&server.stdout), "pixels"), line(&alone, "pixels"));
     // The worker kept the scene for the next time.
-    assert!(
-        path.join("cache")
-            .join("beamfarm")
-            .read_dir()
-            .unwrap()
-            .count()
-            > 0
-    );
+    assert!(path.join("cache").join("beamfarm").read_dir().unwrap().count() > 0);
 }
 
 #[test]
@@ -229,30 +214,15 @@ fn a_worker_without_a_coordinator_says_so() {
 fn a_replayed_pass_has_the_pixels_of_the_farms() {
     let folder = folder();
     let path = folder.path();
-    let output = run(
-        path,
-        &["render", "scene.toml", "--seed", "5", "--log", "debug"],
-    );
+    let output = run(path, &["render", "scene.toml", "--seed", "5", "--log", "debug"]);
     let log = String::from_utf8(output.stderr).unwrap();
     for pass in ["0", "3"] {
         let of_pass = |l: &&str| l.contains(&format!("block=pass {pass} pixels="));
         let logged = log.lines().find(of_pass).unwrap();
         let logged = logged.split("pixels=").nth(1).unwrap().trim_matches('"');
-        let args = [
-            "replay",
-            "scene.toml",
-            "--pass",
-            pass,
-            "--seed",
-            "5",
-            "-o",
-            "pass.exr",
-        ];
+        let args = ["replay", "scene.toml", "--pass", pass, "--seed", "5", "-o", "pass.exr"];
         let replayed = succeed(path, &args);
-        assert!(
-            line(&replayed, "pass").ends_with(logged),
-            "{replayed} {logged}"
-        );
+        assert!(line(&replayed, "pass").ends_with(logged), "{replayed} {logged}");
         assert!(path.join("pass.exr").exists());
     }
 }
@@ -299,10 +269,7 @@ fn wrong_usage_is_told_before_anything_is_rendered() {
         (&["render", "scene.toml", "--alpha", "NaN"], "alpha is NaN"),
         (&["render", "scene.toml", "--time", "soon"], "--time"),
         (&["render", "scene.toml", "-o", "a.tiff"], "ends in .exr"),
-        (
-            &["render", "scene.toml", "-o", "no/where/a.exr"],
-            "no/where",
-        ),
+        (&["render", "scene.toml", "-o", "no/where/a.exr"], "no/where"),
     ];
     for (args, message) in cases {
         let (code, stderr) = fail(folder.path(), args);
@@ -330,9 +297,7 @@ fn help_teaches() {
     ] {
         assert!(help.contains(text), "{help}");
     }
-    for command in [
-        "render", "serve", "worker", "replay", "compare", "explain", "convert",
-    ] {
+    for command in ["render", "serve", "worker", "replay", "compare", "explain", "convert"] {
         succeed(folder.path(), &[command, "--help"]);
     }
 }
@@ -394,44 +359,23 @@ fn a_mitsuba_scene_renders_as_its_conversion_does() {
     std::fs::write(folder.join("room.xml"), MITSUBA).unwrap();
     std::fs::write(folder.join("triangle.ply"), TRIANGLE).unwrap();
     std::fs::create_dir(folder.join("out")).unwrap();
-    let direct = succeed(
-        folder,
-        &["render", "room.xml", "--paths", "300", "--workers", "1"],
-    );
+    let direct = succeed(folder, &["render", "room.xml", "--paths", "300", "--workers", "1"]);
     assert!(line(&direct, "3 passes").starts_with("3 passes"));
     let converted = run(folder, &["convert", "room.xml", "out/room.toml"]);
     let notes = String::from_utf8(converted.stderr).unwrap();
     assert!(converted.status.success(), "{notes}");
-    assert!(
-        notes.contains("room.xml:2: ") && notes.contains("volpath"),
-        "{notes}"
-    );
+    assert!(notes.contains("room.xml:2: ") && notes.contains("volpath"), "{notes}");
     let text = std::fs::read_to_string(folder.join("out/room.toml")).unwrap();
     assert!(text.contains("file = \"../triangle.ply\""), "{text}");
-    let native = succeed(
-        folder,
-        &[
-            "render",
-            "out/room.toml",
-            "--paths",
-            "300",
-            "--workers",
-            "1",
-        ],
-    );
+    let native = succeed(folder, &["render", "out/room.toml", "--paths", "300", "--workers", "1"]);
     assert_eq!(line(&direct, "pixels"), line(&native, "pixels"));
     let more = succeed(
         folder,
-        &[
-            "render", "room.xml", "-D", "spp=4", "--paths", "50", "-o", "more.exr",
-        ],
+        &["render", "room.xml", "-D", "spp=4", "--paths", "50", "-o", "more.exr"],
     );
     line(&more, "4 passes");
     succeed(folder, &["explain", "room.xml", "-D", "spp=4"]);
-    let replayed = succeed(
-        folder,
-        &["replay", "room.xml", "--pass", "0", "--paths", "50"],
-    );
+    let replayed = succeed(folder, &["replay", "room.xml", "--pass", "0", "--paths", "50"]);
     line(&replayed, "pass 0 pixels");
 }
 
@@ -459,15 +403,8 @@ fn mitsuba_scenes_that_cannot_be_used() {
         assert!(lines[1].starts_with("room.xml:11: ") && lines[1].contains("projector"));
     }
     assert!(!folder.join("room.toml").exists());
-    let skipped = succeed(
-        folder,
-        &["render", "room.xml", "--skip-unsupported", "--paths", "50"],
-    );
-    assert_eq!(
-        skipped.matches("left out: room.xml:1").count(),
-        2,
-        "{skipped}"
-    );
+    let skipped = succeed(folder, &["render", "room.xml", "--skip-unsupported", "--paths", "50"]);
+    assert_eq!(skipped.matches("left out: room.xml:1").count(), 2, "{skipped}");
     for (args, words) in [
         (
             &["render", "room.xml", "-D", "x=1", "--skip-unsupported"][..],
@@ -479,12 +416,7 @@ fn mitsuba_scenes_that_cannot_be_used() {
         (&["convert", "scene.toml", "other.toml"], ".xml"),
         (&["convert", "room.xml", "other.exr"], ".toml"),
         (
-            &[
-                "convert",
-                "room.xml",
-                "nowhere/other.toml",
-                "--skip-unsupported",
-            ],
+            &["convert", "room.xml", "nowhere/other.toml", "--skip-unsupported"],
             "nowhere",
         ),
     ] {

@@ -11,20 +11,13 @@ fn a_biased_image_is_announced_and_says_so_itself() {
         let folder = folder_with(&text);
         let path = folder.path();
         let args = ["--workers", "1", "--threads", "1", "--quiet", "--job"];
-        let part = |name, more: &[&str]| {
-            run(
-                path,
-                &[&["render", "scene.toml"], &args[..], &[name], more].concat(),
-            )
-        };
+        let part = |name, more: &[&str]| run(path, &[&["render", "scene.toml"], &args[..], &[name], more].concat());
         let output = part("a.job", &["--passes", "2"]);
         let stderr = String::from_utf8(output.stderr).unwrap();
         assert!(output.status.success(), "{stderr}");
-        let warned = stderr.lines().any(|line| {
-            line.contains("WARN")
-                && line.contains("biased")
-                && line.contains("targeting = \"reject\"")
-        });
+        let warned = stderr
+            .lines()
+            .any(|line| line.contains("WARN") && line.contains("biased") && line.contains("targeting = \"reject\""));
         assert_eq!(warned, is_biased, "{stderr}");
 
         let biased = |name: &str| find_attribute(&path.join(name), "beamfarmBiased").is_some();
@@ -37,8 +30,7 @@ fn a_biased_image_is_announced_and_says_so_itself() {
 
 #[test]
 fn the_path_tracer_names_the_rules_for_photons() {
-    let plain =
-        scene([8, 8], 1, 10).replace("type = \"sphere\"", "name = \"ball\"\ntype = \"sphere\"");
+    let plain = scene([8, 8], 1, 10).replace("type = \"sphere\"", "name = \"ball\"\ntype = \"sphere\"");
     let rules = "[[rules]]\nrays = [\"camera\"]\nexclude = [\"ball\"]\n\
                  [[rules]]\nrays = [\"shadow\", \"photon\"]\nexclude = [\"ball\"]\n";
     let text = format!("{plain}{rules}");
@@ -49,10 +41,7 @@ fn the_path_tracer_names_the_rules_for_photons() {
     let line = format!("scene.toml:{}: rules[1].exclude", text.lines().count());
     assert!(stderr.contains(&line), "{line}: {stderr}");
     assert_eq!(stderr.matches("scene.toml:").count(), 1, "{stderr}");
-    assert!(
-        stderr.contains("take \"photon\" out of the rays"),
-        "{stderr}"
-    );
+    assert!(stderr.contains("take \"photon\" out of the rays"), "{stderr}");
 
     let folder = folder_with(&text.replace(", \"photon\"", ""));
     succeed(folder.path(), &[&args[..], &["--quiet"]].concat());

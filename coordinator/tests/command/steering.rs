@@ -1,8 +1,6 @@
 //! A server that is asked how it stands, and told what to do.
 
-use crate::setup::{
-    Process, beamfarm, fail, folder_with, line, run, scene, spawn, succeed, text, wait_until,
-};
+use crate::setup::{Process, beamfarm, fail, folder_with, line, run, scene, spawn, succeed, text, wait_until};
 use serde_json::Value;
 use std::path::Path;
 
@@ -17,15 +15,8 @@ fn start_server(folder: &Path) -> (Process, String) {
     let mut server = spawn(beamfarm(folder, &[&serve[..], &told].concat()));
     let url = server.out.wait_for("listening on ");
     let configuration = server.log.wait_for("\"message\":\"configuration\"");
-    for part in [
-        "\"passes\":100000",
-        "\"paths_per_pass\":200",
-        "\"job\":\"scene-",
-    ] {
-        assert!(
-            configuration.contains(part),
-            "{part} is not in {configuration}"
-        );
+    for part in ["\"passes\":100000", "\"paths_per_pass\":200", "\"job\":\"scene-"] {
+        assert!(configuration.contains(part), "{part} is not in {configuration}");
     }
     (server, url)
 }
@@ -60,10 +51,7 @@ fn a_server_is_watched_paused_extended_written_and_cancelled() {
     let (mut server, url) = start_server(folder);
     let begun = server.log.so_far().len();
     let (code, message) = fail(folder, &["write", &url]);
-    assert!(
-        code == 1 && message.contains("no pass is complete"),
-        "{code} {message}"
-    );
+    assert!(code == 1 && message.contains("no pass is complete"), "{code} {message}");
 
     let worker = ["worker", "--connect", &url, "--threads", "1"];
     let mut worker = spawn(beamfarm(folder, &worker));
@@ -102,10 +90,7 @@ fn a_server_is_watched_paused_extended_written_and_cancelled() {
     }
     assert_eq!(worker.wait().code(), Some(0));
     let (code, message) = fail(folder, &["status", &url]);
-    assert!(
-        code == 3 && message.contains("cannot reach"),
-        "{code} {message}"
-    );
+    assert!(code == 3 && message.contains("cannot reach"), "{code} {message}");
 }
 
 #[test]

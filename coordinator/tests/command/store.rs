@@ -76,20 +76,14 @@ fn a_coordinator_killed_again_and_again_ends_with_the_same_bits() {
     let set = attribute(&output, "beamfarmPassSet");
     assert_eq!(set, attribute(&path.join("whole.exr"), "beamfarmPassSet"));
     assert_eq!(report["pass_set"], set);
-    assert!(
-        stdout.contains(&format!("passes 0 to 119, set {set}")),
-        "{stdout}"
-    );
+    assert!(stdout.contains(&format!("passes 0 to 119, set {set}")), "{stdout}");
 }
 
 #[test]
 fn a_finished_job_can_have_more_passes() {
     let folder = folder();
     let path = folder.path();
-    let whole = succeed(
-        path,
-        &["render", "scene.toml", "--passes", "13", "-o", "whole.exr"],
-    );
+    let whole = succeed(path, &["render", "scene.toml", "--passes", "13", "-o", "whole.exr"]);
     let args = |passes| ["render", "scene.toml", "--job", "a.job", "--passes", passes];
     succeed(path, &args("5"));
     let rows = || std::fs::read_to_string(path.join("scene.csv")).unwrap();
@@ -103,10 +97,7 @@ fn a_finished_job_can_have_more_passes() {
 
     // Finished: the image is written again, whatever became of it.
     std::fs::remove_file(path.join("scene.exr")).unwrap();
-    let stdout = succeed(
-        path,
-        &["render", "scene.toml", "--job", "a.job", "--resume"],
-    );
+    let stdout = succeed(path, &["render", "scene.toml", "--job", "a.job", "--resume"]);
     assert_eq!(pixels(&stdout), pixels(&whole));
     assert!(path.join("scene.exr").exists());
 
@@ -148,32 +139,19 @@ fn a_finished_job_can_have_more_passes() {
 /// Jobs a, b and c that make a whole one of 12 passes, and d, which is part of another.
 fn render_parts(path: &Path) {
     let part = |job: &str, first: &str, passes: &str, more: &[&str]| {
-        let mut args = vec![
-            "render",
-            "scene.toml",
-            "--job",
-            job,
-            "--aov",
-            "depth,stderr",
-        ];
+        let mut args = vec!["render", "scene.toml", "--job", job, "--aov", "depth,stderr"];
         args.extend(["--first-pass", first, "--passes", passes]);
         args.extend(more);
         succeed(path, &args)
     };
     part("a.job", "0", "3", &[]);
-    let image = std::fs::metadata(path.join("scene.exr"))
-        .unwrap()
-        .modified()
-        .unwrap();
+    let image = std::fs::metadata(path.join("scene.exr")).unwrap().modified().unwrap();
     let stdout = part("b.job", "3", "7", &[]);
     assert!(stdout.contains("passes 3 to 6 are complete"), "{stdout}");
     part("c.job", "7", "12", &[]);
     part("d.job", "7", "9", &["--seed", "9"]);
     assert_eq!(
-        std::fs::metadata(path.join("scene.exr"))
-            .unwrap()
-            .modified()
-            .unwrap(),
+        std::fs::metadata(path.join("scene.exr")).unwrap().modified().unwrap(),
         image
     );
 }
@@ -196,10 +174,7 @@ fn jobs_of_disjoint_passes_make_one_image() {
         ],
     );
     render_parts(path);
-    let merged = succeed(
-        path,
-        &["merge", "c.job", "a.job", "b.job", "-o", "merged.exr"],
-    );
+    let merged = succeed(path, &["merge", "c.job", "a.job", "b.job", "-o", "merged.exr"]);
     assert_eq!(pixels(&merged), pixels(&whole));
     assert_eq!(line(&merged, "passes 0 to"), line(&whole, "passes 0 to"));
     let compared = succeed(path, &["compare", "merged.exr", "whole.exr"]);
@@ -223,10 +198,7 @@ fn merge_into_a_job_that_goes_on(path: &Path, whole: &str) {
     assert_eq!(pixels(&kept), pixels(whole));
     let (code, stderr) = fail(path, &merge);
     assert_eq!(code, 2);
-    assert!(
-        stderr.contains("all.job: there is a job already"),
-        "{stderr}"
-    );
+    assert!(stderr.contains("all.job: there is a job already"), "{stderr}");
     let aov = ["render", "scene.toml", "--aov", "depth,stderr"];
     let again = ["--resume", "--job", "all.job", "-o", "again.exr"];
     let again = succeed(path, &[&aov[..], &again].concat());
@@ -254,14 +226,8 @@ fn merge_what_does_not_fit(path: &Path) {
     for (jobs, expected) in [
         (&["a.job", "c.job"][..], "passes 3 to 6 missing"),
         (&["b.job"], "passes 0 to 2 missing"),
-        (
-            &["a.job", "b.job", "a.job"],
-            "a.job and a.job both have pass 0",
-        ),
-        (
-            &["a.job", "d.job"],
-            "a.job and d.job are different jobs: seed 0 and 9",
-        ),
+        (&["a.job", "b.job", "a.job"], "a.job and a.job both have pass 0"),
+        (&["a.job", "d.job"], "a.job and d.job are different jobs: seed 0 and 9"),
         (&["a.job", "e.job"], "e.job: no job to resume"),
     ] {
         let mut args = vec!["merge"];
@@ -294,10 +260,7 @@ fn the_same_error_is_reached_at_the_same_pass() {
         ];
         let stdout = succeed(path, &args);
         assert!(stdout.contains("stopped at the first prefix"), "{stdout}");
-        found.push((
-            attribute(&path.join(name), "beamfarmPasses"),
-            pixels(&stdout),
-        ));
+        found.push((attribute(&path.join(name), "beamfarmPasses"), pixels(&stdout)));
     }
     assert_eq!(found[0], found[1]);
     assert_eq!(found[0], found[2]);
@@ -441,13 +404,7 @@ fn a_full_disk_costs_nothing() {
     drop(ballast);
     std::fs::remove_file(disk.join("more")).unwrap();
     let output = run(path, &args);
-    assert!(
-        Command::new("umount")
-            .arg(&disk)
-            .status()
-            .unwrap()
-            .success()
-    );
+    assert!(Command::new("umount").arg(&disk).status().unwrap().success());
     assert!(output.status.success(), "{}", text(&output.stderr));
     let stdout = text(&output.stdout);
     assert!(stdout.contains("resuming disk/a.job"), "{stdout}");

@@ -39,9 +39,9 @@ impl Bundle {
 
 /// The key of a file that a scene names by this path: a relative path that stays below its folder on every system.
 ///
-/// Plain paths are their own keys. `.` and doubled slashes are dropped; `..` becomes `%2E%2E`, a root in front `%2F`, and
-/// what systems read as something else than a character of a name (`\\`, `:`, control characters), like `%` itself, is
-/// escaped as in URLs. Paths of different files have different keys.
+/// Plain paths are their own keys. `.` and doubled slashes are dropped; `..` becomes `%2E%2E`, a root in front `%2F`,
+/// and what systems read as something else than a character of a name (`\\`, `:`, control characters), like `%` itself,
+/// is escaped as in URLs. Paths of different files have different keys.
 pub fn key(path: &str) -> String {
     let mut key = String::new();
     let mut push = |part: &str| {
@@ -87,8 +87,8 @@ fn is_plain(c: char) -> bool {
     !c.is_control() && c != '\\' && c != ':'
 }
 
-/// Whether a key that comes from elsewhere is a relative path that stays below its folder on every system; else, what is
-/// wrong with it.
+/// Whether a key that comes from elsewhere is a relative path that stays below its folder on every system; else, what
+/// is wrong with it.
 pub fn check_key(key: &str) -> Result<(), String> {
     let wrong = |what: &str| {
         let shown: String = key.chars().take(100).collect();

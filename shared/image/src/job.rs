@@ -66,8 +66,9 @@ pub enum Targeting {
 
 /// Radii for a number of passes that is known: constant, so that the error after these passes is least.
 ///
-/// Variance falls as one over the radius and the square of the bias grows with it; both are convex, so that of all schedules
-/// with the same mean the constant one is best. Passes beyond the number shrink again, so that the image still converges.
+/// Variance falls as one over the radius and the square of the bias grows with it; both are convex, so that of all
+/// schedules with the same mean the constant one is best. Passes beyond the number shrink again, so that the image
+/// still converges.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Budget {
     /// Number of passes.
@@ -148,9 +149,7 @@ impl JobSettings {
             return Err(SettingsError::Alpha(self.alpha));
         }
         if let Some(budget) = self.budget
-            && !((1..=MAX_PASSES).contains(&budget.passes)
-                && budget.scale > 0.0
-                && budget.scale <= MAX_SCALE)
+            && !((1..=MAX_PASSES).contains(&budget.passes) && budget.scale > 0.0 && budget.scale <= MAX_SCALE)
         {
             return Err(SettingsError::Budget(budget));
         }
@@ -304,13 +303,7 @@ mod tests {
             Some(MAX_PASSES)
         );
         assert_eq!(Block::new(53, 0).map(|block| block.len()), Some(MAX_PASSES));
-        for (level, index) in [
-            (0, MAX_PASSES),
-            (53, 1),
-            (54, 0),
-            (64, 0),
-            (u32::MAX, u64::MAX),
-        ] {
+        for (level, index) in [(0, MAX_PASSES), (53, 1), (54, 0), (64, 0), (u32::MAX, u64::MAX)] {
             assert_eq!(Block::new(level, index), None);
             assert!(!Block { level, index }.to_string().is_empty());
         }

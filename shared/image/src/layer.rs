@@ -10,12 +10,13 @@ const MAX_NAME: usize = 64;
 /// A layer: one image more of every pass, averaged as the beauty is.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Layer {
-    /// Distance of the first surface along the camera's axis, scene units; 0 where there is none. Boundaries of media are
-    /// no surfaces, here and for the next two.
+    /// Distance of the first surface along the camera's axis, scene units; 0 where there is none. Boundaries of media
+    /// are no surfaces, here and for the next two.
     Depth,
     /// Unit shading normal of the first surface in world space; 0 where there is none.
     Normal,
-    /// What the first surface reflects and lets through of uniform light, about: its reflectance; 0 where there is none.
+    /// What the first surface reflects and lets through of uniform light, about: its reflectance; 0 where there is
+    /// none.
     Albedo,
     /// Radiance of lights that are seen, and of surfaces that are lit straight by lights.
     Direct,
@@ -100,9 +101,7 @@ impl FromStr for Layer {
             "beam_density" => Self::BeamDensity,
             "targets" => Self::Targets,
             _ => match name.strip_prefix("light_") {
-                Some(group) if LightGroup::named(group).0 == group => {
-                    Self::Light(LightGroup(group.into()))
-                }
+                Some(group) if LightGroup::named(group).0 == group => Self::Light(LightGroup(group.into())),
                 _ => {
                     let start = name.chars().take(MAX_NAME).collect();
                     return Err(LayerError(start));
@@ -113,14 +112,10 @@ impl FromStr for Layer {
 }
 
 /// The layers of these names, each once.
-pub fn parse_all<'a>(
-    names: impl ExactSizeIterator<Item = &'a str>,
-) -> Result<Vec<Layer>, LayerError> {
+pub fn parse_all<'a>(names: impl ExactSizeIterator<Item = &'a str>) -> Result<Vec<Layer>, LayerError> {
     let count = names.len();
     if count > MAX_LAYERS {
-        return Err(LayerError(format!(
-            "{count} layers, more than {MAX_LAYERS}"
-        )));
+        return Err(LayerError(format!("{count} layers, more than {MAX_LAYERS}")));
     }
     let mut layers = Vec::with_capacity(count);
     for name in names {

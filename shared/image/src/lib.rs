@@ -1,7 +1,7 @@
 //! What a farm exchanges and sums: everything about images and jobs that needs neither a network nor the renderer.
 //!
-//! A pass's [`Film`](film::Film) goes over the wire as a block image ([`exr`]); the [`TreeSum`](merge::TreeSum) of passes gives the
-//! average, which [`exr`] and [`png`] write.
+//! A pass's [`Film`](film::Film) goes over the wire as a block image ([`exr`]); the [`TreeSum`](merge::TreeSum) of
+//! passes gives the average, which [`exr`] and [`png`] write.
 //!
 //! | question                              | module     |
 //! | ------------------------------------- | ---------- |

@@ -46,7 +46,8 @@ pub struct Metrics {
     pub largest_relative: BlockDeviation,
 }
 
-/// A block of pixels whose mean over pixels and channels differs. Noise hardly shows in block means, so this finds bias.
+/// A block of pixels whose mean over pixels and channels differs. Noise hardly shows in block means, so this finds
+/// bias.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct BlockDeviation {
     /// Left column of the block.
@@ -67,11 +68,7 @@ pub fn compare(image: &Film, reference: &Film) -> Result<Metrics, MetricsError> 
     let (width, height) = (reference.width, reference.height);
     let pixels = width as usize * height as usize;
     let sizes = [[image.width, image.height], [width, height]];
-    if pixels == 0
-        || sizes[0] != sizes[1]
-        || image.pixels.len() != pixels
-        || reference.pixels.len() != pixels
-    {
+    if pixels == 0 || sizes[0] != sizes[1] || image.pixels.len() != pixels || reference.pixels.len() != pixels {
         return Err(MetricsError::Size {
             image: sizes[0],
             reference: sizes[1],
@@ -113,20 +110,12 @@ pub fn compare(image: &Film, reference: &Film) -> Result<Metrics, MetricsError> 
 }
 
 fn ratio(image: f64, reference: f64) -> f64 {
-    if image == reference {
-        1.0
-    } else {
-        image / reference
-    }
+    if image == reference { 1.0 } else { image / reference }
 }
 
-/// Blocks cover the image: the last of a row or column takes in what is left over, so that none is smaller than 8 x 8 (if
-/// the image is not) and noisier than the others.
-fn largest_deviations(
-    image: &Film,
-    reference: &Film,
-    floor: f64,
-) -> (BlockDeviation, BlockDeviation) {
+/// Blocks cover the image: the last of a row or column takes in what is left over, so that none is smaller than 8 x 8
+/// (if the image is not) and noisier than the others.
+fn largest_deviations(image: &Film, reference: &Film, floor: f64) -> (BlockDeviation, BlockDeviation) {
     let (width, height) = (image.width, image.height);
     let columns = (width / BLOCK).max(1);
     let rows = (height / BLOCK).max(1);
@@ -151,11 +140,7 @@ fn largest_deviations(
             x: i as u32 % columns * BLOCK,
             y: i as u32 / columns * BLOCK,
             absolute: difference,
-            relative: if difference == 0.0 {
-                0.0
-            } else {
-                difference / scale
-            },
+            relative: if difference == 0.0 { 0.0 } else { difference / scale },
         };
         if block.absolute.abs() > absolute.absolute.abs() {
             absolute = block;
@@ -177,10 +162,7 @@ impl fmt::Display for Metrics {
             "mean ratio            {:.6}  (R {r:.6}, G {g:.6}, B {b:.6})",
             self.ratio
         )?;
-        let named = [
-            ("absolute", self.largest_absolute),
-            ("relative", self.largest_relative),
-        ];
+        let named = [("absolute", self.largest_absolute), ("relative", self.largest_relative)];
         for (name, block) in named {
             let BlockDeviation {
                 x,
@@ -234,10 +216,7 @@ mod tests {
         let image = film(2, 1, |x, _| [[1.5, 2.0, 4.0], [3.0, 1.0, 2.0]][x as usize]);
         let metrics = compare(&image, &reference).unwrap();
         assert_near(metrics.rmse, (5.25f64 / 6.0).sqrt());
-        assert_near(
-            metrics.rel_mse,
-            (0.25 / 1.01 + 1.0 / 0.01 + 4.0 / 16.01) / 6.0,
-        );
+        assert_near(metrics.rel_mse, (0.25 / 1.01 + 1.0 / 0.01 + 4.0 / 16.01) / 6.0);
         assert_eq!(metrics.channel_ratio, [4.5 / 4.0, 3.0 / 2.0, 6.0 / 8.0]);
         assert_near(metrics.ratio, 13.5 / 14.0);
         assert_near(metrics.largest_absolute.absolute, -0.5 / 6.0);
@@ -275,10 +254,7 @@ mod tests {
         assert_eq!((x, y), (8, 0));
         assert!((absolute - 0.1).abs() < 1e-8 && (relative - 1.0).abs() < 1e-7);
         let table = metrics.to_string();
-        assert!(
-            table.contains("at (24, 8)") && table.contains("at (8, 0)"),
-            "{table}"
-        );
+        assert!(table.contains("at (24, 8)") && table.contains("at (8, 0)"), "{table}");
     }
 
     #[test]
@@ -287,10 +263,7 @@ mod tests {
         let grey = film(8, 8, |_, _| [0.5; 3]);
         assert_eq!(compare(&black, &black).unwrap().ratio, 1.0);
         assert_eq!(compare(&grey, &black).unwrap().ratio, f64::INFINITY);
-        assert_eq!(
-            compare(&black, &grey).unwrap().largest_relative.relative,
-            -1.0
-        );
+        assert_eq!(compare(&black, &grey).unwrap().largest_relative.relative, -1.0);
     }
 
     #[test]
@@ -299,10 +272,7 @@ mod tests {
         let mut bad = good.clone();
         bad.pixels[5][1] = f32::NAN;
         let error = compare(&bad, &good).unwrap_err();
-        assert_eq!(
-            error.to_string(),
-            "the image has a NaN or an infinity at x = 1, y = 1"
-        );
+        assert_eq!(error.to_string(), "the image has a NaN or an infinity at x = 1, y = 1");
         bad.pixels[5][1] = f32::INFINITY;
         let error = compare(&good, &bad).unwrap_err();
         assert_eq!(

@@ -54,9 +54,7 @@ fn srgb(linear: f32) -> f32 {
 
 /// The 8 x 8 Bayer matrix, in (0, 1): the bits of x ^ y and y, interleaved and reversed.
 fn bayer(x: usize, y: usize) -> f32 {
-    let bits = (0..3).fold(0, |bits, i| {
-        bits << 2 | ((x ^ y) >> i & 1) << 1 | (y >> i & 1)
-    });
+    let bits = (0..3).fold(0, |bits, i| bits << 2 | ((x ^ y) >> i & 1) << 1 | (y >> i & 1));
     (bits as f32 + 0.5) / 64.0
 }
 
@@ -65,9 +63,7 @@ mod tests {
     use super::*;
 
     fn decode(bytes: &[u8]) -> (u32, u32, Vec<u8>) {
-        let mut reader = png::Decoder::new(std::io::Cursor::new(bytes))
-            .read_info()
-            .unwrap();
+        let mut reader = png::Decoder::new(std::io::Cursor::new(bytes)).read_info().unwrap();
         let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
         let info = reader.next_frame(&mut pixels).unwrap();
         assert_eq!(
@@ -95,17 +91,10 @@ mod tests {
             (1.0, 1.0),
         ];
         for (linear, encoded) in published {
-            assert!(
-                (srgb(linear) - encoded).abs() < 2e-6,
-                "{linear}: {}",
-                srgb(linear)
-            );
+            assert!((srgb(linear) - encoded).abs() < 2e-6, "{linear}: {}", srgb(linear));
             let (_, _, pixels) = decode(&encode_png(&flat(linear), 0.0).unwrap());
             let mean = pixels.iter().map(|v| f32::from(*v)).sum::<f32>() / pixels.len() as f32;
-            assert!(
-                (mean - 255.0 * encoded).abs() <= 1.0 / 64.0,
-                "{linear}: {mean}"
-            );
+            assert!((mean - 255.0 * encoded).abs() <= 1.0 / 64.0, "{linear}: {mean}");
         }
     }
 
@@ -137,10 +126,7 @@ mod tests {
     #[test]
     fn dither_takes_each_threshold_once() {
         let mut thresholds: Vec<f32> = (0..64).map(|i| bayer(i % 8, i / 8) * 64.0 - 0.5).collect();
-        assert_eq!(
-            thresholds[..8],
-            [0.0, 32.0, 8.0, 40.0, 2.0, 34.0, 10.0, 42.0]
-        );
+        assert_eq!(thresholds[..8], [0.0, 32.0, 8.0, 40.0, 2.0, 34.0, 10.0, 42.0]);
         thresholds.sort_by(f32::total_cmp);
         assert!(thresholds.iter().enumerate().all(|(i, t)| *t == i as f32));
     }

@@ -54,10 +54,7 @@ impl Schedule {
     pub fn new(settings: &JobSettings) -> Self {
         let (steps_per_pass, base_steps) = match settings.schedule {
             ScheduleKind::Pass => (1.0, 1.0),
-            ScheduleKind::Beam => (
-                settings.paths_per_pass.into(),
-                settings.reference_paths.into(),
-            ),
+            ScheduleKind::Beam => (settings.paths_per_pass.into(), settings.reference_paths.into()),
         };
         Self {
             alpha: settings.alpha,
@@ -68,8 +65,8 @@ impl Schedule {
     }
 
     /// Scale of beam radii in a pass. Shrinking once a pass, R_i = F(i) with i = `pass_index` + 1, which is one for the
-    /// first; shrinking once a beam, F(i M) / F(M_ref) with M paths a pass and base radii meant for M_ref. With a budget of N
-    /// passes at the scale c, c for i <= N and c F(i) / F(N) from there on.
+    /// first; shrinking once a beam, F(i M) / F(M_ref) with M paths a pass and base radii meant for M_ref. With a
+    /// budget of N passes at the scale c, c for i <= N and c F(i) / F(N) from there on.
     pub fn scale(&self, pass_index: u64) -> f64 {
         if let Some(Budget { passes, scale }) = self.budget {
             let n = (pass_index + 1).max(passes) as f64;
@@ -128,10 +125,7 @@ mod tests {
         for alpha in ALPHAS {
             for n in [1, 2, 3, 10, 31, 32, 33, 1000, 1_000_000] {
                 let error = relative_error(radius_scale(n as f64, alpha), product(n, alpha));
-                assert!(
-                    error < 1e-13,
-                    "F({n}), alpha = {alpha}: relative error {error:e}"
-                );
+                assert!(error < 1e-13, "F({n}), alpha = {alpha}: relative error {error:e}");
             }
         }
     }
@@ -145,12 +139,7 @@ mod tests {
             0.902_745_292_950_933_6,
             0.961_765_831_907_387_4,
         ];
-        let powers = [
-            1.584_893_192_461_113_5e-11,
-            1e-6,
-            1e-4,
-            0.063_095_734_448_019_32,
-        ];
+        let powers = [1.584_893_192_461_113_5e-11, 1e-6, 1e-4, 0.063_095_734_448_019_32];
         for ((alpha, gamma), power) in ALPHAS.into_iter().zip(gammas).zip(powers) {
             let expected = power / gamma * (1.0 + (alpha - 1.0) * alpha / 2e12);
             let error = relative_error(radius_scale(1e12, alpha), expected);
@@ -168,10 +157,7 @@ mod tests {
                 // Pass i = n has the index n - 1.
                 let ratio = schedule.scale(n - 1) / schedule.scale(n);
                 let expected = (n as f64 + 1.0) / (n as f64 + alpha);
-                assert!(
-                    relative_error(ratio, expected) < 1e-13,
-                    "n = {n}, alpha = {alpha}"
-                );
+                assert!(relative_error(ratio, expected) < 1e-13, "n = {n}, alpha = {alpha}");
             }
         }
     }
@@ -188,10 +174,7 @@ mod tests {
     fn first_pass_has_scale_one() {
         for alpha in ALPHAS {
             for paths in [1, 15, 100_000] {
-                assert_eq!(
-                    Schedule::new(&settings(ScheduleKind::Pass, alpha, paths)).scale(0),
-                    1.0
-                );
+                assert_eq!(Schedule::new(&settings(ScheduleKind::Pass, alpha, paths)).scale(0), 1.0);
                 let mut per_beam = settings(ScheduleKind::Beam, alpha, paths);
                 per_beam.reference_paths = paths;
                 assert_eq!(Schedule::new(&per_beam).scale(0), 1.0);
@@ -204,14 +187,11 @@ mod tests {
         let schedule = |kind, paths| Schedule::new(&settings(kind, 0.5, paths));
         // After 300 k beams: pass 300 k of M = 1, pass 20 k of M = 15, pass 3 k of M = 100.
         for k in 1..2000u64 {
-            let by_beam = |paths: u32| {
-                schedule(ScheduleKind::Beam, paths).scale(300 * k / u64::from(paths) - 1)
-            };
+            let by_beam = |paths: u32| schedule(ScheduleKind::Beam, paths).scale(300 * k / u64::from(paths) - 1);
             assert_eq!(by_beam(1), by_beam(15));
             assert_eq!(by_beam(1), by_beam(100));
         }
-        let by_pass =
-            |paths: u32| schedule(ScheduleKind::Pass, paths).scale(300 / u64::from(paths) - 1);
+        let by_pass = |paths: u32| schedule(ScheduleKind::Pass, paths).scale(300 / u64::from(paths) - 1);
         assert!(by_pass(15) > 2.0 * by_pass(1));
     }
 
@@ -219,20 +199,13 @@ mod tests {
     fn scale_falls_strictly_and_stays_positive() {
         let schedule = Schedule::new(&settings(ScheduleKind::Beam, 0.001, u32::MAX));
         let scales: Vec<f64> = (0..53).map(|k| schedule.scale((1 << k) - 1)).collect();
-        assert!(
-            scales
-                .windows(2)
-                .all(|pair| pair[1] < pair[0] && pair[1] > 0.0)
-        );
+        assert!(scales.windows(2).all(|pair| pair[1] < pair[0] && pair[1] > 0.0));
     }
 
     #[test]
     fn a_budget_is_constant_and_shrinks_beyond() {
         let mut settings = settings(ScheduleKind::Beam, 0.6, 10);
-        settings.budget = Some(Budget {
-            passes: 40,
-            scale: 0.3,
-        });
+        settings.budget = Some(Budget { passes: 40, scale: 0.3 });
         let schedule = Schedule::new(&settings);
         assert!((0..40).all(|pass_index| schedule.scale(pass_index) == 0.3));
         // The last of them is F(40).
@@ -245,11 +218,6 @@ mod tests {
     #[test]
     fn surface_scale_is_the_root() {
         let schedule = Schedule::new(&settings(ScheduleKind::Pass, 0.5, 1));
-        assert!(
-            relative_error(
-                schedule.surface_scale(7) * schedule.surface_scale(7),
-                schedule.scale(7)
-            ) < 1e-15
-        );
+        assert!(relative_error(schedule.surface_scale(7) * schedule.surface_scale(7), schedule.scale(7)) < 1e-15);
     }
 }

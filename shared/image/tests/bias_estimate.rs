@@ -22,8 +22,7 @@ fn average(films: impl Iterator<Item = (Film, f64)>) -> Average {
     let mut sum: Option<TreeSum> = None;
     for ((film, scale), pass) in films.zip(0u64..) {
         let sum = sum.get_or_insert_with(|| TreeSum::new(film.width, film.height));
-        sum.insert(Node::leaf(pass, film).with_radius_scale(scale))
-            .unwrap();
+        sum.insert(Node::leaf(pass, film).with_radius_scale(scale)).unwrap();
     }
     sum.unwrap().average().unwrap()
 }
@@ -78,11 +77,7 @@ fn it_says_when_it_knows_nothing() {
     // Noise that alternates: no trend.
     let noise = |size: f32, count: usize| -> Vec<f32> {
         let sign = |i: usize| {
-            if (i / 2 + i).is_multiple_of(2) {
-                1.0
-            } else {
-                -1.0
-            }
+            if (i / 2 + i).is_multiple_of(2) { 1.0 } else { -1.0 }
         };
         (0..count).map(|i| 1.0 + size * sign(i)).collect()
     };
@@ -95,9 +90,7 @@ fn it_says_when_it_knows_nothing() {
     // All pixels have the same noise, so the image has as much as one of them.
     let wild = text(&noise(5.0, 16));
     assert!(
-        wild.0
-            .starts_with("bias of the mean radiance not known; one below ")
-            && wild.1 == 0,
+        wild.0.starts_with("bias of the mean radiance not known; one below ") && wild.1 == 0,
         "{wild:?}"
     );
     let mut trend = noise(0.01, 64);
@@ -105,10 +98,7 @@ fn it_says_when_it_knows_nothing() {
         *value += (1.0 - 0.5 * radius_scale((i + 1) as f64, 0.5)) as f32;
     }
     let trend = bias(&trend, 0.5);
-    assert!(
-        trend.to_string().starts_with("bias of the mean radiance -"),
-        "{trend}"
-    );
+    assert!(trend.to_string().starts_with("bias of the mean radiance -"), "{trend}");
     let tiles = trend.tiles_in_words().unwrap();
     assert!(
         tiles.starts_with("biased tiles of 32 x 32 pixels: 4 of 4; worst -"),

@@ -77,14 +77,7 @@ fn assert_is_reference(average: &Average, seed: u64, passes: u64) {
     for pixel in 0..2 {
         for c in 0..3 {
             let leaves: Vec<f32> = films.iter().map(|film| film.pixels[pixel][c]).collect();
-            let (sum, difference) = reference(
-                &leaves,
-                Block {
-                    level: 40,
-                    index: 0,
-                },
-            )
-            .unwrap();
+            let (sum, difference) = reference(&leaves, Block { level: 40, index: 0 }).unwrap();
             let mean = (f64::from(sum) / passes as f64) as f32;
             assert_eq!(average.beauty.pixels[pixel][c].to_bits(), mean.to_bits());
             let error = average.standard_error.pixels[pixel][c];
@@ -207,10 +200,7 @@ fn cut(block: Block) -> Vec<Block> {
         level: block.level - 1,
         index: 2 * block.index + side,
     };
-    [0, 1]
-        .into_iter()
-        .flat_map(|side| cut(child(side)))
-        .collect()
+    [0, 1].into_iter().flat_map(|side| cut(child(side))).collect()
 }
 
 proptest! {
@@ -321,8 +311,7 @@ fn boundaries_are_powers_of_two_and_those_between() {
 #[test]
 fn a_block_across_the_fence_is_taken_as_it_is() {
     let mut sum = TreeSum::new(2, 1).with_fence(0);
-    sum.insert(block_node(1, Block { level: 2, index: 0 }))
-        .unwrap();
+    sum.insert(block_node(1, Block { level: 2, index: 0 })).unwrap();
     assert!(sum.average_of(2).is_none() && sum.average_of(3).is_none());
     assert_is_reference(&sum.average_of(4).unwrap(), 1, 4);
 }
@@ -341,26 +330,13 @@ fn percentiles_are_of_blocks() {
     }
     let average = sum.average().unwrap();
     let errors = average.errors();
-    for (percentile, expected) in [
-        (1, 0.01),
-        (10, 0.01),
-        (11, 0.02),
-        (50, 0.05),
-        (95, 0.1),
-        (100, 0.1),
-    ] {
+    for (percentile, expected) in [(1, 0.01), (10, 0.01), (11, 0.02), (50, 0.05), (95, 0.1), (100, 0.1)] {
         let error = errors.at(Some(percentile));
-        assert!(
-            (error / expected - 1.0).abs() < 1e-4,
-            "{percentile}: {error}"
-        );
+        assert!((error / expected - 1.0).abs() < 1e-4, "{percentile}: {error}");
     }
     let mean_square = (1..=10).map(|i| f64::from(i * i)).sum::<f64>() / 10.0;
     let error = errors.at(None);
-    assert!(
-        (error / (0.01 * mean_square.sqrt()) - 1.0).abs() < 1e-4,
-        "{error}"
-    );
+    assert!((error / (0.01 * mean_square.sqrt()) - 1.0).abs() < 1e-4, "{error}");
     assert_eq!(error, average.relative_standard_error());
     for beyond in [0, 101] {
         assert_eq!(errors.at(Some(beyond)), f64::INFINITY);
@@ -458,10 +434,7 @@ fn standard_error_estimates_the_variance_of_the_mean() {
         );
 
         let relative = average.relative_standard_error();
-        assert!(
-            (relative - expected.sqrt() / 3.0).abs() < 0.05 * relative,
-            "{relative}"
-        );
+        assert!((relative - expected.sqrt() / 3.0).abs() < 0.05 * relative, "{relative}");
     }
 }
 
@@ -471,19 +444,10 @@ fn one_pass_and_a_black_picture_have_no_known_error() {
     assert_eq!(one.standard_error.pixels[0], [f32::INFINITY; 3]);
     assert_eq!(one.relative_standard_error(), f64::INFINITY);
     assert_eq!(
-        sum_of(4, |_| 0.0)
-            .average()
-            .unwrap()
-            .relative_standard_error(),
+        sum_of(4, |_| 0.0).average().unwrap().relative_standard_error(),
         f64::INFINITY
     );
-    assert_eq!(
-        sum_of(4, |_| 0.5)
-            .average()
-            .unwrap()
-            .relative_standard_error(),
-        0.0
-    );
+    assert_eq!(sum_of(4, |_| 0.5).average().unwrap().relative_standard_error(), 0.0);
     assert_eq!(TreeSum::new(1, 1).average(), None);
 }
 
@@ -491,53 +455,25 @@ fn one_pass_and_a_black_picture_have_no_known_error() {
 fn bad_values_are_counted_named_and_refused() {
     let mut sum = TreeSum::new(2, 2);
     sum.insert(Node::leaf(6, Film::new(2, 2))).unwrap();
-    for bad in [
-        f32::NAN,
-        f32::INFINITY,
-        f32::NEG_INFINITY,
-        2.0 * MAX_RADIANCE,
-    ] {
+    for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 2.0 * MAX_RADIANCE] {
         let mut film = Film::new(2, 2);
         film.pixels[1][2] = bad;
         film.pixels[3] = [bad; 3];
         let error = sum.insert(Node::leaf(7, film)).unwrap_err();
         let block = Block::leaf(7);
         let first = [1, 0];
-        assert_eq!(
-            error,
-            MergeError::NonFinite {
-                block,
-                count: 4,
-                first
-            }
-        );
-        assert!(
-            error.to_string().starts_with("pass 7: 4 values are NaN"),
-            "{error}"
-        );
+        assert_eq!(error, MergeError::NonFinite { block, count: 4, first });
+        assert!(error.to_string().starts_with("pass 7: 4 values are NaN"), "{error}");
         assert!(!sum.contains(7) && sum.contains(6));
     }
-    let mut node = Node::join(
-        Node::leaf(4, Film::new(2, 2)),
-        Node::leaf(5, Film::new(2, 2)),
-    )
-    .unwrap();
+    let mut node = Node::join(Node::leaf(4, Film::new(2, 2)), Node::leaf(5, Film::new(2, 2))).unwrap();
     node.squared_difference.pixels[0][0] = -1.0;
-    assert!(matches!(
-        sum.insert(node),
-        Err(MergeError::NonFinite { count: 1, .. })
-    ));
+    assert!(matches!(sum.insert(node), Err(MergeError::NonFinite { count: 1, .. })));
 }
 
 #[test]
 fn the_brightest_passes_stay_finite() {
-    let sum = sum_of(4, |pass| {
-        if pass % 2 == 0 {
-            MAX_RADIANCE
-        } else {
-            -MAX_RADIANCE
-        }
-    });
+    let sum = sum_of(4, |pass| if pass % 2 == 0 { MAX_RADIANCE } else { -MAX_RADIANCE });
     let node = sum.nodes().next().unwrap();
     node.check(1, 1, 0).unwrap();
     assert_eq!(node.squared_difference.pixels[0], [f32::MAX; 3]);
@@ -549,27 +485,15 @@ fn the_brightest_passes_stay_finite() {
 fn other_shapes_are_refused() {
     let mut sum = TreeSum::new(3, 2);
     let error = sum.insert(Node::leaf(5, Film::new(2, 3))).unwrap_err();
-    assert_eq!(
-        error.to_string(),
-        "pass 5: expected 3 x 2 pixels, found 2 x 3"
-    );
+    assert_eq!(error.to_string(), "pass 5: expected 3 x 2 pixels, found 2 x 3");
     let mut short = Film::new(3, 2);
     short.pixels.pop();
-    assert!(matches!(
-        sum.insert(Node::leaf(5, short)),
-        Err(MergeError::Size { .. })
-    ));
+    assert!(matches!(sum.insert(Node::leaf(5, short)), Err(MergeError::Size { .. })));
     let beyond = sum.insert(Node::leaf(MAX_PASSES, Film::new(3, 2)));
     assert!(matches!(beyond, Err(MergeError::OutOfRange { .. })));
     let mut wide = Node::leaf(0, Film::new(3, 2));
-    wide.block = Block {
-        level: 99,
-        index: 1,
-    };
-    assert!(matches!(
-        sum.insert(wide),
-        Err(MergeError::OutOfRange { .. })
-    ));
+    wide.block = Block { level: 99, index: 1 };
+    assert!(matches!(sum.insert(wide), Err(MergeError::OutOfRange { .. })));
 }
 
 #[test]
@@ -578,25 +502,13 @@ fn only_siblings_join_and_in_their_order() {
     assert!(Node::join(leaf(2), leaf(3)).is_ok());
     for (left, right) in [(3, 2), (1, 2), (0, 2), (2, 2)] {
         let (left, right) = (leaf(left), leaf(right));
-        assert!(matches!(
-            Node::join(left, right),
-            Err(MergeError::NotSiblings { .. })
-        ));
+        assert!(matches!(Node::join(left, right), Err(MergeError::NotSiblings { .. })));
     }
     let pair = Node::join(leaf(0), leaf(1)).unwrap();
-    assert!(matches!(
-        Node::join(pair, leaf(2)),
-        Err(MergeError::NotSiblings { .. })
-    ));
+    assert!(matches!(Node::join(pair, leaf(2)), Err(MergeError::NotSiblings { .. })));
     let mut last = leaf(0);
-    last.block = Block {
-        level: 53,
-        index: 0,
-    };
+    last.block = Block { level: 53, index: 0 };
     let mut beyond = leaf(0);
-    beyond.block = Block {
-        level: 53,
-        index: 1,
-    };
+    beyond.block = Block { level: 53, index: 1 };
     assert!(Node::join(last, beyond).is_err());
 }

@@ -62,8 +62,7 @@ impl LayerPlan {
             return Ok(plan);
         }
         let number = |light: &Light| {
-            let is_its =
-                |i: &usize| matches!(&layers[*i], Layer::Light(group) if *group == light.group);
+            let is_its = |i: &usize| matches!(&layers[*i], Layer::Light(group) if *group == light.group);
             let number = plan.groups.iter().position(is_its);
             number.and_then(GroupNumber::new)
         };
@@ -155,8 +154,7 @@ impl Parts {
 
     /// The value of a layer; of a group's, with the group's number.
     pub fn value(&self, layer: &Layer, group: Option<usize>) -> [f32; 3] {
-        let first =
-            |value: fn(&(f32, Vec3, Rgb)) -> Vec3| self.first.as_ref().map_or(Vec3::ZERO, value);
+        let first = |value: fn(&(f32, Vec3, Rgb)) -> Vec3| self.first.as_ref().map_or(Vec3::ZERO, value);
         let value = match layer {
             Layer::Depth => first(|f| Vec3::new(f.0, 0.0, 0.0)),
             Layer::Normal => first(|f| f.1),
@@ -164,10 +162,7 @@ impl Parts {
             Layer::Direct => self.direct,
             Layer::Surface => self.surface,
             Layer::Volume => self.volume,
-            Layer::Light(_) => group
-                .and_then(|g| self.groups.get(g))
-                .copied()
-                .unwrap_or_default(),
+            Layer::Light(_) => group.and_then(|g| self.groups.get(g)).copied().unwrap_or_default(),
             Layer::BeamDensity => Vec3::new(self.beams as f32, 0.0, 0.0),
             Layer::Targets => Vec3::new(self.targets as f32, 0.0, 0.0),
         };

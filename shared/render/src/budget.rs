@@ -6,11 +6,11 @@
 //! (v / c + w) / N + b^2 c^(2 p),
 //! ```
 //!
-//! with v the variance that goes as one over the radius (of beams; of surface photons, whose area takes the scale), w that of
-//! all else, and a bias that grows as c^p: p = 2 where the light that a beam blurs is smooth, p = 1 at edges and for
-//! surface photons, less at the bright rims of caustics, which make most of an image's bias; p = 3/4 is taken. The pilot
-//! renders small images with the same photons at two scales: their variances tell v, their difference b. The least error
-//! is at c = (v / (2 p b^2 N))^(1 / (2 p + 1)), so that a pilot that is wrong by half changes c by a fifth.
+//! with v the variance that goes as one over the radius (of beams; of surface photons, whose area takes the scale), w
+//! that of all else, and a bias that grows as c^p: p = 2 where the light that a beam blurs is smooth, p = 1 at edges
+//! and for surface photons, less at the bright rims of caustics, which make most of an image's bias; p = 3/4 is taken.
+//! The pilot renders small images with the same photons at two scales: their variances tell v, their difference b. The
+//! least error is at c = (v / (2 p b^2 N))^(1 / (2 p + 1)), so that a pilot that is wrong by half changes c by a fifth.
 
 use crate::filter::PixelFilter;
 use crate::pass::render_pass;
@@ -26,12 +26,13 @@ const PASSES: u64 = 4;
 const SCALES: [f64; 2] = [0.5, 2.0];
 /// p: the bias grows as this power of the scale.
 const POWER: f64 = 0.75;
-/// Pixels of its image along the longer side, at most: enough of them for a mean over the image, few enough to be cheap.
+/// Pixels of its image along the longer side, at most: enough of them for a mean over the image, few enough to be
+/// cheap.
 const SIDE: u32 = 160;
 /// What relMSE adds to the square of the reference.
 const DARK: f64 = 0.01;
-/// Scales that are chosen: not far below what the pilot has seen, and no radii beyond the base radii, since a search for
-/// more beams takes more time than their lower variance saves.
+/// Scales that are chosen: not far below what the pilot has seen, and no radii beyond the base radii, since a search
+/// for more beams takes more time than their lower variance saves.
 const CHOICE: [f64; 2] = [1.0 / 16.0, 1.0];
 
 /// What the pilot found: relative to the square of the image plus 0.01, as relMSE is; means over the image.
@@ -83,16 +84,13 @@ impl Pilot {
         // Square of the mean difference, less what noise makes of it.
         let (mut step, mut step_squares) = (0.0, 0.0);
         for i in 0..values {
-            let [small, large] =
-                [0, 1].map(|k| moments(passes.iter().map(|films| at(&films[k], i))));
+            let [small, large] = [0, 1].map(|k| moments(passes.iter().map(|films| at(&films[k], i))));
             let mean = (small[0] + large[0]) / (2.0 * count);
             let weight = 1.0 / (mean * mean + DARK) / values as f64;
             for (variance, [sum, squares]) in variances.iter_mut().zip([small, large]) {
                 *variance += weight * (squares - sum * sum / count) / (count - 1.0);
             }
-            let differences = passes
-                .iter()
-                .map(|[small, large]| at(large, i) - at(small, i));
+            let differences = passes.iter().map(|[small, large]| at(large, i) - at(small, i));
             let [sum, squares] = moments(differences);
             let square = weight * (sum * sum - squares) / (count * (count - 1.0));
             step += square;
@@ -112,8 +110,7 @@ impl Pilot {
 
     /// The mean square error that is to be expected of so many passes at a scale, as relMSE.
     pub fn error(&self, passes: u64, scale: f64) -> f64 {
-        (self.variance / scale + self.rest) / passes as f64
-            + self.squared_bias * libm::pow(scale, 2.0 * POWER)
+        (self.variance / scale + self.rest) / passes as f64 + self.squared_bias * libm::pow(scale, 2.0 * POWER)
     }
 
     /// Radii of the least error after so many passes.
@@ -132,8 +129,8 @@ impl Pilot {
     }
 }
 
-/// The filter over a pixel of an image that has `shrink` times the pixels a row: blur that is lost in the average over a
-/// large pixel is seen in small ones.
+/// The filter over a pixel of an image that has `shrink` times the pixels a row: blur that is lost in the average over
+/// a large pixel is seen in small ones.
 fn narrowed(filter: PixelFilter, shrink: f32) -> PixelFilter {
     match filter {
         // The tent of the same standard deviation.
@@ -186,10 +183,7 @@ mod tests {
         let growth = libm::pow(2.0, POWER) - libm::pow(0.5, POWER);
         let noise = 0.01 * (2f64.sqrt() - 0.5f64.sqrt());
         let squared = weight * (0.05 * 0.05 - noise * noise / 3.0 / (growth * growth));
-        assert!(
-            (pilot.squared_bias / squared - 1.0).abs() < 1e-3,
-            "{pilot:?}"
-        );
+        assert!((pilot.squared_bias / squared - 1.0).abs() < 1e-3, "{pilot:?}");
     }
 
     #[test]
@@ -201,10 +195,7 @@ mod tests {
                 let least = pilot.error(passes, scale);
                 let others = (1..400).map(|k| CHOICE[0] * libm::pow(1.0105, f64::from(k)));
                 for other in others.filter(|other| *other < CHOICE[1]) {
-                    assert!(
-                        least <= pilot.error(passes, other) * (1.0 + 1e-12),
-                        "{other}"
-                    );
+                    assert!(least <= pilot.error(passes, other) * (1.0 + 1e-12), "{other}");
                 }
             }
         }

@@ -48,7 +48,8 @@ impl Camera {
         self.filter.sample([x, y], [self.width, self.height], u)
     }
 
-    /// The ray through a point of the image. `image`: in pixels, (0, 0) the top left corner, y down. `lens`: in [0, 1)^2.
+    /// The ray through a point of the image. `image`: in pixels, (0, 0) the top left corner, y down. `lens`: in [0,
+    /// 1)^2.
     #[inline]
     pub fn ray(&self, image: Vec2, lens: Vec2) -> Ray {
         let pixel = 2.0 * self.tan_half_fov_x / self.width as f32;

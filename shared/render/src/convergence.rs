@@ -1,9 +1,10 @@
 //! Does the average of passes converge as its theory says? One pixel, rendered over and over with other seeds, and the
 //! theory beside it.
 //!
-//! With radii scaled by R_i in pass i, a pass has the variance c / R_i and the bias b R_i (Knaus and Zwicker 2011; Jarosz et
-//! al. 2011, progressive photon beams). All that follows for the average of N passes is computed from the schedule itself:
-//! variance c / N^2 sum 1 / R_i, which falls as N^-alpha, and bias b / N sum R_i, which falls as N^(alpha - 1).
+//! With radii scaled by R_i in pass i, a pass has the variance c / R_i and the bias b R_i (Knaus and Zwicker 2011;
+//! Jarosz et al. 2011, progressive photon beams). All that follows for the average of N passes is computed from the
+//! schedule itself: variance c / N^2 sum 1 / R_i, which falls as N^-alpha, and bias b / N sum R_i, which falls as
+//! N^(alpha - 1).
 
 use crate::pass::render_pass;
 use crate::plan::RenderPlan;
@@ -44,8 +45,8 @@ pub struct Runs {
 }
 
 impl Runs {
-    /// Renders `passes` passes of a scene of one pixel (see [`Camera::pixel`](crate::camera::Camera::pixel)), `runs` times.
-    /// Seeds follow from that of the settings, alpha and the number of the run.
+    /// Renders `passes` passes of a scene of one pixel (see [`Camera::pixel`](crate::camera::Camera::pixel)), `runs`
+    /// times. Seeds follow from that of the settings, alpha and the number of the run.
     pub fn render(scene: &Scene, settings: JobSettings, passes: u64, runs: u64) -> Self {
         let schedule = Schedule::new(&settings);
         let key = mix64(settings.seed) ^ settings.alpha.to_bits();
@@ -114,8 +115,8 @@ pub struct Prediction {
 
 impl Theory {
     /// The constants that fit best, the same for all schedules: they are those of the first pass, whose radii have the
-    /// scale one whatever alpha is. Least squares, passes weighted by one over their variance. Without a known truth, the
-    /// pass means are extrapolated to radius zero.
+    /// scale one whatever alpha is. Least squares, passes weighted by one over their variance. Without a known truth,
+    /// the pass means are extrapolated to radius zero.
     pub fn fit(all: &[Runs], truth: Option<f64>) -> Self {
         let (mut count, mut variance) = (0.0, 0.0);
         // Sums of weight times powers of R, and times the mean.
@@ -166,9 +167,7 @@ mod tests {
     fn exact(alpha: f64, theory: &Theory) -> Runs {
         let scales: Vec<f64> = (1..=100).map(|n| radius_scale(n.into(), alpha)).collect();
         let run = |sign: f64| {
-            let value = |r: &f64| {
-                theory.truth + theory.bias * r + sign * (theory.variance / r / 2.0).sqrt()
-            };
+            let value = |r: &f64| theory.truth + theory.bias * r + sign * (theory.variance / r / 2.0).sqrt();
             scales.iter().map(value).collect()
         };
         Runs {

@@ -13,11 +13,11 @@ use crate::world::Scene;
 /// What is chosen once for a scene.
 #[derive(Clone, Debug, Default)]
 pub struct Estimators {
-    /// By medium: beams bring all of the light that it scatters. In the others camera paths are scattered themselves, and beams
-    /// bring caustics alone.
+    /// By medium: beams bring all of the light that it scatters. In the others camera paths are scattered themselves,
+    /// and beams bring caustics alone.
     pub beams: Vec<bool>,
-    /// By light: it is all around, so that camera paths meet it behind specular surfaces as well, and photons bring no caustics
-    /// of it.
+    /// By light: it is all around, so that camera paths meet it behind specular surfaces as well, and photons bring no
+    /// caustics of it.
     pub is_met: Vec<bool>,
     /// Something is specular or has a lobe that is followed.
     specular: bool,
@@ -25,8 +25,9 @@ pub struct Estimators {
     pub caustics: bool,
     /// Some of them from a light that no camera path meets, and by followed lobes.
     pub unmet_caustics: bool,
-    /// Photon paths go on from vertex to vertex, for the beams that they leave or since caustics need them anyway: camera paths end
-    /// where photons bring everything, and what comes by way of specular surfaces is found by photons alone.
+    /// Photon paths go on from vertex to vertex, for the beams that they leave or since caustics need them anyway:
+    /// camera paths end where photons bring everything, and what comes by way of specular surfaces is found by photons
+    /// alone.
     pub deep: bool,
     /// Rules tell what photons see, which camera paths do not obey: these end at their second vertex.
     pub ends_at_second: bool,
@@ -38,8 +39,8 @@ const FAR: f32 = 6.0;
 const LOOKS: usize = 4;
 const DIRECTIONS: usize = 128;
 
-/// Least free path and least size of a medium whose light beams bring, in kernel radii: in others kernels would be wider than
-/// what they blur.
+/// Least free path and least size of a medium whose light beams bring, in kernel radii: in others kernels would be
+/// wider than what they blur.
 const LEAST_FREE_PATH: f32 = 6.0;
 const LEAST_SIZE: f32 = 12.0;
 
@@ -63,16 +64,13 @@ impl Estimators {
         let sends_photons = lights.any(|(light, met)| !met || !is_far(light));
         let beams: Vec<bool> = (0..description.media.len())
             .map(|id| {
-                description.media[id].scatters()
-                    && (ends_at_second || sends_photons && suits_beams(scene, radii, id))
+                description.media[id].scatters() && (ends_at_second || sends_photons && suits_beams(scene, radii, id))
             })
             .collect();
         let followed = is_used(&|m| m.is_followed() || m.has_narrow_lobe());
         let specular = followed || is_used(&|m| m.has_delta() && !m.is_null());
         // Where photons are traced for caustics of all lights, they bring more at hardly any cost.
-        let deep = ends_at_second
-            || beams.contains(&true)
-            || specular && !is_met.is_empty() && !is_met.contains(&true);
+        let deep = ends_at_second || beams.contains(&true) || specular && !is_met.is_empty() && !is_met.contains(&true);
         if deep {
             is_met.fill(false);
         }
@@ -124,9 +122,8 @@ impl Estimators {
 fn lights_all_around(scene: &Scene) -> Vec<bool> {
     let camera = &scene.description().camera;
     let objects = scene.objects();
-    let met_by = |ray: &Ray, hides: &dyn Fn(u32) -> bool| {
-        (scene.geometry).intersect(objects, ray, f32::INFINITY, hides)
-    };
+    let met_by =
+        |ray: &Ray, hides: &dyn Fn(u32) -> bool| (scene.geometry).intersect(objects, ray, f32::INFINITY, hides);
     // What the camera sees that is no light, and itself.
     let mut points = vec![camera.position];
     for i in 0..LOOKS * LOOKS {
@@ -148,9 +145,7 @@ fn lights_all_around(scene: &Scene) -> Vec<bool> {
         });
         let is_lit = |ray: &Ray| {
             let hit = met_by(ray, &|o| o != object);
-            hit.is_some_and(|hit| {
-                scene.lights()[light].radiance_area(-hit.ng.dot(ray.dir)) != Rgb::ZERO
-            })
+            hit.is_some_and(|hit| scene.lights()[light].radiance_area(-hit.ng.dot(ray.dir)) != Rgb::ZERO)
         };
         rays.filter(is_lit).count()
     };
@@ -168,9 +163,7 @@ fn lights_all_around(scene: &Scene) -> Vec<bool> {
     };
     let is_met = |(light, kind): (usize, &LightKind)| match kind {
         LightKind::Environment(environment) => environment.unevenness() <= MOST_UNEVEN,
-        LightKind::Area { object, .. } => {
-            is_large(*object) && sees(light, *object) as f32 >= enough
-        }
+        LightKind::Area { object, .. } => is_large(*object) && sees(light, *object) as f32 >= enough,
         _ => false,
     };
     let lights = scene.lights().iter().map(|light| &light.kind);
@@ -186,8 +179,7 @@ fn suits_beams(scene: &Scene, radii: &KernelRadii, id: usize) -> bool {
         Medium::Heterogeneous(medium) => {
             let samples = medium.bricks().samples().as_vec3();
             let to_render = medium.to_samples().inverse();
-            let sides = [Vec3::X, Vec3::Y, Vec3::Z]
-                .map(|axis| to_render.transform_vector3(axis * samples.dot(axis)));
+            let sides = [Vec3::X, Vec3::Y, Vec3::Z].map(|axis| to_render.transform_vector3(axis * samples.dot(axis)));
             let sides = sides.map(Vec3::length);
             sides.into_iter().fold(f32::INFINITY, f32::min)
         }

@@ -1,8 +1,8 @@
 //! Reconstruction filters: how a pixel weighs the image around its centre.
 //!
-//! A pixel is the mean of the radiance around it, weighted by a product of the same function of x and of y. Its one sample
-//! a pass is drawn from the filter, so that all samples have the same weight. At the borders of the image the filter is
-//! cut off and what is left of it is normalised, as in Mitsuba 3.
+//! A pixel is the mean of the radiance around it, weighted by a product of the same function of x and of y. Its one
+//! sample a pass is drawn from the filter, so that all samples have the same weight. At the borders of the image the
+//! filter is cut off and what is left of it is normalised, as in Mitsuba 3.
 
 use crate::math::Vec2;
 use libm::{erf, exp};
@@ -39,10 +39,7 @@ impl PixelFilter {
         let [x, y] = pixel;
         match self {
             Self::Box => Vec2::new(x as f32, y as f32) + u,
-            _ => Vec2::new(
-                self.sample_axis(x, size[0], u.x),
-                self.sample_axis(y, size[1], u.y),
-            ),
+            _ => Vec2::new(self.sample_axis(x, size[0], u.x), self.sample_axis(y, size[1], u.y)),
         }
     }
 
@@ -72,9 +69,7 @@ impl PixelFilter {
         match self {
             Self::Box => x,
             Self::Tent { .. } => x - 0.5 * x * x.abs(),
-            Self::Gaussian { .. } => {
-                (0.5 * PI).sqrt() * erf(x * FRAC_1_SQRT_2) - x * gaussian(GAUSSIAN_REACH)
-            }
+            Self::Gaussian { .. } => (0.5 * PI).sqrt() * erf(x * FRAC_1_SQRT_2) - x * gaussian(GAUSSIAN_REACH),
         }
     }
 
@@ -156,9 +151,8 @@ mod tests {
                     assert!((0.0..=f64::from(size)).contains(&x) && x >= last);
                     last = x;
                     let bin = (x / width) as usize;
-                    let below = sums[bin]
-                        + (sums[(bin + 1).min(steps as usize)] - sums[bin])
-                            * (x / width - bin as f64);
+                    let below =
+                        sums[bin] + (sums[(bin + 1).min(steps as usize)] - sums[bin]) * (x / width - bin as f64);
                     let share = below / total;
                     assert!(
                         (share - f64::from(u)).abs() < 1e-3,

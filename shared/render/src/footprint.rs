@@ -10,7 +10,8 @@ use crate::math::{Frame, Vec3};
 pub struct Footprint {
     position: [Vec3; 2],
     direction: [Vec3; 2],
-    /// Whether the photon has been scattered, by a medium or a surface that is not specular: such light has no sharp edges.
+    /// Whether the photon has been scattered, by a medium or a surface that is not specular: such light has no sharp
+    /// edges.
     smooth: bool,
 }
 
@@ -51,11 +52,7 @@ impl Footprint {
     fn onto_surface(&self, dir: Vec3, n: Vec3) -> [Vec3; 2] {
         let cos = dir.dot(n);
         // At grazing angles the displacement is as long as one likes; a tenth keeps it bounded.
-        let cos = if cos.abs() < 0.1 {
-            0.1f32.copysign(cos)
-        } else {
-            cos
-        };
+        let cos = if cos.abs() < 0.1 { 0.1f32.copysign(cos) } else { cos };
         let [a, b] = self.position;
         let onto = |p: Vec3| p - dir * (p.dot(n) / cos);
         [onto(a), onto(b)]
@@ -102,8 +99,8 @@ impl Footprint {
         self.leaving(position, [turn(0), turn(1)], refracted)
     }
 
-    /// After scattering into `dir` with a density of `pdf` per steradian, as one of `paths` photons. `widely`: by more than a
-    /// narrow lobe.
+    /// After scattering into `dir` with a density of `pdf` per steradian, as one of `paths` photons. `widely`: by more
+    /// than a narrow lobe.
     pub fn scattered(&self, dir: Vec3, pdf: f32, paths: f32, widely: bool) -> Self {
         Self {
             smooth: self.smooth || widely,
@@ -153,10 +150,7 @@ mod tests {
                 }
                 Self::Sphere(center) => {
                     let offset = origin - center;
-                    let (b, c) = (
-                        offset.dot(dir),
-                        offset.length_squared() - center.length_squared(),
-                    );
+                    let (b, c) = (offset.dot(dir), offset.length_squared() - center.length_squared());
                     let half = (b * b - c).sqrt();
                     // The rays start less than a chord before the origin.
                     let t = if (half - b).abs() < (half + b).abs() {
@@ -178,8 +172,8 @@ mod tests {
         tangential - n * (1.0 - tangential.length_squared()).sqrt()
     }
 
-    /// Rays next to a ray, traced through a surface one by one, are as far from it as the footprint says: through planes
-    /// and spheres, into and out of glass and a bubble, at several angles; and the same off a mirror.
+    /// Rays next to a ray, traced through a surface one by one, are as far from it as the footprint says: through
+    /// planes and spheres, into and out of glass and a bubble, at several angles; and the same off a mirror.
     #[test]
     fn footprints_are_what_neighbouring_rays_do() {
         const BEFORE: f64 = 0.1;
@@ -187,19 +181,13 @@ mod tests {
         const STEP: f64 = 1e-6;
         let normal = DVec3::new(0.48, -0.6, 0.64);
         let tangent = normal.any_orthonormal_vector();
-        let surfaces = [
-            (Surface::Plane, 0.0),
-            (Surface::Sphere(normal * -0.8), 1.25),
-        ];
+        let surfaces = [(Surface::Plane, 0.0), (Surface::Sphere(normal * -0.8), 1.25)];
         for (surface, curvature) in surfaces {
             for (degrees, side) in [0.0f64, 20.0, 40.0, 70.0]
                 .into_iter()
                 .flat_map(|degrees| [(degrees, -1.0), (degrees, 1.0)])
             {
-                let (sin, cos) = (
-                    libm::sin(degrees.to_radians()),
-                    libm::cos(degrees.to_radians()),
-                );
+                let (sin, cos) = (libm::sin(degrees.to_radians()), libm::cos(degrees.to_radians()));
                 let dir = tangent * sin + normal * (side * cos);
                 for (outside, inside) in [(1.0, 1.5), (1.5, 1.0), (1.0, 1.0)] {
                     let (from, to) = if side < 0.0 {

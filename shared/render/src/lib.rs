@@ -1,5 +1,6 @@
-//! The renderer: a scene's description becomes a [`Scene`](world::Scene) ready for rays and a [`RenderPlan`](plan::RenderPlan),
-//! and [`render_pass`](pass::render_pass) makes a film of one pass. It knows no file formats.
+//! The renderer: a scene's description becomes a [`Scene`](world::Scene) ready for rays and a
+//! [`RenderPlan`](plan::RenderPlan), and [`render_pass`](pass::render_pass) makes a film of one pass. It knows no file
+//! formats.
 //!
 //! | question                                   | module                                          |
 //! | ------------------------------------------ | ----------------------------------------------- |

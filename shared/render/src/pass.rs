@@ -53,15 +53,11 @@ pub fn render_pass(scene: &Scene, plan: &RenderPlan, pass_index: u64) -> PassIma
                 smooth: BeamMap::new(photons.smooth_beams, StepFunctions::default()),
             })
         },
-        || {
-            plan.surface_photons
-                .then(|| SurfacePhotonMap::new(photons.surface))
-        },
+        || plan.surface_photons.then(|| SurfacePhotonMap::new(photons.surface)),
     );
     stats.beam_bytes = beams
         .as_ref()
-        .map_or(0, |beams| beams.sharp.bytes() + beams.smooth.bytes())
-        as u64;
+        .map_or(0, |beams| beams.sharp.bytes() + beams.smooth.bytes()) as u64;
     let photon_pass = PhotonPass {
         scene,
         plan,
@@ -102,9 +98,7 @@ struct PhotonPass<'a> {
 
 impl<'a> PhotonPass<'a> {
     fn camera_pass<V: Sight>(&self, sight: V) -> CameraPass<'a, V> {
-        let Self {
-            plan, pass_index, ..
-        } = *self;
+        let Self { plan, pass_index, .. } = *self;
         CameraPass {
             tracer: CameraTracer {
                 scene: self.scene,
@@ -118,9 +112,7 @@ impl<'a> PhotonPass<'a> {
             beams: self.beams,
             pass_index,
             vectors: Vectors::widest(),
-            chord_key: mix64(
-                mix64(plan.settings.seed) ^ mix64(pass_index) ^ Purpose::Chords as u64,
-            ),
+            chord_key: mix64(mix64(plan.settings.seed) ^ mix64(pass_index) ^ Purpose::Chords as u64),
         }
     }
 }
@@ -234,30 +226,19 @@ impl<V: Sight> CameraPass<'_, V> {
 
     /// Photon targets along a camera ray, up to what it meets.
     fn targets_along(&self, ray: &Ray) -> u32 {
-        let CameraTracer {
-            scene, plan, sight, ..
-        } = &self.tracer;
+        let CameraTracer { scene, plan, sight, .. } = &self.tracer;
         let Some(targets) = &plan.targets else {
             return 0;
         };
         let hidden = sight.from(Start::Camera);
-        let is_passed =
-            |object: u32| scene.passable[object as usize] || sight.hides(hidden, object);
+        let is_passed = |object: u32| scene.passable[object as usize] || sight.hides(hidden, object);
         let objects = scene.objects();
-        let hit = scene
-            .geometry
-            .intersect(objects, ray, f32::INFINITY, is_passed);
+        let hit = scene.geometry.intersect(objects, ray, f32::INFINITY, is_passed);
         targets.count(ray, hit.map_or(f32::INFINITY, |hit| hit.t))
     }
 
     /// `tile`: where it is, a number of its own.
-    fn gather_beams(
-        &self,
-        beams: &Beams,
-        tile: u64,
-        scratch: &mut Scratch,
-        radiance: &mut [Rgb; TILE_PIXELS],
-    ) -> u64 {
+    fn gather_beams(&self, beams: &Beams, tile: u64, scratch: &mut Scratch, radiance: &mut [Rgb; TILE_PIXELS]) -> u64 {
         let Scratch { camera, parts } = scratch;
         let CameraSegments { segments, steps } = camera;
         let seed = self.tracer.plan.settings.seed;

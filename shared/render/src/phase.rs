@@ -24,8 +24,8 @@ pub enum Phase {
     },
 }
 
-/// Constants of one phase function, for loops that evaluate it often. Isotropic scattering is `g = 0`, with the same bits
-/// for every direction, so one formula serves both.
+/// Constants of one phase function, for loops that evaluate it often. Isotropic scattering is `g = 0`, with the same
+/// bits for every direction, so one formula serves both.
 ///
 /// Henyey & Greenstein 1941: `(1 - g^2) / (4 pi x^(3/2))` with `x = 1 + g^2 - 2 g cos`. Here `x` is written as
 /// `(1 - |g|)^2 + 2 |g| (1 - s cos)`, `s` the sign of `g`: a sum of two terms that are never negative, so that nothing
@@ -55,11 +55,11 @@ impl PhaseLobe {
         }
     }
 
-    /// Value (1/sr) at the cosine between the old and the new direction of travel. A cosine that rounding has pushed out of
-    /// [-1, 1] counts as its nearest value.
+    /// Value (1/sr) at the cosine between the old and the new direction of travel. A cosine that rounding has pushed
+    /// out of [-1, 1] counts as its nearest value.
     ///
-    /// A dot product of unit vectors in single precision is off by 1e-7, which is 10 % of `x` at the peak of `|g| = 0.999`:
-    /// where that matters, use [`PhaseLobe::eval_directions`].
+    /// A dot product of unit vectors in single precision is off by 1e-7, which is 10 % of `x` at the peak of `|g| =
+    /// 0.999`: where that matters, use [`PhaseLobe::eval_directions`].
     #[inline]
     pub fn eval(&self, cos_theta: f32) -> f32 {
         let x = self.peak + self.slope * (1.0 - self.sign * cos_theta).max(0.0);
@@ -97,10 +97,7 @@ impl Phase {
             Self::HenyeyGreenstein { g } => (0.0, [g, 0.0]),
             Self::Blend { weight, g } => (weight, g),
         };
-        [
-            PhaseLobe::new(first, 1.0 - weight),
-            PhaseLobe::new(second, weight),
-        ]
+        [PhaseLobe::new(first, 1.0 - weight), PhaseLobe::new(second, weight)]
     }
 
     /// Value in 1/sr; see [`PhaseLobe::eval`].
@@ -141,8 +138,8 @@ impl Phase {
         self.eval(cos_theta)
     }
 
-    /// Draw a new direction of travel for a photon or a camera path that travels along the unit vector `dir`. The weight of
-    /// the sample is 1.
+    /// Draw a new direction of travel for a photon or a camera path that travels along the unit vector `dir`. The
+    /// weight of the sample is 1.
     #[inline]
     pub fn sample(&self, dir: Vec3, u: Vec2) -> Vec3 {
         let (g, u) = match *self {
@@ -153,8 +150,8 @@ impl Phase {
             Self::Blend { weight, g } => (g[0], u.with_x((u.x - weight) / (1.0 - weight))),
         };
         let a = g.abs();
-        // The inverted cumulative distribution, solved for v = 1 - s cos, where nothing cancels and g = 0 needs no case:
-        // v = 2 (1 - a)^2 u (1 + a - a u) / (1 + a - 2 a u)^2.
+        // The inverted cumulative distribution, solved for v = 1 - s cos, where nothing cancels and g = 0 needs no
+        // case: v = 2 (1 - a)^2 u (1 + a - a u) / (1 + a - 2 a u)^2.
         let d = (1.0 - a) + 2.0 * a * (1.0 - u.x);
         let ratio = (1.0 - a) / d;
         let v = 2.0 * ratio * ratio * u.x * (1.0 + a * (1.0 - u.x));
@@ -162,11 +159,7 @@ impl Phase {
         let (sin_phi, cos_phi) = sin_cos(2.0 * PI * u.y);
         let cos_theta = if g < 0.0 { v - 1.0 } else { 1.0 - v };
         Frame::from_normal(dir)
-            .to_world(Vec3::new(
-                sin_theta * cos_phi,
-                sin_theta * sin_phi,
-                cos_theta,
-            ))
+            .to_world(Vec3::new(sin_theta * cos_phi, sin_theta * sin_phi, cos_theta))
             // Long paths would drift off the unit sphere.
             .normalize()
     }
@@ -202,11 +195,7 @@ mod tests {
             let old = Vec3::new(0.48, 0.6, 0.64);
             let frame = Frame::from_normal(old);
             for theta in [0.0, 1e-5, 3e-4, 1e-3, 1e-2, 0.1, 0.5, 1.5, 2.5, 3.0, 3.1] {
-                let new = frame.to_world(Vec3::new(
-                    libm::sin(theta) as f32,
-                    0.0,
-                    libm::cos(theta) as f32,
-                ));
+                let new = frame.to_world(Vec3::new(libm::sin(theta) as f32, 0.0, libm::cos(theta) as f32));
                 let expected = reference(f64::from(g), theta);
                 let value = f64::from(lobe.eval_directions(old, new));
                 assert!(

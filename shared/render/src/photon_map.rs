@@ -148,8 +148,8 @@ impl SurfacePhotonMap {
     }
 
     /// Calls `visit(photon, kernel)` for every photon whose kernel covers the surface point; `kernel` is the 2D
-    /// Epanechnikov kernel in the photon's tangent plane, 1/area, times the cosine between the normals: over a bent surface it
-    /// integrates to what the kernel's disc does over the surface's projection.
+    /// Epanechnikov kernel in the photon's tangent plane, 1/area, times the cosine between the normals: over a bent
+    /// surface it integrates to what the kernel's disc does over the surface's projection.
     pub fn gather(&self, point: Vec3, ng: Vec3, mut visit: impl FnMut(&SurfacePhoton, f32)) {
         self.tree.around_point(point, |leaf| {
             let four = &self.fours[leaf as usize];
@@ -196,8 +196,8 @@ impl Four {
         self.off_plane[i] = MAX_PLANE_DISTANCE * photon.radius;
     }
 
-    /// Squares of the distances to a point along the photons' tangent planes, cosines between the normals, and which of their
-    /// kernels cover it.
+    /// Squares of the distances to a point along the photons' tangent planes, cosines between the normals, and which of
+    /// their kernels cover it.
     #[inline(always)]
     fn covering(&self, point: Vec3, ng: Vec3) -> (Vec4, Vec4, u32) {
         let [px, py, pz] = self.point;

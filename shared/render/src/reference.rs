@@ -1,16 +1,17 @@
 //! Ground truth: a volumetric path tracer without bias, over the scene that the beams render.
 //!
 //! Paths start at the camera. Distances in media are sampled (delta tracking where the density varies, Woodcock et al.
-//! 1965), so the transmittance along the path is never evaluated; at every vertex that is not specular a light is sampled
-//! as well, with an unbiased estimate of the transmittance towards it, and both ways of finding light are balanced by
-//! their densities of direction at the vertex (Veach 1997, section 9.2). The weights sum to one for every path, whatever
-//! lies between the vertex and the light, so boundaries of media, cut-outs and the randomness of distances do not matter.
-//! In colour, a distance is drawn for one channel in proportion to the throughput and weighted by the density of all of
-//! them, which bounds the throughput's sum.
+//! 1965), so the transmittance along the path is never evaluated; at every vertex that is not specular a light is
+//! sampled as well, with an unbiased estimate of the transmittance towards it, and both ways of finding light are
+//! balanced by their densities of direction at the vertex (Veach 1997, section 9.2). The weights sum to one for every
+//! path, whatever lies between the vertex and the light, so boundaries of media, cut-outs and the randomness of
+//! distances do not matter. In colour, a distance is drawn for one channel in proportion to the throughput and weighted
+//! by the density of all of them, which bounds the throughput's sum.
 //!
 //! With the beams it shares the scene (geometry, materials, lights, media), but no estimator: no photons, no kernels.
 //!
-//! Of object visibility rules it obeys all but those of photons, of which it knows nothing: see [`Rules::touches_photons`].
+//! Of object visibility rules it obeys all but those of photons, of which it knows nothing: see
+//! [`Rules::touches_photons`].
 //!
 //! Beside the beauty it gives, when asked, the layers that passes have of radiance: see [`SampleLayers`].
 //!
@@ -49,9 +50,9 @@ pub struct SampleImage {
     pub layers: Vec<Film>,
 }
 
-/// Layers of samples: those of passes that hold radiance. Light that the camera meets by way of specular surfaces and narrow
-/// lobes alone, or that comes straight from a light to the first surface that is neither, is [`Layer::Direct`]; where a medium comes
-/// before any such surface, [`Layer::Volume`]; all else [`Layer::Surface`].
+/// Layers of samples: those of passes that hold radiance. Light that the camera meets by way of specular surfaces and
+/// narrow lobes alone, or that comes straight from a light to the first surface that is neither, is [`Layer::Direct`];
+/// where a medium comes before any such surface, [`Layer::Volume`]; all else [`Layer::Surface`].
 #[derive(Clone, Debug, Default)]
 pub struct SampleLayers(LayerPlan);
 
@@ -85,8 +86,8 @@ impl SampleLayers {
     }
 }
 
-/// One sample of every pixel, on the current rayon pool: radiance, with the scene's pixel filter and lens. A pure function
-/// of the scene, the settings and the sample's index; the bits do not depend on the pool.
+/// One sample of every pixel, on the current rayon pool: radiance, with the scene's pixel filter and lens. A pure
+/// function of the scene, the settings and the sample's index; the bits do not depend on the pool.
 ///
 /// `goes_on` is asked before every row of pixels; when it says no, there is no sample.
 pub fn render_sample(
@@ -148,17 +149,14 @@ pub fn render_sample_with_layers(
             film.pixels[y * width..][..width].copy_from_slice(&pixels);
         }
     }
-    Some(SampleImage {
-        film,
-        layers: films,
-    })
+    Some(SampleImage { film, layers: films })
 }
 
 /// What a light's share of the choices is at least, of what it would be if all had the same.
 const MIN_SHARE: f32 = 0.1;
 
-/// Where some lights have a power beside which that of others is nothing, as the sky has, or a lamp that shines elsewhere:
-/// half of the choices by power, half of them alike, so that what is near is found as well.
+/// Where some lights have a power beside which that of others is nothing, as the sky has, or a lamp that shines
+/// elsewhere: half of the choices by power, half of them alike, so that what is near is found as well.
 fn even_selector(scene: &Scene) -> Option<LightSelector> {
     let shares = (0..scene.lights().len()).map(|light| scene.selector.pmf(light));
     let shares: Vec<f32> = shares.collect();
@@ -267,8 +265,7 @@ impl PathTracer<'_> {
     }
 
     fn hides(&self, hidden: HiddenSet, object: u32) -> bool {
-        self.rules()
-            .is_some_and(|rules| rules.hides(hidden, object))
+        self.rules().is_some_and(|rules| rules.hides(hidden, object))
     }
 
     /// Whether gloss that does not see these does not show a light.
@@ -285,8 +282,7 @@ impl PathTracer<'_> {
     }
 
     fn hides_light(&self, hidden: HiddenSet, light: usize) -> bool {
-        self.rules()
-            .is_some_and(|rules| rules.hides_light(hidden, light))
+        self.rules().is_some_and(|rules| rules.hides_light(hidden, light))
     }
 
     fn radiance(&self, ray: Ray, record: Recorder, sampler: &mut Sampler) -> Rgb {
@@ -294,9 +290,7 @@ impl PathTracer<'_> {
         let mut path = Path {
             ray,
             medium: scene.camera_medium,
-            hidden: self
-                .rules()
-                .map_or(HiddenSet::default(), |rules| rules.camera),
+            hidden: self.rules().map_or(HiddenSet::default(), |rules| rules.camera),
             is_seen: true,
             part: Part::Direct,
             beta: Rgb::ONE,
@@ -318,8 +312,7 @@ impl PathTracer<'_> {
                         Flight::Passed { weight } => path.beta *= weight,
                         Flight::Scattered { distance, weight } => {
                             path.beta *= weight;
-                            if !self.scatter_in_medium(&mut path, distance, medium.phase(), sampler)
-                            {
+                            if !self.scatter_in_medium(&mut path, distance, medium.phase(), sampler) {
                                 break;
                             }
                             continue;
@@ -381,10 +374,7 @@ impl PathTracer<'_> {
         let Some(vertex) = &path.drawn_at else {
             return 1.0;
         };
-        if vertex.is_ruled
-            || vertex.is_seen && self.links_shadows(light)
-            || self.hides_light(vertex.unlit, light)
-        {
+        if vertex.is_ruled || vertex.is_seen && self.links_shadows(light) || self.hides_light(vertex.unlit, light) {
             return 0.0;
         }
         let scene = self.scene;
@@ -394,13 +384,7 @@ impl PathTracer<'_> {
     }
 
     /// Scatter in a medium. False: the path ends here.
-    fn scatter_in_medium(
-        &self,
-        path: &mut Path,
-        distance: f32,
-        phase: Phase,
-        sampler: &mut Sampler,
-    ) -> bool {
+    fn scatter_in_medium(&self, path: &mut Path, distance: f32, phase: Phase, sampler: &mut Sampler) -> bool {
         if path.depth >= self.max_depth || path.beta.max_element() <= 0.0 {
             return false;
         }
@@ -429,12 +413,7 @@ impl PathTracer<'_> {
     }
 
     /// Scatter at a surface. False: the path ends here.
-    fn scatter_at_surface(
-        &self,
-        path: &mut Path,
-        hit: &mut SurfaceHit,
-        sampler: &mut Sampler,
-    ) -> bool {
+    fn scatter_at_surface(&self, path: &mut Path, hit: &mut SurfaceHit, sampler: &mut Sampler) -> bool {
         let scene = self.scene;
         if path.depth >= self.max_depth {
             return false;
@@ -553,8 +532,7 @@ impl PathTracer<'_> {
         }
         let own = self.rules().filter(|_| rules.is_some());
         let own = own.map_or(HiddenSet::default(), |r| r.shadow_of_light[choice.light]);
-        let is_ruled =
-            own != HiddenSet::default() || rules.is_some_and(VertexRules::decides_direct_light);
+        let is_ruled = own != HiddenSet::default() || rules.is_some_and(VertexRules::decides_direct_light);
         let weight = if direct.delta || is_ruled {
             1.0
         } else {
@@ -563,10 +541,7 @@ impl PathTracer<'_> {
         let mut hidden = hidden;
         let ((ray, distance), medium) = match vertex {
             Vertex::Surface {
-                hit,
-                frame,
-                local_wo,
-                ..
+                hit, frame, local_wo, ..
             } => {
                 let crosses = hit.ng.dot(direct.wi) * hit.ng.dot(frame.to_world(*local_wo)) < 0.0;
                 if let Some(rules) = rules {

@@ -1,7 +1,9 @@
-//! Object visibility rules: which objects a ray passes through as if they were not there, and which lights it does not see.
+//! Object visibility rules: which objects a ray passes through as if they were not there, and which lights it does not
+//! see.
 //!
 //! A rule speaks of the rays of one type that start at one thing. The straight piece of a light path between two
-//! scatterings is one ray, whichever end it is found from, through boundaries of media and whatever is passed by chance:
+//! scatterings is one ray, whichever end it is found from, through boundaries of media and whatever is passed by
+//! chance:
 //!
 //! | piece of a light path, in the notation of `transport`           | type                      | starts at           |
 //! | --------------------------------------------------------------- | ------------------------- | ------------------- |
@@ -10,23 +12,23 @@
 //! | L x, x being the first other surface from E                     | shadow                    | x                   |
 //! | all others: what photons bring                                  | photon                    | where light comes from |
 //!
-//! S is specular, or a lobe of low roughness that camera paths follow. What lies between a light and a rough S is seen in it, or not, by
-//! its reflected and refracted rules; but a light that its shadow rules exclude does not light it.
+//! S is specular, or a lobe of low roughness that camera paths follow. What lies between a light and a rough S is seen
+//! in it, or not, by its reflected and refracted rules; but a light that its shadow rules exclude does not light it.
 //!
-//! A shadow rule that names a light among what rays start at speaks of the shadow rays to that light, wherever they start.
-//! Such light is sampled only: a ray that may meet several lights cannot obey the rules of each.
+//! A shadow rule that names a light among what rays start at speaks of the shadow rays to that light, wherever they
+//! start. Such light is sampled only: a ray that may meet several lights cannot obey the rules of each.
 //!
 //! So direct light is found by shadow rules alone, and what photons bring by photon rules alone: gather rays, too, obey
-//! the photon rules of the surfaces that they find. A gather ray knows those only when it is there. So it passes what the
-//! photons of most surfaces pass (`gather`), and finds the light of surfaces whose photons pass just that; the light of all
-//! others is left to photons. Weights still sum to one.
+//! the photon rules of the surfaces that they find. A gather ray knows those only when it is there. So it passes what
+//! the photons of most surfaces pass (`gather`), and finds the light of surfaces whose photons pass just that; the
+//! light of all others is left to photons. Weights still sum to one.
 //!
 //! Gloss (rough metal, rough glass, and the specular lobe of rough coats and principled surfaces) with reflected or
 //! refracted rules of its own finds the light of other surfaces by gather rays alone, which then obey those rules. The
 //! diffuse lobe beneath it is looked at apart.
 //!
-//! What photons start in a medium belongs to the object that the medium fills, or to the world. An object that is passed
-//! through changes no medium.
+//! What photons start in a medium belongs to the object that the medium fills, or to the world. An object that is
+//! passed through changes no medium.
 
 /// Types of rays.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]

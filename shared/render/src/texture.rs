@@ -87,8 +87,8 @@ impl Texture {
 }
 
 impl Texture {
-    /// Derivatives of the luminance by u and v. Zero where steps are all there is: in checkerboards, and in images that are
-    /// not interpolated.
+    /// Derivatives of the luminance by u and v. Zero where steps are all there is: in checkerboards, and in images that
+    /// are not interpolated.
     pub fn gradient(&self, uv: Vec2) -> Vec2 {
         match self {
             Self::Image {
@@ -115,8 +115,8 @@ fn transform(map: &Affine2, uv: Vec2) -> Vec2 {
 }
 
 impl Image {
-    /// The value at `uv`, pixel centres at (i + 1/2) / width, v upwards. Far from the unit square it has the precision that
-    /// single precision leaves.
+    /// The value at `uv`, pixel centres at (i + 1/2) / width, v upwards. Far from the unit square it has the precision
+    /// that single precision leaves.
     #[inline]
     pub fn eval(&self, uv: Vec2, filter: TextureFilter, wrap: Wrap) -> Rgb {
         // Rows count from the top, v from the bottom.
@@ -127,10 +127,9 @@ impl Image {
         };
         let repeats = wrap == Wrap::Repeat;
         match filter {
-            TextureFilter::Bilinear => self.bilinear(
-                neighbours(x, self.width, repeats),
-                neighbours(y, self.height, repeats),
-            ),
+            TextureFilter::Bilinear => {
+                self.bilinear(neighbours(x, self.width, repeats), neighbours(y, self.height, repeats))
+            }
             TextureFilter::Nearest => {
                 let nearest = |t: f32, n: u32| ((t * n as f32) as usize).min(n as usize - 1);
                 self.pixels[nearest(y, self.height) * self.width as usize + nearest(x, self.width)]
@@ -240,10 +239,7 @@ mod tests {
                 let uv = Vec2::new((x as f32 + 0.5) / 3.0, 1.0 - (y as f32 + 0.5) / 2.0);
                 for shift in [Vec2::ZERO, Vec2::new(-2.0, 5.0), Vec2::new(7.0, -1.0)] {
                     let value = bilinear(&image, uv.x + shift.x, uv.y + shift.y);
-                    assert!(
-                        (value - (3 * y + x) as f32).abs() < 1e-5,
-                        "{x} {y}: {value}"
-                    );
+                    assert!((value - (3 * y + x) as f32).abs() < 1e-5, "{x} {y}: {value}");
                 }
             }
         }
@@ -266,11 +262,7 @@ mod tests {
         for wrap in [Wrap::Repeat, Wrap::Mirror, Wrap::Clamp] {
             for image_from_uv in [
                 Affine2::IDENTITY,
-                Affine2::from_scale_angle_translation(
-                    Vec2::new(1.5, -0.75),
-                    0.6,
-                    Vec2::new(0.2, 0.1),
-                ),
+                Affine2::from_scale_angle_translation(Vec2::new(1.5, -0.75), 0.6, Vec2::new(0.2, 0.1)),
             ] {
                 let texture = Texture::Image {
                     image: Arc::new(coarse.clone()),
@@ -359,8 +351,8 @@ mod tests {
         (0.33, 0.45),
     ];
 
-    /// Mitsuba 3.9.1's `bitmap` at [`POINTS`]: `raw`, and the pixels of [`image`] over 8 with the lower row first, since its v
-    /// runs down the rows.
+    /// Mitsuba 3.9.1's `bitmap` at [`POINTS`]: `raw`, and the pixels of [`image`] over 8 with the lower row first,
+    /// since its v runs down the rows.
     #[rustfmt::skip]
     const MITSUBA: [(TextureFilter, Wrap, [f32; 10]); 6] = [
         (TextureFilter::Bilinear, Wrap::Repeat,
@@ -414,10 +406,7 @@ mod tests {
                 );
             }
         }
-        for (map, values) in [Affine2::IDENTITY, turned()]
-            .into_iter()
-            .zip(MITSUBA_SQUARES)
-        {
+        for (map, values) in [Affine2::IDENTITY, turned()].into_iter().zip(MITSUBA_SQUARES) {
             let texture = Texture::Checkerboard {
                 colors: [Rgb::splat(0.25), Rgb::splat(0.75)],
                 squares_from_uv: map,

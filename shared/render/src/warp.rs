@@ -71,11 +71,7 @@ pub fn uniform_cone(u: Vec2, cos_max: f32) -> Vec3 {
     let one_minus_cos = u.x * (1.0 - cos_max);
     let sin_theta = (one_minus_cos * (2.0 - one_minus_cos)).max(0.0).sqrt();
     let (sin_phi, cos_phi) = sin_cos(2.0 * PI * u.y);
-    Vec3::new(
-        sin_theta * cos_phi,
-        sin_theta * sin_phi,
-        1.0 - one_minus_cos,
-    )
+    Vec3::new(sin_theta * cos_phi, sin_theta * sin_phi, 1.0 - one_minus_cos)
 }
 
 /// Density of [`uniform_cone`] per solid angle, inside the cone. Infinite where `cos_max` is 1.
@@ -141,10 +137,7 @@ mod tests {
         for u in grid() {
             assert!(concentric_disk(u).length() <= 1.0 + 1e-6);
             let b = uniform_triangle(u);
-            assert!(
-                b.x >= 0.0 && b.y >= 0.0 && 1.0 - b.x - b.y >= 0.0,
-                "{u} -> {b}"
-            );
+            assert!(b.x >= 0.0 && b.y >= 0.0 && 1.0 - b.x - b.y >= 0.0, "{u} -> {b}");
         }
     }
 }

@@ -1,7 +1,7 @@
 //! Trees of four boxes a node, for rays and points.
 //!
-//! obvhs builds the binary trees that they are made from. Four boxes are what one vector instruction of any machine compares
-//! at once.
+//! obvhs builds the binary trees that they are made from. Four boxes are what one vector instruction of any machine
+//! compares at once.
 
 use crate::math::Vec3;
 use glam::{Vec3A, Vec4};
@@ -51,21 +51,9 @@ impl BoxRay {
         let inverse = Vec4::select(none, least.copysign(dir), dir).recip();
         let near = inverse.is_negative_bitmask();
         Self {
-            origin: [
-                Vec4::splat(origin.x),
-                Vec4::splat(origin.y),
-                Vec4::splat(origin.z),
-            ],
-            inverse: [
-                Vec4::splat(inverse.x),
-                Vec4::splat(inverse.y),
-                Vec4::splat(inverse.z),
-            ],
-            near: [
-                near as usize & 1,
-                near as usize >> 1 & 1,
-                near as usize >> 2 & 1,
-            ],
+            origin: [Vec4::splat(origin.x), Vec4::splat(origin.y), Vec4::splat(origin.z)],
+            inverse: [Vec4::splat(inverse.x), Vec4::splat(inverse.y), Vec4::splat(inverse.z)],
+            near: [near as usize & 1, near as usize >> 1 & 1, near as usize >> 2 & 1],
         }
     }
 
@@ -75,14 +63,11 @@ impl BoxRay {
         // Ize 2013, Robust BVH ray traversal: so much farther that rounding loses no box.
         const FARTHER: f32 = 1.0 + 4.0 * f32::EPSILON;
         let [x, y, z] = &node.bounds;
-        let side = |bounds: &[Vec4; 2], axis: usize, side: usize| {
-            (bounds[side & 1] - self.origin[axis]) * self.inverse[axis]
-        };
+        let side =
+            |bounds: &[Vec4; 2], axis: usize, side: usize| (bounds[side & 1] - self.origin[axis]) * self.inverse[axis];
         let [nx, ny, nz] = self.near;
         let near = side(x, 0, nx).max(side(y, 1, ny)).max(side(z, 2, nz));
-        let far = side(x, 0, nx ^ 1)
-            .min(side(y, 1, ny ^ 1))
-            .min(side(z, 2, nz ^ 1));
+        let far = side(x, 0, nx ^ 1).min(side(y, 1, ny ^ 1)).min(side(z, 2, nz ^ 1));
         let near = near.max(Vec4::ZERO);
         let far = (far * FARTHER).min(Vec4::splat(t_max));
         (near, near.cmple(far).bitmask())
@@ -93,7 +78,8 @@ impl BoxRay {
 type Waiting = (f32, u32);
 
 impl WideTree {
-    /// Make the tree from a binary one. `is_leaf`: by node of that one. `leaf`: the number of the leaf that a node becomes.
+    /// Make the tree from a binary one. `is_leaf`: by node of that one. `leaf`: the number of the leaf that a node
+    /// becomes.
     pub fn new(binary: &Bvh2, is_leaf: &[bool], leaf: impl FnMut(usize) -> u32) -> Self {
         let mut tree = Self::default();
         if !binary.nodes.is_empty() {
@@ -109,16 +95,10 @@ impl WideTree {
         tree
     }
 
-    /// Calls `visit(leaf, t_max)` for the leaves whose boxes a ray meets before `t_max`, the nearer the sooner as far as boxes
-    /// tell, until there are none or that is less than zero. It returns the new `t_max`.
+    /// Calls `visit(leaf, t_max)` for the leaves whose boxes a ray meets before `t_max`, the nearer the sooner as far
+    /// as boxes tell, until there are none or that is less than zero. It returns the new `t_max`.
     #[inline(always)]
-    pub fn along_ray(
-        &self,
-        origin: Vec3,
-        dir: Vec3,
-        t_max: f32,
-        visit: impl FnMut(u32, f32) -> f32,
-    ) {
+    pub fn along_ray(&self, origin: Vec3, dir: Vec3, t_max: f32, visit: impl FnMut(u32, f32) -> f32) {
         match self.stack {
             0 => {}
             1..=16 => self.along_ray_with(&mut [(0.0, 0); 16], origin, dir, t_max, visit),
@@ -189,11 +169,7 @@ impl WideTree {
     }
 
     fn around_point_with(&self, stack: &mut [u32], point: Vec3, mut visit: impl FnMut(u32)) {
-        let [x, y, z] = [
-            Vec4::splat(point.x),
-            Vec4::splat(point.y),
-            Vec4::splat(point.z),
-        ];
+        let [x, y, z] = [Vec4::splat(point.x), Vec4::splat(point.y), Vec4::splat(point.z)];
         let mut waiting = 1;
         stack[0] = 0;
         while waiting > 0 {
@@ -228,8 +204,8 @@ struct Builder<'a, L> {
 }
 
 impl<L: FnMut(usize) -> u32> Builder<'_, L> {
-    /// Add a node whose boxes are those of nodes of the binary tree, or of their descendants while there is room. Returns the
-    /// number of levels from here.
+    /// Add a node whose boxes are those of nodes of the binary tree, or of their descendants while there is room.
+    /// Returns the number of levels from here.
     fn node(&mut self, mut children: Vec<usize>) -> usize {
         let nodes = &self.binary.nodes;
         while children.len() < 4 {

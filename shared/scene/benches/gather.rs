@@ -137,9 +137,7 @@ fn gathering(criterion: &mut Criterion) {
             sigma_s: SIGMA,
             phase,
         });
-        let varying = |density: &Arc<Bricks>| {
-            Medium::Heterogeneous(heterogeneous(density, phase, Estimator::DEFAULT))
-        };
+        let varying = |density: &Arc<Bricks>| Medium::Heterogeneous(heterogeneous(density, phase, Estimator::DEFAULT));
         let media = [
             ("homogeneous", homogeneous),
             ("constant density", varying(&constant)),
@@ -171,9 +169,9 @@ fn gathering(criterion: &mut Criterion) {
     group.finish();
 }
 
-/// The most that the arithmetic allows: one block of rays that nearly coincide, which every beam crosses, so that no lane is
-/// idle, nothing is rejected and everything stays in the nearest cache. Per pair; the group above, over this one, is how much of
-/// the peak gathering reaches. By kind of vectors.
+/// The most that the arithmetic allows: one block of rays that nearly coincide, which every beam crosses, so that no
+/// lane is idle, nothing is rejected and everything stays in the nearest cache. Per pair; the group above, over this
+/// one, is how much of the peak gathering reaches. By kind of vectors.
 fn peak(criterion: &mut Criterion) {
     const BEAMS: usize = 256;
     const BLOCK: usize = 16;

@@ -23,8 +23,8 @@ use std::time::Duration;
 const SIDE: usize = 8;
 const RAYS: usize = 4096;
 
-/// Spheres, cubes and cut-up meshes in a room, one glass, lit by a lamp and a spot. With rules: each object hides others,
-/// which are far away and small, from each type of ray.
+/// Spheres, cubes and cut-up meshes in a room, one glass, lit by a lamp and a spot. With rules: each object hides
+/// others, which are far away and small, from each type of ray.
 fn scene(ruled: bool) -> Scene {
     let mut text = String::from(
         "[image]\nwidth = 160\nheight = 120\n[camera]\norigin = [0, 0, 9]\ntarget = [0, 0, 0]\nfov = 50\n\
@@ -93,12 +93,7 @@ fn rays() -> Vec<Ray> {
 }
 
 /// Sum of the distances of all hits of rays that start at some object, and the number of rays that are stopped.
-fn trace(
-    description: &SceneDescription,
-    geometry: &Geometry,
-    rays: &[Ray],
-    sight: impl Sight,
-) -> (f32, usize) {
+fn trace(description: &SceneDescription, geometry: &Geometry, rays: &[Ray], sight: impl Sight) -> (f32, usize) {
     let objects = &description.objects;
     let (mut sum, mut stopped) = (0.0, 0);
     for (i, ray) in rays.iter().enumerate() {
@@ -120,44 +115,22 @@ fn benches(criterion: &mut Criterion) {
     let geometry = Geometry::new(&plain.description().objects);
     let rules = ruled.description().rules.as_ref().expect("rules");
     let found = trace(plain.description(), &geometry, &rays, Unruled);
-    assert_eq!(
-        found,
-        trace(ruled.description(), &geometry, &rays, Ruled(rules))
-    );
+    assert_eq!(found, trace(ruled.description(), &geometry, &rays, Ruled(rules)));
 
     let mut group = criterion.benchmark_group("rays");
     group.throughput(Throughput::Elements(2 * RAYS as u64));
     group.measurement_time(Duration::from_secs(4));
     group.bench_function("without rules", |b| {
-        b.iter(|| {
-            black_box(trace(
-                plain.description(),
-                &geometry,
-                black_box(&rays),
-                Unruled,
-            ))
-        });
+        b.iter(|| black_box(trace(plain.description(), &geometry, black_box(&rays), Unruled)));
     });
     group.bench_function("with rules on every object", |b| {
-        b.iter(|| {
-            black_box(trace(
-                ruled.description(),
-                &geometry,
-                black_box(&rays),
-                Ruled(rules),
-            ))
-        });
+        b.iter(|| black_box(trace(ruled.description(), &geometry, black_box(&rays), Ruled(rules))));
     });
     group.finish();
 
     let mut group = criterion.benchmark_group("pass");
-    group
-        .measurement_time(Duration::from_secs(6))
-        .sample_size(20);
-    for (name, scene) in [
-        ("without rules", &plain),
-        ("with rules on every object", &ruled),
-    ] {
+    group.measurement_time(Duration::from_secs(6)).sample_size(20);
+    for (name, scene) in [("without rules", &plain), ("with rules on every object", &ruled)] {
         let plan = RenderPlan::new(scene, scene.description().defaults.job_settings());
         group.bench_function(name, |b| b.iter(|| black_box(render_pass(scene, &plan, 0))));
     }

@@ -1,9 +1,10 @@
 //! What radii for a known number of passes gain over those that shrink from pass to pass:
 //! `cargo run --release -p beamfarm-scene --example budget -- SCENE.toml REFERENCE.exr PASSES [SEEDS]`
 //!
-//! The image is rendered in the size of the reference, by both, and by constant scales a quarter and a half of an octave or
-//! more from the one that the pilot chooses. Printed are relMSE, mean over the seeds, and its ratio to that of radii that shrink; and
-//! the seconds of the pilot and of the passes. All but the times is the same on every machine.
+//! The image is rendered in the size of the reference, by both, and by constant scales a quarter and a half of an
+//! octave or more from the one that the pilot chooses. Printed are relMSE, mean over the seeds, and its ratio to that
+//! of radii that shrink; and the seconds of the pilot and of the passes. All but the times is the same on every
+//! machine.
 
 use beamfarm_image::exr::read_rgb;
 use beamfarm_image::job::{Budget, JobSettings};
@@ -21,10 +22,7 @@ const FACTORS: [f64; 4] = [0.35, 0.6, 1.0, 1.67];
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut args = std::env::args().skip(1);
-    let mut next = || {
-        args.next()
-            .ok_or("expected a scene, a reference and passes")
-    };
+    let mut next = || args.next().ok_or("expected a scene, a reference and passes");
     let path = next()?;
     let reference = read_rgb(next()?.as_ref())?;
     let passes: u64 = next()?.parse()?;

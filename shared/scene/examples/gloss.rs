@@ -1,11 +1,11 @@
-//! What gather rays beside one another, and surface photons seen on gloss, gain over one gather ray drawn by the BSDF, as a
-//! Markdown table: `cargo run --release -p beamfarm-scene --example gloss -- SCENE.toml [PASSES [FIRST]]`, of a
+//! What gather rays beside one another, and surface photons seen on gloss, gain over one gather ray drawn by the BSDF,
+//! as a Markdown table: `cargo run --release -p beamfarm-scene --example gloss -- SCENE.toml [PASSES [FIRST]]`, of a
 //! scene with neither specular surfaces nor scattering media (with those, photons are seen on all surfaces).
 //!
-//! All ways take turns of a pass, so that whatever else the machine does meets all. Counted are pixels where the camera sees
-//! gloss alone. `variance` is that of a pass, mean over the pixels, relative to the square of their mean plus 0.01, as relMSE
-//! is; at equal time it is times the seconds of a pass. Gains above 1: better than one gather ray. Everything but the times is
-//! the same on every machine.
+//! All ways take turns of a pass, so that whatever else the machine does meets all. Counted are pixels where the camera
+//! sees gloss alone. `variance` is that of a pass, mean over the pixels, relative to the square of their mean plus
+//! 0.01, as relMSE is; at equal time it is times the seconds of a pass. Gains above 1: better than one gather ray.
+//! Everything but the times is the same on every machine.
 
 use beamfarm_image::layer::Layer;
 use beamfarm_render::bsdf::{Material, MaterialKind};
@@ -59,13 +59,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             let start = Instant::now();
             let image = render_pass(&scene, &plan, pass_index);
             mode.seconds += start.elapsed().as_secs_f64();
-            let values: Vec<f64> = image
-                .film
-                .pixels
-                .iter()
-                .flatten()
-                .map(|v| f64::from(*v))
-                .collect();
+            let values: Vec<f64> = image.film.pixels.iter().flatten().map(|v| f64::from(*v)).collect();
             mode.sums.resize(values.len(), [0.0; 2]);
             for ([sum, squares], value) in mode.sums.iter_mut().zip(values) {
                 *sum += value;
@@ -83,14 +77,13 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let gain = of_one / variance;
         let seconds = mode.seconds / n;
         let at_equal_time = gain * modes[0].seconds / mode.seconds;
-        println!(
-            "| {name} | {mean:.5} | {variance:.5} | {seconds:.4} | {gain:.2} | {at_equal_time:.2} |"
-        );
+        println!("| {name} | {mean:.5} | {variance:.5} | {seconds:.4} | {gain:.2} | {at_equal_time:.2} |");
     }
     Ok(())
 }
 
-/// By value: whether it is of a pixel where the camera sees gloss alone: that of a scene where all such materials are black.
+/// By value: whether it is of a pixel where the camera sees gloss alone: that of a scene where all such materials are
+/// black.
 fn gloss(scene: &Scene, passes: u64) -> Result<Vec<bool>, Box<dyn std::error::Error>> {
     let mut description = scene.description().clone();
     for material in &mut description.materials {

@@ -1,12 +1,13 @@
 //! What photon targeting gains or costs, as rows of a Markdown table:
 //! `cargo run --release -p beamfarm-scene --example targeting -- SCENE.toml [WIDTH [PASSES [TURNS]]]`
 //!
-//! Images of so many passes, each with a seed of its own, are made without targeting, as `"auto"` decides where that is not the same,
-//! and with `"on"`, in turns, so that whatever else the machine does meets all. Ratios are to those without: of processor time, of all
-//! threads and with the pilot's; of relMSE, from the variance of the images, as the mean is the same; and of their product,
-//! below 1 where targeting pays. Standard errors are by leaving out turns, one by one. Where `"auto"` decides against, its picture is
-//! that without targeting to the last bit, and what it costs is the pilot: the first column says how much of the time of the scene's
-//! own passes in the scene's own size that is. Linux, which tells a thread's time.
+//! Images of so many passes, each with a seed of its own, are made without targeting, as `"auto"` decides where that is
+//! not the same, and with `"on"`, in turns, so that whatever else the machine does meets all. Ratios are to those
+//! without: of processor time, of all threads and with the pilot's; of relMSE, from the variance of the images, as the
+//! mean is the same; and of their product, below 1 where targeting pays. Standard errors are by leaving out turns, one
+//! by one. Where `"auto"` decides against, its picture is that without targeting to the last bit, and what it costs is
+//! the pilot: the first column says how much of the time of the scene's own passes in the scene's own size that is.
+//! Linux, which tells a thread's time.
 
 use beamfarm_image::job::{JobSettings, Targeting};
 use beamfarm_render::pass::render_pass;
@@ -85,11 +86,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 
 impl Way {
     /// Render an image, and take the time.
-    fn render(
-        &mut self,
-        settings: JobSettings,
-        passes: u32,
-    ) -> Result<(), Box<dyn std::error::Error>> {
+    fn render(&mut self, settings: JobSettings, passes: u32) -> Result<(), Box<dyn std::error::Error>> {
         let begun = cpu_seconds()?;
         let plan = RenderPlan::new(&self.scene, settings);
         let mut image: Image = Vec::new();

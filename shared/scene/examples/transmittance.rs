@@ -1,12 +1,12 @@
 //! What the estimators of transmittance cost and how much they vary, as a Markdown table:
 //! `cargo run --release -p beamfarm-scene --example transmittance`.
 //!
-//! Per walk from side to side of a lumpy cube: the variance of the transmittance (mean over the way), also relative to one
-//! free flight; steps of the function that is kept, its bytes; and the variance times the time of the walk: of two
+//! Per walk from side to side of a lumpy cube: the variance of the transmittance (mean over the way), also relative to
+//! one free flight; steps of the function that is kept, its bytes; and the variance times the time of the walk: of two
 //! estimators at one price, the one with less of it is better. A look-up is of a kept function in warm caches.
 //!
-//! Times are medians over rounds in which all estimators take turns, so that whatever else the machine does meets all of
-//! them. Everything but the times is the same on every machine.
+//! Times are medians over rounds in which all estimators take turns, so that whatever else the machine does meets all
+//! of them. Everything but the times is the same on every machine.
 
 use beamfarm_render::math::{Ray, Rgb, Vec3};
 use beamfarm_render::medium::bricks::Bricks;
@@ -116,9 +116,7 @@ fn rays() -> Vec<Ray> {
 }
 
 fn track<'a>(medium: &'a Heterogeneous, ray: &Ray) -> Track<'a> {
-    medium
-        .track(ray, f32::INFINITY)
-        .expect("a ray across the box")
+    medium.track(ray, f32::INFINITY).expect("a ray across the box")
 }
 
 /// Optical depth across the medium by quadrature, mean over the rays.
@@ -166,11 +164,7 @@ impl Way {
         sampler: &mut Sampler,
         steps: &mut StepFunctions,
     ) -> u32 {
-        let often = if self.kept {
-            self.medium.often(track)
-        } else {
-            1.0
-        };
+        let often = if self.kept { self.medium.often(track) } else { 1.0 };
         let number = steps.begin();
         let push = |t, step: Step| steps.push(t, step);
         let sigma_t = self.medium.sigma_t();

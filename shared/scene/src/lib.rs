@@ -1,8 +1,8 @@
-//! Scene files: native ones (TOML) and Mitsuba's (XML) with the meshes, images and volumes that they name, read and validated into a
-//! [`SceneDescription`].
+//! Scene files: native ones (TOML) and Mitsuba's (XML) with the meshes, images and volumes that they name, read and
+//! validated into a [`SceneDescription`].
 //!
-//! `parse` turns text into records that know their places in the file, `assemble` turns records into what the renderer takes,
-//! `assets` reads what they name, and `mitsuba` turns XML into a native file.
+//! `parse` turns text into records that know their places in the file, `assemble` turns records into what the renderer
+//! takes, `assets` reads what they name, and `mitsuba` turns XML into a native file.
 //!
 //! # Example
 //!
@@ -115,11 +115,7 @@ impl SceneFile {
     }
 
     /// As [`Self::read`]. An XML scene becomes a native one that names its assets relative to `folder`.
-    pub fn read_for(
-        path: &Path,
-        folder: &Path,
-        options: &ImportOptions,
-    ) -> Result<Self, SceneError> {
+    pub fn read_for(path: &Path, folder: &Path, options: &ImportOptions) -> Result<Self, SceneError> {
         let unreadable = |reason: String| SceneError {
             file: path.to_path_buf(),
             line: None,
@@ -147,8 +143,8 @@ impl SceneFile {
         let origin = imported.origin().clone();
         let native = Path::new(name).with_extension("toml");
         let native = native.to_string_lossy().into_owned();
-        let bundle = with_assets(native, imported.text.into_bytes(), path, folder)
-            .map_err(|error| origin.relocate(error))?;
+        let bundle =
+            with_assets(native, imported.text.into_bytes(), path, folder).map_err(|error| origin.relocate(error))?;
         Ok(Self {
             bundle,
             notes: imported.notes,
@@ -160,10 +156,7 @@ impl SceneFile {
 
     /// The native scene file's text.
     pub fn text(&self) -> &[u8] {
-        self.bundle
-            .files
-            .get(&self.bundle.scene)
-            .map_or(&[], Vec::as_slice)
+        self.bundle.files.get(&self.bundle.scene).map_or(&[], Vec::as_slice)
     }
 
     /// Parse and validate the scene. Errors name files as [`Self::read`] was given them.
@@ -190,40 +183,34 @@ pub fn read_bundle(path: &Path) -> Result<Bundle, SceneError> {
 }
 
 /// A bundle of a native scene file and its assets, which lie in `folder`. Errors name `path`.
-fn with_assets(
-    name: String,
-    bytes: Vec<u8>,
-    path: &Path,
-    folder: &Path,
-) -> Result<Bundle, SceneError> {
+fn with_assets(name: String, bytes: Vec<u8>, path: &Path, folder: &Path) -> Result<Bundle, SceneError> {
     let text = text_of(path, &bytes)?;
     let record = SceneRecord::parse(text).map_err(|fault| source::locate(path, text, &fault))?;
     let scene = bundle::key(&name);
     let mut room = bundle::MAX_BYTES.saturating_sub(bytes.len() as u64);
     let mut files = BTreeMap::from([(scene.clone(), bytes.clone())]);
-    let mut add =
-        |files: &mut BTreeMap<String, Vec<u8>>, written: &str, span: std::ops::Range<usize>| {
-            let fault = |reason: String| {
-                let fault = Fault::new(span.clone(), reason);
-                source::locate(path, text, &fault)
-            };
-            let key = bundle::key(written);
-            if files.contains_key(&key) {
-                return Ok(());
-            }
-            bundle::check_key(&key).map_err(fault)?;
-            if files.len() == bundle::MAX_FILES {
-                return Err(fault(format!(
-                    "the scene names more files than the {} that it may have",
-                    bundle::MAX_FILES
-                )));
-            }
-            let bytes = read_file(&folder.join(written), room)
-                .map_err(|reason| fault(format!("the file \"{written}\": {reason}")))?;
-            room -= bytes.len() as u64;
-            files.insert(key, bytes);
-            Ok(())
+    let mut add = |files: &mut BTreeMap<String, Vec<u8>>, written: &str, span: std::ops::Range<usize>| {
+        let fault = |reason: String| {
+            let fault = Fault::new(span.clone(), reason);
+            source::locate(path, text, &fault)
         };
+        let key = bundle::key(written);
+        if files.contains_key(&key) {
+            return Ok(());
+        }
+        bundle::check_key(&key).map_err(fault)?;
+        if files.len() == bundle::MAX_FILES {
+            return Err(fault(format!(
+                "the scene names more files than the {} that it may have",
+                bundle::MAX_FILES
+            )));
+        }
+        let bytes = read_file(&folder.join(written), room)
+            .map_err(|reason| fault(format!("the file \"{written}\": {reason}")))?;
+        room -= bytes.len() as u64;
+        files.insert(key, bytes);
+        Ok(())
+    };
     for asset in record.assets() {
         add(&mut files, asset.get_ref(), asset.span())?;
     }

@@ -14,10 +14,7 @@ pub fn locate(file: &Path, text: &str, fault: &Fault) -> SceneError {
     let field = span.and_then(|span| field_at(text, span));
     SceneError {
         file: file.to_path_buf(),
-        line: fault
-            .span
-            .as_ref()
-            .map(|span| line_of(text.as_bytes(), span.start)),
+        line: fault.span.as_ref().map(|span| line_of(text.as_bytes(), span.start)),
         message: match field {
             Some(field) => format!("{field}: {}", fault.message),
             None => fault.message.clone(),
@@ -43,10 +40,7 @@ type Best = Option<(usize, String)>;
 
 fn consider(span: &Span<usize>, around: Span<usize>, path: &str, best: &mut Best) {
     let size = around.len();
-    if around.start <= span.start
-        && span.end <= around.end
-        && best.as_ref().is_none_or(|(least, _)| size <= *least)
-    {
+    if around.start <= span.start && span.end <= around.end && best.as_ref().is_none_or(|(least, _)| size <= *least) {
         *best = Some((size, path.to_string()));
     }
 }
@@ -69,9 +63,7 @@ fn in_value(value: &Spanned<DeValue<'_>>, path: &str, span: &Span<usize>, best: 
         DeValue::Array(items) => {
             for (i, item) in items.iter().enumerate() {
                 let name = match item.get_ref() {
-                    DeValue::Table(table) => {
-                        table.get("name").and_then(|name| name.get_ref().as_str())
-                    }
+                    DeValue::Table(table) => table.get("name").and_then(|name| name.get_ref().as_str()),
                     _ => None,
                 };
                 let path = match name {

@@ -27,9 +27,7 @@ pub fn compose_uv(steps: &UvSteps) -> Result<DAffine3, Fault> {
 fn uv_matrix(step: &UvStepRecord) -> Result<DAffine3, &'static str> {
     let maps = [
         step.scale.map(|factors| match factors.0 {
-            DVec3 { x, y, z } if z == 1.0 || (x == y && y == z) => {
-                Ok(DAffine3::from_scale(DVec3::new(x, y, 1.0)))
-            }
+            DVec3 { x, y, z } if z == 1.0 || (x == y && y == z) => Ok(DAffine3::from_scale(DVec3::new(x, y, 1.0))),
             _ => Err("texture coordinates are scaled by one number or by [u, v, 1]"),
         }),
         step.rotate.as_ref().map(|record| match record.axis.0 {
@@ -65,11 +63,9 @@ fn uv_matrix(step: &UvStepRecord) -> Result<DAffine3, &'static str> {
 
 fn matrix(step: &StepRecord) -> Result<DAffine3, &'static str> {
     let maps = [
-        step.scale
-            .map(|factors| Ok(DAffine3::from_scale(factors.0))),
+        step.scale.map(|factors| Ok(DAffine3::from_scale(factors.0))),
         step.rotate.as_ref().map(rotate),
-        step.translate
-            .map(|by| Ok(DAffine3::from_translation(by.0))),
+        step.translate.map(|by| Ok(DAffine3::from_translation(by.0))),
         step.matrix.as_ref().map(|rows| affine(rows)),
         step.look_at.as_ref().map(look_at),
     ];
@@ -99,12 +95,7 @@ fn affine(rows: &[Vec<Number<Finite>>]) -> Result<DAffine3, &'static str> {
         return Err("expected [0, 0, 0, 1] as the last row of `matrix`");
     }
     let column = |j: usize| DVec3::new(rows[0][j], rows[1][j], rows[2][j]);
-    Ok(DAffine3::from_cols(
-        column(0),
-        column(1),
-        column(2),
-        column(3),
-    ))
+    Ok(DAffine3::from_cols(column(0), column(1), column(2), column(3)))
 }
 
 /// Takes the origin to `origin` and +z towards `target`, with `up` in the half plane of +y (Mitsuba's `lookat`).
@@ -115,9 +106,7 @@ fn look_at(record: &LookAtRecord) -> Result<DAffine3, &'static str> {
         .ok_or("expected two different points as origin and target of `look_at`")?;
     let left = up.cross(forward);
     if left.length() < 1e-9 {
-        return Err(
-            "`up` of `look_at` must not be zero or parallel to the direction from origin to target",
-        );
+        return Err("`up` of `look_at` must not be zero or parallel to the direction from origin to target");
     }
     let left = left.normalize();
     let up = forward.cross(left);
@@ -148,8 +137,5 @@ pub fn is_invertible(map: &DAffine3) -> bool {
     let volume = m.determinant().abs();
     let box_volume = m.x_axis.length() * m.y_axis.length() * m.z_axis.length();
     let fits = |m: &DMat3| m.to_cols_array().iter().all(|x| x.abs() < LARGEST);
-    volume > 1e-12 * box_volume
-        && map.translation.abs().max_element() < LARGEST
-        && fits(&m)
-        && fits(&m.inverse())
+    volume > 1e-12 * box_volume && map.translation.abs().max_element() < LARGEST && fits(&m) && fits(&m.inverse())
 }

@@ -112,14 +112,9 @@ impl<R> Number<R> {
 fn checked<R: Range, E: Error>(x: f64) -> Result<f64, E> {
     let single = x as f32;
     if !x.is_finite() || (single.is_finite() && !R::holds(single)) {
-        Err(E::custom(format_args!(
-            "expected {}, found {x:?}",
-            R::EXPECTED
-        )))
+        Err(E::custom(format_args!("expected {}, found {x:?}", R::EXPECTED)))
     } else if !single.is_finite() {
-        Err(E::custom(format_args!(
-            "{x:?} is too large for single precision"
-        )))
+        Err(E::custom(format_args!("{x:?} is too large for single precision")))
     } else {
         Ok(x)
     }
@@ -184,18 +179,13 @@ impl<'de> Deserialize<'de> for Pair {
     }
 }
 
-fn numbers<'de, const N: usize, R: Range, A: SeqAccess<'de>>(
-    mut seq: A,
-    expected: &str,
-) -> Result<[f64; N], A::Error> {
+fn numbers<'de, const N: usize, R: Range, A: SeqAccess<'de>>(mut seq: A, expected: &str) -> Result<[f64; N], A::Error> {
     let mut values = [0.0; N];
     for (i, value) in values.iter_mut().enumerate() {
         match seq.next_element::<Number<R>>()? {
             Some(x) => *value = x.0,
             None => {
-                return Err(A::Error::custom(format_args!(
-                    "expected {expected}, found {i} numbers"
-                )));
+                return Err(A::Error::custom(format_args!("expected {expected}, found {i} numbers")));
             }
         }
     }

@@ -85,13 +85,7 @@ impl Moments {
     fn new(values: impl Iterator<Item = f64> + Clone) -> Self {
         let count = values.clone().count() as f64;
         let mean = values.clone().sum::<f64>() / count;
-        let moment = |power: f64| {
-            values
-                .clone()
-                .map(|v| libm::pow(v - mean, power))
-                .sum::<f64>()
-                / count
-        };
+        let moment = |power: f64| values.clone().map(|v| libm::pow(v - mean, power)).sum::<f64>() / count;
         let (second, third) = (moment(2.0), moment(3.0));
         let skewness = match second > 0.0 {
             true => third / (second * second.sqrt()),
@@ -109,8 +103,8 @@ impl Moments {
 /// Single precision along paths, and in means: share of a value.
 const ROUNDING: f64 = 2e-5;
 
-/// All differences that are significant at this level, over all cells, parts and channels together (Šidák 1967); the least
-/// likely first.
+/// All differences that are significant at this level, over all cells, parts and channels together (Šidák 1967); the
+/// least likely first.
 pub fn differences(
     names: &[String],
     [passes, reference]: [&Images; 2],
@@ -126,10 +120,7 @@ pub fn differences(
     // What single precision leaves of the brightest block.
     let cells = reference.means[0].len();
     let brightest = (0..cells).flat_map(|cell| (0..3).map(move |c| (cell, c)));
-    let dark = 1e-6
-        * brightest
-            .map(|(cell, c)| beauty(cell, c))
-            .fold(0.0, f64::max);
+    let dark = 1e-6 * brightest.map(|(cell, c)| beauty(cell, c)).fold(0.0, f64::max);
     for (part, name) in names.iter().enumerate() {
         // What comes seldom somewhere may not have come here yet.
         let has_tail = [0, 1, 2].map(|channel| {
@@ -141,15 +132,10 @@ pub fn differences(
             })
         });
         for cell in 0..cells {
-            let own = if cell == 0 {
-                allowance.whole
-            } else {
-                allowance.block
-            };
+            let own = if cell == 0 { allowance.whole } else { allowance.block };
             for channel in 0..3 {
-                let moments = |images: &Images| {
-                    Moments::new(images.means[part][cell].iter().map(|v| v[channel].into()))
-                };
+                let moments =
+                    |images: &Images| Moments::new(images.means[part][cell].iter().map(|v| v[channel].into()));
                 let (p, r) = (moments(passes), moments(reference));
                 if p.mean == 0.0 && r.mean == 0.0 {
                     continue;
@@ -167,8 +153,7 @@ pub fn differences(
                         false => r.skewness > HEAVY || p.skewness > HEAVY && p.mean < 3.0 * r.mean,
                     };
                     let is_small = (p.mean - r.mean).abs() < SMALL * beauty(cell, channel);
-                    let is_heavy =
-                        is_heavy || is_unseen || part > 0 && is_small && has_tail[channel];
+                    let is_heavy = is_heavy || is_unseen || part > 0 && is_small && has_tail[channel];
                     found.push(Difference {
                         part: name.clone(),
                         block: (cell > 0).then(|| {
@@ -192,8 +177,9 @@ pub fn differences(
     found
 }
 
-/// Skewness of images from which on one of them may hold nearly all that differs: the mean of what is drawn from a heavy
-/// tail is too small more often than not, and its error with it. (One image of n that differs has about the root of n.)
+/// Skewness of images from which on one of them may hold nearly all that differs: the mean of what is drawn from a
+/// heavy tail is too small more often than not, and its error with it. (One image of n that differs has about the root
+/// of n.)
 const HEAVY: f64 = 3.0;
 
 /// What a part that has a tail may differ by in a block where none was seen: a share of the block's beauty.
@@ -201,10 +187,7 @@ const SMALL: f64 = 0.02;
 
 /// Two-sided p-value of a difference (Welch 1947).
 fn p_value(beyond: f64, [a, b]: [&Moments; 2]) -> f64 {
-    let error = a
-        .error
-        .hypot(b.error)
-        .max(ROUNDING * a.mean.abs().max(b.mean.abs()));
+    let error = a.error.hypot(b.error).max(ROUNDING * a.mean.abs().max(b.mean.abs()));
     if !(beyond / error).is_finite() {
         return f64::NAN;
     }

@@ -60,9 +60,7 @@ fn layers(scene: &Scene) -> Vec<Layer> {
 pub fn part_names(scene: &Scene) -> Vec<String> {
     let lights = layers(scene).into_iter().skip(LAYERS_BEFORE_LIGHTS);
     let own = ["beauty", "direct + surface", "volume"].map(str::to_owned);
-    own.into_iter()
-        .chain(lights.map(|layer| layer.to_string()))
-        .collect()
+    own.into_iter().chain(lights.map(|layer| layer.to_string())).collect()
 }
 
 impl Images {
@@ -110,9 +108,7 @@ impl Images {
             let mut sums = vec![Film::new(camera.width, camera.height); 1 + layers.len()];
             for sample in image * draws.samples..(image + 1) * draws.samples {
                 let found = render_sample_with_layers(scene, &settings, &sampled, sample, || true);
-                let films = found
-                    .iter()
-                    .flat_map(|f| [&f.film].into_iter().chain(&f.layers));
+                let films = found.iter().flat_map(|f| [&f.film].into_iter().chain(&f.layers));
                 for (sum, film) in sums.iter_mut().zip(films) {
                     let values = film.pixels.iter().flatten();
                     for (sum, value) in sum.pixels.iter_mut().flatten().zip(values) {

@@ -35,15 +35,9 @@ impl Outcome {
             Err(message) => format!("PANIC: {message}"),
         };
         let Self {
-            seed,
-            seconds,
-            scene,
-            ..
+            seed, seconds, scene, ..
         } = self;
-        format!(
-            "seed {seed}: {verdict} [{}; {seconds:.1} s]",
-            scene.summary()
-        )
+        format!("seed {seed}: {verdict} [{}; {seconds:.1} s]", scene.summary())
     }
 }
 
@@ -60,9 +54,7 @@ pub fn examine_alone(scene: &RandomScene, effort: &Effort) -> Result<Verdict, St
 
 fn message(panic: &(dyn Any + Send)) -> String {
     let text = panic.downcast_ref::<String>().map(String::as_str);
-    text.or(panic.downcast_ref::<&str>().copied())
-        .unwrap_or("?")
-        .to_owned()
+    text.or(panic.downcast_ref::<&str>().copied()).unwrap_or("?").to_owned()
 }
 
 /// Examine the scenes of all these seeds, and hand over what became of each as soon as it is known.

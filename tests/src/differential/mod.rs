@@ -1,8 +1,9 @@
 //! Passes against the path tracer: on one scene, and on thousands.
 //!
-//! Both make as many independent images; their means are compared over the whole, over blocks of 8 x 8 pixels, and for each
-//! part of the light. Tails are heavy, so what differs is rendered four times as long with other random numbers before it
-//! counts. What still differs is looked at with much smaller radii: a bias of kernels goes away with them, a fault does not.
+//! Both make as many independent images; their means are compared over the whole, over blocks of 8 x 8 pixels, and for
+//! each part of the light. Tails are heavy, so what differs is rendered four times as long with other random numbers
+//! before it counts. What still differs is looked at with much smaller radii: a bias of kernels goes away with them, a
+//! fault does not.
 
 pub mod bias;
 pub mod images;
@@ -90,9 +91,9 @@ impl fmt::Display for Verdict {
         f.write_str(self.word())?;
         match self {
             Self::Right | Self::Noise | Self::TooLong(None) => Ok(()),
-            Self::Shrinks(difference)
-            | Self::Unknown(difference)
-            | Self::TooLong(Some(difference)) => write!(f, ": {difference}"),
+            Self::Shrinks(difference) | Self::Unknown(difference) | Self::TooLong(Some(difference)) => {
+                write!(f, ": {difference}")
+            }
             Self::Biased {
                 early,
                 late: None,
@@ -107,11 +108,7 @@ impl fmt::Display for Verdict {
             } => {
                 write!(f, ": {early}, {count} such; with small radii {late}")
             }
-            Self::Fireflies(Outliers {
-                ratio,
-                pixels,
-                share,
-            }) => write!(
+            Self::Fireflies(Outliers { ratio, pixels, share }) => write!(
                 f,
                 ": {pixels} pixels hold {:.0} % of the error, {ratio:.1} times that of the path tracer",
                 100.0 * share

@@ -5,8 +5,8 @@ use super::images::Images;
 /// Error of the passes that a few pixels hold.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Outliers {
-    /// Relative mean square error of the passes, over that of the path tracer for the same number of samples, of which a pass
-    /// counts for several.
+    /// Relative mean square error of the passes, over that of the path tracer for the same number of samples, of which
+    /// a pass counts for several.
     pub ratio: f64,
     /// How many pixels hold most of it.
     pub pixels: usize,
@@ -19,8 +19,8 @@ const RATIO: f64 = 20.0;
 /// Share of the pixels, and of the error that they hold at least.
 const PIXELS: f64 = 0.01;
 const SHARE: f64 = 0.6;
-/// Samples of the path tracer that a pass is given for: about what it costs. The time that it takes here would make another
-/// verdict each time.
+/// Samples of the path tracer that a pass is given for: about what it costs. The time that it takes here would make
+/// another verdict each time.
 const SAMPLES_OF_PASS: f64 = 5.0;
 /// Relative error that is none: squared.
 const FLOOR: f64 = 1e-7;
@@ -54,9 +54,5 @@ pub fn outliers(passes: &Images, reference: &Images) -> Option<Outliers> {
     let share = ours.iter().take(pixels).sum::<f64>() / sum;
     let samples = SAMPLES_OF_PASS * passes.samples as f64 / reference.samples as f64;
     let ratio = sum / (3.0 * count) * samples / (theirs / (3.0 * count)).max(FLOOR);
-    (ratio > RATIO && share > SHARE).then_some(Outliers {
-        ratio,
-        pixels,
-        share,
-    })
+    (ratio > RATIO && share > SHARE).then_some(Outliers { ratio, pixels, share })
 }

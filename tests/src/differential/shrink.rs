@@ -14,7 +14,8 @@ fn fault(verdict: &Result<Verdict, String>) -> Option<&str> {
     }
 }
 
-/// Take out of the scene what its fault does not need, as long as it stays a fault of its kind. `step` is told of every scene that still has it.
+/// Take out of the scene what its fault does not need, as long as it stays a fault of its kind. `step` is told of every
+/// scene that still has it.
 pub fn shrink(
     scene: &RandomScene,
     effort: &Effort,
@@ -71,11 +72,7 @@ fn candidates(scene: &Table) -> Vec<Table> {
         for (name, material) in materials {
             let diffuse = table([("type", "diffuse".into()), ("two_sided", true.into())]);
             if !matches!(material, Value::Table(own) if *own == diffuse) {
-                all.push(with(
-                    scene,
-                    &["materials".into(), name.clone()],
-                    diffuse.into(),
-                ));
+                all.push(with(scene, &["materials".into(), name.clone()], diffuse.into()));
             }
         }
     }
@@ -84,11 +81,9 @@ fn candidates(scene: &Table) -> Vec<Table> {
     for (path, value) in paths {
         let Some(key) = path.last() else { continue };
         match key.as_str() {
-            "bump" | "opacity" | "visible" | "aperture" | "phase" | "interior" | "exterior"
-            | "flip_normals" | "distribution" | "nonlinear" | "specular" | "metallic"
-            | "transmittance" | "noise" | "blobs" | "height" | "face_normals" | "rotate_y" => {
-                all.push(without(scene, &path))
-            }
+            "bump" | "opacity" | "visible" | "aperture" | "phase" | "interior" | "exterior" | "flip_normals"
+            | "distribution" | "nonlinear" | "specular" | "metallic" | "transmittance" | "noise" | "blobs"
+            | "height" | "face_normals" | "rotate_y" => all.push(without(scene, &path)),
             "type" if value.as_str() == Some("heterogeneous") => {
                 let mut less = with(scene, &path, "homogeneous".into());
                 for key in ["density", "transform", "transmittance"] {
@@ -99,8 +94,8 @@ fn candidates(scene: &Table) -> Vec<Table> {
                 }
                 all.push(less);
             }
-            "sigma_t" | "sigma_s" | "sigma_a" | "albedo" | "reflectance" | "base_color"
-            | "radiance" | "intensity" | "irradiance" => {
+            "sigma_t" | "sigma_s" | "sigma_a" | "albedo" | "reflectance" | "base_color" | "radiance" | "intensity"
+            | "irradiance" => {
                 if let Value::Array(channels) = value {
                     let sum: f64 = channels.iter().filter_map(Value::as_float).sum();
                     all.push(with(scene, &path, number(sum / 3.0)));
@@ -184,9 +179,7 @@ fn without_unused(mut scene: Table) -> Table {
     visit(&scene, &mut Vec::new(), &mut entries);
     for (path, value) in entries {
         let key = path.last().map(String::as_str);
-        if let (Some("material" | "interior" | "exterior" | "medium"), Value::String(name)) =
-            (key, value)
-        {
+        if let (Some("material" | "interior" | "exterior" | "medium"), Value::String(name)) = (key, value) {
             names.push(name);
         }
     }

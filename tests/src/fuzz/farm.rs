@@ -293,15 +293,9 @@ async fn steer(mut data: &[u8]) {
                 assert_eq!(found, (expected.prefix, expected.passes, expected.limit));
                 continue;
             }
-            1 => (
-                control.cancel(wire::CancelRequest {}).await.map(drop),
-                !over,
-            ),
+            1 => (control.cancel(wire::CancelRequest {}).await.map(drop), !over),
             2 => (control.pause(wire::PauseRequest {}).await.map(drop), !over),
-            3 => (
-                control.resume(wire::ResumeRequest {}).await.map(drop),
-                !over,
-            ),
+            3 => (control.resume(wire::ResumeRequest {}).await.map(drop), !over),
             4 => {
                 let Ok(request) = wire::ExtendRequest::decode(message) else {
                     continue;
@@ -315,10 +309,7 @@ async fn steer(mut data: &[u8]) {
                 (answer, fits && !over)
             }
             // Nobody here writes images.
-            _ => (
-                control.write_now(wire::WriteNowRequest {}).await.map(drop),
-                false,
-            ),
+            _ => (control.write_now(wire::WriteNowRequest {}).await.map(drop), false),
         };
         match answer {
             Ok(()) => assert!(allowed, "{kind}: {expected:?}"),
@@ -408,8 +399,8 @@ async fn return_leases(mut request: wire::GiveBackRequest) {
     site.check_end((0..6).filter_map(|pass| node(Block::leaf(pass))));
 }
 
-/// A delivery: a byte whose lowest bit says that size and hash are to be put right, the length of the header, the header,
-/// the picture. The worker's number and the lease's count from those that there are.
+/// A delivery: a byte whose lowest bit says that size and hash are to be put right, the length of the header, the
+/// header, the picture. The worker's number and the lease's count from those that there are.
 pub fn submit(data: &[u8]) {
     submitted(data);
 }

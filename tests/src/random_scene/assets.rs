@@ -87,10 +87,7 @@ pub fn waves(draw: &mut Draw, with_normals: bool) -> Vec<u8> {
 
 impl Mesh {
     fn ply(&self, normals: Option<Vec<DVec3>>) -> Vec<u8> {
-        let mut text = format!(
-            "ply\nformat ascii 1.0\nelement vertex {}\n",
-            self.points.len()
-        );
+        let mut text = format!("ply\nformat ascii 1.0\nelement vertex {}\n", self.points.len());
         let own = match &normals {
             Some(_) => ["x", "y", "z", "nx", "ny", "nz"].as_slice(),
             None => ["x", "y", "z"].as_slice(),
@@ -137,19 +134,14 @@ pub fn sky(draw: &mut Draw, sun: f64) -> Vec<u8> {
         // The top row is +y, the middle column +z.
         let dir = DVec3::new(-sin * s, cos, -sin * c);
         let up = 0.5 + 0.5 * cos;
-        let shine = if dir.dot(towards) > cos_width {
-            sun
-        } else {
-            1.0
-        };
+        let shine = if dir.dot(towards) > cos_width { sun } else { 1.0 };
         std::array::from_fn(|i| shine * (up * zenith[i] + (1.0 - up) * ground[i]))
     })
 }
 
 /// A picture of the values at the centres of pixels in the unit square, the first row on top.
 fn hdr(width: usize, height: usize, value: impl Fn(f64, f64) -> [f64; 3]) -> Vec<u8> {
-    let mut bytes =
-        format!("#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y {height} +X {width}\n").into_bytes();
+    let mut bytes = format!("#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y {height} +X {width}\n").into_bytes();
     for row in 0..height {
         for column in 0..width {
             let x = (column as f64 + 0.5) / width as f64;

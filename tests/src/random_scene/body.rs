@@ -37,9 +37,7 @@ pub fn body(b: &mut Builder, spot: &Spot) {
 
 /// A closed shape of its own space's ball, cube or mesh, without material.
 fn closed(b: &mut Builder, spot: &Spot) -> (Table, Pose) {
-    let kind = b
-        .draw
-        .pick(&["sphere", "sphere", "cube", "cube", "cube", "mesh"]);
+    let kind = b.draw.pick(&["sphere", "sphere", "cube", "cube", "cube", "mesh"]);
     let turn = match spot.stands {
         true => (DVec3::Y, b.draw.between(0.0, 90.0)),
         false => (b.draw.direction(), b.draw.between(0.0, 90.0)),

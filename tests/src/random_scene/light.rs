@@ -113,9 +113,7 @@ fn point(b: &mut Builder, center: DVec3) {
         light.insert("type".into(), "point".into());
         light.insert("intensity".into(), b.tint(strength));
     } else {
-        let target = b
-            .draw
-            .point(DVec3::new(-0.5, 0.0, -0.5), DVec3::new(0.5, 0.3, 0.5));
+        let target = b.draw.point(DVec3::new(-0.5, 0.0, -0.5), DVec3::new(0.5, 0.3, 0.5));
         light.insert("type".into(), "spot".into());
         light.insert("target".into(), b.position(target));
         light.insert("cutoff_angle".into(), number(b.draw.between(15.0, 60.0)));

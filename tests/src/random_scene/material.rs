@@ -38,13 +38,7 @@ pub fn opaque(draw: &mut Draw, lobes: Lobes, bright: f64) -> Table {
             "rough_plastic",
             "principled",
         ],
-        Lobes::Wide => &[
-            "diffuse",
-            "diffuse",
-            "rough_conductor",
-            "rough_plastic",
-            "principled",
-        ],
+        Lobes::Wide => &["diffuse", "diffuse", "rough_conductor", "rough_plastic", "principled"],
     };
     let kind = draw.pick(kinds);
     let mut material = table([("type", kind.into())]);
@@ -61,10 +55,7 @@ pub fn opaque(draw: &mut Draw, lobes: Lobes, bright: f64) -> Table {
             set("specular", number(draw.pick(&[0.0, 0.5, 1.0])));
         }
         "conductor" | "rough_conductor" => {
-            set(
-                "preset",
-                draw.pick(&["copper", "silver", "chromium", "gold"]).into(),
-            );
+            set("preset", draw.pick(&["copper", "silver", "chromium", "gold"]).into());
         }
         "mirror" => {
             set(
@@ -108,21 +99,11 @@ fn reflectance(draw: &mut Draw, bright: f64) -> Value {
 /// Glass that may bound media.
 pub fn glass(draw: &mut Draw, lobes: Lobes) -> Table {
     let smooth = lobes == Lobes::Any && draw.chance(0.5);
-    let kind = if smooth {
-        "dielectric"
-    } else {
-        "rough_dielectric"
-    };
-    let mut material = table([
-        ("type", kind.into()),
-        ("ior", number(draw.between(1.1, 2.0))),
-    ]);
+    let kind = if smooth { "dielectric" } else { "rough_dielectric" };
+    let mut material = table([("type", kind.into()), ("ior", number(draw.between(1.1, 2.0)))]);
     if !smooth {
         material.insert("alpha".into(), number(lobes.alpha(draw)));
-        material.insert(
-            "distribution".into(),
-            draw.pick(&["ggx", "beckmann"]).into(),
-        );
+        material.insert("distribution".into(), draw.pick(&["ggx", "beckmann"]).into());
     }
     material
 }

@@ -21,9 +21,7 @@ pub fn medium(draw: &mut Draw, name: &str, extent: &Extent) -> (Table, Vec<Asset
     let spread = draw.pick(&[1.0, 1.0, 1.0, 3.0, 10.0]);
     let sigma_t = match spread {
         1.0 => [depth; 3],
-        _ => std::array::from_fn(|_| {
-            (depth * draw.log_between(1.0 / spread, spread)).min(extent.max_depth)
-        }),
+        _ => std::array::from_fn(|_| (depth * draw.log_between(1.0 / spread, spread)).min(extent.max_depth)),
     }
     .map(|depth| depth / extent.across);
     // Paths in what is thick and clear have no end: up to some hundred scatterings.
@@ -81,11 +79,7 @@ fn density(draw: &mut Draw, name: &str) -> (Value, Option<Asset>) {
         return (density.into(), Some(Asset { name, bytes }));
     }
     let corner = |x: f64| Value::Array(vec![number(x); 3]);
-    let mut density = table([
-        ("min", corner(-1.0)),
-        ("max", corner(1.0)),
-        ("voxel", number(0.15)),
-    ]);
+    let mut density = table([("min", corner(-1.0)), ("max", corner(1.0)), ("voxel", number(0.15))]);
     match draw.pick(&[0, 1, 2]) {
         0 => {
             let noise = table([
@@ -96,10 +90,7 @@ fn density(draw: &mut Draw, name: &str) -> (Value, Option<Asset>) {
             density.insert("noise".into(), noise.into());
         }
         1 => {
-            let height = table([
-                ("base", number(-1.0)),
-                ("scale", number(draw.between(0.2, 2.0))),
-            ]);
+            let height = table([("base", number(-1.0)), ("scale", number(draw.between(0.2, 2.0)))]);
             density.insert("height".into(), height.into());
         }
         _ => {
@@ -127,12 +118,7 @@ fn phase(draw: &mut Draw) -> Value {
         _ => {
             let phases = vec![hg(draw), hg(draw)];
             let weight = number(draw.between(0.1, 0.9));
-            table([
-                ("type", "blend".into()),
-                ("weight", weight),
-                ("phases", phases.into()),
-            ])
-            .into()
+            table([("type", "blend".into()), ("weight", weight), ("phases", phases.into())]).into()
         }
     }
 }

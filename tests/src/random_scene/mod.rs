@@ -1,8 +1,8 @@
 //! Random small scenes, to compare the passes with the path tracer on what nobody thought of.
 //!
-//! A seed is a scene. What a path tracer cannot find is left out by construction: where surfaces may be mirrors, glass, or
-//! of less roughness than [`material::WIDE`], all lights have some size; and lights that are points are not within fog,
-//! where their variance is infinite. Of rules there are none of photons, of which the path tracer knows nothing.
+//! A seed is a scene. What a path tracer cannot find is left out by construction: where surfaces may be mirrors, glass,
+//! or of less roughness than [`material::WIDE`], all lights have some size; and lights that are points are not within
+//! fog, where their variance is infinite. Of rules there are none of photons, of which the path tracer knows nothing.
 
 pub mod assets;
 pub mod body;
@@ -39,10 +39,7 @@ impl RandomScene {
         let camera = world::fill(&mut b);
         let side = Value::Integer(world::SIDE);
         let mut scene = table([
-            (
-                "image",
-                table([("width", side.clone()), ("height", side)]).into(),
-            ),
+            ("image", table([("width", side.clone()), ("height", side)]).into()),
             ("render", table([("paths", Value::Integer(4000))]).into()),
             ("camera", camera.into()),
         ]);
@@ -54,11 +51,7 @@ impl RandomScene {
                 scene.insert(key.into(), tables.into());
             }
         }
-        for (key, list) in [
-            ("shapes", b.shapes),
-            ("lights", b.lights),
-            ("rules", b.rules),
-        ] {
+        for (key, list) in [("shapes", b.shapes), ("lights", b.lights), ("rules", b.rules)] {
             if !list.is_empty() {
                 let list: Vec<Value> = list.into_iter().map(Value::from).collect();
                 scene.insert(key.into(), list.into());
@@ -130,20 +123,11 @@ impl RandomScene {
         let mut words = BTreeSet::new();
         let tables = |key: &str| -> Vec<&Table> {
             let entries = self.table.get(key);
-            let named = entries
-                .and_then(Value::as_table)
-                .into_iter()
-                .flat_map(Table::values);
+            let named = entries.and_then(Value::as_table).into_iter().flat_map(Table::values);
             let listed = entries.and_then(Value::as_array).into_iter().flatten();
             named.chain(listed).filter_map(Value::as_table).collect()
         };
-        let kind = |table: &Table| {
-            table
-                .get("type")
-                .and_then(Value::as_str)
-                .unwrap_or("?")
-                .to_owned()
-        };
+        let kind = |table: &Table| table.get("type").and_then(Value::as_str).unwrap_or("?").to_owned();
         for material in tables("materials") {
             let mut word = kind(material);
             for key in ["alpha", "roughness"] {

@@ -143,8 +143,7 @@ fn fill_with_fog(b: &mut Builder, half: DVec3) -> String {
 }
 
 fn room_size(b: &mut Builder) -> DVec3 {
-    b.draw
-        .point(DVec3::new(1.2, 1.0, 1.2), DVec3::new(2.0, 1.5, 2.0))
+    b.draw.point(DVec3::new(1.2, 1.0, 1.2), DVec3::new(2.0, 1.5, 2.0))
 }
 
 fn closed_room(b: &mut Builder) -> Table {
@@ -192,18 +191,12 @@ fn open_room(b: &mut Builder) -> Table {
     walls(b, half, true);
     let foggy = b.draw.chance(0.5);
     let fog = foggy.then(|| fill_with_fog(b, half));
-    let eye = DVec3::new(
-        0.2,
-        b.draw.between(-0.2, 0.3),
-        half.z + b.draw.between(1.0, 3.0),
-    );
+    let eye = DVec3::new(0.2, b.draw.between(-0.2, 0.3), half.z + b.draw.between(1.0, 3.0));
     b.taken.push((eye, 0.2));
     if b.draw.chance(0.5) {
         light::distant(b);
     }
-    if b.shapes.iter().all(|shape| !shape.contains_key("emission")) && b.lights.is_empty()
-        || b.draw.chance(0.5)
-    {
+    if b.shapes.iter().all(|shape| !shape.contains_key("emission")) && b.lights.is_empty() || b.draw.chance(0.5) {
         let inner = 0.6 * half;
         light::local(
             b,
@@ -227,11 +220,8 @@ fn open_room(b: &mut Builder) -> Table {
 /// Name what is around shapes that bound media or glass.
 fn around(shapes: &mut [Table], medium: &str) {
     for shape in shapes {
-        let bounds = shape.contains_key("interior")
-            || shape
-                .get("material")
-                .and_then(Value::as_str)
-                .is_some_and(is_glass);
+        let bounds =
+            shape.contains_key("interior") || shape.get("material").and_then(Value::as_str).is_some_and(is_glass);
         if bounds && !shape.contains_key("exterior") {
             shape.insert("exterior".into(), medium.into());
             if !shape.contains_key("interior") {
@@ -345,20 +335,13 @@ fn rules(b: &mut Builder) {
     }
     let dropped = b.draw.pick(&rays);
     let all = ["camera", "reflected", "refracted", "shadow", "photon"];
-    let visible: Vec<Value> = all
-        .into_iter()
-        .filter(|r| *r != dropped)
-        .map(Value::from)
-        .collect();
+    let visible: Vec<Value> = all.into_iter().filter(|r| *r != dropped).map(Value::from).collect();
     let index = b.draw.pick(&(0..b.shapes.len()).collect::<Vec<_>>());
     if b.draw.chance(0.6) {
         b.shapes[index].insert("visible".into(), visible.into());
         return;
     }
-    let name = b.shapes[index]
-        .entry("name")
-        .or_insert("named".into())
-        .clone();
+    let name = b.shapes[index].entry("name").or_insert("named".into()).clone();
     b.rules.push(table([
         ("on", vec![Value::from("all")].into()),
         ("rays", vec![Value::from(dropped)].into()),

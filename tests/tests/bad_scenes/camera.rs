@@ -6,31 +6,14 @@ use super::{VIEW, error_of};
 fn windows_filters_and_principal_points_are_checked() {
     const FILTERS: &str = "\"box\", \"tent\", \"gaussian\", { type = \"tent\", radius = pixels } \
         or { type = \"gaussian\", stddev = pixels }";
-    let no_window =
-        "1: image.crop: expected at least one pixel, all of them within the image of 8 x 8";
+    let no_window = "1: image.crop: expected at least one pixel, all of them within the image of 8 x 8";
     let image = "width = 8, height = 8";
     let fov = "fov = 40";
     for (after, given, expected) in [
-        (
-            image,
-            "crop = { width = 9, height = 1 }",
-            no_window.to_string(),
-        ),
-        (
-            image,
-            "crop = { x = 3, width = 6, height = 1 }",
-            no_window.to_string(),
-        ),
-        (
-            image,
-            "crop = { y = 8, width = 8, height = 1 }",
-            no_window.to_string(),
-        ),
-        (
-            image,
-            "crop = { width = 0, height = 1 }",
-            no_window.to_string(),
-        ),
+        (image, "crop = { width = 9, height = 1 }", no_window.to_string()),
+        (image, "crop = { x = 3, width = 6, height = 1 }", no_window.to_string()),
+        (image, "crop = { y = 8, width = 8, height = 1 }", no_window.to_string()),
+        (image, "crop = { width = 0, height = 1 }", no_window.to_string()),
         (
             image,
             "crop = { y = 4294967295, width = 1, height = 1 }",
@@ -59,8 +42,7 @@ fn windows_filters_and_principal_points_are_checked() {
         (
             image,
             "filter = { type = \"gaussian\", stddev = 0 }",
-            "1: image.filter.stddev: expected a number of pixels from 0.01 to 100, found 0.0"
-                .to_string(),
+            "1: image.filter.stddev: expected a number of pixels from 0.01 to 100, found 0.0".to_string(),
         ),
         (
             fov,

@@ -29,22 +29,13 @@ fn deep_nesting_is_refused() {
         format!("[media.fog]\ntype = \"homogeneous\"\nphase = {{ type = {closed} }}"),
         format!("[materials.{keys}]\ntype = \"diffuse\""),
         // An inner shape is the only record within its own kind.
-        format!(
-            "[[shapes]]\n{}",
-            "shape = { type = \"instances\", ".repeat(DEEP)
-        ),
-        format!(
-            "[[shapes]]\n{}.type = \"sphere\"",
-            vec!["shape"; DEEP].join(".")
-        ),
+        format!("[[shapes]]\n{}", "shape = { type = \"instances\", ".repeat(DEEP)),
+        format!("[[shapes]]\n{}.type = \"sphere\"", vec!["shape"; DEEP].join(".")),
     ] {
         let error = error_of(&format!("{VIEW}{text}"), &[]);
         assert!(error.message.len() < 1000, "{} bytes", error.message.len());
     }
-    let within = format!(
-        "{VIEW}[[shapes]]\n{}.type = \"sphere\"",
-        vec!["shape"; 20].join(".")
-    );
+    let within = format!("{VIEW}[[shapes]]\n{}.type = \"sphere\"", vec!["shape"; 20].join("."));
     let error = error_of(&within, &[]).to_string();
     assert!(error.contains("missing field `type`"), "{error}");
 }
@@ -62,24 +53,16 @@ fn files_outside_of_the_folder_have_confined_keys() {
     for name in ["meshes/a.obj", "scenes/b.obj"] {
         std::fs::write(root.path().join(name), obj).unwrap();
     }
-    let shapes: String = [
-        "../meshes/a.obj",
-        "./b.obj",
-        "b.obj",
-        &absolute.to_string_lossy(),
-    ]
-    .iter()
-    .map(|file| format!("[[shapes]]\ntype = \"mesh\"\nfile = '{file}'\n"))
-    .collect();
+    let shapes: String = ["../meshes/a.obj", "./b.obj", "b.obj", &absolute.to_string_lossy()]
+        .iter()
+        .map(|file| format!("[[shapes]]\ntype = \"mesh\"\nfile = '{file}'\n"))
+        .collect();
     let scene = folder.join("scene.toml");
     std::fs::write(&scene, format!("{VIEW}{shapes}")).unwrap();
     let bundle = read_bundle(&scene).unwrap();
     let rooted = format!("%2F{}", absolute.to_string_lossy());
     let keys: Vec<&str> = bundle.files.keys().map(|key| &**key).collect();
-    assert_eq!(
-        keys,
-        ["%2E%2E/meshes/a.obj", &rooted, "b.obj", "scene.toml"]
-    );
+    assert_eq!(keys, ["%2E%2E/meshes/a.obj", &rooted, "b.obj", "scene.toml"]);
     assert_eq!(beamfarm_scene::load(&bundle).unwrap().objects.len(), 4);
 }
 
@@ -92,10 +75,7 @@ fn paths_that_are_too_long_are_refused() {
     std::fs::write(&scene, text).unwrap();
     let error = read_bundle(&scene).unwrap_err();
     assert_eq!(error.line, Some(5));
-    assert!(
-        error.message.ends_with("is longer than 1024 bytes"),
-        "{error}"
-    );
+    assert!(error.message.ends_with("is longer than 1024 bytes"), "{error}");
 }
 
 /// The first line of the mesh's error.
@@ -123,18 +103,9 @@ fn indices_of_obj_files_stay_within() {
             "a.obj:6: the face names vertex 9223372036854775807, but there are 3",
         ),
         ("1 2 99999999999999999999", "a.obj:6: "),
-        (
-            "1 2 4294967297",
-            "a.obj:6: the face names vertex 4294967297",
-        ),
-        (
-            "1/1 2/2 3/1",
-            "a.obj:6: the face names UV 2, but there are 1",
-        ),
-        (
-            "1//7 2//7 3//7",
-            "a.obj:6: the face names normal 7, but there are 1",
-        ),
+        ("1 2 4294967297", "a.obj:6: the face names vertex 4294967297"),
+        ("1/1 2/2 3/1", "a.obj:6: the face names UV 2, but there are 1"),
+        ("1//7 2//7 3//7", "a.obj:6: the face names normal 7, but there are 1"),
     ] {
         let error = mesh_error(
             "a.obj",
@@ -188,14 +159,8 @@ fn ply_files_hold_what_they_claim() {
             "a.ply: the file is too short for the 1000000000000 `vertex` elements it claims",
         ),
         // A list that claims 16 GB.
-        (
-            file(header("3", "uint uint", "1"), &u32::MAX.to_le_bytes()),
-            "a.ply: ",
-        ),
-        (
-            file(header("3", "int uint", "1"), &i32::MIN.to_le_bytes()),
-            "a.ply: ",
-        ),
+        (file(header("3", "uint uint", "1"), &u32::MAX.to_le_bytes()), "a.ply: "),
+        (file(header("3", "int uint", "1"), &i32::MIN.to_le_bytes()), "a.ply: "),
     ] {
         let error = mesh_error("a.ply", bytes);
         assert!(error.starts_with(expected), "{error}");
@@ -217,9 +182,7 @@ fn volumes_hold_what_they_claim() {
     vol.extend([0; 24 + 64]);
     let error = error_of(&scene("a.vol"), &[("a.vol", vol.clone())]).to_string();
     assert!(
-        error.starts_with(
-            "a.vol: a grid of 65536 x 65536 x 65536 samples takes 1125899906842624 bytes; 64 follow"
-        ),
+        error.starts_with("a.vol: a grid of 65536 x 65536 x 65536 samples takes 1125899906842624 bytes; 64 follow"),
         "{error}"
     );
     vol[8..12].copy_from_slice(&i32::MAX.to_le_bytes());
@@ -237,15 +200,11 @@ fn volumes_hold_what_they_claim() {
 #[test]
 fn images_hold_what_they_claim() {
     let texture = |name: &str, bytes: Vec<u8>| {
-        let text = format!(
-            "{VIEW}[materials.x]\ntype = \"diffuse\"\nreflectance = {{ image = \"{name}\" }}"
-        );
+        let text = format!("{VIEW}[materials.x]\ntype = \"diffuse\"\nreflectance = {{ image = \"{name}\" }}");
         error_of(&text, &[(name, bytes)]).to_string()
     };
     let mut png = b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR".to_vec();
-    png.extend([
-        0x7f, 0xff, 0xff, 0xff, 0x7f, 0xff, 0xff, 0xff, 8, 2, 0, 0, 0,
-    ]);
+    png.extend([0x7f, 0xff, 0xff, 0xff, 0x7f, 0xff, 0xff, 0xff, 8, 2, 0, 0, 0]);
     png.extend(crc32(&png[12..]).to_be_bytes());
     png.extend(b"\0\0\0\0IDAT");
     let error = texture("a.png", png);
@@ -255,13 +214,10 @@ fn images_hold_what_they_claim() {
     );
 
     let mut exr = Vec::new();
-    exr::prelude::Image::from_channels(
-        (4, 4),
-        exr::prelude::SpecificChannels::rgb(|_| (1f32, 1f32, 1f32)),
-    )
-    .write()
-    .to_buffered(std::io::Cursor::new(&mut exr))
-    .unwrap();
+    exr::prelude::Image::from_channels((4, 4), exr::prelude::SpecificChannels::rgb(|_| (1f32, 1f32, 1f32)))
+        .write()
+        .to_buffered(std::io::Cursor::new(&mut exr))
+        .unwrap();
     let name = b"dataWindow\0box2i\0";
     let at = exr.windows(name.len()).position(|w| w == name).unwrap() + name.len() + 4;
     for high in [i32::MAX, 1 << 20, 8191] {

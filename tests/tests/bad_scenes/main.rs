@@ -31,11 +31,7 @@ fn error_of(text: &str, assets: &[(&str, Vec<u8>)]) -> SceneError {
 /// Pairs of lines: what follows the view, with | for line ends, and indented the line and message of its error.
 #[track_caller]
 fn refused(cases: &str) {
-    let lines: Vec<&str> = cases
-        .lines()
-        .map(str::trim)
-        .filter(|l| !l.is_empty())
-        .collect();
+    let lines: Vec<&str> = cases.lines().map(str::trim).filter(|l| !l.is_empty()).collect();
     for case in lines.chunks(2) {
         let text = format!("{VIEW}{}", case[0].replace(" | ", "\n"));
         let expected = format!("scene.toml:{}", case[1]);
@@ -359,10 +355,7 @@ fn cameras_and_images_are_checked() {
         let found = error_of(&VIEW.replace(from, to), &[]).to_string();
         assert_eq!(found, format!("scene.toml:{expected}"));
     }
-    assert_eq!(
-        error_of("", &[]).to_string(),
-        "scene.toml:1: missing field `image`"
-    );
+    assert_eq!(error_of("", &[]).to_string(), "scene.toml:1: missing field `image`");
     let no_camera = error_of("[image]\nwidth = 1\nheight = 1\n", &[]).to_string();
     assert_eq!(no_camera, "scene.toml:1: missing field `camera`");
 }
@@ -379,10 +372,7 @@ fn syntax_errors_have_lines() {
     let files = [("scene.toml".to_string(), bytes)].into_iter().collect();
     let scene = "scene.toml".to_string();
     let error = beamfarm_scene::load(&Bundle { scene, files }).unwrap_err();
-    assert_eq!(
-        error.to_string(),
-        "scene.toml:3: the scene file is not UTF-8 text"
-    );
+    assert_eq!(error.to_string(), "scene.toml:3: the scene file is not UTF-8 text");
 }
 
 const MEDIA: &str = "[media.fog]
@@ -401,9 +391,7 @@ type = \"null\"
 fn boundaries_of_media_must_close() {
     const OPEN: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\n";
     let assets = |faces: &str| [("a.obj", format!("{OPEN}{faces}").into_bytes())];
-    let scene = |shape: &str, world: &str| {
-        format!("{VIEW}{MEDIA}[world]\nmedium = \"{world}\"\n[[shapes]]\n{shape}")
-    };
+    let scene = |shape: &str, world: &str| format!("{VIEW}{MEDIA}[world]\nmedium = \"{world}\"\n[[shapes]]\n{shape}");
     let mesh = "type = \"mesh\"\nfile = \"a.obj\"\nmaterial = \"glass\"";
     for (shape, world, faces, reason) in [
         (
@@ -454,11 +442,7 @@ fn boundaries_of_media_must_close() {
             "none",
             "",
         ),
-        (
-            "type = \"cube\"\nmaterial = \"empty\"\ninterior = \"fog\"",
-            "none",
-            "",
-        ),
+        ("type = \"cube\"\nmaterial = \"empty\"\ninterior = \"fog\"", "none", ""),
         ("type = \"rectangle\"", "fog", ""),
     ] {
         let mut files: std::collections::BTreeMap<_, _> = assets(faces)
@@ -483,10 +467,7 @@ fn light_from_infinity_needs_an_end_of_the_fog() {
         let text = format!("{VIEW}{MEDIA}[world]\nmedium = \"fog\"\n[[lights]]\n{light}");
         let error = error_of(&text, &[]);
         assert_eq!(error.line, Some(15));
-        assert!(
-            error.message.contains("bound the medium by a shape"),
-            "{error}"
-        );
+        assert!(error.message.contains("bound the medium by a shape"), "{error}");
     }
 }
 
@@ -529,11 +510,7 @@ fn bad_assets_are_named() {
     }
     let text = format!("{VIEW}[[shapes]]\ntype = \"mesh\"\nfile = \"a.ply\"");
     let nan = error_of(&text, &[("a.ply", ply("0 nan 0", "3 0 1 2", 3))]);
-    assert_eq!(
-        (nan.file.to_str(), nan.line),
-        (Some("a.ply"), Some(12)),
-        "{nan}"
-    );
+    assert_eq!((nan.file.to_str(), nan.line), (Some("a.ply"), Some(12)), "{nan}");
     let cut = error_of(&text, &[("a.ply", cut)]).to_string();
     assert!(
         cut.starts_with("a.ply: Unexpected end of file while reading binary element 'face'"),
@@ -564,10 +541,7 @@ fn missing_files_are_named() {
         let text = format!("{VIEW}[[shapes]]\ntype = \"mesh\"\nfile = \"{file}\"");
         std::fs::write(&path, text).unwrap();
         let error = read_bundle(&path).unwrap_err();
-        assert_eq!(
-            (error.file.as_path(), error.line),
-            (path.as_path(), Some(5))
-        );
+        assert_eq!((error.file.as_path(), error.line), (path.as_path(), Some(5)));
         assert!(
             error
                 .message

@@ -87,11 +87,7 @@ fn albedos_of_files_are_checked() {
         density = {{ min = [0, 0, 0], max = [1, 1, 1] }}"
     );
     for (channels, value, expected) in [
-        (
-            3,
-            1.5f32,
-            "a.vol: a sample is 1.5; expected albedos from 0 to 1",
-        ),
+        (3, 1.5f32, "a.vol: a sample is 1.5; expected albedos from 0 to 1"),
         (1, f32::NAN, "a.vol: its sample at [0, 0, 0] is not finite"),
         (2, 0.5, "a.vol: the grid has 2 channels; expected 1 or 3"),
     ] {
@@ -230,9 +226,7 @@ fn volume(name: &str) -> Vec<u8> {
 
 /// A scene with a cloud; line 7 is `density`.
 fn cloud(density: &str) -> String {
-    format!(
-        "{VIEW}[media.fog]\ntype = \"heterogeneous\"\nsigma_a = 0\nsigma_s = 1\ndensity = {{ {density} }}"
-    )
+    format!("{VIEW}[media.fog]\ntype = \"heterogeneous\"\nsigma_a = 0\nsigma_s = 1\ndensity = {{ {density} }}")
 }
 
 /// What is wrong with a volume file is an error of that file.
@@ -303,12 +297,7 @@ fn bad_volumes_are_named() {
             volume("blosc.vdb"),
             "not a Mitsuba volume: it does not begin with \"VOL\"",
         ),
-        (
-            "a.vdb",
-            "",
-            volume("stream.vdb"),
-            "it was written as a stream",
-        ),
+        ("a.vdb", "", volume("stream.vdb"), "it was written as a stream"),
         ("a.vol", "", vol, "its sample at [0, 0, 0] is not finite"),
     ] {
         let grid = match grid {
@@ -317,10 +306,7 @@ fn bad_volumes_are_named() {
         };
         let text = cloud(&format!("file = \"{name}\"{grid}"));
         let error = error_of(&text, &[(name, bytes)]).to_string();
-        assert!(
-            error.starts_with(&format!("{name}: {expected}")),
-            "{error}\n{expected}"
-        );
+        assert!(error.starts_with(&format!("{name}: {expected}")), "{error}\n{expected}");
     }
 }
 
@@ -332,10 +318,7 @@ fn missing_volumes_are_named() {
     let text = cloud("file = \"none.vdb\"");
     std::fs::write(&path, &text).unwrap();
     let error = read_bundle(&path).unwrap_err();
-    assert_eq!(
-        (error.file.as_path(), error.line),
-        (path.as_path(), Some(7))
-    );
+    assert_eq!((error.file.as_path(), error.line), (path.as_path(), Some(7)));
     let reason = "media.fog.density.file: the file \"none.vdb\": No such file";
     assert!(error.message.starts_with(reason), "{error}");
     let error = error_of(&text, &[]).to_string();

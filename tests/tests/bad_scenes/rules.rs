@@ -100,9 +100,7 @@ fn rules_without_effect_are_noted() {
         ),
         (
             "on = [\"floor\"]\nrays = [\"camera\"]\nexclude = [\"ball\"]",
-            Some(
-                "3: rules[0].rays[0]: no camera rays start there: no effect on them; they start at the \"camera\"",
-            ),
+            Some("3: rules[0].rays[0]: no camera rays start there: no effect on them; they start at the \"camera\""),
         ),
         (
             "on = [\"floor\"]\nrays = [\"shadow\", \"reflected\"]\nexclude = [\"ball\"]",
@@ -114,9 +112,7 @@ fn rules_without_effect_are_noted() {
         ),
         (
             "on = [\"ball\"]\nrays = [\"photon\"]\nexclude = [\"bulb\"]",
-            Some(
-                "3: rules[0].rays[0]: photons leave nothing there, whatever light they come from: no effect on them",
-            ),
+            Some("3: rules[0].rays[0]: photons leave nothing there, whatever light they come from: no effect on them"),
         ),
         (
             "on = [\"camera\"]\nrays = [\"camera\"]\nexclude = [\"bulb\"]",

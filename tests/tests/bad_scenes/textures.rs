@@ -45,15 +45,10 @@ fn textures_are_checked() {
 fn pixels_are_checked() {
     let file = tempfile::Builder::new().suffix(".exr").tempfile().unwrap();
     let pixel = |x, _| {
-        if x == 1 {
-            (0.5, 1.5, 0.5)
-        } else {
-            (0.5, 0.5, 0.5)
-        }
+        if x == 1 { (0.5, 1.5, 0.5) } else { (0.5, 0.5, 0.5) }
     };
     exr::prelude::write_rgb_file(file.path(), 2, 1, pixel).unwrap();
-    let texture =
-        "[materials.x]\ntype = \"diffuse\"\nreflectance = { image = \"a.exr\", raw = true }";
+    let texture = "[materials.x]\ntype = \"diffuse\"\nreflectance = { image = \"a.exr\", raw = true }";
     let assets = [("a.exr", std::fs::read(file.path()).unwrap())];
     assert_eq!(
         error_of(&format!("{VIEW}{texture}"), &assets).to_string(),

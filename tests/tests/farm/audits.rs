@@ -21,8 +21,8 @@ fn expected() -> Average {
     sum.average().unwrap()
 }
 
-/// Deliver whatever is leased until the job is over or the coordinator wants nothing more. A liar's pictures differ from
-/// what they should be in the last bit of one pixel, in a block out of `lies`.
+/// Deliver whatever is leased until the job is over or the coordinator wants nothing more. A liar's pictures differ
+/// from what they should be in the last bit of one pixel, in a block out of `lies`.
 async fn work(worker: Arc<RawWorker>, lies: Option<u64>) -> Result<(), Status> {
     let _attendance = worker.attend().await;
     let mut count = 0;
@@ -94,10 +94,7 @@ async fn liar_among(honest: usize, lies: u64) {
     assert_eq!(coordinator.ended().await, End::Complete);
     assert!(coordinator.farm.average().unwrap() == expected());
     for other in others {
-        within("an honest worker's end", other)
-            .await
-            .unwrap()
-            .unwrap();
+        within("an honest worker's end", other).await.unwrap().unwrap();
     }
     let caught = within("the liar's end", lying).await;
     let caught = caught.unwrap().unwrap_err();
@@ -111,11 +108,7 @@ async fn liar_among(honest: usize, lies: u64) {
     let mut honest = views.iter().filter(|view| view.id.0 != liar.id);
     assert!(honest.all(|view| view.audits_failed == 0));
     let events = coordinator.farm.events(0);
-    assert!(
-        events
-            .iter()
-            .any(|event| event.kind == EventKind::Divergent)
-    );
+    assert!(events.iter().any(|event| event.kind == EventKind::Divergent));
     assert!(events.iter().any(|event| event.kind == EventKind::ShutOut));
     // Nor does it come back.
     let mut farm = FarmClient::connect(coordinator.url()).await.unwrap();

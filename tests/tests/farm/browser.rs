@@ -58,15 +58,8 @@ impl Browser {
         folder.push(profile.path());
         let mut process = Command::new(program)
             .args(["--headless=new", "--no-sandbox", "--disable-gpu"])
-            .args([
-                "--disable-dev-shm-usage",
-                "--no-first-run",
-                "--hide-scrollbars",
-            ])
-            .args([
-                "--disable-background-networking",
-                "--remote-debugging-port=0",
-            ])
+            .args(["--disable-dev-shm-usage", "--no-first-run", "--hide-scrollbars"])
+            .args(["--disable-background-networking", "--remote-debugging-port=0"])
             .arg(folder)
             .arg("about:blank")
             .stdout(Stdio::null())
@@ -76,11 +69,7 @@ impl Browser {
         let lines = BufReader::new(process.stderr.take().unwrap()).lines();
         let (sender, said) = std::sync::mpsc::channel();
         // Read to the end, whoever listens: the pipe must not fill up.
-        std::thread::spawn(move || {
-            lines
-                .map_while(Result::ok)
-                .for_each(|l| drop(sender.send(l)))
-        });
+        std::thread::spawn(move || lines.map_while(Result::ok).for_each(|l| drop(sender.send(l))));
         let (begun, mut heard) = (Instant::now(), Vec::new());
         let address = loop {
             let Ok(line) = said.recv_timeout(PATIENCE.saturating_sub(begun.elapsed())) else {
@@ -145,10 +134,7 @@ impl Browser {
     fn evaluate(&mut self, expression: &str) -> Value {
         let params = json!({"expression": expression, "returnByValue": true, "awaitPromise": true});
         let mut answer = self.call("Runtime.evaluate", params);
-        assert!(
-            answer["exceptionDetails"].is_null(),
-            "{expression}: {answer}"
-        );
+        assert!(answer["exceptionDetails"].is_null(), "{expression}: {answer}");
         answer["result"]["value"].take()
     }
 
@@ -240,9 +226,7 @@ async fn the_image_changes_and_the_numbers_move() {
     let worker = RawWorker::register(&coordinator).await;
     let _attendance = worker.attend().await;
     let mut page = Browser::open(&coordinator.url());
-    let state = |text: &str| {
-        format!("document.getElementById('state')?.innerText.includes('{text}') ?? false")
-    };
+    let state = |text: &str| format!("document.getElementById('state')?.innerText.includes('{text}') ?? false");
     let shows = |passes: u64| {
         format!(
             "document.getElementById('shown')?.dataset.passes === '{passes}' && document.getElementById('shown').complete"
@@ -262,8 +246,7 @@ async fn the_image_changes_and_the_numbers_move() {
     assert_eq!(percent, json!(66.6));
     let title = page.evaluate("document.title");
     assert!(
-        title.as_str().unwrap().starts_with("67 % Rendering")
-            || title.as_str().unwrap().starts_with("66 % Rendering"),
+        title.as_str().unwrap().starts_with("67 % Rendering") || title.as_str().unwrap().starts_with("66 % Rendering"),
         "{title}"
     );
 
@@ -273,13 +256,8 @@ async fn the_image_changes_and_the_numbers_move() {
     let (darker, _) = page.picture();
     assert!(darker < 0.5 * mean, "{darker} {mean}");
     page.evaluate(&format!("({SET})('view', 'error')"));
-    page.wait_for(
-        "document.getElementById('caption').innerText.startsWith('Error of passes 0 to 3')",
-    );
-    assert_eq!(
-        page.evaluate("document.getElementById('scale').hidden"),
-        json!(false)
-    );
+    page.wait_for("document.getElementById('caption').innerText.startsWith('Error of passes 0 to 3')");
+    assert_eq!(page.evaluate("document.getElementById('scale').hidden"), json!(false));
     page.evaluate(&format!("({SET})('zoom', '4')"));
     assert_eq!(
         page.evaluate("document.getElementById('shown').clientWidth"),
@@ -297,7 +275,8 @@ async fn the_image_changes_and_the_numbers_move() {
     assert_eq!(page.evaluate("window.wrongs"), json!([]));
 }
 
-/// Text and what it stands on, and how far their brightness differs, where that is less than people need (WCAG 2.2, 1.4.3).
+/// Text and what it stands on, and how far their brightness differs, where that is less than people need (WCAG 2.2,
+/// 1.4.3).
 const PALE: &str = "(() => {
     const parse = (text) => (text.match(/[0-9.]+/g) ?? []).map(Number);
     const luminance = ([r, g, b]) => [r, g, b]
@@ -342,16 +321,11 @@ async fn everybody_can_read_it() {
     let worker = RawWorker::named(&coordinator, name).await;
     let _attendance = worker.attend().await;
     let leased = worker.lease().await;
-    worker
-        .submit(leased, b"no picture".to_vec())
-        .await
-        .unwrap_err();
+    worker.submit(leased, b"no picture".to_vec()).await.unwrap_err();
     let mut page = Browser::open(&coordinator.url());
     for passes in [2, 4] {
         deliver(&worker, 2).await;
-        page.wait_for(&format!(
-            "document.getElementById('shown')?.dataset.passes >= {passes}"
-        ));
+        page.wait_for(&format!("document.getElementById('shown')?.dataset.passes >= {passes}"));
     }
     page.wait_for("document.querySelector('#curve svg') !== null");
     for width in [320, 390, 768, 1024, 1920] {
@@ -369,8 +343,8 @@ async fn everybody_can_read_it() {
     assert_eq!(page.evaluate("window.wrongs"), json!([]));
 }
 
-/// Pictures of the page of a job that runs at BEAMFARM_URL, for docs/manual.md and to be looked at: light, dark, as on a
-/// phone, and without scripts, into the folder that BEAMFARM_SCREENSHOTS names. Run it with `--ignored`.
+/// Pictures of the page of a job that runs at BEAMFARM_URL, for docs/manual.md and to be looked at: light, dark, as on
+/// a phone, and without scripts, into the folder that BEAMFARM_SCREENSHOTS names. Run it with `--ignored`.
 #[tokio::test(flavor = "multi_thread")]
 #[ignore = "for the picture in docs/manual.md"]
 async fn the_page_in_pictures() {
@@ -391,10 +365,7 @@ async fn the_page_in_pictures() {
     page.evaluate(&format!("({SET})('view', 'error')"));
     page.wait_for("document.getElementById('caption').innerText.startsWith('Error of')");
     page.screenshot(&Path::new(&folder).join("error.png"), 1200, "light");
-    page.call(
-        "Emulation.setScriptExecutionDisabled",
-        json!({"value": true}),
-    );
+    page.call("Emulation.setScriptExecutionDisabled", json!({"value": true}));
     page.call("Page.navigate", json!({"url": url}));
     std::thread::sleep(Duration::from_secs(2));
     page.screenshot(&Path::new(&folder).join("no-script.png"), 1200, "light");

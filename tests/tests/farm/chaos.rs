@@ -1,9 +1,9 @@
 //! Rounds of misfortune, each of which ends with the bits of an undisturbed run.
 //!
 //! Two workers are processes of their own (this very test, started again), behind a proxy that delays, cuts and damages
-//! connections. They are killed, stopped and continued at random times. A third one sends damaged, cut, stale and doubled
-//! blocks. In every other round the coordinator goes away without a word and another one takes its place, with nothing or
-//! with what a checkpoint held.
+//! connections. They are killed, stopped and continued at random times. A third one sends damaged, cut, stale and
+//! doubled blocks. In every other round the coordinator goes away without a word and another one takes its place, with
+//! nothing or with what a checkpoint held.
 //!
 //! `BEAMFARM_CHAOS_ROUNDS=1000` makes it a long one; `BEAMFARM_CHAOS_SEED=17` repeats the round of that number.
 
@@ -162,11 +162,7 @@ async fn proxy(listener: TcpListener, to: SocketAddr, round: u64, cut: broadcast
     }
 }
 
-async fn pass_on(
-    mut from: tokio::net::tcp::OwnedReadHalf,
-    mut to: tokio::net::tcp::OwnedWriteHalf,
-    fate: Fate,
-) {
+async fn pass_on(mut from: tokio::net::tcp::OwnedReadHalf, mut to: tokio::net::tcp::OwnedWriteHalf, fate: Fate) {
     let mut buffer = vec![0; 16 << 10];
     let mut sent = 0;
     while let Ok(count @ 1..) = from.read(&mut buffer).await {
@@ -317,18 +313,13 @@ async fn round(truth: &Arc<Truth>, round: u64) {
     let url = format!("http://{}", gate.local_addr().unwrap());
     let (cut, _) = broadcast::channel(1);
     let proxy = tokio::spawn(proxy(gate, coordinator.address, round, cut.clone()));
-    let mut processes: Vec<Process> = (0..2)
-        .map(|i| Process::start(&url, &format!("process {i}")))
-        .collect();
+    let mut processes: Vec<Process> = (0..2).map(|i| Process::start(&url, &format!("process {i}"))).collect();
     let mut imp = tokio::spawn(mischief(coordinator.clone(), truth.clone(), round));
     // After this many acts of violence, if at all.
     let mut restart = round.is_multiple_of(2).then(|| 2 + dice.below(6));
     let begun = std::time::Instant::now();
     for act in 0.. {
-        assert!(
-            begun.elapsed() < Duration::from_secs(60),
-            "round {round} hangs"
-        );
+        assert!(begun.elapsed() < Duration::from_secs(60), "round {round} hangs");
         let pause = dice.ms(10, 60);
         let ended = tokio::time::timeout(pause, coordinator.farm.ended()).await;
         if let Ok(end) = ended {
@@ -366,22 +357,14 @@ async fn round(truth: &Arc<Truth>, round: u64) {
             let listener = port.try_clone().unwrap();
             let next = Coordinator::resume_on(listener, spec.clone(), timing, start).await;
             coordinator = Arc::new(next);
-            imp = tokio::spawn(mischief(
-                coordinator.clone(),
-                truth.clone(),
-                round + 1_000_000,
-            ));
+            imp = tokio::spawn(mischief(coordinator.clone(), truth.clone(), round + 1_000_000));
         }
     }
     let average = coordinator.farm.average().unwrap();
     assert!(average == truth.average, "round {round}: other bits");
     let progress = coordinator.farm.progress();
     assert_eq!((progress.prefix, progress.passes), (PASSES, PASSES));
-    assert_eq!(
-        (progress.divergent, progress.failures),
-        (0, 0),
-        "round {round}"
-    );
+    assert_eq!((progress.divergent, progress.failures), (0, 0), "round {round}");
     imp.abort();
     proxy.abort();
 }

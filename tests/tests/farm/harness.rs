@@ -2,9 +2,7 @@
 
 use beamfarm_coordinator::limits::Limits;
 use beamfarm_coordinator::security::Security;
-use beamfarm_coordinator::{
-    End, Entrance, Farm, JobSpec, Progress, Start, Terms, Timing, Watch, server,
-};
+use beamfarm_coordinator::{End, Entrance, Farm, JobSpec, Progress, Start, Terms, Timing, Watch, server};
 use beamfarm_image::bundle::Bundle;
 use beamfarm_image::exr::{BlockMeta, encode_block};
 use beamfarm_image::film::Film;
@@ -196,12 +194,7 @@ impl Coordinator {
     }
 
     /// A coordinator that begins with what another one left.
-    pub async fn resume_on(
-        listener: std::net::TcpListener,
-        spec: JobSpec,
-        timing: Timing,
-        start: Start,
-    ) -> Self {
+    pub async fn resume_on(listener: std::net::TcpListener, spec: JobSpec, timing: Timing, start: Start) -> Self {
         let doors = (Security::default(), Limits::default());
         Self::start_with(listener, spec, timing, doors, start).await
     }
@@ -263,12 +256,7 @@ pub fn start_worker(url: String, threads: usize, patience: Duration) -> WorkerHa
     start_worker_with(url, threads, patience, LONG)
 }
 
-pub fn start_worker_with(
-    url: String,
-    threads: usize,
-    patience: Duration,
-    grace: Duration,
-) -> WorkerHandle {
+pub fn start_worker_with(url: String, threads: usize, patience: Duration, grace: Duration) -> WorkerHandle {
     let (drain, receiver) = watch::channel(false);
     let config = beamfarm_worker::Config {
         url,
@@ -364,9 +352,7 @@ impl RawWorker {
 
     /// Deliver exactly this.
     pub async fn send(&self, parts: Vec<Part>) -> Result<wire::SubmitReply, Status> {
-        let parts = parts
-            .into_iter()
-            .map(|part| wire::SubmitRequest { part: Some(part) });
+        let parts = parts.into_iter().map(|part| wire::SubmitRequest { part: Some(part) });
         let parts: Vec<_> = parts.collect();
         let mut farm = self.farm.clone();
         let reply = farm.submit(tokio_stream::iter(parts));
@@ -374,19 +360,11 @@ impl RawWorker {
     }
 
     /// Deliver these bytes, properly.
-    pub async fn submit(
-        &self,
-        leased: (LeaseId, Block),
-        bytes: Vec<u8>,
-    ) -> Result<wire::SubmitReply, Status> {
+    pub async fn submit(&self, leased: (LeaseId, Block), bytes: Vec<u8>) -> Result<wire::SubmitReply, Status> {
         let header = self.header(leased, &bytes);
         let mut parts = vec![Part::Header(header)];
         // Chunks that end nowhere in particular.
-        parts.extend(
-            bytes
-                .chunks(1001)
-                .map(|chunk| Part::Data(chunk.to_vec().into())),
-        );
+        parts.extend(bytes.chunks(1001).map(|chunk| Part::Data(chunk.to_vec().into())));
         self.send(parts).await
     }
 

@@ -69,9 +69,7 @@ async fn call(channel: &Channel, call: &str, messages: Vec<Vec<u8>>) -> Result<(
         while answer.message().await?.is_some() {}
         Ok(())
     };
-    timeout(Duration::from_millis(200), talk)
-        .await
-        .unwrap_or(Ok(()))
+    timeout(Duration::from_millis(200), talk).await.unwrap_or(Ok(()))
 }
 
 #[tokio::test]
@@ -79,10 +77,7 @@ async fn damaged_messages_do_no_harm() {
     let coordinator = Coordinator::start(spec(PASSES)).await;
     let worker = RawWorker::register(&coordinator).await;
     let leased = worker.lease().await;
-    let mut exr = encode(
-        &leaf(leased.1.start(), film(leased.1.start())),
-        &worker.meta(leased.1),
-    );
+    let mut exr = encode(&leaf(leased.1.start(), film(leased.1.start())), &worker.meta(leased.1));
     // Finite pixels of another picture are nothing that a check could find: this one never arrives.
     exr.truncate(1000);
     let header = worker.header(leased, &exr);
@@ -174,9 +169,7 @@ async fn damaged_messages_do_no_harm() {
     for (kind, (name, seed)) in seeds.iter().enumerate() {
         for mutation in 0..MUTATIONS {
             let mut random = Pcg32::new(mutation, kind as u64);
-            let damaged = seed
-                .iter()
-                .map(|seed| mutate(seed, &seed[1..], &mut random));
+            let damaged = seed.iter().map(|seed| mutate(seed, &seed[1..], &mut random));
             if let Err(status) = call(&channel, name, damaged.collect()).await {
                 refused += 1;
                 // A panic would be one of these.

@@ -31,9 +31,7 @@ async fn coordinator(limits: Limits, security: Security) -> Coordinator {
 /// Waits until the other side hangs up, and returns what it said before.
 async fn hung_up(mut stream: TcpStream) -> Vec<u8> {
     let mut said = Vec::new();
-    let _ = timeout(PATIENCE, stream.read_to_end(&mut said))
-        .await
-        .unwrap();
+    let _ = timeout(PATIENCE, stream.read_to_end(&mut said)).await.unwrap();
     said
 }
 
@@ -68,11 +66,7 @@ async fn connections_that_never_say_anything_useful_are_closed() {
     let key = KeyPair::generate().unwrap();
     let params = CertificateParams::new(["localhost".to_string()]).unwrap();
     let certificate = params.self_signed(&key).unwrap();
-    let tls = Tls::new(
-        certificate.pem().as_bytes(),
-        key.serialize_pem().as_bytes(),
-        None,
-    );
+    let tls = Tls::new(certificate.pem().as_bytes(), key.serialize_pem().as_bytes(), None);
     let doors = [
         Security::default(),
         Security {
@@ -206,10 +200,7 @@ async fn an_upload_that_drips_is_cut_off() {
     let coordinator = coordinator(limits, Security::default()).await;
     let worker = RawWorker::register(&coordinator).await;
     let leased = worker.lease().await;
-    let bytes = crate::harness::encode(
-        &leaf(leased.1.start(), film(leased.1.start())),
-        &worker.meta(leased.1),
-    );
+    let bytes = crate::harness::encode(&leaf(leased.1.start(), film(leased.1.start())), &worker.meta(leased.1));
     for (chunk, pause) in [(1, 10), (1000, 3_600_000)] {
         let header = Part::Header(worker.header(leased, &bytes));
         let data = bytes.clone();

@@ -85,9 +85,7 @@ async fn other_bits_than_before_are_told_and_decided() {
         assert_eq!((progress.prefix, progress.divergent), (PASSES, 1));
         assert_eq!(coordinator.farm.end(), None, "others may still decide");
         let events = coordinator.farm.events(0);
-        let told = events
-            .iter()
-            .filter(|event| event.kind == EventKind::Divergent);
+        let told = events.iter().filter(|event| event.kind == EventKind::Divergent);
         let told: Vec<&str> = told.map(|event| &*event.text).collect();
         assert_eq!(told.len(), 1);
         assert!(told[0].contains("\"before\"") && told[0].contains(&block.to_string()));

@@ -85,8 +85,7 @@ async fn register(url: &str, credentials: &Credentials) -> Code {
 /// The answer to what is written, as a browser sees it.
 async fn http(coordinator: &Coordinator, path: &str, headers: &str) -> String {
     let mut stream = TcpStream::connect(coordinator.address).await.unwrap();
-    let request =
-        format!("GET {path} HTTP/1.1\r\nhost: localhost\r\nconnection: close\r\n{headers}\r\n");
+    let request = format!("GET {path} HTTP/1.1\r\nhost: localhost\r\nconnection: close\r\n{headers}\r\n");
     stream.write_all(request.as_bytes()).await.unwrap();
     let mut answer = String::new();
     let read = stream.read_to_string(&mut answer);
@@ -110,10 +109,7 @@ async fn only_those_with_the_token_get_in() {
         let credentials = with(wrong);
         assert_eq!(register(&url, &credentials).await, Code::Unauthenticated);
         let refused = work(url.clone(), credentials).await;
-        assert!(
-            matches!(refused, Err(WorkerError::Refused(_))),
-            "{refused:?}"
-        );
+        assert!(matches!(refused, Err(WorkerError::Refused(_))), "{refused:?}");
     }
     assert_eq!(coordinator.farm.progress().registered, 0);
     assert_eq!(register(&url, &with(token(TOKEN))).await, Code::Ok);
@@ -192,11 +188,7 @@ async fn tls_needs_an_authority_that_both_believe() {
 async fn mutual_tls_asks_for_a_certificate() {
     let (servers, clients) = (Authority::new(), Authority::new());
     let (certificate, key) = servers.issue("localhost");
-    let tls = Tls::new(
-        certificate.as_bytes(),
-        key.as_bytes(),
-        Some(clients.pem().as_bytes()),
-    );
+    let tls = Tls::new(certificate.as_bytes(), key.as_bytes(), Some(clients.pem().as_bytes()));
     let security = Security {
         tls: Some(tls.unwrap()),
         token: None,

@@ -28,8 +28,7 @@ async fn stop(target: Target, seed: u64) -> (Option<u64>, Average) {
         ..Start::default()
     };
     let doors = Default::default();
-    let coordinator =
-        Coordinator::start_with(free_port(), spec(PASSES), timing, doors, start).await;
+    let coordinator = Coordinator::start_with(free_port(), spec(PASSES), timing, doors, start).await;
     let workers = [
         RawWorker::register(&coordinator).await,
         RawWorker::register(&coordinator).await,
@@ -50,18 +49,12 @@ async fn stop(target: Target, seed: u64) -> (Option<u64>, Average) {
     for (worker, lease) in leased {
         // Some come after the end, when nobody may be there any more.
         let taken = worker.deliver(lease).await;
-        assert!(
-            taken.is_ok() || coordinator.farm.end().is_some(),
-            "{taken:?}"
-        );
+        assert!(taken.is_ok() || coordinator.farm.end().is_some(), "{taken:?}");
     }
     assert_eq!(coordinator.ended().await, End::Complete);
     let farm = coordinator.farm.clone();
     let average = tokio::task::spawn_blocking(move || farm.average());
-    (
-        coordinator.farm.stopped_at(),
-        average.await.unwrap().unwrap(),
-    )
+    (coordinator.farm.stopped_at(), average.await.unwrap().unwrap())
 }
 
 #[tokio::test]
@@ -80,10 +73,7 @@ async fn passes_stop_where_they_would_one_by_one() {
             let (stopped_at, average) = stop(target, seed).await;
             assert_eq!(stopped_at, Some(expected));
             assert_eq!(average.passes, expected);
-            assert_eq!(
-                pixel_hash(&average.beauty),
-                pixel_hash(&average_of(expected).beauty)
-            );
+            assert_eq!(pixel_hash(&average.beauty), pixel_hash(&average_of(expected).beauty));
         }
     }
 }
@@ -96,8 +86,5 @@ async fn an_error_out_of_reach_takes_all_passes() {
     };
     let (stopped_at, average) = stop(target, 9).await;
     assert_eq!((stopped_at, average.passes), (None, PASSES));
-    assert_eq!(
-        pixel_hash(&average.beauty),
-        pixel_hash(&average_of(PASSES).beauty)
-    );
+    assert_eq!(pixel_hash(&average.beauty), pixel_hash(&average_of(PASSES).beauty));
 }

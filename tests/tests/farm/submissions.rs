@@ -113,12 +113,7 @@ async fn parts_in_the_wrong_order() {
     let leased = worker.lease().await;
     let header = || Part::Header(worker.header(leased, &[]));
     let data = || Part::Data(vec![0].into());
-    for parts in [
-        vec![],
-        vec![data()],
-        vec![data(), header()],
-        vec![header(), header()],
-    ] {
+    for parts in [vec![], vec![data()], vec![data(), header()], vec![header(), header()]] {
         let status = worker.send(parts).await.unwrap_err();
         assert_eq!(status.code(), Code::InvalidArgument);
     }
@@ -190,10 +185,7 @@ async fn passes_that_were_not_leased() {
     let status = other.deliver((lease, block)).await.unwrap_err();
     assert_eq!(status.code(), Code::InvalidArgument);
     let beyond = wire::SubmitHeader {
-        block: Some(wire::Block {
-            level: 70,
-            index: 1,
-        }),
+        block: Some(wire::Block { level: 70, index: 1 }),
         ..worker.header((lease, block), &[])
     };
     let status = worker.send(vec![Part::Header(beyond)]).await.unwrap_err();

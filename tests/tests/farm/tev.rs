@@ -94,9 +94,7 @@ async fn packet(stream: &mut TcpStream) -> Option<Packet> {
 
 fn expected(coordinator: &Coordinator) -> Vec<Vec<f32>> {
     let pixels = coordinator.farm.average().unwrap().beauty.pixels;
-    (0..3)
-        .map(|c| pixels.iter().map(|p| p[c]).collect())
-        .collect()
+    (0..3).map(|c| pixels.iter().map(|p| p[c]).collect()).collect()
 }
 
 #[tokio::test]

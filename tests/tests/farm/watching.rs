@@ -36,17 +36,11 @@ impl Answer {
 async fn ask(coordinator: &Coordinator, request: &str) -> Answer {
     let answer = async {
         let mut stream = TcpStream::connect(coordinator.address).await.unwrap();
-        let request = format!(
-            "{request} HTTP/1.0\r\nHost: {}\r\n\r\n",
-            coordinator.address
-        );
+        let request = format!("{request} HTTP/1.0\r\nHost: {}\r\n\r\n", coordinator.address);
         stream.write_all(request.as_bytes()).await.unwrap();
         let mut bytes = Vec::new();
         stream.read_to_end(&mut bytes).await.unwrap();
-        let end = bytes
-            .windows(4)
-            .position(|four| four == b"\r\n\r\n")
-            .unwrap();
+        let end = bytes.windows(4).position(|four| four == b"\r\n\r\n").unwrap();
         Answer {
             head: String::from_utf8(bytes[..end].to_vec()).unwrap(),
             body: bytes[end + 4..].to_vec(),
@@ -102,12 +96,7 @@ async fn the_page_has_its_numbers_without_a_script() {
 #[tokio::test]
 async fn pictures_are_of_the_passes_that_they_name() {
     let (coordinator, worker) = with_passes(8, 0).await;
-    assert!(
-        ask(&coordinator, "GET /image.png")
-            .await
-            .head
-            .contains("404")
-    );
+    assert!(ask(&coordinator, "GET /image.png").await.head.contains("404"));
     assert!(
         ask(&coordinator, "GET /")
             .await
@@ -220,18 +209,12 @@ async fn metrics_follow_the_job() {
         &format!("beamfarm_build_info{{version=\"{VERSION}\"}} 1"),
         "# EOF",
     ] {
-        assert!(
-            text.lines().any(|found| found == line),
-            "{line} is not in {text}"
-        );
+        assert!(text.lines().any(|found| found == line), "{line} is not in {text}");
     }
     // One name each, in the prefix, and nothing that tells one process from another.
     for line in text.lines().filter(|line| !line.starts_with('#')) {
         assert!(line.starts_with("beamfarm_"), "{line}");
-        assert!(
-            !line.contains("worker=") && !line.contains("name="),
-            "{line}"
-        );
+        assert!(!line.contains("worker=") && !line.contains("name="), "{line}");
     }
     let health = ask(&coordinator, "GET /healthz").await;
     assert!(health.head.contains("200") && health.text() == "ok\n");
@@ -263,17 +246,10 @@ async fn status_tells_how_the_job_stands() {
     assert_eq!((reply.prefix, reply.passes, reply.limit), (2, 2, 8));
     assert_eq!(reply.version, VERSION);
     assert_eq!(&reply.scene[..], coordinator.farm.job().scene.0);
-    let expected = coordinator
-        .farm
-        .average()
-        .unwrap()
-        .relative_standard_error();
+    let expected = coordinator.farm.average().unwrap().relative_standard_error();
     assert_eq!(reply.relative_standard_error, Some(expected));
     assert_eq!(reply.workers.len(), 1);
-    assert_eq!(
-        (&*reply.workers[0].name, reply.workers[0].passes),
-        ("raw", 2)
-    );
+    assert_eq!((&*reply.workers[0].name, reply.workers[0].passes), ("raw", 2));
     assert!(reply.events.iter().any(|event| event.kind == "joined"));
 }
 
@@ -326,11 +302,7 @@ async fn images_are_written_on_request_where_somebody_can() {
     assert_eq!(refused.unwrap_err().code(), Code::Internal);
     let mut requests = coordinator.watch.write_requests();
     let writer = tokio::spawn(async move {
-        let answers = [
-            Ok("written".to_owned()),
-            Err("disk full".to_owned()),
-            Ok(String::new()),
-        ];
+        let answers = [Ok("written".to_owned()), Err("disk full".to_owned()), Ok(String::new())];
         for answer in answers {
             requests.recv().await.unwrap().send(answer).unwrap();
         }

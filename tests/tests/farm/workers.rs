@@ -1,8 +1,7 @@
 //! Workers of the library at work.
 
 use crate::harness::{
-    Coordinator, LONG, RawWorker, SCENE, WIDTH, free_port, leaf, settings, spec, start_worker,
-    start_worker_with,
+    Coordinator, LONG, RawWorker, SCENE, WIDTH, free_port, leaf, settings, spec, start_worker, start_worker_with,
 };
 use beamfarm_coordinator::{End, JobSpec, Progress, Timing, WorkerState, WorkerView};
 use beamfarm_image::bundle::Bundle;
@@ -52,10 +51,7 @@ async fn workers_and_threads_do_not_change_a_bit() {
         let _crew: Vec<_> = (0..workers).map(|_| coordinator.worker(threads)).collect();
         assert_eq!(coordinator.ended().await, End::Complete);
         let average = coordinator.farm.average().unwrap();
-        assert!(
-            average == expected,
-            "{workers} workers of {threads} threads"
-        );
+        assert!(average == expected, "{workers} workers of {threads} threads");
         for done in coordinator.farm.blocks() {
             let (_, known) = done.by.unwrap();
             if done.block.level == 0 {
@@ -100,10 +96,7 @@ async fn a_worker_finds_a_restarted_coordinator_with_another_job() {
     other.width = WIDTH + 2;
     let scene = SCENE.replace("width = 40", "width = 42");
     other.bundle.files.insert("scene.toml".into(), scene.into());
-    other
-        .bundle
-        .files
-        .insert("unused.bin".into(), vec![1; 3_000_000]);
+    other.bundle.files.insert("unused.bin".into(), vec![1; 3_000_000]);
     let second = Coordinator::start_on(port, other, timing).await;
     assert_eq!(second.ended().await, End::Complete);
     assert_eq!(second.farm.average().unwrap().beauty.width, WIDTH + 2);

@@ -46,12 +46,7 @@ fn ink_is_black() {
             let image = render_pass(&scene, &plan, pass_index);
             // What half space sends back is less than its albedo.
             let limit = (2.0 * sigma_s / sigma_a) as f32;
-            let brightest = image
-                .film
-                .pixels
-                .iter()
-                .flatten()
-                .fold(0.0, |m: f32, v| m.max(*v));
+            let brightest = image.film.pixels.iter().flatten().fold(0.0, |m: f32, v| m.max(*v));
             assert_eq!(image.stats.non_finite, 0);
             let mean: f32 = image.film.pixels.iter().flatten().sum::<f32>() / 192.0;
             assert!(mean <= limit, "{mean}, at most {brightest}");

@@ -39,28 +39,16 @@ fn furnaces_are_one_and_cost_what_the_ordinary_one_does() {
         let name = case.name;
         assert_eq!(outcome.stats.non_finite, 0, "{name}");
         for (c, ratio) in outcome.ratio.iter().enumerate() {
-            println!(
-                "{name}, channel {c}: {:.4} +- {:.4}",
-                ratio.mean(),
-                ratio.std_error()
-            );
+            println!("{name}, channel {c}: {:.4} +- {:.4}", ratio.mean(), ratio.std_error());
             // The nearest value that kernels explain, and the rarity of what there is to see.
-            let least = if case.rarely_seen {
-                0.0
-            } else {
-                1.0 - case.allowance
-            };
+            let least = if case.rarely_seen { 0.0 } else { 1.0 - case.allowance };
             let allowed = ratio.mean().clamp(least, 1.0 + case.allowance);
             suite.mean(format!("{name}, channel {c}"), ratio, allowed);
         }
         let per_path = |count: u64, paths: u64| count as f64 / paths.max(1) as f64;
         for (what, count, usual_count) in [
             ("beams", outcome.stats.beams, usual.beams),
-            (
-                "evaluations",
-                outcome.stats.beam_evaluations,
-                usual.beam_evaluations,
-            ),
+            ("evaluations", outcome.stats.beam_evaluations, usual.beam_evaluations),
         ] {
             let work = per_path(count, outcome.stats.paths) / per_path(usual_count, usual.paths);
             println!("{name}: {what} {work:.2}");

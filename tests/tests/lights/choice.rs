@@ -1,8 +1,6 @@
 //! Which light is sampled.
 
-use crate::setup::{
-    BOUNDS, SAMPLES, SIGNIFICANCE, ball, disc, emitter, light, point, rectangle, sky, spot, sun,
-};
+use crate::setup::{BOUNDS, SAMPLES, SIGNIFICANCE, ball, disc, emitter, light, point, rectangle, sky, spot, sun};
 use beamfarm_render::geometry::Object;
 use beamfarm_render::light::{Light, LightKind, LightSelector, LightSources};
 use beamfarm_render::math::{PI, Rgb, Vec3};
@@ -149,8 +147,8 @@ fn lights_near_a_point_are_chosen_more_often_there() {
     suite.finish();
 }
 
-/// A floor that a lamp high above lights, and another, nearer, is kept off by a wall. The estimate is right, and finds the
-/// lamp as often as the probability says: what is wasted on the other has a bound.
+/// A floor that a lamp high above lights, and another, nearer, is kept off by a wall. The estimate is right, and finds
+/// the lamp as often as the probability says: what is wasted on the other has a bound.
 #[test]
 fn a_near_light_behind_a_wall_does_not_hide_a_far_one() {
     let scene = render::scene(

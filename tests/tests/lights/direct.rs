@@ -1,8 +1,7 @@
 //! Light towards a point: samples, their densities, and the irradiance that they add up to.
 
 use crate::setup::{
-    RADIANCE, SAMPLES, SIGNIFICANCE, ball, cylinder, disc, emitter, light, point, rectangle,
-    shapes, sky, spot, sun,
+    RADIANCE, SAMPLES, SIGNIFICANCE, ball, cylinder, disc, emitter, light, point, rectangle, shapes, sky, spot, sun,
 };
 use beamfarm_render::geometry::{Geometry, Object, bounds};
 use beamfarm_render::light::{DirectSample, Environment, Light, LightHit, LightKind};
@@ -15,21 +14,14 @@ use beamfarm_tests::{Chi2, MeanEstimate, Suite};
 use glam::{Affine3A, Mat3};
 use std::sync::Arc;
 
-fn directs(
-    light: &Light,
-    objects: &[Object],
-    from: Vec3,
-) -> impl Iterator<Item = Option<DirectSample>> {
+fn directs(light: &Light, objects: &[Object], from: Vec3) -> impl Iterator<Item = Option<DirectSample>> {
     let mut rng = Sampler::new(11, 0, Purpose::Test, 0);
     (0..SAMPLES).map(move |_| light.sample_direct(objects, from, rng.next_2d(), rng.next_1d()))
 }
 
 /// The density of a light in a direction by tracing a ray there, as integrators ask for it.
 fn traced_pdf(light: &Light, objects: &[Object], geometry: &Geometry, from: Vec3, wi: Vec3) -> f32 {
-    let ray = Ray {
-        origin: from,
-        dir: wi,
-    };
+    let ray = Ray { origin: from, dir: wi };
     let hit = geometry
         .intersect(objects, &ray, f32::INFINITY, |_| false)
         .map(|hit| LightHit {
@@ -73,11 +65,7 @@ fn direct_sampling_covers_the_solid_angle() {
                     (bin(sample.wi), if pdf > 0.0 { 1.0 / pdf } else { 0.0 })
                 });
                 for (i, estimate) in sampled.iter_mut().enumerate() {
-                    estimate.add(if i == inverse.0 {
-                        f64::from(inverse.1)
-                    } else {
-                        0.0
-                    });
+                    estimate.add(if i == inverse.0 { f64::from(inverse.1) } else { 0.0 });
                 }
             }
             let mut rng = Sampler::new(12, 0, Purpose::Test, 0);
@@ -96,11 +84,7 @@ fn direct_sampling_covers_the_solid_angle() {
             }
             for i in 0..16 {
                 if sampled[i].mean() > 0.0 || traced[i].mean() > 0.0 {
-                    suite.same_mean(
-                        format!("{name} from {from} in {i}"),
-                        &sampled[i],
-                        &traced[i],
-                    );
+                    suite.same_mean(format!("{name} from {from} in {i}"), &sampled[i], &traced[i]);
                 }
             }
         }
@@ -151,10 +135,7 @@ fn direct_samples_lie_on_the_light_at_their_distance_with_their_density() {
         let (objects, light) = emitter(shape);
         let geometry = Geometry::new(&objects);
         let from = Vec3::new(0.2, 2.0, 0.4);
-        let samples: Vec<DirectSample> = directs(&light, &objects, from)
-            .take(5000)
-            .flatten()
-            .collect();
+        let samples: Vec<DirectSample> = directs(&light, &objects, from).take(5000).flatten().collect();
         let mut missed = 0.0;
         for sample in &samples {
             let ray = Ray {
@@ -174,10 +155,7 @@ fn direct_samples_lie_on_the_light_at_their_distance_with_their_density() {
             let pdf = traced_pdf(&light, &objects, &geometry, from, sample.wi);
             assert!((pdf / sample.pdf - 1.0).abs() < 1e-3, "{name}");
             let radiance = sample.weight * sample.pdf;
-            assert!(
-                (radiance - light.radiance_area(cos)).length() < 1e-4,
-                "{name}"
-            );
+            assert!((radiance - light.radiance_area(cos)).length() < 1e-4, "{name}");
         }
         // Within a rounding of the outline a ray may just miss.
         let all: f32 = samples.iter().map(|sample| 1.0 / sample.pdf).sum();
@@ -232,17 +210,12 @@ fn irradiance_matches_closed_forms() {
             &mean,
             pi * radiance * r2 / (r2 + d2),
         );
-        let behind = irradiance(
-            &light,
-            &objects,
-            Vec3::new(0.0, 0.0, 2.0 * distance),
-            -Vec3::Z,
-        );
+        let behind = irradiance(&light, &objects, Vec3::new(0.0, 0.0, 2.0 * distance), -Vec3::Z);
         assert_eq!(behind.mean(), 0.0, "discs have one side");
     }
 
-    // The inside of a cylinder of radius R and height H from the middle of its base: pi L H^2 / (R^2 + H^2), the rest of
-    // what the other end leaves.
+    // The inside of a cylinder of radius R and height H from the middle of its base: pi L H^2 / (R^2 + H^2), the rest
+    // of what the other end leaves.
     for (radius, height) in [(0.5f32, 2.0f32), (3.0, 0.7)] {
         let map = Affine3A::from_scale(Vec3::new(radius, radius, height));
         let (objects, light) = emitter(cylinder(map, true));
@@ -255,11 +228,7 @@ fn irradiance_matches_closed_forms() {
         );
         let (objects, light) = emitter(cylinder(map, false));
         let outside = irradiance(&light, &objects, Vec3::ZERO, Vec3::Z);
-        assert_eq!(
-            outside.mean(),
-            0.0,
-            "its outside cannot be seen from within"
-        );
+        assert_eq!(outside.mean(), 0.0, "its outside cannot be seen from within");
     }
 
     // Rectangle a x b parallel to the surface at distance d, one corner above the point (Howell, A Catalog of Radiation
@@ -271,11 +240,7 @@ fn irradiance_matches_closed_forms() {
         let (x, y) = (f64::from(a / d), f64::from(b / d));
         let (sx, sy) = ((1.0 + x * x).sqrt(), (1.0 + y * y).sqrt());
         let factor = (x / sx * libm::atan2(y, sx) + y / sy * libm::atan2(x, sy)) / (2.0 * pi);
-        suite.mean(
-            format!("rectangle {a} {b} {d}"),
-            &mean,
-            pi * radiance * factor,
-        );
+        suite.mean(format!("rectangle {a} {b} {d}"), &mean, pi * radiance * factor);
     }
 
     // Constant radiance from all around, and radiance theta / pi from two rows, whose integral is pi / 4.
@@ -323,11 +288,7 @@ fn delta_lights_follow_the_inverse_square_law() {
 
 #[test]
 fn delta_lights_have_no_density() {
-    for light in [
-        point(Vec3::ONE),
-        sun(Vec3::X),
-        spot(Vec3::ONE, Vec3::X, 3.0, 5.0),
-    ] {
+    for light in [point(Vec3::ONE), sun(Vec3::X), spot(Vec3::ONE, Vec3::X, 3.0, 5.0)] {
         assert_eq!(light.pdf_direct(&[], Vec3::ZERO, Vec3::X, None), 0.0);
         assert_eq!(light.radiance_area(1.0), Rgb::ZERO);
     }

@@ -1,8 +1,7 @@
 //! What lights emit: their power, and photons where and whither their densities say.
 
 use crate::setup::{
-    BOUNDS, RADIANCE, SAMPLES, SIGNIFICANCE, ball, emitter, point, rectangle, shapes, sky,
-    speckled, spot, sun,
+    BOUNDS, RADIANCE, SAMPLES, SIGNIFICANCE, ball, emitter, point, rectangle, shapes, sky, speckled, spot, sun,
 };
 use beamfarm_render::geometry::{Geometry, Object};
 use beamfarm_render::light::{EmissionSample, EmissionUniforms, Light, LightKind};
@@ -57,11 +56,7 @@ fn mean_emission_is_the_power() {
             let mean: MeanEstimate = emissions(light, objects, 1)
                 .map(|sample| f64::from(sample.power[channel]))
                 .collect();
-            suite.mean(
-                format!("{name} {channel}"),
-                &mean,
-                f64::from(power[channel]),
-            );
+            suite.mean(format!("{name} {channel}"), &mean, f64::from(power[channel]));
         }
     }
     suite.finish();
@@ -77,25 +72,16 @@ fn powers_of_simple_lights() {
     close(square.power(&objects, &BOUNDS), RADIANCE * (6.0 * PI));
     close(point(Vec3::ZERO).power(&[], &BOUNDS), RADIANCE * (4.0 * PI));
     close(sun(Vec3::X).power(&[], &BOUNDS), RADIANCE * (49.0 * PI));
-    close(
-        sky(None).power(&[], &BOUNDS),
-        RADIANCE * (4.0 * PI * 49.0 * PI),
-    );
+    close(sky(None).power(&[], &BOUNDS), RADIANCE * (4.0 * PI * 49.0 * PI));
     let hemisphere = spot(Vec3::ZERO, Vec3::X, 90.0, 90.0);
     close(hemisphere.power(&[], &BOUNDS), RADIANCE * (2.0 * PI));
     // 2 pi (1 - (sin c - sin b) / (c - b)) with b = 0, c = pi / 2.
     let ramp = spot(Vec3::ZERO, Vec3::X, 0.0, 90.0);
-    close(
-        ramp.power(&[], &BOUNDS),
-        RADIANCE * (2.0 * PI * (1.0 - 2.0 / PI)),
-    );
+    close(ramp.power(&[], &BOUNDS), RADIANCE * (2.0 * PI * (1.0 - 2.0 / PI)));
     // Of 1 - angle / cutoff over a small disc: a third.
     let narrow = spot(Vec3::ZERO, Vec3::X, 0.0, 0.01);
     let cutoff = 0.01f32.to_radians();
-    close(
-        narrow.power(&[], &BOUNDS),
-        RADIANCE * (PI * cutoff * cutoff / 3.0),
-    );
+    close(narrow.power(&[], &BOUNDS), RADIANCE * (PI * cutoff * cutoff / 3.0));
 }
 
 /// 1/pdf sums to solid angles, and the power to the falloff's integral, ring by ring around the axis.
@@ -103,13 +89,7 @@ fn powers_of_simple_lights() {
 fn spot_emission_follows_its_falloff() {
     let mut suite = Suite::new(SIGNIFICANCE);
     let axis = Vec3::new(-0.4, 0.3, 0.6).normalize();
-    for (beam_width, cutoff) in [
-        (15.0, 20.0),
-        (0.0, 40.0),
-        (80.0, 170.0),
-        (0.5, 0.6),
-        (25.0, 25.0),
-    ] {
+    for (beam_width, cutoff) in [(15.0, 20.0), (0.0, 40.0), (80.0, 170.0), (0.5, 0.6), (25.0, 25.0)] {
         let light = spot(Vec3::ZERO, axis, beam_width, cutoff);
         let rings = 6;
         let width = f64::from(cutoff).to_radians() / rings as f64;
@@ -140,10 +120,7 @@ fn spot_emission_follows_its_falloff() {
                 &solid[ring],
                 tau * (one_minus_cos(to) - one_minus_cos(from)),
             );
-            let (b, c) = (
-                f64::from(beam_width).to_radians(),
-                f64::from(cutoff).to_radians(),
-            );
+            let (b, c) = (f64::from(beam_width).to_radians(), f64::from(cutoff).to_radians());
             let steps = 20_000;
             let h = (to - from) / f64::from(steps);
             let integral: f64 = (0..steps)
@@ -167,17 +144,12 @@ fn spot_emission_follows_its_falloff() {
 fn emitted_directions_follow_their_density() {
     let mut suite = Suite::new(SIGNIFICANCE);
     let test = Chi2::default();
-    let draw = |light: &Light, objects: &[Object], rng: &mut Sampler| {
-        light.sample_emission(objects, &BOUNDS, emission(rng))
-    };
+    let draw =
+        |light: &Light, objects: &[Object], rng: &mut Sampler| light.sample_emission(objects, &BOUNDS, emission(rng));
     let lamp = point(Vec3::ONE);
     suite.chi2(
         "point",
-        &test.sphere(
-            Vec3::Y,
-            |rng| Some(draw(&lamp, &[], rng).dir),
-            |_| 0.25 / PI,
-        ),
+        &test.sphere(Vec3::Y, |rng| Some(draw(&lamp, &[], rng).dir), |_| 0.25 / PI),
     );
     let edges = (Vec3::new(0.3, 1.0, 0.2), Vec3::new(1.0, -0.2, 0.4));
     let (objects, panel) = emitter(rectangle(Vec3::ONE, edges.0, edges.1));
@@ -233,10 +205,7 @@ fn emitted_positions_follow_their_density() {
             |rng| {
                 let sample = light.sample_emission(&[], &BOUNDS, emission(rng));
                 let local = Frame::from_normal(sample.dir).to_local(sample.origin - BOUNDS.center);
-                assert!(
-                    (local.z / BOUNDS.radius + 1.0).abs() < 1e-5,
-                    "starts outside"
-                );
+                assert!((local.z / BOUNDS.radius + 1.0).abs() < 1e-5, "starts outside");
                 assert_eq!(sample.pdf_pos, in_disc(Vec2::ZERO));
                 Some(local.truncate())
             },
@@ -275,9 +244,7 @@ fn emission_starts_on_the_surface_and_leaves_it() {
                 origin: sample.origin + normal * 0.01,
                 dir: -normal,
             };
-            let hit = geometry
-                .intersect(&objects, &ray, f32::INFINITY, |_| false)
-                .unwrap();
+            let hit = geometry.intersect(&objects, &ray, f32::INFINITY, |_| false).unwrap();
             assert!((hit.t - 0.01).abs() < 1e-4, "{name}: {}", hit.t);
             assert!((hit.ng - normal).length() < 1e-3, "{name}");
         }

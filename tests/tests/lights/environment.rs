@@ -141,12 +141,7 @@ fn even_skies_and_suns_alone_are_one_light() {
     }
     let mut black = sun.clone();
     black.pixels.fill(Rgb::ZERO);
-    for image in [
-        with_spot(5.0),
-        with_spot(3e4),
-        Arc::new(sun),
-        Arc::new(black),
-    ] {
+    for image in [with_spot(5.0), with_spot(3e4), Arc::new(sun), Arc::new(black)] {
         let parts = Environment::sky_and_suns(&image, RADIANCE, Mat3::IDENTITY);
         assert_eq!(parts.len(), 1);
         let all = Environment::new(Some(image), RADIANCE, Mat3::IDENTITY);

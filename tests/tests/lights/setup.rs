@@ -134,9 +134,7 @@ pub fn sun(direction: Vec3) -> Light {
 pub fn sky(image: Option<Image>) -> Light {
     let rotation = Mat3::from_rotation_y(0.7) * Mat3::from_rotation_x(-0.4);
     let image = image.map(Arc::new);
-    light(LightKind::Environment(Environment::new(
-        image, RADIANCE, rotation,
-    )))
+    light(LightKind::Environment(Environment::new(image, RADIANCE, rotation)))
 }
 
 /// Pixels of random brightness, some black, one `peak` times as bright.
@@ -150,11 +148,7 @@ pub fn speckled(width: u32, height: u32, peak: f32) -> Image {
         .collect();
     let at = pixels.len() / 3;
     pixels[at] = Rgb::splat(peak);
-    Image {
-        width,
-        height,
-        pixels,
-    }
+    Image { width, height, pixels }
 }
 
 /// Shapes of every kind, with a name.
@@ -167,16 +161,10 @@ pub fn shapes() -> Vec<(&'static str, Shape)> {
             "ellipsoid",
             sphere(at * tilt * Affine3A::from_scale(Vec3::new(1.0, 0.3, 0.6))),
         ),
-        (
-            "disc",
-            disc(at * tilt * Affine3A::from_scale(Vec3::new(0.8, 0.5, 1.0))),
-        ),
+        ("disc", disc(at * tilt * Affine3A::from_scale(Vec3::new(0.8, 0.5, 1.0)))),
         (
             "cylinder",
-            cylinder(
-                at * tilt * Affine3A::from_scale(Vec3::new(0.3, 0.5, 1.2)),
-                false,
-            ),
+            cylinder(at * tilt * Affine3A::from_scale(Vec3::new(0.3, 0.5, 1.2)), false),
         ),
         (
             "rectangle",

@@ -52,7 +52,10 @@ fn what_is_not_supported_can_be_left_out() {
 fn what_is_replaced_is_noted() {
     let xml = bare(&format!(
         "<integrator type=\"volpath\"><integer name=\"max_depth\" value=\"8\"/></integrator>\n{}",
-        SENSOR.replace("</sensor>", "<sampler type=\"independent\"><integer name=\"sample_count\" value=\"7\"/></sampler></sensor>")
+        SENSOR.replace(
+            "</sensor>",
+            "<sampler type=\"independent\"><integer name=\"sample_count\" value=\"7\"/></sampler></sensor>"
+        )
     ));
     let imported = try_import(&xml).unwrap();
     assert_eq!(imported.notes.len(), 2, "{:?}", imported.notes);
@@ -88,12 +91,8 @@ fn later_errors_are_those_of_the_xml() {
         assert!(error.message.contains(words), "{error}");
     }
     // An asset's own mistakes are at its own lines.
-    let folder = folder(&[
-        ("scene.xml", &with_sensor(missing)),
-        ("none.ply", "ply\nnonsense\n"),
-    ]);
-    let file =
-        SceneFile::read(&folder.path().join("scene.xml"), &ImportOptions::default()).unwrap();
+    let folder = folder(&[("scene.xml", &with_sensor(missing)), ("none.ply", "ply\nnonsense\n")]);
+    let file = SceneFile::read(&folder.path().join("scene.xml"), &ImportOptions::default()).unwrap();
     let error = file.load().unwrap_err();
     assert_eq!(error.file, folder.path().join("none.ply"), "{error}");
 }

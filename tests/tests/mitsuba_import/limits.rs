@@ -14,10 +14,7 @@ fn entities_are_refused() {
 #[test]
 fn deep_nesting_is_refused() {
     for depth in [200, 100_000] {
-        let (open, close) = (
-            "<bsdf type=\"twosided\">".repeat(depth),
-            "</bsdf>".repeat(depth),
-        );
+        let (open, close) = ("<bsdf type=\"twosided\">".repeat(depth), "</bsdf>".repeat(depth));
         assert_error(
             &with_sensor(&format!("{open}{close}")),
             "scene.xml:2: ",
@@ -28,12 +25,7 @@ fn deep_nesting_is_refused() {
 
 #[test]
 fn chains_and_cycles_of_references_are_refused() {
-    let link = |i: usize| {
-        format!(
-            "<bsdf type=\"twosided\" id=\"b{i}\"><ref id=\"b{}\"/></bsdf>",
-            i + 1
-        )
-    };
+    let link = |i: usize| format!("<bsdf type=\"twosided\" id=\"b{i}\"><ref id=\"b{}\"/></bsdf>", i + 1);
     let chain: String = (0..50_000).map(link).collect();
     let end = "<bsdf type=\"diffuse\" id=\"b50000\"/>";
     assert_error(
@@ -50,9 +42,7 @@ fn chains_and_cycles_of_references_are_refused() {
 fn what_is_shared_is_read_once() {
     let link = |i: usize| {
         let next = i + 1;
-        format!(
-            "<bsdf type=\"twosided\" id=\"b{i}\"><ref id=\"b{next}\"/><ref id=\"b{next}\"/></bsdf>"
-        )
+        format!("<bsdf type=\"twosided\" id=\"b{i}\"><ref id=\"b{next}\"/><ref id=\"b{next}\"/></bsdf>")
     };
     let levels: String = (0..60).map(link).collect();
     let xml = with_sensor(&format!("{levels}<bsdf type=\"diffuse\" id=\"b60\"/>"));
@@ -61,12 +51,8 @@ fn what_is_shared_is_read_once() {
 
 #[test]
 fn cycles_of_includes_are_refused() {
-    let include =
-        |name: &str| format!("<scene version=\"3.0.0\"><include filename=\"{name}\"/></scene>");
-    let folder = folder(&[
-        ("scene.xml", &include("a.xml")),
-        ("a.xml", &include("./scene.xml")),
-    ]);
+    let include = |name: &str| format!("<scene version=\"3.0.0\"><include filename=\"{name}\"/></scene>");
+    let folder = folder(&[("scene.xml", &include("a.xml")), ("a.xml", &include("./scene.xml"))]);
     let errors = import_in(folder.path(), &ImportOptions::default()).unwrap_err();
     assert!(
         errors[0].starts_with("a.xml:1: ") && errors[0].contains("includes itself"),
@@ -86,22 +72,13 @@ fn includes_within_includes_have_an_end() {
     let file = |i: usize| {
         (
             name(i),
-            format!(
-                "<scene version=\"3.0.0\"><include filename=\"{}.xml\"/></scene>",
-                i + 1
-            ),
+            format!("<scene version=\"3.0.0\"><include filename=\"{}.xml\"/></scene>", i + 1),
         )
     };
     let files: Vec<_> = (0..30).map(file).collect();
-    let files: Vec<_> = files
-        .iter()
-        .map(|(a, b)| (a.as_str(), b.as_str()))
-        .collect();
+    let files: Vec<_> = files.iter().map(|(a, b)| (a.as_str(), b.as_str())).collect();
     let errors = import_in(folder(&files).path(), &ImportOptions::default()).unwrap_err();
-    assert!(
-        errors[0].contains("included within each other"),
-        "{errors:?}"
-    );
+    assert!(errors[0].contains("included within each other"), "{errors:?}");
 }
 
 /// Fifteen levels that each include the next one ten times: 10^15 elements.
@@ -115,35 +92,19 @@ fn includes_of_many_includes_have_an_end() {
         }
     };
     let include = |i: usize| format!("<include filename=\"{}.xml\"/>", i + 1).repeat(10);
-    let file = |i: usize| {
-        (
-            name(i),
-            format!("<scene version=\"3.0.0\">{}</scene>", include(i)),
-        )
-    };
+    let file = |i: usize| (name(i), format!("<scene version=\"3.0.0\">{}</scene>", include(i)));
     let mut files: Vec<_> = (0..14).map(file).collect();
     files.push((name(14), "<scene version=\"3.0.0\"/>".to_string()));
-    let files: Vec<_> = files
-        .iter()
-        .map(|(a, b)| (a.as_str(), b.as_str()))
-        .collect();
+    let files: Vec<_> = files.iter().map(|(a, b)| (a.as_str(), b.as_str())).collect();
     let errors = import_in(folder(&files).path(), &ImportOptions::default()).unwrap_err();
     assert!(errors[0].contains("more than"), "{errors:?}");
 }
 
 #[test]
 fn parameters_of_parameters_have_an_end() {
-    let double = |i: usize| {
-        format!(
-            "<default name=\"a{i}_\" value=\"$a{}_$a{}_\"/>",
-            i - 1,
-            i - 1
-        )
-    };
+    let double = |i: usize| format!("<default name=\"a{i}_\" value=\"$a{}_$a{}_\"/>", i - 1, i - 1);
     let doubles: String = (1..64).map(double).collect();
-    let xml = with_sensor(&format!(
-        "<default name=\"a0_\" value=\"0123456789\"/>{doubles}"
-    ));
+    let xml = with_sensor(&format!("<default name=\"a0_\" value=\"0123456789\"/>{doubles}"));
     assert_error(&xml, "scene.xml:2: ", &["bytes"]);
 }
 

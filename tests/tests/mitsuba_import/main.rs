@@ -52,10 +52,7 @@ fn import_in(folder: &Path, options: &ImportOptions) -> Result<Imported, Vec<Str
 }
 
 fn try_import(xml: &str) -> Result<Imported, Vec<String>> {
-    import_in(
-        folder(&[("scene.xml", xml)]).path(),
-        &ImportOptions::default(),
-    )
+    import_in(folder(&[("scene.xml", xml)]).path(), &ImportOptions::default())
 }
 
 /// The native scene of a whole XML file.

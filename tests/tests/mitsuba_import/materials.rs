@@ -4,9 +4,7 @@ use super::*;
 
 fn material(element: &str) -> String {
     let native = native(&with_sensor(element));
-    let lines = native
-        .lines()
-        .skip_while(|line| !line.starts_with("[materials."));
+    let lines = native.lines().skip_while(|line| !line.starts_with("[materials."));
     let lines = lines.skip(1).take_while(|line| !line.is_empty());
     lines.collect::<Vec<_>>().join("\n")
 }
@@ -20,42 +18,22 @@ fn assert_material(element: &str, expected: &[&str]) {
 #[test]
 fn indices_of_refraction_by_name() {
     let default = ["ior = 1.5046", "exterior_ior = 1.000277"];
-    for (plugin, kind) in [
-        ("dielectric", "dielectric"),
-        ("thindielectric", "thin_dielectric"),
-    ] {
+    for (plugin, kind) in [("dielectric", "dielectric"), ("thindielectric", "thin_dielectric")] {
         let kind = format!("type = \"{kind}\"");
-        assert_material(
-            &format!("<bsdf type=\"{plugin}\"/>"),
-            &[&kind, default[0], default[1]],
-        );
+        assert_material(&format!("<bsdf type=\"{plugin}\"/>"), &[&kind, default[0], default[1]]);
     }
     assert!((1.5046_f64 / 1.000277 - 1.504183292).abs() < 1e-7);
     assert_material(
         "<bsdf type=\"plastic\"/>",
-        &[
-            "type = \"plastic\"",
-            "ior = 1.49",
-            "exterior_ior = 1.000277",
-        ],
+        &["type = \"plastic\"", "ior = 1.49", "exterior_ior = 1.000277"],
     );
-    let water = r#"<bsdf type="dielectric"><string name="int_ior" value="Water"/><float name="ext_ior" value="1.5"/></bsdf>"#;
-    assert_material(
-        water,
-        &["type = \"dielectric\"", "ior = 1.333", "exterior_ior = 1.5"],
-    );
+    let water =
+        r#"<bsdf type="dielectric"><string name="int_ior" value="Water"/><float name="ext_ior" value="1.5"/></bsdf>"#;
+    assert_material(water, &["type = \"dielectric\"", "ior = 1.333", "exterior_ior = 1.5"]);
     let unknown = r#"<bsdf type="dielectric"><string name="int_ior" value="mud"/></bsdf>"#;
-    assert_error(
-        &with_sensor(unknown),
-        "scene.xml:2: ",
-        &["int_ior", "mud", "bk7"],
-    );
+    assert_error(&with_sensor(unknown), "scene.xml:2: ", &["int_ior", "mud", "bk7"]);
     let eta = r#"<bsdf type="dielectric"><float name="eta" value="1.3"/></bsdf>"#;
-    assert_error(
-        &with_sensor(eta),
-        "scene.xml:2: ",
-        &["\"eta\" is not supported"],
-    );
+    assert_error(&with_sensor(eta), "scene.xml:2: ", &["\"eta\" is not supported"]);
 }
 
 #[test]
@@ -121,12 +99,9 @@ fn conductors_by_name_and_by_numbers() {
     assert_error(&with_sensor(unknown), "scene.xml:2: ", &["\"au\"", "Au"]);
     let both = r#"<bsdf type="conductor"><string name="material" value="Au"/><float name="eta" value="1"/></bsdf>"#;
     assert_error(&with_sensor(both), "scene.xml:2: ", &["eta", "not both"]);
-    let skewed = r#"<bsdf type="roughconductor"><float name="alpha_u" value="0.1"/><float name="alpha_v" value="0.2"/></bsdf>"#;
-    assert_error(
-        &with_sensor(skewed),
-        "scene.xml:2: ",
-        &["alpha_u", "not supported"],
-    );
+    let skewed =
+        r#"<bsdf type="roughconductor"><float name="alpha_u" value="0.1"/><float name="alpha_v" value="0.2"/></bsdf>"#;
+    assert_error(&with_sensor(skewed), "scene.xml:2: ", &["alpha_u", "not supported"]);
 }
 
 #[test]
@@ -155,11 +130,7 @@ fn plastics_and_principled() {
         ],
     );
     let coat = "<bsdf type=\"principled\">\n<float name=\"clearcoat\" value=\"0.5\"/></bsdf>";
-    assert_error(
-        &with_sensor(coat),
-        "scene.xml:3: ",
-        &["clearcoat", "not supported"],
-    );
+    assert_error(&with_sensor(coat), "scene.xml:3: ", &["clearcoat", "not supported"]);
 }
 
 #[test]
@@ -196,10 +167,7 @@ fn wrappers_become_fields() {
         ),
         ("<bsdf type=\"twosided\"/>", "missing"),
         ("<bsdf type=\"mask\"/>", "missing"),
-        (
-            "<bsdf type=\"bumpmap\"><bsdf type=\"diffuse\"/></bsdf>",
-            "texture",
-        ),
+        ("<bsdf type=\"bumpmap\"><bsdf type=\"diffuse\"/></bsdf>", "texture"),
         (
             "<bsdf type=\"mask\"><bsdf type=\"mask\"><bsdf type=\"diffuse\"/></bsdf></bsdf>",
             "second",
@@ -230,16 +198,11 @@ fn images_are_turned_around() {
         ))
     };
     let turn = "{ scale = [1.0, -1.0, 1.0] }, { translate = [0.0, 1.0, 0.0] }";
-    assert_eq!(
-        bitmap(""),
-        format!("{{ image = \"a.png\", uv = [{turn}] }}")
-    );
+    assert_eq!(bitmap(""), format!("{{ image = \"a.png\", uv = [{turn}] }}"));
     let options = r#"<string name="filter_type" value="nearest"/><string name="wrap_mode" value="mirror"/><boolean name="raw" value="true"/>"#;
     assert_eq!(
         bitmap(options),
-        format!(
-            "{{ image = \"a.png\", raw = true, filter = \"nearest\", wrap = \"mirror\", uv = [{turn}] }}"
-        )
+        format!("{{ image = \"a.png\", raw = true, filter = \"nearest\", wrap = \"mirror\", uv = [{turn}] }}")
     );
     assert_eq!(
         bitmap(
@@ -290,10 +253,7 @@ fn materials_of_obj_files_are_turned_once_more() {
         .lines()
         .filter_map(|line| line.strip_prefix("material = "))
         .collect();
-    assert_eq!(
-        used,
-        ["\"m\"", "\"m-turned\"", "\"m\"", "\"m\"", "\"plain\""]
-    );
+    assert_eq!(used, ["\"m\"", "\"m-turned\"", "\"m\"", "\"m\"", "\"plain\""]);
 }
 
 /// Mitsuba: black with an emitter, else diffuse 0.5; both are the native defaults.
@@ -303,8 +263,5 @@ fn shapes_without_a_bsdf() {
         r#"<shape type="cube"/><shape type="sphere"><emitter type="area"><rgb name="radiance" value="3 2 1"/></emitter></shape>"#,
     ));
     assert!(!text.contains("material"), "{text}");
-    assert!(
-        text.contains("emission = { radiance = [3.0, 2.0, 1.0] }"),
-        "{text}"
-    );
+    assert!(text.contains("emission = { radiance = [3.0, 2.0, 1.0] }"), "{text}");
 }

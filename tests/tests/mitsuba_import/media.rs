@@ -8,14 +8,8 @@ use beamfarm_render::world::Scene;
 fn medium(inner: &str) -> String {
     let element = format!("<medium type=\"homogeneous\" id=\"m\">{inner}</medium>");
     let native = native(&with_sensor(&element));
-    let lines = native
-        .lines()
-        .skip_while(|line| *line != "[media.m]")
-        .skip(1);
-    lines
-        .take_while(|line| !line.is_empty())
-        .collect::<Vec<_>>()
-        .join("\n")
+    let lines = native.lines().skip_while(|line| *line != "[media.m]").skip(1);
+    lines.take_while(|line| !line.is_empty()).collect::<Vec<_>>().join("\n")
 }
 
 /// Mitsuba's defaults: sigma_t 1, albedo 0.75, scale 1, isotropic.
@@ -24,18 +18,12 @@ fn coefficients() {
     let homogeneous = "type = \"homogeneous\"\n";
     for (inner, expected) in [
         ("", "sigma_t = 1.0\nalbedo = 0.75"),
-        (
-            r#"<float name="scale" value="3"/>"#,
-            "sigma_t = 3.0\nalbedo = 0.75",
-        ),
+        (r#"<float name="scale" value="3"/>"#, "sigma_t = 3.0\nalbedo = 0.75"),
         (
             r#"<rgb name="sigma_t" value="0.5 1 0.25"/><float name="scale" value="2"/><rgb name="albedo" value="0.5"/>"#,
             "sigma_t = [1.0, 2.0, 0.5]\nalbedo = 0.5",
         ),
-        (
-            r#"<float name="sigma_t" value="2"/>"#,
-            "sigma_t = 2.0\nalbedo = 0.75",
-        ),
+        (r#"<float name="sigma_t" value="2"/>"#, "sigma_t = 2.0\nalbedo = 0.75"),
         (
             r#"<spectrum name="sigma_t" value="2"/>"#,
             "sigma_t = 2.0\nalbedo = 0.75",
@@ -52,10 +40,7 @@ fn coefficients() {
             r#"<phase type="hg"/>"#,
             "sigma_t = 1.0\nalbedo = 0.75\nphase = { type = \"hg\", g = 0.8 }",
         ),
-        (
-            r#"<phase type="isotropic"/>"#,
-            "sigma_t = 1.0\nalbedo = 0.75",
-        ),
+        (r#"<phase type="isotropic"/>"#, "sigma_t = 1.0\nalbedo = 0.75"),
         (
             r#"<phase type="blendphase"><float name="weight" value="0.3"/><phase type="isotropic"/><phase type="hg"><float name="g" value="-0.5"/></phase></phase>"#,
             "sigma_t = 1.0\nalbedo = 0.75\nphase = { type = \"blend\", weight = 0.3, phases = [\"isotropic\", { type = \"hg\", g = -0.5 }] }",
@@ -71,19 +56,13 @@ fn coefficients_that_mitsuba_refuses() {
         // As strict as Mitsuba.
         (r#"<rgb name="sigma_t" value="2"/>"#, "scale"),
         (r#"<rgb name="albedo" value="2"/>"#, "albedo"),
-        (
-            r#"<rgb name="sigma_s" value="2"/>"#,
-            "both of sigma_s and sigma_a",
-        ),
+        (r#"<rgb name="sigma_s" value="2"/>"#, "both of sigma_s and sigma_a"),
         (
             r#"<rgb name="sigma_s" value="1"/><rgb name="sigma_a" value="1"/><rgb name="albedo" value="1"/>"#,
             "mixed",
         ),
         (r#"<float name="sigma_t" value="-1"/>"#, "negative"),
-        (
-            r#"<string name="material" value="skin1"/>"#,
-            "not supported",
-        ),
+        (r#"<string name="material" value="skin1"/>"#, "not supported"),
         (r#"<phase type="rayleigh"/>"#, "rayleigh"),
     ] {
         let xml = with_sensor(&format!("<medium type=\"homogeneous\">{inner}</medium>"));
@@ -114,9 +93,7 @@ fn grids() {
     };
     let folder = folder(&[("scene.xml", &xml(""))]);
     std::fs::write(folder.path().join("a.vol"), vol()).unwrap();
-    let text = import_in(folder.path(), &ImportOptions::default())
-        .unwrap()
-        .text;
+    let text = import_in(folder.path(), &ImportOptions::default()).unwrap().text;
     for (name, expected) in [
         ("type", "\"heterogeneous\""),
         ("sigma_t", "1.0"),
@@ -137,10 +114,7 @@ fn grids() {
         xml("").replace("<rgb name=\"albedo\" value=\"0.5\"/>", &albedo)
     };
     let text = native(&with("2"));
-    assert_eq!(
-        field(&text, "[media.m]", "albedo"),
-        Some("{ file = \"b.vol\" }")
-    );
+    assert_eq!(field(&text, "[media.m]", "albedo"), Some("{ file = \"b.vol\" }"));
     assert_error(&with("3"), "scene.xml:", &["albedo", "not supported"]);
     // The file's own box counts on request.
     std::fs::write(
@@ -148,22 +122,17 @@ fn grids() {
         xml(r#"<boolean name="use_grid_bbox" value="true"/>"#),
     )
     .unwrap();
-    let text = import_in(folder.path(), &ImportOptions::default())
-        .unwrap()
-        .text;
-    let expected =
-        "[{ scale = [1.0, 2.0, 4.0] }, { translate = [1.0, 2.0, 3.0] }, { scale = 2.0 }]";
+    let text = import_in(folder.path(), &ImportOptions::default()).unwrap().text;
+    let expected = "[{ scale = [1.0, 2.0, 4.0] }, { translate = [1.0, 2.0, 3.0] }, { scale = 2.0 }]";
     assert_eq!(field(&text, "[media.m]", "transform"), Some(expected));
 }
 
-/// Without a grid too, a heterogeneous medium fills the bounds of the unit cube under its extinction's own transform, as the
-/// pixels of Mitsuba 3.9.1 say, and a homogeneous one the shape.
+/// Without a grid too, a heterogeneous medium fills the bounds of the unit cube under its extinction's own transform,
+/// as the pixels of Mitsuba 3.9.1 say, and a homogeneous one the shape.
 #[test]
 fn constant_volumes_have_a_box() {
     let volume = |plugin: &str, sigma_t: &str| {
-        format!(
-            "<medium type=\"{plugin}\" id=\"m\">{sigma_t}<float name=\"albedo\" value=\"0\"/></medium>"
-        )
+        format!("<medium type=\"{plugin}\" id=\"m\">{sigma_t}<float name=\"albedo\" value=\"0\"/></medium>")
     };
     let constant = |steps: &str| {
         format!(
@@ -171,10 +140,7 @@ fn constant_volumes_have_a_box() {
              <transform name=\"to_world\">{steps}</transform></volume><float name=\"scale\" value=\"0.5\"/>"
         )
     };
-    let text = native(&with_sensor(&volume(
-        "heterogeneous",
-        &constant("<scale x=\"2\"/>"),
-    )));
+    let text = native(&with_sensor(&volume("heterogeneous", &constant("<scale x=\"2\"/>"))));
     for (name, expected) in [
         ("type", "\"heterogeneous\""),
         ("sigma_t", "[1.0, 0.25, 0.5]"),
@@ -196,10 +162,7 @@ fn constant_volumes_have_a_box() {
         (
             volume("heterogeneous", &constant(turned)),
             [1.0, 0.25, 0.5],
-            [
-                [-0.5 - 0.5 * diagonal, 0.0, 0.0],
-                [0.5 * diagonal - 0.5, diagonal, 1.0],
-            ],
+            [[-0.5 - 0.5 * diagonal, 0.0, 0.0], [0.5 * diagonal - 0.5, diagonal, 1.0]],
         ),
         (
             volume("homogeneous", &constant(turned)),
@@ -216,8 +179,8 @@ fn constant_volumes_have_a_box() {
         let (mut inside, mut outside) = (0, 0);
         for (i, pixel) in pixels.iter().enumerate() {
             // What a pixel sees of the box, by its corners: between these bounds, if it is all of one kind.
-            let depths = [[0, 0], [1, 0], [0, 1], [1, 1]]
-                .map(|[x, y]| depth(i as u32 % 16 + x, i as u32 / 16 + y, corners));
+            let depths =
+                [[0, 0], [1, 0], [0, 1], [1, 1]].map(|[x, y]| depth(i as u32 % 16 + x, i as u32 / 16 + y, corners));
             let [least, most] = [f64::min, f64::max].map(|f| depths.into_iter().reduce(f).unwrap());
             if least == 0.0 && most > 0.0 {
                 continue;
@@ -234,10 +197,7 @@ fn constant_volumes_have_a_box() {
             }
         }
         let filled = corners == [[-2.0; 3], [2.0; 3]];
-        assert!(
-            inside >= 8 && (filled || outside >= 8),
-            "{inside} {outside}"
-        );
+        assert!(inside >= 8 && (filled || outside >= 8), "{inside} {outside}");
     }
 }
 
@@ -264,9 +224,7 @@ const FOG: &str = r#"<medium type="homogeneous" id="fog"/>"#;
 
 #[test]
 fn boundaries_are_said() {
-    let glass = |media: &str| {
-        format!("{FOG}<shape type=\"sphere\"><bsdf type=\"dielectric\"/>{media}</shape>")
-    };
+    let glass = |media: &str| format!("{FOG}<shape type=\"sphere\"><bsdf type=\"dielectric\"/>{media}</shape>");
     let interior = r#"<ref name="interior" id="fog"/>"#;
     let text = native(&with_sensor(&glass(interior)));
     assert_eq!(field(&text, "[[shapes]]", "interior"), Some("\"fog\""));
@@ -280,18 +238,14 @@ fn boundaries_are_said() {
         Some("\"interior\"")
     );
     // Sheets have the same medium on both sides.
-    let sheet =
-        format!("{FOG}<shape type=\"sphere\"><bsdf type=\"thindielectric\"/>{interior}</shape>");
+    let sheet = format!("{FOG}<shape type=\"sphere\"><bsdf type=\"thindielectric\"/>{interior}</shape>");
     assert_error(&with_sensor(&sheet), "scene.xml:2: ", &["thin dielectric"]);
     // Nothing gets into what is opaque.
     let opaque = format!("{FOG}<shape type=\"sphere\">{interior}</shape>");
     let imported = try_import(&with_sensor(&opaque)).unwrap();
     assert_eq!(field(&imported.text, "[[shapes]]", "interior"), None);
     assert!(
-        imported
-            .notes
-            .iter()
-            .any(|note| note.contains("interior medium")),
+        imported.notes.iter().any(|note| note.contains("interior medium")),
         "{:?}",
         imported.notes
     );

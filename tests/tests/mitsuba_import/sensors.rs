@@ -24,9 +24,7 @@ fn fields_of_view() {
         "\"x\"" | "\"larger\"" => degrees,
         _ => 2.0 * libm::atan(2.0 * libm::tan(0.5 * degrees.to_radians())).to_degrees(),
     };
-    let axis = |axis: &str| {
-        format!(r#"<float name="fov" value="40"/><string name="fov_axis" value="{axis}"/>"#)
-    };
+    let axis = |axis: &str| format!(r#"<float name="fov" value="40"/><string name="fov_axis" value="{axis}"/>"#);
     let focal = |length: &str| format!(r#"<string name="focal_length" value="{length}"/>"#);
     for (inner, x_fov) in [
         (String::new(), 42.311714),
@@ -58,14 +56,10 @@ fn fields_of_view() {
 #[test]
 fn placement() {
     let place = |steps: &str| {
-        let inner = format!(
-            "<float name=\"fov\" value=\"40\"/><transform name=\"to_world\">{steps}</transform>"
-        );
+        let inner = format!("<float name=\"fov\" value=\"40\"/><transform name=\"to_world\">{steps}</transform>");
         sensor("perspective", &inner, "")
     };
-    let text = native(&place(
-        r#"<lookat origin="1, 2, 3" target="4 5 6" up="0 0 1"/>"#,
-    ));
+    let text = native(&place(r#"<lookat origin="1, 2, 3" target="4 5 6" up="0 0 1"/>"#));
     for (name, expected) in [
         ("origin", "[1.0, 2.0, 3.0]"),
         ("target", "[4.0, 5.0, 6.0]"),
@@ -101,13 +95,7 @@ fn lookat_without_up() {
 
 #[test]
 fn thin_lenses() {
-    let lens = |inner: &str| {
-        sensor(
-            "thinlens",
-            &format!("<float name=\"fov\" value=\"40\"/>{inner}"),
-            "",
-        )
-    };
+    let lens = |inner: &str| sensor("thinlens", &format!("<float name=\"fov\" value=\"40\"/>{inner}"), "");
     let text = native(&lens(
         r#"<float name="aperture_radius" value="0.1"/><float name="focus_distance" value="3"/>"#,
     ));
@@ -122,21 +110,12 @@ fn thin_lenses() {
         r#"<float name="principal_point_offset_x" value="0.1"/>"#,
         "",
     ));
-    assert_eq!(
-        field(&text, "[camera]", "principal_point"),
-        Some("[0.1, 0.0]")
-    );
+    assert_eq!(field(&text, "[camera]", "principal_point"), Some("[0.1, 0.0]"));
 }
 
 #[test]
 fn films() {
-    let film = |inner: &str| {
-        native(&sensor(
-            "perspective",
-            "<float name=\"near_clip\" value=\"1\"/>",
-            inner,
-        ))
-    };
+    let film = |inner: &str| native(&sensor("perspective", "<float name=\"near_clip\" value=\"1\"/>", inner));
     for (inner, filter) in [
         ("", Some("\"gaussian\"")),
         ("<rfilter type=\"gaussian\"/>", Some("\"gaussian\"")),
@@ -172,15 +151,9 @@ fn films() {
     assert_eq!(field(&text, "[image]", "width"), Some("768"));
     assert_eq!(field(&text, "[image]", "height"), Some("576"));
     for (bad, words) in [
-        (
-            r#"<integer name="crop_offset_x" value="20"/>"#,
-            "crop window",
-        ),
+        (r#"<integer name="crop_offset_x" value="20"/>"#, "crop window"),
         ("<rfilter type=\"lanczos\"/>", "lanczos"),
-        (
-            r#"<boolean name="sample_border" value="true"/>"#,
-            "sample_border",
-        ),
+        (r#"<boolean name="sample_border" value="true"/>"#, "sample_border"),
         (r#"<boolean name="foo" value="true"/>"#, "foo"),
     ] {
         assert_error(&sensor("perspective", "", bad), "scene.xml:2: ", &[words]);
@@ -189,10 +162,7 @@ fn films() {
 
 fn light(element: &str) -> String {
     let native = native(&with_sensor(element));
-    let lines = native
-        .lines()
-        .skip_while(|line| *line != "[[lights]]")
-        .skip(1);
+    let lines = native.lines().skip_while(|line| *line != "[[lights]]").skip(1);
     lines.collect::<Vec<_>>().join("\n")
 }
 
@@ -224,10 +194,7 @@ fn emitters() {
             r#"<emitter type="directional"><transform name="to_world"><rotate x="1" angle="90"/></transform></emitter>"#,
             "type = \"directional\"\ndirection = [0.0, -1.0, 0.0]\nirradiance = 1.0",
         ),
-        (
-            "<emitter type=\"constant\"/>",
-            "type = \"environment\"\nradiance = 1.0",
-        ),
+        ("<emitter type=\"constant\"/>", "type = \"environment\"\nradiance = 1.0"),
         (
             r#"<emitter type="envmap"><string name="filename" value="sky.exr"/><float name="scale" value="2"/><transform name="to_world"><rotate y="-1" angle="30"/></transform></emitter>"#,
             "type = \"environment\"\nimage = \"sky.exr\"\nscale = 2.0\nrotate_y = -30.0",

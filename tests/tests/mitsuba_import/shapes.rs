@@ -7,10 +7,7 @@ use std::sync::Arc;
 
 fn shape(element: &str) -> String {
     let native = native(&with_sensor(element));
-    let lines = native
-        .lines()
-        .skip_while(|line| *line != "[[shapes]]")
-        .skip(1);
+    let lines = native.lines().skip_while(|line| *line != "[[shapes]]").skip(1);
     lines.collect::<Vec<_>>().join("\n")
 }
 
@@ -38,11 +35,7 @@ fn kinds_of_shapes() {
     ] {
         assert_eq!(shape(element), expected);
     }
-    assert_error(
-        &with_sensor("<shape type=\"ply\"/>"),
-        "scene.xml:2: ",
-        &["filename"],
-    );
+    assert_error(&with_sensor("<shape type=\"ply\"/>"), "scene.xml:2: ", &["filename"]);
     assert_error(
         &with_sensor("<shape type=\"cube\"><float name=\"radius\" value=\"1\"/></shape>"),
         "scene.xml:2: ",
@@ -85,9 +78,7 @@ fn outward(element: &str) -> f32 {
     let center = Vec3::new(0.0, 0.0, -5.0);
     let samples = (0..64).map(|i| {
         let u = Vec2::new((i % 8) as f32 + 0.5, (i / 8) as f32 + 0.5) / 8.0;
-        let on = scene.objects[0]
-            .shape
-            .sample_area(u, (i as f32 + 0.5) / 64.0);
+        let on = scene.objects[0].shape.sample_area(u, (i as f32 + 0.5) / 64.0);
         on.normal.dot(on.point - center)
     });
     samples.sum::<f32>() / 64.0
@@ -101,12 +92,7 @@ fn mirrored_spheres_are_turned_inside_out_and_others_are_not() {
             "<shape type=\"{kind}\"><transform name=\"to_world\">{steps}</transform><boolean name=\"flip_normals\" value=\"{flip}\"/></shape>"
         )
     };
-    for steps in [
-        "",
-        "<scale x=\"-1\"/>",
-        "<scale z=\"-1\"/>",
-        "<scale value=\"-1\"/>",
-    ] {
+    for steps in ["", "<scale x=\"-1\"/>", "<scale z=\"-1\"/>", "<scale value=\"-1\"/>"] {
         for flip in [false, true] {
             let sphere = outward(&element("sphere", steps, flip)) > 0.0;
             assert_eq!(sphere, steps.is_empty() != flip, "sphere {steps} {flip}");
@@ -124,15 +110,9 @@ fn mirrored_spheres_are_turned_inside_out_and_others_are_not() {
         for kind in ["rectangle", "disk"] {
             for flip in [false, true] {
                 let scene = scene(&with_sensor(&element(kind, steps, flip)));
-                let normal = scene.objects[0]
-                    .shape
-                    .sample_area(Vec2::splat(0.4), 0.4)
-                    .normal;
+                let normal = scene.objects[0].shape.sample_area(Vec2::splat(0.4), 0.4).normal;
                 let expected = if flip { -up } else { up };
-                assert!(
-                    (normal.z - expected).abs() < 1e-6,
-                    "{kind} {steps} {flip}: {normal}"
-                );
+                assert!((normal.z - expected).abs() < 1e-6, "{kind} {steps} {flip}: {normal}");
             }
         }
     }
@@ -146,9 +126,7 @@ fn center_and_radius_come_before_to_world() {
     let samples = (0..256).map(|i| {
         let u = Vec2::new((i % 16) as f32 + 0.5, (i / 16) as f32 + 0.5) / 16.0;
         let on = scene.objects[0].shape.sample_area(u, 0.5);
-        on.point
-            .as_dvec3()
-            .distance(DVec3::new(0.0, 0.0, 2.0 - 5.0))
+        on.point.as_dvec3().distance(DVec3::new(0.0, 0.0, 2.0 - 5.0))
     });
     for distance in samples {
         assert!((distance - 1.0).abs() < 1e-5, "{distance}");
@@ -185,7 +163,8 @@ fn instances() {
 /// Mitsuba 3.9.1's `ScalarTransform4f.rotate([1, 2, 1], 35)`, which does not normalise the axis.
 #[test]
 fn an_axis_that_is_no_unit_vector_shears() {
-    let element = "<shape type=\"cube\"><transform name=\"to_world\"><rotate value=\"1 2 1\" angle=\"35\"/></transform></shape>";
+    let element =
+        "<shape type=\"cube\"><transform name=\"to_world\"><rotate value=\"1 2 1\" angle=\"35\"/></transform></shape>";
     let scene = scene(&with_sensor(element));
     let (low, high) = beamfarm_render::geometry::accel::bounds(&scene.objects[0].shape);
     let rows = [
@@ -197,10 +176,7 @@ fn an_axis_that_is_no_unit_vector_shears() {
     let extent = (high - origin).to_array();
     for (row, extent) in rows.iter().zip(extent) {
         let expected: f32 = row.iter().map(|x| x.abs()).sum();
-        assert!(
-            (extent - expected).abs() < 1e-5,
-            "{extent}, expected {expected}"
-        );
+        assert!((extent - expected).abs() < 1e-5, "{extent}, expected {expected}");
     }
 }
 
@@ -228,11 +204,7 @@ fn tetrahedra() -> [String; 2] {
 /// The mesh of the first object, and its normals where they are in the world.
 fn shaded_mesh(element: &str) -> (Arc<Mesh>, Vec<Vec3>) {
     let [ply, obj] = tetrahedra();
-    let folder = folder(&[
-        ("scene.xml", &with_sensor(element)),
-        ("a.ply", &ply),
-        ("a.obj", &obj),
-    ]);
+    let folder = folder(&[("scene.xml", &with_sensor(element)), ("a.ply", &ply), ("a.obj", &obj)]);
     let scene = scene_in(folder.path());
     let Shape::Mesh { mesh, placement } = &scene.objects[0].shape else {
         panic!("no mesh");

@@ -3,9 +3,7 @@
 use super::*;
 
 fn with(parameters: &[(&str, &str)]) -> ImportOptions {
-    let parameters = parameters
-        .iter()
-        .map(|(a, b)| (a.to_string(), b.to_string()));
+    let parameters = parameters.iter().map(|(a, b)| (a.to_string(), b.to_string()));
     ImportOptions {
         parameters: parameters.collect(),
         ..ImportOptions::default()
@@ -20,13 +18,8 @@ fn parameters_have_defaults_and_are_replaced_from_outside() {
         <shape type="sphere"><float name="radius" value="$radius"/></shape>{SENSOR}"#
     ));
     let folder = folder(&[("scene.xml", &xml)]);
-    let text = import_in(folder.path(), &ImportOptions::default())
-        .unwrap()
-        .text;
-    assert_eq!(
-        field(&text, "[materials.m]", "reflectance"),
-        Some("[0.25, 0.5, 0.25]")
-    );
+    let text = import_in(folder.path(), &ImportOptions::default()).unwrap().text;
+    assert_eq!(field(&text, "[materials.m]", "reflectance"), Some("[0.25, 0.5, 0.25]"));
     // The longest name that fits: $radius is not $r followed by "adius".
     assert_eq!(field(&text, "[[shapes]]", "radius"), Some("2.0"));
     let text = import_in(folder.path(), &with(&[("r", "0.125"), ("radius", "3")]))
@@ -68,7 +61,8 @@ fn references_may_come_before_what_they_name() {
     );
     let twice = with_sensor("<shape type=\"cube\" id=\"a\"/>\n<shape type=\"cube\" id=\"a\"/>");
     assert_error(&twice, "scene.xml:3: ", &["\"a\"", "scene.xml:2"]);
-    let given = r#"<bsdf type="diffuse"><float name="reflectance" value="0.3"/><float name="reflectance" value="0.4"/></bsdf>"#;
+    let given =
+        r#"<bsdf type="diffuse"><float name="reflectance" value="0.3"/><float name="reflectance" value="0.4"/></bsdf>"#;
     assert_error(&with_sensor(given), "scene.xml:2: ", &["twice"]);
 }
 
@@ -89,13 +83,8 @@ fn includes() {
         ("parts/green.xml", green),
         ("parts/leaf.obj", mesh),
     ]);
-    let text = import_in(folder.path(), &ImportOptions::default())
-        .unwrap()
-        .text;
-    assert_eq!(
-        field(&text, "[[shapes]]", "file"),
-        Some("\"parts/leaf.obj\"")
-    );
+    let text = import_in(folder.path(), &ImportOptions::default()).unwrap().text;
+    assert_eq!(field(&text, "[[shapes]]", "file"), Some("\"parts/leaf.obj\""));
     assert_eq!(field(&text, "[[shapes]]", "material"), Some("\"green\""));
     assert_eq!(
         field(&text, "[materials.green]", "reflectance"),
@@ -105,17 +94,10 @@ fn includes() {
     // For a native file elsewhere.
     std::fs::create_dir(folder.path().join("out")).unwrap();
     let out = folder.path().join("out");
-    let text = import(
-        &folder.path().join("scene.xml"),
-        &out,
-        &ImportOptions::default(),
-    )
-    .unwrap()
-    .text;
-    assert_eq!(
-        field(&text, "[[shapes]]", "file"),
-        Some("\"../parts/leaf.obj\"")
-    );
+    let text = import(&folder.path().join("scene.xml"), &out, &ImportOptions::default())
+        .unwrap()
+        .text;
+    assert_eq!(field(&text, "[[shapes]]", "file"), Some("\"../parts/leaf.obj\""));
 }
 
 #[test]
@@ -125,10 +107,7 @@ fn errors_of_included_files_name_them() {
             "scene.xml",
             "<scene version=\"3.0.0\">\n<include filename=\"a.xml\"/></scene>",
         ),
-        (
-            "a.xml",
-            "<scene version=\"3.0.0\">\n\n<shape type=\"teapot\"/></scene>",
-        ),
+        ("a.xml", "<scene version=\"3.0.0\">\n\n<shape type=\"teapot\"/></scene>"),
     ]);
     let errors = import_in(folder.path(), &ImportOptions::default()).unwrap_err();
     assert!(
@@ -150,12 +129,7 @@ fn versions() {
     for version in ["3.0.0", "3.9.1", "2.1.0"] {
         native(&xml(&format!("version=\"{version}\"")));
     }
-    for version in [
-        "version=\"0.6.0\"",
-        "version=\"x\"",
-        "version=\"4.0.0\"",
-        "",
-    ] {
+    for version in ["version=\"0.6.0\"", "version=\"x\"", "version=\"4.0.0\"", ""] {
         assert_error(&xml(version), "scene.xml:1: ", &["version"]);
     }
     assert_error(
@@ -176,8 +150,7 @@ fn what_is_no_element_is_refused() {
     ] {
         assert_error(&with_sensor(element), "scene.xml:2: ", &[]);
     }
-    let inside =
-        r#"<shape type="cube"><transform name="to_world"><shear x="1"/></transform></shape>"#;
+    let inside = r#"<shape type="cube"><transform name="to_world"><shear x="1"/></transform></shape>"#;
     assert_error(&with_sensor(inside), "scene.xml:2: ", &["shear"]);
     assert_error(
         "<scene version=\"3.0.0\">\n\n<shape type=cube/></scene>",

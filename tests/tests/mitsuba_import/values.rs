@@ -19,10 +19,7 @@ fn assert_near(found: &str, expected: &[f64]) {
     let numbers = numbers(found);
     assert_eq!(numbers.len(), expected.len(), "{found}");
     for (a, b) in numbers.iter().zip(expected) {
-        assert!(
-            (a - b).abs() < 2e-6 * b.abs().max(1.0),
-            "{found}, {expected:?}"
-        );
+        assert!((a - b).abs() < 2e-6 * b.abs().max(1.0), "{found}, {expected:?}");
     }
 }
 
@@ -39,10 +36,7 @@ fn rgb_is_one_number_or_three_by_commas_or_spaces() {
         let found = reflectance(&format!(r#"<rgb name="reflectance" value="{written}"/>"#));
         assert_eq!(found, expected, "{written}");
     }
-    assert_eq!(
-        reflectance(r#"<float name="reflectance" value="0.3"/>"#),
-        "0.3"
-    );
+    assert_eq!(reflectance(r#"<float name="reflectance" value="0.3"/>"#), "0.3");
 }
 
 /// All of these Mitsuba refuses as well, but nan.
@@ -60,21 +54,15 @@ fn other_rgb_is_refused() {
         "1.5",
         "-0.1",
     ] {
-        let element =
-            format!(r#"<bsdf type="diffuse"><rgb name="reflectance" value="{written}"/></bsdf>"#);
+        let element = format!(r#"<bsdf type="diffuse"><rgb name="reflectance" value="{written}"/></bsdf>"#);
         assert_error(&with_sensor(&element), "scene.xml:2: ", &["reflectance"]);
     }
 }
 
 #[test]
 fn a_spectrum_is_grey_in_materials_and_not_in_emitters() {
-    assert_eq!(
-        reflectance(r#"<spectrum name="reflectance" value="0.5"/>"#),
-        "0.5"
-    );
-    let xml = with_sensor(
-        r#"<emitter type="point" id="p"><spectrum name="intensity" value="2"/></emitter>"#,
-    );
+    assert_eq!(reflectance(r#"<spectrum name="reflectance" value="0.5"/>"#), "0.5");
+    let xml = with_sensor(r#"<emitter type="point" id="p"><spectrum name="intensity" value="2"/></emitter>"#);
     let native = native(&xml);
     // Mitsuba's: 2.40959, 1.89658, 1.81783.
     assert_near(
@@ -91,9 +79,7 @@ fn wavelengths_become_colours() {
     assert_near(&found, &[0.878015, 0.635779, 0.270342]);
     // What leaves the range is clamped in a reflectance, not in an index of refraction.
     let steep = "400:0.1,500:2,700:0.2";
-    let found = reflectance(&format!(
-        r#"<spectrum name="reflectance" value="{steep}"/>"#
-    ));
+    let found = reflectance(&format!(r#"<spectrum name="reflectance" value="{steep}"/>"#));
     assert_near(&found, &[0.635677, 1.0, 1.0]);
     let xml = with_sensor(&format!(
         r#"<bsdf type="conductor" id="m"><spectrum name="eta" value="{steep}"/><float name="k" value="1"/></bsdf>
@@ -121,9 +107,7 @@ fn other_spectra_are_refused() {
         "400: 0.1, 500: 0.5",
         "400:x,500:1",
     ] {
-        let element = format!(
-            r#"<bsdf type="diffuse"><spectrum name="reflectance" value="{written}"/></bsdf>"#
-        );
+        let element = format!(r#"<bsdf type="diffuse"><spectrum name="reflectance" value="{written}"/></bsdf>"#);
         assert_error(&with_sensor(&element), "scene.xml:2: ", &["reflectance"]);
     }
 }
@@ -146,14 +130,8 @@ fn spectra_as_objects() {
             "5.0",
         ),
     ] {
-        let native = native(&with_sensor(&format!(
-            r#"<emitter type="point">{inner}</emitter>"#
-        )));
-        assert_eq!(
-            field(&native, "[[lights]]", "intensity"),
-            Some(expected),
-            "{inner}"
-        );
+        let native = native(&with_sensor(&format!(r#"<emitter type="point">{inner}</emitter>"#)));
+        assert_eq!(field(&native, "[[lights]]", "intensity"), Some(expected), "{inner}");
     }
     let blackbody = r#"<emitter type="point"><spectrum type="blackbody" name="intensity"><float name="temperature" value="5000"/></spectrum></emitter>"#;
     assert_error(
@@ -174,18 +152,10 @@ fn points_and_vectors_in_both_notations() {
             let xml = with_sensor(&format!(
                 r#"<emitter type="point"><{tag} name="position" {written}/></emitter>"#
             ));
-            assert_eq!(
-                field(&native(&xml), "[[lights]]", "position"),
-                Some(expected)
-            );
+            assert_eq!(field(&native(&xml), "[[lights]]", "position"), Some(expected));
         }
     }
-    for written in [
-        r#"x="1" y="2""#,
-        r#"value="1 2""#,
-        r#"value="1 2 3" x="1""#,
-        "",
-    ] {
+    for written in [r#"x="1" y="2""#, r#"value="1 2""#, r#"value="1 2 3" x="1""#, ""] {
         let xml = with_sensor(&format!(
             r#"<emitter type="point"><point name="position" {written}/></emitter>"#
         ));
@@ -204,10 +174,7 @@ fn booleans_and_whole_numbers() {
         field(&native(&shape("TRUE")), "[[shapes]]", "flip_normals"),
         Some("true")
     );
-    assert_eq!(
-        field(&native(&shape("false")), "[[shapes]]", "flip_normals"),
-        None
-    );
+    assert_eq!(field(&native(&shape("false")), "[[shapes]]", "flip_normals"), None);
     assert_error(&shape("1"), "scene.xml:2: ", &["flip_normals", "true"]);
     let xml = SENSOR.replace("value=\"16\"", "value=\"16.5\"");
     assert_error(&bare(&xml), "scene.xml:4: ", &["width", "whole number"]);
@@ -218,9 +185,5 @@ fn booleans_and_whole_numbers() {
         "<integer name=\"width\" value=\"16\"",
         "<float name=\"width\" value=\"16\"",
     );
-    assert_error(
-        &bare(&xml),
-        "scene.xml:4: ",
-        &["width", "<integer>", "<float>"],
-    );
+    assert_error(&bare(&xml), "scene.xml:4: ", &["width", "<integer>", "<float>"]);
 }

@@ -1,5 +1,5 @@
-//! Rough coats and principled surfaces: their rough lobe shows what rules for reflected rays leave it, and their diffuse
-//! lobe is lit as ever.
+//! Rough coats and principled surfaces: their rough lobe shows what rules for reflected rays leave it, and their
+//! diffuse lobe is lit as ever.
 
 use super::{VIEW, different, same_means};
 

@@ -38,14 +38,11 @@ fn same_bits(one: &str, other: &str) {
 
 #[track_caller]
 fn different(one: &str, other: &str) {
-    assert!(
-        pixels(&scene(one)) != pixels(&scene(other)),
-        "the same pictures"
-    );
+    assert!(pixels(&scene(one)) != pixels(&scene(other)), "the same pictures");
 }
 
-/// Means over blocks of 8 x 8 pixels are the same at a significance of 1e-4 for all of them together, apart from `bias`,
-/// relative.
+/// Means over blocks of 8 x 8 pixels are the same at a significance of 1e-4 for all of them together, apart from
+/// `bias`, relative.
 #[track_caller]
 fn same_means(one: &str, other: &str, bias: f64) {
     let [one, other] = [one, other].map(|text| blocks(&scene(text), 8));

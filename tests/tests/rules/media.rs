@@ -69,8 +69,7 @@ fn photons_of_a_light_leave_nothing_in_fog() {
             same_means(&ruled, &one, 0.01);
         }
         // No light at all: fog that absorbs and does not scatter.
-        let none =
-            format!("{one}[[rules]]\nrays = [\"photon\"]\non = [\"box\"]\nexclude = [\"one\"]\n");
+        let none = format!("{one}[[rules]]\nrays = [\"photon\"]\non = [\"box\"]\nexclude = [\"one\"]\n");
         let pixels = super::pixels(&beamfarm_tests::render::scene(&none));
         assert!(pixels.iter().all(|p| *p == [0.0; 3]));
     }
@@ -86,8 +85,7 @@ fn fog_that_no_photon_sees_still_hides_what_is_behind() {
             .replace("sigma_a = 0.2", "sigma_a = 1")
             .replace("sigma_s = 0.8", "sigma_s = 0");
         different(&scattering, &absorbing);
-        let rule =
-            "[[rules]]\non = [\"box\"]\nrays = [\"photon\"]\nexclude = [\"one\", \"back\"]\n";
+        let rule = "[[rules]]\non = [\"box\"]\nrays = [\"photon\"]\nexclude = [\"one\", \"back\"]\n";
         same_means(&format!("{scattering}{rule}"), &absorbing, 1e-4);
     }
 }
@@ -100,30 +98,16 @@ fn a_box_that_the_camera_does_not_see_has_no_fog_for_it() {
         let without = with.replace("sigma_s = 0.8", "sigma_s = 0");
         let without = without.replace("sigma_a = 0.2", "sigma_a = 1");
         // The floor under it is lit through the fog, and seen without: by what an absorbing box lets through, and more.
-        let seen = beamfarm_tests::render::blocks(
-            &beamfarm_tests::render::scene(&format!("{with}{rule}")),
-            8,
-        );
-        let less = beamfarm_tests::render::blocks(
-            &beamfarm_tests::render::scene(&format!("{without}{rule}")),
-            8,
-        );
-        for (seen, less) in seen
-            .blocks
-            .iter()
-            .flatten()
-            .zip(less.blocks.iter().flatten())
-        {
+        let seen = beamfarm_tests::render::blocks(&beamfarm_tests::render::scene(&format!("{with}{rule}")), 8);
+        let less = beamfarm_tests::render::blocks(&beamfarm_tests::render::scene(&format!("{without}{rule}")), 8);
+        for (seen, less) in seen.blocks.iter().flatten().zip(less.blocks.iter().flatten()) {
             assert!(seen.mean() >= less.mean() - 4.0 * less.std_error() - 4.0 * seen.std_error());
         }
         // In the box itself, too.
         let inside = |scene: String| scene.replace("origin = [0, 1, 5]", "origin = [0, 1, 0.3]");
         let empty = with.replace("interior = \"fog\"", "interior = \"none\"");
         let (dark, empty) = (without.replace("sigma_a = 1", "sigma_a = 0"), empty);
-        same_bits(
-            &inside(format!("{dark}{rule}")),
-            &inside(format!("{empty}{rule}")),
-        );
+        same_bits(&inside(format!("{dark}{rule}")), &inside(format!("{empty}{rule}")));
     }
 }
 
@@ -152,9 +136,6 @@ fn beams_pass_what_rules_hide() {
         &rule("on = [\"spot\", \"mirror\", \"world\"]\nexclude = [\"ball\"]"),
         &without,
     );
-    same_bits(
-        &rule("except = [\"ball\"]\ninclude = [\"mirror\"]"),
-        &without,
-    );
+    same_bits(&rule("except = [\"ball\"]\ninclude = [\"mirror\"]"), &without);
     different(&rule("on = [\"mirror\"]\nexclude = [\"ball\"]"), &with);
 }

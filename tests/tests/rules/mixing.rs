@@ -82,26 +82,22 @@ fn light_comes_from_walls_whose_photons_have_rules_of_their_own() {
         "on = [\"all\"]",
         "except = [\"one\", \"two\", \"three\", \"screen\"]",
     ] {
-        same_means(
-            &rule(&format!("{on}\nexclude = [\"screen\"]")),
-            &without,
-            0.02,
-        );
+        same_means(&rule(&format!("{on}\nexclude = [\"screen\"]")), &without, 0.02);
     }
 }
 
-/// What photons leave on a floor that excludes a light is not seen on it, and not lost to the wall that the floor lights.
+/// What photons leave on a floor that excludes a light is not seen on it, and not lost to the wall that the floor
+/// lights.
 #[test]
 fn a_floor_lights_others_by_what_it_does_not_show() {
-    let lamp = "[[lights]]\nname = \"lamp\"\ntype = \"spot\"\nposition = [1.5, 4, 0]\ntarget = [-0.6, 0, 0]\nintensity = 30\n";
+    let lamp =
+        "[[lights]]\nname = \"lamp\"\ntype = \"spot\"\nposition = [1.5, 4, 0]\ntarget = [-0.6, 0, 0]\nintensity = 30\n";
     let plain = format!("{}{ROOM}{lamp}", view())
         .replace("reflectance = 0.1", "reflectance = 0.7")
         .replace("origin = [0, 4, 2.5]", "origin = [4, 1.2, 0]")
         .replace("target = [-0.4, 0, 0]", "target = [-2, 1.2, 0]")
         .replace("fov = 40", "fov = 17");
-    let ruled = format!(
-        "{plain}[[rules]]\non = [\"floor\"]\nrays = [\"photon\"]\nexclude = [\"lamp\", \"sun\"]\n"
-    );
+    let ruled = format!("{plain}[[rules]]\non = [\"floor\"]\nrays = [\"photon\"]\nexclude = [\"lamp\", \"sun\"]\n");
     // The picture is all wall.
     same_means(&ruled, &plain, 0.02);
 }
@@ -118,7 +114,6 @@ fn linked_gloss_is_that_of_a_scene_with_fewer_lights() {
     let one = format!("{}{gloss}", view());
     let both = format!("{one}{other}visible = [\"shadow\"]\n");
     different(&both, &one);
-    let ruled =
-        format!("{both}[[rules]]\non = [\"satin\"]\nrays = [\"shadow\"]\nexclude = [\"other\"]\n");
+    let ruled = format!("{both}[[rules]]\non = [\"satin\"]\nrays = [\"shadow\"]\nexclude = [\"other\"]\n");
     same_means(&ruled, &one, 1e-4);
 }

@@ -108,23 +108,14 @@ fn same_as_the_path_tracer(plain: &str, rule_sets: impl IntoIterator<Item = Stri
     let plain_scene = scene(plain);
     for rules in rule_sets {
         let scene = scene(&format!("{plain}{rules}"));
-        assert!(
-            scene.description().notes.is_empty(),
-            "{:?}",
-            scene.description().notes
-        );
+        assert!(scene.description().notes.is_empty(), "{:?}", scene.description().notes);
         let beams = blocks(&scene, 8);
         let settings = ReferenceSettings::default();
         let truth = Blocks::new(reference_images(&scene, settings, 24, 12), 8);
         // Together the rules matter: without them the picture is another one.
         let other = blocks(&plain_scene, 8);
-        let differ = other
-            .blocks
-            .iter()
-            .flatten()
-            .zip(truth.blocks.iter().flatten());
-        let differ =
-            differ.map(|(a, b)| (a.mean() - b.mean()).abs() / a.std_error().hypot(b.std_error()));
+        let differ = other.blocks.iter().flatten().zip(truth.blocks.iter().flatten());
+        let differ = differ.map(|(a, b)| (a.mean() - b.mean()).abs() / a.std_error().hypot(b.std_error()));
         assert!(
             rules.len() < RULES[0].len() * 3 || differ.fold(0.0, f64::max) > 8.0,
             "{rules}: no effect"

@@ -65,8 +65,7 @@ fn a_lamp_whose_shadow_rays_pass_an_object() {
         let others = blocks(&scene(&lit(|n| n != number)), 8);
         let mut suite = Suite::new(1e-4);
         for i in 0..linked.blocks.len() * 3 {
-            let [whole, alone, others] =
-                [&linked, &alone, &others].map(|picture| &picture.blocks[i / 3][i % 3]);
+            let [whole, alone, others] = [&linked, &alone, &others].map(|picture| &picture.blocks[i / 3][i % 3]);
             let off = (whole.mean() - alone.mean() - others.mean()).abs();
             // Sums of single precision are not exact.
             let off = (off - 1e-5 * whole.mean()).max(0.0);
@@ -95,15 +94,10 @@ fn only_lights_that_are_named_have_shadow_rules_of_their_own() {
         &format!("{plain}{rule}exclude = [\"ball\"]\n"),
     );
     // A light is in nobody's way.
-    let nothing = scene(&format!(
-        "{plain}{rule}on = [\"point\"]\nexclude = [\"sky\"]\n"
-    ));
+    let nothing = scene(&format!("{plain}{rule}on = [\"point\"]\nexclude = [\"sky\"]\n"));
     assert_eq!(nothing.description().notes.len(), 1);
     assert!(nothing.description().notes[0].contains("no shadow rays start there"));
-    same_bits(
-        &format!("{plain}{rule}on = [\"point\"]\nexclude = [\"sky\"]\n"),
-        &plain,
-    );
+    same_bits(&format!("{plain}{rule}on = [\"point\"]\nexclude = [\"sky\"]\n"), &plain);
     // Include: what is listed alone is in the way.
     different(
         &format!("{plain}{rule}on = [\"point\"]\ninclude = [\"floor\"]\n"),

@@ -3,7 +3,8 @@
 use super::{VIEW, different, same_bits, same_means};
 use beamfarm_tests::render::scene;
 
-/// Glass, a mirror, fog in a box, an area light, a spot, a sky: all that rays do. What is removed in some tests is last.
+/// Glass, a mirror, fog in a box, an area light, a spot, a sky: all that rays do. What is removed in some tests is
+/// last.
 const EVERYTHING: &str = r#"
 [media.fog]
 type = "homogeneous"
@@ -79,10 +80,7 @@ fn what_no_ray_sees_is_not_there() {
     different(&with, &without);
     same_bits(&format!("{with}visible = []"), &without);
     let all = "rays = [\"camera\", \"reflected\", \"refracted\", \"shadow\", \"photon\"]";
-    same_bits(
-        &format!("{with}[[rules]]\n{all}\nexclude = [\"ball\"]"),
-        &without,
-    );
+    same_bits(&format!("{with}[[rules]]\n{all}\nexclude = [\"ball\"]"), &without);
     let others = "\"floor\", \"wall\", \"mirror\", \"glass\", \"box\", \"lamp\"";
     same_bits(
         &format!(
@@ -178,10 +176,7 @@ fn mirrors_show_what_rules_leave_them() {
     }
     let dark = format!("{with}[[rules]]\nrays = [\"reflected\"]\nexclude = [\"behind\"]\n");
     let image = super::pixels(&scene(&dark));
-    assert!(
-        image.iter().all(|p| *p == [0.0; 3]),
-        "what shines is hidden"
-    );
+    assert!(image.iter().all(|p| *p == [0.0; 3]), "what shines is hidden");
 }
 
 #[test]
@@ -252,7 +247,8 @@ fn shadow_rays_see_the_lights_that_rules_leave_them() {
         "exclude = [\"twos\", \"three\"]",
         "on = [\"floor\", \"satin\"]\ninclude = [\"one\"]",
     ] {
-        // Two and three shine on: their photons are what gather rays would find on other surfaces, of which there are none.
+        // Two and three shine on: their photons are what gather rays would find on other surfaces, of which there are
+        // none.
         let rule = format!("[[rules]]\nrays = [\"shadow\"]\n{rule}\n");
         same_means(&format!("{both}{rule}"), &one, 1e-5);
     }
@@ -268,10 +264,7 @@ fn shadow_rays_see_the_lights_that_rules_leave_them() {
         one.replace(floor_black, "name = \"floor\"\nmaterial = \"black\"\ntype"),
     ];
     same_means(&by_hand[0], &by_hand[1], 1e-5);
-    let others = both.replace(
-        "emission = { radiance = [4, 3, 2] }",
-        "emission = { radiance = 0 }",
-    );
+    let others = both.replace("emission = { radiance = [4, 3, 2] }", "emission = { radiance = 0 }");
     same_means(
         &linked.replace(satin_black, "material = \"black\""),
         &others.replace(satin_black, "material = \"black\""),
@@ -283,23 +276,20 @@ fn shadow_rays_see_the_lights_that_rules_leave_them() {
 #[test]
 fn a_light_that_lights_nothing_is_no_light() {
     let without = format!("{VIEW}{EVERYTHING}");
-    let light =
-        "[[lights]]\nname = \"off\"\ntype = \"point\"\nposition = [0, 2, 1]\nintensity = 50\n";
+    let light = "[[lights]]\nname = \"off\"\ntype = \"point\"\nposition = [0, 2, 1]\nintensity = 50\n";
     let with = format!("{without}{light}");
     different(&with, &without);
     same_bits(&format!("{with}visible = []\n"), &without);
     let rule = "[[rules]]\nrays = [\"shadow\", \"photon\"]\nexclude = [\"off\"]\n";
     same_bits(&format!("{with}{rule}"), &without);
-    let by_group =
-        "group = \"unused\"\n[[rules]]\nrays = [\"shadow\", \"photon\"]\nexclude = [\"unused\"]\n";
+    let by_group = "group = \"unused\"\n[[rules]]\nrays = [\"shadow\", \"photon\"]\nexclude = [\"unused\"]\n";
     same_bits(&format!("{with}{by_group}"), &without);
 }
 
 #[test]
 fn shadow_rays_pass_what_rules_hide() {
     let without = format!("{VIEW}{LAMPS}{OTHER_LAMP}").replace("passes = 4", "passes = 32");
-    let with =
-        format!("{without}{BLACK_BALL}[[rules]]\nrays = [\"camera\"]\nexclude = [\"ball\"]\n");
+    let with = format!("{without}{BLACK_BALL}[[rules]]\nrays = [\"camera\"]\nexclude = [\"ball\"]\n");
     different(&with, &without);
     for rule in [
         "exclude = [\"ball\"]",
@@ -339,10 +329,8 @@ radius = 0.5
 
 #[test]
 fn photons_leave_nothing_where_rules_keep_them_off() {
-    let glass =
-        format!("{VIEW}{CAUSTIC}material = \"glass\"\nvisible = [\"shadow\", \"photon\"]\n");
-    let black =
-        format!("{VIEW}{CAUSTIC}material = \"black\"\nvisible = [\"shadow\", \"photon\"]\n");
+    let glass = format!("{VIEW}{CAUSTIC}material = \"glass\"\nvisible = [\"shadow\", \"photon\"]\n");
+    let black = format!("{VIEW}{CAUSTIC}material = \"black\"\nvisible = [\"shadow\", \"photon\"]\n");
     different(&glass, &black);
     let rule = |rule: &str| format!("{glass}[[rules]]\nrays = [\"photon\"]\n{rule}\n");
     same_bits(&rule("on = [\"floor\"]\nexclude = [\"lamp\"]"), &black);
@@ -352,10 +340,7 @@ fn photons_leave_nothing_where_rules_keep_them_off() {
 
 #[test]
 fn photons_pass_what_rules_hide() {
-    let without = format!(
-        "{VIEW}{}",
-        CAUSTIC.split("[[shapes]]\nname = \"ball\"").next().unwrap()
-    );
+    let without = format!("{VIEW}{}", CAUSTIC.split("[[shapes]]\nname = \"ball\"").next().unwrap());
     let glass = format!("{VIEW}{CAUSTIC}material = \"glass\"\nvisible = [\"photon\"]\n");
     different(&glass, &without);
     let rule = |rule: &str| format!("{glass}[[rules]]\nrays = [\"photon\"]\n{rule}\n");

@@ -190,18 +190,12 @@ beam_width = 10
 fn every_field_of_the_format_is_read() {
     let scene = load_with(EVERY_FIELD, &every_file());
     let d = scene.defaults;
-    assert_eq!(
-        (d.passes, d.paths_per_pass, d.alpha, d.seed),
-        (10, 1000, 0.5, 7)
-    );
+    assert_eq!((d.passes, d.paths_per_pass, d.alpha, d.seed), (10, 1000, 0.5, 7));
     assert_eq!((d.exposure, d.radius), (-1.5, Some(0.02)));
     assert_eq!(d.schedule, beamfarm_image::job::ScheduleKind::Beam);
     assert_eq!(scene.world_medium, Some(1));
     assert_eq!(scene.camera_medium, Some(None));
-    assert_eq!(
-        (scene.camera.aperture, scene.camera.focus_distance),
-        (0.1, 3.0)
-    );
+    assert_eq!((scene.camera.aperture, scene.camera.focus_distance), (0.1, 3.0));
     assert_eq!(scene.media[0].sigma_s(), Rgb::new(0.75, 1.5, 3.0));
     assert_eq!(scene.media[0].sigma_t(), Rgb::new(1.0, 2.0, 4.0));
     assert_eq!(scene.media[0].phase(), Phase::Isotropic);
@@ -209,20 +203,12 @@ fn every_field_of_the_format_is_read() {
     assert_eq!(scene.media[1].phase(), Phase::HenyeyGreenstein { g: 0.7 });
     for (medium, scattered) in [(2, 0.4), (3, 1.8)] {
         assert!(matches!(scene.media[medium], Medium::Heterogeneous(_)));
-        assert!(
-            (scene.media[medium].sigma_s() - scattered)
-                .abs()
-                .max_element()
-                < 1e-6
-        );
+        assert!((scene.media[medium].sigma_s() - scattered).abs().max_element() < 1e-6);
     }
     assert!(matches!(scene.materials[1].kind, MaterialKind::Dielectric { eta, .. } if eta == 1.25));
     let two_sided: Vec<bool> = scene.materials.iter().map(|m| m.two_sided).collect();
     // The last two stand for shapes without a material: black and grey.
-    assert_eq!(
-        two_sided[..8],
-        [true, true, true, false, true, true, true, true]
-    );
+    assert_eq!(two_sided[..8], [true, true, true, false, true, true, true, true]);
     assert_eq!(two_sided[8..14], [true, true, false, false, false, true]);
     assert_eq!(two_sided[14..], [false, false]);
     let names: Vec<&str> = scene.objects.iter().map(|o| o.name.as_str()).collect();
@@ -245,10 +231,7 @@ fn every_field_of_the_format_is_read() {
         exterior: Some(1),
     };
     let boundaries: Vec<_> = scene.objects.iter().map(|o| o.boundary).collect();
-    assert_eq!(
-        boundaries,
-        [Some(ball), None, Some(clear), None, None, None, None]
-    );
+    assert_eq!(boundaries, [Some(ball), None, Some(clear), None, None, None, None]);
     for (object, reflectance) in [(1, 0.0), (3, 0.5)] {
         match &scene.materials[scene.objects[object].material as usize].kind {
             MaterialKind::Diffuse {
@@ -260,10 +243,7 @@ fn every_field_of_the_format_is_read() {
     let lights: Vec<&str> = scene.lights.iter().map(|l| l.name.as_str()).collect();
     assert_eq!(lights, ["bulb", "lights[1]", "shapes[1]"]);
     assert_eq!(scene.objects[1].light, Some(2));
-    assert!(matches!(
-        scene.lights[2].kind,
-        LightKind::Area { object: 1, .. }
-    ));
+    assert!(matches!(scene.lights[2].kind, LightKind::Area { object: 1, .. }));
     match (&scene.objects[5].shape, &scene.objects[6].shape) {
         (Shape::Mesh { mesh: a, .. }, Shape::Mesh { mesh: b, .. }) => assert!(Arc::ptr_eq(a, b)),
         other => panic!("{other:?}"),
@@ -274,16 +254,10 @@ fn every_field_of_the_format_is_read() {
 fn fields_have_their_defaults() {
     let scene = load("");
     let d = scene.defaults;
-    assert_eq!(
-        (d.passes, d.paths_per_pass, d.seed, d.exposure),
-        (64, 50_000, 0, 0.0)
-    );
+    assert_eq!((d.passes, d.paths_per_pass, d.seed, d.exposure), (64, 50_000, 0, 0.0));
     assert_eq!((d.alpha, d.radius), (2.0 / 3.0, None));
     assert_eq!((scene.world_medium, scene.camera_medium), (None, None));
-    assert_eq!(
-        (scene.camera.aperture, scene.camera.focus_distance),
-        (0.0, 5.0)
-    );
+    assert_eq!((scene.camera.aperture, scene.camera.focus_distance), (0.0, 5.0));
     assert!(scene.bounds.radius > 0.0);
 }
 

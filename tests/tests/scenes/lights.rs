@@ -41,9 +41,7 @@ fn powers_are_kept() {
         assert!(error < 1e-4, "{text}: {power}");
     }
     // A square of 2 x 2 under a scale of 3: 36 units squared.
-    let scene = load(
-        "[[shapes]]\ntype = \"rectangle\"\nemission = { power = 1 }\ntransform = [{ scale = 3 }]",
-    );
+    let scene = load("[[shapes]]\ntype = \"rectangle\"\nemission = { power = 1 }\ntransform = [{ scale = 3 }]");
     match scene.lights[0].kind {
         LightKind::Area { radiance, .. } => assert!((radiance.x * 36.0 * PI - 1.0).abs() < 1e-6),
         _ => unreachable!(),
@@ -72,8 +70,7 @@ fn environment_stands_as_in_mitsuba() {
     exr::prelude::write_rgb_file(path.path(), width, height, pixel).unwrap();
     let assets = [("sky.exr", std::fs::read(path.path()).unwrap())];
     let radiance = |fields: &str, dir: Vec3| {
-        let text =
-            format!("{VIEW}[[lights]]\ntype = \"environment\"\nimage = \"sky.exr\"\n{fields}");
+        let text = format!("{VIEW}[[lights]]\ntype = \"environment\"\nimage = \"sky.exr\"\n{fields}");
         match &load_with(&text, &assets).lights[0].kind {
             LightKind::Environment(environment) => environment.radiance(dir),
             _ => unreachable!(),
@@ -137,9 +134,7 @@ fn environments_turn_as_mitsubas() {
     exr::prelude::write_rgb_file(path.path(), 8, 5, pixel).unwrap();
     let assets = [("sky.exr", std::fs::read(path.path()).unwrap())];
     for (steps, values) in MITSUBA_SKIES {
-        let text = format!(
-            "{VIEW}[[lights]]\ntype = \"environment\"\nimage = \"sky.exr\"\ntransform = [{steps}]"
-        );
+        let text = format!("{VIEW}[[lights]]\ntype = \"environment\"\nimage = \"sky.exr\"\ntransform = [{steps}]");
         let scene = load_with(&text, &assets);
         let LightKind::Environment(sky) = &scene.lights[0].kind else {
             unreachable!();

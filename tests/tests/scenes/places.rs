@@ -33,16 +33,8 @@ fn sides_are_where_the_format_says() {
         ("type = \"disc\"\nflip_normals = true", 0.1, -1.0),
         (&format!("type = \"disc\"\n{mirror}"), 0.1, -1.0),
         ("type = \"cylinder\"\np1 = [1, 0, 0]", 0.1, 1.0),
-        (
-            "type = \"cylinder\"\np1 = [1, 0, 0]\nflip_normals = true",
-            0.1,
-            -1.0,
-        ),
-        (
-            &format!("type = \"cylinder\"\np1 = [1, 0, 0]\n{mirror}"),
-            0.1,
-            1.0,
-        ),
+        ("type = \"cylinder\"\np1 = [1, 0, 0]\nflip_normals = true", 0.1, -1.0),
+        (&format!("type = \"cylinder\"\np1 = [1, 0, 0]\n{mirror}"), 0.1, 1.0),
         ("type = \"rectangle\"", 0.1, 1.0),
         ("type = \"rectangle\"\nflip_normals = true", 0.1, -1.0),
         (&format!("type = \"rectangle\"\n{mirror}"), 0.1, -1.0),
@@ -63,9 +55,7 @@ fn sides_are_where_the_format_says() {
     ] {
         let inline = shape.replace('\n', ", ");
         let alone = format!("{VIEW}[[shapes]]\n{shape}");
-        let instance = format!(
-            "{VIEW}[[shapes]]\ntype = \"instances\"\nshape = {{ {inline} }}\ntransforms = [[]]"
-        );
+        let instance = format!("{VIEW}[[shapes]]\ntype = \"instances\"\nshape = {{ {inline} }}\ntransforms = [[]]");
         for text in [alone, instance] {
             let scene = load_with(&text, &octahedron());
             let hit = hit(&scene, [x, 0.1, 4.0], down).unwrap();
@@ -97,8 +87,7 @@ fn instances_equal_shapes_of_their_own() {
         let objects = Geometry::new(&a.objects);
         let instance = Geometry::new(&b.objects);
         for i in 0..400 {
-            let aim = target
-                + Vec3::new((i % 20) as f32 - 9.7, (i / 20) as f32 - 9.6, 0.0) * (0.05 * size);
+            let aim = target + Vec3::new((i % 20) as f32 - 9.7, (i / 20) as f32 - 9.6, 0.0) * (0.05 * size);
             let ray = Ray {
                 origin: Vec3::ZERO,
                 dir: aim.normalize(),
@@ -147,9 +136,7 @@ fn far_from_the_origin_nothing_changes() {
         let mut points = Vec::new();
         for object in &scene.objects {
             match &object.shape {
-                Shape::Sphere { placement, .. }
-                | Shape::Disc { placement, .. }
-                | Shape::Cylinder { placement, .. } => {
+                Shape::Sphere { placement, .. } | Shape::Disc { placement, .. } | Shape::Cylinder { placement, .. } => {
                     points.push(placement.render_from_object.transform_point3(Vec3::X));
                 }
                 Shape::Mesh { mesh, placement } => {

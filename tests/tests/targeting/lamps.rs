@@ -4,8 +4,8 @@ use super::{noise, passes, plan, same};
 use beamfarm_render::world::Scene;
 use beamfarm_tests::render::scene;
 
-/// A room with a lamp in a globe of glass over the camera's head, all of whose light comes by photons, and seven rooms like it
-/// that the camera does not see, where lamps are as strong.
+/// A room with a lamp in a globe of glass over the camera's head, all of whose light comes by photons, and seven rooms
+/// like it that the camera does not see, where lamps are as strong.
 fn rooms(targeting: &str) -> Scene {
     let room = |i: usize| {
         let x = 3.0 * i as f32;
@@ -91,15 +91,7 @@ fn a_wrong_choice_of_lamps_loses_no_light() {
     let (off, elsewhere) = (looks_away("off", 0.0), looks_away("on", 3.0));
     let mut ignorant = plan(&off);
     ignorant.targets = plan(&elsewhere).targets;
-    let emitters = ignorant
-        .targets
-        .as_ref()
-        .and_then(|t| t.emitters())
-        .unwrap();
+    let emitters = ignorant.targets.as_ref().and_then(|t| t.emitters()).unwrap();
     assert!(emitters.pmf(0) < 0.1 && emitters.pmf(3) > 0.4);
-    same(
-        "lamps",
-        &passes(&off, &ignorant),
-        &passes(&off, &plan(&off)),
-    );
+    same("lamps", &passes(&off, &ignorant), &passes(&off, &plan(&off)));
 }

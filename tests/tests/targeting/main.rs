@@ -12,8 +12,8 @@ use beamfarm_tests::Suite;
 use beamfarm_tests::render::{Blocks, scene};
 use beamfarm_tests::z_test::two_sided;
 
-/// A room with a window on the right of the wall ahead, and perhaps one on the left, in a world that is much larger. Radii are
-/// given: the bias of a pass is the same however its photons are aimed.
+/// A room with a window on the right of the wall ahead, and perhaps one on the left, in a world that is much larger.
+/// Radii are given: the bias of a pass is the same however its photons are aimed.
 struct Room<'a> {
     targeting: &'a str,
     left_window: bool,
@@ -296,8 +296,8 @@ fn targeted_photons_obey_visibility_rules() {
     }
 }
 
-/// Kernels are as wide as fits the room that the camera sees, however large the world is around it; where the room is most of the
-/// world, by the world.
+/// Kernels are as wide as fits the room that the camera sees, however large the world is around it; where the room is
+/// most of the world, by the world.
 #[test]
 fn kernels_fit_what_the_camera_sees() {
     let radii = |distance: f32| {
@@ -345,10 +345,7 @@ fn any_number_of_threads_makes_the_same_targets_and_bits() {
         more: LAMP_AND_FOG,
     };
     let films = [1, 3].map(|threads| {
-        let pool = rayon::ThreadPoolBuilder::new()
-            .num_threads(threads)
-            .build()
-            .unwrap();
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
             let scene = room.scene();
             render_pass(&scene, &plan(&scene), 3).film.pixels
@@ -403,10 +400,7 @@ power = 100
     let told = auto_plan.to_string();
     assert!(told.contains("\"bulb\" lands where it matters"), "{told}");
     assert!(off_plan.to_string().contains("off, says the scene"));
-    assert!(
-        render_pass(&auto, &auto_plan, 0).film.pixels
-            == render_pass(&off, &off_plan, 0).film.pixels
-    );
+    assert!(render_pass(&auto, &auto_plan, 0).film.pixels == render_pass(&off, &off_plan, 0).film.pixels);
 
     let room = Room {
         targeting: "auto",
@@ -416,10 +410,7 @@ power = 100
     .scene();
     let plan = plan(&room);
     let told = plan.to_string();
-    assert!(
-        plan.targets.is_some() && told.contains("photon targeting"),
-        "{told}"
-    );
+    assert!(plan.targets.is_some() && told.contains("photon targeting"), "{told}");
 }
 
 /// Photons that miss are dropped: here the targets know of nearly all light, so that little is missing.
@@ -438,26 +429,11 @@ fn rejection_is_biased_and_says_so() {
     let (off_plan, reject_plan) = (plan(&off), plan(&reject));
     let told = reject_plan.to_string();
     assert!(told.contains("BIASED"), "{told}");
-    assert!(
-        reject_plan
-            .targets
-            .as_ref()
-            .is_some_and(|targets| targets.rejects())
-    );
+    assert!(reject_plan.targets.as_ref().is_some_and(|targets| targets.rejects()));
     let (all, kept) = (passes(&off, &off_plan), passes(&reject, &reject_plan));
     for (all, kept) in all.whole.iter().zip(&kept.whole) {
         let z = (kept.mean() - all.mean()) / kept.std_error().hypot(all.std_error());
-        assert!(
-            two_sided(z) > 1e-4 || z < 0.0,
-            "{} of {}",
-            kept.mean(),
-            all.mean()
-        );
-        assert!(
-            kept.mean() > 0.8 * all.mean(),
-            "{} of {}",
-            kept.mean(),
-            all.mean()
-        );
+        assert!(two_sided(z) > 1e-4 || z < 0.0, "{} of {}", kept.mean(), all.mean());
+        assert!(kept.mean() > 0.8 * all.mean(), "{} of {}", kept.mean(), all.mean());
     }
 }

@@ -47,18 +47,12 @@ fn flux_is_that_of_the_light() {
             let side = |x: f32, bit: usize| usize::from(x > 0.0) << bit;
             let line = start.origin + start.dir * bounds.radius - bounds.center;
             let d = start.dir;
-            side(d.x, 0)
-                + side(d.y, 1)
-                + side(d.z, 2)
-                + side(line.x, 3)
-                + side(line.y, 4)
-                + side(line.z, 5)
+            side(d.x, 0) + side(d.y, 1) + side(d.z, 2) + side(line.x, 3) + side(line.y, 4) + side(line.z, 5)
         };
         let mut means = [[MeanEstimate::new(); BINS]; 2];
         let mut sampler = Sampler::new(5, 0, Purpose::Test, 0);
         for _ in 0..200_000 {
-            let plain =
-                light.sample_emission(objects, bounds, EmissionUniforms::draw(&mut sampler));
+            let plain = light.sample_emission(objects, bounds, EmissionUniforms::draw(&mut sampler));
             let u = EmissionUniforms::draw(&mut sampler);
             let mixed = light.sample_mixture(objects, bounds, aim, u, sampler.next_1d());
             for (means, start) in means.iter_mut().zip([Some(plain), mixed]) {
@@ -80,16 +74,13 @@ fn flux_is_that_of_the_light() {
         suite.finish();
         let power = f64::from(light.power(objects, bounds).x);
         let total = &mixed[BINS - 1];
-        assert!(
-            total.p_value(power) > 1e-4,
-            "{what}: {} of {power}",
-            total.mean()
-        );
+        assert!(total.p_value(power) > 1e-4, "{what}: {} of {power}", total.mean());
     }
 }
 
-/// How many of a sampler's directions lie in caps around some of them, against the density integrated by even directions there:
-/// discs seen from the side make densities too narrow for a quadrature over the sphere. Significance 1e-3.
+/// How many of a sampler's directions lie in caps around some of them, against the density integrated by even
+/// directions there: discs seen from the side make densities too narrow for a quadrature over the sphere. Significance
+/// 1e-3.
 fn caps_hold_what_their_density_says(
     what: &str,
     draw: impl Fn(&mut Sampler) -> Option<Vec3>,
@@ -108,22 +99,18 @@ fn caps_hold_what_their_density_says(
     let least = libm::cosf(0.05);
     let size = 2.0 * std::f64::consts::PI * (1.0 - f64::from(least));
     for cap in caps {
-        let inside =
-            |dir: &Option<Vec3>| f64::from(u8::from(dir.is_some_and(|d| d.dot(cap) >= least)));
+        let inside = |dir: &Option<Vec3>| f64::from(u8::from(dir.is_some_and(|d| d.dot(cap) >= least)));
         let counted: MeanEstimate = drawn.iter().map(inside).collect();
         let frame = Frame::from_normal(cap);
         let even = |_| frame.to_world(warp::uniform_cone(sampler.next_2d(), least));
-        let integral: MeanEstimate = (0..20_000)
-            .map(even)
-            .map(|dir| size * f64::from(pdf(dir)))
-            .collect();
+        let integral: MeanEstimate = (0..20_000).map(even).map(|dir| size * f64::from(pdf(dir))).collect();
         suite.same_mean(format!("{what}, around {cap}"), &counted, &integral);
     }
     suite.finish();
 }
 
-/// Directions from lights that are somewhere, and points across the sun's rays, follow the density that weighs them. Each test
-/// at a significance of 1e-3.
+/// Directions from lights that are somewhere, and points across the sun's rays, follow the density that weighs them.
+/// Each test at a significance of 1e-3.
 #[test]
 fn starts_follow_their_density() {
     for (what, more) in [("spot", SPOT), ("point", POINT), ("lamp", LAMP)] {

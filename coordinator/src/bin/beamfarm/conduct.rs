@@ -75,9 +75,7 @@ async fn run(
     let address = entrance.listener.local_addr().map_err(Failure::io)?;
     log_configuration(watch, address, &output.exr, farm.progress().limit);
     if output.drops_photons {
-        warn!(
-            "the image will be biased: the scene's targeting = \"reject\" drops photons that miss all targets"
-        );
+        warn!("the image will be biased: the scene's targeting = \"reject\" drops photons that miss all targets");
     }
     let mut server = tokio::spawn(server::run(entrance, watch.clone(), closed).in_current_span());
     let told = args.onlookers.tell(watch);
@@ -153,8 +151,7 @@ impl Job<'_> {
                 Err(message) => message,
             }
         };
-        let write_on_request =
-            write_on_request(self.watch, || write_now(farm, self.output, exposure));
+        let write_on_request = write_on_request(self.watch, || write_now(farm, self.output, exposure));
         let broken = |what: &str, how: String| Stop::Broken(format!("{what}: {how}"));
         tokio::select! {
             // First: a job that was finished before needs no crew.
@@ -203,21 +200,14 @@ impl Job<'_> {
 }
 
 /// Say how the job ended, on stdout, in its folder and by the exit code.
-fn conclude(
-    summary: Summary<'_>,
-    folder: Option<Folder>,
-    kept: Result<(), StoreError>,
-) -> Result<(), Failure> {
+fn conclude(summary: Summary<'_>, folder: Option<Folder>, kept: Result<(), StoreError>) -> Result<(), Failure> {
     if !summary.args.quiet {
         summary.print();
     }
     if let Some(folder) = folder {
         let reported = folder.write_report(&summary.report());
-        kept.and(reported).map_err(|error| {
-            Failure::io(format!(
-                "{error}; what the job folder holds is older than the image"
-            ))
-        })?;
+        kept.and(reported)
+            .map_err(|error| Failure::io(format!("{error}; what the job folder holds is older than the image")))?;
     } else {
         kept?;
     }

@@ -42,18 +42,12 @@ pub fn main(args: ConvertArgs) -> Result<(), Failure> {
         return Err(Failure::usage(message));
     }
     if args.output.extension() != Some(OsStr::new("toml")) {
-        let message = format!(
-            "{}: expected a name that ends in .toml",
-            args.output.display()
-        );
+        let message = format!("{}: expected a name that ends in .toml", args.output.display());
         return Err(Failure::usage(message));
     }
     let folder = args.output.parent().unwrap_or(Path::new(""));
     if !folder.as_os_str().is_empty() && !folder.is_dir() {
-        return Err(Failure::usage(format!(
-            "{}: no such folder",
-            folder.display()
-        )));
+        return Err(Failure::usage(format!("{}: no such folder", folder.display())));
     }
     let options = args.import.options(&args.scene)?;
     let file = SceneFile::read_for(&args.scene, folder, &options)?;

@@ -17,17 +17,9 @@ pub struct Written {
 }
 
 /// Write the image of the complete prefix now, and go on. Returns what was written, for people.
-pub async fn write_now(
-    farm: &Arc<Farm>,
-    output: &Output,
-    exposure: f32,
-) -> Result<String, Failure> {
+pub async fn write_now(farm: &Arc<Farm>, output: &Output, exposure: f32) -> Result<String, Failure> {
     match write(farm, output, exposure, None).await? {
-        Some(Written { average, .. }) => Ok(format!(
-            "wrote {} with {} passes",
-            output.exr.display(),
-            average.passes
-        )),
+        Some(Written { average, .. }) => Ok(format!("wrote {} with {} passes", output.exr.display(), average.passes)),
         None => Err(Failure::nothing("no pass is complete")),
     }
 }
@@ -61,7 +53,5 @@ pub async fn write(
         }
         Ok(Some(Written { average, meta }))
     };
-    tokio::task::spawn_blocking(write)
-        .await
-        .map_err(Failure::io)?
+    tokio::task::spawn_blocking(write).await.map_err(Failure::io)?
 }

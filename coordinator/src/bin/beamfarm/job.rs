@@ -34,12 +34,13 @@ pub struct SettingsArgs {
     #[arg(long, value_name = "S")]
     pub seed: Option<u64>,
 
-    /// How quickly radii shrink, between 0 and 1: small values remove blur sooner, large ones noise [default: the scene's]
+    /// How quickly radii shrink, between 0 and 1: small values remove blur sooner, large ones noise [default: the
+    /// scene's]
     #[arg(long, value_name = "A")]
     pub alpha: Option<f64>,
 
-    /// Choose radii for the least error after N passes; those beyond shrink again. A pilot of seconds finds them. With `inf`
-    /// radii shrink from the first pass on, which is right when passes may be added without end [default: inf]
+    /// Choose radii for the least error after N passes; those beyond shrink again. A pilot of seconds finds them. With
+    /// `inf` radii shrink from the first pass on, which is right when passes may be added without end [default: inf]
     #[arg(long, value_name = "N", value_parser = budget)]
     pub budget: Option<Budgeted>,
 
@@ -154,10 +155,7 @@ impl SettingsArgs {
             }
         };
         let aovs = Aov::all(&self.aov);
-        let layers: Vec<Layer> = aovs
-            .iter()
-            .flat_map(|aov| aov.layers(&description))
-            .collect();
+        let layers: Vec<Layer> = aovs.iter().flat_map(|aov| aov.layers(&description)).collect();
         if layers.len() > MAX_LAYERS {
             return Err(Failure::usage(format!(
                 "--aov lights: the scene has so many lights that there would be {} layers; expected at most {MAX_LAYERS}. \
@@ -254,7 +252,8 @@ pub struct JobArgs {
     #[command(flatten)]
     pub settings: SettingsArgs,
 
-    /// Where to write the image: OUT.exr, with OUT.png and OUT.csv beside it [default: the scene's name, in the current folder]
+    /// Where to write the image: OUT.exr, with OUT.png and OUT.csv beside it [default: the scene's name, in the current
+    /// folder]
     #[arg(short, long, value_name = "OUT.exr")]
     pub output: Option<PathBuf>,
 
@@ -266,18 +265,18 @@ pub struct JobArgs {
     #[arg(long, value_name = "TIME", value_parser = humantime::parse_duration)]
     pub time: Option<Duration>,
 
-    /// Stop when the relative standard error of the image is at most this: 1%, or 0.01. Looks after 2, 3, 4, 6, 8, 12, ...
-    /// passes and leaves out those beyond, so that the same scene and seed stop at the same pass on any machines
+    /// Stop when the relative standard error of the image is at most this: 1%, or 0.01. Looks after 2, 3, 4, 6, 8, 12,
+    /// ... passes and leaves out those beyond, so that the same scene and seed stop at the same pass on any machines
     #[arg(long, value_name = "E", value_parser = target_error)]
     pub target_error: Option<f64>,
 
-    /// Ask --target-error of this share of the image's blocks of 8 x 8 pixels, in percent, each for itself [default: of the
-    /// image as a whole]
+    /// Ask --target-error of this share of the image's blocks of 8 x 8 pixels, in percent, each for itself [default: of
+    /// the image as a whole]
     #[arg(long, value_name = "P", requires = "target_error", value_parser = clap::value_parser!(u32).range(1..=100))]
     pub target_percentile: Option<u32>,
 
-    /// Folder that keeps all that the job needs to go on after it was interrupted [default: OUT.job beside OUT.exr; `render`
-    /// only uses it if it is there]
+    /// Folder that keeps all that the job needs to go on after it was interrupted [default: OUT.job beside OUT.exr;
+    /// `render` only uses it if it is there]
     #[arg(long, value_name = "DIR")]
     pub job: Option<PathBuf>,
 
@@ -285,8 +284,8 @@ pub struct JobArgs {
     #[arg(long)]
     pub resume: bool,
 
-    /// Exit with 75 instead of 0 when SIGTERM or SIGINT ends the job before its last pass, for schedulers that start whatever
-    /// failed again: the next start goes on from the job folder
+    /// Exit with 75 instead of 0 when SIGTERM or SIGINT ends the job before its last pass, for schedulers that start
+    /// whatever failed again: the next start goes on from the job folder
     #[arg(long)]
     pub preemptible: bool,
 
@@ -359,8 +358,7 @@ impl JobArgs {
             )));
         }
         if self.first_pass > 0 && self.target_error.is_some() {
-            let message =
-                "--target-error: the error of passes that do not begin with 0 is not known";
+            let message = "--target-error: the error of passes that do not begin with 0 is not known";
             return Err(Failure::usage(message));
         }
         Ok(JobSpec {
@@ -391,17 +389,10 @@ mod tests {
 
     #[test]
     fn target_errors_are_shares_of_one() {
-        for (text, expected) in [
-            ("1%", 0.01),
-            ("0.5 %", 0.005),
-            ("0.02", 0.02),
-            ("99%", 0.99),
-        ] {
+        for (text, expected) in [("1%", 0.01), ("0.5 %", 0.005), ("0.02", 0.02), ("99%", 0.99)] {
             assert_eq!(target_error(text), Ok(expected), "{text}");
         }
-        for text in [
-            "", "%", "1", "2", "0", "0%", "100%", "-1%", "nan", "inf%", "1%%",
-        ] {
+        for text in ["", "%", "1", "2", "0", "0%", "100%", "-1%", "nan", "inf%", "1%%"] {
             assert!(target_error(text).is_err(), "{text}");
         }
     }

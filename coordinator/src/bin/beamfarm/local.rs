@@ -84,16 +84,10 @@ impl Deaths {
     }
 }
 
-async fn keep(
-    place: usize,
-    crew: Crew,
-    program: PathBuf,
-    farm: Arc<Farm>,
-    deaths: Arc<Deaths>,
-) -> Result<(), String> {
+async fn keep(place: usize, crew: Crew, program: PathBuf, farm: Arc<Farm>, deaths: Arc<Deaths>) -> Result<(), String> {
     loop {
-        let mut child = start(place, &crew, &program)
-            .map_err(|error| format!("cannot start {}: {error}", program.display()))?;
+        let mut child =
+            start(place, &crew, &program).map_err(|error| format!("cannot start {}: {error}", program.display()))?;
         let name = name(place);
         info!(
             name,

@@ -68,8 +68,7 @@ pub fn main(args: MergeArgs) -> Result<(), Failure> {
         };
         let merged = merged.get_or_insert_with(|| Merged {
             first: path.clone(),
-            sum: TreeSum::new(description.width, description.height)
-                .with_layers(description.layers.len()),
+            sum: TreeSum::new(description.width, description.height).with_layers(description.layers.len()),
             description: description.clone(),
             seconds: 0.0,
             stats: PassStats::default(),
@@ -82,10 +81,7 @@ pub fn main(args: MergeArgs) -> Result<(), Failure> {
                 "{} and {} are different jobs: {}",
                 merged.first.display(),
                 path.display(),
-                differences
-                    .join("; ")
-                    .replace(" there, ", " and ")
-                    .replace(" here", "")
+                differences.join("; ").replace(" there, ", " and ").replace(" here", "")
             )));
         }
         for node in checkpoint.sum.nodes() {
@@ -137,9 +133,7 @@ fn gaps(sum: &TreeSum) -> Vec<String> {
 
 /// Make a job folder that goes on after these passes.
 fn keep(job: &Path, merged: &Merged) -> Result<(), Failure> {
-    let Merged {
-        description, sum, ..
-    } = merged;
+    let Merged { description, sum, .. } = merged;
     // As in a job that has got there by itself: the next prefix to be tested lies ahead.
     let mut kept = TreeSum::new(description.width, description.height)
         .with_layers(description.layers.len())
@@ -181,13 +175,9 @@ fn write(args: &MergeArgs, merged: Merged) -> Result<(), Failure> {
         seconds,
         ..
     } = merged;
-    let average = sum
-        .average()
-        .ok_or_else(|| Failure::nothing("no pass is complete"))?;
+    let average = sum.average().ok_or_else(|| Failure::nothing("no pass is complete"))?;
     drop(sum);
-    let bad = |what: &str, text: &str| {
-        Failure::usage(format!("{}: job.json: {what} {text:?}", first.display()))
-    };
+    let bad = |what: &str, text: &str| Failure::usage(format!("{}: job.json: {what} {text:?}", first.display()));
     let scene: SceneHash = description
         .scene
         .parse()
@@ -212,11 +202,7 @@ fn write(args: &MergeArgs, merged: Merged) -> Result<(), Failure> {
         if let Some(job) = &args.job {
             println!("made {}", job.display());
         }
-        println!(
-            "wrote {} and {}",
-            output.exr.display(),
-            output.png.display()
-        );
+        println!("wrote {} and {}", output.exr.display(), output.png.display());
         describe(&average, &meta.pass_set(&settings, &average));
     }
     Ok(())

@@ -1,5 +1,5 @@
-//! Those who watch a job and are told by its own process: tev, OpenJD's runners, the log; and those who ask for its image
-//! before its end.
+//! Those who watch a job and are told by its own process: tev, OpenJD's runners, the log; and those who ask for its
+//! image before its end.
 
 use crate::failure::Failure;
 use beamfarm_coordinator::{Watch, tev};
@@ -26,7 +26,8 @@ pub struct OnlookerArgs {
     #[arg(long, value_name = "HOST:PORT", value_parser = tev_address)]
     pub display_server: Option<String>,
 
-    /// Print openjd_progress, openjd_status and openjd_fail lines on standard output, for runners of Open Job Description
+    /// Print openjd_progress, openjd_status and openjd_fail lines on standard output, for runners of Open Job
+    /// Description
     #[arg(long)]
     pub openjd: bool,
 }
@@ -47,9 +48,7 @@ impl OnlookerArgs {
             .display_server
             .clone()
             .map(|address| tokio::spawn(tev::show(watch.clone(), address).in_current_span()));
-        let openjd = self
-            .openjd
-            .then(|| tokio::spawn(print_progress(watch.clone())));
+        let openjd = self.openjd.then(|| tokio::spawn(print_progress(watch.clone())));
         Told { tev, openjd }
     }
 
@@ -112,10 +111,7 @@ fn openjd(what: &str, text: &str) {
 }
 
 /// Write the image whenever somebody asks for it: by a call, by the page's button, by SIGHUP. Forever.
-pub async fn write_on_request<F>(
-    watch: &Watch,
-    write: impl Fn() -> F,
-) -> Result<Infallible, std::io::Error>
+pub async fn write_on_request<F>(watch: &Watch, write: impl Fn() -> F) -> Result<Infallible, std::io::Error>
 where
     F: Future<Output = Result<String, Failure>>,
 {

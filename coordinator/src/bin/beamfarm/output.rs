@@ -47,9 +47,7 @@ impl Output {
             Some(folder) if !folder.as_os_str().is_empty() => folder,
             _ => Path::new("."),
         };
-        let probe = tempfile::Builder::new()
-            .prefix(".beamfarm-")
-            .tempfile_in(folder);
+        let probe = tempfile::Builder::new().prefix(".beamfarm-").tempfile_in(folder);
         if let Err(error) = probe {
             let message = format!("cannot write to {}: {error}", folder.display());
             return Err(Failure::usage(message));
@@ -70,12 +68,7 @@ impl Output {
     }
 
     /// Write both.
-    pub fn write(
-        &self,
-        average: &Average,
-        meta: &ImageMeta,
-        exposure: f32,
-    ) -> Result<(), ImageError> {
+    pub fn write(&self, average: &Average, meta: &ImageMeta, exposure: f32) -> Result<(), ImageError> {
         write_image(&self.exr, average, meta)?;
         write_png(&self.png, &average.beauty, exposure)
     }

@@ -52,13 +52,7 @@ pub async fn show(watch: Arc<Watch>) {
         let fraction = watch.fraction(&progress);
         let remaining = watch.remaining(&progress);
         let relative_error = error.update(&watch).await;
-        let line = line(
-            &progress,
-            fraction,
-            watch.rates(),
-            remaining,
-            relative_error,
-        );
+        let line = line(&progress, fraction, watch.rates(), remaining, relative_error);
         match bar {
             Some(bar) => {
                 bar.set_position((fraction * BAR_LENGTH as f64) as u64);
@@ -66,9 +60,8 @@ pub async fn show(watch: Arc<Watch>) {
             }
             None => {
                 // A server may wait for workers for days.
-                let news = printed.is_none_or(|(then, prefix)| {
-                    prefix != progress.prefix || elapsed - then >= WITHOUT_NEWS
-                });
+                let news =
+                    printed.is_none_or(|(then, prefix)| prefix != progress.prefix || elapsed - then >= WITHOUT_NEWS);
                 if elapsed >= LINE && news {
                     println!("{line}");
                     printed = Some((elapsed, progress.prefix));
@@ -98,13 +91,7 @@ pub fn clear() {
     }
 }
 
-fn line(
-    progress: &Progress,
-    fraction: f64,
-    rates: Rates,
-    remaining: Option<Duration>,
-    error: Option<f64>,
-) -> String {
+fn line(progress: &Progress, fraction: f64, rates: Rates, remaining: Option<Duration>, error: Option<f64>) -> String {
     // Rounded down: 100 % is when it is done.
     let percent = (100.0 * fraction) as u32;
     let limit = match progress.limit {
@@ -202,12 +189,7 @@ mod tests {
 
     #[test]
     fn numbers_have_three_digits() {
-        let cases = [
-            (0.0, "0.00 "),
-            (12.34, "12.3 "),
-            (1234.0, "1.23 k"),
-            (5.6e7, "56.0 M"),
-        ];
+        let cases = [(0.0, "0.00 "), (12.34, "12.3 "), (1234.0, "1.23 k"), (5.6e7, "56.0 M")];
         for (number, text) in cases {
             assert_eq!(si(number), text);
         }

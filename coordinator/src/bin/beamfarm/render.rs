@@ -40,11 +40,7 @@ pub fn main(args: RenderArgs, log: &LogArgs) -> Result<(), Failure> {
     let exposure = args.job.exposure(&loaded)?;
     let output = args.job.image(&loaded)?;
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
-    let (workers, threads) = local::split(
-        args.workers.map(usize::from),
-        args.threads.map(usize::from),
-        cores,
-    );
+    let (workers, threads) = local::split(args.workers.map(usize::from), args.threads.map(usize::from), cores);
     let left_out = match args.job.quiet {
         true => Vec::new(),
         false => loaded.announce(),
@@ -66,10 +62,7 @@ pub fn main(args: RenderArgs, log: &LogArgs) -> Result<(), Failure> {
             log_format: log.log_format,
         };
         let crew = local::run(crew, farm.clone());
-        conduct(
-            &args.job, &output, exposure, farm, directory, listener, crew,
-        )
-        .await
+        conduct(&args.job, &output, exposure, farm, directory, listener, crew).await
     })?;
     for part in left_out {
         println!("left out: {part}");

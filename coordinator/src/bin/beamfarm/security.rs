@@ -11,30 +11,15 @@ use tracing::warn;
 #[derive(Args, Clone, Debug)]
 pub struct ListenArgs {
     /// Certificate to show to those who connect, as PEM, with those between it and its authority: encrypts all traffic
-    #[arg(
-        long,
-        value_name = "FILE",
-        env = "BEAMFARM_TLS_CERT",
-        requires = "tls_key"
-    )]
+    #[arg(long, value_name = "FILE", env = "BEAMFARM_TLS_CERT", requires = "tls_key")]
     tls_cert: Option<PathBuf>,
 
     /// Its private key, as PEM
-    #[arg(
-        long,
-        value_name = "FILE",
-        env = "BEAMFARM_TLS_KEY",
-        requires = "tls_cert"
-    )]
+    #[arg(long, value_name = "FILE", env = "BEAMFARM_TLS_KEY", requires = "tls_cert")]
     tls_key: Option<PathBuf>,
 
     /// Let in nobody without a certificate from these authorities, as PEM
-    #[arg(
-        long,
-        value_name = "FILE",
-        env = "BEAMFARM_TLS_CLIENT_CA",
-        requires = "tls_cert"
-    )]
+    #[arg(long, value_name = "FILE", env = "BEAMFARM_TLS_CLIENT_CA", requires = "tls_cert")]
     tls_client_ca: Option<PathBuf>,
 
     /// Let in nobody without the token in this file; without it BEAMFARM_TOKEN may hold the token itself
@@ -49,10 +34,8 @@ pub struct ListenArgs {
 impl ListenArgs {
     /// Read what the options name, for a listener at this address.
     pub fn read(&self, address: SocketAddr) -> Result<Security, Failure> {
-        let pem = |path: &Path| {
-            std::fs::read(path)
-                .map_err(|error| Failure::usage(format!("{}: {error}", path.display())))
-        };
+        let pem =
+            |path: &Path| std::fs::read(path).map_err(|error| Failure::usage(format!("{}: {error}", path.display())));
         let tls = match (&self.tls_cert, &self.tls_key) {
             (Some(cert), Some(key)) => {
                 let clients = self.tls_client_ca.as_deref().map(pem).transpose()?;
@@ -67,9 +50,7 @@ impl ListenArgs {
             .check(address, self.insecure_listen)
             .map_err(|error| Failure::usage(format!("--listen {error}")))?;
         if !address.ip().is_loopback() && security.tls.is_none() {
-            warn!(
-                "there is no TLS: whoever listens on the network sees the token, the scene and the image"
-            );
+            warn!("there is no TLS: whoever listens on the network sees the token, the scene and the image");
         }
         Ok(security)
     }

@@ -35,8 +35,8 @@ pub struct ServeArgs {
     #[command(flatten)]
     security: ListenArgs,
 
-    /// One block in N is rendered again by another worker, and compared bit for bit; 0: none. When two workers disagree a
-    /// third one decides; the wrong one is shut out, and what nobody confirmed of it is rendered again
+    /// One block in N is rendered again by another worker, and compared bit for bit; 0: none. When two workers disagree
+    /// a third one decides; the wrong one is shut out, and what nobody confirmed of it is rendered again
     #[arg(long, value_name = "N", default_value_t = 64)]
     audit_share: u64,
 }
@@ -68,10 +68,7 @@ pub fn main(args: ServeArgs) -> Result<(), Failure> {
             ..listener.into()
         };
         let crew = std::future::pending();
-        conduct(
-            &args.job, &output, exposure, farm, directory, entrance, crew,
-        )
-        .await
+        conduct(&args.job, &output, exposure, farm, directory, entrance, crew).await
     })?;
     for part in left_out {
         println!("left out: {part}");

@@ -221,10 +221,7 @@ impl Report {
         }
         if let Some(error) = self.relative_standard_error {
             let of = self.error_passes;
-            lines.push(format!(
-                "error     {:.2} % after {of} passes",
-                100.0 * error
-            ));
+            lines.push(format!("error     {:.2} % after {of} passes", 100.0 * error));
         }
         lines.push(format!(
             "workers   {} connected, {} ever",
@@ -269,10 +266,7 @@ impl Report {
                 worker.passes.to_string(),
                 rate.map_or("-".into(), |seconds| format!("{:.2}", 1.0 / seconds)),
                 format!("{} ago", whole(worker.last_seen)),
-                format!(
-                    "{} ok, {} wrong",
-                    worker.audits_passed, worker.audits_failed
-                ),
+                format!("{} ok, {} wrong", worker.audits_passed, worker.audits_failed),
             ]);
         }
         for column in 2..=5 {
@@ -315,10 +309,7 @@ mod tests {
         assert!(text.contains("999 of 1000 (99.9 %)"), "{text}");
         assert!(text.contains("1.23 % after 512 passes"), "{text}");
         assert!(text.contains("1m 1s") && text.contains("2.00"), "{text}");
-        assert!(
-            !text.contains('\u{1b}') && !text.contains("ends in"),
-            "{text}"
-        );
+        assert!(!text.contains('\u{1b}') && !text.contains("ends in"), "{text}");
         let json = serde_json::to_value(&report).unwrap();
         assert_eq!(json["state"], "running");
         assert_eq!(json["workers"][0]["last_seen"], 1.5);

@@ -115,15 +115,9 @@ impl Summary<'_> {
             );
         }
         for (count, what) in [
-            (
-                progress.lost_leases,
-                "leases were lost and handed out again",
-            ),
+            (progress.lost_leases, "leases were lost and handed out again"),
             (progress.duplicates, "blocks arrived twice, with equal bits"),
-            (
-                progress.audits,
-                "blocks were rendered by two workers, with equal bits",
-            ),
+            (progress.audits, "blocks were rendered by two workers, with equal bits"),
             (
                 progress.dropped,
                 "passes were dropped for their worker's wrong pixels, and rendered again",
@@ -205,17 +199,15 @@ impl Summary<'_> {
             )));
         }
         if let (Stop::Signal, true) = (&self.stop, self.args.preemptible) {
-            return Err(Failure::preempted(format!(
-                "stopped by a signal; {written}"
-            )));
+            return Err(Failure::preempted(format!("stopped by a signal; {written}")));
         }
         let has_passes = is_part && progress.prefix > self.args.first_pass;
         match (self.stop, self.image) {
             (_, Some(_)) => Ok(()),
             _ if has_passes => Ok(()),
-            (Stop::Signal | Stop::Ended(End::Stopped), None) => Err(Failure::nothing(
-                "stopped before the first pass was complete",
-            )),
+            (Stop::Signal | Stop::Ended(End::Stopped), None) => {
+                Err(Failure::nothing("stopped before the first pass was complete"))
+            }
             (_, None) => Err(Failure::nothing(
                 "the time was over before the first pass was complete; give it more with --time",
             )),

@@ -33,10 +33,7 @@ fn disputed(first: PixelHash, second: PixelHash) -> (Ledger, [WorkerId; 3], (Lea
     assert_eq!(accept(&mut ledger, a, leased, first), Ok(Accepted::New));
     let check = lease(&mut ledger, b);
     assert_eq!(check.1, leased.1);
-    assert_eq!(
-        accept(&mut ledger, b, check, second),
-        Ok(Accepted::Disputed)
-    );
+    assert_eq!(accept(&mut ledger, b, check, second), Ok(Accepted::Disputed));
     assert_eq!(ledger.take_notes(), [Note::Disputed(leased.1, a, b)]);
     assert_eq!(ledger.audits_pending(), (1, 1));
     let check = lease(&mut ledger, c);
@@ -82,10 +79,7 @@ fn who_failed_to_check_may_still_decide() {
     let workers = ["liar", "b", "c", "d"].map(|name| join(&mut ledger, name));
     let [liar, b, c, d] = workers;
     let leased = lease(&mut ledger, liar);
-    assert_eq!(
-        accept(&mut ledger, liar, leased, [3; 32]),
-        Ok(Accepted::New)
-    );
+    assert_eq!(accept(&mut ledger, liar, leased, [3; 32]), Ok(Accepted::New));
     for worker in [b, c] {
         let (lease, block) = lease(&mut ledger, worker);
         assert_eq!(block, leased.1);
@@ -99,10 +93,7 @@ fn who_failed_to_check_may_still_decide() {
     assert_eq!(accept(&mut ledger, d, check, right), Ok(Accepted::Disputed));
     let check = lease(&mut ledger, b);
     assert_eq!(check.1, leased.1);
-    assert_eq!(
-        accept(&mut ledger, b, check, right),
-        Ok(Accepted::Confirmed)
-    );
+    assert_eq!(accept(&mut ledger, b, check, right), Ok(Accepted::Confirmed));
     assert_eq!(ledger.stained(), [leased.1]);
 }
 
@@ -126,10 +117,7 @@ fn a_third_worker_decides_against_the_first() {
     let (mut ledger, [a, b, c], check) = disputed([9; 32], good);
     // What the liar did beside goes as well.
     assert_eq!(accept(&mut ledger, c, check, good), Ok(Accepted::Confirmed));
-    assert_eq!(
-        ledger.take_notes(),
-        [Note::ShutOut(a, Sentence::WrongPixels)]
-    );
+    assert_eq!(ledger.take_notes(), [Note::ShutOut(a, Sentence::WrongPixels)]);
     assert_eq!(ledger.stained(), [Block::leaf(0)]);
     assert!(!ledger.is_over(at(0)));
     let dropped = ledger.reopen(&[Block::leaf(0)]);
@@ -151,17 +139,11 @@ fn a_third_worker_decides_against_the_second() {
     let sentence = Sentence::WrongPixels;
     assert_eq!(
         notes,
-        [
-            Note::Confirmed(Block::leaf(0), c, good),
-            Note::ShutOut(b, sentence)
-        ]
+        [Note::Confirmed(Block::leaf(0), c, good), Note::ShutOut(b, sentence)]
     );
     assert!(ledger.stained().is_empty());
     assert_eq!(ledger.views(at(0))[0].audits_passed, 1);
-    assert_eq!(
-        ledger.lease(b, at(0)),
-        Err(LedgerError::ShutOut(b, sentence))
-    );
+    assert_eq!(ledger.lease(b, at(0)), Err(LedgerError::ShutOut(b, sentence)));
     assert!(matches!(ledger.lease(a, at(0)), Ok(Grant::Lease(..))));
 }
 
@@ -169,32 +151,18 @@ fn a_third_worker_decides_against_the_second() {
 fn the_third_may_be_the_liar_or_a_second_one() {
     let good = pixels(Block::leaf(0));
     let (mut ledger, [a, b, c], check) = disputed([8; 32], good);
-    assert_eq!(
-        accept(&mut ledger, c, check, [9; 32]),
-        Ok(Accepted::Disputed)
-    );
+    assert_eq!(accept(&mut ledger, c, check, [9; 32]), Ok(Accepted::Disputed));
     let d = join(&mut ledger, "d");
     let check = lease(&mut ledger, d);
     assert_eq!(accept(&mut ledger, d, check, good), Ok(Accepted::Confirmed));
-    let out: Vec<_> = [a, b, c, d]
-        .map(|w| ledger.check(w, LeaseId(0), Block::leaf(9)))
-        .into();
-    let is_out: Vec<bool> = out
-        .iter()
-        .map(|r| matches!(r, Err(LedgerError::ShutOut(..))))
-        .collect();
+    let out: Vec<_> = [a, b, c, d].map(|w| ledger.check(w, LeaseId(0), Block::leaf(9))).into();
+    let is_out: Vec<bool> = out.iter().map(|r| matches!(r, Err(LedgerError::ShutOut(..)))).collect();
     assert_eq!(is_out, [true, false, true, false]);
 }
 
 #[test]
 fn a_dispute_that_nobody_can_decide_ends_with_patience() {
-    let mut ledger = Ledger::new(
-        Rules {
-            passes: 1,
-            ..AUDITS
-        },
-        0,
-    );
+    let mut ledger = Ledger::new(Rules { passes: 1, ..AUDITS }, 0);
     let (a, b) = (join(&mut ledger, "a"), join(&mut ledger, "b"));
     let leased = lease(&mut ledger, a);
     accept(&mut ledger, a, leased, [8; 32]).unwrap();
@@ -229,10 +197,7 @@ fn what_was_confirmed_stays() {
     ledger.lost(a);
     let again = lease(&mut ledger, b);
     accept(&mut ledger, a, zero, pixels(zero.1)).unwrap();
-    assert_eq!(
-        accept(&mut ledger, b, again, pixels(zero.1)),
-        Ok(Accepted::Confirmed)
-    );
+    assert_eq!(accept(&mut ledger, b, again, pixels(zero.1)), Ok(Accepted::Confirmed));
     let one = lease(&mut ledger, a);
     accept(&mut ledger, a, one, pixels(one.1)).unwrap();
     ledger.convict(a, Sentence::WrongPixels);
@@ -251,9 +216,7 @@ fn the_share_of_audits_is_what_was_asked_for() {
         },
         0,
     );
-    let drawn = (0..64_000)
-        .filter(|i| ledger.is_audited(Block::leaf(*i)))
-        .count();
+    let drawn = (0..64_000).filter(|i| ledger.is_audited(Block::leaf(*i))).count();
     // Binomial: 1000, standard deviation 31.4; four of them.
     assert!((875..1125).contains(&drawn), "{drawn}");
     let other = Ledger::new(

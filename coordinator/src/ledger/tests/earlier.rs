@@ -25,10 +25,7 @@ fn block(level: u32, index: u64) -> Block {
 
 /// A job of 64 passes of which the first 16 are there.
 fn resumed() -> Ledger {
-    let rules = Rules {
-        passes: 64,
-        ..RULES
-    };
+    let rules = Rules { passes: 64, ..RULES };
     let mut ledger = Ledger::new(rules, 0);
     let first = block(4, 0);
     ledger.resume([(first, Some(("before", pixels(first))), false)]);
@@ -38,24 +35,15 @@ fn resumed() -> Ledger {
 #[test]
 fn lost_blocks_are_leased_as_they_were() {
     let mut ledger = resumed();
-    // The first two would have other sizes otherwise; the third is none that is ever leased, the fourth overlaps, the last
-    // is there.
-    for lost in [
-        block(2, 4),
-        block(1, 11),
-        block(5, 1),
-        block(0, 17),
-        block(4, 0),
-    ] {
+    // The first two would have other sizes otherwise; the third is none that is ever leased, the fourth overlaps, the
+    // last is there.
+    for lost in [block(2, 4), block(1, 11), block(5, 1), block(0, 17), block(4, 0)] {
         ledger.expect(lost, "before", pixels(lost));
     }
     let a = join(&mut ledger, "a");
     let leased: Vec<_> = (0..4).map(|_| lease(&mut ledger, a)).collect();
     let blocks: Vec<Block> = leased.iter().map(|(_, block)| *block).collect();
-    assert_eq!(
-        blocks,
-        [block(2, 4), block(0, 20), block(0, 21), block(1, 11)]
-    );
+    assert_eq!(blocks, [block(2, 4), block(0, 20), block(0, 21), block(1, 11)]);
     for leased in leased {
         let hash = pixels(leased.1);
         assert_eq!(accept(&mut ledger, a, leased, hash), Ok(Accepted::New));
@@ -94,10 +82,7 @@ fn other_pixels_than_before_are_judged_by_others() {
     let check = lease(&mut ledger, judge);
     assert_eq!(check.1, lost);
     let hash = pixels(lost);
-    assert_eq!(
-        accept(&mut ledger, judge, check, hash),
-        Ok(Accepted::Confirmed)
-    );
+    assert_eq!(accept(&mut ledger, judge, check, hash), Ok(Accepted::Confirmed));
     let before = ledger.earlier_workers["before"];
     assert_eq!(
         ledger.take_notes(),
@@ -109,10 +94,7 @@ fn other_pixels_than_before_are_judged_by_others() {
     );
     // What it did before goes, and what it did since.
     assert_eq!(ledger.stained(), [block(4, 0), other.1]);
-    assert_eq!(
-        ledger.register("before", 1, CANARY, at(0)),
-        Err(Sentence::Name)
-    );
+    assert_eq!(ledger.register("before", 1, CANARY, at(0)), Err(Sentence::Name));
 }
 
 #[test]
@@ -121,14 +103,8 @@ fn it_may_have_been_right_before() {
     let judge = join(&mut ledger, "b");
     let check = lease(&mut ledger, judge);
     assert_eq!(check.1, lost);
-    assert_eq!(
-        accept(&mut ledger, judge, check, [9; 32]),
-        Ok(Accepted::Confirmed)
-    );
-    assert_eq!(
-        ledger.take_notes(),
-        [Note::ShutOut(a, Sentence::WrongPixels)]
-    );
+    assert_eq!(accept(&mut ledger, judge, check, [9; 32]), Ok(Accepted::Confirmed));
+    assert_eq!(ledger.take_notes(), [Note::ShutOut(a, Sentence::WrongPixels)]);
     assert_eq!(ledger.stained(), [lost]);
 }
 

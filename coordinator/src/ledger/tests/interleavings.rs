@@ -205,24 +205,12 @@ impl Farm {
         }
         for pass in self.first..ledger.limit() {
             let [open, leased, done] = times.get(&pass).copied().unwrap_or_default();
-            assert_eq!(
-                open + leased + done,
-                1,
-                "pass {pass}: {open} {leased} {done}"
-            );
+            assert_eq!(open + leased + done, 1, "pass {pass}: {open} {leased} {done}");
         }
         assert!(ledger.open.iter().all(|range| range.end <= ledger.limit()));
-        let counted = ledger
-            .done
-            .values()
-            .map(|done| done.block.len())
-            .sum::<u64>();
+        let counted = ledger.done.values().map(|done| done.block.len()).sum::<u64>();
         assert_eq!(ledger.done(), counted);
-        let of_workers = ledger
-            .workers
-            .values()
-            .map(|worker| worker.passes)
-            .sum::<u64>();
+        let of_workers = ledger.workers.values().map(|worker| worker.passes).sum::<u64>();
         assert_eq!(of_workers, counted);
         let gap = (self.first..).find(|pass| times.get(pass).is_none_or(|t| t[2] == 0));
         assert_eq!(Some(ledger.prefix()), gap);

@@ -41,11 +41,7 @@ fn granted(ledger: &mut Ledger, worker: WorkerId, now: u64) -> (LeaseId, u64) {
     }
 }
 
-fn deliver(
-    ledger: &mut Ledger,
-    worker: WorkerId,
-    (lease, pass): (LeaseId, u64),
-) -> Result<Accepted, LedgerError> {
+fn deliver(ledger: &mut Ledger, worker: WorkerId, (lease, pass): (LeaseId, u64)) -> Result<Accepted, LedgerError> {
     let (block, now) = (Block::leaf(pass), Duration::ZERO);
     ledger.accept(worker, lease, block, pixels(block), now)
 }
@@ -98,9 +94,7 @@ fn a_heartbeat_extends_only_leases_of_its_sender() {
     let mut ledger = Ledger::new(RULES, 0);
     let (a, b) = (join(&mut ledger, "worker"), join(&mut ledger, "worker"));
     let lease = granted(&mut ledger, a, 0);
-    ledger
-        .beat(b, [(lease.0, 0), (LeaseId(99), 0)], at(20))
-        .unwrap();
+    ledger.beat(b, [(lease.0, 0), (LeaseId(99), 0)], at(20)).unwrap();
     assert_eq!(ledger.expire(at(30)), 1);
 }
 

@@ -14,16 +14,14 @@ fn rules(passes: u64) -> Rules {
     Rules { passes, ..RULES }
 }
 
-/// A ledger in which the passes before `first` are done, each in one second by a worker that is there, and taking in takes
-/// as long.
+/// A ledger in which the passes before `first` are done, each in one second by a worker that is there, and taking in
+/// takes as long.
 fn busy(first: u64, passes: u64) -> (Ledger, WorkerId) {
     let mut ledger = Ledger::new(rules(passes), 0);
     let worker = join(&mut ledger, "busy");
     for i in 0..first {
         let (lease, block) = block_of(ledger.lease(worker, at(i)));
-        ledger
-            .accept(worker, lease, block, pixels(block), at(i + 1))
-            .unwrap();
+        ledger.accept(worker, lease, block, pixels(block), at(i + 1)).unwrap();
     }
     ledger.set_intake(1.0);
     (ledger, worker)
@@ -36,10 +34,7 @@ fn a_coordinator_in_a_hurry_leases_blocks() {
     let mut others = vec![worker];
     others.extend((0..3).map(|i| ledger.register(&format!("{i}"), 1, CANARY, now).unwrap()));
     // Four workers, each a pass a second, blocks of a second: 2^3.
-    let blocks: Vec<Block> = others
-        .iter()
-        .map(|w| block_of(ledger.lease(*w, now)).1)
-        .collect();
+    let blocks: Vec<Block> = others.iter().map(|w| block_of(ledger.lease(*w, now)).1).collect();
     let expected: Vec<Block> = (8..12).map(|index| Block { level: 3, index }).collect();
     assert_eq!(blocks, expected);
 }
@@ -48,13 +43,7 @@ fn a_coordinator_in_a_hurry_leases_blocks() {
 fn a_block_is_done_as_a_whole() {
     let (mut ledger, worker) = busy(64, 1024);
     let (lease, block) = block_of(ledger.lease(worker, at(64)));
-    assert_eq!(
-        block,
-        Block {
-            level: 1,
-            index: 32
-        }
-    );
+    assert_eq!(block, Block { level: 1, index: 32 });
     assert_eq!(
         ledger.accept(worker, lease, block, pixels(block), at(66)),
         Ok(Accepted::New)
@@ -81,10 +70,7 @@ fn a_block_in_which_a_pass_fails_is_taken_apart() {
     assert_eq!(passes(next(&mut ledger, bad)), 70..72);
     let (lease, block) = block_of(ledger.lease(good, now));
     assert_eq!(block, Block::leaf(69));
-    assert_eq!(
-        ledger.accept(good, lease, block, pixels(block), now),
-        Ok(Accepted::New)
-    );
+    assert_eq!(ledger.accept(good, lease, block, pixels(block), now), Ok(Accepted::New));
     assert!(ledger.failed().is_none());
 }
 
@@ -124,10 +110,7 @@ fn a_worker_that_fails_waits_and_is_shut_out_in_the_end() {
     ledger.fail(bad, lease, block.start(), "no", now).unwrap();
     let sentence = Sentence::Failures;
     assert_eq!(ledger.take_notes(), [Note::ShutOut(bad, sentence)]);
-    assert_eq!(
-        ledger.lease(bad, now),
-        Err(LedgerError::ShutOut(bad, sentence))
-    );
+    assert_eq!(ledger.lease(bad, now), Err(LedgerError::ShutOut(bad, sentence)));
     // The other one gets what it failed, and a success would have made it good.
     assert_eq!(block_of(ledger.lease(good, now)).1, Block::leaf(0));
 }
@@ -139,9 +122,7 @@ fn an_idle_worker_takes_over_what_others_take_long_for() {
     let old = block_of(ledger.lease(slow, at(0)));
     for i in 0..2 {
         let (lease, block) = block_of(ledger.lease(quick, at(i)));
-        ledger
-            .accept(quick, lease, block, pixels(block), at(i + 1))
-            .unwrap();
+        ledger.accept(quick, lease, block, pixels(block), at(i + 1)).unwrap();
     }
     // A second is usual; two are long.
     let mut early = Ledger::new(rules(1), 0);
@@ -160,10 +141,7 @@ fn an_idle_worker_takes_over_what_others_take_long_for() {
     );
     let late = ledger.accept(slow, old.0, old.1, pixels(old.1), at(10));
     assert_eq!(late, Ok(Accepted::Confirmed));
-    assert_eq!(
-        ledger.take_notes(),
-        [Note::Confirmed(old.1, slow, pixels(old.1))]
-    );
+    assert_eq!(ledger.take_notes(), [Note::Confirmed(old.1, slow, pixels(old.1))]);
 }
 
 #[test]
@@ -173,10 +151,7 @@ fn leases_that_are_given_back_are_open_at_once_and_no_failures() {
     let kept = block_of(ledger.lease(leaving, at(0)));
     let given = block_of(ledger.lease(leaving, at(0)));
     assert_eq!(ledger.give_back(other, &[given.0].into()), Ok(0));
-    assert_eq!(
-        ledger.give_back(leaving, &[given.0, LeaseId(77)].into()),
-        Ok(1)
-    );
+    assert_eq!(ledger.give_back(leaving, &[given.0, LeaseId(77)].into()), Ok(1));
     assert_eq!(block_of(ledger.lease(other, at(0))).1, given.1);
     assert_eq!(ledger.lost(leaving), 1);
     assert_eq!(block_of(ledger.lease(other, at(0))).1, kept.1);
@@ -192,14 +167,8 @@ fn a_restarted_coordinator_takes_what_workers_hold() {
     assert_eq!(ledger.claim(worker, held, at(0)), None);
     for wrong in [
         Block { level: 3, index: 0 },
-        Block {
-            level: 0,
-            index: 100,
-        },
-        Block {
-            level: 52,
-            index: 1,
-        },
+        Block { level: 0, index: 100 },
+        Block { level: 52, index: 1 },
     ] {
         assert_eq!(ledger.claim(worker, wrong, at(0)), None);
     }
@@ -215,21 +184,13 @@ fn a_restarted_coordinator_takes_what_workers_hold() {
 fn a_late_block_does_not_count_where_a_part_of_it_does() {
     let (mut ledger, slow) = busy(64, 1024);
     let old = block_of(ledger.lease(slow, at(64)));
-    assert_eq!(
-        old.1,
-        Block {
-            level: 1,
-            index: 32
-        }
-    );
+    assert_eq!(old.1, Block { level: 1, index: 32 });
     ledger.lost(slow);
     ledger.set_intake(0.0);
     let quick = ledger.register("quick", 1, CANARY, at(64)).unwrap();
     let part = block_of(ledger.lease(quick, at(64)));
     assert_eq!(part.1, Block::leaf(64));
-    ledger
-        .accept(quick, part.0, part.1, pixels(part.1), at(65))
-        .unwrap();
+    ledger.accept(quick, part.0, part.1, pixels(part.1), at(65)).unwrap();
     let late = ledger.accept(slow, old.0, old.1, pixels(old.1), at(65));
     assert_eq!(late, Ok(Accepted::NotNeeded));
     assert_eq!(block_of(ledger.lease(quick, at(65))).1, Block::leaf(65));

@@ -22,10 +22,8 @@ fn film(salt: u64) -> Film {
 pub fn checkpoint(passes: impl IntoIterator<Item = u64>) -> Checkpoint {
     let mut sum = SHAPE.empty_sum();
     for pass in passes {
-        let leaf =
-            Node::leaf(pass, film(pass)).with_layers(vec![film(100 + pass), film(200 + pass)]);
-        sum.insert(leaf.with_radius_scale(1.0 / (pass + 1) as f64))
-            .unwrap();
+        let leaf = Node::leaf(pass, film(pass)).with_layers(vec![film(100 + pass), film(200 + pass)]);
+        sum.insert(leaf.with_radius_scale(1.0 / (pass + 1) as f64)).unwrap();
         while sum.fence().is_some_and(|fence| fence <= sum.prefix()) {
             sum.lift_fence();
         }

@@ -52,20 +52,14 @@ fn a_job_is_found_again() {
     drop(job);
     let (job, resumed) = open(&path, &mut spec(8)).unwrap();
     let resumed = resumed.unwrap();
-    assert_eq!(
-        (resumed.checkpoint.number, resumed.checkpoint.sum.prefix()),
-        (4, 5)
-    );
+    assert_eq!((resumed.checkpoint.number, resumed.checkpoint.sum.prefix()), (4, 5));
     assert_eq!(job.next_number, 5);
     let mut names: Vec<_> = fs::read_dir(&path)
         .unwrap()
         .map(|entry| entry.unwrap().file_name().into_string().unwrap())
         .collect();
     names.sort();
-    assert_eq!(
-        names,
-        ["checkpoint-0", "checkpoint-1", JOB, LEDGER, LOCK, SCENE]
-    );
+    assert_eq!(names, ["checkpoint-0", "checkpoint-1", JOB, LEDGER, LOCK, SCENE]);
     let file = path.join(SCENE).join(FileHash::of(b"b").to_string());
     assert_eq!(fs::read(file).unwrap(), b"b");
 }
@@ -79,29 +73,14 @@ fn another_job_is_refused_by_what_differs() {
     drop(job);
     type Change = fn(&mut JobSpec);
     let cases: [(Change, &str); 8] = [
-        (
-            |s| s.settings.seed = 3,
-            "seed 18446744073709551615 there, 3 here",
-        ),
-        (
-            |s| s.settings.alpha = 0.6,
-            "alpha 0.6666666666666666 there, 0.6 here",
-        ),
-        (
-            |s| s.settings.paths_per_pass = 7,
-            "paths per pass 500 there, 7 here",
-        ),
+        (|s| s.settings.seed = 3, "seed 18446744073709551615 there, 3 here"),
+        (|s| s.settings.alpha = 0.6, "alpha 0.6666666666666666 there, 0.6 here"),
+        (|s| s.settings.paths_per_pass = 7, "paths per pass 500 there, 7 here"),
         (|s| s.width = 6, "width 5 there, 6 here"),
-        (
-            |s| s.layers.truncate(1),
-            "layers depth,albedo there, depth here",
-        ),
+        (|s| s.layers.truncate(1), "layers depth,albedo there, depth here"),
         (|s| s.first_pass = 2, "first pass 0 there, 2 here"),
         (|s| s.passes = 4, "passes up to 5 there, 4 here"),
-        (
-            |s| drop(s.bundle.files.insert("b".into(), b"c".to_vec())),
-            "scene ",
-        ),
+        (|s| drop(s.bundle.files.insert("b".into(), b"c".to_vec())), "scene "),
     ];
     for (change, expected) in cases {
         let mut other = spec(8);
@@ -130,12 +109,7 @@ fn other_folders_are_left_alone() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("thesis.tex"), "").unwrap();
     let error = open(folder.path(), &mut spec(8)).err().unwrap();
-    assert!(
-        error
-            .to_string()
-            .contains("no job.json, but \"thesis.tex\""),
-        "{error}"
-    );
+    assert!(error.to_string().contains("no job.json, but \"thesis.tex\""), "{error}");
     assert!(!folder.path().join(LOCK).exists());
     for (json, expected) in [
         ("{", "EOF"),

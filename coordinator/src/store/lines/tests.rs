@@ -58,10 +58,7 @@ fn a_line_a_block_and_a_torn_one_is_cut_off() {
     }
 
     let done = lines.done().unwrap();
-    let found: Vec<(Block, u8, bool)> = done
-        .iter()
-        .map(|d| (d.block, d.hash[0], d.audited))
-        .collect();
+    let found: Vec<(Block, u8, bool)> = done.iter().map(|d| (d.block, d.hash[0], d.audited)).collect();
     assert_eq!(
         found,
         [
@@ -92,10 +89,7 @@ fn other_pixels_for_the_same_block_are_not_forgotten() {
     lines.push(&entry(leaf(2), EntryState::Dropped, 2));
     lines.append().unwrap();
     let done = lines.done().unwrap();
-    let found: Vec<_> = done
-        .iter()
-        .map(|d| (d.block.start(), d.hash[0], d.audited))
-        .collect();
+    let found: Vec<_> = done.iter().map(|d| (d.block.start(), d.hash[0], d.audited)).collect();
     assert_eq!(found, [(0, 2, false), (1, 2, true), (0, 1, false)]);
 }
 

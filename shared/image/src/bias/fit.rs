@@ -39,8 +39,8 @@ impl Fit {
 pub struct BiasEstimate {
     /// Mean of the value.
     pub mean: f64,
-    /// Its bias, to be subtracted for an estimate of the truth: the mean of what each of [`BIAS_EXPONENTS`] says, weighted
-    /// by how well it explains the passes.
+    /// Its bias, to be subtracted for an estimate of the truth: the mean of what each of [`BIAS_EXPONENTS`] says,
+    /// weighted by how well it explains the passes.
     pub bias: f64,
     /// Standard error of the bias, with that of not knowing the exponent; infinite when nothing is known.
     pub standard_error: f64,
@@ -164,8 +164,8 @@ impl Scales {
         }
     }
 
-    /// The estimate of the smallest variance among sums over passes of (alpha u + beta w) x that give one for x = R^p. Its
-    /// standard error is for noise of variance one.
+    /// The estimate of the smallest variance among sums over passes of (alpha u + beta w) x that give one for x = R^p.
+    /// Its standard error is for noise of variance one.
     fn fit(&self, sums: &Sums, noise: Noise, exponent: f64) -> Fit {
         let [x, r_x, rr_x, ..] = sums.map(|sum| sum / self.passes);
         let (r, rr) = (self.mean(1.0), self.mean(2.0));
@@ -200,10 +200,11 @@ impl Scales {
         if d4 <= 0.0 {
             return self.pairs;
         }
-        // Where a few wild pairs make most of the variance, little is known about it: there are fewer than pairs, two if
-        // there is only one such pair.
+        // Where a few wild pairs make most of the variance, little is known about it: there are fewer than pairs, two
+        // if there is only one such pair.
         let known = (3.0 * d2 * d2 / d4 - 1.0).clamp(1.0, self.pairs);
-        // The bias hangs on the first passes, so it is as wild as they are: Student's distribution of the same kurtosis.
+        // The bias hangs on the first passes, so it is as wild as they are: Student's distribution of the same
+        // kurtosis.
         let pairs = self.pairs + self.unlike;
         let pass_excess = 2.0 * (pairs * d4 / (d2 * d2) - 3.0);
         let excess = pass_excess.max(0.0) * self.leverage();
@@ -260,8 +261,8 @@ impl Scales {
     }
 }
 
-/// Mean and standard error over exponents, weighted by their likelihoods: that of a fit is higher by z^2 / 2 than that of
-/// no bias.
+/// Mean and standard error over exponents, weighted by their likelihoods: that of a fit is higher by z^2 / 2 than that
+/// of no bias.
 fn average(fits: &[Fit; BIAS_EXPONENTS.len()]) -> (f64, f64) {
     let logs = fits.map(|fit| 0.5 * fit.z() * fit.z());
     let most = logs.iter().copied().fold(0.0, f64::max);
@@ -282,8 +283,8 @@ fn average(fits: &[Fit; BIAS_EXPONENTS.len()]) -> (f64, f64) {
     (bias, variance.sqrt())
 }
 
-/// Probability that Student's t of so many degrees of freedom is at least as far from zero, by the normal deviate that is
-/// as far (Wallace 1959).
+/// Probability that Student's t of so many degrees of freedom is at least as far from zero, by the normal deviate that
+/// is as far (Wallace 1959).
 fn p_value(t: f64, freedom: f64) -> f64 {
     let spread = (freedom * libm::log1p(t * t / freedom)).sqrt();
     let z = (8.0 * freedom + 1.0) / (8.0 * freedom + 3.0) * spread;

@@ -1,9 +1,10 @@
 //! Bias, seen through the radius: passes have many radii, and what they show is extrapolated to radius zero.
 //!
-//! The mean of a pass deviates from the truth by about b R_i^p, with R_i its radius scale. That b is not zero shows in any
-//! weighted difference of passes with large and with small radii, whatever p is; how large the bias of the average is
-//! depends on p, by factors of two, and p is known only where the bias is many times its noise. So tiles are *named* by
-//! such a difference, and the size of a bias is a mean over exponents whose standard error holds what they disagree about.
+//! The mean of a pass deviates from the truth by about b R_i^p, with R_i its radius scale. That b is not zero shows in
+//! any weighted difference of passes with large and with small radii, whatever p is; how large the bias of the average
+//! is depends on p, by factors of two, and p is known only where the bias is many times its noise. So tiles are *named*
+//! by such a difference, and the size of a bias is a mean over exponents whose standard error holds what they disagree
+//! about.
 //!
 //! The variance of a pass follows from squared differences of neighbouring passes, and grows as a + c / R_i: c from
 //! kernels, a from all else.
@@ -19,8 +20,8 @@ pub use sums::RadiusSums;
 use crate::film::Film;
 use fit::Scales;
 
-/// Exponents p of R^p, as which a bias may grow. Beams have the radius R and surface photons sqrt(R); at edges a bias is in
-/// proportion to the radius, where light is smooth to its square.
+/// Exponents p of R^p, as which a bias may grow. Beams have the radius R and surface photons sqrt(R); at edges a bias
+/// is in proportion to the radius, where light is smooth to its square.
 pub const BIAS_EXPONENTS: [f64; 3] = [0.5, 1.0, 2.0];
 
 /// Pixels along the side of a tile.
@@ -57,8 +58,7 @@ pub enum Channel {
     Blue,
 }
 
-const CHANNELS: [Channel; sums::CHANNELS] =
-    [Channel::Mean, Channel::Red, Channel::Green, Channel::Blue];
+const CHANNELS: [Channel; sums::CHANNELS] = [Channel::Mean, Channel::Red, Channel::Green, Channel::Blue];
 
 /// The bias of a part of the image.
 #[derive(Clone, Debug, PartialEq)]
@@ -88,9 +88,7 @@ impl PartBias {
         let single = CHANNELS.into_iter().zip(&self.estimates).skip(1);
         let clearest = single.min_by(|a, b| a.1.p_value.total_cmp(&b.1.p_value));
         match clearest {
-            Some((channel, estimate))
-                if 4.0 * estimate.p_value < self.mean().p_value.min(SIGNIFICANCE) =>
-            {
+            Some((channel, estimate)) if 4.0 * estimate.p_value < self.mean().p_value.min(SIGNIFICANCE) => {
                 (channel, estimate)
             }
             _ => (Channel::Mean, self.mean()),
@@ -187,9 +185,7 @@ impl Bias {
     /// Tiles that have a bias, the worst first.
     pub fn named(&self) -> Vec<&PartBias> {
         let tiles = self.tiles.iter();
-        let mut named: Vec<_> = tiles
-            .filter(|tile| tile.finding == Finding::Biased)
-            .collect();
+        let mut named: Vec<_> = tiles.filter(|tile| tile.finding == Finding::Biased).collect();
         named.sort_by(|a, b| b.relative().0.abs().total_cmp(&a.relative().0.abs()));
         named
     }
@@ -197,9 +193,7 @@ impl Bias {
     /// Number of tiles of which nothing is known.
     pub fn unknown(&self) -> usize {
         let tiles = self.tiles.iter();
-        tiles
-            .filter(|tile| tile.finding == Finding::NotKnown)
-            .count()
+        tiles.filter(|tile| tile.finding == Finding::NotKnown).count()
     }
 }
 

@@ -3,8 +3,8 @@
 /// Share of false ones that named tiles have at most, on average: a twentieth, less what the noise is not known by.
 const FALSE_SHARE: f64 = 0.04;
 
-/// The p-value of a tile from those of its channels: small if one of them has a bias, and no larger if all have the same
-/// (Simes 1986).
+/// The p-value of a tile from those of its channels: small if one of them has a bias, and no larger if all have the
+/// same (Simes 1986).
 pub(super) fn joint_p_value<const N: usize>(mut p_values: [f64; N]) -> f64 {
     p_values.sort_by(f64::total_cmp);
     let ranked = p_values.iter().zip(1u32..);
@@ -14,9 +14,9 @@ pub(super) fn joint_p_value<const N: usize>(mut p_values: [f64; N]) -> f64 {
 
 /// Whether each of these hypotheses of no bias is to be given up.
 ///
-/// The largest threshold that keeps the expected share of false ones (Benjamini and Hochberg 1995), with the number of true
-/// hypotheses estimated from p-values above that share (Storey, Taylor and Siegmund 2004): that low, the share is kept as
-/// well if all tiles have the same noise (Blanchard and Roquain 2009).
+/// The largest threshold that keeps the expected share of false ones (Benjamini and Hochberg 1995), with the number of
+/// true hypotheses estimated from p-values above that share (Storey, Taylor and Siegmund 2004): that low, the share is
+/// kept as well if all tiles have the same noise (Blanchard and Roquain 2009).
 pub(super) fn are_named(p_values: &[f64]) -> Vec<bool> {
     let count = p_values.len() as f64;
     let above = p_values.iter().filter(|p| **p > FALSE_SHARE).count() as f64;

@@ -9,16 +9,16 @@ pub(super) const EXPONENTS: [f64; 8] = [-1.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0]
 const SUMS: usize = 7;
 pub(super) const CHANNELS: usize = 4;
 
-/// Neighbouring passes are alike if their radii differ by no more than this part of them: they differ by noise, hardly by
-/// their bias. All but the first few are.
+/// Neighbouring passes are alike if their radii differ by no more than this part of them: they differ by noise, hardly
+/// by their bias. All but the first few are.
 const ALIKE: f64 = 0.1;
 
-/// Sums over the passes of one value x of a tile: of x, R x and R^2 x; with d the difference of two neighbouring passes,
-/// over pairs that are alike of d^2, of d^2 times their mean R, and of d^4; over the others of d.
+/// Sums over the passes of one value x of a tile: of x, R x and R^2 x; with d the difference of two neighbouring
+/// passes, over pairs that are alike of d^2, of d^2 times their mean R, and of d^4; over the others of d.
 pub(super) type Sums = [f64; SUMS];
 
-/// Sums over the passes of a node of the summation tree. All of them are sums over its two children, so they have the same
-/// bits whoever adds them up, as the image does.
+/// Sums over the passes of a node of the summation tree. All of them are sums over its two children, so they have the
+/// same bits whoever adds them up, as the image does.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RadiusSums {
     /// Sums of powers of the radius scale R.
@@ -50,10 +50,7 @@ impl RadiusSums {
                         *sum += f64::from(*v);
                     }
                 }
-                for (into, pixels) in [
-                    &mut whole,
-                    &mut sums[1 + y / TILE as usize * columns + column],
-                ] {
+                for (into, pixels) in [&mut whole, &mut sums[1 + y / TILE as usize * columns + column]] {
                     for (into, v) in into.iter_mut().zip(sum) {
                         *into += v;
                     }
@@ -104,8 +101,7 @@ impl RadiusSums {
             (false, _) => {}
             (true, true) => self.alike = [1.0, mean_r, 0.5 * (left_inverse + right_inverse)],
             (true, false) => {
-                let [a, b, c] =
-                    BIAS_EXPONENTS.map(|p| libm::pow(left_r, p) - libm::pow(right_r, p));
+                let [a, b, c] = BIAS_EXPONENTS.map(|p| libm::pow(left_r, p) - libm::pow(right_r, p));
                 self.unlike = [1.0, a, b, c];
             }
         }

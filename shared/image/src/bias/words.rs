@@ -72,10 +72,7 @@ impl fmt::Display for Bias {
         let least = 100.0 * self.least_seen();
         match self.image.finding {
             Finding::Biased => write!(f, "bias of the mean radiance {}", self.image),
-            Finding::NotSeen => write!(
-                f,
-                "bias of the mean radiance not seen; one of {least:.2} % would be"
-            ),
+            Finding::NotSeen => write!(f, "bias of the mean radiance not seen; one of {least:.2} % would be"),
             Finding::NotKnown => write!(
                 f,
                 "bias of the mean radiance not known; one below {least:.2} % would not be seen"

@@ -1,5 +1,5 @@
-//! Block images: the sum of an aligned block of passes as an uncompressed OpenEXR file, from a worker to the coordinator
-//! and from the coordinator to its disk.
+//! Block images: the sum of an aligned block of passes as an uncompressed OpenEXR file, from a worker to the
+//! coordinator and from the coordinator to its disk.
 //!
 //! Blocks come from machines that are not trusted, by the thousand. The reader therefore accepts nothing but the very
 //! bytes that [`encode_block`] writes: it picks the few attributes that vary out of the header, writes the header that
@@ -90,7 +90,8 @@ fn radius_sum_bytes(width: u32, height: u32, block: Block) -> usize {
     }
 }
 
-/// A block image's size in bytes is at most this. For limits on messages; take the size from the job, not from a message.
+/// A block image's size in bytes is at most this. For limits on messages; take the size from the job, not from a
+/// message.
 pub fn encoded_size(width: u32, height: u32, layers: &[Layer]) -> usize {
     let block = Block { level: 1, index: 0 };
     let channels = channels(block, layers);
@@ -107,18 +108,11 @@ pub fn encoded_size(width: u32, height: u32, layers: &[Layer]) -> usize {
 /// Channels R, G, B hold the sum of the block's passes; variance.R, .G, .B, for more than one pass, the sum of squared
 /// differences of neighbours; the others the sums of the layers. A block of more than one pass must have its
 /// [`RadiusSums`]. Equal arguments give equal bytes.
-pub fn encode_block(
-    node: &Node,
-    meta: &BlockMeta,
-    layers: &[Layer],
-) -> Result<Vec<u8>, ImageError> {
+pub fn encode_block(node: &Node, meta: &BlockMeta, layers: &[Layer]) -> Result<Vec<u8>, ImageError> {
     if node.block != meta.block {
         return Err(ImageError::Encode {
             field: "block",
-            message: format!(
-                "metadata says {}, the image holds {}",
-                meta.block, node.block
-            ),
+            message: format!("metadata says {}, the image holds {}", meta.block, node.block),
         });
     }
     let (width, height) = (node.sum.width, node.sum.height);
@@ -152,12 +146,7 @@ pub fn encode_block(
 }
 
 /// Header and table of row offsets.
-fn encode_header(
-    width: u32,
-    height: u32,
-    meta: &BlockMeta,
-    channels: &[Channel],
-) -> Result<Vec<u8>, ImageError> {
+fn encode_header(width: u32, height: u32, meta: &BlockMeta, channels: &[Channel]) -> Result<Vec<u8>, ImageError> {
     let fits = |n: u32| n > 0 && n <= 1 << 20;
     if !fits(width) || !fits(height) {
         return Err(ImageError::Encode {
@@ -169,10 +158,7 @@ fn encode_header(
     let own_attributes = LayerAttributes {
         other: attributes(vec![
             (SCENE, text(SCENE, &meta.scene.to_string())?),
-            (
-                FIRST_PASS,
-                text(FIRST_PASS, &meta.block.start().to_string())?,
-            ),
+            (FIRST_PASS, text(FIRST_PASS, &meta.block.start().to_string())?),
             (LEVEL, AttributeValue::I32(meta.block.level as i32)),
             (SEED, text(SEED, &meta.seed.to_string())?),
             (ALPHA, AttributeValue::F64(meta.alpha)),
@@ -205,14 +191,10 @@ fn encode_header(
 
 /// Read what [`encode_block`] wrote, for images of this size and these layers. The bytes need not be trusted.
 ///
-/// Refuses everything else: another size, other channels or types, compression, unknown attributes, bytes missing or too
-/// many, and values that [`Node::check`] refuses. Whether the metadata are those of the job is the caller's to compare.
-pub fn decode_block(
-    bytes: &[u8],
-    width: u32,
-    height: u32,
-    layers: &[Layer],
-) -> Result<(Node, BlockMeta), ImageError> {
+/// Refuses everything else: another size, other channels or types, compression, unknown attributes, bytes missing or
+/// too many, and values that [`Node::check`] refuses. Whether the metadata are those of the job is the caller's to
+/// compare.
+pub fn decode_block(bytes: &[u8], width: u32, height: u32, layers: &[Layer]) -> Result<(Node, BlockMeta), ImageError> {
     let limit = encoded_size(width, height, layers);
     if bytes.len() > limit {
         return Err(ImageError::Block {
@@ -240,10 +222,7 @@ pub fn decode_block(
     if rest.len() != expected {
         return Err(ImageError::Block {
             field: "size",
-            message: format!(
-                "{} bytes behind the header; expected {expected}",
-                rest.len()
-            ),
+            message: format!("{} bytes behind the header; expected {expected}", rest.len()),
         });
     }
     let (rows, sums) = rest.split_at(row_total);
@@ -251,18 +230,13 @@ pub fn decode_block(
     let mut films = vec![Film::new(width, height); 2 + layers.len()];
     for (y, row) in rows.chunks_exact(stride).enumerate() {
         let (prefix, samples) = row.split_at(ROW_PREFIX);
-        if prefix[..4] != (y as u32).to_le_bytes()
-            || prefix[4..] != (row_bytes as u32).to_le_bytes()
-        {
+        if prefix[..4] != (y as u32).to_le_bytes() || prefix[4..] != (row_bytes as u32).to_le_bytes() {
             return Err(ImageError::Block {
                 field: "rows",
                 message: format!("row {y} is not where it is expected"),
             });
         }
-        for (channel, samples) in channels
-            .iter()
-            .zip(samples.chunks_exact(4 * width as usize))
-        {
+        for (channel, samples) in channels.iter().zip(samples.chunks_exact(4 * width as usize)) {
             let start = y * width as usize;
             let pixels = &mut films[channel.film].pixels[start..start + width as usize];
             for (pixel, sample) in pixels.iter_mut().zip(samples.as_chunks().0) {
@@ -297,8 +271,7 @@ fn decode_meta(bytes: &[u8]) -> Result<BlockMeta, ImageError> {
         message,
     })?;
     let find = |field: &'static str, kind: &str| {
-        let named =
-            |a: &&header::Attribute| a.name == field.as_bytes() && a.kind == kind.as_bytes();
+        let named = |a: &&header::Attribute| a.name == field.as_bytes() && a.kind == kind.as_bytes();
         let found = attributes.iter().find(named);
         found.map(|a| a.value).ok_or(ImageError::Block {
             field,
@@ -317,8 +290,7 @@ fn decode_meta(bytes: &[u8]) -> Result<BlockMeta, ImageError> {
     };
     let integer = |field: &'static str| {
         let text = string(field)?;
-        text.parse::<u64>()
-            .map_err(|_| bad(field, "an integer of 64 bits"))
+        text.parse::<u64>().map_err(|_| bad(field, "an integer of 64 bits"))
     };
     let double = |field: &'static str| {
         let value = find(field, "double")?.try_into().map(f64::from_le_bytes);
@@ -415,27 +387,15 @@ mod tests {
             let (decoded, decoded_meta) = decode_block(&bytes, 5, 4, &layers()).unwrap();
             assert_eq!(decoded_meta, meta);
             assert_eq!(decoded.block, node.block);
-            let bits = |film: &Film| {
-                film.pixels
-                    .iter()
-                    .flatten()
-                    .map(|v| v.to_bits())
-                    .collect::<Vec<_>>()
-            };
+            let bits = |film: &Film| film.pixels.iter().flatten().map(|v| v.to_bits()).collect::<Vec<_>>();
             assert_eq!(bits(&decoded.sum), bits(&node.sum));
-            assert_eq!(
-                bits(&decoded.squared_difference),
-                bits(&node.squared_difference)
-            );
+            assert_eq!(bits(&decoded.squared_difference), bits(&node.squared_difference));
             assert_eq!(decoded.layers, node.layers);
             assert!(decoded.radius_sums.is_some());
             if level > 0 {
                 assert_eq!(decoded.radius_sums, node.radius_sums);
             }
-            assert_eq!(
-                encode_block(&decoded, &decoded_meta, &layers()).unwrap(),
-                bytes
-            );
+            assert_eq!(encode_block(&decoded, &decoded_meta, &layers()).unwrap(), bytes);
         }
     }
 
@@ -448,13 +408,8 @@ mod tests {
             .no_deep_data()
             .largest_resolution_level()
             .all_channels();
-        let reader = exr::prelude::ReadLayers::all_attributes(
-            exr::prelude::ReadChannels::first_valid_layer(reader),
-        );
-        let image = reader
-            .pedantic()
-            .from_buffered(std::io::Cursor::new(&bytes))
-            .unwrap();
+        let reader = exr::prelude::ReadLayers::all_attributes(exr::prelude::ReadChannels::first_valid_layer(reader));
+        let image = reader.pedantic().from_buffered(std::io::Cursor::new(&bytes)).unwrap();
         let mut names = Vec::new();
         for channel in &image.layer_data.channel_data.list {
             let name = channel.name.to_string();
@@ -477,13 +432,14 @@ mod tests {
         assert_eq!(*seed, AttributeValue::Text("18446744073709551614".into()));
     }
 
-    /// Whatever byte is changed, the block is refused or it is a block of other values: never taken for more than it is.
+    /// Whatever byte is changed, the block is refused or it is a block of other values: never taken for more than it
+    /// is.
     #[test]
     fn a_changed_byte_is_noticed_outside_of_values() {
         let bytes = encoded(1);
         let (node, meta) = decode_block(&bytes, 5, 4, &layers()).unwrap();
-        let pixels = 4 * (ROW_PREFIX + row_bytes(5, &channels(node.block, &layers())))
-            + radius_sum_bytes(5, 4, node.block);
+        let pixels =
+            4 * (ROW_PREFIX + row_bytes(5, &channels(node.block, &layers()))) + radius_sum_bytes(5, 4, node.block);
         for i in 0..bytes.len() {
             for flip in [1, 0x80, 0xff] {
                 let mut changed = bytes.clone();
@@ -494,10 +450,7 @@ mod tests {
                         in_header == (other_meta != meta) && in_header == (other == node),
                         "byte {i}"
                     );
-                    assert_eq!(
-                        encode_block(&other, &other_meta, &layers()).unwrap(),
-                        changed
-                    );
+                    assert_eq!(encode_block(&other, &other_meta, &layers()).unwrap(), changed);
                 }
             }
         }
@@ -507,10 +460,7 @@ mod tests {
     fn a_cut_or_grown_file_is_refused() {
         let bytes = encoded(1);
         for len in 0..bytes.len() {
-            assert!(
-                decode_block(&bytes[..len], 5, 4, &layers()).is_err(),
-                "{len} bytes"
-            );
+            assert!(decode_block(&bytes[..len], 5, 4, &layers()).is_err(), "{len} bytes");
         }
         let grown = [&bytes[..], &[0]].concat();
         assert!(decode_block(&grown, 5, 4, &layers()).is_err());
@@ -520,22 +470,9 @@ mod tests {
     #[test]
     fn another_size_is_refused() {
         let bytes = encoded(0);
-        for (width, height) in [
-            (4, 5),
-            (5, 3),
-            (5, 5),
-            (10, 2),
-            (0, 0),
-            (0, 4),
-            (u32::MAX, 1),
-        ] {
-            let error = decode_block(&bytes, width, height, &layers())
-                .unwrap_err()
-                .to_string();
-            assert!(
-                error.contains("header") || error.contains("size"),
-                "{error}"
-            );
+        for (width, height) in [(4, 5), (5, 3), (5, 5), (10, 2), (0, 0), (0, 4), (u32::MAX, 1)] {
+            let error = decode_block(&bytes, width, height, &layers()).unwrap_err().to_string();
+            assert!(error.contains("header") || error.contains("size"), "{error}");
         }
     }
 
@@ -548,9 +485,7 @@ mod tests {
         for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, f32::MAX] {
             let mut changed = bytes.clone();
             changed[at..at + 4].copy_from_slice(&bad.to_le_bytes());
-            let error = decode_block(&changed, 5, 4, &layers())
-                .unwrap_err()
-                .to_string();
+            let error = decode_block(&changed, 5, 4, &layers()).unwrap_err().to_string();
             assert_eq!(
                 error,
                 "pass 12: 1 values are NaN, infinite or out of range, first at x = 3, y = 2"

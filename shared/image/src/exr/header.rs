@@ -5,8 +5,8 @@ use exr::meta::attribute::{AttributeValue, ChannelDescription, ChannelList, Samp
 use exr::meta::header::Header;
 use std::collections::HashMap;
 
-/// Longest header that is looked at, in bytes. Those written here take about one kilobyte, and up to three hundred bytes a
-/// layer.
+/// Longest header that is looked at, in bytes. Those written here take about one kilobyte, and up to three hundred
+/// bytes a layer.
 const MAX_HEADER: usize = 128 * 1024;
 /// Magic number and version field.
 const PREAMBLE: usize = 8;
@@ -16,10 +16,7 @@ pub(super) fn text(field: &'static str, value: &str) -> Result<AttributeValue, I
     if !value.is_ascii() || value.is_empty() || value.len() > 255 {
         return Err(ImageError::Encode {
             field,
-            message: format!(
-                "`{}` is not 1 to 255 characters of ASCII",
-                value.escape_debug()
-            ),
+            message: format!("`{}` is not 1 to 255 characters of ASCII", value.escape_debug()),
         });
     }
     let text = Text::new_or_none(value).map(AttributeValue::Text);
@@ -30,9 +27,7 @@ pub(super) fn text(field: &'static str, value: &str) -> Result<AttributeValue, I
 }
 
 /// Attributes by name, as the `exr` crate wants them.
-pub(super) fn attributes(
-    list: Vec<(&'static str, AttributeValue)>,
-) -> HashMap<Text, AttributeValue> {
+pub(super) fn attributes(list: Vec<(&'static str, AttributeValue)>) -> HashMap<Text, AttributeValue> {
     let entry = |(name, value): (&str, AttributeValue)| (Text::from(name), value);
     list.into_iter().map(entry).collect()
 }
@@ -49,8 +44,7 @@ pub(super) fn encode(header: &Header) -> Result<Vec<u8>, ImageError> {
         field: "EXR header",
         message: error.to_string(),
     };
-    let requirements =
-        exr::meta::MetaData::validate(std::slice::from_ref(header), true).map_err(failed)?;
+    let requirements = exr::meta::MetaData::validate(std::slice::from_ref(header), true).map_err(failed)?;
     let mut bytes = Vec::new();
     exr::meta::magic_number::write(&mut bytes).map_err(failed)?;
     requirements.write(&mut bytes).map_err(failed)?;
@@ -67,11 +61,7 @@ pub(super) fn sort_attributes(file: &mut [u8]) -> Result<(), ImageError> {
         message,
     })?;
     sorted.sort_by_key(|attribute| attribute.name);
-    let bytes: Vec<u8> = sorted
-        .iter()
-        .flat_map(|attribute| attribute.bytes)
-        .copied()
-        .collect();
+    let bytes: Vec<u8> = sorted.iter().flat_map(|attribute| attribute.bytes).copied().collect();
     file[PREAMBLE..PREAMBLE + bytes.len()].copy_from_slice(&bytes);
     Ok(())
 }
@@ -101,11 +91,8 @@ pub(super) fn walk(file: &[u8]) -> Result<Vec<Attribute<'_>>, String> {
         }
         let kind = until_zero(&mut rest)?;
         let (size, tail) = rest.split_first_chunk().ok_or("ends within the header")?;
-        let size =
-            usize::try_from(i32::from_le_bytes(*size)).map_err(|_| "attribute of negative size")?;
-        let value = tail
-            .get(..size)
-            .ok_or("attribute reaches beyond the header")?;
+        let size = usize::try_from(i32::from_le_bytes(*size)).map_err(|_| "attribute of negative size")?;
+        let value = tail.get(..size).ok_or("attribute reaches beyond the header")?;
         rest = &tail[size..];
         attributes.push(Attribute {
             name,

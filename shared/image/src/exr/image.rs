@@ -36,8 +36,8 @@ pub struct ImageMeta {
 }
 
 impl ImageMeta {
-    /// Names the passes of an image: BLAKE3, in hexadecimal, of all that they depend on and of their range. Images of the
-    /// same set have the same beauty.
+    /// Names the passes of an image: BLAKE3, in hexadecimal, of all that they depend on and of their range. Images of
+    /// the same set have the same beauty.
     pub fn pass_set(&self, settings: &JobSettings, average: &Average) -> String {
         let mut fields = vec![
             self.version.clone(),
@@ -65,8 +65,8 @@ pub enum Maker {
     Reference(ReferenceSettings),
 }
 
-/// Write the final image: R, G, B the mean radiance; when asked for, stderr.R, .G, .B its standard error, and the layers;
-/// float32, lossless ZIP.
+/// Write the final image: R, G, B the mean radiance; when asked for, stderr.R, .G, .B its standard error, and the
+/// layers; float32, lossless ZIP.
 ///
 /// Apart from the attribute `beamfarmRenderSeconds` the file is the same bytes whenever the average and the job are.
 pub fn write_image(path: &Path, average: &Average, meta: &ImageMeta) -> Result<(), ImageError> {
@@ -89,10 +89,7 @@ fn encode_image(average: &Average, meta: &ImageMeta) -> Result<Vec<u8>, ImageErr
     };
     let image = Image::from_layer(Layer::new(size, layer_attributes, encoding, channels));
     let mut bytes = Vec::new();
-    let written = image
-        .write()
-        .non_parallel()
-        .to_buffered(Cursor::new(&mut bytes));
+    let written = image.write().non_parallel().to_buffered(Cursor::new(&mut bytes));
     written.map_err(|error| ImageError::Encode {
         field: "EXR image",
         message: error.to_string(),
@@ -102,11 +99,7 @@ fn encode_image(average: &Average, meta: &ImageMeta) -> Result<Vec<u8>, ImageErr
 }
 
 /// The films of an average as channels, in EXR's order.
-fn channels(
-    average: &Average,
-    meta: &ImageMeta,
-    size: Vec2<usize>,
-) -> Result<AnyChannels<FlatSamples>, ImageError> {
+fn channels(average: &Average, meta: &ImageMeta, size: Vec2<usize>) -> Result<AnyChannels<FlatSamples>, ImageError> {
     const RGB: &[&str] = &["R", "G", "B"];
     let mut films = vec![(String::new(), RGB, &average.beauty)];
     if meta.standard_error {
@@ -119,12 +112,7 @@ fn channels(
     if size.area() == 0 || films.iter().any(bad_size) || meta.layers.len() != average.layers.len() {
         return Err(ImageError::Encode {
             field: "size",
-            message: format!(
-                "{} x {} pixels, {} layers",
-                size.0,
-                size.1,
-                average.layers.len()
-            ),
+            message: format!("{} x {} pixels, {} layers", size.0, size.1, average.layers.len()),
         });
     }
     let mut channels = Vec::new();
@@ -149,10 +137,7 @@ fn own_attributes(average: &Average, meta: &ImageMeta) -> Result<Vec<Attribute>,
             "beamfarmRelativeError",
             AttributeValue::F64(average.relative_standard_error()),
         ),
-        (
-            "beamfarmRenderSeconds",
-            AttributeValue::F64(meta.render_seconds),
-        ),
+        ("beamfarmRenderSeconds", AttributeValue::F64(meta.render_seconds)),
         ("beamfarmVersion", text("version", &meta.version)?),
     ];
     own.extend(match meta.maker {
@@ -174,28 +159,13 @@ fn attributes_of_passes(
     let mut own = vec![
         ("beamfarmPasses", number(average.passes)?),
         ("beamfarmFirstPass", number(0)?),
-        (
-            "beamfarmLastPass",
-            number(average.passes.saturating_sub(1))?,
-        ),
-        (
-            "beamfarmPassSet",
-            text("pass set", &meta.pass_set(settings, average))?,
-        ),
+        ("beamfarmLastPass", number(average.passes.saturating_sub(1))?),
+        ("beamfarmPassSet", text("pass set", &meta.pass_set(settings, average))?),
         ("beamfarmSeed", number(settings.seed)?),
         ("beamfarmAlpha", AttributeValue::F64(settings.alpha)),
-        (
-            "beamfarmSchedule",
-            text("schedule", &settings.schedule.to_string())?,
-        ),
-        (
-            "beamfarmPathsPerPass",
-            number(settings.paths_per_pass.into())?,
-        ),
-        (
-            "beamfarmReferencePaths",
-            number(settings.reference_paths.into())?,
-        ),
+        ("beamfarmSchedule", text("schedule", &settings.schedule.to_string())?),
+        ("beamfarmPathsPerPass", number(settings.paths_per_pass.into())?),
+        ("beamfarmReferencePaths", number(settings.reference_paths.into())?),
     ];
     if let Some(budget) = settings.budget {
         own.push(("beamfarmBudget", text("budget", &budget.to_string())?));
@@ -203,10 +173,7 @@ fn attributes_of_passes(
     Ok(own)
 }
 
-fn attributes_of_reference(
-    settings: &ReferenceSettings,
-    average: &Average,
-) -> Result<Vec<Attribute>, ImageError> {
+fn attributes_of_reference(settings: &ReferenceSettings, average: &Average) -> Result<Vec<Attribute>, ImageError> {
     let mut own = vec![
         ("beamfarmSamples", number(average.passes)?),
         ("beamfarmSeed", number(settings.seed)?),
@@ -245,8 +212,7 @@ pub fn read_standard_error(path: &Path) -> Result<Option<Film>, ImageError> {
     };
     check_claims(&bytes, false).map_err(failed)?;
     let names = ["stderr.R", "stderr.G", "stderr.B"];
-    let meta = exr::meta::MetaData::read_from_buffered(&bytes[..], false)
-        .map_err(|error| failed(error.to_string()))?;
+    let meta = exr::meta::MetaData::read_from_buffered(&bytes[..], false).map_err(|error| failed(error.to_string()))?;
     let has_all = meta.headers.iter().any(|header| {
         let channels = &header.channels.list;
         let has = |name: &&str| channels.iter().any(|channel| channel.name.eq(name));
@@ -267,22 +233,16 @@ const MAX_EXPANSION: usize = 2048;
 
 /// Whether a file that need not be trusted can hold the pixels that it claims, in a form whose decoder is safe to run.
 pub fn check_claims(bytes: &[u8], pedantic: bool) -> Result<(), String> {
-    let meta = exr::meta::MetaData::read_from_buffered(bytes, pedantic)
-        .map_err(|error| error.to_string())?;
+    let meta = exr::meta::MetaData::read_from_buffered(bytes, pedantic).map_err(|error| error.to_string())?;
     let mut claimed = 0usize;
     for header in &meta.headers {
         let Vec2(width, height) = header.layer_size;
         let pixels = width.checked_mul(height).filter(|n| *n <= MAX_PIXELS);
         let Some(pixels) = pixels else {
-            return Err(format!(
-                "{width} x {height} pixels; expected at most {MAX_PIXELS}"
-            ));
+            return Err(format!("{width} x {height} pixels; expected at most {MAX_PIXELS}"));
         };
         // The DWA decoder of exr 1.74 allocates what a chunk says it needs; a broken one would end the process.
-        if matches!(
-            header.compression,
-            Compression::DWAA(_) | Compression::DWAB(_)
-        ) {
+        if matches!(header.compression, Compression::DWAA(_) | Compression::DWAB(_)) {
             return Err("DWA compression; expected none, RLE, ZIP, PIZ, PXR24 or B44".into());
         }
         claimed = claimed.saturating_add(pixels.saturating_mul(header.channels.bytes_per_pixel));
@@ -293,8 +253,8 @@ pub fn check_claims(bytes: &[u8], pedantic: bool) -> Result<(), String> {
     }
 }
 
-/// Run a decoder of the `exr` crate. The B44 decoder of exr 1.74 subtracts below zero in a broken file, which is a panic
-/// where overflow is checked.
+/// Run a decoder of the `exr` crate. The B44 decoder of exr 1.74 subtracts below zero in a broken file, which is a
+/// panic where overflow is checked.
 pub fn without_panic<T>(decode: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
     let read = catch_unwind(AssertUnwindSafe(decode));
     read.unwrap_or_else(|_| Err("not a sound OpenEXR file".into()))
@@ -436,20 +396,12 @@ mod tests {
 
         let image = exr::image::read::read_first_flat_layer_from_file(&path).unwrap();
         let channels = &image.layer_data.channel_data.list;
-        let names: Vec<String> = channels
-            .iter()
-            .map(|channel| channel.name.to_string())
-            .collect();
+        let names: Vec<String> = channels.iter().map(|channel| channel.name.to_string()).collect();
         #[rustfmt::skip]
         let expected =
             ["B", "G", "R", "depth.Z", "normal.X", "normal.Y", "normal.Z", "stderr.B", "stderr.G", "stderr.R"];
         assert_eq!(names, expected);
-        let red: Vec<f32> = average
-            .standard_error
-            .pixels
-            .iter()
-            .map(|pixel| pixel[0])
-            .collect();
+        let red: Vec<f32> = average.standard_error.pixels.iter().map(|pixel| pixel[0]).collect();
         assert_eq!(channels[9].sample_data, FlatSamples::F32(red));
         let depth = average.layers[0].pixels.iter().map(|pixel| pixel[0]);
         assert_eq!(channels[3].sample_data, FlatSamples::F32(depth.collect()));
@@ -461,10 +413,7 @@ mod tests {
         };
         let pass_set = meta().pass_set(&settings, &average);
         assert_eq!(pass_set.len(), 64);
-        let other = JobSettings {
-            seed: 0,
-            ..settings
-        };
+        let other = JobSettings { seed: 0, ..settings };
         assert_ne!(meta().pass_set(&other, &average), pass_set);
         let mut longer = average.clone();
         longer.passes += 1;
@@ -473,10 +422,7 @@ mod tests {
             ("beamfarmAlpha", AttributeValue::F64(2.0 / 3.0)),
             ("beamfarmFirstPass", AttributeValue::Text("0".into())),
             ("beamfarmLastPass", AttributeValue::Text("2".into())),
-            (
-                "beamfarmPassSet",
-                AttributeValue::Text(pass_set.as_str().into()),
-            ),
+            ("beamfarmPassSet", AttributeValue::Text(pass_set.as_str().into())),
             ("beamfarmPasses", AttributeValue::Text("3".into())),
             ("beamfarmPathsPerPass", AttributeValue::Text("1000".into())),
             ("beamfarmReferencePaths", AttributeValue::Text("500".into())),
@@ -485,24 +431,14 @@ mod tests {
                 AttributeValue::F64(average.relative_standard_error()),
             ),
             ("beamfarmRenderSeconds", AttributeValue::F64(1.5)),
-            (
-                "beamfarmScene",
-                AttributeValue::Text("ab".repeat(32).as_str().into()),
-            ),
+            ("beamfarmScene", AttributeValue::Text("ab".repeat(32).as_str().into())),
             ("beamfarmSchedule", AttributeValue::Text("beam".into())),
-            (
-                "beamfarmSeed",
-                AttributeValue::Text("18446744073709551615".into()),
-            ),
+            ("beamfarmSeed", AttributeValue::Text("18446744073709551615".into())),
             ("beamfarmVersion", AttributeValue::Text("0.1.0".into())),
         ];
         assert_eq!(attributes.other.len(), expected.len());
         for (name, value) in expected {
-            assert_eq!(
-                attributes.other[&exr::prelude::Text::from(name)],
-                value,
-                "{name}"
-            );
+            assert_eq!(attributes.other[&exr::prelude::Text::from(name)], value, "{name}");
         }
     }
 
@@ -631,12 +567,7 @@ mod tests {
             compression: Compression::DWAA(None),
             ..Encoding::SMALL_LOSSLESS
         };
-        let layer = Layer::new(
-            (3usize, 2usize),
-            LayerAttributes::default(),
-            encoding,
-            channels,
-        );
+        let layer = Layer::new((3usize, 2usize), LayerAttributes::default(), encoding, channels);
         let mut bytes = Vec::new();
         let image = Image::from_layer(layer);
         image
@@ -703,13 +634,7 @@ mod tests {
         film.pixels[0][0] = -0.0;
         assert_ne!(black, pixel_hash(&film));
         // By definition: BLAKE3 of the words' bytes.
-        let bytes = [2u32, 3, 1 << 31]
-            .into_iter()
-            .chain([0; 17])
-            .flat_map(u32::to_le_bytes);
-        assert_eq!(
-            pixel_hash(&film),
-            blake3::hash(&bytes.collect::<Vec<u8>>()).to_string()
-        );
+        let bytes = [2u32, 3, 1 << 31].into_iter().chain([0; 17]).flat_map(u32::to_le_bytes);
+        assert_eq!(pixel_hash(&film), blake3::hash(&bytes.collect::<Vec<u8>>()).to_string());
     }
 }

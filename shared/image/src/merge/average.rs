@@ -29,10 +29,10 @@ impl Average {
     /// From the sums over `passes` passes, whose blocks do not matter any more.
     ///
     /// Passes are not identically distributed (their variance grows with the index), but neighbours nearly are: the
-    /// squared difference of passes 2k and 2k + 1 has the mean Var[2k] + Var[2k + 1]. Their sum D over an even number N of
-    /// passes estimates the variance of the sum, and the standard error of the mean is sqrt(D) / N. An odd last pass has
-    /// no neighbour; it is taken to vary as the others do on average, D * N / (N - 1). Its variance is at most 2 - alpha
-    /// times theirs, so the variance of the mean comes out too small by a fraction of (1 - alpha) / N at most.
+    /// squared difference of passes 2k and 2k + 1 has the mean Var[2k] + Var[2k + 1]. Their sum D over an even number N
+    /// of passes estimates the variance of the sum, and the standard error of the mean is sqrt(D) / N. An odd last pass
+    /// has no neighbour; it is taken to vary as the others do on average, D * N / (N - 1). Its variance is at most 2 -
+    /// alpha times theirs, so the variance of the mean comes out too small by a fraction of (1 - alpha) / N at most.
     pub(super) fn new(passes: u64, total: Node) -> Self {
         let Node {
             mut sum,
@@ -119,16 +119,16 @@ impl Average {
 /// Relative standard errors of an average.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Errors {
-    /// One number for the noise of the picture: the root mean square, over all pixels and channels, of the standard error
-    /// relative to the radiance around the pixel. That is the channel's mean over a block of 8 x 8 pixels, or a tenth of
-    /// the picture's mean magnitude if that is more: a few pixels that look into a lamp do not outweigh the rest, nor do
-    /// black ones. (Relative to the pixel's own radiance it would be too small as long as there is much noise: where there
-    /// is a large error, there is a large value.)
+    /// One number for the noise of the picture: the root mean square, over all pixels and channels, of the standard
+    /// error relative to the radiance around the pixel. That is the channel's mean over a block of 8 x 8 pixels, or a
+    /// tenth of the picture's mean magnitude if that is more: a few pixels that look into a lamp do not outweigh the
+    /// rest, nor do black ones. (Relative to the pixel's own radiance it would be too small as long as there is much
+    /// noise: where there is a large error, there is a large value.)
     ///
     /// Infinite for one pass and for a black picture.
     pub image: f64,
-    /// The same root mean square within each block of 8 x 8 pixels: at place P - 1 the smallest value that at least P % of
-    /// the blocks do not exceed.
+    /// The same root mean square within each block of 8 x 8 pixels: at place P - 1 the smallest value that at least P %
+    /// of the blocks do not exceed.
     pub percentiles: [f64; PERCENTILES],
 }
 

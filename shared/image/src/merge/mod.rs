@@ -1,8 +1,8 @@
 //! The tree sum: whoever computes a node gets the same bits.
 //!
 //! Passes are the leaves of a binary tree, in order; a node is the sum of its two children, rounded once per channel.
-//! Neither the order of arrival nor the way passes were grouped into blocks can therefore change a bit of the image, and
-//! rounding error grows with the logarithm of the number of passes.
+//! Neither the order of arrival nor the way passes were grouped into blocks can therefore change a bit of the image,
+//! and rounding error grows with the logarithm of the number of passes.
 
 mod average;
 mod noise;
@@ -16,7 +16,8 @@ use crate::bias::RadiusSums;
 use crate::film::Film;
 use crate::job::{Block, MAX_PASSES};
 
-/// Largest magnitude of one pass's radiance that is accepted, per channel. Sums of [`MAX_PASSES`] such values stay finite.
+/// Largest magnitude of one pass's radiance that is accepted, per channel. Sums of [`MAX_PASSES`] such values stay
+/// finite.
 pub const MAX_RADIANCE: f32 = 1e22;
 
 /// A block that cannot become part of the sum.
@@ -109,7 +110,8 @@ impl Node {
         }
     }
 
-    /// The same image of one pass, whose kernel radii were scaled by this: with it, the bias of an average can be estimated.
+    /// The same image of one pass, whose kernel radii were scaled by this: with it, the bias of an average can be
+    /// estimated.
     pub fn with_radius_scale(self, radius_scale: f64) -> Self {
         Self {
             radius_sums: Some(RadiusSums::leaf(&self.sum, radius_scale)),
@@ -133,10 +135,7 @@ impl Node {
             }
         }
         let block = left.block.parent();
-        if !left.block.index.is_multiple_of(2)
-            || left.block.sibling() != right.block
-            || !block.is_valid()
-        {
+        if !left.block.index.is_multiple_of(2) || left.block.sibling() != right.block || !block.is_valid() {
             return Err(MergeError::NotSiblings {
                 left: left.block,
                 right: right.block,
@@ -179,11 +178,7 @@ impl Node {
             sum,
             squared_difference,
             layers,
-            radius_sums: join_radius_sums(
-                radius_sums,
-                right.radius_sums.as_ref(),
-                block.level == 1,
-            ),
+            radius_sums: join_radius_sums(radius_sums, right.radius_sums.as_ref(), block.level == 1),
         }
     }
 
@@ -203,9 +198,7 @@ impl Node {
         let mut films = self.layers.iter().chain([&self.sum]);
         let mut count = 0;
         let mut first = None;
-        if !films.all(|film| sound(film, -limit, limit))
-            || !sound(&self.squared_difference, 0.0, f32::MAX)
-        {
+        if !films.all(|film| sound(film, -limit, limit)) || !sound(&self.squared_difference, 0.0, f32::MAX) {
             (count, first) = self.count_bad(limit);
         }
         let sums = self.radius_sums.as_ref();
@@ -227,18 +220,9 @@ impl Node {
         let width = self.sum.width;
         let mut count = 0;
         let mut first = None;
-        for (i, (sum, difference)) in self
-            .sum
-            .pixels
-            .iter()
-            .zip(&self.squared_difference.pixels)
-            .enumerate()
-        {
+        for (i, (sum, difference)) in self.sum.pixels.iter().zip(&self.squared_difference.pixels).enumerate() {
             let good_sums = sum.iter().filter(|v| v.abs() <= limit).count();
-            let good_differences = difference
-                .iter()
-                .filter(|v| v.is_finite() && **v >= 0.0)
-                .count();
+            let good_differences = difference.iter().filter(|v| v.is_finite() && **v >= 0.0).count();
             let layers = self.layers.iter().map(|layer| &layer.pixels[i]);
             let good_layers = layers.flatten().filter(|v| v.abs() <= limit).count();
             let bad = (sum.len() - good_sums)
@@ -260,10 +244,7 @@ impl Node {
                 found: self.layers.len(),
             });
         }
-        for film in [&self.sum, &self.squared_difference]
-            .into_iter()
-            .chain(&self.layers)
-        {
+        for film in [&self.sum, &self.squared_difference].into_iter().chain(&self.layers) {
             let pixels = u64::from(film.width) * u64::from(film.height);
             if [film.width, film.height] != [width, height] || film.pixels.len() as u64 != pixels {
                 return Err(MergeError::Size {
@@ -277,11 +258,7 @@ impl Node {
     }
 }
 
-fn join_radius_sums(
-    left: Option<RadiusSums>,
-    right: Option<&RadiusSums>,
-    are_leaves: bool,
-) -> Option<RadiusSums> {
+fn join_radius_sums(left: Option<RadiusSums>, right: Option<&RadiusSums>, are_leaves: bool) -> Option<RadiusSums> {
     let (mut sums, right) = (left?, right?);
     sums.join(right, are_leaves);
     Some(sums)

@@ -14,8 +14,8 @@ const MIN_PIXELS: usize = 64;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Noise {
     /// Median of the relative standard errors of blocks of 8 x 8 pixels that are not black: the root mean square of a
-    /// block's standard errors over its mean radiance. A few wild pixels and the black around do not change it. `None` for
-    /// one pass and for a black picture.
+    /// block's standard errors over its mean radiance. A few wild pixels and the black around do not change it. `None`
+    /// for one pass and for a black picture.
     pub median: Option<f64>,
     /// Few pixels that hold most of the error, if there are such.
     pub fireflies: Option<Fireflies>,
@@ -26,7 +26,8 @@ pub struct Noise {
 pub struct Fireflies {
     /// How many.
     pub pixels: usize,
-    /// Their part of the error: of the sum of squared standard errors over pixels, each relative to the radiance around.
+    /// Their part of the error: of the sum of squared standard errors over pixels, each relative to the radiance
+    /// around.
     pub share: f64,
     /// Column of the worst.
     pub x: u32,
@@ -37,12 +38,7 @@ pub struct Fireflies {
 /// One line for people.
 impl fmt::Display for Fireflies {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self {
-            pixels,
-            share,
-            x,
-            y,
-        } = self;
+        let Self { pixels, share, x, y } = self;
         let (noun, verb) = match pixels {
             1 => ("pixel", "holds"),
             _ => ("pixels", "hold"),
@@ -70,10 +66,7 @@ impl Average {
     }
 
     fn median_error(&self) -> Option<f64> {
-        let mut errors: Vec<f64> = self
-            .blocks()
-            .filter_map(|block| self.error(&block))
-            .collect();
+        let mut errors: Vec<f64> = self.blocks().filter_map(|block| self.error(&block)).collect();
         let middle = errors.len() / 2;
         (!errors.is_empty()).then(|| *errors.select_nth_unstable_by(middle, f64::total_cmp).1)
     }
@@ -93,8 +86,8 @@ impl Average {
         (radiance > 0.0).then(|| (squares / count).sqrt() / radiance)
     }
 
-    /// Squared relative standard error of each pixel, averaged over its channels. Their mean over the picture is the square
-    /// of [`Self::relative_standard_error`].
+    /// Squared relative standard error of each pixel, averaged over its channels. Their mean over the picture is the
+    /// square of [`Self::relative_standard_error`].
     pub fn squared_errors(&self) -> Vec<f64> {
         let beauty = &self.beauty.pixels;
         let values = || beauty.iter().flatten().map(|v| f64::from(*v));
@@ -128,8 +121,7 @@ impl Average {
         corners.map(move |(x0, y0)| {
             let columns = x0..width.min(x0 + BLOCK);
             let rows = y0..height.min(y0 + BLOCK);
-            rows.flat_map(|y| columns.clone().map(move |x| y * width + x))
-                .collect()
+            rows.flat_map(|y| columns.clone().map(move |x| y * width + x)).collect()
         })
     }
 }

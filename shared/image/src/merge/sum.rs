@@ -57,8 +57,8 @@ impl TreeSum {
         Self { first_pass, ..self }
     }
 
-    /// The same, with no node on both sides of the boundaries ([`next_boundary`]) from `fence` on, whatever the order in
-    /// which passes arrive. So the average of so many passes can be had when more are there already.
+    /// The same, with no node on both sides of the boundaries ([`next_boundary`]) from `fence` on, whatever the order
+    /// in which passes arrive. So the average of so many passes can be had when more are there already.
     ///
     /// Blocks that reach across a boundary by themselves cannot be cut: see [`Self::is_across`].
     pub fn with_fence(mut self, fence: u64) -> Self {
@@ -66,8 +66,8 @@ impl TreeSum {
         self
     }
 
-    /// Whether passes on both sides of a boundary are in the block. Aligned blocks beyond the first two of their level are
-    /// never across one.
+    /// Whether passes on both sides of a boundary are in the block. Aligned blocks beyond the first two of their level
+    /// are never across one.
     pub fn is_across(block: Block) -> bool {
         Self::is_across_from(block, 0)
     }
@@ -122,8 +122,9 @@ impl TreeSum {
         self.nodes.insert(node.block.start(), node);
     }
 
-    /// Take out every node that holds passes of the block, and say which blocks these were. What was added up cannot be taken
-    /// apart, so passes around the block go as well. The fence falls back to before them, and nodes across it go too.
+    /// Take out every node that holds passes of the block, and say which blocks these were. What was added up cannot be
+    /// taken apart, so passes around the block go as well. The fence falls back to before them, and nodes across it go
+    /// too.
     pub fn remove(&mut self, block: Block) -> Vec<Block> {
         let mut removed = Vec::new();
         while let Some(pass_index) = self.first_overlap(block) {
@@ -137,9 +138,7 @@ impl TreeSum {
             let fence = fence.min(next_boundary(first.start() + 1));
             self.fence = Some(fence);
             let nodes = self.nodes.values().map(|node| node.block);
-            let across: Vec<Block> = nodes
-                .filter(|block| Self::is_across_from(*block, fence))
-                .collect();
+            let across: Vec<Block> = nodes.filter(|block| Self::is_across_from(*block, fence)).collect();
             for block in &across {
                 self.nodes.remove(&block.start());
             }
@@ -234,8 +233,7 @@ impl TreeSum {
                 for (layer, right) in node.layers.iter_mut().zip(&right.layers) {
                     add(layer, right);
                 }
-                node.radius_sums =
-                    join_radius_sums(node.radius_sums, right.radius_sums.as_ref(), false);
+                node.radius_sums = join_radius_sums(node.radius_sums, right.radius_sums.as_ref(), false);
             }
             total = Some(node);
         }

@@ -1,12 +1,14 @@
 //! Kernels at edges, corners and creases.
 //!
-//! A kernel that reaches over the edge of a surface or out of a medium would leave there a part of its photon's flux. So
-//! displacements are drawn from the kernel until one lies on what is there, as a look-up from there would see it; their number has
-//! a mean of one over the share of the kernel that does, and the photon's power is multiplied by it: all of its flux stays, and
-//! no integral is needed (Booth 2007, unbiased Monte Carlo estimation of the reciprocal of an integral).
+//! A kernel that reaches over the edge of a surface or out of a medium would leave there a part of its photon's flux.
+//! So displacements are drawn from the kernel until one lies on what is there, as a look-up from there would see it;
+//! their number has a mean of one over the share of the kernel that does, and the photon's power is multiplied by it:
+//! all of its flux stays, and no integral is needed (Booth 2007, unbiased Monte Carlo estimation of the reciprocal of
+//! an integral).
 //!
-//! What is there is what look-ups see: they know nothing of what stands between them and the photon. Behind a wall hardly any
-//! are made, and there the kernel ends. Glass ends no kernel: look-ups are made on both of its sides, and find the photon.
+//! What is there is what look-ups see: they know nothing of what stands between them and the photon. Behind a wall
+//! hardly any are made, and there the kernel ends. Glass ends no kernel: look-ups are made on both of its sides, and
+//! find the photon.
 
 use crate::geometry::SurfaceHit;
 use crate::math::{Frame, PI, Ray, Vec3, sin_cos};
@@ -14,7 +16,8 @@ use crate::photon_map::{MAX_PLANE_DISTANCE, MIN_NORMAL_COSINE};
 use crate::sampler::Sampler;
 use crate::world::Scene;
 
-/// A kernel of which so many displacements lie beside what is there is as good as beside it altogether, and made narrower.
+/// A kernel of which so many displacements lie beside what is there is as good as beside it altogether, and made
+/// narrower.
 const TRIALS_OF_RADIUS: u32 = 64;
 /// Trials in a count: hardly ever reached.
 const MOST_TRIALS: u32 = 4096;
@@ -25,8 +28,8 @@ const LEAST_COSINE: f32 = 0.25;
 /// Halvings of a kernel's radius.
 const MOST_HALVINGS: u32 = 8;
 
-/// An unbiased estimate of one over the probability of a trial's success: the mean of several counts of trials until one
-/// succeeds. None where that is out of reach.
+/// An unbiased estimate of one over the probability of a trial's success: the mean of several counts of trials until
+/// one succeeds. None where that is out of reach.
 fn reciprocal(mut succeeds: impl FnMut() -> bool) -> Option<f32> {
     let mut trials = 0;
     for _ in 0..COUNTS {
@@ -43,15 +46,9 @@ pub(super) struct Probe<'a, F> {
 }
 
 impl<F: Fn(u32) -> bool> Probe<'_, F> {
-    /// The radius of a surface photon's kernel, at most `radius`, and the factor on its power. `side`: a direction on the side
-    /// of the surface that it came from.
-    pub(super) fn surface(
-        &self,
-        hit: &SurfaceHit,
-        side: Vec3,
-        radius: f32,
-        sampler: &mut Sampler,
-    ) -> (f32, f32) {
+    /// The radius of a surface photon's kernel, at most `radius`, and the factor on its power. `side`: a direction on
+    /// the side of the surface that it came from.
+    pub(super) fn surface(&self, hit: &SurfaceHit, side: Vec3, radius: f32, sampler: &mut Sampler) -> (f32, f32) {
         let n = hit.ng * hit.ng.dot(side).signum();
         let frame = Frame::from_normal(n);
         let from = hit.spawn_ray(n).origin;
@@ -74,28 +71,19 @@ impl<F: Fn(u32) -> bool> Probe<'_, F> {
             }
             narrower *= 0.5;
         }
-        // With a share p of the kernel on what is there, photons of the first trial bring p * p of the flux, and 1 - p of them
-        // are here: 1 + p of theirs is left.
+        // With a share p of the kernel on what is there, photons of the first trial bring p * p of the flux, and 1 - p
+        // of them are here: 1 + p of theirs is left.
         let first = match narrower == radius {
             true => return (radius, 1.0 + reciprocal(|| is_on(radius)).unwrap_or(0.0)),
             false if is_on(radius) => 2.0,
             false => 1.0,
         };
-        (
-            narrower,
-            first * reciprocal(|| is_on(narrower)).unwrap_or(1.0),
-        )
+        (narrower, first * reciprocal(|| is_on(narrower)).unwrap_or(1.0))
     }
 
-    /// Factor on the power of a beam for its kernel where it starts, of which a part may lie outside of the medium. `normal`: of
-    /// the surface that it starts on.
-    pub(super) fn beam(
-        &self,
-        ray: &Ray,
-        normal: Option<Vec3>,
-        radius: f32,
-        sampler: &mut Sampler,
-    ) -> f32 {
+    /// Factor on the power of a beam for its kernel where it starts, of which a part may lie outside of the medium.
+    /// `normal`: of the surface that it starts on.
+    pub(super) fn beam(&self, ray: &Ray, normal: Option<Vec3>, radius: f32, sampler: &mut Sampler) -> f32 {
         let frame = Frame::from_normal(ray.dir);
         let mut is_in = || {
             // Epanechnikov's kernel on a line, in a direction across the beam: the median of three uniform numbers.
@@ -142,13 +130,9 @@ impl<F: Fn(u32) -> bool> Probe<'_, F> {
         let hit = (self.scene.geometry).intersect(objects, &down, 2.0 * height, is_passed);
         let covers = |hit: SurfaceHit| {
             let off = hit.t - height;
-            hit.ng.dot(n).abs() >= MIN_NORMAL_COSINE
-                && offset.length_squared() + off * off < radius * radius
+            hit.ng.dot(n).abs() >= MIN_NORMAL_COSINE && offset.length_squared() + off * off < radius * radius
         };
-        hit.is_some_and(covers)
-            && self.is_clear(start, offset, |object| {
-                self.scene.material_of(object).transmits()
-            })
+        hit.is_some_and(covers) && self.is_clear(start, offset, |object| self.scene.material_of(object).transmits())
     }
 
     /// Whether nothing is between a point and another but what `is_passed`.
@@ -184,10 +168,7 @@ mod tests {
     fn mesh(positions: &[[f32; 3]], triangles: &[[u32; 3]], map: Affine3A) -> Shape {
         Shape::Mesh {
             mesh: Arc::new(Mesh {
-                positions: positions
-                    .iter()
-                    .map(|p| map.transform_point3((*p).into()))
-                    .collect(),
+                positions: positions.iter().map(|p| map.transform_point3((*p).into())).collect(),
                 triangles: triangles.to_vec(),
                 ..Mesh::default()
             }),
@@ -197,12 +178,7 @@ mod tests {
 
     /// The square of side 2 in the xy plane.
     fn square(map: Affine3A) -> Shape {
-        let corners = [
-            [-1.0, -1.0, 0.0],
-            [1.0, -1.0, 0.0],
-            [1.0, 1.0, 0.0],
-            [-1.0, 1.0, 0.0],
-        ];
+        let corners = [[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]];
         mesh(&corners, &[[0, 1, 2], [0, 2, 3]], map)
     }
 
@@ -217,10 +193,7 @@ mod tests {
             [0, 4, 6, 2],
             [1, 3, 7, 5],
         ];
-        let triangles: Vec<[u32; 3]> = quads
-            .iter()
-            .flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]])
-            .collect();
+        let triangles: Vec<[u32; 3]> = quads.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
         mesh(&corners, &triangles, Affine3A::IDENTITY)
     }
 
@@ -262,12 +235,7 @@ mod tests {
             camera_medium: None,
             world_medium: None,
             objects: shapes.into_iter().zip([0, 1]).map(object).collect(),
-            materials: vec![
-                of_kind(MaterialKind::Diffuse {
-                    reflectance: white(),
-                }),
-                of_kind(pane),
-            ],
+            materials: vec![of_kind(MaterialKind::Diffuse { reflectance: white() }), of_kind(pane)],
             media: Vec::new(),
             lights: Vec::new(),
             bounds: SceneBounds {
@@ -281,7 +249,8 @@ mod tests {
         })
     }
 
-    /// All of a photon's flux is found on what is there: on flat things and bent ones, at edges, with kernels of all sizes.
+    /// All of a photon's flux is found on what is there: on flat things and bent ones, at edges, with kernels of all
+    /// sizes.
     #[test]
     fn no_flux_is_lost_and_none_is_made() {
         let placed = |map: Affine3A| Placement {
@@ -294,8 +263,7 @@ mod tests {
         };
         let tube = Shape::Cylinder {
             placement: placed(
-                Affine3A::from_translation(Vec3::new(0.0, 0.0, -1.0))
-                    * Affine3A::from_scale(Vec3::new(0.3, 0.3, 2.0)),
+                Affine3A::from_translation(Vec3::new(0.0, 0.0, -1.0)) * Affine3A::from_scale(Vec3::new(0.3, 0.3, 2.0)),
             ),
             flip: false,
         };
@@ -358,11 +326,7 @@ mod tests {
                 let error = ((squares / n - sum * sum / (n * n)) / n).sqrt();
                 let z = (sum / n - 1.0) / error;
                 // Fifteen tests at a significance of 1e-3 together.
-                assert!(
-                    z.abs() < 3.99,
-                    "{name}, radius {radius}: {} +- {error}",
-                    sum / n
-                );
+                assert!(z.abs() < 3.99, "{name}, radius {radius}: {} +- {error}", sum / n);
             }
         }
     }

@@ -21,8 +21,8 @@ pub struct PhotonBeam {
     /// Length, scene units.
     pub length: f32,
     /// Where the beam's kernel begins and ends, measured from `origin` along `dir`: [0, length], and beyond where the
-    /// beam starts or ends on a surface, so far that its whole width gets to that surface. What the kernel loses behind a
-    /// surface on one side of the beam it then gains before it on the other.
+    /// beam starts or ends on a surface, so far that its whole width gets to that surface. What the kernel loses behind
+    /// a surface on one side of the beam it then gains before it on the other.
     pub extent: [f32; 2],
     /// Flux at the start, W, before attenuation and scattering, divided by the number of emitted paths.
     pub power: Rgb,

@@ -7,8 +7,8 @@ use crate::math::Vec3;
 use crate::medium::transmittance::StepFunctions;
 use rayon::prelude::*;
 
-/// Pieces that a beam of mean length is cut into: bounds of pieces that are near each other are tight, those of long beams are
-/// not.
+/// Pieces that a beam of mean length is cut into: bounds of pieces that are near each other are tight, those of long
+/// beams are not.
 const PIECES: f32 = 4.0;
 
 /// The most pieces of one beam.
@@ -25,8 +25,8 @@ pub struct BeamMap {
     media: Vec<PieceTree>,
 }
 
-/// Pieces of the beams in one medium, neighbours alike, and bounds of every [`LANES`] of them, of every [`LANES`] of these, and
-/// so on: a hierarchy without pointers.
+/// Pieces of the beams in one medium, neighbours alike, and bounds of every [`LANES`] of them, of every [`LANES`] of
+/// these, and so on: a hierarchy without pointers.
 #[derive(Default)]
 pub(super) struct PieceTree {
     pub pieces: PieceList,
@@ -95,20 +95,17 @@ impl BeamMap {
 
     /// Mean kernel radius of the beams in a medium, by length; 0 if there are none.
     pub fn mean_radius(&self, medium: u16) -> f32 {
-        self.tree(medium)
-            .map_or(0.0, |tree| tree.pieces.mean_radius())
+        self.tree(medium).map_or(0.0, |tree| tree.pieces.mean_radius())
     }
 
     /// Memory that the map holds, bytes.
     pub fn bytes(&self) -> usize {
-        size_of_val(&self.beams[..])
-            + self.media.iter().map(PieceTree::bytes).sum::<usize>()
-            + self.steps.bytes()
+        size_of_val(&self.beams[..]) + self.media.iter().map(PieceTree::bytes).sum::<usize>() + self.steps.bytes()
     }
 }
 
-/// Neighbours alike, in parts of the sizes that a [`PieceTree`] has. `length`: how long pieces are; as far as directions move
-/// their ends, so much do they count.
+/// Neighbours alike, in parts of the sizes that a [`PieceTree`] has. `length`: how long pieces are; as far as
+/// directions move their ends, so much do they count.
 fn arranged(pieces: &[Piece], length: f32) -> Vec<Piece> {
     let place = |piece: &Piece| {
         let [x, y, z] = piece.middle.to_array();
@@ -127,9 +124,7 @@ impl PhotonBeam {
     /// Pieces about as long as `length`.
     fn pieces(&self, index: u32, length: f32) -> impl Iterator<Item = Piece> {
         let [start, end] = self.extent;
-        let count = ((end - start) / length)
-            .ceil()
-            .clamp(1.0, MAX_PIECES as f32) as u32;
+        let count = ((end - start) / length).ceil().clamp(1.0, MAX_PIECES as f32) as u32;
         let at = move |n: u32| match n == count {
             true => end,
             false => start + (end - start) * (n as f32 / count as f32),
@@ -171,9 +166,9 @@ pub(super) struct Cluster {
     pub rows: Rows,
     /// How far middles and directions may be from the ones given.
     pub ranges: [Lanes; 2],
-    /// What follows from these: the radius of a ball around all of it; how far a line that meets a piece, kernel included, may
-    /// be from the line given, times the sine; how much farther than half the length the nearest point may be from the
-    /// middle, times the sine squared.
+    /// What follows from these: the radius of a ball around all of it; how far a line that meets a piece, kernel
+    /// included, may be from the line given, times the sine; how much farther than half the length the nearest point
+    /// may be from the middle, times the sine squared.
     pub reach: [Lanes; 3],
 }
 
@@ -238,8 +233,7 @@ impl PieceTree {
         let mut size = LANES;
         while size < pieces.len() {
             let chunks = pieces.par_chunks(size * LANES);
-            tree.levels
-                .push(chunks.map(|all| Cluster::of(all, size)).collect());
+            tree.levels.push(chunks.map(|all| Cluster::of(all, size)).collect());
             size *= LANES;
         }
         tree
@@ -302,8 +296,8 @@ impl Cluster {
     }
 }
 
-/// Pieces with their bounds, as many side by side as there are lanes, so that they can be compared with segments at the rate of
-/// vector code.
+/// Pieces with their bounds, as many side by side as there are lanes, so that they can be compared with segments at the
+/// rate of vector code.
 #[derive(Default)]
 pub(super) struct PieceList {
     /// Unused lanes of the last hold [`Bounds::NONE`].

@@ -1,8 +1,8 @@
 //! From lights to photon beams and surface photons.
 //!
-//! A photon path goes from a light through media and off surfaces until Russian roulette ends it, or until nothing that it may
-//! leave counts. In a scattering medium its segments leave [`PhotonBeam`]s, its hits on surfaces that are not specular
-//! [`SurfacePhoton`]s, where the table in `transport` says that photons bring that light.
+//! A photon path goes from a light through media and off surfaces until Russian roulette ends it, or until nothing that
+//! it may leave counts. In a scattering medium its segments leave [`PhotonBeam`]s, its hits on surfaces that are not
+//! specular [`SurfacePhoton`]s, where the table in `transport` says that photons bring that light.
 
 use super::PhotonBeam;
 use super::edges::Probe;
@@ -29,8 +29,8 @@ use rayon::prelude::*;
 pub struct Photons {
     /// Beams, in the order of paths, but for the smooth ones.
     pub beams: Vec<PhotonBeam>,
-    /// Beams of light that has been scattered, in homogeneous media: their kernels are wide, and nothing else varies from pixel to
-    /// pixel, so that camera segments share what they gather.
+    /// Beams of light that has been scattered, in homogeneous media: their kernels are wide, and nothing else varies
+    /// from pixel to pixel, so that camera segments share what they gather.
     pub smooth_beams: Vec<PhotonBeam>,
     /// Transmittance along the beams in heterogeneous media.
     pub steps: StepFunctions,
@@ -159,8 +159,7 @@ impl<V: Sight> Tracer<'_, V> {
             Some(aim) if targets.is_some_and(Targets::rejects) => {
                 for _ in 0..aim.trials {
                     let emission = self.emit(choice.light, None, sampler);
-                    let Some(photon) = self.start(choice, emission, aim.trials, leaves_beams)
-                    else {
+                    let Some(photon) = self.start(choice, emission, aim.trials, leaves_beams) else {
                         continue;
                     };
                     if aim.is_hit(self.scene, choice.light, &photon.ray, self.sight) {
@@ -179,9 +178,9 @@ impl<V: Sight> Tracer<'_, V> {
 
     fn follow(&self, mut photon: Photon<V::Hidden>, sampler: &mut Sampler, out: &mut Photons) {
         while photon.power.max_element() > 0.0 {
-            let hit = self.scene.first_hit(&photon.ray, |object| {
-                self.sight.hides(photon.hidden, object)
-            });
+            let hit = self
+                .scene
+                .first_hit(&photon.ray, |object| self.sight.hides(photon.hidden, object));
             if let Some(id) = photon.medium
                 && self.fly(&mut photon, id, hit.as_ref(), sampler, out)
             {
@@ -195,12 +194,7 @@ impl<V: Sight> Tracer<'_, V> {
     }
 
     /// Where a photon of a light starts: as the light emits it, or, if there is an aim, some of the time through that.
-    fn emit(
-        &self,
-        light: usize,
-        aim: Option<&Aim>,
-        sampler: &mut Sampler,
-    ) -> Option<EmissionSample> {
+    fn emit(&self, light: usize, aim: Option<&Aim>, sampler: &mut Sampler) -> Option<EmissionSample> {
         let light = &self.scene.lights()[light];
         let (objects, bounds) = (self.scene.objects(), self.scene.bounds());
         let uniforms = EmissionUniforms::draw(sampler);
@@ -296,12 +290,10 @@ impl<V: Sight> Tracer<'_, V> {
                     let old = photon.ray.dir;
                     let dir = medium.phase().sample(old, sampler.next_2d());
                     let pdf = medium.phase().pdf(old.dot(dir));
-                    photon.footprint = photon.footprint.advanced(distance).scattered(
-                        dir,
-                        pdf,
-                        self.beam_paths,
-                        true,
-                    );
+                    photon.footprint = photon
+                        .footprint
+                        .advanced(distance)
+                        .scattered(dir, pdf, self.beam_paths, true);
                     photon.ray = Ray {
                         origin: photon.ray.at(distance),
                         dir,
@@ -339,14 +331,12 @@ impl<V: Sight> Tracer<'_, V> {
             true => f32::INFINITY,
             false => self.scene.free_paths[usize::from(id)],
         };
-        let scaled =
-            |footprint: Footprint| self.plan.radii.beam(&footprint).min(widest) * self.radius_scale;
+        let scaled = |footprint: Footprint| self.plan.radii.beam(&footprint).min(widest) * self.radius_scale;
         let radius = scaled(photon.footprint);
         let radius_end = scaled(photon.footprint.advanced(length));
         let slope = (radius_end - radius) / length;
-        let beyond = |normal: Option<Vec3>, radius: f32| {
-            normal.map_or(0.0, |n| overhang(photon.ray.dir.dot(n), radius, slope))
-        };
+        let beyond =
+            |normal: Option<Vec3>, radius: f32| normal.map_or(0.0, |n| overhang(photon.ray.dir.dot(n), radius, slope));
         let ends_on = hit.filter(|h| length == h.t).map(|h| h.ng);
         let before = if start == 0.0 {
             beyond(photon.starts_on, radius)
@@ -448,8 +438,8 @@ impl<V: Sight> Tracer<'_, V> {
         }
         photon.odds = match is_followed || !self.sight.is_gathered(hit.object) {
             true => Odds::PHOTONS_ONLY,
-            // The normal is another one seen from elsewhere: left to gather rays, which see it from one side only. So are
-            // surfaces that camera paths go on from.
+            // The normal is another one seen from elsewhere: left to gather rays, which see it from one side only. So
+            // are surfaces that camera paths go on from.
             false if bump_shadowing.is_some() || !self.plan.estimators.ends_paths(&bsdf) => Odds::GATHER_RAYS,
             false => {
                 let odds = self.arriving_odds(photon, hit) * sample.pdf;
@@ -574,8 +564,8 @@ impl<H> Photon<H> {
     }
 }
 
-/// How far beyond a surface a beam of `radius` reaches with some of its width, when it meets the surface at `cos`. Bounded
-/// for grazing angles and so that the cone keeps half of its radius.
+/// How far beyond a surface a beam of `radius` reaches with some of its width, when it meets the surface at `cos`.
+/// Bounded for grazing angles and so that the cone keeps half of its radius.
 fn overhang(cos: f32, radius: f32, slope: f32) -> f32 {
     let cos = cos.abs().max(0.05);
     let length = radius * (1.0 - cos * cos).max(0.0).sqrt() / cos;

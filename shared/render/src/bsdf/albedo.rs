@@ -11,16 +11,10 @@ impl Bsdf<'_> {
             Self::Black => Rgb::ZERO,
             Self::Diffuse { reflectance, .. } | Self::Mirror { reflectance, .. } => reflectance,
             Self::Conductor {
-                eta,
-                k,
-                reflectance,
-                ..
+                eta, k, reflectance, ..
             }
             | Self::RoughConductor {
-                eta,
-                k,
-                reflectance,
-                ..
+                eta, k, reflectance, ..
             } => reflectance * fresnel_conductor(1.0, eta, k),
             Self::Dielectric(b) | Self::ThinDielectric(b) => b.transmittance,
             Self::RoughDielectric(b) => b.transmittance,

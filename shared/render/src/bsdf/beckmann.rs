@@ -29,17 +29,13 @@ pub fn extent(alpha: f32, v: Vec3) -> f32 {
     z * (1.0 + erf(a)) + t * exp(-a * a) * INV_SQRT_PI
 }
 
-/// Visible slopes (Heitz & d'Eon 2014): along `wo`'s azimuth by Newton's method on their cumulative distribution, which is
-/// known in closed form; across it a Gaussian.
+/// Visible slopes (Heitz & d'Eon 2014): along `wo`'s azimuth by Newton's method on their cumulative distribution, which
+/// is known in closed form; across it a Gaussian.
 #[inline(never)]
 pub fn sample_visible(alpha: f32, wo: Vec3, u: Vec2) -> Vec3 {
     let v = Vec3::new(alpha * wo.x, alpha * wo.y, wo.z).normalize();
     let sin = (v.x * v.x + v.y * v.y).sqrt();
-    let along = if sin > 0.0 {
-        Vec2::new(v.x, v.y) / sin
-    } else {
-        Vec2::X
-    };
+    let along = if sin > 0.0 { Vec2::new(v.x, v.y) / sin } else { Vec2::X };
     let x = visible_slope(v.z, sin, u.x);
     let y = gaussian(u.y);
     let slope = (along * x + along.perp() * y) * alpha;
@@ -96,8 +92,7 @@ mod tests {
     fn slopes_invert_their_cumulative_distribution() {
         for cos in [1.0f64, 0.99, 0.7, 0.1, 1e-3, 0.0] {
             let sin = (1.0 - cos * cos).sqrt();
-            let cumulative =
-                |x: f64| cos * libm::erfc(-x) + sin * libm::exp(-x * x) * f64::from(INV_SQRT_PI);
+            let cumulative = |x: f64| cos * libm::erfc(-x) + sin * libm::exp(-x * x) * f64::from(INV_SQRT_PI);
             let total = cumulative(if sin > 0.0 { cos / sin } else { 30.0 });
             for i in 0..=1000 {
                 let u = (i as f32 / 1000.0).min(1.0 - 1.0 / (1u32 << 24) as f32);

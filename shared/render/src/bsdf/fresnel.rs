@@ -26,8 +26,8 @@ pub fn fresnel_dielectric(cos_i: f32, eta: f32) -> (f32, f32) {
 }
 
 /// Reflectance of a boundary between dielectrics, averaged over diffuse light. `eta` as in [`fresnel_dielectric`]. By
-/// quadrature: the fits in use (Egan & Hilgeman 1973, d'Eon & Irving 2011) are off by 0.1 % of what is transmitted up to an
-/// index of 2, and by much more beyond.
+/// quadrature: the fits in use (Egan & Hilgeman 1973, d'Eon & Irving 2011) are off by 0.1 % of what is transmitted up
+/// to an index of 2, and by much more beyond.
 pub(super) fn mean_fresnel(eta: f32) -> f32 {
     const N: u32 = 1024;
     if eta < 1.0 {
@@ -43,8 +43,8 @@ pub(super) fn mean_fresnel(eta: f32) -> f32 {
 
 /// Reflectance of a conductor in vacuum, per channel.
 ///
-/// `cos_i` in [0, 1] is the cosine of incidence, `eta + i k` the complex index of refraction, each part in [0, 1e6]. Born &
-/// Wolf 1999, section 14.2, in the real form of Lagarde 2013.
+/// `cos_i` in [0, 1] is the cosine of incidence, `eta + i k` the complex index of refraction, each part in [0, 1e6].
+/// Born & Wolf 1999, section 14.2, in the real form of Lagarde 2013.
 #[inline]
 pub fn fresnel_conductor(cos_i: f32, eta: Rgb, k: Rgb) -> Rgb {
     let cos2 = cos_i * cos_i;
@@ -172,17 +172,10 @@ mod tests {
 
     #[test]
     fn conductor_matches_complex_arithmetic() {
-        for (eta, k) in [
-            (0.143, 3.98),
-            (1.44, 1.6),
-            (4.37, 5.2),
-            (0.05, 4.0),
-            (1.5, 0.0),
-        ] {
+        for (eta, k) in [(0.143, 3.98), (1.44, 1.6), (4.37, 5.2), (0.05, 4.0), (1.5, 0.0)] {
             for i in 0..=200 {
                 let ci = i as f64 / 200.0;
-                let value =
-                    fresnel_conductor(ci as f32, Rgb::splat(eta as f32), Rgb::splat(k as f32)).x;
+                let value = fresnel_conductor(ci as f32, Rgb::splat(eta as f32), Rgb::splat(k as f32)).x;
                 let expected = conductor_reference(ci, eta, k);
                 assert!(
                     (f64::from(value) - expected).abs() < 3e-6,

@@ -146,8 +146,8 @@ impl Material {
         }
     }
 
-    /// Whether a ray goes on as if nothing were there: at boundaries of media, and by chance where the surface is not opaque.
-    /// `draw`: a uniform number.
+    /// Whether a ray goes on as if nothing were there: at boundaries of media, and by chance where the surface is not
+    /// opaque. `draw`: a uniform number.
     #[inline]
     pub fn is_passed(&self, uv: Vec2, draw: impl FnOnce() -> f32) -> bool {
         match &self.opacity {
@@ -188,10 +188,7 @@ impl Material {
                 if reflectance == Rgb::ZERO {
                     return Bsdf::Black;
                 }
-                Bsdf::Diffuse {
-                    reflectance,
-                    two_sided,
-                }
+                Bsdf::Diffuse { reflectance, two_sided }
             }
             MaterialKind::Dielectric { eta, tint } => Bsdf::Dielectric(Dielectric {
                 eta: *eta,
@@ -203,11 +200,7 @@ impl Material {
                 reflectance: tint.reflectance.eval(uv),
                 transmittance: tint.transmittance.eval(uv),
             }),
-            MaterialKind::Conductor {
-                eta,
-                k,
-                reflectance,
-            } => Bsdf::Conductor {
+            MaterialKind::Conductor { eta, k, reflectance } => Bsdf::Conductor {
                 eta: eta.min(MAX_INDEX),
                 k: k.min(MAX_INDEX),
                 reflectance: reflectance.eval(uv),
@@ -296,12 +289,11 @@ impl Material {
         self.opacity.is_none()
             && matches!(
                 self.kind,
-                MaterialKind::Dielectric { .. }
-                    | MaterialKind::RoughDielectric { .. }
-                    | MaterialKind::Null
+                MaterialKind::Dielectric { .. } | MaterialKind::RoughDielectric { .. } | MaterialKind::Null
             )
     }
-    /// Index of refraction on the side that a ray comes from over the one that it goes to. 1 for anything but dielectrics.
+    /// Index of refraction on the side that a ray comes from over the one that it goes to. 1 for anything but
+    /// dielectrics.
     pub fn eta_of_crossing(&self, from_inside: bool) -> f32 {
         match self.kind {
             MaterialKind::Dielectric { eta, .. } | MaterialKind::RoughDielectric { eta, .. } => {
@@ -340,9 +332,7 @@ impl Material {
     pub fn is_followed(&self) -> bool {
         match self.kind {
             MaterialKind::RoughConductor { alpha, .. } => alpha < FOLLOWED_BELOW,
-            MaterialKind::RoughDielectric { alpha, eta, .. } => {
-                alpha < FOLLOWED_BELOW && !index_matched(eta)
-            }
+            MaterialKind::RoughDielectric { alpha, eta, .. } => alpha < FOLLOWED_BELOW && !index_matched(eta),
             _ => false,
         }
     }

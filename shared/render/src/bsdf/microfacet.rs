@@ -1,6 +1,7 @@
 //! Distributions of microfacet normals, isotropic.
 //!
-//! All functions take directions in the local frame. Masking and shadowing are Smith's, uncorrelated: G = G1(wo) G1(wi).
+//! All functions take directions in the local frame. Masking and shadowing are Smith's, uncorrelated: G = G1(wo)
+//! G1(wi).
 
 use super::{beckmann, ggx};
 use crate::math::{Vec2, Vec3};
@@ -36,8 +37,8 @@ impl Facets {
         }
     }
 
-    /// The number by which `G1(v) = 2 |z| / extent(v)`. At least some half of `alpha`, so that the cosines in the microfacet
-    /// formulas cancel and nothing is infinite at grazing angles.
+    /// The number by which `G1(v) = 2 |z| / extent(v)`. At least some half of `alpha`, so that the cosines in the
+    /// microfacet formulas cancel and nothing is infinite at grazing angles.
     #[inline]
     pub fn extent(&self, v: Vec3) -> f32 {
         match self.distribution {
@@ -61,7 +62,8 @@ impl Facets {
         }
     }
 
-    /// The direction into which a visible normal reflects `wo`, `wo.z > 0`. None: light that would need a second bounce.
+    /// The direction into which a visible normal reflects `wo`, `wo.z > 0`. None: light that would need a second
+    /// bounce.
     #[inline]
     pub fn sample_reflection(&self, wo: Vec3, u: Vec2) -> Option<Vec3> {
         let m = self.sample_visible(wo, u);

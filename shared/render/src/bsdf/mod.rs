@@ -1,7 +1,7 @@
 //! Surface scattering.
 //!
-//! Directions are in the local frame of the hit, z the shading normal; all leave the surface. Values are per steradian and
-//! hold no cosine.
+//! Directions are in the local frame of the hit, z the shading normal; all leave the surface. Values are per steradian
+//! and hold no cosine.
 
 mod albedo;
 mod beckmann;
@@ -41,8 +41,8 @@ pub enum TransportMode {
     Flux,
 }
 
-/// A material with its textures looked up at one hit: all that scattering needs. See [`MaterialKind`] for the parameters.
-/// Where `two_sided` is false, the side that z points away from is black.
+/// A material with its textures looked up at one hit: all that scattering needs. See [`MaterialKind`] for the
+/// parameters. Where `two_sided` is false, the side that z points away from is black.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(
     missing_docs,
@@ -142,22 +142,22 @@ impl Bsdf<'_> {
             _ => false,
         }
     }
-    /// A lobe that is followed, beside a wide one: the probability of sampling it, and both, each alone. Their sum is the whole.
+    /// A lobe that is followed, beside a wide one: the probability of sampling it, and both, each alone. Their sum is
+    /// the whole.
     #[inline]
     pub fn narrow_and_wide(&self, wo: Vec3) -> Option<(f32, [Self; 2])> {
         match self {
-            Self::RoughPlastic(b) if b.alpha() < FOLLOWED_BELOW => Some((
-                b.specular_probability(wo),
-                b.lobes().map(Self::RoughPlastic),
-            )),
+            Self::RoughPlastic(b) if b.alpha() < FOLLOWED_BELOW => {
+                Some((b.specular_probability(wo), b.lobes().map(Self::RoughPlastic)))
+            }
             Self::Principled(b) if b.alpha() < FOLLOWED_BELOW => {
                 Some((b.specular_probability(wo), b.lobes().map(Self::Principled)))
             }
             _ => None,
         }
     }
-    /// The two ways that light takes at a smooth dielectric: samples whose `pdf` are the probabilities of them. None: not
-    /// a smooth dielectric.
+    /// The two ways that light takes at a smooth dielectric: samples whose `pdf` are the probabilities of them. None:
+    /// not a smooth dielectric.
     #[inline]
     pub fn branches(&self, wo: Vec3, mode: TransportMode) -> Option<[BsdfSample; 2]> {
         match self {
@@ -182,15 +182,12 @@ impl Bsdf<'_> {
     pub fn is_black(&self) -> bool {
         matches!(self, Self::Black)
     }
-    /// BSDF value (1/sr, no cosine), zero for delta lobes. `wo`, `wi`: unit, both leave the surface, local frame with z the
-    /// shading normal; `wo` points to where the path comes from.
+    /// BSDF value (1/sr, no cosine), zero for delta lobes. `wo`, `wi`: unit, both leave the surface, local frame with z
+    /// the shading normal; `wo` points to where the path comes from.
     #[inline]
     pub fn eval(&self, wo: Vec3, wi: Vec3, mode: TransportMode) -> Rgb {
         match *self {
-            Self::Diffuse {
-                reflectance,
-                two_sided,
-            } => {
+            Self::Diffuse { reflectance, two_sided } => {
                 if reflects(wo, wi, two_sided) {
                     reflectance * std::f32::consts::FRAC_1_PI
                 } else {
@@ -209,10 +206,7 @@ impl Bsdf<'_> {
                     return Rgb::ZERO;
                 }
                 // Walter et al. 2007, eq. 20: F D G / (4 cos cos), with the cosines of G and the denominator cancelled.
-                let facets = Facets {
-                    distribution,
-                    alpha,
-                };
+                let facets = Facets { distribution, alpha };
                 let m = half_vector(wo, wi);
                 let d = facets.density(m) / (facets.extent(wo) * facets.extent(wi));
                 reflectance * fresnel_conductor(wo.dot(m).abs(), eta, k) * d
@@ -230,8 +224,8 @@ impl Bsdf<'_> {
         }
     }
 
-    /// Density in solid angle of [`Bsdf::sample`] choosing `wi`, zero for delta lobes. It integrates to the probability that
-    /// the path is not absorbed.
+    /// Density in solid angle of [`Bsdf::sample`] choosing `wi`, zero for delta lobes. It integrates to the probability
+    /// that the path is not absorbed.
     #[inline]
     pub fn pdf(&self, wo: Vec3, wi: Vec3) -> f32 {
         match *self {
@@ -251,10 +245,7 @@ impl Bsdf<'_> {
                 if !reflects(wo, wi, two_sided) {
                     return 0.0;
                 }
-                let facets = Facets {
-                    distribution,
-                    alpha,
-                };
+                let facets = Facets { distribution, alpha };
                 facets.density(half_vector(wo, wi)) / (2.0 * facets.extent(wo))
             }
             Self::RoughDielectric(b) => b.pdf(wo, wi),
@@ -272,19 +263,10 @@ impl Bsdf<'_> {
 
     /// Draw `wi`. `u_lobe` chooses a lobe, `u` a direction in it; both uniform in [0, 1). None: absorbed.
     #[inline]
-    pub fn sample(
-        &self,
-        wo: Vec3,
-        u_lobe: f32,
-        u: Vec2,
-        mode: TransportMode,
-    ) -> Option<BsdfSample> {
+    pub fn sample(&self, wo: Vec3, u_lobe: f32, u: Vec2, mode: TransportMode) -> Option<BsdfSample> {
         match *self {
             Self::Black => None,
-            Self::Diffuse {
-                reflectance,
-                two_sided,
-            } => {
+            Self::Diffuse { reflectance, two_sided } => {
                 let sign = lit_side(wo, two_sided)?;
                 let wi = warp::cosine_hemisphere(u);
                 let pdf = warp::cosine_hemisphere_pdf(wi.z);
@@ -308,10 +290,7 @@ impl Bsdf<'_> {
                 let fresnel = fresnel_conductor(wo.z.abs(), eta, k);
                 Some(mirrored(wo, reflectance * fresnel, 1.0))
             }
-            Self::Mirror {
-                reflectance,
-                two_sided,
-            } => {
+            Self::Mirror { reflectance, two_sided } => {
                 lit_side(wo, two_sided)?;
                 Some(mirrored(wo, reflectance, 1.0))
             }
@@ -325,10 +304,7 @@ impl Bsdf<'_> {
             } => {
                 let sign = lit_side(wo, two_sided)?;
                 let wo = wo * sign;
-                let facets = Facets {
-                    distribution,
-                    alpha,
-                };
+                let facets = Facets { distribution, alpha };
                 let m = facets.sample_visible(wo, u);
                 let cos_o = wo.dot(m);
                 let wi = (m * (2.0 * cos_o) - wo).normalize();
@@ -362,8 +338,8 @@ fn reflects(wo: Vec3, wi: Vec3, two_sided: bool) -> bool {
     (wo.z > 0.0 && wi.z > 0.0) || (two_sided && wo.z < 0.0 && wi.z < 0.0)
 }
 
-/// The sign that turns `wo` to the front, if the surface reflects on its side. Turning a direction through the origin is as
-/// good as mirroring it, as nothing here depends on the azimuth.
+/// The sign that turns `wo` to the front, if the surface reflects on its side. Turning a direction through the origin
+/// is as good as mirroring it, as nothing here depends on the azimuth.
 #[inline]
 fn lit_side(wo: Vec3, two_sided: bool) -> Option<f32> {
     if wo.z > 0.0 {

@@ -73,10 +73,6 @@ impl BumpShadowing {
         let cos = wi.dot(self.normal).abs().min(1.0);
         let cos2 = cos * cos;
         let extent = cos + (cos2 + self.alpha2 * (1.0 - cos2)).sqrt();
-        if extent > 0.0 {
-            2.0 * cos / extent
-        } else {
-            0.0
-        }
+        if extent > 0.0 { 2.0 * cos / extent } else { 0.0 }
     }
 }

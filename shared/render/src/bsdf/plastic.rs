@@ -1,5 +1,5 @@
-//! A dielectric coat over a diffuse base, smooth or rough, in the form that Mitsuba 3 gives it: light enters through the
-//! coat, bounces between base and coat until it leaves, and is spread over all directions by the last bounce.
+//! A dielectric coat over a diffuse base, smooth or rough, in the form that Mitsuba 3 gives it: light enters through
+//! the coat, bounces between base and coat until it leaves, and is spread over all directions by the last bounce.
 
 use super::fresnel::{fresnel_dielectric, mean_fresnel};
 use super::microfacet::{Facets, MIN_ALPHA};
@@ -17,8 +17,8 @@ pub struct Coat {
 }
 
 impl Coat {
-    /// `eta`: index of refraction inside over the one outside. `nonlinear`: the bounces between base and coat take on the
-    /// base's colour; else they leave it as it is.
+    /// `eta`: index of refraction inside over the one outside. `nonlinear`: the bounces between base and coat take on
+    /// the base's colour; else they leave it as it is.
     pub fn new(eta: f32, nonlinear: bool) -> Self {
         Self {
             eta,
@@ -64,10 +64,7 @@ impl Plastic {
 
     /// The base alone, still under its coat.
     pub(super) fn without_mirror(self) -> Self {
-        Self {
-            mirrors: false,
-            ..self
-        }
+        Self { mirrors: false, ..self }
     }
 
     fn fresnel(&self, v: Vec3) -> f32 {
@@ -151,14 +148,10 @@ impl RoughCoat {
     /// `alpha`: roughness, at least 1e-3 (less counts as that). Otherwise as [`Coat::new`].
     pub fn new(distribution: Distribution, alpha: f32, eta: f32, nonlinear: bool) -> Self {
         let alpha = alpha.max(MIN_ALPHA);
-        let facets = Facets {
-            distribution,
-            alpha,
-        };
+        let facets = Facets { distribution, alpha };
         let cosine = |i: usize| (i as f32 / (COSINES - 1) as f32).max(1e-6);
         let few = gauss_legendre(32);
-        let transmittance =
-            std::array::from_fn(|i| through_facets(&facets, cosine(i), eta, true, &few));
+        let transmittance = std::array::from_fn(|i| through_facets(&facets, cosine(i), eta, true, &few));
         // Mitsuba's mean over the same cosines, ends with full weight: a few per cent below the integral.
         let many = gauss_legendre(64);
         let reflected = |i| through_facets(&facets, cosine(i), 1.0 / eta, false, &many) * cosine(i);
@@ -180,15 +173,9 @@ impl RoughCoat {
     }
 }
 
-/// Share of the light from a direction at `cos` that a rough boundary with relative index `eta` transmits, or reflects, in
-/// one bounce. `rule`: nodes and weights for the two numbers that visible normals are drawn from.
-fn through_facets(
-    facets: &Facets,
-    cos: f32,
-    eta: f32,
-    transmitted: bool,
-    rule: &[(f32, f32)],
-) -> f32 {
+/// Share of the light from a direction at `cos` that a rough boundary with relative index `eta` transmits, or reflects,
+/// in one bounce. `rule`: nodes and weights for the two numbers that visible normals are drawn from.
+fn through_facets(facets: &Facets, cos: f32, eta: f32, transmitted: bool, rule: &[(f32, f32)]) -> f32 {
     let wo = Vec3::new((1.0 - cos * cos).sqrt(), 0.0, cos);
     let mut sum = 0.0;
     for &(x, weight_x) in rule {
@@ -240,18 +227,12 @@ pub struct RoughPlastic<'a> {
 impl PartialEq for RoughPlastic<'_> {
     fn eq(&self, other: &Self) -> bool {
         std::ptr::eq(self.coat, other.coat)
-            && (self.base, self.specular, self.two_sided)
-                == (other.base, other.specular, other.two_sided)
+            && (self.base, self.specular, self.two_sided) == (other.base, other.specular, other.two_sided)
     }
 }
 
 impl<'a> RoughPlastic<'a> {
-    pub(super) fn new(
-        coat: &'a RoughCoat,
-        reflectance: Rgb,
-        specular: Rgb,
-        two_sided: bool,
-    ) -> Self {
+    pub(super) fn new(coat: &'a RoughCoat, reflectance: Rgb, specular: Rgb, two_sided: bool) -> Self {
         Self {
             coat,
             base: base(reflectance, coat.internal, coat.eta, coat.nonlinear),
@@ -341,9 +322,7 @@ mod tests {
         for n in [2, 5, 32, 64] {
             let rule = gauss_legendre(n);
             for power in [0, 1, 3] {
-                let term = |(x, w): &(f32, f32)| {
-                    f64::from(*w) * libm::pow(f64::from(*x), f64::from(power))
-                };
+                let term = |(x, w): &(f32, f32)| f64::from(*w) * libm::pow(f64::from(*x), f64::from(power));
                 let sum: f64 = rule.iter().map(term).sum();
                 let exact = 1.0 / f64::from(power + 1);
                 assert!((sum - exact).abs() < 1e-6, "{n} {power}: {sum}");

@@ -41,7 +41,8 @@ impl Principled {
         [[1.0, 0.0], [0.0, 1.0]].map(|lobes| Self { lobes, ..self })
     }
 
-    /// Fresnel's reflectance for the dielectric share, Schlick's approximation for the metallic one. `cos` to the microfacet.
+    /// Fresnel's reflectance for the dielectric share, Schlick's approximation for the metallic one. `cos` to the
+    /// microfacet.
     fn fresnel(&self, cos: f32) -> Rgb {
         // An index of 1 turns off the dielectric share alone: Mitsuba's metal would go with it, but has no index.
         let (dielectric, cos_t) = fresnel_dielectric(cos.min(1.0), self.eta);
@@ -70,8 +71,7 @@ impl Principled {
         let rr = 2.0 * self.roughness * cos_d * cos_d;
         let lambert = (1.0 - 0.5 * fo) * (1.0 - 0.5 * fi);
         let retro = rr * (fo + fi + fo * fi * (rr - 1.0));
-        let diffuse =
-            base * (1.0 - self.metallic) * (lambert + retro) * std::f32::consts::FRAC_1_PI;
+        let diffuse = base * (1.0 - self.metallic) * (lambert + retro) * std::f32::consts::FRAC_1_PI;
         specular + self.base_color * diffuse
     }
 
@@ -93,8 +93,7 @@ impl Principled {
             return 0.0;
         }
         let p = self.specular_probability(wo);
-        p * self.facets().reflection_pdf(wo, half_vector(wo, wi))
-            + (1.0 - p) * warp::cosine_hemisphere_pdf(wi.z.abs())
+        p * self.facets().reflection_pdf(wo, half_vector(wo, wi)) + (1.0 - p) * warp::cosine_hemisphere_pdf(wi.z.abs())
     }
 
     #[inline(never)]

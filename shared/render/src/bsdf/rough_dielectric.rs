@@ -80,12 +80,7 @@ impl RoughDielectric {
         if length2 <= 0.0 {
             return None;
         }
-        let m = h
-            / (if h.z < 0.0 {
-                -length2.sqrt()
-            } else {
-                length2.sqrt()
-            });
+        let m = h / (if h.z < 0.0 { -length2.sqrt() } else { length2.sqrt() });
         let cos_o = wo.dot(m);
         let cos_i = if reflection { wi.dot(m) } else { -wi.dot(m) };
         // Neither direction sees the back of a microfacet.
@@ -110,14 +105,12 @@ impl RoughDielectric {
         let Some(f) = self.facet(wo, wi) else {
             return Rgb::ZERO;
         };
-        let d =
-            self.facets().density(f.m) / (self.facets().extent(f.wo) * self.facets().extent(f.wi));
+        let d = self.facets().density(f.m) / (self.facets().extent(f.wo) * self.facets().extent(f.wi));
         if f.reflection {
             self.reflectance * (f.reflectance * d)
         } else {
             let scale = radiance_scale(f.eta, mode);
-            self.transmittance
-                * (4.0 * scale * (1.0 - f.reflectance) * d * f.cos_o * f.refraction_jacobian())
+            self.transmittance * (4.0 * scale * (1.0 - f.reflectance) * d * f.cos_o * f.refraction_jacobian())
         }
     }
 
@@ -138,13 +131,7 @@ impl RoughDielectric {
     }
 
     #[inline]
-    pub(super) fn sample(
-        &self,
-        wo: Vec3,
-        u_lobe: f32,
-        u: Vec2,
-        mode: TransportMode,
-    ) -> Option<BsdfSample> {
+    pub(super) fn sample(&self, wo: Vec3, u_lobe: f32, u: Vec2, mode: TransportMode) -> Option<BsdfSample> {
         let (sign, eta) = self.side(wo);
         let wo = wo * sign;
         if wo.z <= 0.0 {

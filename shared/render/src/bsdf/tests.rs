@@ -18,18 +18,8 @@ fn materials() -> Vec<Material> {
     for two_sided in [false, true] {
         let (gold, gold_k) = conductor_preset("gold").unwrap();
         let mirror = Rgb::splat(1e30);
-        materials.push(material(
-            MaterialKind::Diffuse {
-                reflectance: grey(1.0),
-            },
-            two_sided,
-        ));
-        materials.push(material(
-            MaterialKind::Mirror {
-                reflectance: grey(0.9),
-            },
-            two_sided,
-        ));
+        materials.push(material(MaterialKind::Diffuse { reflectance: grey(1.0) }, two_sided));
+        materials.push(material(MaterialKind::Mirror { reflectance: grey(0.9) }, two_sided));
         for (eta, k) in [(gold, gold_k), (Rgb::ZERO, mirror), (Rgb::ONE, Rgb::ZERO)] {
             materials.push(material(
                 MaterialKind::Conductor {
@@ -142,18 +132,7 @@ fn coated(eta: f32, two_sided: bool) -> Vec<Material> {
 /// Unit vectors all over the sphere, crowded at the poles and about the horizon, and exactly on it.
 fn directions() -> Vec<Vec3> {
     let mut directions = vec![];
-    for z in [
-        1.0f32,
-        0.999_999_94,
-        0.9,
-        0.5,
-        1e-2,
-        1e-4,
-        1e-8,
-        1e-20,
-        1e-38,
-        0.0,
-    ] {
+    for z in [1.0f32, 0.999_999_94, 0.9, 0.5, 1e-2, 1e-4, 1e-8, 1e-20, 1e-38, 0.0] {
         for phi in [0.0, 2.0] {
             let (sin, cos) = libm::sincosf(phi);
             let r = (1.0 - z * z).sqrt();
@@ -201,10 +180,7 @@ fn samples_are_unit_finite_and_never_gain_energy() {
                         let name = format!("{bsdf:?} {wo} {lobe} {u}: {s:?}");
                         assert!((s.wi.length() - 1.0).abs() < 1e-6, "{name}");
                         assert!(s.weight.min_element() >= 0.0, "{name}");
-                        let mixed = matches!(
-                            bsdf,
-                            Bsdf::Plastic(_) | Bsdf::RoughPlastic(_) | Bsdf::Principled(_)
-                        );
+                        let mixed = matches!(bsdf, Bsdf::Plastic(_) | Bsdf::RoughPlastic(_) | Bsdf::Principled(_));
                         assert!(mixed || s.weight.max_element() <= 1.000_001, "{name}");
                         assert!(s.weight.is_finite(), "{name}");
                         assert!(s.pdf > 0.0 && s.pdf.is_finite(), "{name}");
@@ -240,11 +216,7 @@ fn backs_of_one_sided_surfaces_are_black() {
         assert_eq!(bsdf.eval(front, back, TransportMode::Flux), Rgb::ZERO);
         let value = bsdf.eval(back, back, TransportMode::Flux);
         let mirrored = bsdf.eval(front, front, TransportMode::Flux);
-        let expected = if material.two_sided {
-            mirrored
-        } else {
-            Rgb::ZERO
-        };
+        let expected = if material.two_sided { mirrored } else { Rgb::ZERO };
         assert_eq!(value, expected, "{bsdf:?}");
     }
 }
@@ -259,12 +231,7 @@ fn specular_materials_are_those_of_delta_lobes() {
             assert_eq!(sample.delta, material.is_specular(), "{bsdf:?}");
         }
     }
-    let black = material(
-        MaterialKind::Diffuse {
-            reflectance: grey(0.0),
-        },
-        true,
-    );
+    let black = material(MaterialKind::Diffuse { reflectance: grey(0.0) }, true);
     assert_eq!(black.bsdf(Vec2::ZERO), Bsdf::Black);
     assert!(!black.is_specular());
 }
@@ -322,10 +289,7 @@ fn index_matched_boundaries_let_light_straight_through() {
             for mode in MODES {
                 for lobe in [0.0, 0.999] {
                     let s = bsdf.sample(wo, lobe, Vec2::new(0.2, 0.7), mode).unwrap();
-                    assert!(
-                        (s.wi + wo).length() < 1e-6 && s.transmitted && s.delta,
-                        "{wo} {s:?}"
-                    );
+                    assert!((s.wi + wo).length() < 1e-6 && s.transmitted && s.delta, "{wo} {s:?}");
                     assert_eq!((s.weight, s.pdf), (Rgb::ONE, 1.0));
                 }
             }

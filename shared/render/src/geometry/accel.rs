@@ -83,13 +83,7 @@ impl Geometry {
     }
 
     /// Whether anything is hit in (0, t_max).
-    pub fn occluded(
-        &self,
-        objects: &[Object],
-        ray: &Ray,
-        t_max: f32,
-        ignore: impl Fn(u32) -> bool,
-    ) -> bool {
+    pub fn occluded(&self, objects: &[Object], ray: &Ray, t_max: f32, ignore: impl Fn(u32) -> bool) -> bool {
         self.search::<true>(objects, ray, t_max, ignore).is_some()
     }
 
@@ -140,12 +134,7 @@ impl Geometry {
 type ShapeHit = Option<(f32, u32, Vec2)>;
 
 /// A mesh put somewhere. Distances are the same in object space, whose directions are of any length.
-fn intersect_placed<const ANY: bool>(
-    tree: &ItemTree,
-    placement: &Placement,
-    ray: &Ray,
-    t_max: f32,
-) -> ShapeHit {
+fn intersect_placed<const ANY: bool>(tree: &ItemTree, placement: &Placement, ray: &Ray, t_max: f32) -> ShapeHit {
     let origin = placement.object_from_render.transform_point3(ray.origin);
     let dir = placement.object_from_render.transform_vector3(ray.dir);
     match tree.search::<ANY, ()>(origin, dir, t_max, &|_| false, |_, _| None)? {

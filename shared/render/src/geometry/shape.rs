@@ -146,8 +146,9 @@ impl SurfaceHit {
         }
     }
 
-    /// A ray to the point at a `distance`, which may be infinite, in direction `dir` from the hit; and the distance of that point
-    /// from where the ray starts. Moved off the surface without being aimed afresh it would miss what is near.
+    /// A ray to the point at a `distance`, which may be infinite, in direction `dir` from the hit; and the distance of
+    /// that point from where the ray starts. Moved off the surface without being aimed afresh it would miss what is
+    /// near.
     #[inline]
     pub fn ray_to(&self, dir: Vec3, distance: f32) -> (Ray, f32) {
         let ray = self.spawn_ray(dir);
@@ -277,9 +278,7 @@ impl Shape {
             Self::Sphere { placement, .. } => placement.area_shrink(normal) / (4.0 * PI),
             Self::Cylinder { placement, .. } => placement.area_shrink(normal) / (2.0 * PI),
             Self::Disc { placement, .. } => 1.0 / (PI * placement.area_stretch(Vec3::Z)),
-            Self::Mesh { mesh, .. } => {
-                (1.0 / mesh.area_sums().last().copied().unwrap_or(0.0)) as f32
-            }
+            Self::Mesh { mesh, .. } => (1.0 / mesh.area_sums().last().copied().unwrap_or(0.0)) as f32,
         }
     }
 
@@ -311,9 +310,7 @@ impl Shape {
             Self::Disc { placement, flip } => {
                 let n = placement.normal(Vec3::Z).normalize();
                 let n = if *flip { -n } else { n };
-                let point = placement
-                    .render_from_object
-                    .transform_point3(hit.uv.extend(0.0));
+                let point = placement.render_from_object.transform_point3(hit.uv.extend(0.0));
                 (point, n, n, disc_uv(hit.uv), 0.0, placement.scale())
             }
             Self::Cylinder { placement, flip } => {
@@ -353,11 +350,7 @@ impl Shape {
                 let (ns, curvature) = match normals {
                     None => (ng, 0.0),
                     Some([a, b, c]) => {
-                        let n = [
-                            a.normalize_or_zero(),
-                            b.normalize_or_zero(),
-                            c.normalize_or_zero(),
-                        ];
+                        let n = [a.normalize_or_zero(), b.normalize_or_zero(), c.normalize_or_zero()];
                         let ns = n[0] * (1.0 - w.x - w.y) + n[1] * w.x + n[2] * w.y;
                         let ns = ns.normalize_or(ng);
                         let ns = if ns.dot(ng) < 0.0 { -ns } else { ns };

@@ -4,8 +4,8 @@ use super::shape::{Placement, Shape, SurfaceHit};
 use crate::math::{Frame, PI, Vec3};
 
 impl Shape {
-    /// Derivatives of a hit's point by its UV, as Mitsuba has them (those of a disc are by the length of an arc). Any two
-    /// tangents where there is no UV.
+    /// Derivatives of a hit's point by its UV, as Mitsuba has them (those of a disc are by the length of an arc). Any
+    /// two tangents where there is no UV.
     pub fn tangents(&self, hit: &SurfaceHit) -> [Vec3; 2] {
         let place = |placement: &Placement, tangents: [Vec3; 2]| {
             tangents.map(|t| placement.render_from_object.transform_vector3(t))
@@ -18,16 +18,8 @@ impl Shape {
             Self::Sphere { placement, .. } => {
                 let p = placement.object_from_render.transform_point3(hit.point);
                 let r = p.truncate().length();
-                let (cos, sin) = if r > 0.0 {
-                    (p.x / r, p.y / r)
-                } else {
-                    (1.0, 0.0)
-                };
-                let du = if r > 0.0 {
-                    Vec3::new(-p.y, p.x, 0.0)
-                } else {
-                    Vec3::Y
-                };
+                let (cos, sin) = if r > 0.0 { (p.x / r, p.y / r) } else { (1.0, 0.0) };
+                let du = if r > 0.0 { Vec3::new(-p.y, p.x, 0.0) } else { Vec3::Y };
                 let dv = Vec3::new(p.z * cos, p.z * sin, -r);
                 place(placement, [du * (2.0 * PI), dv * PI])
             }
@@ -66,8 +58,8 @@ mod tests {
     use glam::Affine3A;
     use std::sync::Arc;
 
-    /// Neighbouring hits differ by the tangents times the difference of their UV; on a disc, whose second tangent is of unit
-    /// length in its own space, by that over 2 pi times the radius.
+    /// Neighbouring hits differ by the tangents times the difference of their UV; on a disc, whose second tangent is of
+    /// unit length in its own space, by that over 2 pi times the radius.
     #[test]
     fn tangents_are_derivatives_of_points() {
         let render_from_object = Affine3A::from_scale_rotation_translation(
@@ -90,18 +82,9 @@ mod tests {
             ..Mesh::default()
         };
         for shape in [
-            Shape::Sphere {
-                placement,
-                flip: false,
-            },
-            Shape::Cylinder {
-                placement,
-                flip: true,
-            },
-            Shape::Disc {
-                placement,
-                flip: false,
-            },
+            Shape::Sphere { placement, flip: false },
+            Shape::Cylinder { placement, flip: true },
+            Shape::Disc { placement, flip: false },
             Shape::Mesh {
                 mesh: Arc::new(mesh),
                 placement,

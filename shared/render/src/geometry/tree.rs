@@ -72,8 +72,8 @@ impl ItemTree {
         tree
     }
 
-    /// The nearest hit in (0, t_max), or any if `ANY`. `ignore`: objects whose triangles are passed through. `other`: the
-    /// distance at which something else is hit before a given one.
+    /// The nearest hit in (0, t_max), or any if `ANY`. `ignore`: objects whose triangles are passed through. `other`:
+    /// the distance at which something else is hit before a given one.
     #[inline(always)]
     pub fn search<const ANY: bool, T: Copy>(
         &self,
@@ -145,10 +145,7 @@ impl Builder<'_> {
         };
         if triangles.is_some() && area <= split {
             self.is_leaf[index] = true;
-            Part {
-                triangles,
-                cost: area,
-            }
+            Part { triangles, cost: area }
         } else {
             Part {
                 triangles: None,
@@ -189,8 +186,8 @@ mod tests {
     use crate::sampler::{Purpose, Sampler};
     use crate::warp;
 
-    /// Triangles large and small, all over the place and on top of each other: the tree finds what looking at each of them
-    /// finds, and anything at all where there is something.
+    /// Triangles large and small, all over the place and on top of each other: the tree finds what looking at each of
+    /// them finds, and anything at all where there is something.
     #[test]
     fn hits_are_those_of_all_triangles_one_by_one() {
         let mut sampler = Sampler::new(1, 0, Purpose::Test, 0);

@@ -21,16 +21,8 @@ impl ShearedRay {
         let shear = Vec4::new(dir[x], dir[y], 1.0, 1.0) / Vec4::splat(dir[z]);
         Self {
             axes: [x, y, z],
-            origin: [
-                Vec4::splat(origin[x]),
-                Vec4::splat(origin[y]),
-                Vec4::splat(origin[z]),
-            ],
-            shear: [
-                Vec4::splat(shear.x),
-                Vec4::splat(shear.y),
-                Vec4::splat(shear.z),
-            ],
+            origin: [Vec4::splat(origin[x]), Vec4::splat(origin[y]), Vec4::splat(origin[z])],
+            shear: [Vec4::splat(shear.x), Vec4::splat(shear.y), Vec4::splat(shear.z)],
         }
     }
 
@@ -74,10 +66,7 @@ impl Four {
     /// No triangle yet.
     pub const EMPTY: Self = Self {
         corners: [[Vec4::NAN; 3]; 3],
-        ids: [TriangleId {
-            object: 0,
-            triangle: 0,
-        }; 4],
+        ids: [TriangleId { object: 0, triangle: 0 }; 4],
     };
 
     /// Put a triangle at one of the four places.
@@ -92,12 +81,7 @@ impl Four {
 
     /// The nearest hit in (0, t_max) among the triangles of objects that are not ignored.
     #[inline(always)]
-    pub fn intersect(
-        &self,
-        ray: &ShearedRay,
-        t_max: f32,
-        ignore: &impl Fn(u32) -> bool,
-    ) -> Option<FourHit> {
+    pub fn intersect(&self, ray: &ShearedRay, t_max: f32, ignore: &impl Fn(u32) -> bool) -> Option<FourHit> {
         let [a, b, c] = &self.corners;
         let (a, b, c) = (ray.project(a), ray.project(b), ray.project(c));
         let mut u = c[0] * b[1] - c[1] * b[0];
@@ -107,8 +91,7 @@ impl Four {
         if (u.cmpeq(zero) | v.cmpeq(zero) | w.cmpeq(zero)).any() {
             [u, v, w] = exactly([&a, &b, &c], [u, v, w]);
         }
-        let inside = (u.cmpge(zero) & v.cmpge(zero) & w.cmpge(zero))
-            | (u.cmple(zero) & v.cmple(zero) & w.cmple(zero));
+        let inside = (u.cmpge(zero) & v.cmpge(zero) & w.cmpge(zero)) | (u.cmple(zero) & v.cmple(zero) & w.cmple(zero));
         if !inside.any() {
             return None;
         }
@@ -136,16 +119,15 @@ impl Four {
     }
 }
 
-/// The edge functions again where one of them is zero: on an edge as far as single precision can tell. In double, where the
-/// products are exact.
+/// The edge functions again where one of them is zero: on an edge as far as single precision can tell. In double, where
+/// the products are exact.
 #[cold]
 #[inline(never)]
 fn exactly([a, b, c]: [&[Vec4; 3]; 3], [mut u, mut v, mut w]: [Vec4; 3]) -> [Vec4; 3] {
     for i in 0..4 {
         if u[i] == 0.0 || v[i] == 0.0 || w[i] == 0.0 {
             let cross = |p: &[Vec4; 3], q: &[Vec4; 3]| {
-                (f64::from(p[0][i]) * f64::from(q[1][i]) - f64::from(p[1][i]) * f64::from(q[0][i]))
-                    as f32
+                (f64::from(p[0][i]) * f64::from(q[1][i]) - f64::from(p[1][i]) * f64::from(q[0][i])) as f32
             };
             u[i] = cross(c, b);
             v[i] = cross(a, c);

@@ -5,7 +5,8 @@ use crate::world::Scene;
 
 /// Rays along each side of the image.
 const SIDE: usize = 48;
-/// Share of the points that are left out at either end of each axis: rays to the horizon say nothing about what is near.
+/// Share of the points that are left out at either end of each axis: rays to the horizon say nothing about what is
+/// near.
 const OUTLIERS: f32 = 0.25;
 /// By how much less than the whole of an even distribution the rest spans; nine tenths of the whole are meant.
 const NARROWED: f32 = MEANT / (1.0 - 2.0 * OUTLIERS);
@@ -15,25 +16,24 @@ const ENOUGH: usize = SIDE * SIDE / 8;
 
 /// A part of the scene is small below so much of the scene's radius.
 const SMALL: f32 = 0.25;
-/// Radius that stands for a small part, over that of what the camera sees first: scenes that the camera sees as a whole have about
-/// twice that.
+/// Radius that stands for a small part, over that of what the camera sees first: scenes that the camera sees as a whole
+/// have about twice that.
 const AROUND: f32 = 2.0;
 
-/// The radius that base radii of kernels are fractions of, where that is not the scene's, since the camera sees but a small part.
+/// The radius that base radii of kernels are fractions of, where that is not the scene's, since the camera sees but a
+/// small part.
 pub(super) fn of_part_seen(scene: &Scene) -> Option<f32> {
     let seen = seen(scene);
     (seen < SMALL * scene.bounds().radius).then_some(AROUND * seen)
 }
 
-/// Radius of what the camera sees first, scene units: half the diagonal of the box around nine tenths of the points along each
-/// axis, if they were evenly spread; by the middle half of them. Where there is nothing to see, that is as far as the scene's
-/// bounds. What is black does not count. A function of the scene alone.
+/// Radius of what the camera sees first, scene units: half the diagonal of the box around nine tenths of the points
+/// along each axis, if they were evenly spread; by the middle half of them. Where there is nothing to see, that is as
+/// far as the scene's bounds. What is black does not count. A function of the scene alone.
 fn seen(scene: &Scene) -> f32 {
     let camera = &scene.description().camera;
     let rules = scene.description().rules.as_ref();
-    let is_passed = |object: u32| {
-        scene.passable[object as usize] || rules.is_some_and(|r| r.hides(r.camera, object))
-    };
+    let is_passed = |object: u32| scene.passable[object as usize] || rules.is_some_and(|r| r.hides(r.camera, object));
     let (mut met, mut left) = (Vec::new(), Vec::new());
     for i in 0..SIDE * SIDE {
         let at = Vec2::new((i % SIDE) as f32, (i / SIDE) as f32) + 0.5;

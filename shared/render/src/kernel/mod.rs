@@ -36,8 +36,8 @@ impl Extent {
     }
 }
 
-/// Kernel radius over footprint radius: kernels of neighbouring photons overlap, those of surfaces by more, because they
-/// average over fewer photons, and by yet more where light that has been scattered leaves little to blur.
+/// Kernel radius over footprint radius: kernels of neighbouring photons overlap, those of surfaces by more, because
+/// they average over fewer photons, and by yet more where light that has been scattered leaves little to blur.
 const BEAM_OVERLAP: f32 = 1.5;
 const SURFACE_OVERLAP: f32 = 3.0;
 const SMOOTH_SURFACE_OVERLAP: f32 = 7.5;
@@ -71,8 +71,8 @@ impl KernelRadii {
         self.bounded(footprint, footprint.radius() * BEAM_OVERLAP)
     }
 
-    /// The base radius of a surface photon for its footprint. `share`: of that footprint's radius, when there are more surface
-    /// photons than beams.
+    /// The base radius of a surface photon for its footprint. `share`: of that footprint's radius, when there are more
+    /// surface photons than beams.
     #[inline]
     pub fn surface(&self, footprint: &Footprint, share: f32) -> f32 {
         let overlap = if footprint.is_smooth() {

@@ -6,18 +6,9 @@ use crate::math::{Frame, PI, Rgb, Vec2, Vec3, sin_cos};
 
 impl Light {
     /// Draw a direction towards the light from a point. `None`: nothing arrives from where the sample fell.
-    pub fn sample_direct(
-        &self,
-        objects: &[Object],
-        from: Vec3,
-        u: Vec2,
-        u_primitive: f32,
-    ) -> Option<DirectSample> {
+    pub fn sample_direct(&self, objects: &[Object], from: Vec3, u: Vec2, u_primitive: f32) -> Option<DirectSample> {
         match &self.kind {
-            LightKind::Point {
-                position,
-                intensity,
-            } => from_point(*position - from, *intensity),
+            LightKind::Point { position, intensity } => from_point(*position - from, *intensity),
             LightKind::Spot {
                 position,
                 frame,
@@ -29,10 +20,7 @@ impl Light {
                 let falloff = spot::falloff(angle, *beam_width, *cutoff);
                 from_point(*position - from, *intensity * falloff).filter(|_| falloff > 0.0)
             }
-            LightKind::Directional {
-                direction,
-                irradiance,
-            } => Some(DirectSample {
+            LightKind::Directional { direction, irradiance } => Some(DirectSample {
                 wi: -*direction,
                 normal: *direction,
                 distance: f32::INFINITY,
@@ -85,13 +73,7 @@ impl Light {
 
     /// Density per solid angle of [`Self::sample_direct`] choosing `wi`, for a ray that met the light by chance: `hit`
     /// says where, and is `None` for a ray that left the scene. Zero for lights that no ray meets.
-    pub fn pdf_direct(
-        &self,
-        objects: &[Object],
-        from: Vec3,
-        wi: Vec3,
-        hit: Option<LightHit>,
-    ) -> f32 {
+    pub fn pdf_direct(&self, objects: &[Object], from: Vec3, wi: Vec3, hit: Option<LightHit>) -> f32 {
         match (&self.kind, hit) {
             (LightKind::Area { object, .. }, Some(hit)) => {
                 let shape = &objects[*object as usize].shape;
@@ -99,8 +81,7 @@ impl Light {
                     Some(cone) => cone.pdf(),
                     None => {
                         let cos = -wi.dot(hit.normal);
-                        per_solid_angle(shape.pdf_area(hit.normal), cos, hit.distance)
-                            .unwrap_or(0.0)
+                        per_solid_angle(shape.pdf_area(hit.normal), cos, hit.distance).unwrap_or(0.0)
                     }
                 }
             }
@@ -111,8 +92,8 @@ impl Light {
 }
 
 impl Light {
-    /// Density of emitted photons per area across `wi` at a point, over the density with which [`Self::sample_direct`] from
-    /// there chooses that light: what the two are weighed by against each other. `at`: where the light is met.
+    /// Density of emitted photons per area across `wi` at a point, over the density with which [`Self::sample_direct`]
+    /// from there chooses that light: what the two are weighed by against each other. `at`: where the light is met.
     pub(crate) fn photon_density(
         &self,
         objects: &[Object],
@@ -179,11 +160,7 @@ struct Cone {
 impl Cone {
     /// `None` unless the shape is a sphere under a similar map that emits outwards, with `from` outside of it.
     fn around(shape: &Shape, from: Vec3) -> Option<Self> {
-        let Shape::Sphere {
-            placement,
-            flip: false,
-        } = shape
-        else {
+        let Shape::Sphere { placement, flip: false } = shape else {
             return None;
         };
         let radius = placement.uniform_scale()?;

@@ -8,17 +8,9 @@ use crate::warp;
 
 impl Light {
     /// Start a photon path. The mean of the sample's power is [`Light::power`].
-    pub fn sample_emission(
-        &self,
-        objects: &[Object],
-        bounds: &SceneBounds,
-        u: EmissionUniforms,
-    ) -> EmissionSample {
+    pub fn sample_emission(&self, objects: &[Object], bounds: &SceneBounds, u: EmissionUniforms) -> EmissionSample {
         match &self.kind {
-            LightKind::Point {
-                position,
-                intensity,
-            } => EmissionSample {
+            LightKind::Point { position, intensity } => EmissionSample {
                 origin: *position,
                 dir: warp::uniform_sphere(u.direction),
                 normal: None,
@@ -44,17 +36,12 @@ impl Light {
                     pdf_pos: f32::INFINITY,
                 }
             }
-            LightKind::Directional {
-                direction,
-                irradiance,
-            } => EmissionSample {
+            LightKind::Directional { direction, irradiance } => EmissionSample {
                 pdf_dir: f32::INFINITY,
                 ..from_afar(bounds, *direction, *irradiance, u.position)
             },
             LightKind::Area { object, radiance } => {
-                let at = objects[*object as usize]
-                    .shape
-                    .sample_area(u.position, u.primitive);
+                let at = objects[*object as usize].shape.sample_area(u.position, u.primitive);
                 let local = warp::cosine_hemisphere(u.direction);
                 EmissionSample {
                     origin: at.point,
@@ -90,12 +77,7 @@ impl EmissionUniforms {
 }
 
 /// Parallel light through the disc that covers the bounds, from just outside of them.
-pub(crate) fn from_afar(
-    bounds: &SceneBounds,
-    dir: Vec3,
-    irradiance: Rgb,
-    u: Vec2,
-) -> EmissionSample {
+pub(crate) fn from_afar(bounds: &SceneBounds, dir: Vec3, irradiance: Rgb, u: Vec2) -> EmissionSample {
     let disc = warp::concentric_disk(u);
     let offset = Frame::from_normal(dir).to_world(Vec3::new(disc.x, disc.y, -1.0));
     let area = bounds.disc_area();

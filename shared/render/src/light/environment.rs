@@ -2,8 +2,8 @@
 //!
 //! Orientation is Mitsuba 3's `envmap` with an identity `to_world`: the pole +y is the image's first row, the column
 //! coordinate u = atan2(x, -z) / 2 pi, so that the image's left and right edges meet at -z, +x is a quarter and +z half
-//! way to the right, -x three quarters. Columns are sampled at pixel centres (i + 1/2) / width and repeat; rows stand at
-//! j / (height - 1), so that the first and the last lie on the poles. In between, bilinear.
+//! way to the right, -x three quarters. Columns are sampled at pixel centres (i + 1/2) / width and repeat; rows stand
+//! at j / (height - 1), so that the first and the last lie on the poles. In between, bilinear.
 
 use super::cdf;
 use crate::math::{PI, Rgb, Vec2, Vec3, atan2, mean, sin_cos};
@@ -77,8 +77,9 @@ impl Environment {
         }
     }
 
-    /// What an image shows, as one or two environments whose sum it is: where a sun is much brighter than the sky, the sky with what the
-    /// sun has of the sky's radiance, which paths meet by chance, and the rest of the sun, which has to be aimed at.
+    /// What an image shows, as one or two environments whose sum it is: where a sun is much brighter than the sky, the
+    /// sky with what the sun has of the sky's radiance, which paths meet by chance, and the rest of the sun, which has
+    /// to be aimed at.
     pub fn sky_and_suns(image: &Arc<Image>, scale: Rgb, render_from_env: Mat3) -> Vec<Self> {
         let new = |image| Self::new(Some(image), scale, render_from_env);
         let all = new(image.clone());
@@ -96,11 +97,7 @@ impl Environment {
             });
             let pixels = pixels.collect();
             let [width, height] = [image.width, image.height];
-            new(Arc::new(Image {
-                width,
-                height,
-                pixels,
-            }))
+            new(Arc::new(Image { width, height, pixels }))
         };
         vec![part(|_, sky| sky), part(|all, sky| all - sky)]
     }
@@ -171,7 +168,8 @@ impl Environment {
     }
 }
 
-/// The most that a direction of an image's even part may have, by the mean channel, W/(m^2 sr); none where hardly any light is even.
+/// The most that a direction of an image's even part may have, by the mean channel, W/(m^2 sr); none where hardly any
+/// light is even.
 fn radiance_of_sky(image: &Image, scale: Rgb) -> Option<f32> {
     let rows = image.pixels.chunks_exact(image.width as usize).enumerate();
     let rows = rows.map(|(row, pixels)| {
@@ -250,8 +248,7 @@ impl Table {
                 let next = (column + 1) % columns;
                 let upper = (above[column] + above[next]) * scale;
                 let lower = (below[column] + below[next]) * scale;
-                let flux =
-                    (upper.as_dvec3() * band.above + lower.as_dvec3() * band.below) * 0.5 * azimuth;
+                let flux = (upper.as_dvec3() * band.above + lower.as_dvec3() * band.below) * 0.5 * azimuth;
                 fluence += flux;
                 weights.push((flux.x + flux.y + flux.z) / 3.0);
             }

@@ -1,5 +1,6 @@
-//! Which light, by what each would bring to a point if nothing were in its way: distance, the light's cone or plane, and the
-//! surface's horizon (after Conty Estevez & Kulla 2018, importance sampling of many lights, without their tree).
+//! Which light, by what each would bring to a point if nothing were in its way: distance, the light's cone or plane,
+//! and the surface's horizon (after Conty Estevez & Kulla 2018, importance sampling of many lights, without their
+//! tree).
 
 use super::source::{LightSources, MAX_WEIGHED, Region, Source};
 use super::{LightChoice, LightSelector};
@@ -20,20 +21,12 @@ pub struct LocalChoice<'a> {
 }
 
 impl LightSources {
-    /// Probabilities at a point. `normal`: of a surface that is lit from that side only. `by_power`: lights that it never
-    /// chooses are not chosen.
-    pub fn choice_at<'a>(
-        &self,
-        point: Vec3,
-        normal: Option<Vec3>,
-        by_power: &'a LightSelector,
-    ) -> LocalChoice<'a> {
+    /// Probabilities at a point. `normal`: of a surface that is lit from that side only. `by_power`: lights that it
+    /// never chooses are not chosen.
+    pub fn choice_at<'a>(&self, point: Vec3, normal: Option<Vec3>, by_power: &'a LightSelector) -> LocalChoice<'a> {
         let count = self.sources.len();
         if count == 1 || count > MAX_WEIGHED {
-            return LocalChoice {
-                by_power,
-                local: None,
-            };
+            return LocalChoice { by_power, local: None };
         }
         let mut irradiances = [0.0; MAX_WEIGHED];
         let (mut total, mut power) = (0.0, 0.0);
@@ -94,14 +87,11 @@ impl LocalChoice<'_> {
 }
 
 impl Source {
-    /// About the irradiance that the light brings to a point, W/m^2, on a surface that faces it or has a normal. Zero only where
-    /// it brings nothing.
+    /// About the irradiance that the light brings to a point, W/m^2, on a surface that faces it or has a normal. Zero
+    /// only where it brings nothing.
     fn irradiance_at(&self, at: Vec3, normal: Option<Vec3>) -> f32 {
         match self {
-            Self::Far {
-                irradiance,
-                direction,
-            } => {
+            Self::Far { irradiance, direction } => {
                 let cos = match (direction, normal) {
                     (Some(direction), Some(normal)) => (-direction.dot(normal)).max(0.0),
                     (Some(_), None) => 1.0,
@@ -142,9 +132,7 @@ impl Source {
                 };
                 let cos = match normal {
                     // Of the end that is highest above the horizon.
-                    Some(normal) => {
-                        ((offset.dot(normal) + softening.sqrt()) / distance).clamp(0.0, 1.0)
-                    }
+                    Some(normal) => ((offset.dot(normal) + softening.sqrt()) / distance).clamp(0.0, 1.0),
                     None => 1.0,
                 };
                 intensity / distance2 * at_light * cos

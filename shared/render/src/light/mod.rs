@@ -42,7 +42,8 @@ pub enum LightKind {
         /// W/sr.
         intensity: Rgb,
     },
-    /// Spot light: full intensity within `beam_width`, falling linearly in angle to zero at `cutoff` (Mitsuba 3's spot).
+    /// Spot light: full intensity within `beam_width`, falling linearly in angle to zero at `cutoff` (Mitsuba 3's
+    /// spot).
     Spot {
         /// Where.
         position: Vec3,
@@ -159,9 +160,7 @@ impl Light {
                 ..
             } => *intensity * spot::effective_solid_angle(*beam_width, *cutoff),
             LightKind::Directional { irradiance, .. } => *irradiance * bounds.disc_area(),
-            LightKind::Area { object, radiance } => {
-                *radiance * (PI * objects[*object as usize].shape.area())
-            }
+            LightKind::Area { object, radiance } => *radiance * (PI * objects[*object as usize].shape.area()),
             LightKind::Environment(environment) => environment.fluence() * bounds.disc_area(),
         }
     }

@@ -1,10 +1,10 @@
 //! Which light, and at which point of a ray segment its light is scattered: what single scattering is sampled by.
 //!
-//! Light of a source at distance D from the line arrives as 1 / d^2 = 1 / (D^2 + s^2), s the position along the line from
-//! the foot of the perpendicular. Points uniform in the angle under which the source sees the segment follow that (Kulla &
-//! Fajardo 2012, equiangular sampling). In psi, the angle by which light is turned towards the ray's origin, with
-//! tan(psi / 2) = (s + d) / D, a phase function that peaks forwards is followed as well: angles in proportion to Poisson's
-//! kernel (1 - g^2) / (1 + g^2 - 2 g cos psi), whose integral is atan((1 + g) / (1 - g) tan(psi / 2)).
+//! Light of a source at distance D from the line arrives as 1 / d^2 = 1 / (D^2 + s^2), s the position along the line
+//! from the foot of the perpendicular. Points uniform in the angle under which the source sees the segment follow that
+//! (Kulla & Fajardo 2012, equiangular sampling). In psi, the angle by which light is turned towards the ray's origin,
+//! with tan(psi / 2) = (s + d) / D, a phase function that peaks forwards is followed as well: angles in proportion to
+//! Poisson's kernel (1 - g^2) / (1 + g^2 - 2 g cos psi), whose integral is atan((1 + g) / (1 - g) tan(psi / 2)).
 
 use super::LightSelector;
 use super::source::{LightSources, MAX_WEIGHED, Region, Source};
@@ -21,7 +21,8 @@ pub struct FogSegment {
     pub ray: Ray,
     /// Its length, finite.
     pub length: f32,
-    /// Extinction of the channels, per scene unit; those that do not scatter count like the least of the others. Positive.
+    /// Extinction of the channels, per scene unit; those that do not scatter count like the least of the others.
+    /// Positive.
     pub sigma_t: Rgb,
     /// How the medium scatters.
     pub phase: Phase,
@@ -71,7 +72,8 @@ struct NearView {
 }
 
 impl LightSources {
-    /// Choose a light and a point. `None`: the light chosen does not shine on the segment. `skips`: lights that are off.
+    /// Choose a light and a point. `None`: the light chosen does not shine on the segment. `skips`: lights that are
+    /// off.
     pub fn sample(
         &self,
         segment: &FogSegment,
@@ -112,11 +114,7 @@ impl LightSources {
             if skips(choice.light) {
                 return None;
             }
-            (
-                choice.light,
-                choice.pmf,
-                self.sources[choice.light].view(segment)?,
-            )
+            (choice.light, choice.pmf, self.sources[choice.light].view(segment)?)
         };
         let (t, pdf) = view.sample(segment.sigma_t, u);
         let near = view.near.map(|near| {
@@ -140,10 +138,7 @@ impl Source {
         let FogSegment { ray, length, .. } = *segment;
         let sigma_t = segment.sigma_t.min_element();
         match self {
-            Self::Far {
-                irradiance,
-                direction,
-            } => {
+            Self::Far { irradiance, direction } => {
                 let phase = match direction {
                     Some(direction) => segment.phase.eval(-direction.dot(ray.dir)),
                     None => 0.25 / PI,
@@ -204,11 +199,7 @@ fn is_grey(sigma_t: Rgb) -> bool {
 #[inline]
 fn tan_half(s: f32, height: f32) -> f32 {
     let d = (s * s + height * height).sqrt();
-    if s > 0.0 {
-        (s + d) / height
-    } else {
-        height / (d - s)
-    }
+    if s > 0.0 { (s + d) / height } else { height / (d - s) }
 }
 
 impl View {
@@ -305,13 +296,7 @@ impl Region {
                 let c = along * along - cos2 * offset.length_squared();
                 let root = (b * b - a * c).max(0.0).sqrt();
                 let q = if b >= 0.0 { -b - root } else { -b + root };
-                let [t0, t1] = [q / a, c / q].map(|t| {
-                    if t.is_nan() {
-                        0.0
-                    } else {
-                        t.clamp(0.0, length)
-                    }
-                });
+                let [t0, t1] = [q / a, c / q].map(|t| if t.is_nan() { 0.0 } else { t.clamp(0.0, length) });
                 let (t0, t1) = (t0.min(t1), t0.max(t1));
                 // A convex cone and a line share one interval: one of the three between these.
                 let inside = |t: f32| {
@@ -320,9 +305,7 @@ impl Region {
                     along > 0.0 && along * along >= cos2 * x.length_squared()
                 };
                 let parts = [[0.0, t0], [t0, t1], [t1, length]];
-                *parts
-                    .iter()
-                    .find(|[from, to]| from < to && inside(0.5 * (from + to)))?
+                *parts.iter().find(|[from, to]| from < to && inside(0.5 * (from + to)))?
             }
         };
         (range[0] < range[1]).then_some(range)
@@ -334,8 +317,8 @@ mod tests {
     use super::*;
     use crate::math::Vec3;
 
-    /// Distances follow their density in fog of any depth: one over the density has a mean of the segment's length, and its
-    /// samples are where the transmittance says.
+    /// Distances follow their density in fog of any depth: one over the density has a mean of the segment's length, and
+    /// its samples are where the transmittance says.
     #[test]
     fn no_fog_is_too_thin_to_sample() {
         const STRATA: u32 = 1000;
@@ -371,10 +354,7 @@ mod tests {
                 true => 0.5 - x / 12.0,
                 false => 1.0 / x - 1.0 / libm::expm1(x),
             };
-            assert!(
-                (mean - expected).abs() < 1e-3,
-                "{depth}: {mean}, {expected}"
-            );
+            assert!((mean - expected).abs() < 1e-3, "{depth}: {mean}, {expected}");
         }
     }
 }

@@ -28,12 +28,7 @@ impl LightSelector {
     }
 
     /// Only some of the lights are chosen.
-    pub fn of_some(
-        lights: &[Light],
-        objects: &[Object],
-        bounds: &SceneBounds,
-        is_one: impl Fn(usize) -> bool,
-    ) -> Self {
+    pub fn of_some(lights: &[Light], objects: &[Object], bounds: &SceneBounds, is_one: impl Fn(usize) -> bool) -> Self {
         let weights: Vec<f64> = (0..lights.len())
             .map(|i| match is_one(i) {
                 true => f64::from(mean(lights[i].power(objects, bounds))).max(0.0),
@@ -47,11 +42,7 @@ impl LightSelector {
     pub(crate) fn of_weights(weights: &[f64]) -> Self {
         let dark = weights.iter().all(|&w| w == 0.0);
         Self {
-            sums: if dark {
-                Vec::new()
-            } else {
-                cdf::running_sums(weights)
-            },
+            sums: if dark { Vec::new() } else { cdf::running_sums(weights) },
         }
     }
 

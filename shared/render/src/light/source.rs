@@ -25,11 +25,9 @@ pub(super) enum Source {
         intensity: f32,
         region: Region,
     },
-    /// From infinitely far away: mean channel of the irradiance, W/m^2, and the direction that it travels in, if there is one.
-    Far {
-        irradiance: f32,
-        direction: Option<Vec3>,
-    },
+    /// From infinitely far away: mean channel of the irradiance, W/m^2, and the direction that it travels in, if there
+    /// is one.
+    Far { irradiance: f32, direction: Option<Vec3> },
 }
 
 /// Where a light shines.
@@ -52,9 +50,7 @@ pub(super) enum Region {
 impl LightSources {
     /// Prepare the lights.
     pub fn new(lights: &[Light], objects: &[Object], bounds: &SceneBounds) -> Self {
-        let sources = lights
-            .iter()
-            .map(|light| Source::new(light, objects, bounds));
+        let sources = lights.iter().map(|light| Source::new(light, objects, bounds));
         Self {
             sources: sources.collect(),
         }
@@ -65,10 +61,7 @@ impl Source {
     fn new(light: &Light, objects: &[Object], scene: &SceneBounds) -> Self {
         let power = mean(light.power(objects, scene));
         match &light.kind {
-            LightKind::Point {
-                position,
-                intensity,
-            } => Self::Near {
+            LightKind::Point { position, intensity } => Self::Near {
                 center: *position,
                 softening: 0.0,
                 intensity: mean(*intensity),
@@ -98,10 +91,7 @@ impl Source {
                     },
                 }
             }
-            LightKind::Directional {
-                direction,
-                irradiance,
-            } => Self::Far {
+            LightKind::Directional { direction, irradiance } => Self::Far {
                 irradiance: mean(*irradiance),
                 direction: Some(*direction),
             },
@@ -139,8 +129,7 @@ fn plane(shape: &Shape) -> Option<(Vec3, Vec3)> {
     match shape {
         Shape::Disc { .. } => Some((at.point, at.normal)),
         Shape::Mesh { mesh, .. } if mesh.triangles.len() <= 2 => {
-            let flat = (0..mesh.triangles.len())
-                .all(|i| mesh.normal(i as u32).dot(at.normal) > 1.0 - 1e-6);
+            let flat = (0..mesh.triangles.len()).all(|i| mesh.normal(i as u32).dot(at.normal) > 1.0 - 1e-6);
             flat.then_some((at.point, at.normal))
         }
         _ => None,

@@ -81,10 +81,7 @@ impl Range {
 
     /// Of regions of one size together.
     pub fn join(regions: &[Self]) -> Self {
-        let minorant = regions
-            .iter()
-            .map(|r| r.minorant)
-            .fold(f32::INFINITY, f32::min);
+        let minorant = regions.iter().map(|r| r.minorant).fold(f32::INFINITY, f32::min);
         let majorant = regions.iter().map(|r| r.majorant).fold(0.0, f32::max);
         let sum: f64 = regions.iter().map(|r| r.mean as f64).sum();
         Self {
@@ -273,10 +270,7 @@ impl Bricks {
 
     /// The largest density.
     pub fn max(&self) -> f32 {
-        self.ranges
-            .iter()
-            .map(|range| range.majorant)
-            .fold(0.0, f32::max)
+        self.ranges.iter().map(|range| range.majorant).fold(0.0, f32::max)
     }
 
     /// The box outside of which the density is zero, sample space.
@@ -357,8 +351,7 @@ impl Bricks {
         }
         let mut out = [0.0; N];
         for l in 0..N {
-            let edge =
-                |i: usize| corners[i][l] + (corners[i + 1][l] - corners[i][l]) * weight[0][l];
+            let edge = |i: usize| corners[i][l] + (corners[i + 1][l] - corners[i][l]) * weight[0][l];
             let [a, b, c, d] = [edge(0), edge(2), edge(4), edge(6)];
             let (near, far) = (a + (b - a) * weight[1][l], c + (d - c) * weight[1][l]);
             let density = near + (far - near) * weight[2][l];
@@ -388,15 +381,12 @@ fn assemble(last: IVec3, neighbours: [Option<&Core>; 8], brick: IVec3, buffer: &
     for z in 0..SIDE as i32 {
         for y in 0..SIDE as i32 {
             for x in 0..SIDE as i32 {
-                let at =
-                    (brick * BRICK as i32 + IVec3::new(x, y, z)).min(last) - brick * BRICK as i32;
+                let at = (brick * BRICK as i32 + IVec3::new(x, y, z)).min(last) - brick * BRICK as i32;
                 let neighbour = (at.x >> 3 | (at.y >> 3) << 1 | (at.z >> 3) << 2) as usize;
                 let value = match neighbours[neighbour] {
                     None => 0.0,
                     Some(Core::Constant(value)) => *value,
-                    Some(Core::Samples(values)) => {
-                        values[((at.x & 7) + 8 * ((at.y & 7) + 8 * (at.z & 7))) as usize]
-                    }
+                    Some(Core::Samples(values)) => values[((at.x & 7) + 8 * ((at.y & 7) + 8 * (at.z & 7))) as usize],
                 };
                 if let Some(out) = out.next() {
                     *out = value.max(0.0);
@@ -447,9 +437,7 @@ mod tests {
         for _ in 0..20_000 {
             let u = Vec3::new(sampler.next_1d(), sampler.next_1d(), sampler.next_1d());
             let p = low + (high - low) * u;
-            let q = (p + origin)
-                .max(samples[0].as_vec3())
-                .min(samples[1].as_vec3());
+            let q = (p + origin).max(samples[0].as_vec3()).min(samples[1].as_vec3());
             let cell = q.floor().as_ivec3();
             let f = q - q.floor();
             let mut expected = 0.0;
@@ -467,18 +455,14 @@ mod tests {
                 majorant: max,
                 ..
             } = bricks.range(brick);
-            assert!(
-                got >= min - 1e-5 && got <= max + 1e-5,
-                "{got} outside {min}..{max}"
-            );
+            assert!(got >= min - 1e-5 && got <= max + 1e-5, "{got} outside {min}..{max}");
             assert_eq!(bricks.density(high + 0.01), 0.0);
         }
     }
 
     #[test]
     fn bricks_of_one_value_are_stored_once() {
-        let mut raw =
-            dense([IVec3::ZERO, IVec3::new(799, 799, 799)].map(|p| p.min(IVec3::splat(7))));
+        let mut raw = dense([IVec3::ZERO, IVec3::new(799, 799, 799)].map(|p| p.min(IVec3::splat(7))));
         raw.samples[1] = IVec3::splat(799);
         raw.domain[1] = DVec3::splat(799.0);
         raw.cores.clear();

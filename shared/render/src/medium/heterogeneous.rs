@@ -10,8 +10,8 @@ use crate::sampler::Sampler;
 use glam::{Affine3A, DAffine3, DVec3};
 use std::sync::Arc;
 
-/// What is kept of a ray is looked up by many: where residual tracking would look at the density less often than this along
-/// a ray, it looks more often.
+/// What is kept of a ray is looked up by many: where residual tracking would look at the density less often than this
+/// along a ray, it looks more often.
 const FEW_EVENTS: f32 = 3.0;
 /// But no more than so many times as often.
 const MOST_OFTEN: f32 = 64.0;
@@ -129,8 +129,8 @@ impl Heterogeneous {
         }
     }
 
-    /// The same with `sigma_s` as the whole extinction of what may scatter, and the part of it that does: one grid for all
-    /// channels or three, in the density's object space.
+    /// The same with `sigma_s` as the whole extinction of what may scatter, and the part of it that does: one grid for
+    /// all channels or three, in the density's object space.
     pub fn with_albedo(self, channels: Arc<Vec<Bricks>>) -> Self {
         let from_density = channels.first().map_or(DAffine3::IDENTITY, |bricks| {
             bricks.to_object().inverse() * self.bricks.to_object()
@@ -194,17 +194,10 @@ impl Heterogeneous {
         last.transmittance(self.sigma_t())
     }
 
-    fn walk_with(
-        &self,
-        track: &Track,
-        often: f32,
-        sampler: &mut Sampler,
-        step: impl FnMut(f32, Step),
-    ) {
+    fn walk_with(&self, track: &Track, often: f32, sampler: &mut Sampler, step: impl FnMut(f32, Step)) {
         let density = |t| track.density(t);
         let (sigma_t, spans) = (self.sigma_t(), track.spans());
-        self.estimator
-            .walk(spans, density, sigma_t, often, sampler, step);
+        self.estimator.walk(spans, density, sigma_t, often, sampler, step);
     }
 
     /// One estimate of the transmittance at all distances along a track, kept in `steps` under the number returned.

@@ -72,11 +72,7 @@ impl Homogeneous {
     pub fn scattering_sigma_t(&self) -> Rgb {
         let (sigma_t, least) = (self.sigma_t(), self.least_sigma_t());
         let of = |c: usize| {
-            if self.sigma_s[c] > 0.0 {
-                sigma_t[c]
-            } else {
-                least
-            }
+            if self.sigma_s[c] > 0.0 { sigma_t[c] } else { least }
         };
         Rgb::new(of(0), of(1), of(2))
     }
@@ -86,8 +82,8 @@ impl Homogeneous {
         OPAQUE_DEPTH / self.least_sigma_t()
     }
 
-    /// Sample where a photon of flux `power` scatters within `length` (which may be infinite). The distance is drawn for
-    /// one channel, chosen in proportion to its flux, and weighted by the density of all of them.
+    /// Sample where a photon of flux `power` scatters within `length` (which may be infinite). The distance is drawn
+    /// for one channel, chosen in proportion to its flux, and weighted by the density of all of them.
     pub fn sample_flight(&self, power: Rgb, length: f32, u: [f32; 2]) -> Flight {
         let sigma_t = self.sigma_t();
         let share = power / (power.x + power.y + power.z);
@@ -123,8 +119,8 @@ mod tests {
     use super::*;
     use crate::phase::Phase;
 
-    /// The channels' shares may add up to a little less than one: the rest must not go to a channel without light, which
-    /// would fly on to where the others' density is zero.
+    /// The channels' shares may add up to a little less than one: the rest must not go to a channel without light,
+    /// which would fly on to where the others' density is zero.
     #[test]
     fn no_flight_is_drawn_for_a_channel_without_light() {
         let medium = Homogeneous {

@@ -67,9 +67,7 @@ impl MajorantGrid {
         let at = |i: u32| UVec3::new(i % count.x, i / count.x % count.y, i / (count.x * count.y));
         let cells = count.element_product();
         let ranges: Vec<Range> = (0..cells).map(|i| range(at(i))).collect();
-        let deviations = ranges
-            .iter()
-            .map(|range| range.deviation_from(range.mean) as f64);
+        let deviations = ranges.iter().map(|range| range.deviation_from(range.mean) as f64);
         Self {
             cell: cell as f32,
             count,
@@ -188,10 +186,6 @@ impl Iterator for Spans<'_> {
             self.next[axis] += self.step[axis];
         }
         self.at = end;
-        Some(Span {
-            start,
-            end,
-            density,
-        })
+        Some(Span { start, end, density })
     }
 }

@@ -119,17 +119,9 @@ impl Medium {
     }
 
     /// Sample where a photon of flux `power` scatters within `length`, which may be infinite.
-    pub fn sample_flight(
-        &self,
-        ray: &Ray,
-        length: f32,
-        power: Rgb,
-        sampler: &mut Sampler,
-    ) -> Flight {
+    pub fn sample_flight(&self, ray: &Ray, length: f32, power: Rgb, sampler: &mut Sampler) -> Flight {
         match self {
-            Self::Homogeneous(medium) => {
-                medium.sample_flight(power, length, sampler.next_2d().into())
-            }
+            Self::Homogeneous(medium) => medium.sample_flight(power, length, sampler.next_2d().into()),
             Self::Heterogeneous(medium) => match medium.track(ray, length) {
                 Some(track) => medium.sample_flight(&track, power, sampler),
                 None => Flight::Passed { weight: Rgb::ONE },

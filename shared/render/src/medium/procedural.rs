@@ -1,5 +1,5 @@
-//! Densities from formulas, for scenes without volume files. They are sampled once, when the scene is loaded: from then on
-//! they are grids like any other, with exact bounds, and what is rendered is their trilinear interpolation.
+//! Densities from formulas, for scenes without volume files. They are sampled once, when the scene is loaded: from then
+//! on they are grids like any other, with exact bounds, and what is rendered is their trilinear interpolation.
 
 use super::bricks::{BRICK, Core, RawDensity};
 use glam::{DAffine3, DVec3, IVec3};
@@ -41,8 +41,8 @@ pub struct Blob {
     pub density: f64,
 }
 
-/// max(0, 1 + contrast n), n: gradient noise (Perlin 2002) summed over octaves, each of half the size and `gain` times the
-/// strength of the one before, normalised to [-1, 1] and rarely beyond [-0.5, 0.5].
+/// max(0, 1 + contrast n), n: gradient noise (Perlin 2002) summed over octaves, each of half the size and `gain` times
+/// the strength of the one before, normalised to [-1, 1] and rarely beyond [-0.5, 0.5].
 #[derive(Clone, Copy, Debug)]
 pub struct Noise {
     /// Size of the largest clumps.
@@ -106,10 +106,7 @@ impl Recipe {
         let [low, high] = self.corners;
         let size = high - low;
         if !size.cmpgt(DVec3::ZERO).all() {
-            return Err(RecipeError::Corners {
-                min: low,
-                max: high,
-            });
+            return Err(RecipeError::Corners { min: low, max: high });
         }
         // Samples in the middle of voxels, which fill the box.
         let count = (size / self.voxel).round().max(DVec3::ONE);
@@ -153,10 +150,7 @@ impl Recipe {
             (brick.to_array(), Core::Samples(Box::new(samples)))
         };
         Ok(RawDensity {
-            cores: (0..bricks.element_product())
-                .into_par_iter()
-                .map(core)
-                .collect(),
+            cores: (0..bricks.element_product()).into_par_iter().map(core).collect(),
             samples: [IVec3::ZERO, count - 1],
             domain: [DVec3::splat(-0.5), count.as_dvec3() - 0.5],
             to_object,

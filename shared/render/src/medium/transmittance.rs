@@ -60,12 +60,12 @@ impl Estimator {
     /// What a medium has whose scene does not say.
     pub const DEFAULT: Self = Self::ResidualRatioTracking;
 
-    /// One estimate. Calls `step(distance, step)` in the order of distances; before the first the transmittance is 1, and
-    /// after the last it does not change any more.
+    /// One estimate. Calls `step(distance, step)` in the order of distances; before the first the transmittance is 1,
+    /// and after the last it does not change any more.
     ///
     /// `spans`: consecutive stretches of the ray with bounds of the density; `density`: the density at a distance;
-    /// `sigma_t`: extinction at density 1, RGB, per scene unit. `often`, at least 1: how many times as often as it has to
-    /// residual tracking looks at the density; the variance falls in proportion.
+    /// `sigma_t`: extinction at density 1, RGB, per scene unit. `often`, at least 1: how many times as often as it has
+    /// to residual tracking looks at the density; the variance falls in proportion.
     pub fn walk(
         self,
         spans: impl Iterator<Item = Span> + Clone,
@@ -76,13 +76,9 @@ impl Estimator {
         step: impl FnMut(f32, Step),
     ) {
         match self {
-            Self::FreeFlight { distances } => {
-                free_flights(distances, spans, density, sigma_t, sampler, step)
-            }
+            Self::FreeFlight { distances } => free_flights(distances, spans, density, sigma_t, sampler, step),
             Self::RatioTracking => ratio_tracking(spans, density, sigma_t, sampler, step),
-            Self::ResidualRatioTracking => {
-                residual_tracking(spans, density, sigma_t, often, sampler, step)
-            }
+            Self::ResidualRatioTracking => residual_tracking(spans, density, sigma_t, often, sampler, step),
         }
     }
 }
@@ -149,13 +145,7 @@ fn ratio_tracking(
                 value *= (Rgb::ONE - sigma_t * (rho / rate)).max(Rgb::ZERO);
                 value *= roulette(value, count, sampler);
                 count += 1;
-                step(
-                    t,
-                    Step {
-                        value,
-                        ..Step::NONE
-                    },
-                );
+                step(t, Step { value, ..Step::NONE });
             }
             value != Rgb::ZERO
         });
@@ -174,8 +164,8 @@ fn residual_tracking(
     mut step: impl FnMut(f32, Step),
 ) {
     let (top, least) = (sigma_t.max_element(), sigma_t.min_element());
-    // What the closed form is too small by grows in `value`, in channels of their own: before either is more than a number can
-    // hold they are put together.
+    // What the closed form is too small by grows in `value`, in channels of their own: before either is more than a
+    // number can hold they are put together.
     let put_together = |now: &mut Step| {
         if now.depth * top > MOST_DEPTH {
             now.value *= exp_rgb_neg(sigma_t * -now.depth);
@@ -268,13 +258,7 @@ fn free_flights(
     for (t, channels) in ends {
         gone += channels;
         let value = (Rgb::splat(distances as f32) - gone) / distances as f32;
-        step(
-            t,
-            Step {
-                value,
-                ..Step::NONE
-            },
-        );
+        step(t, Step { value, ..Step::NONE });
     }
 }
 
@@ -373,9 +357,7 @@ impl StepFunctions {
 
     /// Bytes that the functions take.
     pub fn bytes(&self) -> usize {
-        size_of_val(&self.first[..])
-            + size_of_val(&self.distances[..])
-            + size_of_val(&self.steps[..])
+        size_of_val(&self.first[..]) + size_of_val(&self.distances[..]) + size_of_val(&self.steps[..])
     }
 }
 
@@ -435,9 +417,7 @@ impl StepFunction<'_> {
 
     /// Transmittance over the whole of what was walked.
     pub fn last(&self, sigma_t: Rgb) -> Rgb {
-        self.steps
-            .last()
-            .map_or(Rgb::ONE, |step| step.transmittance(sigma_t))
+        self.steps.last().map_or(Rgb::ONE, |step| step.transmittance(sigma_t))
     }
 
     /// Distance from where on nothing is transmitted, if there is one.
@@ -451,12 +431,7 @@ impl StepFunction<'_> {
     /// The steps that lie between two distances, after the last one up to the first of them. `near` is where they were
     /// found before, and now.
     #[inline(always)]
-    pub fn between(
-        &self,
-        from: f32,
-        to: f32,
-        near: &mut usize,
-    ) -> impl Iterator<Item = (&f32, &Step)> {
+    pub fn between(&self, from: f32, to: f32, near: &mut usize) -> impl Iterator<Item = (&f32, &Step)> {
         let is_before = |n: usize| self.distances.get(n).is_some_and(|d| *d <= from);
         if !is_before(*near) || is_before(*near + 1) {
             *near = self.distances.partition_point(|d| *d <= from).max(1) - 1;

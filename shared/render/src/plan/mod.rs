@@ -67,11 +67,10 @@ impl RenderPlan {
         };
         let extent_seen = (extent.is_of_part && fixed.is_none()).then_some(extent.radius);
         let estimators = Estimators::new(scene, &radii, extent.radius);
-        let (estimators, aimed) =
-            match aimed_instead_of_paths(scene, &settings, &contents, &estimators) {
-                Some((estimators, aimed)) => (estimators, Some(aimed)),
-                None => (estimators, None),
-            };
+        let (estimators, aimed) = match aimed_instead_of_paths(scene, &settings, &contents, &estimators) {
+            Some((estimators, aimed)) => (estimators, Some(aimed)),
+            None => (estimators, None),
+        };
         let beams = contents.leave_beams(&estimators);
         let surface_photons = contents.store_surface_photons(&estimators);
         let (targets, on_targets) = match (aimed, beams || surface_photons) {
@@ -134,9 +133,7 @@ impl Contents {
         };
         Self {
             scattering: description.media.iter().filter(|m| m.scatters()).count(),
-            specular: used(&|m| {
-                m.has_delta() && !m.is_null() || m.is_followed() || m.has_narrow_lobe()
-            }),
+            specular: used(&|m| m.has_delta() && !m.is_null() || m.is_followed() || m.has_narrow_lobe()),
             surfaces: used(&|m| !m.is_specular()),
             boundaries: used(&|m| m.is_null()),
             cut_out: used(&|m| m.opacity.is_some()),
@@ -166,8 +163,8 @@ fn aim(scene: &Scene, settings: &JobSettings, estimators: &Estimators) -> Aimed 
     Targets::prepare(scene, estimators, settings.seed, mode)
 }
 
-/// Estimators by which photons go on from surface to surface, although nothing but targets asks for it: where those find
-/// what paths would be long in finding.
+/// Estimators by which photons go on from surface to surface, although nothing but targets asks for it: where those
+/// find what paths would be long in finding.
 fn aimed_instead_of_paths(
     scene: &Scene,
     settings: &JobSettings,
@@ -196,7 +193,8 @@ fn emitters(description: &SceneDescription, estimators: &Estimators) -> Option<L
     })
 }
 
-/// Beams cost more than photons: where there are both, more paths leave photons alone, up to about one for a few pixels.
+/// Beams cost more than photons: where there are both, more paths leave photons alone, up to about one for a few
+/// pixels.
 fn surface_paths_beside_beams(camera: &Camera, paths: u32) -> u32 {
     let pixels = u64::from(camera.width) * u64::from(camera.height);
     let enough = (pixels / PIXELS_PER_SURFACE_PATH).min(u64::from(u32::MAX)) as u32;
@@ -214,10 +212,7 @@ impl fmt::Display for RenderPlan {
         };
         let alpha = self.settings.alpha;
         match self.settings.budget {
-            None => writeln!(
-                f,
-                "     radius scale: alpha {alpha:.4}, shrinking {schedule}"
-            )?,
+            None => writeln!(f, "     radius scale: alpha {alpha:.4}, shrinking {schedule}")?,
             Some(Budget { passes, scale }) => writeln!(
                 f,
                 "     radius scale: {scale:.4} for {passes} passes; beyond them alpha {alpha:.4}"

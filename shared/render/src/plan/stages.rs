@@ -38,32 +38,18 @@ impl Stage {
             true => State::In,
             false => State::Out,
         };
-        Self {
-            name,
-            state,
-            reason,
-        }
+        Self { name, state, reason }
     }
 
     /// With a reason for either.
-    fn either(
-        name: &'static str,
-        is_in: bool,
-        if_in: impl FnOnce() -> String,
-        if_out: &str,
-    ) -> Self {
+    fn either(name: &'static str, is_in: bool, if_in: impl FnOnce() -> String, if_out: &str) -> Self {
         let reason = if is_in { if_in() } else { if_out.to_owned() };
         Self::new(name, is_in, reason)
     }
 }
 
 /// All but the layers, in the order in which they are told. `on_targets`: what there is to say about targets.
-pub(super) fn all(
-    scene: &Scene,
-    plan: &RenderPlan,
-    contents: &Contents,
-    on_targets: String,
-) -> Vec<Stage> {
+pub(super) fn all(scene: &Scene, plan: &RenderPlan, contents: &Contents, on_targets: String) -> Vec<Stage> {
     vec![
         photon_paths(scene, plan),
         Stage::new("photon targeting", plan.targets.is_some(), on_targets),
@@ -126,12 +112,7 @@ fn photon_beams(plan: &RenderPlan, contents: &Contents) -> Stage {
         0 => "no medium scatters light",
         _ => "media are dense or small: camera paths are scattered in them",
     };
-    Stage::either(
-        "photon beams",
-        plan.beams,
-        said,
-        lit_or(contents, otherwise),
-    )
+    Stage::either("photon beams", plan.beams, said, lit_or(contents, otherwise))
 }
 
 fn sampled_in_fog(scene: &Scene, plan: &RenderPlan, contents: &Contents) -> Stage {
@@ -172,9 +153,7 @@ fn tracked_transmittance(scene: &Scene) -> Stage {
 
 fn boundary_walk(scene: &Scene, contents: &Contents) -> Stage {
     let Contents {
-        boundaries,
-        cut_out,
-        ..
+        boundaries, cut_out, ..
     } = contents;
     let said = || {
         let walked = format!("{boundaries} index-matched boundary/boundaries of media");
@@ -265,10 +244,5 @@ fn thin_lens(scene: &Scene) -> Stage {
 /// What is rendered beside the beauty.
 pub(super) fn layers(layers: &[Layer]) -> Stage {
     let names = || layers.iter().map(Layer::to_string).collect::<Vec<_>>();
-    Stage::either(
-        "layers",
-        !layers.is_empty(),
-        || names().join(", "),
-        "none asked for",
-    )
+    Stage::either("layers", !layers.is_empty(), || names().join(", "), "none asked for")
 }

@@ -4,13 +4,11 @@
 use super::{Aim, Discs, Drawn, Place};
 use crate::geometry::Object;
 use crate::light::emission::from_afar;
-use crate::light::{
-    EmissionSample, EmissionUniforms, Environment, Light, LightKind, SceneBounds, spot,
-};
+use crate::light::{EmissionSample, EmissionUniforms, Environment, Light, LightKind, SceneBounds, spot};
 use crate::math::{PI, Ray, Rgb, Vec3};
 
-/// Share of aimed photons whose directions are drawn as those of plain ones, where these are not even. The others come from
-/// where the camera paths went that found the light.
+/// Share of aimed photons whose directions are drawn as those of plain ones, where these are not even. The others come
+/// from where the camera paths went that found the light.
 const OWN_DIRECTIONS: f32 = 0.5;
 
 /// A density of rays.
@@ -23,8 +21,8 @@ struct Density {
 }
 
 impl Light {
-    /// Start a photon path, plain or aimed. The mean of the sample's power is [`Light::power`]. `None`: the sample fell where
-    /// the light does not shine. `choice`: one more uniform number.
+    /// Start a photon path, plain or aimed. The mean of the sample's power is [`Light::power`]. `None`: the sample fell
+    /// where the light does not shine. `choice`: one more uniform number.
     pub fn sample_mixture(
         &self,
         objects: &[Object],
@@ -55,15 +53,16 @@ impl Light {
         is_lit.then_some(start)
     }
 
-    /// Density of [`Self::sample_mixture`] at a start (of which the densities do not matter): of a light that is somewhere per
-    /// solid angle, its point being given; of a directional one per area across the ray; of an environment both.
+    /// Density of [`Self::sample_mixture`] at a start (of which the densities do not matter): of a light that is
+    /// somewhere per solid angle, its point being given; of a directional one per area across the ray; of an
+    /// environment both.
     pub fn mixture_pdf(&self, bounds: &SceneBounds, aim: &Aim, start: &EmissionSample) -> f32 {
         let [pdf, _] = self.mixture_density(bounds, aim, start, None);
         pdf
     }
 
-    /// The same, and the density of points across the ray alone, of a light from afar. `drawn`: what the start was drawn through,
-    /// if it was aimed.
+    /// The same, and the density of points across the ray alone, of a light from afar. `drawn`: what the start was
+    /// drawn through, if it was aimed.
     fn mixture_density(
         &self,
         bounds: &SceneBounds,
@@ -124,13 +123,9 @@ impl Light {
         is_front.then_some((start, drawn))
     }
 
-    /// Density of aimed rays over that of plain ones where a camera path found the light: infinite where none are plain.
-    pub(crate) fn aimed_over_plain(
-        &self,
-        bounds: &SceneBounds,
-        discs: &Discs,
-        place: &Place,
-    ) -> f32 {
+    /// Density of aimed rays over that of plain ones where a camera path found the light: infinite where none are
+    /// plain.
+    pub(crate) fn aimed_over_plain(&self, bounds: &SceneBounds, discs: &Discs, place: &Place) -> f32 {
         let dir = -place.towards;
         let distance = match self.kind {
             LightKind::Directional { .. } | LightKind::Environment(_) => 2.0 * bounds.radius,
@@ -151,8 +146,8 @@ impl Light {
         self.aimed_density(bounds, discs, &ray, None).pdf / self.plain_density(bounds, &start).pdf
     }
 
-    /// What a photon stands for, times the densities that it was drawn with: W/sr, W/m^2 or W/(m^2 sr), of area lights over
-    /// the density of the point.
+    /// What a photon stands for, times the densities that it was drawn with: W/sr, W/m^2 or W/(m^2 sr), of area lights
+    /// over the density of the point.
     fn emitted_along(&self, start: &EmissionSample) -> Rgb {
         match &self.kind {
             LightKind::Point { intensity, .. } => *intensity,
@@ -167,9 +162,7 @@ impl Light {
                 *intensity * spot::falloff(angle, *beam_width, *cutoff)
             }
             LightKind::Directional { irradiance, .. } => *irradiance,
-            LightKind::Area { radiance, .. } => {
-                *radiance * (cos_at(start).max(0.0) / start.pdf_pos)
-            }
+            LightKind::Area { radiance, .. } => *radiance * (cos_at(start).max(0.0) / start.pdf_pos),
             LightKind::Environment(environment) => environment.radiance(-start.dir),
         }
     }
@@ -196,13 +189,7 @@ impl Light {
     }
 
     /// Density of [`Self::sample_aimed`], likewise. `drawn`: what it was drawn through, if it was.
-    fn aimed_density(
-        &self,
-        bounds: &SceneBounds,
-        discs: &Discs,
-        ray: &Ray,
-        drawn: Option<Drawn<'_>>,
-    ) -> Density {
+    fn aimed_density(&self, bounds: &SceneBounds, discs: &Discs, ray: &Ray, drawn: Option<Drawn<'_>>) -> Density {
         // From afar, lines go through discs. These may reach out of the bounds.
         let line = Ray {
             origin: ray.at(-2.0 * bounds.radius),
@@ -254,8 +241,9 @@ mod tests {
     use glam::Mat3;
     use std::sync::Arc;
 
-    /// Rays from afar meet small discs but roughly: one that is drawn through a disc's rim, or the rim of its cone, has the
-    /// density of what it was drawn by all the same. By those of its place alone its photon would stand for too much.
+    /// Rays from afar meet small discs but roughly: one that is drawn through a disc's rim, or the rim of its cone, has
+    /// the density of what it was drawn by all the same. By those of its place alone its photon would stand for too
+    /// much.
     #[test]
     fn no_ray_is_taken_for_one_that_was_not_aimed() {
         let bounds = SceneBounds {
@@ -282,20 +270,9 @@ mod tests {
             discs: Discs::new(&places, &bounds),
             trials: 1,
         };
-        let pixels = vec![
-            Rgb::ONE,
-            Rgb::splat(2.0),
-            Rgb::ONE,
-            Rgb::ONE,
-            Rgb::ONE,
-            Rgb::ONE,
-        ];
+        let pixels = vec![Rgb::ONE, Rgb::splat(2.0), Rgb::ONE, Rgb::ONE, Rgb::ONE, Rgb::ONE];
         let (width, height) = (2, 3);
-        let image = crate::texture::Image {
-            width,
-            height,
-            pixels,
-        };
+        let image = crate::texture::Image { width, height, pixels };
         let sky = Environment::new(Some(Arc::new(image)), Rgb::ONE, Mat3::IDENTITY);
         let light = Light {
             name: "sky".into(),

@@ -1,10 +1,10 @@
 //! How many photons each light gets.
 //!
-//! A photon of light i stands for power_i / q_i, q_i being its share of the photons. Were all that the camera finds of a light
-//! brought by as much of each photon, the second moment of the picture would be the sum of power_i found_i moment_i / q_i, where
-//! moment_i is that of the weights of photons that are aimed (see [`super`]), which is least for q_i in proportion to the root of
-//! that product. Half of the photons are left to lights by their power, because camera paths miss things: no light's share is
-//! below half of that, and no second moment more than twice what it was.
+//! A photon of light i stands for power_i / q_i, q_i being its share of the photons. Were all that the camera finds of
+//! a light brought by as much of each photon, the second moment of the picture would be the sum of power_i found_i
+//! moment_i / q_i, where moment_i is that of the weights of photons that are aimed (see [`super`]), which is least for
+//! q_i in proportion to the root of that product. Half of the photons are left to lights by their power, because camera
+//! paths miss things: no light's share is below half of that, and no second moment more than twice what it was.
 
 use super::{Place, discs};
 use crate::light::LightSelector;
@@ -15,8 +15,8 @@ use beamfarm_image::job::Targeting;
 const BY_POWER: f64 = 0.5;
 /// What photons must be worth in those of lights chosen by power for another choice to be made.
 const MIN_GAIN: f64 = 2.0;
-/// Fewest places of all lights, those of even and of odd camera paths each, that say enough: with so few it pays only where most
-/// of the light that is found is that of lights of little power.
+/// Fewest places of all lights, those of even and of odd camera paths each, that say enough: with so few it pays only
+/// where most of the light that is found is that of lights of little power.
 pub(super) const MIN_PLACES: usize = 16;
 /// Lights that [`choose`] speaks of.
 const MAX_TOLD: usize = 4;
@@ -51,11 +51,7 @@ impl Found {
 }
 
 /// Lights by what is found of them, if that pays, and what there is to say about it, if there is a choice.
-pub(super) fn choose(
-    scene: &Scene,
-    found: &[Found],
-    mode: Targeting,
-) -> (Option<LightSelector>, Option<String>) {
+pub(super) fn choose(scene: &Scene, found: &[Found], mode: Targeting) -> (Option<LightSelector>, Option<String>) {
     let shining = found.iter().filter(|light| light.power > 0.0).count();
     let count = |half: usize| found.iter().map(|light| light.count[half]).sum::<usize>();
     let is_known = count(0).min(count(1)) >= MIN_PLACES;
@@ -63,9 +59,7 @@ pub(super) fn choose(
         return (None, None);
     }
     // Of even paths, judged by the odd ones.
-    let gain = gain(found, &shares(found, |light| light.weight[0]), |light| {
-        light.weight[1]
-    });
+    let gain = gain(found, &shares(found, |light| light.weight[0]), |light| light.weight[1]);
     if gain < MIN_GAIN {
         let told = format!("lights chosen by what is seen of them: worth {gain:.1}");
         return (None, Some(told));
@@ -95,19 +89,14 @@ pub(super) fn choose(
 fn shares(found: &[Found], weight: impl Fn(&Found) -> f64) -> Vec<f64> {
     let wanted = |light: &Found| (light.power * weight(light) * light.moment).sqrt();
     let total: f64 = found.iter().map(wanted).sum();
-    let of_one =
-        |light: &Found| BY_POWER * light.power + (1.0 - BY_POWER) * (wanted(light) / total);
+    let of_one = |light: &Found| BY_POWER * light.power + (1.0 - BY_POWER) * (wanted(light) / total);
     found.iter().map(of_one).collect()
 }
 
 /// Second moment of photons by power over that of photons in other shares.
 fn gain(found: &[Found], shares: &[f64], weight: impl Fn(&Found) -> f64) -> f64 {
     let (mut before, mut after) = (0.0, 0.0);
-    for (light, share) in found
-        .iter()
-        .zip(shares)
-        .filter(|(light, _)| light.power > 0.0)
-    {
+    for (light, share) in found.iter().zip(shares).filter(|(light, _)| light.power > 0.0) {
         let moment = weight(light) * light.moment;
         before += moment;
         after += moment * (light.power / share);
@@ -129,7 +118,8 @@ mod tests {
         lights.iter().map(of_one).collect()
     }
 
-    /// Shares sum to one, none is less than half of that by power, and one light of forty that is seen gets half of the photons.
+    /// Shares sum to one, none is less than half of that by power, and one light of forty that is seen gets half of the
+    /// photons.
     #[test]
     fn lights_get_photons_by_what_is_seen_and_never_none() {
         let mut lights = vec![(0.025, 0.0); 40];
@@ -145,8 +135,8 @@ mod tests {
         assert!((gain - 0.5125 / 0.025).abs() < 1e-9, "{gain}");
     }
 
-    /// Where all lights are seen as their power says, there is nothing to gain; and the shares are those of least second moment
-    /// among those that leave half to power.
+    /// Where all lights are seen as their power says, there is nothing to gain; and the shares are those of least
+    /// second moment among those that leave half to power.
     #[test]
     fn shares_have_the_least_second_moment() {
         let even = found(&[(0.2, 0.4), (0.3, 0.6), (0.5, 1.0)]);

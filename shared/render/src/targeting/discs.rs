@@ -75,17 +75,10 @@ impl Discs {
     /// Discs around the first places, each as large as encloses its 8 nearest. `places`: more than those.
     pub(crate) fn new(places: &[Place], bounds: &SceneBounds) -> Self {
         let places = &places[..places.len().min(MOST)];
-        let mut around: Vec<(f32, f32)> = places
-            .par_iter()
-            .map(|place| neighbourhood(places, place))
-            .collect();
+        let mut around: Vec<(f32, f32)> = places.par_iter().map(|place| neighbourhood(places, place)).collect();
         let count = around.len() as f32;
         let mean = around.iter().map(|(r, _)| r).sum::<f32>() / count;
-        let variance = around
-            .iter()
-            .map(|(r, _)| (r - mean) * (r - mean))
-            .sum::<f32>()
-            / count;
+        let variance = around.iter().map(|(r, _)| (r - mean) * (r - mean)).sum::<f32>() / count;
         let most = mean + MAX_DEVIATIONS * variance.sqrt();
         for (radius, _) in &mut around {
             *radius = radius.min(most).max(MIN_RADIUS * bounds.radius);
@@ -130,8 +123,8 @@ impl Discs {
         self.discs.is_empty()
     }
 
-    /// Calls `visit(disc, t, cos)` for every disc whose front a ray meets, anywhere along it: at `t`, at an angle with that
-    /// cosine to its normal.
+    /// Calls `visit(disc, t, cos)` for every disc whose front a ray meets, anywhere along it: at `t`, at an angle with
+    /// that cosine to its normal.
     #[inline]
     pub fn along(&self, ray: &Ray, mut visit: impl FnMut(&Disc, f32, f32)) {
         self.met(ray, |disc, t, cos| {
@@ -144,27 +137,24 @@ impl Discs {
     /// How many discs lie along a ray up to a distance, seen from either side.
     pub(crate) fn count(&self, ray: &Ray, length: f32) -> u32 {
         let mut count = 0;
-        self.met(ray, |disc, t, _| {
-            count += u32::from(t - disc.radius < length)
-        });
+        self.met(ray, |disc, t, _| count += u32::from(t - disc.radius < length));
         count
     }
 
     /// Both sides; at the back the cosine is negative.
     #[inline(always)]
     fn met(&self, ray: &Ray, mut visit: impl FnMut(&Disc, f32, f32)) {
-        self.tree
-            .along_ray(ray.origin, ray.dir, f32::INFINITY, |leaf, t_max| {
-                let disc = &self.discs[leaf as usize];
-                let (t, cos) = disc.crossing(ray);
-                if cos != 0.0 && t > 0.0 {
-                    let off = ray.at(t) - disc.center;
-                    if off.length_squared() <= disc.radius * disc.radius {
-                        visit(disc, t, cos);
-                    }
+        self.tree.along_ray(ray.origin, ray.dir, f32::INFINITY, |leaf, t_max| {
+            let disc = &self.discs[leaf as usize];
+            let (t, cos) = disc.crossing(ray);
+            if cos != 0.0 && t > 0.0 {
+                let off = ray.at(t) - disc.center;
+                if off.length_squared() <= disc.radius * disc.radius {
+                    visit(disc, t, cos);
                 }
-                t_max
-            });
+            }
+            t_max
+        });
     }
 
     /// A point on one of the discs. `choice`, `u`: uniform in [0, 1); what is left of `choice` is so again.
@@ -181,8 +171,8 @@ impl Discs {
         (point, drawn)
     }
 
-    /// Density per solid angle of directions from the ray's origin to points on the fronts of discs. `drawn`: what the ray was
-    /// drawn through, if it was.
+    /// Density per solid angle of directions from the ray's origin to points on the fronts of discs. `drawn`: what the
+    /// ray was drawn through, if it was.
     pub(crate) fn pdf_from(&self, ray: &Ray, drawn: Option<Drawn<'_>>) -> f32 {
         let mut pdf = 0.0;
         self.along_drawn(ray, drawn, |disc, t, cos| {
@@ -208,14 +198,10 @@ impl Discs {
         [of_point, of_line]
     }
 
-    /// As [`Self::along`], with the disc that the ray was drawn through in any case. Beside its rim rounding may put the ray, and
-    /// the photon would then stand for all the light that is seldom aimed there: too much of it, the smaller discs are.
-    fn along_drawn(
-        &self,
-        ray: &Ray,
-        drawn: Option<Drawn<'_>>,
-        mut visit: impl FnMut(&Disc, f32, f32),
-    ) {
+    /// As [`Self::along`], with the disc that the ray was drawn through in any case. Beside its rim rounding may put
+    /// the ray, and the photon would then stand for all the light that is seldom aimed there: too much of it, the
+    /// smaller discs are.
+    fn along_drawn(&self, ray: &Ray, drawn: Option<Drawn<'_>>, mut visit: impl FnMut(&Disc, f32, f32)) {
         self.along(ray, |disc, t, cos| {
             if !drawn.is_some_and(|drawn| drawn.is(disc)) {
                 visit(disc, t, cos);
@@ -243,8 +229,8 @@ impl Drawn<'_> {
         std::ptr::eq(self.disc, disc)
     }
 
-    /// Direction of travel of light from afar, uniform in the cone of directions that the light came from around here, or, some
-    /// of the time, in the hemisphere that the disc faces.
+    /// Direction of travel of light from afar, uniform in the cone of directions that the light came from around here,
+    /// or, some of the time, in the hemisphere that the disc faces.
     pub(crate) fn draw_direction(&mut self, u: Vec2) -> Vec3 {
         self.is_in_cone = u.x >= WIDE;
         let (x, cos) = match self.is_in_cone {

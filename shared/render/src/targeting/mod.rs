@@ -1,13 +1,14 @@
 //! Photon targeting: photons are sent where the camera has a use for them.
 //!
-//! Before the passes, camera paths look for places from which light is seen (`pilot`); discs around them (`discs`) are what
-//! photons are aimed at (Autodesk, US 8,773,434). Emission stays unbiased: a share of the photons starts as the light emits
-//! them, and each is weighed by the density of the mixture of both. A pure function of the scene and the job's seed, so every
-//! machine has the same targets.
+//! Before the passes, camera paths look for places from which light is seen (`pilot`); discs around them (`discs`) are
+//! what photons are aimed at (Autodesk, US 8,773,434). Emission stays unbiased: a share of the photons starts as the
+//! light emits them, and each is weighed by the density of the mixture of both. A pure function of the scene and the
+//! job's seed, so every machine has the same targets.
 //!
-//! Whether a light's photons are aimed, and which share is not, is decided by places that the discs do not know of: for each
-//! path of light found there, the mixture's density over that of plain emission, rho, says what a photon on it weighs. The
-//! mean of 1 / rho is the second moment of those weights, 1 for plain emission; the share that makes it least is taken.
+//! Whether a light's photons are aimed, and which share is not, is decided by places that the discs do not know of: for
+//! each path of light found there, the mixture's density over that of plain emission, rho, says what a photon on it
+//! weighs. The mean of 1 / rho is the second moment of those weights, 1 for plain emission; the share that makes it
+//! least is taken.
 //!
 //! Of many lights those start more photons of which more is found (`choice`).
 
@@ -71,8 +72,8 @@ pub struct Aim {
 
 /// Fewest places from which a light is seen that are worth discs.
 const MIN_PLACES: usize = 32;
-/// What aimed photons must be worth in plain ones to be aimed unasked. They cost several times as much, as they go on where
-/// others are lost.
+/// What aimed photons must be worth in plain ones to be aimed unasked. They cost several times as much, as they go on
+/// where others are lost.
 const MIN_GAIN: f64 = 8.0;
 /// The largest share of photons that may be aimed.
 const MAX_AIMED: f64 = 0.9;
@@ -220,12 +221,7 @@ impl Targets {
 
 impl Aim {
     /// The targets of a light, and what an aimed photon is worth in plain ones, if there is a way to tell.
-    fn new(
-        scene: &Scene,
-        light: &Light,
-        places: &[Place],
-        mode: Targeting,
-    ) -> (Option<Self>, Option<f64>) {
+    fn new(scene: &Scene, light: &Light, places: &[Place], mode: Targeting) -> (Option<Self>, Option<f64>) {
         // Places of one path are close to each other: halves are of different paths.
         let half = |odd: bool| -> Vec<Place> {
             let is_in = |place: &&Place| place.odd == odd;
@@ -242,11 +238,7 @@ impl Aim {
             .iter()
             .map(|place| {
                 let ratio = light.aimed_over_plain(scene.bounds(), &discs, place);
-                let ratio = if ratio.is_nan() {
-                    0.0
-                } else {
-                    f64::from(ratio)
-                };
+                let ratio = if ratio.is_nan() { 0.0 } else { f64::from(ratio) };
                 (f64::from(place.weight.min(most)), ratio)
             })
             .collect();
@@ -283,8 +275,7 @@ impl Aim {
                     false => Some(source.sample_emission(objects, bounds, uniforms)),
                     true => {
                         let choice = sampler.next_1d();
-                        let aimed =
-                            source.sample_aimed(objects, bounds, &self.discs, uniforms, choice);
+                        let aimed = source.sample_aimed(objects, bounds, &self.discs, uniforms, choice);
                         aimed.map(|(start, _)| start)
                     }
                 };
@@ -301,8 +292,8 @@ impl Aim {
         })
     }
 
-    /// Whether a photon of the light meets a disc before anything that it does not pass. Discs reach into surfaces that they
-    /// lie on, as far as they are large.
+    /// Whether a photon of the light meets a disc before anything that it does not pass. Discs reach into surfaces that
+    /// they lie on, as far as they are large.
     pub(crate) fn is_hit(&self, scene: &Scene, light: usize, ray: &Ray, sight: impl Sight) -> bool {
         let mut nearest = f32::INFINITY;
         self.discs
@@ -311,8 +302,7 @@ impl Aim {
             return false;
         }
         let hidden = sight.from(Start::Light(light));
-        let is_passed =
-            |object: u32| scene.passable[object as usize] || sight.hides(hidden, object);
+        let is_passed = |object: u32| scene.passable[object as usize] || sight.hides(hidden, object);
         !scene
             .geometry
             .occluded(scene.objects(), ray, nearest.max(0.0), is_passed)

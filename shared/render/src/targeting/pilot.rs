@@ -1,8 +1,8 @@
 //! Camera paths that look for places from which lights are seen.
 //!
-//! A place counts where light that photons bring (see `transport`) leaves the way that the camera path went: where the light is
-//! scattered by a medium that beams serve, or goes on by way of one; and where it meets a specular surface or a lobe that is
-//! followed, and a surface or medium beyond.
+//! A place counts where light that photons bring (see `transport`) leaves the way that the camera path went: where the
+//! light is scattered by a medium that beams serve, or goes on by way of one; and where it meets a specular surface or
+//! a lobe that is followed, and a surface or medium beyond.
 
 use super::Place;
 use crate::bsdf::{Bsdf, BumpShadowing, TransportMode};
@@ -100,8 +100,8 @@ struct Path<H> {
     by_beams: bool,
     /// The last was on a surface.
     was_surface: bool,
-    /// Where it was scattered last, if light from there counts, and how likely it took its direction: `None` for the only
-    /// one.
+    /// Where it was scattered last, if light from there counts, and how likely it took its direction: `None` for the
+    /// only one.
     from: Option<(Vec3, Option<f32>)>,
     /// Length of its way from there.
     distance: f32,
@@ -198,13 +198,7 @@ impl<V: Sight> Pilot<'_, V> {
     }
 
     /// A path has met a light.
-    fn meet(
-        &self,
-        path: &Path<V::Hidden>,
-        light: usize,
-        hit: Option<(LightHit, &SurfaceHit)>,
-        out: &mut Found,
-    ) {
+    fn meet(&self, path: &Path<V::Hidden>, light: usize, hit: Option<(LightHit, &SurfaceHit)>, out: &mut Found) {
         let Some((point, pdf)) = path.from else {
             return;
         };
@@ -283,10 +277,7 @@ impl<V: Sight> Pilot<'_, V> {
         let bsdf = material.bsdf(hit.uv);
         let frame = Frame::from_normal(hit.ns);
         let is_specular = material.is_specular();
-        let is_followed = is_specular
-            || material.is_followed()
-            || material.has_delta()
-            || material.has_narrow_lobe();
+        let is_followed = is_specular || material.is_followed() || material.has_delta() || material.has_narrow_lobe();
         let counts = path.by_beams
             || is_followed && path.scattered + path.followed > 0
             || self.estimators.deep
@@ -339,8 +330,8 @@ impl<V: Sight> Pilot<'_, V> {
         path.survives(sampler)
     }
 
-    /// What a piece of the path does not see that photons go the other way. Where they come from is not known yet: a light,
-    /// something like most surfaces, or something like what the path has met.
+    /// What a piece of the path does not see that photons go the other way. Where they come from is not known yet: a
+    /// light, something like most surfaces, or something like what the path has met.
     fn hidden(&self, like: Start, sampler: &mut Sampler) -> V::Hidden {
         // Drawn without rules as well: what no ray sees changes nothing.
         let u = sampler.next_1d() * 3.0;
@@ -360,13 +351,7 @@ impl<V: Sight> Pilot<'_, V> {
     }
 
     /// Look for one light from a vertex.
-    fn connect(
-        &self,
-        path: &Path<V::Hidden>,
-        vertex: &Vertex,
-        sampler: &mut Sampler,
-        out: &mut Found,
-    ) {
+    fn connect(&self, path: &Path<V::Hidden>, vertex: &Vertex, sampler: &mut Sampler, out: &mut Found) {
         let scene = self.scene;
         let count = self.lights.len();
         let choice = sampler.next_1d();
@@ -400,11 +385,7 @@ impl<V: Sight> Pilot<'_, V> {
                     origin: *point,
                     dir: direct.wi,
                 };
-                (
-                    vertex.towards(&direct, false, count as f32),
-                    ray,
-                    path.medium,
-                )
+                (vertex.towards(&direct, false, count as f32), ray, path.medium)
             }
         };
         let value = path.beta * scattering * direct.weight;
@@ -442,18 +423,13 @@ impl Vertex<'_> {
         }
     }
 
-    /// Scattering of the light sampled, balanced against meeting it by chance. Specular surfaces, which photons of the light
-    /// go on from wherever they come from, count as if they scattered to all sides; but for environments, which are met.
+    /// Scattering of the light sampled, balanced against meeting it by chance. Specular surfaces, which photons of the
+    /// light go on from wherever they come from, count as if they scattered to all sides; but for environments, which
+    /// are met.
     fn towards(&self, direct: &DirectSample, is_environment: bool, lights: f32) -> Rgb {
         let (value, pdf) = match self {
-            Self::Surface {
-                is_specular: true, ..
-            } => {
-                let value = if is_environment {
-                    0.0
-                } else {
-                    0.25 / crate::math::PI
-                };
+            Self::Surface { is_specular: true, .. } => {
+                let value = if is_environment { 0.0 } else { 0.25 / crate::math::PI };
                 return Rgb::splat(value);
             }
             Self::Medium { dir, phase, .. } => {

@@ -46,8 +46,8 @@ impl Unshadowed {
 }
 
 impl<V: Sight> CameraTracer<'_, V> {
-    /// Direct light of one light, and which. `weight`: of a light's sample, the light chosen with a probability, from a local
-    /// direction.
+    /// Direct light of one light, and which. `weight`: of a light's sample, the light chosen with a probability, from a
+    /// local direction.
     pub(super) fn light_sample(
         &self,
         x: &Vertex,
@@ -75,8 +75,8 @@ impl<V: Sight> CameraTracer<'_, V> {
         (radiance, choice.light)
     }
 
-    /// As [`Self::light_sample`], the light chosen from a few for what it would bring if nothing were in its way, the BSDF
-    /// included (Talbot et al. 2005, resampled importance sampling).
+    /// As [`Self::light_sample`], the light chosen from a few for what it would bring if nothing were in its way, the
+    /// BSDF included (Talbot et al. 2005, resampled importance sampling).
     fn best_light_sample(
         &self,
         x: &Vertex,
@@ -105,12 +105,10 @@ impl<V: Sight> CameraTracer<'_, V> {
                 continue;
             }
             let u = (sampler.next_2d(), sampler.next_1d());
-            *found = self
-                .unshadowed(x, seen, choice, u, &weight)
-                .map(|found| match all {
-                    true => found,
-                    false => found.over(choice.pmf * candidates as f32),
-                });
+            *found = self.unshadowed(x, seen, choice, u, &weight).map(|found| match all {
+                true => found,
+                false => found.over(choice.pmf * candidates as f32),
+            });
             if let Some(found) = found {
                 sum += found.value;
                 count += 1.0;
@@ -168,9 +166,7 @@ impl<V: Sight> CameraTracer<'_, V> {
         let object = x.hit.object;
         let is_unlit = match seen {
             Seen::First => self.is_unlit(x, direct.wi, choice.light),
-            Seen::Later => self
-                .sight
-                .hides_light(self.sight.from(Start::Gather), choice.light),
+            Seen::Later => self.sight.hides_light(self.sight.from(Start::Gather), choice.light),
             Seen::ByGatherRay(by) => {
                 let hidden = self.sight.from(Start::Light(choice.light));
                 self.sight.hides(hidden, object) || self.sight.hides_light(by, choice.light)
@@ -192,13 +188,7 @@ impl<V: Sight> CameraTracer<'_, V> {
     }
 
     /// What is left of it by what is in its way.
-    fn shadowed(
-        &self,
-        x: &Vertex,
-        seen: Seen<V::Hidden>,
-        found: &Unshadowed,
-        sampler: &mut Sampler,
-    ) -> Rgb {
+    fn shadowed(&self, x: &Vertex, seen: Seen<V::Hidden>, found: &Unshadowed, sampler: &mut Sampler) -> Rgb {
         let scene = self.scene;
         let (start, end) = match seen {
             Seen::First => (x.shadow_start(found.wi), Start::ShadowOf(found.light)),

@@ -12,8 +12,8 @@ use crate::sight::{Sight, Start};
 const FAINT: f32 = 0.02;
 
 impl<V: Sight> CameraTracer<'_, V> {
-    /// Light straight from a light that a segment from the ray's origin scatters once, before what `beta` is the throughput
-    /// for. An unbiased estimate whose value stays bounded next to lights of any size.
+    /// Light straight from a light that a segment from the ray's origin scatters once, before what `beta` is the
+    /// throughput for. An unbiased estimate whose value stays bounded next to lights of any size.
     pub(super) fn single_scattering(
         &self,
         ray: &Ray,
@@ -32,12 +32,11 @@ impl<V: Sight> CameraTracer<'_, V> {
             g: medium.phase.mean_cosine(),
         };
         let (u_light, u) = (sampler.next_1d(), sampler.next_1d());
-        let sample =
-            scene
-                .light_sources
-                .sample(&segment, self.sight.emitters(scene), u_light, u, |light| {
-                    self.sight.unlit(id, light)
-                });
+        let sample = scene
+            .light_sources
+            .sample(&segment, self.sight.emitters(scene), u_light, u, |light| {
+                self.sight.unlit(id, light)
+            });
         let Some(sample) = sample else {
             return Rgb::ZERO;
         };
@@ -46,14 +45,14 @@ impl<V: Sight> CameraTracer<'_, V> {
             dir: ray.dir,
         };
         let arriving = self.towards_light(&point, &sample, id, medium, sampler);
-        let radiance =
-            beta * medium.sigma_s * medium.transmittance(sample.t) * arriving / sample.pdf;
+        let radiance = beta * medium.sigma_s * medium.transmittance(sample.t) * arriving / sample.pdf;
         record.add(Part::Volume, sample.light, radiance);
         radiance
     }
 
-    /// Light of the chosen light that is scattered at the ray's origin against its direction, per scattering coefficient. The
-    /// direction comes from the light or, where that may have too small a density, from the phase function.
+    /// Light of the chosen light that is scattered at the ray's origin against its direction, per scattering
+    /// coefficient. The direction comes from the light or, where that may have too small a density, from the phase
+    /// function.
     fn towards_light(
         &self,
         at: &Ray,
@@ -67,10 +66,7 @@ impl<V: Sight> CameraTracer<'_, V> {
         let phase = medium.phase;
         // What the light's photons would be hidden from.
         let hidden = self.sight.from(Start::Light(sample.light));
-        let never_met = || {
-            scene.only_sampled(sample.light)
-                || self.sight.hides_shape_of(scene, hidden, sample.light)
-        };
+        let never_met = || scene.only_sampled(sample.light) || self.sight.hides_shape_of(scene, hidden, sample.light);
         let by_phase = match &light.kind {
             LightKind::Environment(_) => 0.5,
             LightKind::Area { .. } if !never_met() => {
@@ -83,10 +79,7 @@ impl<V: Sight> CameraTracer<'_, V> {
         if by_phase > 0.0 && sampler.next_1d() < by_phase {
             let dir = phase.sample(at.dir, sampler.next_2d());
             let value = phase.eval_directions(at.dir, dir);
-            let ray = Ray {
-                origin: at.origin,
-                dir,
-            };
+            let ray = Ray { origin: at.origin, dir };
             let arrived = self.go_straight(ray, Some(id), hidden, sampler);
             let (emitted, hit) = match &arrived.hit {
                 None => (scene.environment(sample.light, dir), None),
@@ -119,9 +112,7 @@ impl<V: Sight> CameraTracer<'_, V> {
         };
         let unshadowing = scene.unshadowing[sample.light];
         let hides = |object| self.sight.hides(hidden, object);
-        let Some(transmittance) =
-            scene.unoccluded(ray, direct.distance, Some(id), unshadowing, hides, sampler)
-        else {
+        let Some(transmittance) = scene.unoccluded(ray, direct.distance, Some(id), unshadowing, hides, sampler) else {
             return Rgb::ZERO;
         };
         let value = phase.eval_directions(at.dir, direct.wi);

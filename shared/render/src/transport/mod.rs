@@ -1,10 +1,10 @@
 //! Camera paths, and which estimator counts which light path.
 //!
-//! With L a light, D a surface that scatters widely, S one that paths *follow* (specular, or a lobe of low roughness), M a
-//! scattering in a medium, E the camera, and boundaries of media left out. Media are of two kinds ([`crate::estimators`]): in
-//! some beams bring all light (Mb), in the others, dense or small, camera paths are scattered themselves (Mp). A camera path
-//! goes on through S and straight through media of the first kind, until it meets a *vertex* x, which is D or Mp; and on from
-//! there, by BSDF or phase function, to further vertices:
+//! With L a light, D a surface that scatters widely, S one that paths *follow* (specular, or a lobe of low roughness),
+//! M a scattering in a medium, E the camera, and boundaries of media left out. Media are of two kinds
+//! ([`crate::estimators`]): in some beams bring all light (Mb), in the others, dense or small, camera paths are
+//! scattered themselves (Mp). A camera path goes on through S and straight through media of the first kind, until it
+//! meets a *vertex* x, which is D or Mp; and on from there, by BSDF or phase function, to further vertices:
 //!
 //! | light path                      | counted by                                                                  |
 //! | ------------------------------- | --------------------------------------------------------------------------- |
@@ -17,23 +17,26 @@
 //! | … Mb S* x …                     | the same photons and beams                                                  |
 //! | … (D or Mp) S* x …              | the path goes on from x to that vertex                                      |
 //!
-//! Photons know how they came to where they arrive ([`Arrival`](crate::photon_map::Arrival)), and are stored only where they count.
-//! Without media of the first kind, and where a light is all around, they end at their first D or Mp; without S no photon is
-//! needed at all. Gloss sends several rays from the first vertex where its light matters.
+//! Photons know how they came to where they arrive ([`Arrival`](crate::photon_map::Arrival)), and are stored only where
+//! they count. Without media of the first kind, and where a light is all around, they end at their first D or Mp;
+//! without S no photon is needed at all. Gloss sends several rays from the first vertex where its light matters.
 //!
-//! In a scene that has such media, or of whose lights all bring caustics, photons go on from vertex to vertex and bring more light at
-//! hardly any cost. There a camera path *ends* at a surface y that it has flown to from far enough (`least_flight`) and that has no narrow
-//! lobe: direct light and all photons at y are all of its light. What comes to a vertex by way of S is in its photons, wherever it
-//! came from. And light that a surface y sends to the first vertex x is found by photons at x as well, balanced with the path
-//! that ends at y by the weights of `odds::gather_share`, which sum to one.
+//! In a scene that has such media, or of whose lights all bring caustics, photons go on from vertex to vertex and bring
+//! more light at hardly any cost. There a camera path *ends* at a surface y that it has flown to from far enough
+//! (`least_flight`) and that has no narrow lobe: direct light and all photons at y are all of its light. What comes to
+//! a vertex by way of S is in its photons, wherever it came from. And light that a surface y sends to the first vertex
+//! x is found by photons at x as well, balanced with the path that ends at y by the weights of `odds::gather_share`,
+//! which sum to one.
 //!
 //! Where rules tell what photons see, every camera path ends at its second vertex.
 //!
-//! At a smooth dielectric the path goes both ways before its first vertex, as far as they matter. Light that a branch meets
-//! always counts; the rest (everything but `L S* E`) costs more, and is looked for along weak branches with a probability only.
+//! At a smooth dielectric the path goes both ways before its first vertex, as far as they matter. Light that a branch
+//! meets always counts; the rest (everything but `L S* E`) costs more, and is looked for along weak branches with a
+//! probability only.
 //!
-//! A surface with a narrow lobe beside others (a coat over a diffuse base) is S for light that takes that lobe and D for all
-//! other light. Photons that meet it are stored for the other lobes, of point and parallel lights for all, and bounce off by any.
+//! A surface with a narrow lobe beside others (a coat over a diffuse base) is S for light that takes that lobe and D
+//! for all other light. Photons that meet it are stored for the other lobes, of point and parallel lights for all, and
+//! bounce off by any.
 
 mod direct;
 mod medium;
@@ -82,7 +85,8 @@ pub struct CameraTracer<'a, V> {
 const MIN_SHARE: f32 = 1e-3;
 /// Splits of a camera path, all its branches together.
 const MAX_SPLITS: u32 = 8;
-/// Share from which on branches surely look for everything. Looking more often costs more than the noise that it takes away.
+/// Share from which on branches surely look for everything. Looking more often costs more than the noise that it takes
+/// away.
 const FULL_SHARE: f32 = 0.3;
 
 /// A camera path on its way, or a branch of one.
@@ -290,18 +294,15 @@ impl<V: Sight> CameraTracer<'_, V> {
         }
     }
 
-    /// Weight of a light that the path has met, where light was sampled at a lobe that it followed last. `normal`: of an area
-    /// light.
+    /// Weight of a light that the path has met, where light was sampled at a lobe that it followed last. `normal`: of
+    /// an area light.
     fn share_of_lobe(&self, path: &Path<V::Hidden>, light: usize, normal: Option<Vec3>) -> f32 {
         let Some(lobe) = &path.drawn else {
             return 1.0;
         };
         let scene = self.scene;
         let shadow = self.sight.from(Start::Shadow(lobe.object));
-        if scene.only_sampled(light)
-            || self.sight.links_shadows(light)
-            || self.sight.hides_light(shadow, light)
-        {
+        if scene.only_sampled(light) || self.sight.links_shadows(light) || self.sight.hides_light(shadow, light) {
             return 0.0;
         }
         let hit = normal.map(|normal| LightHit {
@@ -315,8 +316,8 @@ impl<V: Sight> CameraTracer<'_, V> {
         power_heuristic(lobe.density, pdf * choice.pmf(light))
     }
 
-    /// The part of a path within a medium, up to `length`: leaves a segment for beams, adds what is scattered there, and
-    /// attenuates the path.
+    /// The part of a path within a medium, up to `length`: leaves a segment for beams, adds what is scattered there,
+    /// and attenuates the path.
     fn cross_medium(
         &self,
         path: &mut Path<V::Hidden>,
@@ -365,9 +366,7 @@ impl<V: Sight> CameraTracer<'_, V> {
         out: &mut Out<'_, '_>,
     ) -> Rgb {
         let medium = &self.scene.media()[id as usize];
-        let Flight::Scattered { distance, weight } =
-            medium.sample_flight(ray, length, beta, sampler)
-        else {
+        let Flight::Scattered { distance, weight } = medium.sample_flight(ray, length, beta, sampler) else {
             return Rgb::ZERO;
         };
         let (direct, indirect) = (true, true);
@@ -416,11 +415,7 @@ impl<V: Sight> CameraTracer<'_, V> {
             // The rest is looked for as often as the branch has a share, with the inverse as its weight.
             let (had, has) = (1.0 / path.rest, (path.share / FULL_SHARE).min(1.0));
             if path.rest > 0.0 && has < had {
-                path.rest = if sampler.next_1d() < has / had {
-                    1.0 / has
-                } else {
-                    0.0
-                };
+                path.rest = if sampler.next_1d() < has / had { 1.0 / has } else { 0.0 };
             }
         }
         if other.turn(vertex, &weak, self.scene, self.sight, sampler) {

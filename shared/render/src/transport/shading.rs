@@ -15,15 +15,9 @@ use crate::sight::{Sight, Start};
 use crate::warp::power_heuristic;
 
 impl<V: Sight> CameraTracer<'_, V> {
-    /// Radiance at the film of what leaves x towards the camera path, its own emission apart. `beta`: throughput from the film
-    /// to x.
-    pub(super) fn scattered(
-        &self,
-        x: &Vertex,
-        sampler: &mut Sampler,
-        beta: Rgb,
-        out: &mut Out<'_, '_>,
-    ) -> Rgb {
+    /// Radiance at the film of what leaves x towards the camera path, its own emission apart. `beta`: throughput from
+    /// the film to x.
+    pub(super) fn scattered(&self, x: &Vertex, sampler: &mut Sampler, beta: Rgb, out: &mut Out<'_, '_>) -> Rgb {
         if !self.sight.is_glossy(x.hit.object) {
             return self.scattered_by(x, sampler, beta, out);
         }
@@ -33,23 +27,13 @@ impl<V: Sight> CameraTracer<'_, V> {
         };
         // The two lobes obey different rules.
         let bsdf = gloss;
-        let gloss = Vertex {
-            bsdf,
-            is_gloss,
-            ..*x
-        };
+        let gloss = Vertex { bsdf, is_gloss, ..*x };
         let base = Vertex { bsdf: base, ..*x };
         self.scattered_by(&gloss, sampler, beta, out) + self.scattered_by(&base, sampler, beta, out)
     }
 
     /// The same, where all of x obeys the same rules.
-    fn scattered_by(
-        &self,
-        x: &Vertex,
-        sampler: &mut Sampler,
-        beta: Rgb,
-        out: &mut Out<'_, '_>,
-    ) -> Rgb {
+    fn scattered_by(&self, x: &Vertex, sampler: &mut Sampler, beta: Rgb, out: &mut Out<'_, '_>) -> Rgb {
         if x.bsdf.is_black() {
             return Rgb::ZERO;
         }
@@ -75,9 +59,7 @@ impl<V: Sight> CameraTracer<'_, V> {
         let gathers = is_glossy || self.sight.gathers(x.hit.object);
         let odds_scale = self.odds_scale(x);
         let weight = |photon: &SurfacePhoton, wi: Vec3| {
-            if V::RULED
-                && (photon.odds == Odds::UNSEEN || is_glossy && photon.arrival == Arrival::Surface)
-            {
+            if V::RULED && (photon.odds == Odds::UNSEEN || is_glossy && photon.arrival == Arrival::Surface) {
                 return 0.0;
             }
             if photon.odds == Odds::PHOTONS_ONLY || !gathers {
@@ -98,8 +80,8 @@ impl<V: Sight> CameraTracer<'_, V> {
         }
     }
 
-    /// Light of a sampled light at x, radiance at the film. `rays`: how many directions are drawn there as well, which may meet
-    /// it.
+    /// Light of a sampled light at x, radiance at the film. `rays`: how many directions are drawn there as well, which
+    /// may meet it.
     pub(super) fn lit_directly(
         &self,
         x: &Vertex,
@@ -137,13 +119,12 @@ impl<V: Sight> CameraTracer<'_, V> {
         self.sight.hides_light(shadow, light)
             || (self.is_glossy(x) || x.is_followed) && {
                 let seen = self.sight.from(x.gloss_towards(wi));
-                self.sight.hides_light(seen, light)
-                    || self.sight.hides_shape_of(self.scene, seen, light)
+                self.sight.hides_light(seen, light) || self.sight.hides_shape_of(self.scene, seen, light)
             }
     }
 
-    /// The ray sampled by the BSDF at x, and all that the path finds that goes on along it (see [`super::walk`]). It is one of
-    /// `rays`.
+    /// The ray sampled by the BSDF at x, and all that the path finds that goes on along it (see [`super::walk`]). It is
+    /// one of `rays`.
     fn gather_ray(
         &self,
         x: &Vertex,
@@ -153,9 +134,7 @@ impl<V: Sight> CameraTracer<'_, V> {
         beta: Rgb,
         out: &mut Out<'_, '_>,
     ) -> Rgb {
-        let sample = x
-            .bsdf
-            .sample(x.local_wo, u_lobe, u, TransportMode::Radiance);
+        let sample = x.bsdf.sample(x.local_wo, u_lobe, u, TransportMode::Radiance);
         let Some(sample) = sample else {
             return Rgb::ZERO;
         };
@@ -208,8 +187,8 @@ impl<V: Sight> CameraTracer<'_, V> {
         radiance + self.walk(walk(start, wanted), sampler, out)
     }
 
-    /// Light that y sends along a path that ends there, as direct light and photons bring it. `from`: the first vertex, if the
-    /// path comes straight from there, and how many rays it sent per solid angle.
+    /// Light that y sends along a path that ends there, as direct light and photons bring it. `from`: the first vertex,
+    /// if the path comes straight from there, and how many rays it sent per solid angle.
     pub(super) fn brought_by_photons(
         &self,
         from: Option<(&Vertex, f32)>,
@@ -221,9 +200,7 @@ impl<V: Sight> CameraTracer<'_, V> {
         let scene = self.scene;
         // Photons find their way from y to x where nothing at y depends on the side that it is seen from.
         let found_too = from.filter(|(x, _)| {
-            !self.is_glossy(x)
-                && y.bump_shadowing.is_none()
-                && y.local_wo.z * y.hit.ng.dot(y.wo) > 0.0
+            !self.is_glossy(x) && y.bump_shadowing.is_none() && y.local_wo.z * y.hit.ng.dot(y.wo) > 0.0
         });
         let cos_out = y.hit.ng.dot(y.wo).abs();
         let share = |arriving: f32, wi: Vec3| match found_too {
@@ -267,8 +244,8 @@ impl<V: Sight> CameraTracer<'_, V> {
         radiance
     }
 
-    /// Density estimate over the surface photons around a point, radiance at the film. `weight`: of a photon from a local
-    /// direction.
+    /// Density estimate over the surface photons around a point, radiance at the film. `weight`: of a photon from a
+    /// local direction.
     pub(super) fn photon_radiance(
         &self,
         x: &Vertex,
@@ -294,8 +271,7 @@ impl<V: Sight> CameraTracer<'_, V> {
                 let weight = weight(photon, Vec3::new(0.0, 0.0, cos));
                 let reflected = f * photon.power * (kernel * weight);
                 radiance += reflected;
-                out.record
-                    .add_of_group(Part::Surface, photon.group, reflected);
+                out.record.add_of_group(Part::Surface, photon.group, reflected);
             });
             return radiance;
         }
@@ -314,8 +290,7 @@ impl<V: Sight> CameraTracer<'_, V> {
             };
             let reflected = f * photon.power * (kernel * cosines * weight(photon, wi));
             radiance += reflected;
-            out.record
-                .add_of_group(Part::Surface, photon.group, reflected);
+            out.record.add_of_group(Part::Surface, photon.group, reflected);
         });
         radiance
     }
@@ -324,13 +299,14 @@ impl<V: Sight> CameraTracer<'_, V> {
 /// Throughput from which on a gather ray is surely sent.
 const SURE_THROUGHPUT: f32 = 0.5;
 
-/// Random numbers of several directions: one in each cell of a grid, and each in its own part of the range that chooses the
-/// lobe.
+/// Random numbers of several directions: one in each cell of a grid, and each in its own part of the range that chooses
+/// the lobe.
 struct Strata {
     side: u32,
     /// The next cell.
     cell: u32,
-    /// Part of the lobes' range that the first cell gets; the others get those after it, all around. Any cell gets any part.
+    /// Part of the lobes' range that the first cell gets; the others get those after it, all around. Any cell gets any
+    /// part.
     first: u32,
 }
 
@@ -369,8 +345,8 @@ mod tests {
     use super::*;
     use crate::sampler::Purpose;
 
-    /// Every cell gets a direction, every part of the lobes' range gets one, and any pair of them is as likely: 4000 draws,
-    /// each count within five standard deviations.
+    /// Every cell gets a direction, every part of the lobes' range gets one, and any pair of them is as likely: 4000
+    /// draws, each count within five standard deviations.
     #[test]
     fn strata_are_all_there_and_meet_evenly() {
         let mut sampler = Sampler::new(1, 0, Purpose::Test, 1);
@@ -389,10 +365,7 @@ mod tests {
         }
         for count in pairs.into_iter().flatten() {
             let deviation = libm::sqrt(4000.0 * 0.25 * 0.75);
-            assert!(
-                (f64::from(count) - 1000.0).abs() < 5.0 * deviation,
-                "{pairs:?}"
-            );
+            assert!((f64::from(count) - 1000.0).abs() < 5.0 * deviation, "{pairs:?}");
         }
     }
 }

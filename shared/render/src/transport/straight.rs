@@ -17,13 +17,7 @@ pub(super) struct Arrived {
 
 impl<V: Sight> CameraTracer<'_, V> {
     /// Follow a ray through boundaries of media, and what rules hide from it, to the next surface.
-    pub(super) fn go_straight(
-        &self,
-        ray: Ray,
-        medium: MediumId,
-        hidden: V::Hidden,
-        sampler: &mut Sampler,
-    ) -> Arrived {
+    pub(super) fn go_straight(&self, ray: Ray, medium: MediumId, hidden: V::Hidden, sampler: &mut Sampler) -> Arrived {
         let scene = self.scene;
         let mut ray = ray;
         let mut arrived = Arrived {

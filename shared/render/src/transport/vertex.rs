@@ -87,9 +87,7 @@ impl Vertex<'_> {
     /// The BSDF's value for light from `wi`, given in the local frame and in render space.
     #[inline]
     pub(super) fn value(&self, local_wi: Vec3, wi: Vec3) -> Rgb {
-        let f = self
-            .bsdf
-            .eval(self.local_wo, local_wi, TransportMode::Radiance);
+        let f = self.bsdf.eval(self.local_wo, local_wi, TransportMode::Radiance);
         match self.bump_shadowing {
             None => f,
             Some(shadowing) => f * shadowing.factor(wi),
@@ -105,9 +103,7 @@ impl Vertex<'_> {
     /// Whether this is a facet that scatters diffusely.
     #[inline]
     pub(super) fn is_even(&self) -> bool {
-        self.bump_shadowing.is_none()
-            && self.hit.ns == self.hit.ng
-            && matches!(self.bsdf, Bsdf::Diffuse { .. })
+        self.bump_shadowing.is_none() && self.hit.ns == self.hit.ng && matches!(self.bsdf, Bsdf::Diffuse { .. })
     }
 
     /// The normal on the side from which a Lambertian surface, lit from the side that it is seen from, is lit.
@@ -117,8 +113,8 @@ impl Vertex<'_> {
         matches!(self.bsdf, Bsdf::Diffuse { .. }).then_some(self.hit.ng * side)
     }
 
-    /// As what a ray to a light starts: a shadow ray, but where the path goes on by the same lobe and may meet the light
-    /// as well, as that goes on.
+    /// As what a ray to a light starts: a shadow ray, but where the path goes on by the same lobe and may meet the
+    /// light as well, as that goes on.
     pub(super) fn shadow_start(&self, wi: Vec3) -> Start {
         match self.is_followed {
             true => self.gloss_towards(wi),

@@ -1,5 +1,5 @@
-//! What a camera path finds beyond the first surface that is not followed, or beyond its first scattering in a medium that
-//! beams do not serve: a path tracer with light sampling, in which photons and beams bring caustics.
+//! What a camera path finds beyond the first surface that is not followed, or beyond its first scattering in a medium
+//! that beams do not serve: a path tracer with light sampling, in which photons and beams bring caustics.
 
 use super::direct::Seen;
 use super::vertex::{OneLobe, Vertex};
@@ -35,9 +35,11 @@ pub(super) struct Walk<'v, H> {
     pub hidden: H,
     /// Throughput from the film.
     pub beta: Rgb,
-    /// Throughput from where the walk began, by reflectances alone: refraction's compression of radiance comes and goes.
+    /// Throughput from where the walk began, by reflectances alone: refraction's compression of radiance comes and
+    /// goes.
     pub track: Rgb,
-    /// Where the direction was drawn: `None` behind specular surfaces and followed lobes, through which photons bring light.
+    /// Where the direction was drawn: `None` behind specular surfaces and followed lobes, through which photons bring
+    /// light.
     pub drawn: Option<Drawn<'v>>,
     /// Of the ray that the walk begins with.
     pub wanted: Wanted,
@@ -60,12 +62,7 @@ pub(super) struct Drawn<'v> {
 
 impl<V: Sight> CameraTracer<'_, V> {
     /// Everything that is found along the path: radiance at the film.
-    pub(super) fn walk(
-        &self,
-        mut walk: Walk<'_, V::Hidden>,
-        sampler: &mut Sampler,
-        out: &mut Out<'_, '_>,
-    ) -> Rgb {
+    pub(super) fn walk(&self, mut walk: Walk<'_, V::Hidden>, sampler: &mut Sampler, out: &mut Out<'_, '_>) -> Rgb {
         let scene = self.scene;
         let mut radiance = Rgb::ZERO;
         while walk.beta.max_element() > 0.0 {
@@ -127,13 +124,7 @@ impl<V: Sight> CameraTracer<'_, V> {
     }
 
     /// Light of a light that the path has met, noted.
-    fn found(
-        &self,
-        walk: &Walk<V::Hidden>,
-        light: usize,
-        emitted: Rgb,
-        out: &mut Out<'_, '_>,
-    ) -> Rgb {
+    fn found(&self, walk: &Walk<V::Hidden>, light: usize, emitted: Rgb, out: &mut Out<'_, '_>) -> Rgb {
         let part = match walk.depth {
             0 => Part::Direct,
             _ => Part::Surface,
@@ -143,7 +134,8 @@ impl<V: Sight> CameraTracer<'_, V> {
         radiance
     }
 
-    /// Weight of light that was met by chance, against sampling it where the direction was drawn. `normal`: of an area light.
+    /// Weight of light that was met by chance, against sampling it where the direction was drawn. `normal`: of an area
+    /// light.
     fn share(&self, walk: &Walk<V::Hidden>, light: usize, normal: Option<Vec3>) -> f32 {
         let Some(drawn) = &walk.drawn else {
             // Others are found by photons.
@@ -152,18 +144,12 @@ impl<V: Sight> CameraTracer<'_, V> {
         let wi = walk.ray.dir;
         let by_power = match drawn.at {
             Some(x) => {
-                if !walk.wanted.direct
-                    || self.sight.links_shadows(light)
-                    || self.is_unlit(x, wi, light)
-                {
+                if !walk.wanted.direct || self.sight.links_shadows(light) || self.is_unlit(x, wi, light) {
                     return 0.0;
                 }
                 self.sight.selector(self.scene, x.hit.object)
             }
-            None if self
-                .sight
-                .hides_light(self.sight.from(Start::Gather), light) =>
-            {
+            None if self.sight.hides_light(self.sight.from(Start::Gather), light) => {
                 return 0.0;
             }
             None => self.sight.emitters(self.scene),
@@ -174,9 +160,7 @@ impl<V: Sight> CameraTracer<'_, V> {
         });
         let scene = self.scene;
         let pdf = scene.lights()[light].pdf_direct(scene.objects(), drawn.point, wi, hit);
-        let choice = scene
-            .light_sources
-            .choice_at(drawn.point, drawn.facing, by_power);
+        let choice = scene.light_sources.choice_at(drawn.point, drawn.facing, by_power);
         power_heuristic(drawn.density, pdf * choice.pmf(light))
     }
 
@@ -209,14 +193,9 @@ impl<V: Sight> CameraTracer<'_, V> {
         }
     }
 
-    /// Leave a segment, as long as the path's way in the medium, along which beams are gathered. Returns the transmittance over
-    /// all of it.
-    pub(super) fn leave_segment(
-        &self,
-        segment: CameraSegment,
-        sampler: &mut Sampler,
-        out: &mut Out<'_, '_>,
-    ) -> Rgb {
+    /// Leave a segment, as long as the path's way in the medium, along which beams are gathered. Returns the
+    /// transmittance over all of it.
+    pub(super) fn leave_segment(&self, segment: CameraSegment, sampler: &mut Sampler, out: &mut Out<'_, '_>) -> Rgb {
         let medium = &self.scene.media()[usize::from(segment.medium)];
         let CameraSegments { segments, steps } = &mut *out.segments;
         let (seen, transmittance) = medium.segment(&segment.ray, segment.length, sampler, steps);
@@ -263,8 +242,8 @@ impl<V: Sight> CameraTracer<'_, V> {
         radiance
     }
 
-    /// Direct light of one light that a medium turns at the ray's origin against its direction, balanced against drawing the
-    /// direction there; and which light.
+    /// Direct light of one light that a medium turns at the ray's origin against its direction, balanced against
+    /// drawing the direction there; and which light.
     fn lit_in_medium(&self, at: &Ray, id: u16, sampler: &mut Sampler) -> (Rgb, usize) {
         let scene = self.scene;
         let phase = scene.media()[usize::from(id)].phase();
@@ -296,15 +275,13 @@ impl<V: Sight> CameraTracer<'_, V> {
         let hides = |object| self.sight.hides(hidden, object);
         let unshadowing = scene.unshadowing[choice.light];
         match scene.unoccluded(ray, direct.distance, Some(id), unshadowing, hides, sampler) {
-            Some(tr) => (
-                direct.weight * tr * (value * share / choice.pmf),
-                choice.light,
-            ),
+            Some(tr) => (direct.weight * tr * (value * share / choice.pmf), choice.light),
             None => nothing,
         }
     }
 
-    /// Direct light and caustics at a surface, radiance at the film, and on in a direction. `None`: the path ends before.
+    /// Direct light and caustics at a surface, radiance at the film, and on in a direction. `None`: the path ends
+    /// before.
     fn meet_surface(
         &self,
         walk: &mut Walk<V::Hidden>,
@@ -340,9 +317,7 @@ impl<V: Sight> CameraTracer<'_, V> {
         y.is_followed = lobe.is_followed;
         walk.pass(Rgb::splat(lobe.weight));
         let Estimators {
-            deep,
-            ends_at_second,
-            ..
+            deep, ends_at_second, ..
         } = *self.estimators();
         if !lobe.is_followed {
             let drawn = walk.drawn.as_ref();
@@ -350,9 +325,7 @@ impl<V: Sight> CameraTracer<'_, V> {
             if self.estimators().ends_paths(&y.bsdf) && flown >= self.least_flight {
                 let from = drawn.and_then(|drawn| Some((drawn.at?, drawn.density)));
                 let is_found = !ends_at_second
-                    || from.is_some_and(|(x, _)| {
-                        self.is_glossy(x) || self.sight.is_gathered(hit.object)
-                    });
+                    || from.is_some_and(|(x, _)| self.is_glossy(x) || self.sight.is_gathered(hit.object));
                 let beta = walk.beta;
                 walk.beta = Rgb::ZERO;
                 return is_found.then(|| self.brought_by_photons(from, &y, beta, sampler, out));
@@ -400,13 +373,7 @@ impl<V: Sight> CameraTracer<'_, V> {
     }
 
     /// Direct light, balanced against the direction that is drawn at y as well, and photons.
-    fn lit_later(
-        &self,
-        y: &Vertex,
-        beta: Rgb,
-        sampler: &mut Sampler,
-        out: &mut Out<'_, '_>,
-    ) -> Rgb {
+    fn lit_later(&self, y: &Vertex, beta: Rgb, sampler: &mut Sampler, out: &mut Out<'_, '_>) -> Rgb {
         let balanced = |choice: LightChoice, direct: &DirectSample, wi: Vec3| match direct.delta
             || self.scene.only_sampled(choice.light)
         {

@@ -1,10 +1,11 @@
-//! Which surface a ray meets, and which medium is where, also where boundaries of media lie on other surfaces or cut through lights.
+//! Which surface a ray meets, and which medium is where, also where boundaries of media lie on other surfaces or cut
+//! through lights.
 //!
-//! A box of fog fills its room to the walls, two boxes stand side by side. Which of two surfaces at one place a ray meets first is then
-//! decided by rounding, and the other is not met at all, since rays start a little off the surface that they leave. So what else is
-//! there is looked for: surfaces that are something to see come before boundaries that are nothing else, and of boundaries all
-//! are crossed, one after the other as their media follow. Both are the same from either side, as they must be for light paths
-//! that are found from lights and from the camera.
+//! A box of fog fills its room to the walls, two boxes stand side by side. Which of two surfaces at one place a ray
+//! meets first is then decided by rounding, and the other is not met at all, since rays start a little off the surface
+//! that they leave. So what else is there is looked for: surfaces that are something to see come before boundaries that
+//! are nothing else, and of boundaries all are crossed, one after the other as their media follow. Both are the same
+//! from either side, as they must be for light paths that are found from lights and from the camera.
 
 use super::Scene;
 use crate::geometry::{Object, SurfaceHit, SurfacePoint};
@@ -24,8 +25,8 @@ pub(crate) enum LightMedium {
 
 /// Places on a surface at which the medium is looked up.
 const PLACES: usize = 256;
-/// Share of them that lie in another medium than the surface's `exterior` before it is called misplaced: what is cut by the boundary of
-/// another, or looked at through itself, is no sign.
+/// Share of them that lie in another medium than the surface's `exterior` before it is called misplaced: what is cut by
+/// the boundary of another, or looked at through itself, is no sign.
 const LEAST_WRONG: f32 = 0.2;
 /// Boundaries at one place; nobody models more.
 const MOST: usize = 4;
@@ -35,9 +36,7 @@ impl Scene {
     #[inline]
     pub(crate) fn first_hit(&self, ray: &Ray, hides: impl Fn(u32) -> bool) -> Option<SurfaceHit> {
         let objects = self.objects();
-        let hit = self
-            .geometry
-            .intersect(objects, ray, f32::INFINITY, &hides)?;
+        let hit = self.geometry.intersect(objects, ray, f32::INFINITY, &hides)?;
         if !self.has_boundaries || !self.is_null(hit.object) {
             return Some(hit);
         }
@@ -78,7 +77,8 @@ impl Scene {
         first.and_then(|c| c.near)
     }
 
-    /// The boundary that a ray in direction `dir` meets, if it is one, and those without a surface that lie there as well.
+    /// The boundary that a ray in direction `dir` meets, if it is one, and those without a surface that lie there as
+    /// well.
     fn crossings(&self, hit: &SurfaceHit, dir: Vec3) -> Crossings {
         let (across, length) = probe(hit, dir);
         let mut all = Crossings::default();
@@ -110,8 +110,7 @@ impl Scene {
     pub(crate) fn medium_without(&self, point: Vec3, hides: impl Fn(u32) -> bool) -> MediumId {
         // A direction that is parallel to nothing people model.
         let dir = Vec3::new(0.267_3, 0.872_9, 0.408_2).normalize();
-        let bounds_nothing =
-            |object: u32| self.objects()[object as usize].boundary.is_none() || hides(object);
+        let bounds_nothing = |object: u32| self.objects()[object as usize].boundary.is_none() || hides(object);
         let ray = Ray { origin: point, dir };
         match self
             .geometry
@@ -125,15 +124,13 @@ impl Scene {
     /// The medium that is left of `medium_at` when some objects are not seen.
     pub(crate) fn medium_seen(&self, point: Vec3, hidden: Option<HiddenSet>) -> MediumId {
         match (&self.description().rules, hidden) {
-            (Some(rules), Some(set)) => {
-                self.medium_without(point, |object| rules.hides(set, object))
-            }
+            (Some(rules), Some(set)) => self.medium_without(point, |object| rules.hides(set, object)),
             _ => self.medium_at(point),
         }
     }
 
-    /// Names of objects that lie in another medium than their `exterior` says: light that leaves them goes on as if it were there,
-    /// without having crossed a boundary, and what is seen depends on which way one looks.
+    /// Names of objects that lie in another medium than their `exterior` says: light that leaves them goes on as if it
+    /// were there, without having crossed a boundary, and what is seen depends on which way one looks.
     pub fn misplaced(&self) -> Vec<String> {
         let objects = self.objects().iter().zip(0..);
         let misplaced = objects.filter_map(|(object, index)| {
@@ -146,9 +143,7 @@ impl Scene {
                     dir: -on.normal,
                 };
                 // What lies at the same place is crossed with it.
-                let is_passed = |other: u32| {
-                    other == index || self.objects()[other as usize].boundary.is_none()
-                };
+                let is_passed = |other: u32| other == index || self.objects()[other as usize].boundary.is_none();
                 !(self.geometry).occluded(self.objects(), &back, 2.0 * clearance, is_passed)
                     && self.medium_at(point) != exterior
             });
@@ -175,9 +170,7 @@ impl Scene {
     pub(crate) fn find_light_medium(&self, light: usize) -> LightMedium {
         let hidden = self.hidden_from_light(light);
         let medium = match &self.lights()[light].kind {
-            LightKind::Point { position, .. } | LightKind::Spot { position, .. } => {
-                self.medium_seen(*position, hidden)
-            }
+            LightKind::Point { position, .. } | LightKind::Spot { position, .. } => self.medium_seen(*position, hidden),
             LightKind::Area { object, .. } => {
                 let object = &self.objects()[*object as usize];
                 if let Some(boundary) = object.boundary {
@@ -193,9 +186,7 @@ impl Scene {
                 }
                 first
             }
-            LightKind::Directional { .. } | LightKind::Environment(_) => {
-                self.description().world_medium
-            }
+            LightKind::Directional { .. } | LightKind::Environment(_) => self.description().world_medium,
         };
         LightMedium::One(medium)
     }

@@ -8,8 +8,8 @@ use crate::medium::{Medium, MediumId};
 use crate::rules::Rules;
 use beamfarm_image::job::{JobSettings, ScheduleKind, Targeting};
 
-/// Everything that a pass renders. Lengths in scene units; render space is world space moved so that the camera stands at
-/// the origin, which keeps single precision where it is needed.
+/// Everything that a pass renders. Lengths in scene units; render space is world space moved so that the camera stands
+/// at the origin, which keeps single precision where it is needed.
 #[derive(Clone, Debug)]
 pub struct SceneDescription {
     /// The camera.

@@ -50,11 +50,7 @@ impl Scene {
     /// Build the acceleration structures. Deterministic.
     pub fn new(description: SceneDescription) -> Self {
         let geometry = Geometry::new(&description.objects);
-        let selector = LightSelector::new(
-            &description.lights,
-            &description.objects,
-            &description.bounds,
-        );
+        let selector = LightSelector::new(&description.lights, &description.objects, &description.bounds);
         let (selectors, emitters) = (selectors(&description), emitters(&description));
         let material = |o: &Object| &description.materials[o.material as usize];
         let passable: Vec<bool> = description
@@ -64,8 +60,8 @@ impl Scene {
             .collect();
         let has_boundaries = description.objects.iter().any(|o| material(o).is_null());
         let mut materials = description.objects.iter().map(material);
-        let shadow_rays_walk = materials.any(|m| m.opacity.is_some())
-            || (has_boundaries && !description.media.is_empty());
+        let shadow_rays_walk =
+            materials.any(|m| m.opacity.is_some()) || (has_boundaries && !description.media.is_empty());
         let unshadowing = |light: &Light| match light.kind {
             LightKind::Area { object, .. } => description.objects[object as usize]
                 .shape
@@ -74,11 +70,7 @@ impl Scene {
             _ => None,
         };
         let is_environment = |light: &Light| matches!(light.kind, LightKind::Environment(_));
-        let light_sources = LightSources::new(
-            &description.lights,
-            &description.objects,
-            &description.bounds,
-        );
+        let light_sources = LightSources::new(&description.lights, &description.objects, &description.bounds);
         let mut scene = Self {
             geometry,
             selector,
@@ -112,9 +104,7 @@ impl Scene {
                 scene.medium_seen(scene.description.camera.position, hidden)
             }
         };
-        scene.light_media = (0..scene.lights().len())
-            .map(|i| scene.find_light_medium(i))
-            .collect();
+        scene.light_media = (0..scene.lights().len()).map(|i| scene.find_light_medium(i)).collect();
         scene
     }
 
@@ -183,13 +173,7 @@ impl Scene {
 
     /// Transmittance of a medium along a ray over a distance.
     #[inline]
-    pub(crate) fn transmittance(
-        &self,
-        medium: MediumId,
-        ray: &Ray,
-        distance: f32,
-        sampler: &mut Sampler,
-    ) -> Rgb {
+    pub(crate) fn transmittance(&self, medium: MediumId, ray: &Ray, distance: f32, sampler: &mut Sampler) -> Rgb {
         match medium {
             Some(id) => self.media()[id as usize].transmittance(ray, distance, sampler),
             None => Rgb::ONE,
@@ -226,12 +210,7 @@ fn selectors(description: &SceneDescription) -> BTreeMap<u32, LightSelector> {
             continue;
         }
         selectors.entry(sets.shadow.row).or_insert_with(|| {
-            LightSelector::of_some(
-                &description.lights,
-                &description.objects,
-                &description.bounds,
-                sees,
-            )
+            LightSelector::of_some(&description.lights, &description.objects, &description.bounds, sees)
         });
     }
     selectors

@@ -10,8 +10,8 @@ const SHORT_OF_LIGHT: f32 = 1.0 - 1e-4;
 
 impl Scene {
     /// Transmittance of a shadow ray, an unbiased estimate in heterogeneous media; `None` where a surface other than
-    /// `light` blocks it. `distance`: of the light, which may be infinite. `medium`: where the ray starts. `hides`: objects
-    /// that rules pass through.
+    /// `light` blocks it. `distance`: of the light, which may be infinite. `medium`: where the ray starts. `hides`:
+    /// objects that rules pass through.
     pub(crate) fn unoccluded(
         &self,
         ray: Ray,
@@ -23,8 +23,7 @@ impl Scene {
     ) -> Option<Rgb> {
         let (mut reach, mut left) = (distance * SHORT_OF_LIGHT, distance);
         let may_be_passed = |object: u32| self.passable[object as usize];
-        let is_passed =
-            |object: u32| may_be_passed(object) || light == Some(object) || hides(object);
+        let is_passed = |object: u32| may_be_passed(object) || light == Some(object) || hides(object);
         let objects = self.objects();
         if self.geometry.occluded(objects, &ray, reach, is_passed) {
             return None;
@@ -33,9 +32,10 @@ impl Scene {
             return Some(self.transmittance(medium, &ray, left, sampler));
         }
         let (mut ray, mut medium, mut transmittance) = (ray, medium, Rgb::ONE);
-        while let Some(hit) = self.geometry.intersect(objects, &ray, reach, |object| {
-            !may_be_passed(object) || hides(object)
-        }) {
+        while let Some(hit) = self
+            .geometry
+            .intersect(objects, &ray, reach, |object| !may_be_passed(object) || hides(object))
+        {
             transmittance *= self.material(&hit).transparency(hit.uv);
             if transmittance == Rgb::ZERO {
                 return None;

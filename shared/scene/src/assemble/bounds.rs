@@ -53,9 +53,7 @@ pub fn around(objects: &[Object], points: &[DVec3]) -> SceneBounds {
         if let Shape::Mesh { mesh, .. } = &object.shape
             && mesh.positions.len() > MANY_VERTICES
         {
-            boxes
-                .entry(Arc::as_ptr(mesh))
-                .or_insert_with(|| box_corners(mesh));
+            boxes.entry(Arc::as_ptr(mesh)).or_insert_with(|| box_corners(mesh));
         }
     }
     let hulls: Vec<Hull<'_>> = objects.iter().map(|o| hull(&o.shape, &boxes)).collect();
@@ -89,9 +87,7 @@ fn hull<'a>(shape: &'a Shape, boxes: &'a BTreeMap<*const Mesh, [Vec3; 8]>) -> Hu
                 None => Hull::Points(&mesh.positions, map),
             }
         }
-        Shape::Sphere { placement, .. }
-        | Shape::Disc { placement, .. }
-        | Shape::Cylinder { placement, .. } => {
+        Shape::Sphere { placement, .. } | Shape::Disc { placement, .. } | Shape::Cylinder { placement, .. } => {
             // In its own space, how far it reaches from its middle.
             let from_center = match shape {
                 Shape::Cylinder { .. } => 1.25f64.sqrt(),
@@ -110,10 +106,7 @@ fn hull<'a>(shape: &'a Shape, boxes: &'a BTreeMap<*const Mesh, [Vec3; 8]>) -> Hu
 
 fn box_corners(mesh: &Mesh) -> [Vec3; 8] {
     let low = mesh.positions.iter().fold(Vec3::INFINITY, |a, p| a.min(*p));
-    let high = mesh
-        .positions
-        .iter()
-        .fold(Vec3::NEG_INFINITY, |a, p| a.max(*p));
+    let high = mesh.positions.iter().fold(Vec3::NEG_INFINITY, |a, p| a.max(*p));
     std::array::from_fn(|i| {
         let pick = |bit: usize, axis: usize| match i & bit {
             0 => low[axis],

@@ -3,9 +3,7 @@
 use super::{Assets, Parts, Problem, asset_problem};
 use crate::assets::gltf::{self, Choice};
 use crate::assets::image::Encoding;
-use crate::parse::{
-    CameraRecord, Eye, Fault, FovAxis, GltfCameraRecord, GltfRecord, PieceRecord, SceneRecord,
-};
+use crate::parse::{CameraRecord, Eye, Fault, FovAxis, GltfCameraRecord, GltfRecord, PieceRecord, SceneRecord};
 use crate::values::Spanned;
 use crate::{source, transform};
 use beamfarm_image::bundle::{self, Bundle};
@@ -46,10 +44,8 @@ impl Parts<'_> {
             .map_err(|flaw| asset_problem(path, flaw))?;
         let text = &piece.text;
         self.assets.add(piece.meshes, piece.images);
-        let parsed: PieceRecord =
-            toml::from_str(text).map_err(|e| in_file(path, text, &e.into()))?;
-        self.add_piece(&parsed)
-            .map_err(|problem| in_piece(path, text, problem))
+        let parsed: PieceRecord = toml::from_str(text).map_err(|e| in_file(path, text, &e.into()))?;
+        self.add_piece(&parsed).map_err(|problem| in_piece(path, text, problem))
     }
 
     fn add_piece(&mut self, piece: &PieceRecord) -> Result<(), Problem> {
@@ -106,10 +102,9 @@ pub fn eye(scene: &SceneRecord, bundle: &Bundle) -> Result<Eye, Problem> {
         None => DAffine3::IDENTITY,
     };
     let wanted = camera.gltf_camera.as_ref().map(|name| &**name.get_ref());
-    let text = gltf::camera(bytes(bundle, path)?, wanted, &world_from_file)
-        .map_err(|flaw| asset_problem(path, flaw))?;
-    let read: GltfCameraRecord =
-        toml::from_str(&text).map_err(|e| in_file(path, &text, &e.into()))?;
+    let text =
+        gltf::camera(bytes(bundle, path)?, wanted, &world_from_file).map_err(|flaw| asset_problem(path, flaw))?;
+    let read: GltfCameraRecord = toml::from_str(&text).map_err(|e| in_file(path, &text, &e.into()))?;
     let span = path.span();
     Ok(Eye {
         origin: read.origin,

@@ -16,9 +16,7 @@ impl Parts<'_> {
     pub fn add_lights(&mut self, records: &[LightRecord]) -> Result<(), Problem> {
         let is_environment = |r: &&LightRecord| *r.kind.get_ref() == LightType::Environment;
         if let Some(second) = records.iter().filter(is_environment).nth(1) {
-            return Err(
-                Fault::new(second.kind.span(), "a scene has at most one environment").into(),
-            );
+            return Err(Fault::new(second.kind.span(), "a scene has at most one environment").into());
         }
         for (i, record) in records.iter().enumerate() {
             let before = self.lights.len();
@@ -35,18 +33,14 @@ impl Parts<'_> {
             let group = record.group.as_deref();
             let visible = record.visible.as_ref();
             let added = before..self.lights.len();
-            self.names
-                .add(&name, group.as_slice(), visible, 0..0, added);
+            self.names.add(&name, group.as_slice(), visible, 0..0, added);
         }
         Ok(())
     }
 
     fn light_kinds(&mut self, record: &LightRecord) -> Result<Vec<LightKind>, Problem> {
         let kind = &record.kind;
-        let from_infinity = matches!(
-            kind.get_ref(),
-            LightType::Directional | LightType::Environment
-        );
+        let from_infinity = matches!(kind.get_ref(), LightType::Directional | LightType::Environment);
         let world = self.world_medium.map(|m| &self.media.list[usize::from(m)]);
         if from_infinity && matches!(world, Some(Medium::Homogeneous(_))) {
             return Err(Fault::new(
@@ -61,17 +55,12 @@ impl Parts<'_> {
             LightType::Point => {
                 let position = self.position(record)?;
                 let intensity = intensity(record, 4.0 * PI)?;
-                (intensity != Rgb::ZERO).then_some(LightKind::Point {
-                    position,
-                    intensity,
-                })
+                (intensity != Rgb::ZERO).then_some(LightKind::Point { position, intensity })
             }
             LightType::Spot => self.spot(record)?,
             LightType::Directional => {
                 let direction = required(&record.direction, kind, "direction")?;
-                let irradiance = required(&record.irradiance, kind, "irradiance")?
-                    .get_ref()
-                    .rgb();
+                let irradiance = required(&record.irradiance, kind, "irradiance")?.get_ref().rgb();
                 let direction = unit(
                     direction.get_ref().0,
                     direction,
@@ -98,31 +87,18 @@ impl Parts<'_> {
     fn spot(&mut self, record: &LightRecord) -> Result<Option<LightKind>, Problem> {
         let position = self.position(record)?;
         let target = required(&record.target, &record.kind, "target")?;
-        let from = record
-            .position
-            .as_ref()
-            .map_or(DVec3::ZERO, |p| p.get_ref().0);
+        let from = record.position.as_ref().map_or(DVec3::ZERO, |p| p.get_ref().0);
         let axis = unit(
             target.get_ref().0 - from,
             target,
             "expected a point other than `position`",
         )?;
         let cutoff = record.cutoff_angle.as_ref().map_or(20.0, |a| a.get_ref().0);
-        let plateau = record
-            .beam_width
-            .as_ref()
-            .map_or(0.75 * cutoff, |a| a.get_ref().0);
+        let plateau = record.beam_width.as_ref().map_or(0.75 * cutoff, |a| a.get_ref().0);
         let [cutoff, plateau] = [cutoff, plateau].map(f64::to_radians);
         if plateau as f32 >= cutoff as f32 {
-            let place = record
-                .beam_width
-                .as_ref()
-                .map_or(record.kind.span(), |a| a.span());
-            return Err(Fault::new(
-                place,
-                "expected `beam_width` below `cutoff_angle` (default 20)",
-            )
-            .into());
+            let place = record.beam_width.as_ref().map_or(record.kind.span(), |a| a.span());
+            return Err(Fault::new(place, "expected `beam_width` below `cutoff_angle` (default 20)").into());
         }
         let intensity = intensity(record, spot_solid_angle(plateau, cutoff))?;
         Ok((intensity != Rgb::ZERO).then_some(LightKind::Spot {
@@ -144,10 +120,7 @@ impl Parts<'_> {
             (None, Some(path), scale) => {
                 let image = self.assets.image(path, Encoding::Srgb)?;
                 if image.width < 2 || image.height < 3 {
-                    let flaw = format!(
-                        "{} x {} pixels; expected at least 2 x 3",
-                        image.width, image.height
-                    );
+                    let flaw = format!("{} x {} pixels; expected at least 2 x 3", image.width, image.height);
                     return Err(asset_problem(path, flaw));
                 }
                 let scale = scale.as_ref().map_or(Rgb::ONE, |s| s.get_ref().rgb());
@@ -161,14 +134,11 @@ impl Parts<'_> {
                 Environment::sky_and_suns(&image, scale, render_from_env)
             }
             _ => {
-                let message =
-                    "an environment is given by `radiance`, or by `image` and perhaps `scale`";
+                let message = "an environment is given by `radiance`, or by `image` and perhaps `scale`";
                 return Err(Fault::new(record.kind.span(), message).into());
             }
         };
-        let lit = environments
-            .into_iter()
-            .filter(|e| e.fluence() != Rgb::ZERO);
+        let lit = environments.into_iter().filter(|e| e.fluence() != Rgb::ZERO);
         Ok(lit.map(LightKind::Environment).collect())
     }
 }
@@ -196,10 +166,7 @@ fn orientation(record: &LightRecord) -> Result<DMat3, Fault> {
             let z = x.cross(y) * m.determinant().signum();
             Ok(DMat3::from_cols(x, y, z))
         }
-        (Some(_), Some(steps)) => Err(Fault::new(
-            steps.span(),
-            "expected `rotate_y` or `transform`, not both",
-        )),
+        (Some(_), Some(steps)) => Err(Fault::new(steps.span(), "expected `rotate_y` or `transform`, not both")),
     }
 }
 
@@ -208,19 +175,14 @@ fn intensity(record: &LightRecord, solid_angle: f64) -> Result<Rgb, Fault> {
     match (&record.intensity, &record.power) {
         (Some(intensity), None) => Ok(intensity.get_ref().rgb()),
         (None, Some(power)) => {
-            let intensity =
-                Rgb::from_array(power.get_ref().0.map(|watts| (watts / solid_angle) as f32));
+            let intensity = Rgb::from_array(power.get_ref().0.map(|watts| (watts / solid_angle) as f32));
             match intensity.is_finite() {
                 true => Ok(intensity),
-                false => Err(Fault::new(
-                    power.span(),
-                    "too much power for single precision",
-                )),
+                false => Err(Fault::new(power.span(), "too much power for single precision")),
             }
         }
         _ => {
-            let message =
-                "this light is given by `intensity` (W/sr) or by `power` (W): exactly one of them";
+            let message = "this light is given by `intensity` (W/sr) or by `power` (W): exactly one of them";
             Err(Fault::new(record.kind.span(), message))
         }
     }
@@ -250,13 +212,7 @@ mod tests {
 
     #[test]
     fn spot_solid_angle_is_the_integral_of_the_falloff() {
-        for (plateau, cutoff) in [
-            (0.0, 0.3),
-            (0.2, 0.3),
-            (1.0, 2.5),
-            (1e-4, 2e-4),
-            (0.5, 0.5001),
-        ] {
+        for (plateau, cutoff) in [(0.0, 0.3), (0.2, 0.3), (1.0, 2.5), (1e-4, 2e-4), (0.5, 0.5001)] {
             let steps = 200_000;
             let width = cutoff / f64::from(steps);
             let integrand = |i: i32| {

@@ -2,14 +2,11 @@
 
 use super::texture;
 use super::{Assets, Problem, required, unknown_name};
-use crate::parse::{
-    DistributionName, Fault, ImageTextureRecord, MaterialRecord, MaterialType, TextureRecord,
-};
+use crate::parse::{DistributionName, Fault, ImageTextureRecord, MaterialRecord, MaterialType, TextureRecord};
 use crate::values::Spanned;
 use crate::values::{NonNegative, Number, Unit};
 use beamfarm_render::bsdf::{
-    Coat, Distribution, Material, MaterialKind, NormalPerturbation, RoughCoat, Tint,
-    conductor_names, conductor_preset,
+    Coat, Distribution, Material, MaterialKind, NormalPerturbation, RoughCoat, Tint, conductor_names, conductor_preset,
 };
 use beamfarm_render::math::Rgb;
 use beamfarm_render::texture::Texture;
@@ -24,10 +21,7 @@ pub struct Materials {
 }
 
 impl Materials {
-    pub fn new(
-        records: &BTreeMap<Spanned<String>, MaterialRecord>,
-        assets: &mut Assets<'_>,
-    ) -> Result<Self, Problem> {
+    pub fn new(records: &BTreeMap<Spanned<String>, MaterialRecord>, assets: &mut Assets<'_>) -> Result<Self, Problem> {
         let mut materials = Self {
             list: Vec::new(),
             names: BTreeMap::new(),
@@ -61,11 +55,7 @@ impl Materials {
     pub fn resolve(&self, name: &Spanned<String>) -> Result<u32, Fault> {
         match self.names.get(name.get_ref()) {
             Some(index) => Ok(*index),
-            None => Err(unknown_name(
-                "material",
-                name,
-                self.names.keys().map(String::as_str),
-            )),
+            None => Err(unknown_name("material", name, self.names.keys().map(String::as_str))),
         }
     }
 
@@ -92,9 +82,9 @@ fn material(record: &MaterialRecord, assets: &mut Assets<'_>) -> Result<Material
         | MaterialKind::ThinDielectric { .. }
         | MaterialKind::RoughDielectric { .. }
         | MaterialKind::Null => true,
-        MaterialKind::Mirror { .. }
-        | MaterialKind::Conductor { .. }
-        | MaterialKind::RoughConductor { .. } => said.unwrap_or(true),
+        MaterialKind::Mirror { .. } | MaterialKind::Conductor { .. } | MaterialKind::RoughConductor { .. } => {
+            said.unwrap_or(true)
+        }
         MaterialKind::Diffuse { .. }
         | MaterialKind::Plastic { .. }
         | MaterialKind::RoughPlastic { .. }
@@ -178,9 +168,8 @@ fn kind(record: &MaterialRecord, assets: &mut Assets<'_>) -> Result<MaterialKind
             }
         }
         MaterialType::Principled => {
-            let number = |field: &Option<Spanned<Number<Unit>>>, default| {
-                field.as_ref().map_or(default, |x| x.get_ref().f32())
-            };
+            let number =
+                |field: &Option<Spanned<Number<Unit>>>, default| field.as_ref().map_or(default, |x| x.get_ref().f32());
             MaterialKind::Principled {
                 base_color: texture(&record.base_color, 0.5)?,
                 metallic: number(&record.metallic, 0.0),
@@ -217,13 +206,9 @@ fn normal_perturbation(
             if let TextureRecord::Image(image) = &mut map {
                 image.raw = true;
             }
-            Ok(Some(NormalPerturbation::NormalMap(texture::texture(
-                &map, assets,
-            )?)))
+            Ok(Some(NormalPerturbation::NormalMap(texture::texture(&map, assets)?)))
         }
-        (Some(_), Some(map)) => {
-            Err(Fault::new(map.span(), "a surface has `bump` or `normal_map`, not both").into())
-        }
+        (Some(_), Some(map)) => Err(Fault::new(map.span(), "a surface has `bump` or `normal_map`, not both").into()),
     }
 }
 
@@ -248,9 +233,7 @@ fn distribution(record: &MaterialRecord) -> Distribution {
 }
 
 fn alpha(record: &MaterialRecord) -> Result<f32, Fault> {
-    Ok(required(&record.alpha, &record.kind, "alpha")?
-        .get_ref()
-        .f32())
+    Ok(required(&record.alpha, &record.kind, "alpha")?.get_ref().f32())
 }
 
 /// Index of refraction of plastics where the scene names none: polypropylene's.
@@ -264,10 +247,7 @@ fn relative_ior(record: &MaterialRecord, default: Option<f64>) -> Result<f32, Fa
             (ior.get_ref().0, ior.span())
         }
     };
-    let exterior = record
-        .exterior_ior
-        .as_ref()
-        .map_or(1.0, |ior| ior.get_ref().0);
+    let exterior = record.exterior_ior.as_ref().map_or(1.0, |ior| ior.get_ref().0);
     let eta = (ior / exterior) as f32;
     if !(1e-2..=1e2).contains(&eta) {
         return Err(Fault::new(
@@ -305,19 +285,13 @@ fn metal(record: &MaterialRecord) -> Result<(Rgb, Rgb), Fault> {
             let known = conductor_names().collect::<Vec<_>>().join(", ");
             Fault::new(
                 preset.span(),
-                format!(
-                    "there is no metal \"{}\"; expected one of {known}",
-                    preset.get_ref()
-                ),
+                format!("there is no metal \"{}\"; expected one of {known}", preset.get_ref()),
             )
         }),
         (None, Some(eta), Some(k)) => {
             let (eta, k) = (eta.get_ref().rgb(), k.get_ref().rgb());
             if (eta + k).min_element() <= 0.0 {
-                return Err(Fault::new(
-                    record.kind.span(),
-                    "eta and k are both 0 in one channel",
-                ));
+                return Err(Fault::new(record.kind.span(), "eta and k are both 0 in one channel"));
             }
             Ok((eta, k))
         }

@@ -1,9 +1,7 @@
 //! Media and their names.
 
 use super::{Assets, Problem, check_reach, required, unknown_name};
-use crate::parse::{
-    AlbedoRecord, BlobRecord, DensityRecord, Fault, MediumKind, MediumRecord, PhaseRecord,
-};
+use crate::parse::{AlbedoRecord, BlobRecord, DensityRecord, Fault, MediumKind, MediumRecord, PhaseRecord};
 use crate::transform;
 use crate::values::Spanned;
 use beamfarm_render::math::Rgb;
@@ -78,11 +76,7 @@ impl Media {
     }
 
     /// The medium of a name, or another where there is no name.
-    pub fn resolve_or(
-        &self,
-        name: Option<&Spanned<String>>,
-        default: MediumId,
-    ) -> Result<MediumId, Fault> {
+    pub fn resolve_or(&self, name: Option<&Spanned<String>>, default: MediumId) -> Result<MediumId, Fault> {
         name.map_or(Ok(default), |name| self.resolve(name))
     }
 
@@ -111,12 +105,7 @@ fn phase(record: &MediumRecord) -> Phase {
 
 /// Absorption and scattering, times `scale`.
 fn coefficients(record: &MediumRecord, scale: f64) -> Result<[Rgb; 2], Fault> {
-    let (sigma_a, sigma_s) = match (
-        &record.sigma_a,
-        &record.sigma_s,
-        &record.sigma_t,
-        &record.albedo,
-    ) {
+    let (sigma_a, sigma_s) = match (&record.sigma_a, &record.sigma_s, &record.sigma_t, &record.albedo) {
         (Some(sigma_a), Some(sigma_s), None, None) => (sigma_a.get_ref().0, sigma_s.get_ref().0),
         (None, None, Some(sigma_t), Some(albedo)) => {
             let sigma_t = sigma_t.get_ref().0;
@@ -130,18 +119,11 @@ fn coefficients(record: &MediumRecord, scale: f64) -> Result<[Rgb; 2], Fault> {
                 }
             };
             let scattered = std::array::from_fn(|c| sigma_t[c] * albedo[c]);
-            (
-                std::array::from_fn(|c| sigma_t[c] - scattered[c]),
-                scattered,
-            )
+            (std::array::from_fn(|c| sigma_t[c] - scattered[c]), scattered)
         }
         (sigma_a, sigma_s, sigma_t, albedo) => {
             let spans = [sigma_t, sigma_a, sigma_s].map(|f| f.as_ref().map(|f| f.span()));
-            let first = spans
-                .into_iter()
-                .flatten()
-                .next()
-                .or(albedo.as_ref().map(|f| f.span()));
+            let first = spans.into_iter().flatten().next().or(albedo.as_ref().map(|f| f.span()));
             return Err(Fault::new(
                 first.unwrap_or(record.kind.span()),
                 "a medium is given by `sigma_a` and `sigma_s`, or by `sigma_t` and `albedo`: both of a pair, and never mixed",
@@ -172,14 +154,10 @@ fn heterogeneous(
             assets.density(path, grid.map(|name| name.get_ref().as_str()))?
         }
         None => {
-            let raw = recipe(place)?
-                .sample()
-                .map_err(|error| recipe_fault(place, &error))?;
+            let raw = recipe(place)?.sample().map_err(|error| recipe_fault(place, &error))?;
             let bricks = Bricks::new(&raw).map_err(|error| {
                 let message = match error {
-                    DensityError::NotFinite(_) => {
-                        "somewhere it is too large for single precision".to_string()
-                    }
+                    DensityError::NotFinite(_) => "somewhere it is too large for single precision".to_string(),
                     error => error.to_string(),
                 };
                 Fault::new(place.span(), message)
@@ -263,10 +241,7 @@ fn recipe(place: &Spanned<DensityRecord>) -> Result<Recipe, Fault> {
             if let Some(octaves) = octaves
                 && !(1..=MAX_OCTAVES).contains(octaves.get_ref())
             {
-                let message = format!(
-                    "expected 1 to {MAX_OCTAVES} octaves, found {}",
-                    octaves.get_ref()
-                );
+                let message = format!("expected 1 to {MAX_OCTAVES} octaves, found {}", octaves.get_ref());
                 return Err(Fault::new(octaves.span(), message));
             }
             Some(Noise {

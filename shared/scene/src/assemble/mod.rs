@@ -173,30 +173,16 @@ impl<'a> Assets<'a> {
         })
     }
 
-    fn density(
-        &mut self,
-        path: &Spanned<String>,
-        grid: Option<&str>,
-    ) -> Result<Arc<Bricks>, Problem> {
+    fn density(&mut self, path: &Spanned<String>, grid: Option<&str>) -> Result<Arc<Bricks>, Problem> {
         let key = (bundle::key(path.get_ref()), grid.map(str::to_owned));
-        load(
-            &mut self.densities,
-            key,
-            self.bundle,
-            path,
-            |name, bytes| {
-                let raw = volume::read(name, bytes, grid)?;
-                let bricks = Bricks::new(&raw).map_err(|e| e.to_string())?;
-                Ok(bricks)
-            },
-        )
+        load(&mut self.densities, key, self.bundle, path, |name, bytes| {
+            let raw = volume::read(name, bytes, grid)?;
+            let bricks = Bricks::new(&raw).map_err(|e| e.to_string())?;
+            Ok(bricks)
+        })
     }
 
-    fn albedo(
-        &mut self,
-        path: &Spanned<String>,
-        grid: Option<&str>,
-    ) -> Result<Arc<Vec<Bricks>>, Problem> {
+    fn albedo(&mut self, path: &Spanned<String>, grid: Option<&str>) -> Result<Arc<Vec<Bricks>>, Problem> {
         let key = (path.get_ref().clone(), grid.map(str::to_owned));
         load(&mut self.albedos, key, self.bundle, path, |name, bytes| {
             let bricks = |raw: &RawDensity| {
@@ -246,20 +232,11 @@ fn asset_problem(path: &Spanned<String>, flaw: impl Into<Flaw>) -> Problem {
 
 /// The value of a field that this kind of thing cannot do without; `kind`: where its type is written.
 fn required<'r, T, K>(field: &'r Option<T>, kind: &Spanned<K>, name: &str) -> Result<&'r T, Fault> {
-    let missing = || {
-        Fault::new(
-            kind.span(),
-            format!("with this type the field `{name}` is required"),
-        )
-    };
+    let missing = || Fault::new(kind.span(), format!("with this type the field `{name}` is required"));
     field.as_ref().ok_or_else(missing)
 }
 
-fn unknown_name<'n>(
-    what: &str,
-    name: &Spanned<String>,
-    known: impl Iterator<Item = &'n str>,
-) -> Fault {
+fn unknown_name<'n>(what: &str, name: &Spanned<String>, known: impl Iterator<Item = &'n str>) -> Fault {
     let known: Vec<String> = known.map(|n| format!("\"{n}\"")).collect();
     let known = match known.len() {
         0 => "the scene defines none".to_string(),
@@ -288,9 +265,7 @@ fn defaults(record: &RenderRecord) -> Result<RenderDefaults, Fault> {
         alpha: record.alpha.map_or(standard.alpha, |alpha| alpha.0),
         schedule: record.schedule.map_or(standard.schedule, Into::into),
         seed: record.seed.unwrap_or(standard.seed),
-        exposure: record
-            .exposure
-            .map_or(standard.exposure, |stops| stops.f32()),
+        exposure: record.exposure.map_or(standard.exposure, |stops| stops.f32()),
         radius: record.radius.map(|radius| radius.f32()),
         targeting: record.targeting.map_or(standard.targeting, Into::into),
     })

@@ -42,8 +42,7 @@ impl Parts<'_> {
         let emission = record.emission.as_ref().map(Spanned::get_ref);
         let group = emission.and_then(|emission| emission.group.as_deref());
         let visible = record.visible.as_ref();
-        self.names
-            .add(name, group.as_slice(), visible, objects, lights);
+        self.names.add(name, group.as_slice(), visible, objects, lights);
         Ok(())
     }
 
@@ -63,11 +62,7 @@ impl Parts<'_> {
         let inner = required(&record.shape, &record.kind, "shape")?.get_ref();
         let transforms = required(&record.transforms, &record.kind, "transforms")?;
         if let Some(emission) = &inner.emission {
-            return Err(Fault::new(
-                emission.span(),
-                "instances cannot emit; list shapes of their own",
-            )
-            .into());
+            return Err(Fault::new(emission.span(), "instances cannot emit; list shapes of their own").into());
         }
         let surface = self.surface(inner)?;
         let own = own_map(inner)?;
@@ -91,13 +86,7 @@ impl Parts<'_> {
         Ok(())
     }
 
-    fn push(
-        &mut self,
-        surface: &Surface<'_>,
-        shape: Shape,
-        name: String,
-        light: Option<u32>,
-    ) -> Result<(), Problem> {
+    fn push(&mut self, surface: &Surface<'_>, shape: Shape, name: String, light: Option<u32>) -> Result<(), Problem> {
         if self.objects.len() >= u32::MAX as usize {
             return Err(Fault::new(surface.record.kind.span(), "more than 2^32 objects").into());
         }
@@ -119,11 +108,7 @@ impl Parts<'_> {
             ShapeType::Cylinder => Form::Cylinder,
             ShapeType::Rectangle => Form::Mesh(Arc::new(RawMesh::rectangle())),
             ShapeType::Cube => Form::Mesh(Arc::new(RawMesh::cube())),
-            ShapeType::Mesh => Form::Mesh(self.assets.mesh(required(
-                &record.file,
-                &record.kind,
-                "file",
-            )?)?),
+            ShapeType::Mesh => Form::Mesh(self.assets.mesh(required(&record.file, &record.kind, "file")?)?),
             ShapeType::Instances => {
                 let message = "expected the type of one shape";
                 return Err(Fault::new(record.kind.span(), message).into());
@@ -142,12 +127,7 @@ impl Parts<'_> {
         })
     }
 
-    fn boundary(
-        &self,
-        record: &ShapeRecord,
-        form: &Form,
-        material: u32,
-    ) -> Result<Option<Boundary>, Problem> {
+    fn boundary(&self, record: &ShapeRecord, form: &Form, material: u32) -> Result<Option<Boundary>, Problem> {
         let transmits = self.materials.list[material as usize].bounds_media();
         if !transmits {
             return match record.interior.as_ref().or(record.exterior.as_ref()) {
@@ -173,9 +153,7 @@ impl Parts<'_> {
         }
         let boundary = Boundary {
             interior: self.media.resolve_or(record.interior.as_ref(), None)?,
-            exterior: self
-                .media
-                .resolve_or(record.exterior.as_ref(), self.world_medium)?,
+            exterior: self.media.resolve_or(record.exterior.as_ref(), self.world_medium)?,
         };
         if boundary.interior != boundary.exterior
             && let Some(reason) = opening(form)
@@ -189,9 +167,7 @@ impl Parts<'_> {
                 self.media.name(boundary.interior),
                 self.media.name(boundary.exterior),
             );
-            return Err(
-                Fault::new(place.map_or(record.kind.span(), Spanned::span), message).into(),
-            );
+            return Err(Fault::new(place.map_or(record.kind.span(), Spanned::span), message).into());
         }
         Ok(Some(boundary))
     }
@@ -266,11 +242,7 @@ impl Parts<'_> {
             }
         };
         if !radiance.is_finite() {
-            return Err(Fault::new(
-                emission.span(),
-                "the radiance is too large for single precision",
-            )
-            .into());
+            return Err(Fault::new(emission.span(), "the radiance is too large for single precision").into());
         }
         if radiance == Rgb::ZERO {
             return Ok(None);
@@ -303,23 +275,15 @@ impl<'a> SharedMesh<'a> {
     /// `own`: from the mesh's own space to that of what is copied.
     fn new(raw: &'a RawMesh, record: &ShapeRecord, own: &DAffine3) -> Self {
         let low = raw.positions.iter().fold(DVec3::INFINITY, |a, p| a.min(*p));
-        let high = raw
-            .positions
-            .iter()
-            .fold(DVec3::NEG_INFINITY, |a, p| a.max(*p));
+        let high = raw.positions.iter().fold(DVec3::NEG_INFINITY, |a, p| a.max(*p));
         let center = 0.5 * low + 0.5 * high;
-        let radius = raw
-            .positions
-            .iter()
-            .map(|p| p.distance(center))
-            .fold(0.0, f64::max);
+        let radius = raw.positions.iter().map(|p| p.distance(center)).fold(0.0, f64::max);
         let scale = if radius > 0.0 { 1.0 / radius } else { 1.0 };
         Self {
             raw,
             flip: flips(record),
             normals: normals(raw, record, own),
-            unit_from_raw: DAffine3::from_scale(DVec3::splat(scale))
-                * DAffine3::from_translation(-center),
+            unit_from_raw: DAffine3::from_scale(DVec3::splat(scale)) * DAffine3::from_translation(-center),
             upright: None,
             mirrored: None,
         }
@@ -360,10 +324,7 @@ fn check_shape_reach(shape: &Shape, place: Range<usize>) -> Result<(), Fault> {
             let map = &placement.render_from_object;
             let m = &map.matrix3;
             let lengths = [map.translation, m.x_axis, m.y_axis, m.z_axis];
-            lengths
-                .iter()
-                .map(|v| glam::Vec3::from(*v).as_dvec3().length())
-                .sum()
+            lengths.iter().map(|v| glam::Vec3::from(*v).as_dvec3().length()).sum()
         }
         _ => {
             let (low, high) = accel::bounds(shape);
@@ -375,10 +336,7 @@ fn check_shape_reach(shape: &Shape, place: Range<usize>) -> Result<(), Fault> {
 }
 
 fn own_map(record: &ShapeRecord) -> Result<DAffine3, Fault> {
-    let center = record
-        .center
-        .as_ref()
-        .map_or(DVec3::ZERO, |c| c.get_ref().0);
+    let center = record.center.as_ref().map_or(DVec3::ZERO, |c| c.get_ref().0);
     let radius = record.radius.as_ref().map_or(1.0, |r| r.get_ref().0);
     let own = match record.kind.get_ref() {
         ShapeType::Cylinder => between(record, radius)?,
@@ -421,10 +379,7 @@ fn place(record: &ShapeRecord) -> Range<usize> {
 }
 
 fn flips(record: &ShapeRecord) -> bool {
-    record
-        .flip_normals
-        .as_ref()
-        .is_some_and(|flip| *flip.get_ref())
+    record.flip_normals.as_ref().is_some_and(|flip| *flip.get_ref())
 }
 
 /// The shading normals of a mesh: those of its file, or else, where the record asks for them, smooth ones under a map.

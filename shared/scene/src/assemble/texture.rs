@@ -10,10 +10,7 @@ use beamfarm_render::texture::Texture;
 use glam::{Affine2, DVec3};
 
 /// The texture of a record; its pixels are within the range of the record's colours.
-pub fn texture<R: Range>(
-    record: &TextureRecord<R>,
-    assets: &mut Assets<'_>,
-) -> Result<Texture, Problem> {
+pub fn texture<R: Range>(record: &TextureRecord<R>, assets: &mut Assets<'_>) -> Result<Texture, Problem> {
     match record {
         TextureRecord::Color(color) => Ok(Texture::Constant(color.rgb())),
         TextureRecord::Image(record) => image::<R>(record, assets),
@@ -25,10 +22,7 @@ pub fn texture<R: Range>(
 }
 
 /// An image, its pixels within a range.
-pub fn image<R: Range>(
-    record: &ImageTextureRecord,
-    assets: &mut Assets<'_>,
-) -> Result<Texture, Problem> {
+pub fn image<R: Range>(record: &ImageTextureRecord, assets: &mut Assets<'_>) -> Result<Texture, Problem> {
     let encoding = match record.raw {
         true => Encoding::Raw,
         false => Encoding::Srgb,

@@ -19,15 +19,11 @@ fn window(image: &ImageRecord, [width, height]: [u32; 2]) -> Result<CropRecord, 
         });
     };
     let window = *crop.get_ref();
-    let fits = |start: u32, side: u32, all: u32| {
-        side >= 1 && start.checked_add(side).is_some_and(|end| end <= all)
-    };
+    let fits = |start: u32, side: u32, all: u32| side >= 1 && start.checked_add(side).is_some_and(|end| end <= all);
     if !fits(window.x, window.width, width) || !fits(window.y, window.height, height) {
         return Err(Fault::new(
             crop.span(),
-            format!(
-                "expected at least one pixel, all of them within the image of {width} x {height}"
-            ),
+            format!("expected at least one pixel, all of them within the image of {width} x {height}"),
         ));
     }
     Ok(window)
@@ -73,10 +69,7 @@ pub fn camera(image: &ImageRecord, record: &CameraRecord, eye: &Eye) -> Result<C
     let window = window(image, [width, height])?;
     let tan = if horizontal { tan } else { tan * aspect };
     let pixel = 2.0 * tan / f64::from(width);
-    let [x, y] = record
-        .principal_point
-        .as_ref()
-        .map_or([0.0; 2], |p| p.get_ref().0);
+    let [x, y] = record.principal_point.as_ref().map_or([0.0; 2], |p| p.get_ref().0);
     let off_middle = |start: u32, side: u32, all: u32, offset: f64| {
         f64::from(start) + 0.5 * f64::from(side) + (offset - 0.5) * f64::from(all)
     };
@@ -87,10 +80,7 @@ pub fn camera(image: &ImageRecord, record: &CameraRecord, eye: &Eye) -> Result<C
     if let Some(point) = &record.principal_point
         && shift.abs().max_element() >= 1e12
     {
-        return Err(Fault::new(
-            point.span(),
-            "too far from the middle for single precision",
-        ));
+        return Err(Fault::new(point.span(), "too far from the middle for single precision"));
     }
     let tan_half_fov_x = (tan * (f64::from(window.width) / f64::from(width))) as f32;
     let focus_distance = match record.focus_distance {

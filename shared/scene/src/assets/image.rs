@@ -40,18 +40,15 @@ pub fn read(bytes: &[u8], encoding: Encoding) -> Result<Image, Flaw> {
     } else if bytes.starts_with(b"#?RADIANCE") || bytes.starts_with(b"#?RGBE") {
         read_hdr(bytes)?
     } else {
-        return Err(
-            "unsupported kind of image; expected PNG, JPEG, OpenEXR or Radiance HDR".into(),
-        );
+        return Err("unsupported kind of image; expected PNG, JPEG, OpenEXR or Radiance HDR".into());
     };
     let width = image.width as usize;
     let bad = |p: &Rgb| !p.is_finite() || p.min_element() < 0.0;
     if let Some(i) = image.pixels.iter().position(bad) {
         let (x, y, value) = (i % width, i / width, image.pixels[i]);
-        return Err(format!(
-            "the pixel in column {x}, row {y} (from zero) is {value}; expected finite, not negative"
-        )
-        .into());
+        return Err(
+            format!("the pixel in column {x}, row {y} (from zero) is {value}; expected finite, not negative").into(),
+        );
     }
     Ok(image)
 }
@@ -62,9 +59,8 @@ fn pixel_count(width: usize, height: usize) -> Result<usize, Flaw> {
     if sides.contains(&width) && sides.contains(&height) && width * height <= MAX_PIXELS {
         return Ok(width * height);
     }
-    let message = format!(
-        "the image has {width} x {height} pixels; expected 1 to {MAX_SIDE} on a side and {MAX_PIXELS} in all"
-    );
+    let message =
+        format!("the image has {width} x {height} pixels; expected 1 to {MAX_SIDE} on a side and {MAX_PIXELS} in all");
     Err(message.into())
 }
 
@@ -86,9 +82,7 @@ fn read_png(bytes: &[u8], encoding: Encoding) -> Result<Image, Flaw> {
     check_claim(count * header.bits_per_pixel() / 8, bytes)?;
     decoder.set_transformations(::png::Transformations::EXPAND);
     let mut reader = decoder.read_info().map_err(message)?;
-    let size = reader
-        .output_buffer_size()
-        .ok_or("the image is too large")?;
+    let size = reader.output_buffer_size().ok_or("the image is too large")?;
     let mut data = vec![0; size];
     let info = reader.next_frame(&mut data).map_err(message)?;
     data.truncate(info.buffer_size());
@@ -125,9 +119,7 @@ fn read_jpeg(bytes: &[u8], encoding: Encoding) -> Result<Image, Flaw> {
     let mut decoder = JpegDecoder::new_with_options(ZCursor::new(bytes), options);
     let headers = without_panic(|| decoder.decode_headers().map_err(|e| e.to_string()));
     headers.map_err(message)?;
-    let (width, height) = decoder
-        .dimensions()
-        .ok_or_else(|| message("it has no size".into()))?;
+    let (width, height) = decoder.dimensions().ok_or_else(|| message("it has no size".into()))?;
     let count = pixel_count(width, height)?;
     check_claim(count * 3, bytes)?;
     let data = without_panic(|| decoder.decode().map_err(|e| e.to_string())).map_err(message)?;
@@ -221,9 +213,7 @@ fn read_exr(bytes: &[u8]) -> Result<Image, Flaw> {
         if channels.iter().any(|c| c.sampling != exr::Vec2(1, 1)) {
             return Err("channels of reduced resolution are not supported".into());
         }
-        let value = |c: &exr::AnyChannel<exr::FlatSamples>, i| {
-            c.sample_data.value_by_flat_index(i).to_f32()
-        };
+        let value = |c: &exr::AnyChannel<exr::FlatSamples>, i| c.sample_data.value_by_flat_index(i).to_f32();
         let pixel = |i| Rgb::from_array(channels.map(|c| value(c, i)));
         return Ok(Image {
             width: width as u32,
@@ -242,13 +232,7 @@ mod tests {
         super::read(bytes, Encoding::Srgb)
     }
 
-    fn png(
-        width: u32,
-        height: u32,
-        color: ::png::ColorType,
-        depth: ::png::BitDepth,
-        data: &[u8],
-    ) -> Vec<u8> {
+    fn png(width: u32, height: u32, color: ::png::ColorType, depth: ::png::BitDepth, data: &[u8]) -> Vec<u8> {
         let mut bytes = Vec::new();
         let mut encoder = ::png::Encoder::new(&mut bytes, width, height);
         encoder.set_color(color);
@@ -256,18 +240,14 @@ mod tests {
         if color == ::png::ColorType::Indexed {
             encoder.set_palette(vec![0, 0, 0, 255, 128, 0]);
         }
-        encoder
-            .write_header()
-            .unwrap()
-            .write_image_data(data)
-            .unwrap();
+        encoder.write_header().unwrap().write_image_data(data).unwrap();
         bytes
     }
 
     fn exr_with(width: usize, height: usize, channels: &[(&str, f32)]) -> Vec<u8> {
-        let list = channels.iter().map(|(name, value)| {
-            exr::AnyChannel::new(*name, exr::FlatSamples::F32(vec![*value; width * height]))
-        });
+        let list = channels
+            .iter()
+            .map(|(name, value)| exr::AnyChannel::new(*name, exr::FlatSamples::F32(vec![*value; width * height])));
         let mut bytes = Cursor::new(Vec::new());
         use ::exr::prelude::WritableImage;
         exr::Image::from_channels((width, height), exr::AnyChannels::sort(list.collect()))
@@ -287,36 +267,21 @@ mod tests {
         assert_eq!(linear_from_srgb(1.0), 1.0);
         let orange = Rgb::new(1.0, half, 0.0);
         for (color, depth, data, expected) in [
-            (
-                ColorType::Rgb,
-                BitDepth::Eight,
-                vec![255, 128, 0, 0, 0, 0],
-                orange,
-            ),
+            (ColorType::Rgb, BitDepth::Eight, vec![255, 128, 0, 0, 0, 0], orange),
             (
                 ColorType::Rgba,
                 BitDepth::Eight,
                 vec![255, 128, 0, 7, 0, 0, 0, 0],
                 orange,
             ),
-            (
-                ColorType::Grayscale,
-                BitDepth::Eight,
-                vec![128, 0],
-                Rgb::splat(half),
-            ),
+            (ColorType::Grayscale, BitDepth::Eight, vec![128, 0], Rgb::splat(half)),
             (
                 ColorType::GrayscaleAlpha,
                 BitDepth::Eight,
                 vec![128, 9, 0, 0],
                 Rgb::splat(half),
             ),
-            (
-                ColorType::Grayscale,
-                BitDepth::One,
-                vec![0b1000_0000],
-                Rgb::ONE,
-            ),
+            (ColorType::Grayscale, BitDepth::One, vec![0b1000_0000], Rgb::ONE),
             (ColorType::Indexed, BitDepth::One, vec![0b1000_0000], orange),
             (
                 ColorType::Grayscale,
@@ -346,25 +311,14 @@ mod tests {
                     raw == c
                 }
             };
-            let pairs = expected
-                .to_array()
-                .into_iter()
-                .zip(raw.pixels[0].to_array());
-            assert!(
-                pairs.into_iter().all(|(c, raw)| is_half(c, raw)),
-                "{color:?} {depth:?}"
-            );
+            let pairs = expected.to_array().into_iter().zip(raw.pixels[0].to_array());
+            assert!(pairs.into_iter().all(|(c, raw)| is_half(c, raw)), "{color:?} {depth:?}");
         }
     }
 
     #[test]
     fn exr_is_linear_by_channel_name() {
-        let image = read(&exr_with(
-            3,
-            2,
-            &[("B", 3.0), ("A", 9.0), ("R", 1.5), ("G", 2.0)],
-        ))
-        .unwrap();
+        let image = read(&exr_with(3, 2, &[("B", 3.0), ("A", 9.0), ("R", 1.5), ("G", 2.0)])).unwrap();
         assert_eq!((image.width, image.height), (3, 2));
         assert!(image.pixels.iter().all(|p| *p == Rgb::new(1.5, 2.0, 3.0)));
         let grey = read(&exr_with(3, 2, &[("Y", 0.25)])).unwrap();
@@ -380,13 +334,7 @@ mod tests {
         assert!(message(&exr_with(2, 2, &[("Z", 1.0)])).contains("no layer has the channels"));
         assert!(message(b"GIF89a").contains("expected PNG, JPEG"));
         assert!(message(b"").contains("expected PNG, JPEG"));
-        let good = png(
-            1,
-            1,
-            ::png::ColorType::Grayscale,
-            ::png::BitDepth::Eight,
-            &[1],
-        );
+        let good = png(1, 1, ::png::ColorType::Grayscale, ::png::BitDepth::Eight, &[1]);
         // What follows the pixels' own chunk (12 bytes of IEND, 4 of a checksum) is not needed.
         for length in 0..good.len() - 16 {
             assert!(read(&good[..length]).is_err(), "{length}");
@@ -399,13 +347,7 @@ mod tests {
     #[test]
     fn claims_of_headers_are_not_believed() {
         let huge = |width: u32, height: u32| {
-            let mut bytes = png(
-                1,
-                1,
-                ::png::ColorType::Rgb,
-                ::png::BitDepth::Eight,
-                &[1, 2, 3],
-            );
+            let mut bytes = png(1, 1, ::png::ColorType::Rgb, ::png::BitDepth::Eight, &[1, 2, 3]);
             bytes[16..20].copy_from_slice(&width.to_be_bytes());
             bytes[20..24].copy_from_slice(&height.to_be_bytes());
             let crc = crc32(&bytes[12..29]).to_be_bytes();
@@ -486,13 +428,7 @@ mod tests {
 
     #[test]
     fn damage_does_not_panic() {
-        let grey = png(
-            8,
-            8,
-            ::png::ColorType::Grayscale,
-            ::png::BitDepth::Eight,
-            &[99; 64],
-        );
+        let grey = png(8, 8, ::png::ColorType::Grayscale, ::png::BitDepth::Eight, &[99; 64]);
         let color = exr_with(8, 8, &[("R", 1.0), ("G", 2.0), ("B", 3.0)]);
         let jpeg = JPEG.to_vec();
         let all = [grey, color, jpeg, hdr(&[Rgb::new(0.5, 2.0, 3e4); 12])];

@@ -7,10 +7,7 @@ pub type Attributes = BTreeMap<String, String>;
 
 /// Refuse attributes that an element does not take.
 pub fn only(tag: &str, attributes: &Attributes, known: &[&str]) -> Result<(), String> {
-    match attributes
-        .keys()
-        .find(|name| !known.contains(&name.as_str()))
-    {
+    match attributes.keys().find(|name| !known.contains(&name.as_str())) {
         Some(name) => Err(format!("<{tag}> does not take the attribute \"{name}\"")),
         None => Ok(()),
     }
@@ -37,17 +34,11 @@ pub fn numbers(text: &str) -> Result<Vec<f64>, String> {
 }
 
 /// Three numbers: x, y, z, or in one attribute "value". Where there is no default, all must be given.
-pub fn triple(
-    tag: &str,
-    attributes: &Attributes,
-    default: Option<f64>,
-) -> Result<[f64; 3], String> {
+pub fn triple(tag: &str, attributes: &Attributes, default: Option<f64>) -> Result<[f64; 3], String> {
     const AXES: [&str; 3] = ["x", "y", "z"];
     if let Some(text) = attributes.get("value") {
         if AXES.iter().any(|axis| attributes.contains_key(*axis)) {
-            return Err(format!(
-                "<{tag}> takes \"value\", or \"x\", \"y\" and \"z\", not both"
-            ));
+            return Err(format!("<{tag}> takes \"value\", or \"x\", \"y\" and \"z\", not both"));
         }
         return match numbers(text)?[..] {
             [all] => Ok([all; 3]),

@@ -193,11 +193,7 @@ mod tests {
             (&peak, Kind::Emission, [0.853908, 1.63506, 0.945967]),
             (&flat, Kind::Factor, [0.998985, 0.998874, 0.998802]),
             (&flat, Kind::Emission, [1.20488, 0.948228, 0.909267]),
-            (
-                &[(400.0, 0.1), (500.0, 0.5)],
-                Kind::Factor,
-                [0.0, 0.0222131, 0.340056],
-            ),
+            (&[(400.0, 0.1), (500.0, 0.5)], Kind::Factor, [0.0, 0.0222131, 0.340056]),
         ];
         for (samples, kind, expected) in cases {
             let found = to_rgb(samples, kind);

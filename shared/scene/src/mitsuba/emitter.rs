@@ -35,9 +35,7 @@ impl Converter<'_> {
             "point" => {
                 let position = match self.position(id, "position") {
                     Some(position) => position,
-                    None => transform::compose(self.transform(id, "to_world"))
-                        .translation
-                        .into(),
+                    None => transform::compose(self.transform(id, "to_world")).translation.into(),
                 };
                 light.set("position", Toml::numbers(&position), place);
                 self.emission(id, "intensity", &mut light);
@@ -73,9 +71,7 @@ impl Converter<'_> {
 
     /// A colour of emission, white of 1 where there is none.
     pub fn emission(&mut self, id: Id, name: &'static str, light: &mut Section) {
-        let place = self
-            .member(id, name)
-            .map_or(self.objects.list[id].place, |m| m.place);
+        let place = self.member(id, name).map_or(self.objects.list[id].place, |m| m.place);
         let color = match self.member(id, name) {
             Some(_) => self.color(id, name, cie::Kind::Emission),
             None => Some([1.0; 3]),

@@ -57,9 +57,7 @@ impl Log {
                 Some(place) => format!("{}: {message}", self.describe(*place)),
                 None => message.clone(),
             };
-            return Ok(
-                [&self.notes, &self.unsupported].map(|list| list.iter().map(describe).collect())
-            );
+            return Ok([&self.notes, &self.unsupported].map(|list| list.iter().map(describe).collect()));
         }
         // In the order of the files' lines, the ones without a line first.
         errors.sort_by_key(|(place, _)| place.map(|place| (place.file, place.line)));

@@ -215,9 +215,9 @@ impl Converter<'_> {
         }
     }
 
-    /// A density of 1 where Mitsuba's heterogeneous media are if their extinction is the same everywhere: in the bounds, along
-    /// the axes of the world, of the extinction's unit cube under its own transform, however large the shape is. Homogeneous
-    /// media fill their shapes.
+    /// A density of 1 where Mitsuba's heterogeneous media are if their extinction is the same everywhere: in the
+    /// bounds, along the axes of the world, of the extinction's unit cube under its own transform, however large the
+    /// shape is. Homogeneous media fill their shapes.
     fn constant_box(&mut self, id: Id) -> Toml {
         let steps = match self.member(id, "sigma_t").map(|member| &member.content) {
             Some(Content::Object(volume)) => self.transform(*volume, "to_world"),
@@ -295,11 +295,7 @@ impl Converter<'_> {
         if self.word(id, "filter_type", &["trilinear", "nearest"]) == Some("nearest")
             && let Some(member) = self.member(id, "filter_type")
         {
-            self.unsupported(
-                id,
-                member,
-                "densities without interpolation are not supported",
-            );
+            self.unsupported(id, member, "densities without interpolation are not supported");
         }
         // Nothing is looked up outside of the grid, and numbers are numbers.
         self.ignore(id, &["wrap_mode", "raw", "accel"]);
@@ -323,8 +319,8 @@ impl Converter<'_> {
         Some((Toml::table([("file", asset?.0)]), steps))
     }
 
-    /// The medium outside of all shapes: what lies outside of some shape and inside of none; if that does not decide, what
-    /// the sensor stands in.
+    /// The medium outside of all shapes: what lies outside of some shape and inside of none; if that does not decide,
+    /// what the sensor stands in.
     pub fn world_medium(&self, scene: Id) -> Option<Id> {
         let objects = &self.objects.list;
         let named = |shape: Id, name: &str| {
@@ -375,13 +371,8 @@ fn bounding_box(path: &Path) -> Result<[[f64; 3]; 2], String> {
     }
     let (numbers, _) = header[24..].as_chunks::<4>();
     let number = |i: usize| f64::from(f32::from_le_bytes(numbers[i]));
-    let corners = [
-        [number(0), number(1), number(2)],
-        [number(3), number(4), number(5)],
-    ];
-    if (0..3).all(|i| {
-        corners[0][i] < corners[1][i] && corners[0][i].is_finite() && corners[1][i].is_finite()
-    }) {
+    let corners = [[number(0), number(1), number(2)], [number(3), number(4), number(5)]];
+    if (0..3).all(|i| corners[0][i] < corners[1][i] && corners[0][i].is_finite() && corners[1][i].is_finite()) {
         Ok(corners)
     } else {
         Err(format!(

@@ -177,8 +177,7 @@ impl<'a> Converter<'a> {
                 }
                 Kind::Sensor if view.is_none() => view = Some(self.sensor(id)),
                 Kind::Sensor => {
-                    let message =
-                        "a scene is rendered through its first sensor; this one is left out";
+                    let message = "a scene is rendered through its first sensor; this one is left out";
                     self.log.note(object.place, message);
                 }
                 Kind::Sampler => passes = self.sampler(id).or(passes),
@@ -193,10 +192,7 @@ impl<'a> Converter<'a> {
                 // Used where somebody refers to them.
                 Kind::Texture | Kind::Phase | Kind::Volume => {}
                 Kind::Scene | Kind::Film | Kind::Filter => {
-                    let message = format!(
-                        "<{}> cannot stand directly within <scene>",
-                        object.kind.tag()
-                    );
+                    let message = format!("<{}> cannot stand directly within <scene>", object.kind.tag());
                     self.log.invalid(Some(object.place), message);
                 }
             }
@@ -249,8 +245,8 @@ impl Converter<'_> {
         hides
     }
 
-    /// Keep an emitter out of the camera's sight, if the integrator says so. Mitsuba's camera rays pass such shapes, and see
-    /// black instead of an environment; mirrors show both.
+    /// Keep an emitter out of the camera's sight, if the integrator says so. Mitsuba's camera rays pass such shapes,
+    /// and see black instead of an environment; mirrors show both.
     fn hide(&self, emitter: &mut Section) {
         if let Some(place) = self.hides_emitters {
             let rays = ["reflected", "refracted", "shadow", "photon"];

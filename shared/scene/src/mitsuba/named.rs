@@ -13,9 +13,7 @@ pub fn conductors() -> impl Iterator<Item = &'static str> {
 
 /// The index of refraction that Mitsuba gives a name; case does not matter.
 pub fn ior(name: &str) -> Option<f64> {
-    let found = IORS
-        .iter()
-        .find(|(known, _)| known.eq_ignore_ascii_case(name));
+    let found = IORS.iter().find(|(known, _)| known.eq_ignore_ascii_case(name));
     found.map(|(_, ior)| *ior)
 }
 
@@ -51,8 +49,8 @@ const IORS: &[(&str, f64)] = &[
     ("diamond", 2.419),
 ];
 
-/// Measured spectra (luxpop.com, and Palik 1985 by way of SOPRA) under D65 in linear sRGB: the figures that Mitsuba 3.9.1
-/// makes of its tables in its RGB variants, where negative channels become 0.
+/// Measured spectra (luxpop.com, and Palik 1985 by way of SOPRA) under D65 in linear sRGB: the figures that Mitsuba
+/// 3.9.1 makes of its tables in its RGB variants, where negative channels become 0.
 #[rustfmt::skip]
 const CONDUCTORS: &[(&str, [f64; 3], [f64; 3])] = &[
     ("Ag", [0.155276, 0.116728, 0.138388], [4.82835, 3.12222, 2.1469]),

@@ -41,8 +41,7 @@ impl Converter<'_> {
                 for inner in [first, second] {
                     if self.objects.list[inner].plugin == "blendphase" {
                         let message = "phase \"blendphase\": a blend of blends is not supported";
-                        self.log
-                            .unsupported(self.objects.list[inner].place, message);
+                        self.log.unsupported(self.objects.list[inner].place, message);
                         return None;
                     }
                 }

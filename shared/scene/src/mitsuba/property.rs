@@ -12,10 +12,7 @@ impl<'a> Converter<'a> {
     /// The member of a name; from now on it counts as used.
     pub fn member(&self, object: Id, name: &str) -> Option<&'a Member> {
         let members = &self.objects.list[object].members;
-        let member = members
-            .iter()
-            .rev()
-            .find(|m| m.name.as_deref() == Some(name))?;
+        let member = members.iter().rev().find(|m| m.name.as_deref() == Some(name))?;
         // An object's last value of a name counts, as in Mitsuba.
         for member in members.iter().filter(|m| m.name.as_deref() == Some(name)) {
             member.used.set(true);
@@ -80,8 +77,7 @@ impl<'a> Converter<'a> {
     /// Say that an object's plugin is not supported.
     pub fn unsupported_plugin(&mut self, object: Id) {
         let message = format!("{} is not supported", self.title(object));
-        self.log
-            .unsupported(self.objects.list[object].place, message);
+        self.log.unsupported(self.objects.list[object].place, message);
         self.finished.insert(object);
     }
 
@@ -110,11 +106,7 @@ impl<'a> Converter<'a> {
                 return self.unsupported(object, member, &message);
             }
         };
-        self.wrong(
-            object,
-            member,
-            &format!("expected {expected}, found {found}"),
-        );
+        self.wrong(object, member, &format!("expected {expected}, found {found}"));
     }
 
     /// A number.
@@ -229,13 +221,7 @@ impl<'a> Converter<'a> {
     }
 
     /// Refuse what a colour of this kind cannot be.
-    pub fn in_range(
-        &mut self,
-        object: Id,
-        member: &Member,
-        color: [f64; 3],
-        kind: cie::Kind,
-    ) -> Option<[f64; 3]> {
+    pub fn in_range(&mut self, object: Id, member: &Member, color: [f64; 3], kind: cie::Kind) -> Option<[f64; 3]> {
         let expected = match kind {
             cie::Kind::Factor if color.iter().any(|c| !(0.0..=1.0).contains(c)) => "from 0 to 1",
             _ if color.iter().any(|c| *c < 0.0) => "that are not negative",
@@ -246,8 +232,8 @@ impl<'a> Converter<'a> {
         None
     }
 
-    /// The colour of an object such as `<spectrum type="d65">`; the outer `None` when it is none, the inner one when it is
-    /// broken.
+    /// The colour of an object such as `<spectrum type="d65">`; the outer `None` when it is none, the inner one when it
+    /// is broken.
     pub fn spectrum(&mut self, id: Id, kind: cie::Kind) -> Option<Option<[f64; 3]>> {
         let color = match self.objects.list[id].plugin.as_str() {
             "uniform" => {
@@ -273,12 +259,8 @@ impl<'a> Converter<'a> {
     /// The path of the file that a parameter names, relative to the native scene file's folder.
     pub fn asset(&mut self, object: Id, name: &str) -> Option<(Toml, PathBuf)> {
         let Some(member) = self.member(object, name) else {
-            let message = format!(
-                "{}: the parameter \"{name}\" is missing",
-                self.title(object)
-            );
-            self.log
-                .invalid(Some(self.objects.list[object].place), message);
+            let message = format!("{}: the parameter \"{name}\" is missing", self.title(object));
+            self.log.invalid(Some(self.objects.list[object].place), message);
             return None;
         };
         let written = self.string(object, name)?;

@@ -44,11 +44,8 @@ impl Converter<'_> {
             let x = self.float(id, "principal_point_offset_x").unwrap_or(0.0);
             let y = self.float(id, "principal_point_offset_y").unwrap_or(0.0);
             if (x, y) != (0.0, 0.0) {
-                let place = self
-                    .member(id, "principal_point_offset_x")
-                    .map_or(place, |m| m.place);
-                view.camera
-                    .set("principal_point", Toml::numbers(&[x, y]), place);
+                let place = self.member(id, "principal_point_offset_x").map_or(place, |m| m.place);
+                view.camera.set("principal_point", Toml::numbers(&[x, y]), place);
             }
         }
         // Here nothing is cut off, and nothing moves.
@@ -109,11 +106,7 @@ impl Converter<'_> {
         if self.boolean(id, "sample_border") == Some(true)
             && let Some(member) = self.member(id, "sample_border")
         {
-            self.unsupported(
-                id,
-                member,
-                "samples beyond the image's border are not supported",
-            );
+            self.unsupported(id, member, "samples beyond the image's border are not supported");
         }
         // How the image is kept.
         self.ignore(
@@ -189,9 +182,7 @@ impl Converter<'_> {
         };
         let filter = match self.float(id, parameter) {
             None => Toml::string(name),
-            Some(size) => {
-                Toml::table([("type", Toml::string(name)), (parameter, Toml::Float(size))])
-            }
+            Some(size) => Toml::table([("type", Toml::string(name)), (parameter, Toml::Float(size))]),
         };
         image.set("filter", filter, object.place);
         self.finish(id);
@@ -252,8 +243,7 @@ impl Converter<'_> {
                     Ok(length) if length > 0.0 && length.is_finite() => length,
                     _ => {
                         if let Some(member) = member {
-                            let message =
-                                format!("expected a length such as 50mm, found \"{text}\"");
+                            let message = format!("expected a length such as 50mm, found \"{text}\"");
                             self.wrong(id, member, &message);
                         }
                         return;
@@ -261,11 +251,7 @@ impl Converter<'_> {
                 };
                 // The diagonal of 36 x 24 mm.
                 let half = libm::atan(f64::hypot(36.0, 24.0) / (2.0 * millimetres));
-                (
-                    2.0 * half.to_degrees(),
-                    "diagonal",
-                    member.map_or(place, |m| m.place),
-                )
+                (2.0 * half.to_degrees(), "diagonal", member.map_or(place, |m| m.place))
             }
             (Some(_), Some(member)) => {
                 return self.wrong(id, member, "expected fov or focal_length, not both");
@@ -297,9 +283,7 @@ impl Converter<'_> {
         let place = self.objects.list[id].place;
         let aperture = self.member(id, "aperture_radius");
         match (aperture, self.float(id, "aperture_radius")) {
-            (Some(member), Some(radius)) => {
-                camera.set("aperture", Toml::Float(radius), member.place)
-            }
+            (Some(member), Some(radius)) => camera.set("aperture", Toml::Float(radius), member.place),
             (Some(_), None) => {}
             (None, _) => {
                 let message = "sensor \"thinlens\": the parameter \"aperture_radius\" is missing";

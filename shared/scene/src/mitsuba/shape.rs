@@ -52,14 +52,10 @@ impl Converter<'_> {
                         if seen.insert(group) {
                             order.push(group);
                         }
-                        instances
-                            .entry(group)
-                            .or_default()
-                            .push((steps, object.place));
+                        instances.entry(group).or_default().push((steps, object.place));
                     }
                     _ => {
-                        let message =
-                            "shape \"instance\": expected one reference to a shape \"shapegroup\"";
+                        let message = "shape \"instance\": expected one reference to a shape \"shapegroup\"";
                         self.log.invalid(Some(object.place), message);
                     }
                 }
@@ -77,7 +73,8 @@ impl Converter<'_> {
                     continue;
                 }
                 if let Some((_, emitter)) = self.nested(member, Kind::Emitter).first() {
-                    let message = "shape \"shapegroup\": emitters within it are not supported (nor are they in Mitsuba)";
+                    let message =
+                        "shape \"shapegroup\": emitters within it are not supported (nor are they in Mitsuba)";
                     self.log.unsupported(objects.list[*emitter].place, message);
                 }
                 // Said even where nobody needs the shape.
@@ -155,20 +152,16 @@ impl Converter<'_> {
         }
         let steps = self.transform(id, "to_world");
         let steps_place = self.member(id, "to_world").map_or(place, |m| m.place);
-        let flip_place = self
-            .member(id, "flip_normals")
-            .map_or(steps_place, |m| m.place);
+        let flip_place = self.member(id, "flip_normals").map_or(steps_place, |m| m.place);
         let mut flip = self.boolean(id, "flip_normals").unwrap_or(false);
         if kind == "sphere" {
             let m = transform::compose(steps).matrix3;
             // Mitsuba turns a sphere inside out when it mirrors it.
             flip ^= m.determinant() < 0.0;
             let lengths = [m.x_axis.length(), m.y_axis.length(), m.z_axis.length()];
-            if lengths
-                .iter()
-                .any(|l| (l - lengths[0]).abs() > 1e-5 * lengths[0])
-            {
-                let message = "shape \"sphere\": its to_world makes it an ellipsoid, which Mitsuba would render as a sphere";
+            if lengths.iter().any(|l| (l - lengths[0]).abs() > 1e-5 * lengths[0]) {
+                let message =
+                    "shape \"sphere\": its to_world makes it an ellipsoid, which Mitsuba would render as a sphere";
                 self.log.note(steps_place, message);
             }
         }
@@ -232,9 +225,7 @@ impl Converter<'_> {
         let members = ["interior", "exterior"].map(|name| {
             let member = self.member(id, name)?;
             match member.content {
-                Content::Object(medium) if self.objects.list[medium].kind == Kind::Medium => {
-                    Some((member, medium))
-                }
+                Content::Object(medium) if self.objects.list[medium].kind == Kind::Medium => Some((member, medium)),
                 _ => {
                     self.wrong(id, member, "expected a medium");
                     None
@@ -242,9 +233,7 @@ impl Converter<'_> {
             }
         });
         if !members.iter().any(Option::is_some) {
-            if through == Through::Boundary
-                && self.objects.list.iter().any(|o| o.kind == Kind::Medium)
-            {
+            if through == Through::Boundary && self.objects.list.iter().any(|o| o.kind == Kind::Medium) {
                 // In Mitsuba a surface without media changes nothing.
                 shape.set("boundary", Toml::Boolean(false), own);
             }
@@ -281,17 +270,9 @@ impl Converter<'_> {
                 continue;
             }
             // The native defaults: nothing inside, the world outside.
-            let default = if field == "interior" {
-                None
-            } else {
-                world.clone()
-            };
+            let default = if field == "interior" { None } else { world.clone() };
             if name != default {
-                shape.set(
-                    field,
-                    Toml::String(name.unwrap_or_else(|| "none".to_string())),
-                    place,
-                );
+                shape.set(field, Toml::String(name.unwrap_or_else(|| "none".to_string())), place);
             }
         }
     }

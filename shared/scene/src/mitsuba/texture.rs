@@ -6,32 +6,17 @@ use super::xml::{Content, Id, Member};
 use super::{Converter, cie, property};
 
 /// The step that turns v around, where images and native UVs run in opposite directions.
-const TURN: [Step; 2] = [
-    Step::Scale([1.0, -1.0, 1.0]),
-    Step::Translate([0.0, 1.0, 0.0]),
-];
+const TURN: [Step; 2] = [Step::Scale([1.0, -1.0, 1.0]), Step::Translate([0.0, 1.0, 0.0])];
 
 impl Converter<'_> {
     /// A colour or a texture of a material. `turned`: the shape's v runs opposite to Mitsuba's.
-    pub fn textured(
-        &mut self,
-        object: Id,
-        name: &str,
-        kind: cie::Kind,
-        turned: bool,
-    ) -> Option<Toml> {
+    pub fn textured(&mut self, object: Id, name: &str, kind: cie::Kind, turned: bool) -> Option<Toml> {
         let member = self.member(object, name)?;
         self.textured_member(object, member, kind, turned)
     }
 
     /// As [`Self::textured`], of a member that is known.
-    pub fn textured_member(
-        &mut self,
-        object: Id,
-        member: &Member,
-        kind: cie::Kind,
-        turned: bool,
-    ) -> Option<Toml> {
+    pub fn textured_member(&mut self, object: Id, member: &Member, kind: cie::Kind, turned: bool) -> Option<Toml> {
         match &member.content {
             Content::Value(value) => match property::color(value, kind) {
                 Some(color) => self.in_range(object, member, color, kind).map(Toml::color),
@@ -76,11 +61,10 @@ impl Converter<'_> {
                 Some(fields)
             }
             "checkerboard" => {
-                let mut color =
-                    |name: &str, default: f64| match self.color(id, name, cie::Kind::Factor) {
-                        Some(color) => Toml::color(color),
-                        None => Toml::Float(default),
-                    };
+                let mut color = |name: &str, default: f64| match self.color(id, name, cie::Kind::Factor) {
+                    Some(color) => Toml::color(color),
+                    None => Toml::Float(default),
+                };
                 let colors = vec![color("color0", 0.4), color("color1", 0.2)];
                 let mut fields = vec![("checkerboard", Toml::Array(colors))];
                 self.uv_map(id, turned, false, &mut fields);
@@ -95,13 +79,7 @@ impl Converter<'_> {
     }
 
     /// The map of UVs: first around for the shape's sake, then `to_uv`, then around for the image's sake.
-    fn uv_map(
-        &mut self,
-        id: Id,
-        turned: bool,
-        image: bool,
-        fields: &mut Vec<(&'static str, Toml)>,
-    ) {
+    fn uv_map(&mut self, id: Id, turned: bool, image: bool, fields: &mut Vec<(&'static str, Toml)>) {
         let steps = self.transform(id, "to_uv");
         if steps.is_empty() {
             // Twice around is not at all.

@@ -44,12 +44,8 @@ pub fn step(tag: &str, attributes: &Attributes) -> Result<Step, String> {
             .ok_or_else(|| format!("<{tag}> lacks the attribute \"{name}\""))
     };
     match tag {
-        "translate" => Ok(Step::Translate(
-            triple(tag, attributes, Some(0.0)).map_err(within)?,
-        )),
-        "scale" => Ok(Step::Scale(
-            triple(tag, attributes, Some(1.0)).map_err(within)?,
-        )),
+        "translate" => Ok(Step::Translate(triple(tag, attributes, Some(0.0)).map_err(within)?)),
+        "scale" => Ok(Step::Scale(triple(tag, attributes, Some(1.0)).map_err(within)?)),
         "rotate" => {
             let axis = triple(tag, attributes, Some(0.0)).map_err(within)?;
             if axis == [0.0; 3] {
@@ -84,8 +80,7 @@ fn rotation(axis: [f64; 3], degrees: f64) -> Step {
 }
 
 fn point(text: &str) -> Result<[f64; 3], String> {
-    <[f64; 3]>::try_from(numbers(text)?)
-        .map_err(|_| format!("expected three numbers, found \"{text}\""))
+    <[f64; 3]>::try_from(numbers(text)?).map_err(|_| format!("expected three numbers, found \"{text}\""))
 }
 
 fn look_at(origin: [f64; 3], target: [f64; 3], up: Option<[f64; 3]>) -> Result<Step, String> {
@@ -96,20 +91,14 @@ fn look_at(origin: [f64; 3], target: [f64; 3], up: Option<[f64; 3]>) -> Result<S
         Some(up) => up,
         None => any_up(direction).into(),
     };
-    if DVec3::from(up)
-        .normalize_or_zero()
-        .cross(direction)
-        .length()
-        < 1e-9
-    {
-        return Err(
-            "<lookat>: up must not be parallel to the direction from origin to target".to_string(),
-        );
+    if DVec3::from(up).normalize_or_zero().cross(direction).length() < 1e-9 {
+        return Err("<lookat>: up must not be parallel to the direction from origin to target".to_string());
     }
     Ok(Step::LookAt { origin, target, up })
 }
 
-/// The first vector of Mitsuba's frame around a direction (Duff et al. 2017), which stands for an `up` that is not given.
+/// The first vector of Mitsuba's frame around a direction (Duff et al. 2017), which stands for an `up` that is not
+/// given.
 fn any_up(n: DVec3) -> DVec3 {
     let sign = 1f64.copysign(n.z);
     let a = -1.0 / (sign + n.z);
@@ -120,11 +109,7 @@ fn any_up(n: DVec3) -> DVec3 {
 fn matrix(text: &str) -> Result<Step, String> {
     let n = numbers(text)?;
     match n[..] {
-        [a, b, c, d, e, f, g, h, i] => Ok(Step::Matrix([
-            [a, b, c, 0.0],
-            [d, e, f, 0.0],
-            [g, h, i, 0.0],
-        ])),
+        [a, b, c, d, e, f, g, h, i] => Ok(Step::Matrix([[a, b, c, 0.0], [d, e, f, 0.0], [g, h, i, 0.0]])),
         _ if n.len() == 16 => {
             if n[12..] != [0.0, 0.0, 0.0, 1.0] {
                 return Err("expected 0, 0, 0, 1 as the last row".to_string());
@@ -138,18 +123,14 @@ fn matrix(text: &str) -> Result<Step, String> {
 
 /// The steps' product.
 pub fn compose(steps: &[Step]) -> DAffine3 {
-    steps
-        .iter()
-        .fold(DAffine3::IDENTITY, |total, step| map(step) * total)
+    steps.iter().fold(DAffine3::IDENTITY, |total, step| map(step) * total)
 }
 
 fn map(step: &Step) -> DAffine3 {
     match *step {
         Step::Translate(by) => DAffine3::from_translation(by.into()),
         Step::Scale(by) => DAffine3::from_scale(by.into()),
-        Step::Rotate { axis, degrees } => {
-            DAffine3::from_mat3(native::rotation(axis.into(), degrees))
-        }
+        Step::Rotate { axis, degrees } => DAffine3::from_mat3(native::rotation(axis.into(), degrees)),
         Step::LookAt { origin, target, up } => {
             let forward = (DVec3::from(target) - DVec3::from(origin)).normalize_or_zero();
             let left = DVec3::from(up).cross(forward).normalize_or_zero();

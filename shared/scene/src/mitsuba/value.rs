@@ -54,10 +54,7 @@ pub fn parse(tag: &str, attributes: &Attributes) -> Result<Value, String> {
         return triple(tag, attributes, None).map(Value::Vector);
     }
     if attributes.contains_key("filename") {
-        return Err(
-            "a <spectrum> from a file is not supported; expected value=\"wavelength:value, ...\""
-                .to_string(),
-        );
+        return Err("a <spectrum> from a file is not supported; expected value=\"wavelength:value, ...\"".to_string());
     }
     let text = attributes
         .get("value")
@@ -94,15 +91,12 @@ fn spectrum(text: &str) -> Result<Value, String> {
         return number(one).map(Value::Uniform);
     }
     let pair = |word: &str| -> Result<(f64, f64), String> {
-        let (wavelength, value) = word.split_once(':').ok_or_else(|| {
-            format!("expected one number, or a list of wavelength:value, found \"{word}\"")
-        })?;
+        let (wavelength, value) = word
+            .split_once(':')
+            .ok_or_else(|| format!("expected one number, or a list of wavelength:value, found \"{word}\""))?;
         Ok((number(wavelength)?, number(value)?))
     };
-    let samples = pairs
-        .into_iter()
-        .map(pair)
-        .collect::<Result<Vec<_>, String>>()?;
+    let samples = pairs.into_iter().map(pair).collect::<Result<Vec<_>, String>>()?;
     if samples.len() < 2 {
         return Err("expected at least two pairs of wavelength:value".to_string());
     }

@@ -98,9 +98,7 @@ impl<'de> Deserialize<'de> for FilterRecord {
                     "tent" => PixelFilter::Tent { radius: 1.0 },
                     "gaussian" => PixelFilter::Gaussian { stddev: 0.5 },
                     _ => {
-                        return Err(E::custom(format_args!(
-                            "expected {EXPECTED}, found \"{name}\""
-                        )));
+                        return Err(E::custom(format_args!("expected {EXPECTED}, found \"{name}\"")));
                     }
                 };
                 Ok(FilterRecord(filter))
@@ -184,9 +182,7 @@ impl CameraRecord {
     /// With `gltf`, nothing is given that its file says.
     pub fn check(&self) -> Result<(), Fault> {
         let given = given!(self, origin, target, up, fov, fov_axis);
-        let twice = given
-            .into_iter()
-            .find_map(|(name, span)| Some((name, span?)));
+        let twice = given.into_iter().find_map(|(name, span)| Some((name, span?)));
         match (&self.gltf, &self.gltf_camera, twice) {
             (Some(_), _, Some((name, span))) => Err(Fault::new(
                 span,
@@ -204,18 +200,11 @@ impl CameraRecord {
     pub fn eye(&self, place: std::ops::Range<usize>) -> Result<Eye, Fault> {
         let missing = |name: &str| Fault::new(place.clone(), format!("missing field `{name}`"));
         Ok(Eye {
-            origin: *self
-                .origin
-                .as_ref()
-                .ok_or_else(|| missing("origin"))?
-                .get_ref(),
+            origin: *self.origin.as_ref().ok_or_else(|| missing("origin"))?.get_ref(),
             target: self.target.clone().ok_or_else(|| missing("target"))?,
             up: self.up.clone(),
             fov: self.fov.clone().ok_or_else(|| missing("fov"))?,
-            fov_axis: self
-                .fov_axis
-                .as_ref()
-                .map_or(FovAxis::X, |axis| *axis.get_ref()),
+            fov_axis: self.fov_axis.as_ref().map_or(FovAxis::X, |axis| *axis.get_ref()),
         })
     }
 }

@@ -87,20 +87,10 @@ impl LightType {
             Self::Point => ("point", &["position", "intensity", "power"]),
             Self::Spot => (
                 "spot",
-                &[
-                    "position",
-                    "target",
-                    "intensity",
-                    "power",
-                    "cutoff_angle",
-                    "beam_width",
-                ],
+                &["position", "target", "intensity", "power", "cutoff_angle", "beam_width"],
             ),
             Self::Directional => ("directional", &["direction", "irradiance"]),
-            Self::Environment => (
-                "environment",
-                &["radiance", "image", "scale", "rotate_y", "transform"],
-            ),
+            Self::Environment => ("environment", &["radiance", "image", "scale", "rotate_y", "transform"]),
         }
     }
 }

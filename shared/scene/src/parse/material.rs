@@ -160,9 +160,7 @@ pub enum DistributionName {
 impl MaterialType {
     /// The schema of each kind of material.
     fn narrow(schema: &mut Schema) {
-        one_of(schema, |kind: Self| {
-            [kind.common(), kind.takes().1].concat()
-        });
+        one_of(schema, |kind: Self| [kind.common(), kind.takes().1].concat());
     }
 
     /// Fields that every material takes, but `null`.
@@ -191,10 +189,7 @@ impl MaterialType {
                     "specular_transmittance",
                 ],
             ),
-            Self::Conductor => (
-                "conductor",
-                &["eta", "k", "preset", "reflectance", "two_sided"],
-            ),
+            Self::Conductor => ("conductor", &["eta", "k", "preset", "reflectance", "two_sided"]),
             Self::RoughConductor => (
                 "rough_conductor",
                 &[
@@ -248,9 +243,4 @@ impl MaterialType {
     }
 }
 
-const SMOOTH_DIELECTRIC: &[&str] = &[
-    "ior",
-    "exterior_ior",
-    "specular_reflectance",
-    "specular_transmittance",
-];
+const SMOOTH_DIELECTRIC: &[&str] = &["ior", "exterior_ior", "specular_reflectance", "specular_transmittance"];

@@ -51,10 +51,7 @@ impl MediumRecord {
 
     /// The volumes that it names.
     pub fn files(&self) -> impl Iterator<Item = &Spanned<String>> {
-        let density = self
-            .density
-            .as_ref()
-            .and_then(|d| d.get_ref().file.as_ref());
+        let density = self.density.as_ref().and_then(|d| d.get_ref().file.as_ref());
         let albedo = match self.albedo.as_ref().map(|a| a.get_ref()) {
             Some(AlbedoRecord::File { file, .. }) => Some(file),
             _ => None,
@@ -85,10 +82,7 @@ impl MediumKind {
     pub fn takes(self) -> (&'static str, &'static [&'static str]) {
         match self {
             Self::Homogeneous => ("homogeneous", &[]),
-            Self::Heterogeneous => (
-                "heterogeneous",
-                &["density", "scale", "transform", "transmittance"],
-            ),
+            Self::Heterogeneous => ("heterogeneous", &["density", "scale", "transform", "transmittance"]),
         }
     }
 }
@@ -275,12 +269,8 @@ impl<'de> Deserialize<'de> for EstimatorRecord {
             fn visit_str<E: serde::de::Error>(self, name: &str) -> Result<Self::Value, E> {
                 match name {
                     "ratio_tracking" => Ok(EstimatorRecord(Estimator::RatioTracking)),
-                    "residual_ratio_tracking" => {
-                        Ok(EstimatorRecord(Estimator::ResidualRatioTracking))
-                    }
-                    _ => Err(E::custom(format_args!(
-                        "expected {EXPECTED}, found \"{name}\""
-                    ))),
+                    "residual_ratio_tracking" => Ok(EstimatorRecord(Estimator::ResidualRatioTracking)),
+                    _ => Err(E::custom(format_args!("expected {EXPECTED}, found \"{name}\""))),
                 }
             }
             fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Self::Value, A::Error> {
@@ -299,7 +289,8 @@ impl<'de> Deserialize<'de> for EstimatorRecord {
     }
 }
 
-/// `"isotropic"`, `{ type = "isotropic" }`, `{ type = "hg", g = 0.7 }` or `{ type = "blend", weight = 0.3, phases = [...] }`.
+/// `"isotropic"`, `{ type = "isotropic" }`, `{ type = "hg", g = 0.7 }` or `{ type = "blend", weight = 0.3, phases =
+/// [...] }`.
 #[derive(Clone, Copy, Debug, Default)]
 pub enum PhaseRecord {
     #[default]
@@ -318,8 +309,7 @@ impl JsonSchema for PhaseRecord {
     }
     fn json_schema(generator: &mut SchemaGenerator) -> Schema {
         let phase = generator.subschema_for::<Self>();
-        let phases =
-            json_schema!({ "type": "array", "items": phase, "minItems": 2, "maxItems": 2 });
+        let phases = json_schema!({ "type": "array", "items": phase, "minItems": 2, "maxItems": 2 });
         let blend = json_schema!({
             "type": { "const": "blend" },
             "weight": Unit::schema(),
@@ -369,9 +359,7 @@ impl<'de> Deserialize<'de> for PhaseRecord {
                 if name == "isotropic" {
                     Ok(PhaseRecord::Isotropic)
                 } else {
-                    Err(E::custom(format_args!(
-                        "expected {EXPECTED}, found \"{name}\""
-                    )))
+                    Err(E::custom(format_args!("expected {EXPECTED}, found \"{name}\"")))
                 }
             }
             fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Self::Value, A::Error> {
@@ -384,16 +372,14 @@ impl<'de> Deserialize<'de> for PhaseRecord {
                         let single = |phase: &PhaseRecord| match phase {
                             PhaseRecord::Isotropic => Ok(0.0),
                             PhaseRecord::HenyeyGreenstein(g) => Ok(g.0),
-                            PhaseRecord::Blend { .. } => Err(serde::de::Error::custom(
-                                "a blend of blends is not supported",
-                            )),
+                            PhaseRecord::Blend { .. } => {
+                                Err(serde::de::Error::custom("a blend of blends is not supported"))
+                            }
                         };
                         let g = [single(first)?, single(second)?];
                         Ok(PhaseRecord::Blend { weight, g })
                     }
-                    _ => Err(serde::de::Error::custom(format_args!(
-                        "expected {EXPECTED}"
-                    ))),
+                    _ => Err(serde::de::Error::custom(format_args!("expected {EXPECTED}"))),
                 }
             }
         }

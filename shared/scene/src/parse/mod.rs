@@ -103,10 +103,7 @@ impl SceneRecord {
     /// Read a scene file's text.
     pub fn parse(text: &str) -> Result<Self, Fault> {
         let record: Self = toml::from_str(text)?;
-        record
-            .materials
-            .values()
-            .try_for_each(MaterialRecord::check)?;
+        record.materials.values().try_for_each(MaterialRecord::check)?;
         for medium in record.media.values() {
             medium.check()?;
             if let Some(density) = &medium.density {
@@ -186,12 +183,7 @@ macro_rules! given {
 }
 use given;
 
-fn only_takes(
-    name: &str,
-    takes: &[&str],
-    common: &[&str],
-    given: &[(&str, Option<Span<usize>>)],
-) -> Result<(), Fault> {
+fn only_takes(name: &str, takes: &[&str], common: &[&str], given: &[(&str, Option<Span<usize>>)]) -> Result<(), Fault> {
     for (field, span) in given {
         if let Some(span) = span
             && !takes.contains(field)

@@ -13,7 +13,8 @@ pub type Names = Spanned<Vec<Spanned<String>>>;
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RuleRecord {
-    /// Names of shapes, lights and groups that the rays start at; also "camera", "world" (its medium), "all". Default: all.
+    /// Names of shapes, lights and groups that the rays start at; also "camera", "world" (its medium), "all". Default:
+    /// all.
     pub on: Option<Names>,
     /// Names left out of `on`.
     pub except: Option<Names>,

@@ -1,5 +1,5 @@
-//! The JSON Schema of scene files, for editors. It holds what can be said without looking at other fields: files that it
-//! refuses are refused by the parser, but not all the other way round.
+//! The JSON Schema of scene files, for editors. It holds what can be said without looking at other fields: files that
+//! it refuses are refused by the parser, but not all the other way round.
 
 use super::SceneRecord;
 use schemars::generate::SchemaSettings;
@@ -29,10 +29,7 @@ pub(super) fn table(required: &[&str], fields: Schema) -> Schema {
 }
 
 /// Split the schema of a record with a `type` by its kinds, each with the fields that it takes.
-pub(super) fn one_of<K: JsonSchema + DeserializeOwned>(
-    schema: &mut Schema,
-    takes: impl Fn(K) -> Vec<&'static str>,
-) {
+pub(super) fn one_of<K: JsonSchema + DeserializeOwned>(schema: &mut Schema, takes: impl Fn(K) -> Vec<&'static str>) {
     let Some(Value::Object(fields)) = schema.get("properties").cloned() else {
         return;
     };
@@ -42,12 +39,8 @@ pub(super) fn one_of<K: JsonSchema + DeserializeOwned>(
             continue;
         };
         let taken = takes(kind);
-        let own = fields
-            .iter()
-            .filter(|(name, _)| taken.contains(&name.as_str()));
-        let mut own: Map<String, Value> = own
-            .map(|(name, field)| (name.clone(), field.clone()))
-            .collect();
+        let own = fields.iter().filter(|(name, _)| taken.contains(&name.as_str()));
+        let mut own: Map<String, Value> = own.map(|(name, field)| (name.clone(), field.clone())).collect();
         let kind = json!({ "const": name, "description": description });
         own.insert("type".into(), kind.to_value());
         kinds.push(table(&["type"], Schema::from(own)).to_value());

@@ -69,17 +69,14 @@ impl ShapeRecord {
             && *faces.get_ref()
             && *smooth.get_ref()
         {
-            let message =
-                "normals are those of faces (`face_normals`) or smooth (`smooth`): one of the two";
+            let message = "normals are those of faces (`face_normals`) or smooth (`smooth`): one of the two";
             return Err(Fault::new(smooth.span(), message));
         }
         match &self.shape {
-            Some(shape) if shape.get_ref().kind.get_ref() == &ShapeType::Instances => {
-                Err(Fault::new(
-                    shape.get_ref().kind.span(),
-                    "instances of instances are not supported; expected the type of one shape",
-                ))
-            }
+            Some(shape) if shape.get_ref().kind.get_ref() == &ShapeType::Instances => Err(Fault::new(
+                shape.get_ref().kind.span(),
+                "instances of instances are not supported; expected the type of one shape",
+            )),
             Some(shape) => match &shape.get_ref().visible {
                 Some(visible) => Err(Fault::new(
                     visible.span(),

@@ -72,8 +72,7 @@ impl<R: Range> JsonSchema for TextureRecord<R> {
     fn json_schema(generator: &mut SchemaGenerator) -> Schema {
         let color = Color::<R>::json_schema(generator);
         let uv = generator.subschema_for::<UvSteps>();
-        let colors =
-            json_schema!({ "type": "array", "items": color, "minItems": 2, "maxItems": 2 });
+        let colors = json_schema!({ "type": "array", "items": color, "minItems": 2, "maxItems": 2 });
         let image = json_schema!({
             "image": { "type": "string", "description": ".png or .exr, relative to the scene file." },
             "raw": { "type": "boolean", "description": "Take the numbers of a PNG as they are, not as sRGB." },

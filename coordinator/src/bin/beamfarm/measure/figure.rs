@@ -17,8 +17,8 @@ pub fn shown_at(svg: String, size: (u32, u32)) -> String {
     svg.replacen(&attributes(fine(size)), &attributes(size), 1)
 }
 
-/// A logarithmic axis with powers of ten for labels. plotters has one of its own, whose labels are plain numbers at places
-/// that depend on the size of the plot.
+/// A logarithmic axis with powers of ten for labels. plotters has one of its own, whose labels are plain numbers at
+/// places that depend on the size of the plot.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Decades {
     /// Logarithms to base 10 of its ends.
@@ -30,9 +30,7 @@ impl Decades {
     /// The axis for these values: with room around them, and two powers of ten at least.
     pub fn around(values: impl Iterator<Item = f64>) -> Option<Self> {
         let logs = values.map(libm::log10);
-        let (low, high) = logs
-            .map(|v| (v, v))
-            .reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))?;
+        let (low, high) = logs.map(|v| (v, v)).reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))?;
         let room = 0.06 * (high - low) + 0.05;
         let (low, high) = (low - room, high + room);
         if high.floor() - low.ceil() >= 1.0 {

@@ -195,24 +195,17 @@ pub fn main(args: ReferenceArgs) -> Result<(), Failure> {
         (Some(error), average) => Err(Failure::job(format!(
             "{error}; {}",
             match average {
-                Some(average) =>
-                    format!("the image is that of the {} samples before", average.passes),
+                Some(average) => format!("the image is that of the {} samples before", average.passes),
                 None => "nothing was written".into(),
             }
         ))),
         (None, Some(_)) => Ok(()),
-        (None, None) => Err(Failure::nothing(
-            "stopped before the first sample was complete",
-        )),
+        (None, None) => Err(Failure::nothing("stopped before the first sample was complete")),
     }
 }
 
 fn summarise(average: &Average, output: &Output, seconds: f64) {
-    println!(
-        "wrote {} and {}",
-        output.exr.display(),
-        output.png.display()
-    );
+    println!("wrote {} and {}", output.exr.display(), output.png.display());
     let samples = average.passes;
     println!(
         "{samples} samples in {seconds:.1} s ({:.2} samples/s)",
@@ -264,9 +257,7 @@ impl Run<'_> {
             shown.next_estimate = elapsed + ESTIMATE.max(20 * cost);
         }
         let by_samples = samples as f64 / self.samples as f64;
-        let by_time = self
-            .time
-            .map_or(0.0, |time| elapsed.as_secs_f64() / time.as_secs_f64());
+        let by_time = self.time.map_or(0.0, |time| elapsed.as_secs_f64() / time.as_secs_f64());
         let fraction = by_samples.max(by_time).min(1.0);
         let remaining = elapsed.as_secs_f64() * (1.0 / fraction - 1.0);
         let limit = match self.samples {

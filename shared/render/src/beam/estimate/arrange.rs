@@ -1,4 +1,5 @@
-//! An order of segments in which neighbours are near each other and go the same way, for those that were turned and spread.
+//! An order of segments in which neighbours are near each other and go the same way, for those that were turned and
+//! spread.
 
 use super::super::lanes::LANES;
 use super::super::order::order;

@@ -55,8 +55,8 @@ impl<'a> Shared<'a> {
         }
     }
 
-    /// The phase function, for the cosine between segment and beam: light that travels along the beam is turned towards the
-    /// camera, against the segment.
+    /// The phase function, for the cosine between segment and beam: light that travels along the beam is turned towards
+    /// the camera, against the segment.
     #[inline(always)]
     pub fn phase<K: Kind>(&self, cos: f32) -> f32 {
         let [first, second] = &self.lobes;

@@ -41,14 +41,7 @@ impl Block<'_> {
 
     /// Radiance of one beam over a range of it, blurred over discs across it, along a segment. `u` in [0, 1) places the
     /// stratified points.
-    fn chord_estimate(
-        &self,
-        shared: &Shared,
-        beam: &PhotonBeam,
-        [start, end]: [f32; 2],
-        lane: usize,
-        u: f32,
-    ) -> Rgb {
+    fn chord_estimate(&self, shared: &Shared, beam: &PhotonBeam, [start, end]: [f32; 2], lane: usize, u: f32) -> Rgb {
         let segment = &self.segments[lane];
         let ray = &segment.ray;
         // In the beam's frame the ray is at distance |across + t across_dir| from the axis, at s = along + t cos.
@@ -97,11 +90,7 @@ impl Block<'_> {
 fn cylinder_range(across: Vec3, across_dir: Vec3, radius: f32) -> Option<(f32, f32)> {
     let a = across_dir.length_squared();
     let c = across.length_squared() - radius * radius;
-    let nearest = if a > 0.0 {
-        -across.dot(across_dir) / a
-    } else {
-        0.0
-    };
+    let nearest = if a > 0.0 { -across.dot(across_dir) / a } else { 0.0 };
     if a < 1e-12 {
         return (c < 0.0).then_some((f32::NEG_INFINITY, f32::INFINITY));
     }

@@ -55,13 +55,7 @@ impl Kernels {
     }
 }
 
-fn add_lines<K: Kind>(
-    vectors: Found,
-    block: &mut Block,
-    shared: &Shared,
-    lines: &[BeamLine],
-    near: &[u32],
-) {
+fn add_lines<K: Kind>(vectors: Found, block: &mut Block, shared: &Shared, lines: &[BeamLine], near: &[u32]) {
     struct Lines<'a, 'b, 'c, K>(
         &'a mut Block<'b>,
         &'a Shared<'c>,
@@ -79,13 +73,7 @@ fn add_lines<K: Kind>(
     vectors.run(Lines::<K>(block, shared, lines, near, PhantomData));
 }
 
-fn add_pieces<K: Kind>(
-    vectors: Found,
-    block: &mut Block,
-    shared: &Shared,
-    list: &PieceList,
-    near: &[u32],
-) {
+fn add_pieces<K: Kind>(vectors: Found, block: &mut Block, shared: &Shared, list: &PieceList, near: &[u32]) {
     struct Pieces<'a, 'b, 'c, K>(
         &'a mut Block<'b>,
         &'a Shared<'c>,

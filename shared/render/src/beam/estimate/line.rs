@@ -95,8 +95,8 @@ impl Meetings {
 }
 
 impl Block<'_> {
-    /// Adds beams by the estimate that is due in each lane. `near`: positions among the lines, which are for the segments'
-    /// origin where they share one.
+    /// Adds beams by the estimate that is due in each lane. `near`: positions among the lines, which are for the
+    /// segments' origin where they share one.
     #[inline(always)]
     pub fn add_lines<K: Kind>(&mut self, shared: &Shared, lines: &[BeamLine], near: &[u32]) {
         for (i, &at) in near.iter().enumerate() {

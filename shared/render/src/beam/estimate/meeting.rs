@@ -3,8 +3,9 @@
 use super::{NEARLY_PARALLEL_SIN, NEARLY_PARALLEL_SIN2};
 use crate::math::Vec3;
 
-/// How the lines of a beam and a segment lie to each other. With w from the segment's origin to the beam's, d and b their
-/// directions, they are nearest at t = (w.d - c w.b) / sin^2 along the segment and s = (c w.d - w.b) / sin^2 along the beam,
+/// How the lines of a beam and a segment lie to each other. With w from the segment's origin to the beam's, d and b
+/// their directions, they are nearest at t = (w.d - c w.b) / sin^2 along the segment and s = (c w.d - w.b) / sin^2
+/// along the beam,
 /// |w.(d x b)| / sin apart.
 #[derive(Clone, Copy)]
 pub(super) struct Meeting {
@@ -34,17 +35,13 @@ impl Meeting {
     #[inline(always)]
     pub fn new(origin: Vec3, dir: Vec3, beam_origin: Vec3, beam_dir: Vec3) -> Self {
         let (w, b) = (beam_origin - origin, beam_dir);
-        let moment = Vec3::new(
-            b.y * w.z - b.z * w.y,
-            b.z * w.x - b.x * w.z,
-            b.x * w.y - b.y * w.x,
-        );
+        let moment = Vec3::new(b.y * w.z - b.z * w.y, b.z * w.x - b.x * w.z, b.x * w.y - b.y * w.x);
         let w_dot_b = w.x * b.x + w.y * b.y + w.z * b.z;
         Self::from_origin(dir, b, w, w_dot_b, moment)
     }
 
-    /// The same, with what does not depend on the segment's direction known: w, its product with the beam's direction b,
-    /// and b x w.
+    /// The same, with what does not depend on the segment's direction known: w, its product with the beam's direction
+    /// b, and b x w.
     #[inline(always)]
     pub fn from_origin(dir: Vec3, beam_dir: Vec3, w: Vec3, w_dot_b: f32, moment: Vec3) -> Self {
         Self {
@@ -73,8 +70,8 @@ impl Meeting {
         self.cos * self.w_dot_d - self.w_dot_b
     }
 
-    /// Whether the chord is to be integrated: the lines are nearly parallel, and within the radius of each other somewhere
-    /// between `start` and `end` along the beam.
+    /// Whether the chord is to be integrated: the lines are nearly parallel, and within the radius of each other
+    /// somewhere between `start` and `end` along the beam.
     #[inline(always)]
     pub fn is_chord(self, radius: f32, start: f32, end: f32) -> bool {
         let sin2 = self.sin2();
@@ -90,8 +87,7 @@ impl Meeting {
     /// Distance of the lines against the largest radius, without a division, where the 1D estimate is due.
     #[inline(always)]
     pub fn is_reached(self, radius: f32) -> bool {
-        (self.offset * self.offset < radius * radius * self.sin2())
-            & (self.sin2() >= NEARLY_PARALLEL_SIN2)
+        (self.offset * self.offset < radius * radius * self.sin2()) & (self.sin2() >= NEARLY_PARALLEL_SIN2)
     }
 
     /// For a beam's radius and its slope.

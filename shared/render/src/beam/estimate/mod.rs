@@ -1,14 +1,14 @@
 //! Radiance from beams along camera segments.
 //!
 //! A pair of beam and segment is counted by one of two estimates, by the angle between them:
-//! - the 1D estimate of Jarosz et al. 2011 (A comprehensive theory of volumetric radiance estimation using photon points
-//!   and beams, eq. 38, beams x beams 1D), everywhere but
+//! - the 1D estimate of Jarosz et al. 2011 (A comprehensive theory of volumetric radiance estimation using photon
+//!   points and beams, eq. 38, beams x beams 1D), everywhere but
 //! - where the two are nearly parallel: there 1 / sin theta of the 1D estimate grows without bound, so that the beam is
 //!   blurred over the disc across it in place of the line across both, and the segment's chord through that cone is
 //!   integrated by stratified random points. Its value is bounded by the chord's length.
 //!
-//! Both are exact integrals of the same radiance in the limit of thin beams, and each pair of directions belongs to just
-//! one of them, so nothing is lost or counted twice.
+//! Both are exact integrals of the same radiance in the limit of thin beams, and each pair of directions belongs to
+//! just one of them, so nothing is lost or counted twice.
 
 mod arrange;
 mod block;
@@ -73,9 +73,7 @@ impl Way {
     #[inline]
     pub fn then(self, turn: Turn) -> Self {
         match (self, turn) {
-            (Self::Straight(passed), Turn::Passed) => {
-                passed.checked_add(1).map_or(Self::Turned, Self::Straight)
-            }
+            (Self::Straight(passed), Turn::Passed) => passed.checked_add(1).map_or(Self::Turned, Self::Straight),
             _ => Self::Turned,
         }
     }
@@ -162,8 +160,8 @@ pub struct Gather<'a> {
 }
 
 impl Gather<'_> {
-    /// Sums the beams' radiance along segments in one medium, neighbours in the image next to each other. The bits do not
-    /// depend on which are given together.
+    /// Sums the beams' radiance along segments in one medium, neighbours in the image next to each other. The bits do
+    /// not depend on which are given together.
     pub fn along(&self, segments: &[CameraSegment]) -> Gathered {
         let mut gathered = Gathered {
             radiance: vec![Rgb::ZERO; segments.len()],

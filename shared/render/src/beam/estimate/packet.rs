@@ -1,8 +1,8 @@
 //! From a bundle of segments and all beams to segments and the beams that each meets.
 //!
-//! Segments that are near each other are divided and divided again, and so is the list of beams: a list that a bundle is
-//! compared with holds what its parent's bounds let through. Blocks of segments that are left meet one beam after another. Where
-//! segments are far apart for the width of beams, each looks for its own.
+//! Segments that are near each other are divided and divided again, and so is the list of beams: a list that a bundle
+//! is compared with holds what its parent's bounds let through. Blocks of segments that are left meet one beam after
+//! another. Where segments are far apart for the width of beams, each looks for its own.
 
 use super::super::lanes::LANES;
 use super::super::store::{PieceList, PieceRange, PieceTree};
@@ -16,7 +16,8 @@ use super::vectors::{Found, Work};
 use super::{CameraSegment, Gather, Way};
 use crate::math::prefetch;
 
-/// A list of beams this short is compared with every block of the bundle; so is a longer one with those of so few segments.
+/// A list of beams this short is compared with every block of the bundle; so is a longer one with those of so few
+/// segments.
 const SHORT: usize = 16 * LANES;
 const FEW_SEGMENTS: usize = 4 * LANES;
 
@@ -125,8 +126,7 @@ impl<'a> Packets<'a, '_> {
     #[inline(always)]
     fn divide(&mut self, segments: &'a [CameraSegment], level: usize) {
         let parts = segments.chunks(part_of(segments.len())).rev();
-        self.tasks
-            .extend(parts.map(|segments| Task { segments, level }));
+        self.tasks.extend(parts.map(|segments| Task { segments, level }));
     }
 
     /// Notes which pieces of a list may be met.
@@ -186,13 +186,7 @@ impl<'a> Packets<'a, '_> {
     fn add_block(&mut self, segments: &'a [CameraSegment]) {
         let mut block = Block::new(self.sum.gather, segments);
         let (lines, add) = (&self.lines, self.sum.kernels.lines);
-        add(
-            self.sum.vectors,
-            &mut block,
-            &self.shared,
-            lines,
-            &self.near,
-        );
+        add(self.sum.vectors, &mut block, &self.shared, lines, &self.near);
         (self.sum.out)(&block);
     }
 }
@@ -208,11 +202,7 @@ fn list<'a>(levels: &'a [PieceList], level: usize, all: &'a PieceTree) -> &'a Pi
 
 /// What the estimate needs to know of pieces; `piece` gives one by its number while there are more.
 #[inline(always)]
-fn set_lines(
-    lines: &mut Vec<BeamLine>,
-    shared: &Shared,
-    piece: impl Fn(usize) -> Option<PieceRange>,
-) {
+fn set_lines(lines: &mut Vec<BeamLine>, shared: &Shared, piece: impl Fn(usize) -> Option<PieceRange>) {
     lines.clear();
     while let Some(range) = piece(lines.len()) {
         if let Some(next) = piece(lines.len() + FETCH) {

@@ -1,5 +1,5 @@
-//! The 1D estimate of pairs of beam and segment side by side: of one beam and several segments, or one segment and several
-//! beams.
+//! The 1D estimate of pairs of beam and segment side by side: of one beam and several segments, or one segment and
+//! several beams.
 
 // Loops over lanes by number are what becomes vector code.
 #![allow(clippy::needless_range_loop)]
@@ -88,7 +88,8 @@ impl Pairs {
         (self.transmitted, self.depth) = (at.transmitted, at.depth);
     }
 
-    /// Calls `add(channel, lane, radiance)` for all that they bring. `power`: of a lane's beam in a channel, times sigma_s.
+    /// Calls `add(channel, lane, radiance)` for all that they bring. `power`: of a lane's beam in a channel, times
+    /// sigma_s.
     #[inline(always)]
     pub fn add_to<K: Kind>(
         &self,

@@ -32,11 +32,7 @@ impl Probe for CameraSegment {
         let (wx, wy, wz) = (px - o.x, py - o.y, pz - o.z);
         let t = wx * d.x + wy * d.y + wz * d.z;
         let (ux, uy, uz) = (wx - t * d.x, wy - t * d.y, wz - t * d.z);
-        let (nx, ny, nz) = (
-            d.y * bz - d.z * by,
-            d.z * bx - d.x * bz,
-            d.x * by - d.y * bx,
-        );
+        let (nx, ny, nz) = (d.y * bz - d.z * by, d.z * bx - d.x * bz, d.x * by - d.y * bx);
         let offset = ux * nx + uy * ny + uz * nz;
         let cos = d.x * bx + d.y * by + d.z * bz;
         let sin2 = 1.0 - cos * cos;
@@ -57,18 +53,12 @@ impl Probe for CameraSegment {
         let meeting = Meeting::new(origin, dir, piece.middle.into(), piece.dir.into());
         let [px, py, pz] = piece.middle;
         // How far rounding may move the middle.
-        let rounding =
-            ROUNDING * ((px - origin.x).abs() + (py - origin.y).abs() + (pz - origin.z).abs());
+        let rounding = ROUNDING * ((px - origin.x).abs() + (py - origin.y).abs() + (pz - origin.z).abs());
         let radius = 1.0001 * piece.radius + rounding;
         let sin2 = 1.00001 * meeting.sin2() + 1e-5;
         // Chords reach beyond the nearest points.
         let parallel = meeting.sin2() < NEARLY_PARALLEL_SIN2;
-        let beyond = rounding
-            + if parallel {
-                NEARLY_PARALLEL_SIN * radius
-            } else {
-                0.0
-            };
+        let beyond = rounding + if parallel { NEARLY_PARALLEL_SIN * radius } else { 0.0 };
         (radius > 0.0)
             & (meeting.offset * meeting.offset <= 1.01 * radius * radius * sin2)
             & (meeting.t_sin2() + beyond > 0.0)

@@ -48,8 +48,7 @@ impl RayBundle {
             dir_range: dir_range.to_array(),
             dir_length: dir_range.length(),
             second_order: dir_range.length_squared() + 1e-5,
-            origin_slack: 2.5 * origin_range.length()
-                + 1e-5 * (origin.abs() + origin_range).max_element(),
+            origin_slack: 2.5 * origin_range.length() + 1e-5 * (origin.abs() + origin_range).max_element(),
             length: segments.iter().fold(0.0, |length, s| s.length.max(length)),
         }
     }
@@ -64,12 +63,12 @@ impl RayBundle {
         self.origin_range + 0.5 * self.length * self.dir_length
     }
 
-    /// Whether some segment may meet a piece whose middle and direction are within `ranges` of the ones given: comes within its
-    /// radius between its ends. Never false for one that does.
+    /// Whether some segment may meet a piece whose middle and direction are within `ranges` of the ones given: comes
+    /// within its radius between its ends. Never false for one that does.
     ///
-    /// The lines are |m . d| / |d x b| apart with m = b x w, w from o to the piece's middle, and nearest at
-    /// s = (c w.d - w.b) / sin^2 along the piece and t = (w.d - c w.b) / sin^2 along the segment. All are compared times
-    /// the sine or its square, and with as much slack as o and d may deviate.
+    /// The lines are |m . d| / |d x b| apart with m = b x w, w from o to the piece's middle, and nearest at s = (c w.d
+    /// - w.b) / sin^2 along the piece and t = (w.d - c w.b) / sin^2 along the segment. All are compared times the sine
+    /// or its square, and with as much slack as o and d may deviate.
     #[inline(always)]
     fn may_meet_any<const CLUSTER: bool>(&self, piece: Bounds, ranges: [f32; 2]) -> bool {
         let (o, d) = (self.origin, self.dir);
@@ -99,18 +98,13 @@ impl RayBundle {
             + (bz * w_dot_d + wz * cos).abs() * hz;
         let mut slack = along + (w_length + ends) * self.second_order + self.origin_slack;
         let turn = 2.0 * cos.abs() * (bx.abs() * hx + by.abs() * hy + bz.abs() * hz);
-        let mut margin =
-            piece.radius + (w_length + ends) * (self.dir_length + 1e-5) + self.origin_slack;
+        let mut margin = piece.radius + (w_length + ends) * (self.dir_length + 1e-5) + self.origin_slack;
         let mut near = true;
         if CLUSTER {
-            // What changes by the pieces' deviations. Directions turn the pieces about their middles, so that they matter as
-            // much as these are away from the segment.
+            // What changes by the pieces' deviations. Directions turn the pieces about their middles, so that they
+            // matter as much as these are away from the segment.
             let [middle, dir] = ranges;
-            let (ux, uy, uz) = (
-                wx - w_dot_d * d[0],
-                wy - w_dot_d * d[1],
-                wz - w_dot_d * d[2],
-            );
+            let (ux, uy, uz) = (wx - w_dot_d * d[0], wy - w_dot_d * d[1], wz - w_dot_d * d[2]);
             let away = (ux * ux + uy * uy + uz * uz).sqrt();
             let range = middle + self.origin_range + (w_length + middle) * (self.dir_length + 1e-5);
             let most = dir * (away + range) + middle;

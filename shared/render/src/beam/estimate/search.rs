@@ -20,12 +20,7 @@ pub(super) struct Waiting {
 
 /// Positions of the pieces in the tree that may be met, in order.
 #[inline(always)]
-pub(super) fn find_in_tree(
-    probe: &impl Probe,
-    tree: &PieceTree,
-    stack: &mut Vec<Waiting>,
-    near: &mut Vec<u32>,
-) {
+pub(super) fn find_in_tree(probe: &impl Probe, tree: &PieceTree, stack: &mut Vec<Waiting>, near: &mut Vec<u32>) {
     near.clear();
     stack.clear();
     if tree.pieces.len() > 0 {

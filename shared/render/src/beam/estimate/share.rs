@@ -1,18 +1,18 @@
 //! Segments that gather light for their neighbours as well.
 //!
-//! Kernels of light that has been scattered are many pixels wide: segments side by side find the same beams, and look for
-//! them one by one. In place of that, one segment is drawn from each block of pixels whose segments all begin and all end
-//! within [`REACH`] kernel radii of each other, and what it gathers counts for all of them. The mean of a block is the same
-//! in expectation. Within it light is blurred over no more than a few radii of the kernels, and only across the line of
-//! sight: as with the kernels themselves, this goes to zero with their radii, and the average of passes converges to the same
-//! image. Blocks lie elsewhere in every pass, so that they do not show.
+//! Kernels of light that has been scattered are many pixels wide: segments side by side find the same beams, and look
+//! for them one by one. In place of that, one segment is drawn from each block of pixels whose segments all begin and
+//! all end within [`REACH`] kernel radii of each other, and what it gathers counts for all of them. The mean of a block
+//! is the same in expectation. Within it light is blurred over no more than a few radii of the kernels, and only across
+//! the line of sight: as with the kernels themselves, this goes to zero with their radii, and the average of passes
+//! converges to the same image. Blocks lie elsewhere in every pass, so that they do not show.
 
 use super::{CameraSegment, Gather, Gathered, Way};
 use crate::math::Vec3;
 use crate::sampler::Sampler;
 
-/// How far apart segments of one block may begin and end, in kernel radii: blocks are no wider than what one beam brightens, where
-/// pixels have their noise in common anyway.
+/// How far apart segments of one block may begin and end, in kernel radii: blocks are no wider than what one beam
+/// brightens, where pixels have their noise in common anyway.
 const REACH: f32 = 2.0;
 
 /// The side of the largest blocks is two to the power of this, in pixels.
@@ -68,10 +68,8 @@ impl Sharing {
         sampler: &mut Sampler,
     ) {
         let all = || block.iter().map(|(_, i)| &segments[*i as usize]);
-        let is_near = || {
-            extent(all().map(|s| s.ray.at(s.length))) <= within
-                && extent(all().map(|s| s.ray.origin)) <= within
-        };
+        let is_near =
+            || extent(all().map(|s| s.ray.at(s.length))) <= within && extent(all().map(|s| s.ray.origin)) <= within;
         if block.len() == 1 || is_near() {
             let drawn = (u64::from(sampler.next_u32()) * block.len() as u64) >> 32;
             for (_, i) in block {
@@ -94,10 +92,7 @@ impl Sharing {
 impl Gather<'_> {
     /// As [`Gather::along`], for all segments by those that were chosen.
     pub fn along_shared(&self, sharing: &Sharing) -> Gathered {
-        let Gathered {
-            radiance,
-            evaluations,
-        } = self.along(&sharing.chosen);
+        let Gathered { radiance, evaluations } = self.along(&sharing.chosen);
         Gathered {
             radiance: sharing.of.iter().map(|&i| radiance[i as usize]).collect(),
             evaluations,

@@ -1,4 +1,5 @@
-//! What a heterogeneous medium adds to the estimate: density and transmittance, for the segments of a block side by side.
+//! What a heterogeneous medium adds to the estimate: density and transmittance, for the segments of a block side by
+//! side.
 
 // Loops over lanes by number are what becomes vector code.
 #![allow(clippy::needless_range_loop)]
@@ -82,13 +83,7 @@ impl<'a> Varying<'a> {
     /// At distances `t` along the segments and `s` along the beam, where `hit` is 1. In a grey medium the red
     /// channel stands for all.
     #[inline(always)]
-    pub fn attenuation<K: Kind>(
-        &self,
-        beam_steps: u32,
-        hit: &[u32; LANES],
-        t: &Lanes,
-        s: &Lanes,
-    ) -> Attenuation {
+    pub fn attenuation<K: Kind>(&self, beam_steps: u32, hit: &[u32; LANES], t: &Lanes, s: &Lanes) -> Attenuation {
         let channels = if K::GREY { 1 } else { 3 };
         let mut points = [[0.0; LANES]; 3];
         for c in 0..3 {

@@ -1,7 +1,7 @@
 //! The same code for each kind of vectors.
 
-/// Kinds of vector code. Only the number of lanes per instruction differs: no operation is fused or reordered, so the bits
-/// are the same.
+/// Kinds of vector code. Only the number of lanes per instruction differs: no operation is fused or reordered, so the
+/// bits are the same.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Vectors {
     /// What every machine of this kind has: SSE2, NEON.

@@ -40,12 +40,7 @@ pub fn bumpy() -> Mesh {
 fn icosphere(levels: u32) -> Mesh {
     let golden = 0.5 * (1.0 + 5f64.sqrt());
     let mut positions = Vec::new();
-    for (a, b) in [
-        (1.0, golden),
-        (-1.0, golden),
-        (1.0, -golden),
-        (-1.0, -golden),
-    ] {
+    for (a, b) in [(1.0, golden), (-1.0, golden), (1.0, -golden), (-1.0, -golden)] {
         positions.push(DVec3::new(0.0, a, b).normalize());
         positions.push(DVec3::new(a, b, 0.0).normalize());
         positions.push(DVec3::new(b, 0.0, a).normalize());
@@ -112,10 +107,7 @@ pub fn mirror_ball() -> Mesh {
             let half_height = TILE * libm::tan(0.5 * height);
             // A band's tiles narrow towards its pole.
             let half_width = |edge: f64| TILE * libm::sin(edge) * libm::tan(PI / f64::from(count));
-            let (upper, lower) = (
-                half_width(polar - 0.5 * height),
-                half_width(polar + 0.5 * height),
-            );
+            let (upper, lower) = (half_width(polar - 0.5 * height), half_width(polar + 0.5 * height));
             mesh.push_polygon(&[
                 out - right * lower - up * half_height,
                 out + right * lower - up * half_height,

@@ -14,13 +14,7 @@ pub fn body() -> Mesh {
         push_box(&mut mesh, [near, 0.45, -1.35], [far, 0.9, -1.0], 0.03);
     }
     push_box(&mut mesh, [-0.84, 0.42, -3.7], [0.84, 1.12, -1.25], 0.05);
-    push_frustum(
-        &mut mesh,
-        1.10,
-        [0.80, -1.30, -3.68],
-        1.78,
-        [0.70, -1.62, -3.60],
-    );
+    push_frustum(&mut mesh, 1.10, [0.80, -1.30, -3.68], 1.78, [0.70, -1.62, -3.60]);
     push_box(&mut mesh, [-0.73, 1.77, -3.64], [0.73, 1.84, -1.56], 0.03);
     mesh
 }
@@ -107,8 +101,7 @@ fn push_box(mesh: &mut Mesh, from: [f64; 3], to: [f64; 3], cut: f64) {
 /// A roof: from a rectangle [half width, front, back] at the height `y0` to one at `y1`.
 fn push_frustum(mesh: &mut Mesh, y0: f64, base: [f64; 3], y1: f64, top: [f64; 3]) {
     let level = |y: f64, [half, front, back]: [f64; 3]| {
-        [(-half, front), (half, front), (half, back), (-half, back)]
-            .map(|(x, z)| DVec3::new(x, y, z))
+        [(-half, front), (half, front), (half, back), (-half, back)].map(|(x, z)| DVec3::new(x, y, z))
     };
     let (low, high) = (level(y0, base), level(y1, top));
     for i in 0..4 {

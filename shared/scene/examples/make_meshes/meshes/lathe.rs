@@ -25,12 +25,7 @@ impl Profile {
     }
 
     /// The curve `at(t)` for t in [0, 1] with the tangent `along(t)`, in `steps` chords.
-    fn curve(
-        mut self,
-        steps: u32,
-        at: impl Fn(f64) -> DVec2,
-        along: impl Fn(f64) -> DVec2,
-    ) -> Self {
+    fn curve(mut self, steps: u32, at: impl Fn(f64) -> DVec2, along: impl Fn(f64) -> DVec2) -> Self {
         for i in 0..=steps {
             let t = f64::from(i) / f64::from(steps);
             let along = along(t).normalize();
@@ -81,11 +76,7 @@ impl Profile {
             let turns = if on_axis { &[(0.0, 1.0)][..] } else { &turns };
             for (sin, cos) in turns {
                 let turned = |p: DVec2| DVec3::new(p.x * cos, p.x * sin, p.y);
-                let at = if on_axis {
-                    point.at.with_x(0.0)
-                } else {
-                    point.at
-                };
+                let at = if on_axis { point.at.with_x(0.0) } else { point.at };
                 mesh.positions.push(turned(at));
                 mesh.normals.push(match on_axis {
                     true => DVec3::Z * point.normal.y.signum(),
@@ -138,8 +129,8 @@ fn sagitta(r: f64, sphere: f64) -> f64 {
     sphere - (sphere * sphere - r * r).sqrt()
 }
 
-/// Focal length of the spotlight's mirror: light from the focus backwards leaves it parallel to the axis, and the mirror
-/// ends in the focal plane, at r = 2 f, where light that goes sideways still meets it.
+/// Focal length of the spotlight's mirror: light from the focus backwards leaves it parallel to the axis, and the
+/// mirror ends in the focal plane, at r = 2 f, where light that goes sideways still meets it.
 const SPOT_F: f64 = 0.07;
 /// End of the spotlight's tube.
 const SPOT_FRONT: f64 = 0.20;

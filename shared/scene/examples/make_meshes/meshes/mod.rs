@@ -1,7 +1,7 @@
 //! The meshes of the example scenes, each from a formula. Lengths in scene units; normals point out of solids.
 //!
-//! Positions are computed in double precision with functions that are compiled in, and rounded once, so that every machine
-//! makes the same files.
+//! Positions are computed in double precision with functions that are compiled in, and rounded once, so that every
+//! machine makes the same files.
 
 mod ball;
 mod car;
@@ -82,8 +82,7 @@ impl Mesh {
     fn push_polygon(&mut self, corners: &[DVec3]) {
         let first = self.positions.len() as u32;
         self.positions.extend(corners);
-        self.faces
-            .push((first..first + corners.len() as u32).collect());
+        self.faces.push((first..first + corners.len() as u32).collect());
     }
 
     /// Give every vertex the mean of its faces' normals, weighted by area.
@@ -92,9 +91,7 @@ impl Mesh {
         for face in &self.faces {
             let corners: Vec<DVec3> = face.iter().map(|v| self.positions[*v as usize]).collect();
             let fan = corners[1..].windows(2);
-            let normal: DVec3 = fan
-                .map(|pair| (pair[0] - corners[0]).cross(pair[1] - corners[0]))
-                .sum();
+            let normal: DVec3 = fan.map(|pair| (pair[0] - corners[0]).cross(pair[1] - corners[0])).sum();
             face.iter().for_each(|v| sums[*v as usize] += normal);
         }
         self.normals = sums.into_iter().map(DVec3::normalize).collect();

@@ -7,8 +7,8 @@ use std::f64::consts::PI;
 /// A wave of a height field: direction in degrees from the x axis, length, amplitude, phase.
 type Wave = (f64, f64, f64, f64);
 
-/// A surface of amplitude a and wave number k = 2 pi / length focuses light from above at the depth 4 / (a k^2), for the
-/// index 1.33; the waves together do so around the depth of the sand.
+/// A surface of amplitude a and wave number k = 2 pi / length focuses light from above at the depth 4 / (a k^2), for
+/// the index 1.33; the waves together do so around the depth of the sand.
 const RIPPLES: [Wave; 8] = [
     (20.0, 6.0, 0.100, 0.3),
     (-35.0, 3.7, 0.060, 2.1),
@@ -154,8 +154,7 @@ pub fn fish() -> Mesh {
             let (sin, cos) = libm::sincos(2.0 * PI * f64::from(i) / f64::from(AROUND));
             // The tail is forked.
             let fork = 0.6 * (TAIL - x).max(0.0) * (1.0 - sin.abs());
-            mesh.positions
-                .push(DVec3::new(x + fork, tall * sin, wide * cos));
+            mesh.positions.push(DVec3::new(x + fork, tall * sin, wide * cos));
         }
     }
     for section in 0..FISH.len() as u32 - 1 {

@@ -1,5 +1,5 @@
-//! Object visibility rules: names become things, things that no rule tells apart become classes, and what a ray does not
-//! see a row of bits over the classes.
+//! Object visibility rules: names become things, things that no rule tells apart become classes, and what a ray does
+//! not see a row of bits over the classes.
 
 mod notes;
 mod sets;
@@ -201,11 +201,7 @@ impl<'a> Resolver<'a> {
         Ok(list)
     }
 
-    fn starts(
-        &self,
-        on: Option<&[Spanned<String>]>,
-        except: &[Spanned<String>],
-    ) -> Result<Listed, Fault> {
+    fn starts(&self, on: Option<&[Spanned<String>]>, except: &[Spanned<String>]) -> Result<Listed, Fault> {
         let numbers = |names: &[Spanned<String>]| {
             let mut numbers = BTreeSet::new();
             let mut all = false;

@@ -9,9 +9,7 @@ use beamfarm_render::rules::RayType;
 impl Resolver<'_> {
     /// Whether rays of a type start at a thing, to any effect.
     fn start(&self, start: u32, ray: RayType) -> bool {
-        let scatters = |medium: Option<u16>| {
-            medium.is_some_and(|id| self.parts.media.list[usize::from(id)].scatters())
-        };
+        let scatters = |medium: Option<u16>| medium.is_some_and(|id| self.parts.media.list[usize::from(id)].scatters());
         if start == self.camera() {
             return ray == RayType::Camera;
         }
@@ -30,15 +28,10 @@ impl Resolver<'_> {
         );
         match ray {
             RayType::Camera => false,
-            RayType::Reflected => {
-                !material.is_null() && (material.has_delta() || has_gloss(material))
-            }
+            RayType::Reflected => !material.is_null() && (material.has_delta() || has_gloss(material)),
             RayType::Refracted => refracts,
             RayType::Shadow => !material.is_specular(),
-            RayType::Photon => {
-                !material.is_null()
-                    || scatters(object.boundary.and_then(|boundary| boundary.interior))
-            }
+            RayType::Photon => !material.is_null() || scatters(object.boundary.and_then(|boundary| boundary.interior)),
         }
     }
 
@@ -86,8 +79,8 @@ impl Resolver<'_> {
         let starts = 0..self.things as u32 + 2;
         let mut starts = starts.filter(|start| clause.starts.has(*start));
         let name = name_of(ray);
-        let only_lights = !clause.list.inverted
-            && (clause.list.listed.iter()).all(|thing| *thing as usize >= self.objects);
+        let only_lights =
+            !clause.list.inverted && (clause.list.listed.iter()).all(|thing| *thing as usize >= self.objects);
         let links_shadows = ray == RayType::Shadow && self.names_a_light(clause) && !only_lights;
         if !starts.any(|start| self.start(start, ray)) && !links_shadows {
             let message = format!("no {name} rays start there: no effect on them");
@@ -99,10 +92,7 @@ impl Resolver<'_> {
         if ray == RayType::Photon && only_lights {
             let mut starts = (0..self.things as u32 + 2).filter(|s| clause.starts.has(*s));
             if !starts.any(|start| self.keeps_photons(start)) {
-                return Some(
-                    "photons leave nothing there, whatever light they come from: no effect on them"
-                        .into(),
-                );
+                return Some("photons leave nothing there, whatever light they come from: no effect on them".into());
             }
         }
         let meets = |thing: &u32| matches!(self.light(*thing), Some(LightKind::Environment(_)));

@@ -87,23 +87,14 @@ impl Resolver<'_> {
             Some(_) => true,
             None => false,
         };
-        [
-            list.listed.iter().any(is_object),
-            list.listed.iter().any(is_light),
-        ]
+        [list.listed.iter().any(is_object), list.listed.iter().any(is_light)]
     }
 
     /// Which classes rays of a type do not see under these rules.
-    fn hidden(
-        &self,
-        clauses: &[&Clause],
-        ray: RayType,
-        things: &Partition,
-    ) -> Result<Vec<u32>, Fault> {
+    fn hidden(&self, clauses: &[&Clause], ray: RayType, things: &Partition) -> Result<Vec<u32>, Fault> {
         let mut row = vec![0; things.members.len().div_ceil(32)];
         let clauses = clauses.iter().filter(|clause| clause.rays.contains(&ray));
-        let (includes, excludes): (Vec<&Clause>, Vec<&Clause>) =
-            clauses.copied().partition(|clause| clause.includes);
+        let (includes, excludes): (Vec<&Clause>, Vec<&Clause>) = clauses.copied().partition(|clause| clause.includes);
         let restricts = |kind: usize| {
             let of = |clause: &&Clause| self.restricts(&clause.list, ray)[kind];
             includes.iter().any(of)
@@ -256,11 +247,7 @@ impl Resolver<'_> {
     }
 
     /// What photons scattered in media do not see: what those of the objects do that the media fill.
-    fn of_media(
-        &self,
-        clauses: &[Clause],
-        set: &impl Fn(u32, RayType) -> HiddenSet,
-    ) -> Result<Vec<HiddenSet>, Fault> {
+    fn of_media(&self, clauses: &[Clause], set: &impl Fn(u32, RayType) -> HiddenSet) -> Result<Vec<HiddenSet>, Fault> {
         let media = self.parts.media.list.iter().enumerate();
         let of_medium = |(number, medium): (usize, &beamfarm_render::medium::Medium)| {
             let mut owners: Vec<u32> = self.filled_by(number).map(|i| i as u32).collect();
@@ -277,8 +264,7 @@ impl Resolver<'_> {
                     false => format!("\"{}\"", self.name(owner)),
                 };
                 let tells_apart = |clause: &&Clause| {
-                    clause.rays.contains(&RayType::Photon)
-                        && clause.starts.has(owners[0]) != clause.starts.has(*other)
+                    clause.rays.contains(&RayType::Photon) && clause.starts.has(owners[0]) != clause.starts.has(*other)
                 };
                 let clause = clauses.iter().find(tells_apart);
                 return Err(Fault {
@@ -319,10 +305,7 @@ impl Resolver<'_> {
         let everything = vec![!0; rows.words];
         let mut whole = rules.of_object.iter().enumerate();
         let whole = whole.find(|(number, _)| !is_passed(things.class[*number] as usize));
-        let whole = whole.map_or_else(
-            || common.clone(),
-            |(_, sets)| rows.masked(sets.photon, &everything),
-        );
+        let whole = whole.map_or_else(|| common.clone(), |(_, sets)| rows.masked(sets.photon, &everything));
         let is_hidden = |light: usize| {
             let class = things.class[self.objects + light] as usize;
             whole[class / 32] >> (class % 32) & 1 == 1
@@ -330,16 +313,11 @@ impl Resolver<'_> {
         let mut objects_obey = rules.of_object.iter().enumerate();
         let mut lights_obey = rules.of_light.iter().enumerate();
         rules.paths_obey = objects_obey.all(|(number, sets)| {
-            is_passed(things.class[number] as usize)
-                || rows.masked(sets.photon, &everything) == whole
+            is_passed(things.class[number] as usize) || rows.masked(sets.photon, &everything) == whole
         }) && lights_obey
             .all(|(light, set)| is_hidden(light) || rows.masked(*set, &objects) == common)
             && (rules.of_medium.iter()).all(|set| rows.masked(*set, &everything) == whole)
-            && objects
-                .iter()
-                .zip(&whole)
-                .zip(&common)
-                .all(|((o, w), c)| o & w == *c);
+            && objects.iter().zip(&whole).zip(&common).all(|((o, w), c)| o & w == *c);
         rules.gather = rows.set(match rules.paths_obey {
             true => whole.clone(),
             false => common.clone(),
@@ -386,8 +364,7 @@ impl Resolver<'_> {
             for (light, &photons) in rules.of_light.iter().enumerate() {
                 // Photons that pass the object do not enter what fills it.
                 let passes = |owner: &usize| rules.hides(photons, *owner as u32);
-                let is_passed =
-                    world != Some(medium) && !owners.is_empty() && owners.iter().all(passes);
+                let is_passed = world != Some(medium) && !owners.is_empty() && owners.iter().all(passes);
                 unlit.push(is_passed || rules.hides_light(set, light));
             }
         }

@@ -12,11 +12,7 @@ use gltf::{Accessor, Semantic};
 pub struct Buffers(Vec<Vec<u8>>);
 
 impl Buffers {
-    pub fn new(
-        document: &gltf::Document,
-        blob: Option<&[u8]>,
-        beside: &Beside<'_>,
-    ) -> Result<Self, Flaw> {
+    pub fn new(document: &gltf::Document, blob: Option<&[u8]>, beside: &Beside<'_>) -> Result<Self, Flaw> {
         let mut buffers = Vec::new();
         for buffer in document.buffers() {
             let bytes = match buffer.source() {
@@ -48,11 +44,7 @@ impl Buffers {
     }
 
     /// The elements of an accessor, as bytes.
-    fn elements(
-        &self,
-        accessor: &Accessor<'_>,
-        what: &str,
-    ) -> Result<impl Iterator<Item = &[u8]>, Flaw> {
+    fn elements(&self, accessor: &Accessor<'_>, what: &str) -> Result<impl Iterator<Item = &[u8]>, Flaw> {
         let at = format!("the {what} (accessor {})", accessor.index());
         if accessor.sparse().is_some() {
             return Err(format!("{at}: sparse accessors are not supported").into());
@@ -72,9 +64,7 @@ impl Buffers {
             .and_then(|last| last.checked_mul(stride)?.checked_add(size));
         let bytes = bytes.get(accessor.offset()..).unwrap_or_default();
         match claimed {
-            Some(claimed) if claimed <= bytes.len() => {
-                Ok(bytes[..claimed].chunks(stride).map(move |c| &c[..size]))
-            }
+            Some(claimed) if claimed <= bytes.len() => Ok(bytes[..claimed].chunks(stride).map(move |c| &c[..size])),
             _ => Err(format!(
                 "{at}: {} elements, {stride} bytes apart, are claimed, but its view has {} bytes for them",
                 accessor.count(),
@@ -84,11 +74,7 @@ impl Buffers {
         }
     }
 
-    fn vectors<const N: usize>(
-        &self,
-        accessor: &Accessor<'_>,
-        what: &str,
-    ) -> Result<Vec<[f64; N]>, Flaw> {
+    fn vectors<const N: usize>(&self, accessor: &Accessor<'_>, what: &str) -> Result<Vec<[f64; N]>, Flaw> {
         let dimensions = match N {
             2 => Dimensions::Vec2,
             _ => Dimensions::Vec3,
@@ -110,9 +96,7 @@ impl Buffers {
         let read = |element: &[u8]| {
             std::array::from_fn(|i| match (kind, element) {
                 (DataType::U8, e) => f64::from(e[i]) / 255.0,
-                (DataType::U16, e) => {
-                    f64::from(u16::from_le_bytes([e[2 * i], e[2 * i + 1]])) / 65535.0
-                }
+                (DataType::U16, e) => f64::from(u16::from_le_bytes([e[2 * i], e[2 * i + 1]])) / 65535.0,
                 (_, e) => {
                     let bytes = [e[4 * i], e[4 * i + 1], e[4 * i + 2], e[4 * i + 3]];
                     f64::from(f32::from_le_bytes(bytes))
@@ -124,8 +108,7 @@ impl Buffers {
 
     fn indices(&self, accessor: &Accessor<'_>) -> Result<Vec<u32>, Flaw> {
         let kind = accessor.data_type();
-        if accessor.dimensions() != Dimensions::Scalar
-            || !matches!(kind, DataType::U8 | DataType::U16 | DataType::U32)
+        if accessor.dimensions() != Dimensions::Scalar || !matches!(kind, DataType::U8 | DataType::U16 | DataType::U32)
         {
             return Err(format!(
                 "the indices (accessor {}) are {:?} of {kind:?}; expected whole numbers",
@@ -151,20 +134,14 @@ pub struct Uv {
 }
 
 /// The triangles of a primitive; `None` if it has points or lines.
-pub fn mesh(
-    primitive: &gltf::Primitive<'_>,
-    buffers: &Buffers,
-    uv: &Uv,
-) -> Result<Option<RawMesh>, Flaw> {
+pub fn mesh(primitive: &gltf::Primitive<'_>, buffers: &Buffers, uv: &Uv) -> Result<Option<RawMesh>, Flaw> {
     if !matches!(
         primitive.mode(),
         Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan
     ) {
         return Ok(None);
     }
-    let positions = primitive
-        .get(&Semantic::Positions)
-        .ok_or("it has no positions")?;
+    let positions = primitive.get(&Semantic::Positions).ok_or("it has no positions")?;
     let vectors = |accessor: &Accessor<'_>, what| -> Result<Vec<DVec3>, Flaw> {
         let vectors = buffers.vectors::<3>(accessor, what)?;
         Ok(vectors.into_iter().map(DVec3::from).collect())
@@ -175,10 +152,7 @@ pub fn mesh(
     };
     let same_count = |n: usize, what: &str| match n == raw.positions.len() {
         true => Ok(()),
-        false => Err(format!(
-            "it has {} positions and {n} {what}",
-            raw.positions.len()
-        )),
+        false => Err(format!("it has {} positions and {n} {what}", raw.positions.len())),
     };
     if let Some(accessor) = primitive.get(&Semantic::Normals) {
         let normals = vectors(&accessor, "normals")?;

@@ -64,18 +64,14 @@ impl<'a, 'b> Materials<'a, 'b> {
 
     /// The name by which a shape calls it.
     pub fn id(&mut self, material: &gltf::Material<'a>) -> String {
-        self.used
-            .entry(material.index())
-            .or_insert_with(|| material.clone());
+        self.used.entry(material.index()).or_insert_with(|| material.clone());
         id(material)
     }
 
     /// Radiance, if there is any. A texture counts by its mean.
     pub fn emission(&mut self, material: &gltf::Material<'a>) -> Result<Option<[f64; 3]>, Flaw> {
         let strength = material.emissive_strength().unwrap_or(1.0);
-        let factor = material
-            .emissive_factor()
-            .map(|c| f64::from(c) * f64::from(strength));
+        let factor = material.emissive_factor().map(|c| f64::from(c) * f64::from(strength));
         if factor == [0.0; 3] {
             return Ok(None);
         }
@@ -107,9 +103,7 @@ impl<'a, 'b> Materials<'a, 'b> {
                 let texture = info.texture();
                 let file = format!("{}:{}", self.file, id(material));
                 let image = self.image(material, &texture, Encoding::Srgb)?;
-                piece
-                    .images
-                    .insert(file.clone(), times(image, Rgb::new(r, g, b)));
+                piece.images.insert(file.clone(), times(image, Rgb::new(r, g, b)));
                 let sampler = texture.sampler();
                 let wrap = match sampler.wrap_s() {
                     WrappingMode::Repeat => "repeat",
@@ -126,20 +120,14 @@ impl<'a, 'b> Materials<'a, 'b> {
                 )
             }
         };
-        let (mut metallic, mut roughness) = (
-            f64::from(pbr.metallic_factor()),
-            f64::from(pbr.roughness_factor()),
-        );
+        let (mut metallic, mut roughness) = (f64::from(pbr.metallic_factor()), f64::from(pbr.roughness_factor()));
         if let Some(info) = pbr.metallic_roughness_texture() {
             let image = self.image(material, &info.texture(), Encoding::Raw)?;
             let [_, g, b] = mean(&image);
             roughness *= g;
             metallic *= b;
         }
-        if material
-            .transmission()
-            .is_some_and(|t| t.transmission_factor() > 0.0)
-        {
+        if material.transmission().is_some_and(|t| t.transmission_factor() > 0.0) {
             return Err(format!(
                 "the material {}: KHR_materials_transmission is not supported; read the file with `materials = false`, \
                  or export it without",
@@ -181,10 +169,9 @@ impl<'a, 'b> Materials<'a, 'b> {
             )
         };
         let image = match source.source() {
-            gltf::image::Source::View { view, .. } => self
-                .buffers
-                .view(&view)
-                .and_then(|bytes| image::read(bytes, encoding)),
+            gltf::image::Source::View { view, .. } => {
+                self.buffers.view(&view).and_then(|bytes| image::read(bytes, encoding))
+            }
             gltf::image::Source::Uri { uri, .. } => {
                 bytes_of(uri, self.beside).and_then(|bytes| image::read(&bytes, encoding))
             }

@@ -1,5 +1,5 @@
-//! glTF 2.0, `.gltf` and `.glb`: its meshes, base materials, lights and cameras, as a piece of a scene file and the meshes and
-//! pictures that it names. Whatever the piece says is checked as if an author had written it.
+//! glTF 2.0, `.gltf` and `.glb`: its meshes, base materials, lights and cameras, as a piece of a scene file and the
+//! meshes and pictures that it names. Whatever the piece says is checked as if an author had written it.
 
 mod accessor;
 mod material;
@@ -39,7 +39,8 @@ pub struct Choice {
 /// Bytes of the files beside it, by their path from the glTF file's folder.
 pub type Beside<'a> = dyn Fn(&str) -> Option<&'a [u8]> + 'a;
 
-/// Read the JSON and validate it. What the `gltf` crate's validation and accessors take for granted is looked at before.
+/// Read the JSON and validate it. What the `gltf` crate's validation and accessors take for granted is looked at
+/// before.
 fn open(bytes: &[u8]) -> Result<gltf::Gltf, Flaw> {
     let unusable = |reason: &str| {
         let reason: String = reason.trim_end_matches(';').chars().take(200).collect();
@@ -50,8 +51,7 @@ fn open(bytes: &[u8]) -> Result<gltf::Gltf, Flaw> {
     if bytes.starts_with(b"glTF") && length.is_none_or(|length| u32::from_le_bytes(*length) < 20) {
         return Err(unusable("its header is too short"));
     }
-    let gltf =
-        gltf::Gltf::from_slice_without_validation(bytes).map_err(|e| unusable(&e.to_string()))?;
+    let gltf = gltf::Gltf::from_slice_without_validation(bytes).map_err(|e| unusable(&e.to_string()))?;
     let gltf::Gltf { document, blob } = gltf;
     let json = document.into_json();
     for (i, mesh) in json.meshes.iter().enumerate() {
@@ -79,12 +79,10 @@ fn open(bytes: &[u8]) -> Result<gltf::Gltf, Flaw> {
 /// The files that a glTF file names, as paths from its folder.
 pub fn files(bytes: &[u8]) -> Result<Vec<String>, Flaw> {
     let document = open(bytes)?.document;
-    let buffers = document
-        .buffers()
-        .filter_map(|buffer| match buffer.source() {
-            gltf::buffer::Source::Uri(uri) => Some(uri),
-            gltf::buffer::Source::Bin => None,
-        });
+    let buffers = document.buffers().filter_map(|buffer| match buffer.source() {
+        gltf::buffer::Source::Uri(uri) => Some(uri),
+        gltf::buffer::Source::Bin => None,
+    });
     let images = document.images().filter_map(|image| match image.source() {
         gltf::image::Source::Uri { uri, .. } => Some(uri),
         gltf::image::Source::View { .. } => None,
@@ -212,11 +210,7 @@ fn add_shapes<'a>(
                 let _ = writeln!(own, "material = \"{id}\"");
                 if let Some([r, g, b]) = materials.emission(&material)? {
                     emits = true;
-                    let _ = writeln!(
-                        own,
-                        "emission = {{ radiance = {} }}",
-                        vector(DVec3::new(r, g, b))
-                    );
+                    let _ = writeln!(own, "emission = {{ radiance = {} }}", vector(DVec3::new(r, g, b)));
                 }
             }
             let several = mesh.primitives().len() > 1;
@@ -264,10 +258,7 @@ fn add_light(light: &gltf::khr_lights_punctual::Light<'_>, node: &Placed<'_>, te
     let _ = writeln!(text, "[[lights]]\nname = {}", quoted(&node.name));
     let position = vector(place.translation);
     let _ = match light.kind() {
-        Kind::Point => writeln!(
-            text,
-            "type = \"point\"\nposition = {position}\nintensity = {strength}"
-        ),
+        Kind::Point => writeln!(text, "type = \"point\"\nposition = {position}\nintensity = {strength}"),
         Kind::Directional => writeln!(
             text,
             "type = \"directional\"\ndirection = {}\nirradiance = {strength}",
@@ -277,8 +268,7 @@ fn add_light(light: &gltf::khr_lights_punctual::Light<'_>, node: &Placed<'_>, te
             inner_cone_angle,
             outer_cone_angle,
         } => {
-            let [inner, outer] =
-                [inner_cone_angle, outer_cone_angle].map(|a| f64::from(a).to_degrees());
+            let [inner, outer] = [inner_cone_angle, outer_cone_angle].map(|a| f64::from(a).to_degrees());
             // A spot's edge is not infinitely sharp.
             let inner = inner.min(0.999 * outer);
             writeln!(
@@ -294,20 +284,14 @@ fn add_light(light: &gltf::khr_lights_punctual::Light<'_>, node: &Placed<'_>, te
 }
 
 /// The camera of that name, or the first one: `origin`, `target`, `up` and `fov`, as TOML.
-pub fn camera(
-    bytes: &[u8],
-    wanted: Option<&str>,
-    world_from_file: &DAffine3,
-) -> Result<String, Flaw> {
+pub fn camera(bytes: &[u8], wanted: Option<&str>, world_from_file: &DAffine3) -> Result<String, Flaw> {
     let gltf = open(bytes)?;
     let placed = node::placed(&gltf.document, world_from_file)?;
     let named = |node: &Placed<'_>, camera: &gltf::Camera<'_>| match wanted {
         Some(wanted) => node.name == wanted || camera.name() == Some(wanted),
         None => true,
     };
-    let mut cameras = placed
-        .iter()
-        .filter_map(|node| Some((node, node.node.camera()?)));
+    let mut cameras = placed.iter().filter_map(|node| Some((node, node.node.camera()?)));
     let Some((node, camera)) = cameras.find(|(node, camera)| named(node, camera)) else {
         let known: Vec<String> = placed
             .iter()
@@ -323,11 +307,7 @@ pub fn camera(
         return Err(format!("its scene has no camera{wanted}; it has {known}").into());
     };
     let gltf::camera::Projection::Perspective(perspective) = camera.projection() else {
-        return Err(format!(
-            "the camera {:?} is orthographic; expected a perspective one",
-            node.name
-        )
-        .into());
+        return Err(format!("the camera {:?} is orthographic; expected a perspective one", node.name).into());
     };
     let place = &node.world_from_node;
     let direction = |v| place.transform_vector3(v).normalize_or_zero();
@@ -364,10 +344,5 @@ fn matrix(map: &DAffine3) -> String {
         let entries = [m.x_axis[i], m.y_axis[i], m.z_axis[i], map.translation[i]];
         format!("[{}]", entries.map(number).join(", "))
     };
-    format!(
-        "{{ matrix = [{}, {}, {}, [0, 0, 0, 1]] }}",
-        row(0),
-        row(1),
-        row(2)
-    )
+    format!("{{ matrix = [{}, {}, {}, [0, 0, 0, 1]] }}", row(0), row(1), row(2))
 }

@@ -13,13 +13,8 @@ pub struct Placed<'a> {
 }
 
 /// The nodes of the default scene, or else the first, or else all, parents before their children.
-pub fn placed<'a>(
-    document: &'a gltf::Document,
-    world_from_file: &DAffine3,
-) -> Result<Vec<Placed<'a>>, Flaw> {
-    let scene = document
-        .default_scene()
-        .or_else(|| document.scenes().next());
+pub fn placed<'a>(document: &'a gltf::Document, world_from_file: &DAffine3) -> Result<Vec<Placed<'a>>, Flaw> {
+    let scene = document.default_scene().or_else(|| document.scenes().next());
     let mut seen = vec![false; document.nodes().len()];
     let mut waiting: Vec<(gltf::Node<'a>, DAffine3)> = match scene {
         Some(scene) => scene.nodes().map(|node| (node, *world_from_file)).collect(),
@@ -36,8 +31,8 @@ pub fn placed<'a>(
         if std::mem::replace(&mut seen[node.index()], true) {
             return Err(format!("the node {name:?} is in the scene more than once").into());
         }
-        let world_from_node = world_from_parent
-            * local(&node.transform()).map_err(|reason| format!("the node {name:?}: {reason}"))?;
+        let world_from_node =
+            world_from_parent * local(&node.transform()).map_err(|reason| format!("the node {name:?}: {reason}"))?;
         let first_child = waiting.len();
         waiting.extend(node.children().map(|child| (child, world_from_node)));
         waiting[first_child..].reverse();
@@ -58,12 +53,7 @@ fn local(transform: &Transform) -> Result<DAffine3, &'static str> {
                 return Err("its matrix is not affine");
             }
             let column = |c: [f64; 4]| DVec3::new(c[0], c[1], c[2]);
-            Ok(DAffine3::from_cols(
-                column(x),
-                column(y),
-                column(z),
-                column(w),
-            ))
+            Ok(DAffine3::from_cols(column(x), column(y), column(z), column(w)))
         }
         Transform::Decomposed {
             translation,

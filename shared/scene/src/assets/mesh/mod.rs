@@ -23,9 +23,7 @@ pub struct RawMesh {
 impl RawMesh {
     /// Read a PLY or OBJ file; its name's ending tells which.
     pub fn read(name: &str, bytes: &[u8]) -> Result<Self, Flaw> {
-        let ending = name
-            .rsplit_once('.')
-            .map(|(_, ending)| ending.to_ascii_lowercase());
+        let ending = name.rsplit_once('.').map(|(_, ending)| ending.to_ascii_lowercase());
         let mesh = match ending.as_deref() {
             Some("ply") => ply::read(bytes)?,
             Some("obj") => obj::read(bytes)?,
@@ -48,14 +46,10 @@ impl RawMesh {
         let count = self.positions.len();
         let unusable = |p: &DVec3| !p.as_vec3().is_finite();
         if let Some(i) = self.positions.iter().position(unusable) {
-            return Err(
-                format!("vertex {i} (from zero) has a position that is NaN or infinite").into(),
-            );
+            return Err(format!("vertex {i} (from zero) has a position that is NaN or infinite").into());
         }
         if let Some(i) = self.normals.iter().position(|n| !n.is_finite()) {
-            return Err(
-                format!("vertex {i} (from zero) has a normal that is NaN or infinite").into(),
-            );
+            return Err(format!("vertex {i} (from zero) has a normal that is NaN or infinite").into());
         }
         if let Some(i) = self.uvs.iter().position(|uv| !uv.as_vec2().is_finite()) {
             return Err(format!("vertex {i} (from zero) has a UV that is NaN or infinite").into());
@@ -67,10 +61,7 @@ impl RawMesh {
             .enumerate()
             .find_map(|(i, t)| Some((i, outside(t)?)))
         {
-            return Err(format!(
-                "triangle {i} (from zero) names vertex {v}, but there are {count}"
-            )
-            .into());
+            return Err(format!("triangle {i} (from zero) names vertex {v}, but there are {count}").into());
         }
         Ok(())
     }
@@ -131,8 +122,7 @@ impl RawMesh {
     fn push_square(&mut self, center: DVec3, x: DVec3, y: DVec3) {
         let first = self.positions.len() as u32;
         for (u, v) in [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)] {
-            self.positions
-                .push(center + x * (2.0 * u - 1.0) + y * (2.0 * v - 1.0));
+            self.positions.push(center + x * (2.0 * u - 1.0) + y * (2.0 * v - 1.0));
             self.uvs.push(DVec2::new(u, v));
         }
         self.triangles.push([first, first + 1, first + 2]);
@@ -148,9 +138,9 @@ impl RawMesh {
         0.5 * self.triangles.iter().map(doubled).sum::<f64>()
     }
 
-    /// A normal for each vertex: the mean of its triangles' normals, weighted by their angles there (Thürmer and Wüthrich
-    /// 1998). They are right once they are mapped to where angles are measured, as normals are; here they stand in the mesh's
-    /// own space. Vertices at one position are different ones.
+    /// A normal for each vertex: the mean of its triangles' normals, weighted by their angles there (Thürmer and
+    /// Wüthrich 1998). They are right once they are mapped to where angles are measured, as normals are; here they
+    /// stand in the mesh's own space. Vertices at one position are different ones.
     pub fn smooth_normals(&self, map: &DAffine3) -> Vec<DVec3> {
         let m = map.matrix3;
         // Triangles that a mirror turns around keep their outside.
@@ -175,8 +165,8 @@ impl RawMesh {
         normals.map(DVec3::normalize_or_zero).collect()
     }
 
-    /// The mesh under a map, in single precision, with these normals, one a vertex, or none at all. `flip` turns its outside
-    /// in; a map that mirrors does not. Triangles without an area are left out.
+    /// The mesh under a map, in single precision, with these normals, one a vertex, or none at all. `flip` turns its
+    /// outside in; a map that mirrors does not. Triangles without an area are left out.
     pub fn to_mesh(&self, map: &DAffine3, flip: bool, normals: &[DVec3]) -> Mesh {
         let reverse = flip != (map.matrix3.determinant() < 0.0);
         let normal_map = map.matrix3.inverse().transpose() * if flip { -1.0 } else { 1.0 };
@@ -218,12 +208,10 @@ impl RawMesh {
             }
         }
         edges.sort_unstable();
-        let bad = edges
-            .chunk_by(|e, f| (e.0, e.1) == (f.0, f.1))
-            .find(|edge| {
-                let upwards = edge.iter().filter(|e| e.2).count();
-                2 * upwards != edge.len()
-            })?;
+        let bad = edges.chunk_by(|e, f| (e.0, e.1) == (f.0, f.1)).find(|edge| {
+            let upwards = edge.iter().filter(|e| e.2).count();
+            2 * upwards != edge.len()
+        })?;
         let [from, to] = [bad[0].0, bad[0].1].map(|v| self.positions[v as usize].to_array());
         let reason = match bad.len() {
             1 => "belongs to one triangle only",
@@ -236,11 +224,7 @@ impl RawMesh {
     /// For each vertex the first vertex at its position.
     fn weld(&self) -> Vec<u32> {
         // Adding zero turns -0 into +0.
-        let key = |v: u32| {
-            (self.positions[v as usize] + 0.0)
-                .to_array()
-                .map(f64::to_bits)
-        };
+        let key = |v: u32| (self.positions[v as usize] + 0.0).to_array().map(f64::to_bits);
         let mut order: Vec<u32> = (0..self.positions.len() as u32).collect();
         order.sort_unstable_by_key(|v| (key(*v), *v));
         let mut welded = vec![0; order.len()];
@@ -284,10 +268,7 @@ mod tests {
         assert_eq!(cube.area(&DAffine3::IDENTITY), 24.0);
         let mesh = cube.to_mesh(&DAffine3::IDENTITY, false, &[]);
         for t in 0..12 {
-            let center: Vec3 = mesh.triangles[t]
-                .iter()
-                .map(|v| mesh.positions[*v as usize])
-                .sum();
+            let center: Vec3 = mesh.triangles[t].iter().map(|v| mesh.positions[*v as usize]).sum();
             assert!(normal(&mesh, t).dot(center) > 0.0);
             let uv = |k: usize| mesh.uvs[mesh.triangles[t][k] as usize];
             // As in Mitsuba, where v runs downwards on images.
@@ -306,21 +287,12 @@ mod tests {
     fn maps_that_mirror_keep_the_outside() {
         let mirror = DAffine3::from_scale(DVec3::new(-2.0, 1.0, 0.5));
         let turn = DAffine3::from_axis_angle(DVec3::new(0.6, 0.0, 0.8), 1.0);
-        for map in [
-            DAffine3::IDENTITY,
-            turn,
-            mirror,
-            turn * mirror,
-            mirror * turn * mirror,
-        ] {
+        for map in [DAffine3::IDENTITY, turn, mirror, turn * mirror, mirror * turn * mirror] {
             for flip in [false, true] {
                 let raw = tetrahedron();
                 let mesh = raw.to_mesh(&map, flip, &raw.normals);
                 for t in 0..4 {
-                    let center: Vec3 = mesh.triangles[t]
-                        .iter()
-                        .map(|v| mesh.positions[*v as usize])
-                        .sum();
+                    let center: Vec3 = mesh.triangles[t].iter().map(|v| mesh.positions[*v as usize]).sum();
                     assert_eq!(normal(&mesh, t).dot(center) < 0.0, flip);
                     for v in mesh.triangles[t] {
                         let outwards = mesh.normals[v as usize].dot(mesh.positions[v as usize]);
@@ -349,10 +321,7 @@ mod tests {
         for face in faces {
             let corners = face.map(|p| DVec3::from(p.map(f64::from)));
             let normal = corners.iter().sum::<DVec3>() / 4.0;
-            for (corner, uv) in corners
-                .iter()
-                .zip([DVec2::Y, DVec2::ONE, DVec2::X, DVec2::ZERO])
-            {
+            for (corner, uv) in corners.iter().zip([DVec2::Y, DVec2::ONE, DVec2::X, DVec2::ZERO]) {
                 let found = (0..cube.positions.len()).find(|v| {
                     let center = cube.positions[v - v % 4..][..4].iter().sum::<DVec3>() / 4.0;
                     center == normal && cube.positions[*v] == *corner
@@ -399,11 +368,7 @@ mod tests {
         };
         assert_eq!(split.opening(), None);
         let mut signed = split.clone();
-        signed
-            .positions
-            .iter_mut()
-            .step_by(2)
-            .for_each(|p| *p = -(-*p));
+        signed.positions.iter_mut().step_by(2).for_each(|p| *p = -(-*p));
         signed.positions[0] = signed.positions[0] * 1.0 + DVec3::splat(-0.0);
         assert_eq!(signed.opening(), None);
 

@@ -44,9 +44,7 @@ fn backward_flaw(text: &str) -> Option<Flaw> {
             if back > defined {
                 return Some(Flaw {
                     line: Some(i + 1),
-                    message: format!(
-                        "a face counts back to {index}, but there are {defined} before it"
-                    ),
+                    message: format!("a face counts back to {index}, but there are {defined} before it"),
                 });
             }
         }
@@ -54,8 +52,8 @@ fn backward_flaw(text: &str) -> Option<Flaw> {
     None
 }
 
-/// A file without normals, its groups' names made comments: so faces of several groups share their vertices, and the normals
-/// that are made of them are smooth from one group to the next.
+/// A file without normals, its groups' names made comments: so faces of several groups share their vertices, and the
+/// normals that are made of them are smooth from one group to the next.
 fn without_groups(bytes: &[u8]) -> Option<Vec<u8>> {
     let mut joined = bytes.to_vec();
     for line in joined.split_mut(|byte| *byte == b'\n') {
@@ -121,9 +119,7 @@ fn index_flaw(bytes: &[u8], part: usize, keyword: &str, what: &str) -> Flaw {
             continue;
         }
         let mut indices = words.filter_map(|word| word.split('/').nth(part)?.parse::<i64>().ok());
-        if let Some(index) =
-            indices.find(|index| index.unsigned_abs() as usize > defined || *index == 0)
-        {
+        if let Some(index) = indices.find(|index| index.unsigned_abs() as usize > defined || *index == 0) {
             return Flaw {
                 line: Some(i + 1),
                 message: format!("the face names {what} {index}, but there are {defined}"),
@@ -138,26 +134,16 @@ fn append(mesh: &mut RawMesh, name: &str, part: &tobj::Mesh) -> Result<(), Flaw>
     let has = |values: &[f64], size: usize, what: &str| match values.len() {
         0 => Ok(false),
         n if n == size * count => Ok(true),
-        _ => Err(format!(
-            "some faces of `{name}` have {what} and some have none"
-        )),
+        _ => Err(format!("some faces of `{name}` have {what} and some have none")),
     };
-    let (has_normals, has_uvs) = (
-        has(&part.normals, 3, "normals")?,
-        has(&part.texcoords, 2, "UVs")?,
-    );
-    let vectors =
-        |values: &[f64]| -> Vec<DVec3> { values.chunks_exact(3).map(DVec3::from_slice).collect() };
+    let (has_normals, has_uvs) = (has(&part.normals, 3, "normals")?, has(&part.texcoords, 2, "UVs")?);
+    let vectors = |values: &[f64]| -> Vec<DVec3> { values.chunks_exact(3).map(DVec3::from_slice).collect() };
     let first = mesh.positions.len();
     if first + part.indices.len() > u32::MAX as usize {
         return Err("the mesh has more than 2^32 vertices".into());
     }
     let positions = vectors(&part.positions);
-    let indices: Vec<[u32; 3]> = part
-        .indices
-        .chunks_exact(3)
-        .map(|t| [t[0], t[1], t[2]])
-        .collect();
+    let indices: Vec<[u32; 3]> = part.indices.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect();
     let shifted = |t: &[u32; 3]| t.map(|v| v + first as u32);
     if first > 0 && mesh.uvs.is_empty() && has_uvs {
         mesh.uvs.resize(first, DVec2::ZERO);
@@ -174,8 +160,7 @@ fn append(mesh: &mut RawMesh, name: &str, part: &tobj::Mesh) -> Result<(), Flaw>
         mesh.normals.resize(mesh.positions.len(), DVec3::ZERO);
     }
     if has_uvs {
-        mesh.uvs
-            .extend(part.texcoords.chunks_exact(2).map(DVec2::from_slice));
+        mesh.uvs.extend(part.texcoords.chunks_exact(2).map(DVec2::from_slice));
     } else if !mesh.uvs.is_empty() {
         mesh.uvs.resize(mesh.positions.len(), DVec2::ZERO);
     }
@@ -220,10 +205,7 @@ mod tests {
             (" g one\nf 1 2 3\ng\nf 1 3 4\n", 4),
             ("o a\r\nf 1/1 2/1 3/1\r\no b\r\nf 1/1 3/1 4/1\r\n", 4),
             ("g one\nf 1/1 2/1 3/1\ng two\nf 1 3 4\n", 6),
-            (
-                "vn 0 0 1\ng one\nf 1//1 2//1 3//1\ng two\nf 1//1 3//1 4//1\n",
-                6,
-            ),
+            ("vn 0 0 1\ng one\nf 1//1 2//1 3//1\ng two\nf 1//1 3//1 4//1\n", 6),
         ] {
             let mesh = RawMesh::read("a.obj", format!("{square}{faces}").as_bytes()).unwrap();
             assert_eq!(mesh.positions.len(), vertices, "{faces}");
@@ -246,11 +228,7 @@ mod tests {
             ("v 0 0 0\nv 1 0 0\nv x 1 0\nf 1 2 3\n", Some(3), "position"),
             ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 4\n", Some(4), "vertex 4"),
             ("v 0 0 0\nv 1 0 0\nv 0 1 0\n\nf 1 2 -4\n", Some(5), ""),
-            (
-                "v 0 0 0\nv 1 0 0\nv nan 1 0\nf 1 2 3\n",
-                None,
-                "position that is NaN",
-            ),
+            ("v 0 0 0\nv 1 0 0\nv nan 1 0\nf 1 2 3\n", None, "position that is NaN"),
             (
                 "v 0 0 0\nv 1 0 0\nv 1 1 0\nvn 0 0 1\nf 1//1 2//1 3\n",
                 None,

@@ -5,8 +5,7 @@ use crate::assets::Flaw;
 use glam::{DVec2, DVec3};
 use ply_rs_bw::parser::{ParseError, Parser, Reader};
 use ply_rs_bw::ply::{
-    DefaultElement, ElementDef, Encoding, Property, PropertyAccess, PropertyAccessResult,
-    PropertyType, ScalarType,
+    DefaultElement, ElementDef, Encoding, Property, PropertyAccess, PropertyAccessResult, PropertyType, ScalarType,
 };
 
 /// Read a mesh: element `vertex` with x, y, z, optional normals and UVs, element `face` with a list of vertex indices.
@@ -32,11 +31,7 @@ pub fn read(bytes: &[u8]) -> Result<RawMesh, Flaw> {
         let place = |e: ParseError| flaw(&e, text);
         match element.name.as_str() {
             "vertex" => {
-                let has = |names: &[&str]| {
-                    names
-                        .iter()
-                        .all(|name| element.properties.contains_key(*name))
-                };
+                let has = |names: &[&str]| names.iter().all(|name| element.properties.contains_key(*name));
                 if !has(&["x", "y", "z"]) {
                     return Err("the element `vertex` lacks x, y or z".into());
                 }
@@ -52,10 +47,7 @@ pub fn read(bytes: &[u8]) -> Result<RawMesh, Flaw> {
                 }
             }
             "face" => {
-                if !INDEX_NAMES
-                    .iter()
-                    .any(|name| element.properties.contains_key(*name))
-                {
+                if !INDEX_NAMES.iter().any(|name| element.properties.contains_key(*name)) {
                     return Err("the element `face` lacks the list `vertex_indices`".into());
                 }
                 let faces = Parser::<Face>::new()
@@ -254,10 +246,7 @@ mod tests {
         for bytes in [ascii(), binary(false), binary(true)] {
             // The last line of ASCII may do without its end.
             for length in 0..bytes.len() - 1 {
-                assert!(
-                    RawMesh::read("a.ply", &bytes[..length]).is_err(),
-                    "{length}"
-                );
+                assert!(RawMesh::read("a.ply", &bytes[..length]).is_err(), "{length}");
             }
         }
     }
@@ -285,11 +274,7 @@ mod tests {
             ("4 0 1 2 3", "4 0 1 -2 3", "names vertex 4294967295"),
             ("4 0 1 2 3", "2 0 1", "the mesh is empty"),
             ("4 0 1 2 3", "4000000000 0 1 2 3", "list"),
-            (
-                "element vertex 4\n",
-                "element vertex 4000000000\n",
-                "too short",
-            ),
+            ("element vertex 4\n", "element vertex 4000000000\n", "too short"),
             (
                 "element vertex 4\n",
                 "element vertex 18446744073709551615\n",
@@ -300,21 +285,9 @@ mod tests {
                 "element edge 4000000000\n",
                 "too short",
             ),
-            (
-                "element face 1\n",
-                "element tristrips 1\n",
-                "the mesh is empty",
-            ),
-            (
-                "property double z\n",
-                "property double w\n",
-                "lacks x, y or z",
-            ),
-            (
-                "vertex_indices",
-                "indices",
-                "lacks the list `vertex_indices`",
-            ),
+            ("element face 1\n", "element tristrips 1\n", "the mesh is empty"),
+            ("property double z\n", "property double w\n", "lacks x, y or z"),
+            ("vertex_indices", "indices", "lacks the list `vertex_indices`"),
             ("1 0 5e-1", "1e39 0 5e-1", "NaN or infinite"),
         ] {
             assert!(text.contains(from), "{from}");
@@ -327,8 +300,7 @@ mod tests {
         bytes[first_vertex..first_vertex + 4].copy_from_slice(&nan);
         let flaw = RawMesh::read("a.ply", &bytes).unwrap_err();
         assert!(
-            flaw.message
-                .contains("vertex 0 (from zero) has a position that is NaN"),
+            flaw.message.contains("vertex 0 (from zero) has a position that is NaN"),
             "{}",
             flaw.message
         );

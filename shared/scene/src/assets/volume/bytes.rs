@@ -26,9 +26,7 @@ impl<'a> Bytes<'a> {
 
     /// Go to an offset from the file's begin.
     pub fn seek(&mut self, offset: u64, what: &str) -> Result<(), Flaw> {
-        let inside = usize::try_from(offset)
-            .ok()
-            .filter(|o| *o <= self.all.len());
+        let inside = usize::try_from(offset).ok().filter(|o| *o <= self.all.len());
         self.at = inside.ok_or_else(|| {
             format!(
                 "{what} should be at byte {offset}, but the file has {} bytes",

@@ -7,20 +7,16 @@ mod vol;
 use super::Flaw;
 use beamfarm_render::medium::bricks::{BRICK, Core, RawDensity};
 
-/// Read a density from an OpenVDB (.vdb) or Mitsuba (.vol) file; its name's ending tells which. `grid` names one of the grids
-/// of an OpenVDB file. Without it, it is the grid `density`, or else the only one that could be a density.
+/// Read a density from an OpenVDB (.vdb) or Mitsuba (.vol) file; its name's ending tells which. `grid` names one of the
+/// grids of an OpenVDB file. Without it, it is the grid `density`, or else the only one that could be a density.
 ///
 /// Samples are as the file has them: they may be negative or NaN.
 pub fn read(name: &str, bytes: &[u8], grid: Option<&str>) -> Result<RawDensity, Flaw> {
-    let ending = name
-        .rsplit_once('.')
-        .map(|(_, ending)| ending.to_ascii_lowercase());
+    let ending = name.rsplit_once('.').map(|(_, ending)| ending.to_ascii_lowercase());
     match (ending.as_deref(), grid) {
         (Some("vdb"), _) => vdb::read(bytes, grid),
         (Some("vol"), None) => vol::read(bytes),
-        (Some("vol"), Some(grid)) => {
-            Err(format!("a .vol file's grid has no name; expected no grid `{grid}`").into())
-        }
+        (Some("vol"), Some(grid)) => Err(format!("a .vol file's grid has no name; expected no grid `{grid}`").into()),
         _ => Err("unsupported kind of volume file; expected .vdb or .vol".into()),
     }
 }

@@ -36,9 +36,7 @@ fn samples(core: &Core) -> impl Iterator<Item = (IVec3, f32)> {
 fn value(raw: &RawDensity, at: IVec3) -> f32 {
     let wanted = at & 7;
     let core = raw.cores.get(&(at >> 3i32).to_array());
-    core.map_or(0.0, |core| {
-        samples(core).find(|(at, _)| *at == wanted).unwrap().1
-    })
+    core.map_or(0.0, |core| samples(core).find(|(at, _)| *at == wanted).unwrap().1)
 }
 
 /// The hash of all samples that `write_vdb.cpp` makes.
@@ -86,10 +84,7 @@ fn openvdb_files_are_read_as_openvdb_does() {
                     let expected = DVec3::from_slice(&numbers(&line[4..]));
                     let got = raw.to_object.transform_point3(place().as_dvec3());
                     let error = (got - expected).length();
-                    assert!(
-                        error <= 1e-13 * (1.0 + expected.length()),
-                        "{name}: {got}, {expected}"
-                    );
+                    assert!(error <= 1e-13 * (1.0 + expected.length()), "{name}: {got}, {expected}");
                 }
                 _ => panic!("{line:?}"),
             }
@@ -111,13 +106,7 @@ fn mitsuba_files_are_read_as_mitsuba_does() {
     for line in text("expected_vol.txt").lines() {
         let line: Vec<f64> = numbers(&line.split(' ').collect::<Vec<_>>());
         let point = DVec3::from_slice(&line);
-        let got = bricks.density(
-            bricks
-                .to_object()
-                .inverse()
-                .transform_point3(point)
-                .as_vec3(),
-        );
+        let got = bricks.density(bricks.to_object().inverse().transform_point3(point).as_vec3());
         assert!((f64::from(got) - line[3]).abs() < 2e-6, "{got}, {line:?}");
         count += 1;
     }
@@ -128,10 +117,7 @@ fn mitsuba_files_are_read_as_mitsuba_does() {
 fn the_grid_that_is_meant_is_read() {
     let several = file("several.vdb");
     let pick = |name| read("several.vdb", &several, name);
-    assert_eq!(
-        hash(&pick(None).unwrap()),
-        hash(&pick(Some("density")).unwrap())
-    );
+    assert_eq!(hash(&pick(None).unwrap()), hash(&pick(Some("density")).unwrap()));
     assert_ne!(
         hash(&pick(Some("heat[0]")).unwrap()),
         hash(&pick(Some("heat[1]")).unwrap())
@@ -177,10 +163,7 @@ fn grids_that_are_no_densities_say_why() {
         ("level set", "it is a level set"),
         ("background", "its background is 0.5; expected 0"),
         ("frustum", "its transform is a frustum"),
-        (
-            "root tile",
-            "a tile of value 1 at (8192, 0, 0), 4096 samples",
-        ),
+        ("root tile", "a tile of value 1 at (8192, 0, 0), 4096 samples"),
         ("many tiles", "its tiles cover more than 4000000 blocks"),
     ] {
         let message = message(read("a.vdb", &bytes, Some(name)));
@@ -217,8 +200,7 @@ fn versions_other_than_222_to_225_are_refused() {
     }
     for version in [0, 221, 226, u32::MAX] {
         let message = message(with(version));
-        let reason =
-            format!("version {version} of the OpenVDB format is unsupported; expected 222 to 225");
+        let reason = format!("version {version} of the OpenVDB format is unsupported; expected 222 to 225");
         assert_eq!(message, reason);
     }
 }
@@ -275,26 +257,14 @@ fn claims_of_headers_are_not_believed() {
         (20, &[0], "written as a stream"),
         (57, &HUGE, "4294967295 metadata are claimed at byte 57"),
         (61, &BILLIONS, "2147483648 grids are claimed at byte 61"),
-        (
-            61,
-            &2u32.to_le_bytes(),
-            "ends within the description of a grid",
-        ),
+        (61, &2u32.to_le_bytes(), "ends within the description of a grid"),
         (
             name,
             &BILLIONS,
             "the file ends within the description of a grid: 2147483648 bytes expected at byte 69",
         ),
-        (
-            positions,
-            &TERABYTES,
-            "its header should be at byte 4398046511104",
-        ),
-        (
-            positions + 8,
-            &TERABYTES,
-            "its leaves' values should be at byte",
-        ),
+        (positions, &TERABYTES, "its header should be at byte 4398046511104"),
+        (positions + 8, &TERABYTES, "its leaves' values should be at byte"),
         (
             positions + 8,
             &u64::MAX.to_le_bytes(),
@@ -313,21 +283,9 @@ fn claims_of_headers_are_not_believed() {
         (header, &[8], "its compression has flags 0x8"),
         (header, &HUGE, "its compression has flags 0xffffffff"),
         (header + 4, &HUGE, "4294967295 metadata are claimed"),
-        (
-            class,
-            &HUGE,
-            "the file ends within the metadata: 4294967295 bytes",
-        ),
-        (
-            tree - 5 * 24 - 3,
-            b"Mop",
-            "unsupported kind \"UniformScaleMop\"",
-        ),
-        (
-            tree - 5 * 24 - 19,
-            &HUGE,
-            "the file ends within the grid's transform",
-        ),
+        (class, &HUGE, "the file ends within the metadata: 4294967295 bytes"),
+        (tree - 5 * 24 - 3, b"Mop", "unsupported kind \"UniformScaleMop\""),
+        (tree - 5 * 24 - 19, &HUGE, "the file ends within the grid's transform"),
     ];
     are_refused(&bytes, lies, vdb);
 
@@ -351,20 +309,12 @@ fn claims_of_nodes_are_not_believed() {
     let lies: &[Lie<'_>] = &[
         (tree, &BILLIONS, "its tree has -2147483648 buffers"),
         (tree + 4, &f32::NAN.to_le_bytes(), "its background is NaN"),
-        (
-            tree + 8,
-            &BILLIONS,
-            "2147483648 tiles of the root are claimed",
-        ),
+        (tree + 8, &BILLIONS, "2147483648 tiles of the root are claimed"),
         (tree + 12, &HUGE, "4294967295 nodes of the root are claimed"),
         (tree + 16, &[1], "expected multiples of 4096"),
         (tree + 16, &i32::MIN.to_le_bytes(), "up to 268435456"),
         (tree + 28, &[0xff; 4096], "the node at byte"),
-        (
-            tree + 28 + 8192,
-            &[7],
-            "inactive values of kind 7; expected 0 to 6",
-        ),
+        (tree + 28 + 8192, &[7], "inactive values of kind 7; expected 0 to 6"),
         (leaf, &[255], "inactive values of kind 255"),
         (
             leaf + 1,
@@ -384,11 +334,7 @@ fn claims_of_nodes_are_not_believed() {
         (leaf + 1, &0u64.to_le_bytes(), "holds 0 bytes; expected"),
         (leaf + 9, &[3], "has format version 3; expected 2"),
         (leaf + 9 + 4, &BILLIONS, "and holds 2147483648; expected"),
-        (
-            leaf + 9 + 12,
-            &BILLIONS,
-            "it takes 2147483648 bytes and holds",
-        ),
+        (leaf + 9 + 12, &BILLIONS, "it takes 2147483648 bytes and holds"),
     ];
     are_refused(&bytes, lies, vdb);
 }
@@ -409,11 +355,7 @@ fn claims_of_mitsuba_volumes_are_not_believed() {
         ),
         (8, &[9], "takes 540 bytes; 600 follow"),
         (20, &[2], "the grid has 2 channels; expected 1 or 3"),
-        (
-            20,
-            &[3],
-            "samples of 3 channels takes 1800 bytes; 600 follow",
-        ),
+        (20, &[3], "samples of 3 channels takes 1800 bytes; 600 follow"),
     ];
     are_refused(&bytes, lies, |bytes| read("a.vol", bytes, None));
 }
@@ -445,10 +387,7 @@ fn truncated_files_are_refused() {
     for name in FILES {
         let bytes = file(name);
         for length in (0..bytes.len()).step_by(97).chain([bytes.len() - 1]) {
-            assert!(
-                read(name, &bytes[..length], None).is_err(),
-                "{name}: {length}"
-            );
+            assert!(read(name, &bytes[..length], None).is_err(), "{name}: {length}");
         }
     }
 }

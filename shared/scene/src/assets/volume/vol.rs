@@ -18,8 +18,8 @@ pub fn read(bytes: &[u8]) -> Result<RawDensity, Flaw> {
     Ok(density)
 }
 
-/// Read a grid of one channel or three of 32-bit floats. As Mitsuba 3's `gridvolume` does by default, it fills the unit cube and the
-/// file's bounding box is ignored; samples are at the cells' centres.
+/// Read a grid of one channel or three of 32-bit floats. As Mitsuba 3's `gridvolume` does by default, it fills the unit
+/// cube and the file's bounding box is ignored; samples are at the cells' centres.
 pub fn read_channels(bytes: &[u8]) -> Result<Vec<RawDensity>, Flaw> {
     let mut bytes = Bytes::new(bytes);
     if bytes.take(3, "the header")? != b"VOL" {
@@ -31,17 +31,14 @@ pub fn read_channels(bytes: &[u8]) -> Result<Vec<RawDensity>, Flaw> {
     }
     let encoding = bytes.i32("the header")?;
     if encoding != 1 {
-        return Err(
-            format!("encoding {encoding} is unsupported; expected 1, 32-bit floats").into(),
-        );
+        return Err(format!("encoding {encoding} is unsupported; expected 1, 32-bit floats").into());
     }
     let resolution: [i32; 3] = bytes.i32s("the header")?;
     if resolution.iter().any(|r| !(1..=MAX_RESOLUTION).contains(r)) {
         let [x, y, z] = resolution;
-        return Err(format!(
-            "the grid is {x} x {y} x {z}; expected 1 to {MAX_RESOLUTION} samples along each axis"
-        )
-        .into());
+        return Err(
+            format!("the grid is {x} x {y} x {z}; expected 1 to {MAX_RESOLUTION} samples along each axis").into(),
+        );
     }
     let channels = bytes.i32("the header")?;
     if ![1, 3].contains(&channels) {
@@ -85,8 +82,7 @@ pub fn read_channels(bytes: &[u8]) -> Result<Vec<RawDensity>, Flaw> {
             cores,
             samples: [IVec3::ZERO, IVec3::from(resolution) - 1],
             domain: [DVec3::splat(-0.5), count - 0.5],
-            to_object: DAffine3::from_scale(1.0 / count)
-                * DAffine3::from_translation(DVec3::splat(0.5)),
+            to_object: DAffine3::from_scale(1.0 / count) * DAffine3::from_translation(DVec3::splat(0.5)),
         }
     };
     Ok((0..channels).map(channel).collect())

@@ -56,8 +56,8 @@ struct Around {
 }
 
 impl Converter<'_> {
-    /// The material of a BSDF, converted once. `hint`: a name for it if it has no id. `turned`: it is for a shape whose v
-    /// runs opposite to Mitsuba's.
+    /// The material of a BSDF, converted once. `hint`: a name for it if it has no id. `turned`: it is for a shape whose
+    /// v runs opposite to Mitsuba's.
     pub fn material(&mut self, id: Id, hint: Option<&str>, turned: bool) -> Option<Material> {
         // Most materials do not care about UVs.
         let turned = turned && self.has_texture(id);
@@ -96,13 +96,7 @@ impl Converter<'_> {
     }
 
     /// Write a BSDF into a material. `None` if it is not supported.
-    fn bsdf(
-        &mut self,
-        id: Id,
-        mut around: Around,
-        turned: bool,
-        section: &mut Section,
-    ) -> Option<Through> {
+    fn bsdf(&mut self, id: Id, mut around: Around, turned: bool, section: &mut Section) -> Option<Through> {
         let object = &self.objects.list[id];
         let place = object.place;
         match object.plugin.as_str() {
@@ -117,13 +111,7 @@ impl Converter<'_> {
                     self.log.unsupported(member.place, message);
                 }
                 around.two_sided = Some(place);
-                self.inside(
-                    id,
-                    nested.first().map(|(_, inner)| *inner),
-                    around,
-                    turned,
-                    section,
-                )
+                self.inside(id, nested.first().map(|(_, inner)| *inner), around, turned, section)
             }
             "mask" => {
                 let opacity = match self.member(id, "opacity") {
@@ -131,8 +119,7 @@ impl Converter<'_> {
                     None => Some(Toml::Float(0.5)),
                 };
                 if let Some(Toml::Array(_)) = opacity {
-                    let message =
-                        "bsdf \"mask\": an opacity that differs by colour is not supported";
+                    let message = "bsdf \"mask\": an opacity that differs by colour is not supported";
                     self.log.unsupported(place, message);
                 } else if let Some(mut opacity) = opacity {
                     swap_checkers(&mut opacity);
@@ -162,8 +149,7 @@ impl Converter<'_> {
             "normalmap" => {
                 match self.member(id, "normalmap") {
                     Some(member) => {
-                        if let Some(map @ Toml::Table(_)) =
-                            self.textured_member(id, member, cie::Kind::Factor, turned)
+                        if let Some(map @ Toml::Table(_)) = self.textured_member(id, member, cie::Kind::Factor, turned)
                         {
                             around.fields.push(("normal_map", map, place));
                         }
@@ -184,30 +170,14 @@ impl Converter<'_> {
     }
 
     /// The one BSDF within another.
-    fn only_inside(
-        &mut self,
-        id: Id,
-        around: Around,
-        turned: bool,
-        section: &mut Section,
-    ) -> Option<Through> {
+    fn only_inside(&mut self, id: Id, around: Around, turned: bool, section: &mut Section) -> Option<Through> {
         let nested = self.nested(id, Kind::Bsdf);
         self.finish(id);
         if nested.len() > 1 {
-            let message = format!(
-                "{}: expected one nested BSDF, found {}",
-                self.title(id),
-                nested.len()
-            );
+            let message = format!("{}: expected one nested BSDF, found {}", self.title(id), nested.len());
             self.log.invalid(Some(self.objects.list[id].place), message);
         }
-        self.inside(
-            id,
-            nested.first().map(|(_, inner)| *inner),
-            around,
-            turned,
-            section,
-        )
+        self.inside(id, nested.first().map(|(_, inner)| *inner), around, turned, section)
     }
 
     fn inside(
@@ -231,8 +201,7 @@ impl Converter<'_> {
         match (around.two_sided, kind.two_sided) {
             (Some(place), Some(_)) => section.set("two_sided", Toml::Boolean(true), place),
             (Some(place), None) => {
-                let message =
-                    "bsdf \"twosided\": only materials without a transmission can be nested";
+                let message = "bsdf \"twosided\": only materials without a transmission can be nested";
                 self.log.invalid(Some(place), message);
             }
             // Here conductors have two sides unless told otherwise, in Mitsuba they have one.
@@ -241,8 +210,7 @@ impl Converter<'_> {
         }
         for (i, (key, value, place)) in around.fields.iter().enumerate() {
             if around.fields[..i].iter().any(|(before, ..)| before == key) {
-                let message =
-                    format!("a material takes one {key}; this is the second around the same BSDF");
+                let message = format!("a material takes one {key}; this is the second around the same BSDF");
                 self.log.unsupported(*place, message);
             } else if kind.null {
                 let message = format!("a bsdf \"null\" takes no {key}");

@@ -7,14 +7,7 @@ use crate::mitsuba::{Converter, cie, named};
 
 impl Converter<'_> {
     /// A colour or texture between 0 and 1.
-    pub(super) fn field(
-        &mut self,
-        id: Id,
-        name: &str,
-        field: &'static str,
-        turned: bool,
-        section: &mut Section,
-    ) {
+    pub(super) fn field(&mut self, id: Id, name: &str, field: &'static str, turned: bool, section: &mut Section) {
         if let Some(member) = self.member(id, name)
             && let Some(value) = self.textured_member(id, member, cie::Kind::Factor, turned)
         {
@@ -23,13 +16,7 @@ impl Converter<'_> {
     }
 
     /// A colour or texture between 0 and 1, of the same name in both formats, which is 1 where it is not given.
-    pub(super) fn factor(
-        &mut self,
-        id: Id,
-        name: &'static str,
-        turned: bool,
-        section: &mut Section,
-    ) {
+    pub(super) fn factor(&mut self, id: Id, name: &'static str, turned: bool, section: &mut Section) {
         if let Some(member) = self.member(id, name)
             && let Some(value) = self.textured_member(id, member, cie::Kind::Factor, turned)
             && value != Toml::Float(1.0)
@@ -40,13 +27,8 @@ impl Converter<'_> {
 
     /// Indices of refraction; by default of a named material in air.
     pub(super) fn iors(&mut self, id: Id, inside: &str, section: &mut Section) {
-        for (name, field, default) in [
-            ("int_ior", "ior", inside),
-            ("ext_ior", "exterior_ior", "air"),
-        ] {
-            let place = self
-                .member(id, name)
-                .map_or(self.objects.list[id].place, |m| m.place);
+        for (name, field, default) in [("int_ior", "ior", inside), ("ext_ior", "exterior_ior", "air")] {
+            let place = self.member(id, name).map_or(self.objects.list[id].place, |m| m.place);
             if let Some(ior) = self.ior(id, name, default) {
                 section.set(field, Toml::Float(ior), place);
             }
@@ -103,10 +85,7 @@ impl Converter<'_> {
                 let found = named::conductor(name);
                 if let (None, Some(member)) = (found, member) {
                     let names: Vec<_> = named::conductors().collect();
-                    let message = format!(
-                        "no conductor \"{name}\" is known; expected none, {}",
-                        names.join(", ")
-                    );
+                    let message = format!("no conductor \"{name}\" is known; expected none, {}", names.join(", "));
                     self.wrong(id, member, &message);
                 }
                 found
@@ -124,11 +103,7 @@ impl Converter<'_> {
             (Some(member), Some(_)) => {
                 let (u, v) = (self.float(id, "alpha_u"), self.float(id, "alpha_v"));
                 if u != v {
-                    self.unsupported(
-                        id,
-                        member,
-                        "a roughness that differs by direction is not supported",
-                    );
+                    self.unsupported(id, member, "a roughness that differs by direction is not supported");
                 }
                 u
             }

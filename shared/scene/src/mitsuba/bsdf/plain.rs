@@ -95,11 +95,7 @@ impl Converter<'_> {
         match (rough, fresnel) {
             (false, None) => set_type(section, "mirror", place),
             _ => {
-                let kind = if rough {
-                    "rough_conductor"
-                } else {
-                    "conductor"
-                };
+                let kind = if rough { "rough_conductor" } else { "conductor" };
                 set_type(section, kind, place);
                 // Without Fresnel: all is reflected.
                 let (eta, k) = fresnel.unwrap_or(([0.0; 3], [1.0; 3]));
@@ -116,11 +112,7 @@ impl Converter<'_> {
 
     fn plastic(&mut self, id: Id, rough: bool, turned: bool, section: &mut Section) -> Plain {
         let place = self.objects.list[id].place;
-        set_type(
-            section,
-            if rough { "rough_plastic" } else { "plastic" },
-            place,
-        );
+        set_type(section, if rough { "rough_plastic" } else { "plastic" }, place);
         self.field(id, "diffuse_reflectance", "reflectance", turned, section);
         self.iors(id, "polypropylene", section);
         if rough {

@@ -33,17 +33,12 @@ impl Objects {
                         {
                             if within[inner] {
                                 let id = self.list[inner].id.clone();
-                                let message = format!(
-                                    "the object \"{}\" refers to itself",
-                                    id.unwrap_or_default()
-                                );
+                                let message = format!("the object \"{}\" refers to itself", id.unwrap_or_default());
                                 let place = member.place;
                                 return log.fatal(Some(place), message);
                             }
                             if path.len() > MAX_DEPTH {
-                                let message = format!(
-                                    "more than {MAX_DEPTH} objects that refer to each other"
-                                );
+                                let message = format!("more than {MAX_DEPTH} objects that refer to each other");
                                 let place = member.place;
                                 return log.fatal(Some(place), message);
                             }

@@ -122,8 +122,7 @@ impl Reader<'_> {
             return self.log.fatal(from, message);
         }
         if self.log.files.len() == MAX_FILES {
-            let message =
-                format!("more than {MAX_FILES} files, counted as often as they are included");
+            let message = format!("more than {MAX_FILES} files, counted as often as they are included");
             return self.log.fatal(from, message);
         }
         let bytes = match crate::read_file(path, beamfarm_image::bundle::MAX_BYTES) {
@@ -168,19 +167,13 @@ impl Reader<'_> {
         };
         check_version(root, place, self.log);
         self.open.push(canonical);
-        let context = File {
-            file,
-            lines: &lines,
-        };
+        let context = File { file, lines: &lines };
         let done = match (parent, root.tag_name().name()) {
             // The content of a scene goes straight into what includes it.
             (Some((parent, ..)), "scene") => self.children(root, parent, &context),
             (Some((parent, name, _)), _) => self.element(root, parent, name, &context),
             (None, "scene") => {
-                let none = Parent {
-                    object: None,
-                    depth: 0,
-                };
+                let none = Parent { object: None, depth: 0 };
                 self.element(root, none, None, &context)
             }
             (None, other) => self
@@ -199,13 +192,7 @@ impl Reader<'_> {
     }
 
     /// Read an element into its parent. `None` ends the reading.
-    fn element(
-        &mut self,
-        node: Node<'_, '_>,
-        parent: Parent,
-        name: Option<&str>,
-        file: &File<'_>,
-    ) -> Option<()> {
+    fn element(&mut self, node: Node<'_, '_>, parent: Parent, name: Option<&str>, file: &File<'_>) -> Option<()> {
         let place = file.place(node);
         self.count(parent.depth, place)?;
         let attributes = self.attributes(node, place)?;
@@ -236,16 +223,8 @@ impl Reader<'_> {
         }
     }
 
-    fn object(
-        &mut self,
-        element: &Element<'_, '_>,
-        kind: Kind,
-        parent: Parent,
-        file: &File<'_>,
-    ) -> Option<()> {
-        let &Element {
-            node, tag, place, ..
-        } = element;
+    fn object(&mut self, element: &Element<'_, '_>, kind: Kind, parent: Parent, file: &File<'_>) -> Option<()> {
+        let &Element { node, tag, place, .. } = element;
         let known: &[&str] = match kind {
             Kind::Scene => &["version", "id", "name"],
             _ => &["type", "id", "name", "version"],
@@ -348,19 +327,9 @@ impl Reader<'_> {
         Some(())
     }
 
-    fn property(
-        &mut self,
-        element: &Element<'_, '_>,
-        owner: Id,
-        depth: usize,
-        file: &File<'_>,
-    ) -> Option<()> {
+    fn property(&mut self, element: &Element<'_, '_>, owner: Id, depth: usize, file: &File<'_>) -> Option<()> {
         let &Element {
-            node,
-            tag,
-            name,
-            place,
-            ..
+            node, tag, name, place, ..
         } = element;
         let value = match tag {
             "transform" => {
@@ -413,12 +382,7 @@ impl Reader<'_> {
     }
 
     /// The steps of a transform. The outer `None` ends the reading.
-    fn transform(
-        &mut self,
-        node: Node<'_, '_>,
-        depth: usize,
-        file: &File<'_>,
-    ) -> Option<Result<Value, String>> {
+    fn transform(&mut self, node: Node<'_, '_>, depth: usize, file: &File<'_>) -> Option<Result<Value, String>> {
         let mut steps = Vec::new();
         for child in node.children().filter(Node::is_element) {
             let place = file.place(child);
@@ -447,8 +411,7 @@ impl Reader<'_> {
             return self.log.fatal(Some(place), message);
         }
         if self.elements > MAX_ELEMENTS {
-            let message =
-                format!("more than {MAX_ELEMENTS} elements, those of included files among them");
+            let message = format!("more than {MAX_ELEMENTS} elements, those of included files among them");
             return self.log.fatal(Some(place), message);
         }
         Some(())
@@ -477,9 +440,7 @@ impl Reader<'_> {
         if self.parameters.iter().any(|p| p.name == name) {
             return;
         }
-        let at = self
-            .parameters
-            .partition_point(|p| p.name.len() >= name.len());
+        let at = self.parameters.partition_point(|p| p.name.len() >= name.len());
         let parameter = Parameter {
             name: name.to_string(),
             value: value.to_string(),

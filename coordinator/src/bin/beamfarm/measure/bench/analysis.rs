@@ -28,9 +28,7 @@ impl Clock {
             Self::Wall => Some(point.wall_seconds),
             Self::Cores => point.core_seconds,
         };
-        let known = points
-            .iter()
-            .filter_map(|point| Some((time(point)?, point.rel_mse)));
+        let known = points.iter().filter_map(|point| Some((time(point)?, point.rel_mse)));
         known.filter(|(seconds, _)| *seconds > 0.0).collect()
     }
 }
@@ -111,9 +109,7 @@ pub fn time_to(curve: &[(f64, f64)], target: f64) -> TimeTo {
 impl TimeTo {
     fn seconds(self) -> Option<f64> {
         match self {
-            Self::Interpolated(t) | Self::AtMost(t) | Self::Extrapolated(t) | Self::Assumed(t) => {
-                Some(t)
-            }
+            Self::Interpolated(t) | Self::AtMost(t) | Self::Extrapolated(t) | Self::Assumed(t) => Some(t),
             Self::Never => None,
         }
     }
@@ -205,12 +201,7 @@ mod tests {
         assert_eq!(fit(&curve), Some(found));
         // Three points at least, by hand: logs (0, 0), (3, -3), (6, -3) have the slope -9/18.
         let e = |x: f64| libm::exp(x);
-        let found = fit(&[
-            (e(-5.0), 1.0),
-            (e(0.0), 1.0),
-            (e(3.0), e(-3.0)),
-            (e(6.0), e(-3.0)),
-        ]);
+        let found = fit(&[(e(-5.0), 1.0), (e(0.0), 1.0), (e(3.0), e(-3.0)), (e(6.0), e(-3.0))]);
         let found = found.unwrap();
         assert!((found.slope + 0.5).abs() < 1e-12 && found.points == 3);
         assert_eq!(fit(&curve[..1]), None);
@@ -248,18 +239,9 @@ mod tests {
     fn ratios_say_how_sure_they_are() {
         use TimeTo::*;
         assert_eq!(times_faster(Interpolated(2.0), Interpolated(21.0)), "10.5");
-        assert_eq!(
-            times_faster(AtMost(2.0), Interpolated(21.0)),
-            "\u{2265} 10.5"
-        );
-        assert_eq!(
-            times_faster(Interpolated(2.0), AtMost(21.0)),
-            "\u{2264} 10.5"
-        );
-        assert_eq!(
-            times_faster(Extrapolated(2.0), Interpolated(21.0)),
-            "\u{2248} 10.5"
-        );
+        assert_eq!(times_faster(AtMost(2.0), Interpolated(21.0)), "\u{2265} 10.5");
+        assert_eq!(times_faster(Interpolated(2.0), AtMost(21.0)), "\u{2264} 10.5");
+        assert_eq!(times_faster(Extrapolated(2.0), Interpolated(21.0)), "\u{2248} 10.5");
         assert_eq!(times_faster(AtMost(2.0), AtMost(21.0)), "\u{2013}");
         assert_eq!(times_faster(Interpolated(2.0), Never), "never there");
         assert_eq!(times_faster(Never, Interpolated(2.0)), "\u{2013}");

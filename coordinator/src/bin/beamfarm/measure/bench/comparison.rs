@@ -76,8 +76,8 @@ impl Reference {
     }
 }
 
-/// relMSE that an image has by noise of this standard error: the mean of stderr^2 / (x^2 + 0.01). As noise is independent of
-/// what the image is compared with, it adds to its relMSE.
+/// relMSE that an image has by noise of this standard error: the mean of stderr^2 / (x^2 + 0.01). As noise is
+/// independent of what the image is compared with, it adds to its relMSE.
 pub fn relative_noise(image: &Film, standard_error: &Film) -> f64 {
     let values = image.pixels.iter().flatten();
     let errors = standard_error.pixels.iter().flatten();
@@ -127,10 +127,7 @@ mod tests {
         // 1024 pixels: its standard error is that of the mean of 1024 squares of noise of 0.0029, 4.4 % of 0.0112.
         let error = (comparison.error() - 0.02 * 0.02 / 0.26).abs();
         assert!(error < 4.0 * 0.044 * 0.0112, "{comparison:?}");
-        assert!(
-            comparison.rel_mse > 5.0 * comparison.error(),
-            "{comparison:?}"
-        );
+        assert!(comparison.rel_mse > 5.0 * comparison.error(), "{comparison:?}");
     }
 
     #[test]

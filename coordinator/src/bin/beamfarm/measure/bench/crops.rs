@@ -51,12 +51,7 @@ pub fn rows(scene: &SceneFindings) -> Result<Vec<Row>, Failure> {
     corners.iter().map(row).collect()
 }
 
-fn row(
-    scene: &SceneFindings,
-    size: [u32; 2],
-    side: [u32; 2],
-    at: [u32; 2],
-) -> Result<Row, Failure> {
+fn row(scene: &SceneFindings, size: [u32; 2], side: [u32; 2], at: [u32; 2]) -> Result<Row, Failure> {
     let cut = |image: &Film| crop(image, at, side);
     let mut pictures = Vec::new();
     let mut add = |caption: String, film: &Film, exposure: f32| -> Result<(), Failure> {
@@ -71,11 +66,7 @@ fn row(
     };
     for (i, run) in scene.runs.iter().enumerate() {
         // All steps of the first run, the end of the others.
-        let from = if i == 0 {
-            0
-        } else {
-            run.images.len().saturating_sub(1)
-        };
+        let from = if i == 0 { 0 } else { run.images.len().saturating_sub(1) };
         for (passes, image) in &run.images[from..] {
             if [image.width, image.height] == size {
                 let plural = if *passes == 1 { "" } else { "es" };
@@ -106,10 +97,7 @@ fn row(
         }
     }
     Ok(Row {
-        name: format!(
-            "{} x {} pixels from ({}, {})",
-            side[0], side[1], at[0], at[1]
-        ),
+        name: format!("{} x {} pixels from ({}, {})", side[0], side[1], at[0], at[1]),
         pictures,
     })
 }
@@ -127,19 +115,15 @@ fn crop(image: &Film, [x, y]: [u32; 2], [width, height]: [u32; 2]) -> Film {
     }
 }
 
-/// The crop whose relMSE is the largest, of those that cover the image side by side and do not show much of what `shown` does.
+/// The crop whose relMSE is the largest, of those that cover the image side by side and do not show much of what
+/// `shown` does.
 fn worst(image: &Film, reference: &Film, shown: [u32; 2]) -> Option<[u32; 2]> {
     let side = [image.width.min(SIDE), image.height.min(SIDE)];
     let columns = (0..image.width / side[0].max(1)).map(|i| i * side[0]);
-    let corners =
-        columns.flat_map(|x| (0..image.height / side[1].max(1)).map(move |i| [x, i * side[1]]));
+    let corners = columns.flat_map(|x| (0..image.height / side[1].max(1)).map(move |i| [x, i * side[1]]));
     let error = |at: [u32; 2]| {
         let (image, reference) = (crop(image, at, side), crop(reference, at, side));
-        let pairs = image
-            .pixels
-            .iter()
-            .flatten()
-            .zip(reference.pixels.iter().flatten());
+        let pairs = image.pixels.iter().flatten().zip(reference.pixels.iter().flatten());
         pairs
             .map(|(x, r)| f64::from((x - r) * (x - r) / (r * r + 0.01)))
             .sum::<f64>()
@@ -152,8 +136,8 @@ fn worst(image: &Film, reference: &Film, shown: [u32; 2]) -> Option<[u32; 2]> {
         .map(|(at, _)| at)
 }
 
-/// Blue where the image is darker than the reference, red where it is brighter, white where they agree. The error is that of
-/// the sum of the channels.
+/// Blue where the image is darker than the reference, red where it is brighter, white where they agree. The error is
+/// that of the sum of the channels.
 fn error_map(image: &Film, reference: &Film) -> Film {
     let mut map = Film::new(image.width, image.height);
     let pairs = image.pixels.iter().zip(&reference.pixels);

@@ -112,13 +112,9 @@ pub struct BenchArgs {
 pub fn main(args: BenchArgs) -> Result<(), Failure> {
     let mut suite = match &args.suite {
         Some(path) => Suite::read(path)?,
-        None => Suite::plain(
-            &args.scenes,
-            &args.reference,
-            args.reference_noise,
-            &args.against,
-        )
-        .map_err(Failure::usage)?,
+        None => {
+            Suite::plain(&args.scenes, &args.reference, args.reference_noise, &args.against).map_err(Failure::usage)?
+        }
     };
     suite.set(args.passes, &args.overrides);
     std::fs::create_dir_all(&args.output)
@@ -159,20 +155,14 @@ pub fn main(args: BenchArgs) -> Result<(), Failure> {
         for scene in &findings.scenes {
             print_tables(scene);
         }
-        println!(
-            "wrote {}, with bench.csv and bench.json beside it",
-            page.display()
-        );
+        println!("wrote {}, with bench.csv and bench.json beside it", page.display());
     }
     Ok(())
 }
 
 fn print_tables(scene: &SceneFindings) {
     println!("\n{}", scene.name);
-    let tables = [
-        table::times(scene, Clock::Wall),
-        table::ratios(scene, Clock::Wall),
-    ];
+    let tables = [table::times(scene, Clock::Wall), table::ratios(scene, Clock::Wall)];
     for table in tables.iter().filter(|table| !table.rows.is_empty()) {
         println!("{}", table.plain());
     }
@@ -211,10 +201,7 @@ fn prepare(case: &SceneCase, runs: &[RunCase]) -> Result<(SceneFindings, Vec<Nam
         let task = Task {
             scene: case.path.clone(),
             overrides: run.overrides.clone(),
-            passes: run
-                .passes
-                .or(case.passes)
-                .unwrap_or(description.defaults.passes),
+            passes: run.passes.or(case.passes).unwrap_or(description.defaults.passes),
         };
         tasks.push((run.name.clone(), task, settings));
     }

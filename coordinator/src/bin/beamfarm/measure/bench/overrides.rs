@@ -98,9 +98,7 @@ impl Overrides {
         }
         for (name, side) in [("width", self.width), ("height", self.height)] {
             if side.is_some_and(|side| !(1..=MAX_SIDE).contains(&i64::from(side))) {
-                return Err(format!(
-                    "{name} is out of range; expected 1 to {MAX_SIDE} pixels"
-                ));
+                return Err(format!("{name} is out of range; expected 1 to {MAX_SIDE} pixels"));
             }
         }
         if self.threads == Some(0) {
@@ -114,10 +112,7 @@ impl Overrides {
 }
 
 /// Read a scene as it will be rendered.
-pub fn load(
-    scene: &Path,
-    overrides: &Overrides,
-) -> Result<(SceneDescription, JobSettings), Failure> {
+pub fn load(scene: &Path, overrides: &Overrides) -> Result<(SceneDescription, JobSettings), Failure> {
     let file = SceneFile::read(scene, &ImportOptions::default())?;
     let mut description = file.load()?;
     let settings = overrides

@@ -1,5 +1,5 @@
-//! Log-log plots as SVG. Colours are those of a light page; the page's style sheet finds them by their values and puts others
-//! in their place on a dark one.
+//! Log-log plots as SVG. Colours are those of a light page; the page's style sheet finds them by their values and puts
+//! others in their place on a dark one.
 
 use crate::failure::Failure;
 use crate::measure::figure::{Decades, FINE, fine, shown_at};
@@ -79,18 +79,11 @@ pub fn svg(curves: &[Curve], seconds: &str, error: &str) -> Result<Option<String
         return Ok(None);
     };
     let mut text = String::new();
-    draw(&mut text, curves, [x, y], seconds, error)
-        .map_err(|message| Failure::io(format!("plot: {message}")))?;
+    draw(&mut text, curves, [x, y], seconds, error).map_err(|message| Failure::io(format!("plot: {message}")))?;
     Ok(Some(shown_at(text, SIZE)))
 }
 
-fn draw(
-    text: &mut String,
-    curves: &[Curve],
-    [x, y]: [Decades; 2],
-    seconds: &str,
-    error: &str,
-) -> Result<(), String> {
+fn draw(text: &mut String, curves: &[Curve], [x, y]: [Decades; 2], seconds: &str, error: &str) -> Result<(), String> {
     let failed = |error: &dyn std::fmt::Display| error.to_string();
     let area = SVGBackend::with_string(text, fine(SIZE)).into_drawing_area();
     let mut chart = ChartBuilder::on(&area)
@@ -126,30 +119,19 @@ fn draw(
                 .draw_series(LineSeries::new(curve.points.clone(), style))
                 .map(drop),
             _ => chart
-                .draw_series(DashedLineSeries::new(
-                    curve.points.clone(),
-                    dash,
-                    gap,
-                    style,
-                ))
+                .draw_series(DashedLineSeries::new(curve.points.clone(), dash, gap, style))
                 .map(drop),
         };
         drawn.map_err(|e| failed(&e))?;
         let corners = marker(curve.look);
         let drawn = match corners.is_empty() {
             true => {
-                let circle =
-                    |at| EmptyElement::at(at) + Circle::new((0, 0), RADIUS, colour.filled());
-                chart
-                    .draw_series(curve.points.iter().copied().map(circle))
-                    .map(drop)
+                let circle = |at| EmptyElement::at(at) + Circle::new((0, 0), RADIUS, colour.filled());
+                chart.draw_series(curve.points.iter().copied().map(circle)).map(drop)
             }
             false => {
-                let shape =
-                    |at| EmptyElement::at(at) + Polygon::new(corners.clone(), colour.filled());
-                chart
-                    .draw_series(curve.points.iter().copied().map(shape))
-                    .map(drop)
+                let shape = |at| EmptyElement::at(at) + Polygon::new(corners.clone(), colour.filled());
+                chart.draw_series(curve.points.iter().copied().map(shape)).map(drop)
             }
         };
         drawn.map_err(|e| failed(&e))?;
@@ -170,11 +152,7 @@ pub fn swatch(look: usize) -> Result<String, Failure> {
         let (left, right, middle) = (FINE, right as i32 - FINE, height as i32 / 2);
         let mut from = left;
         while from < right {
-            let to = if gap == 0 {
-                right
-            } else {
-                (from + dash).min(right)
-            };
+            let to = if gap == 0 { right } else { (from + dash).min(right) };
             let ends = vec![(from, middle), (to, middle)];
             area.draw(&PathElement::new(ends, colour.stroke_width(width)))
                 .map_err(|e| failed(&e))?;
@@ -211,10 +189,7 @@ mod tests {
         let document = roxmltree::Document::parse(&text).unwrap();
         let width = document.root_element().attribute("width");
         assert_eq!(width, Some(SIZE.0.to_string().as_str()));
-        let texts: Vec<&str> = document
-            .descendants()
-            .filter_map(|node| node.text())
-            .collect();
+        let texts: Vec<&str> = document.descendants().filter_map(|node| node.text()).collect();
         let has = |wanted: &str| texts.iter().any(|text| text.trim() == wanted);
         assert!(
             has("10\u{207b}\u{b2}") && has("10\u{b9}") && has("seconds"),

@@ -94,13 +94,7 @@ pub struct Record {
 }
 
 impl Record {
-    pub fn new(
-        scene: &str,
-        run: &str,
-        settings: &Settings,
-        sample: &Sample,
-        found: Option<Comparison>,
-    ) -> Self {
+    pub fn new(scene: &str, run: &str, settings: &Settings, sample: &Sample, found: Option<Comparison>) -> Self {
         let pixels = u64::from(settings.width) * u64::from(settings.height);
         let beams = sample.beams > 0;
         Self {
@@ -119,9 +113,7 @@ impl Record {
             surface_photons: sample.surface_photons,
             peak_memory_bytes: sample.peak_memory_bytes,
             bytes_per_beam: beams.then(|| sample.beam_bytes as f64 / sample.beams as f64),
-            bytes_per_pixel: sample
-                .peak_memory_bytes
-                .map(|bytes| bytes as f64 / pixels as f64),
+            bytes_per_pixel: sample.peak_memory_bytes.map(|bytes| bytes as f64 / pixels as f64),
             rmse: found.map(|found| found.rmse),
             rel_mse: found.map(|found| found.rel_mse),
             net_rel_mse: found.and_then(|found| found.net_rel_mse),
@@ -134,8 +126,8 @@ impl Record {
         }
     }
 
-    /// The best number there is for the error, in terms of relMSE: measured, less the reference's noise if that is known;
-    /// the renderer's own estimate where there is no reference.
+    /// The best number there is for the error, in terms of relMSE: measured, less the reference's noise if that is
+    /// known; the renderer's own estimate where there is no reference.
     pub fn error(&self) -> Option<f64> {
         self.net_rel_mse.or(self.rel_mse).or(self.estimated_rel_mse)
     }
@@ -152,11 +144,7 @@ impl RunFindings {
             })
         };
         let positive = |point: &Point| point.rel_mse > 0.0 && point.wall_seconds > 0.0;
-        self.records
-            .iter()
-            .filter_map(point)
-            .filter(positive)
-            .collect()
+        self.records.iter().filter_map(point).filter(positive).collect()
     }
 }
 

@@ -66,9 +66,7 @@ pub fn write(findings: &Findings, path: &Path) -> Result<(), Failure> {
     let page = Page {
         title: &findings.title,
         about,
-        colours: colours
-            .map(|(light, dark)| (plot::hex(*light), *dark))
-            .collect(),
+        colours: colours.map(|(light, dark)| (plot::hex(*light), *dark)).collect(),
         scenes: scenes.collect::<Result<_, _>>()?,
         map_end: (100.0 * crops::SCALE) as u32,
     };
@@ -100,12 +98,9 @@ fn view(scene: &SceneFindings) -> Result<SceneView<'_>, Failure> {
     }
     let legend = all.iter().enumerate().map(|(look, (name, points))| {
         let note = match fit(&Clock::Wall.curve(points)) {
-            Some(fit) => format!(
-                "slope {:.2} from {} on",
-                fit.slope,
-                seconds(fit.from_seconds)
-            )
-            .replace('-', "\u{2212}"),
+            Some(fit) => {
+                format!("slope {:.2} from {} on", fit.slope, seconds(fit.from_seconds)).replace('-', "\u{2212}")
+            }
             None => String::new(),
         };
         Ok(LegendEntry {
@@ -146,17 +141,13 @@ fn about(scene: &SceneFindings) -> Vec<String> {
         )
     });
     let mut lines: Vec<String> = runs.collect();
-    lines.push(
-        match scene.reference.as_ref().map(|reference| reference.noise) {
-            Some(Some(noise)) => format!(
-                "Compared with a reference whose own noise, relMSE {}, is taken off.",
-                power(noise)
-            ),
-            Some(None) => "Compared with a reference whose own noise is not known.".into(),
-            None => {
-                "No reference: errors are the renderer's own estimate, which knows no bias.".into()
-            }
-        },
-    );
+    lines.push(match scene.reference.as_ref().map(|reference| reference.noise) {
+        Some(Some(noise)) => format!(
+            "Compared with a reference whose own noise, relMSE {}, is taken off.",
+            power(noise)
+        ),
+        Some(None) => "Compared with a reference whose own noise is not known.".into(),
+        None => "No reference: errors are the renderer's own estimate, which knows no bias.".into(),
+    });
     lines
 }

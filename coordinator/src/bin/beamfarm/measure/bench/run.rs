@@ -1,7 +1,8 @@
 //! One run: a scene rendered with one configuration, in a process of its own so that its memory can be told.
 //!
-//! The parent writes a line of JSON, the [`Task`], and then an empty line whenever the next passes may begin: nothing else
-//! runs while they are timed. The child answers each with a line of JSON, the [`Sample`], and the pixels of the image.
+//! The parent writes a line of JSON, the [`Task`], and then an empty line whenever the next passes may begin: nothing
+//! else runs while they are timed. The child answers each with a line of JSON, the [`Sample`], and the pixels of the
+//! image.
 
 use super::overrides::{Overrides, load};
 use crate::failure::Failure;
@@ -56,9 +57,7 @@ pub struct Step {
 /// Passes after which the image is measured: 1, 2, 4, … and the last.
 pub fn checkpoints(passes: u64) -> impl Iterator<Item = u64> {
     let powers = (0..u64::BITS).map(|bit| 1 << bit);
-    powers
-        .take_while(move |power| *power < passes)
-        .chain([passes])
+    powers.take_while(move |power| *power < passes).chain([passes])
 }
 
 /// A child at work.
@@ -123,9 +122,7 @@ impl Iterator for Run {
             let _ = self.child.kill();
             match self.child.wait() {
                 // It has said what was wrong.
-                Ok(status) if status.code() == Some(exit::FAILED.into()) => {
-                    Failure::job("the run failed")
-                }
+                Ok(status) if status.code() == Some(exit::FAILED.into()) => Failure::job("the run failed"),
                 Ok(status) => Failure::job(format!("the run broke off: {status}")),
                 Err(_) => Failure::io(error),
             }
@@ -181,8 +178,7 @@ pub fn child() -> Result<(), Failure> {
         while pass_index < passes {
             let image = pool.install(|| render_pass(&scene, &plan, pass_index));
             stats += image.stats;
-            sum.insert(Node::leaf(pass_index, image.film))
-                .map_err(Failure::job)?;
+            sum.insert(Node::leaf(pass_index, image.film)).map_err(Failure::job)?;
             pass_index += 1;
         }
         wall += started.elapsed().as_secs_f64();
@@ -243,9 +239,7 @@ fn cpu_seconds() -> Option<f64> {
 /// The most memory that this process had in use. Not from getrusage, which on Linux begins with what the parent had.
 fn peak_memory() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status
-        .lines()
-        .find_map(|line| line.strip_prefix("VmHWM:"))?;
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
     let kibibytes: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
     Some(1024 * kibibytes)
 }

@@ -159,8 +159,8 @@ struct RunEntry {
 impl Suite {
     /// Read a file. What it names lies relative to it.
     pub fn read(path: &Path) -> Result<Self, Failure> {
-        let text = std::fs::read_to_string(path)
-            .map_err(|error| Failure::usage(format!("{}: {error}", path.display())))?;
+        let text =
+            std::fs::read_to_string(path).map_err(|error| Failure::usage(format!("{}: {error}", path.display())))?;
         let folder = path.parent().unwrap_or(Path::new(""));
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
         let file: SuiteFile = toml::from_str(&text).map_err(|error| {
@@ -171,8 +171,7 @@ impl Suite {
             let line = line.map_or_else(String::new, |line| format!("{line}: "));
             Failure::usage(format!("{}:{line} {}", path.display(), error.message()))
         })?;
-        Self::resolve(file, folder, &stem)
-            .map_err(|message| Failure::usage(format!("{}: {message}", path.display())))
+        Self::resolve(file, folder, &stem).map_err(|message| Failure::usage(format!("{}: {message}", path.display())))
     }
 
     fn resolve(file: SuiteFile, folder: &Path, stem: &str) -> Result<Self, String> {
@@ -198,11 +197,7 @@ impl Suite {
             true => stem.to_owned(),
             false => file.title,
         };
-        let suite = Self {
-            title,
-            scenes,
-            runs,
-        };
+        let suite = Self { title, scenes, runs };
         suite.check()?;
         Ok(suite)
     }
@@ -222,9 +217,7 @@ impl Suite {
             ));
         }
         if scenes.len() != 1 && !peers.is_empty() {
-            return Err(
-                "--against: expected one scene; describe several in a file for --suite".into(),
-            );
+            return Err("--against: expected one scene; describe several in a file for --suite".into());
         }
         let cases = scenes.iter().enumerate().map(|(i, path)| SceneCase {
             name: stem(path),
@@ -236,11 +229,7 @@ impl Suite {
             peers: peers.to_vec(),
         });
         let suite = Self {
-            title: scenes
-                .iter()
-                .map(|path| stem(path))
-                .collect::<Vec<_>>()
-                .join(", "),
+            title: scenes.iter().map(|path| stem(path)).collect::<Vec<_>>().join(", "),
             scenes: cases.collect(),
             runs: vec![RunCase::default()],
         };
@@ -260,10 +249,7 @@ impl Suite {
         if self.scenes.is_empty() {
             return Err("expected at least one scene".into());
         }
-        unique(
-            "scenes",
-            self.scenes.iter().map(|scene| scene.name.as_str()),
-        )?;
+        unique("scenes", self.scenes.iter().map(|scene| scene.name.as_str()))?;
         for scene in &self.scenes {
             let runs = self.runs.iter().filter(|run| run.renders(&scene.name));
             let peers = scene.peers.iter().map(|peer| peer.name.as_str());
@@ -301,17 +287,12 @@ fn unique<'a>(what: &str, names: impl Iterator<Item = &'a str>) -> Result<(), St
 }
 
 fn stem(path: &Path) -> String {
-    path.file_stem()
-        .unwrap_or_default()
-        .to_string_lossy()
-        .into_owned()
+    path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
 }
 
 fn checked_passes(passes: Option<u64>) -> Result<Option<u64>, String> {
     match passes {
-        Some(passes) if !(1..=MAX_PASSES).contains(&passes) => {
-            Err(format!("passes is {passes}; expected at least 1"))
-        }
+        Some(passes) if !(1..=MAX_PASSES).contains(&passes) => Err(format!("passes is {passes}; expected at least 1")),
         passes => Ok(passes),
     }
 }
@@ -371,9 +352,7 @@ impl PeerEntry {
         points.sort_by(|a, b| a.wall_seconds.total_cmp(&b.wall_seconds));
         let image = match (self.image, self.seconds) {
             (None, None) if self.core_seconds.is_none() => None,
-            (Some(path), Some(wall_seconds))
-                if positive(&wall_seconds) && self.core_seconds.iter().all(positive) =>
-            {
+            (Some(path), Some(wall_seconds)) if positive(&wall_seconds) && self.core_seconds.iter().all(positive) => {
                 Some(PeerImage {
                     path: folder.join(path),
                     wall_seconds,
@@ -444,9 +423,7 @@ mod tests {
         };
         assert_eq!(a.peers[0].points[0], point);
         assert_eq!(a.peers[1].image.as_ref().unwrap().wall_seconds, 2.0);
-        let [slow, plain] = &suite.runs[..] else {
-            panic!()
-        };
+        let [slow, plain] = &suite.runs[..] else { panic!() };
         assert!(!slow.renders("a") && slow.renders("b") && plain.renders("a"));
         assert_eq!(slow.overrides.alpha, Some(0.9));
         assert_eq!(slow.overrides.schedule, Some(ScheduleKind::Beam));
@@ -454,10 +431,8 @@ mod tests {
 
     #[test]
     fn the_command_line_comes_before_the_file() {
-        let mut suite = read(
-            "[[scenes]]\nscene='a.toml'\n[[runs]]\nname='x'\npasses=9\noverrides={alpha=0.9,paths=7}",
-        )
-        .unwrap();
+        let mut suite =
+            read("[[scenes]]\nscene='a.toml'\n[[runs]]\nname='x'\npasses=9\noverrides={alpha=0.9,paths=7}").unwrap();
         let overrides = Overrides {
             alpha: Some(0.5),
             ..Overrides::default()
@@ -478,10 +453,7 @@ mod tests {
         for scene in &suite.scenes {
             assert_eq!(scene.peers.len(), 2, "{}", scene.name);
             let (description, _) = load(&scene.path, &Overrides::default()).unwrap();
-            assert_eq!(
-                (description.camera.width, description.camera.height),
-                (512, 512)
-            );
+            assert_eq!((description.camera.width, description.camera.height), (512, 512));
         }
     }
 
@@ -494,15 +466,9 @@ mod tests {
             ("[[scenes]]\nscen='a'", "scen"),
             (&format!("{scene}{scene}"), "`a` twice"),
             (&format!("{scene}passes=0"), "passes is 0"),
-            (
-                &format!("{scene}reference='r'\nreference_noise=-1"),
-                "noise is -1",
-            ),
+            (&format!("{scene}reference='r'\nreference_noise=-1"), "noise is -1"),
             (&format!("{scene}reference_noise=1"), "need a reference"),
-            (
-                &format!("{scene}[[scenes.peers]]\nname='x'"),
-                "expected points",
-            ),
+            (&format!("{scene}[[scenes.peers]]\nname='x'"), "expected points"),
             (
                 &format!("{scene}[[scenes.peers]]\nname='x'\npoints=[[1]]"),
                 "[seconds, relMSE]",
@@ -515,22 +481,13 @@ mod tests {
                 &format!("{scene}[[scenes.peers]]\nname='x'\npoints=[[1,nan]]"),
                 "above zero",
             ),
-            (
-                &format!("{scene}[[scenes.peers]]\nname='x'\nimage='i'"),
-                "its seconds",
-            ),
+            (&format!("{scene}[[scenes.peers]]\nname='x'\nimage='i'"), "its seconds"),
             (
                 &format!("{scene}[[scenes.peers]]\nname='beamfarm'\npoints=[[1,1]]"),
                 "twice",
             ),
-            (
-                &format!("{scene}[[runs]]\nname='x'\nscenes=['z']"),
-                "no scene `z`",
-            ),
-            (
-                &format!("{scene}[[runs]]\nname='x'\noverrides={{alpa=1}}"),
-                "alpa",
-            ),
+            (&format!("{scene}[[runs]]\nname='x'\nscenes=['z']"), "no scene `z`"),
+            (&format!("{scene}[[runs]]\nname='x'\noverrides={{alpa=1}}"), "alpa"),
         ];
         for (text, message) in cases {
             let error = read(text).unwrap_err();
@@ -563,10 +520,7 @@ mod tests {
             "x=,1",
             ",1",
         ] {
-            assert!(
-                against(bad).unwrap_err().starts_with("expected [NAME=]"),
-                "{bad}"
-            );
+            assert!(against(bad).unwrap_err().starts_with("expected [NAME=]"), "{bad}");
         }
     }
 }

@@ -25,14 +25,8 @@ impl Table {
 
 /// All that has an error against time: the runs, then the others.
 pub fn curves(scene: &SceneFindings) -> Vec<(String, Vec<Point>)> {
-    let runs = scene
-        .runs
-        .iter()
-        .map(|run| (run.name.clone(), run.points()));
-    let peers = scene
-        .peers
-        .iter()
-        .map(|peer| (peer.name.clone(), peer.points.clone()));
+    let runs = scene.runs.iter().map(|run| (run.name.clone(), run.points()));
+    let peers = scene.peers.iter().map(|peer| (peer.name.clone(), peer.points.clone()));
     runs.chain(peers).collect()
 }
 
@@ -44,19 +38,15 @@ pub fn times(scene: &SceneFindings, clock: Clock) -> Table {
     let known = curves(scene)
         .into_iter()
         .map(|(name, points)| (name, clock.curve(&points)));
-    let rows = known
-        .filter(|(_, curve)| !curve.is_empty())
-        .map(|(name, curve)| {
-            let mut row = vec![name];
-            row.extend(TARGETS.map(|target| time_to(&curve, target).text()));
-            row.push(match fit(&curve) {
-                Some(fit) => {
-                    format!("{:.2} ({} points)", fit.slope, fit.points).replace('-', "\u{2212}")
-                }
-                None => "\u{2013}".into(),
-            });
-            row
+    let rows = known.filter(|(_, curve)| !curve.is_empty()).map(|(name, curve)| {
+        let mut row = vec![name];
+        row.extend(TARGETS.map(|target| time_to(&curve, target).text()));
+        row.push(match fit(&curve) {
+            Some(fit) => format!("{:.2} ({} points)", fit.slope, fit.points).replace('-', "\u{2212}"),
+            None => "\u{2013}".into(),
         });
+        row
+    });
     Table {
         title: format!("Time to an error, {}", clock.unit()),
         head,
@@ -77,10 +67,7 @@ pub fn ratios(scene: &SceneFindings, clock: Clock) -> Table {
                 continue;
             }
             let mut row = vec![run.name.clone(), peer.name.clone()];
-            row.extend(
-                TARGETS
-                    .map(|target| times_faster(time_to(&ours, target), time_to(&theirs, target))),
-            );
+            row.extend(TARGETS.map(|target| times_faster(time_to(&ours, target), time_to(&theirs, target))));
             rows.push(row);
         }
     }
@@ -92,10 +79,7 @@ pub fn ratios(scene: &SceneFindings, clock: Clock) -> Table {
 }
 
 fn target_name(target: f64) -> String {
-    format!(
-        "relMSE 10{}",
-        superscript(&format!("{:.0}", libm::log10(target)))
-    )
+    format!("relMSE 10{}", superscript(&format!("{:.0}", libm::log10(target))))
 }
 
 /// Every record.
@@ -123,17 +107,10 @@ pub fn records(scene: &SceneFindings) -> Table {
     add("mean ratio", &|r| r.mean_ratio.map(|v| format!("{v:.4}")));
     add("largest 8 x 8 block", &|r| {
         let at = r.block_x.zip(r.block_y)?;
-        Some(format!(
-            "{} at {}, {}",
-            percent(r.block_deviation?),
-            at.0,
-            at.1
-        ))
+        Some(format!("{} at {}, {}", percent(r.block_deviation?), at.0, at.1))
     });
     add("estimated relMSE", &|r| r.estimated_rel_mse.map(power));
-    add("estimated error", &|r| {
-        r.estimated_relative_error.map(percent)
-    });
+    add("estimated error", &|r| r.estimated_relative_error.map(percent));
     // The images of others, as far as they are known.
     for peer in &scene.peers {
         let Some((_, found)) = &peer.image else {
@@ -145,24 +122,15 @@ pub fn records(scene: &SceneFindings) -> Table {
                 row[i] = text;
             }
         };
-        let point = peer
-            .points
-            .iter()
-            .find(|point| point.rel_mse == found.error());
+        let point = peer.points.iter().find(|point| point.rel_mse == found.error());
         set("renderer", peer.name.clone());
         if let Some(point) = point {
             set("wall s", digits(point.wall_seconds));
-            set(
-                "core-s",
-                point.core_seconds.map_or("\u{2013}".into(), digits),
-            );
+            set("core-s", point.core_seconds.map_or("\u{2013}".into(), digits));
         }
         set("RMSE", digits(found.rmse));
         set("relMSE", power(found.rel_mse));
-        set(
-            "net relMSE",
-            found.net_rel_mse.map_or("\u{2013}".into(), power),
-        );
+        set("net relMSE", found.net_rel_mse.map_or("\u{2013}".into(), power));
         set("mean ratio", format!("{:.4}", found.mean_ratio));
         let at = found.block;
         let block = format!("{} at {}, {}", percent(found.block_deviation), at[0], at[1]);
@@ -193,15 +161,11 @@ pub fn memory(scene: &SceneFindings) -> Table {
         let optional = |value: Option<f64>| value.map_or_else(dash, digits);
         Some(vec![
             run.name.clone(),
-            record
-                .peak_memory_bytes
-                .map_or_else(dash, |b| megabytes(b as f64)),
+            record.peak_memory_bytes.map_or_else(dash, |b| megabytes(b as f64)),
             optional(record.bytes_per_pixel),
             digits(beams),
             optional(record.bytes_per_beam),
-            record
-                .bytes_per_beam
-                .map_or_else(dash, |b| megabytes(b * beams)),
+            record.bytes_per_beam.map_or_else(dash, |b| megabytes(b * beams)),
         ])
     });
     Table {

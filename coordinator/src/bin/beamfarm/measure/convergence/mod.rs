@@ -139,19 +139,12 @@ pub fn main(args: ConvergenceArgs) -> Result<(), Failure> {
     println!(
         "limit {:.6e}{}, bias of the first pass {:+.2} % of it, standard deviation {:.2} %",
         theory.truth,
-        if args.truth.is_some() {
-            ""
-        } else {
-            " (extrapolated)"
-        },
+        if args.truth.is_some() { "" } else { " (extrapolated)" },
         100.0 * theory.bias / theory.truth,
         100.0 * theory.variance.sqrt() / theory.truth.abs(),
     );
     print!("{}", table(&results, &theory, args.runs));
-    write(
-        &args.output.join("convergence.csv"),
-        &csv(&results, &theory),
-    )?;
+    write(&args.output.join("convergence.csv"), &csv(&results, &theory))?;
     let svg = plot::figure(&results, &theory).map_err(Failure::job)?;
     write(&args.output.join("convergence.svg"), &svg)
 }

@@ -33,31 +33,20 @@ pub fn figure(results: &[Curves], theory: &Theory) -> Result<String, String> {
         let square = limit * limit;
         type Pick<'a> = &'a dyn Fn(&Curves, usize) -> (f64, f64);
         // The legend is where no curve begins or ends.
-        let [upper, lower] = [
-            SeriesLabelPosition::UpperLeft,
-            SeriesLabelPosition::LowerLeft,
-        ];
+        let [upper, lower] = [SeriesLabelPosition::UpperLeft, SeriesLabelPosition::LowerLeft];
         let of: [(&str, SeriesLabelPosition, Pick); 3] = [
             ("variance of a pass, relative", upper, &|r, i| {
                 (r.passes[i].variance / square, r.theory[i].variance / square)
             }),
-            (
-                "variance of the average, relative",
-                lower.clone(),
-                &|r, i| {
-                    let variance = r.averages[i].variance;
-                    (variance / square, r.theory[i].average_variance / square)
-                },
-            ),
-            (
-                "bias of the average, relative, without sign",
-                lower,
-                &|r, i| {
-                    let bias = r.averages[i].mean - limit;
-                    let of = |bias: f64| (bias / limit).abs();
-                    (of(bias), of(r.theory[i].average_bias))
-                },
-            ),
+            ("variance of the average, relative", lower.clone(), &|r, i| {
+                let variance = r.averages[i].variance;
+                (variance / square, r.theory[i].average_variance / square)
+            }),
+            ("bias of the average, relative, without sign", lower, &|r, i| {
+                let bias = r.averages[i].mean - limit;
+                let of = |bias: f64| (bias / limit).abs();
+                (of(bias), of(r.theory[i].average_bias))
+            }),
         ];
         for (panel, (title, legend, pick)) in panels.iter().zip(of) {
             let curves: Vec<(f64, Curve)> = results
@@ -111,20 +100,14 @@ fn draw<'a>(
         let thin = thinned(curve.len());
         let line: Vec<(f64, f64)> = thin.iter().map(|&i| ((i + 1) as f64, curve[i].1)).collect();
         chart
-            .draw_series([PathElement::new(
-                line,
-                colour.stroke_width(FINE as u32 * 3 / 2),
-            )])?
+            .draw_series([PathElement::new(line, colour.stroke_width(FINE as u32 * 3 / 2))])?
             .label(format!("alpha = {alpha}"))
             .legend(|(x, y)| {
                 let ends = [(x, y), (x + 16 * FINE, y)];
                 PathElement::new(ends, colour.stroke_width(2 * FINE as u32))
             });
-        let dots = thin
-            .iter()
-            .filter(|&&i| curve[i].0 >= low && curve[i].0 <= high);
-        let dot =
-            |&i: &usize| Circle::new(((i + 1) as f64, curve[i].0), 5 * FINE / 2, colour.filled());
+        let dots = thin.iter().filter(|&&i| curve[i].0 >= low && curve[i].0 <= high);
+        let dot = |&i: &usize| Circle::new(((i + 1) as f64, curve[i].0), 5 * FINE / 2, colour.filled());
         chart.draw_series(dots.map(dot))?;
     }
     chart

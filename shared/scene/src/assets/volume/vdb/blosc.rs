@@ -35,11 +35,7 @@ pub fn decompress(chunk: &[u8], out: &mut [u8], scratch: &mut Vec<u8>) -> Result
     if flags & COPIED != 0 {
         let content = &chunk[HEADER..];
         if content.len() != out.len() {
-            return Err(format!(
-                "holds {} bytes; expected {}",
-                content.len(),
-                out.len()
-            ));
+            return Err(format!("holds {} bytes; expected {}", content.len(), out.len()));
         }
         out.copy_from_slice(content);
         return Ok(());
@@ -141,10 +137,7 @@ mod tests {
         for name in ["whole", "split", "blocks", "unshuffled", "copied"] {
             assert_eq!(unpack(&chunk(name), 701).unwrap(), values(701), "{name}");
         }
-        assert_eq!(
-            unpack(&chunk("split_blocks"), 20_001).unwrap(),
-            values(20_001)
-        );
+        assert_eq!(unpack(&chunk("split_blocks"), 20_001).unwrap(), values(20_001));
         for (name, reason) in [
             ("blosclz", "compressed by BloscLZ; expected LZ4"),
             ("zlib", "compressed by zlib; expected LZ4"),
@@ -154,10 +147,7 @@ mod tests {
             assert!(error.contains(reason), "{error}");
         }
         let error = unpack(&chunk("whole"), 700).unwrap_err();
-        assert!(
-            error.contains("holds 2804; expected 523 and 2800"),
-            "{error}"
-        );
+        assert!(error.contains("holds 2804; expected 523 and 2800"), "{error}");
     }
 
     #[test]

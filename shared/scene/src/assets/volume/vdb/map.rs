@@ -50,9 +50,5 @@ pub fn read(bytes: &mut Bytes) -> Result<DAffine3, Flaw> {
 
 fn vector(bytes: &mut Bytes) -> Result<DVec3, Flaw> {
     const WHAT: &str = "the grid's transform";
-    Ok(DVec3::new(
-        bytes.f64(WHAT)?,
-        bytes.f64(WHAT)?,
-        bytes.f64(WHAT)?,
-    ))
+    Ok(DVec3::new(bytes.f64(WHAT)?, bytes.f64(WHAT)?, bytes.f64(WHAT)?))
 }

@@ -62,10 +62,7 @@ impl Grid<'_> {
     }
 
     fn plain_name(&self) -> &[u8] {
-        self.unique
-            .split(|b| *b == SEPARATOR)
-            .next()
-            .unwrap_or_default()
+        self.unique.split(|b| *b == SEPARATOR).next().unwrap_or_default()
     }
 }
 
@@ -90,9 +87,7 @@ fn grids<'a>(bytes: &mut Bytes<'a>) -> Result<Vec<Grid<'a>>, Flaw> {
     // The version of the library that wrote it.
     bytes.take(8, WHAT)?;
     if bytes.u8(WHAT)? == 0 {
-        return Err(
-            "it was written as a stream, without offsets of its grids, which is unsupported".into(),
-        );
+        return Err("it was written as a stream, without offsets of its grids, which is unsupported".into());
     }
     // A UUID.
     bytes.take(36, WHAT)?;
@@ -114,10 +109,9 @@ fn grids<'a>(bytes: &mut Bytes<'a>) -> Result<Vec<Grid<'a>>, Flaw> {
         let begin = bytes.position();
         bytes.seek(end, &format!("the end of the grid {name:?}"))?;
         if bytes.position() < begin {
-            return Err(format!(
-                "the grid {name:?} is said to end at byte {end}, before its begin at byte {begin}"
-            )
-            .into());
+            return Err(
+                format!("the grid {name:?} is said to end at byte {end}, before its begin at byte {begin}").into(),
+            );
         }
         grids.push(Grid {
             name,
@@ -171,15 +165,11 @@ fn density(bytes: Bytes, grids: &[Grid], grid: &Grid) -> Result<RawDensity, Flaw
     }
     let (header, mut topology) = Header::read(bytes, grid)?;
     if header.class == b"level set" {
-        return Err(
-            "it is a level set, distances from a surface; expected a fog volume, densities".into(),
-        );
+        return Err("it is a level set, distances from a surface; expected a fog volume, densities".into());
     }
     let (mut owner, mut owner_header) = (grid, header);
     if !grid.parent.is_empty() {
-        let parent = grids
-            .iter()
-            .find(|g| g.unique == grid.parent && g.parent.is_empty());
+        let parent = grids.iter().find(|g| g.unique == grid.parent && g.parent.is_empty());
         owner = parent.ok_or_else(|| {
             let parent = String::from_utf8_lossy(grid.parent);
             format!("the grid {parent:?}, whose tree it shares, has no tree or is not there")

@@ -1,5 +1,6 @@
-//! The tree of a grid, 5-4-3: a root of nodes of 32^3 children, which are nodes of 16^3 leaves of 8^3 values. A place without
-//! a child has a tile: one value throughout. First comes the topology with the tiles, depth first, then the leaves' values.
+//! The tree of a grid, 5-4-3: a root of nodes of 32^3 children, which are nodes of 16^3 leaves of 8^3 values. A place
+//! without a child has a tile: one value throughout. First comes the topology with the tiles, depth first, then the
+//! leaves' values.
 
 use super::values::{Mask, Scalar, ValueReader};
 use crate::assets::Flaw;
@@ -38,10 +39,7 @@ pub fn read(bytes: &mut Bytes, storage: &Storage) -> Result<BTreeMap<[i32; 3], C
     }
     let background = storage.scalar.read(bytes, WHAT)?;
     if background != 0.0 {
-        return Err(format!(
-            "its background is {background}; expected 0, as a fog volume has around it"
-        )
-        .into());
+        return Err(format!("its background is {background}; expected 0, as a fog volume has around it").into());
     }
     let tile_size = 12 + storage.scalar.size() + 1;
     let tiles = bytes.count(tile_size, "tiles of the root")?;
@@ -60,12 +58,7 @@ pub fn read(bytes: &mut Bytes, storage: &Storage) -> Result<BTreeMap<[i32; 3], C
         }
     }
     let mut tree = Reader {
-        values: ValueReader::new(
-            storage.scalar,
-            storage.as_half,
-            storage.compression,
-            background,
-        )?,
+        values: ValueReader::new(storage.scalar, storage.as_half, storage.compression, background)?,
         bricks: BTreeMap::new(),
         tile_bricks: 0,
         leaves: Vec::new(),

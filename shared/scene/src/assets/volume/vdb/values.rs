@@ -29,9 +29,7 @@ impl Scalar {
         match (self, bytes) {
             (Self::Half, &[a, b]) => f16::from_le_bytes([a, b]).to_f32(),
             (Self::Float, &[a, b, c, d]) => f32::from_le_bytes([a, b, c, d]),
-            (Self::Double, &[a, b, c, d, e, f, g, h]) => {
-                f64::from_le_bytes([a, b, c, d, e, f, g, h]) as f32
-            }
+            (Self::Double, &[a, b, c, d, e, f, g, h]) => f64::from_le_bytes([a, b, c, d, e, f, g, h]) as f32,
             _ => 0.0,
         }
     }
@@ -51,9 +49,7 @@ impl<'a> Mask<'a> {
     }
 
     pub fn contains(&self, i: usize) -> bool {
-        self.0
-            .get(i / 8)
-            .is_some_and(|byte| byte >> (i % 8) & 1 == 1)
+        self.0.get(i / 8).is_some_and(|byte| byte >> (i % 8) & 1 == 1)
     }
 
     fn count(&self) -> usize {
@@ -114,23 +110,15 @@ impl ValueReader {
     }
 
     /// The values of a node with these active ones.
-    pub fn read<'a>(
-        &mut self,
-        bytes: &mut Bytes<'a>,
-        active: Mask<'a>,
-        out: &mut [f32],
-    ) -> Result<(), Flaw> {
+    pub fn read<'a>(&mut self, bytes: &mut Bytes<'a>, active: Mask<'a>, out: &mut [f32]) -> Result<(), Flaw> {
         const WHAT: &str = "a node's values";
         let at = bytes.position();
-        // How inactive values are stored: 0 all are the background; 1 all are minus the background; 2 all are one value that
-        // follows; 3 to 5 a mask selects between minus the background and the background, between a value and the
+        // How inactive values are stored: 0 all are the background; 1 all are minus the background; 2 all are one value
+        // that follows; 3 to 5 a mask selects between minus the background and the background, between a value and the
         // background, or between two values; 6 every value is stored.
         let kind = bytes.u8(WHAT)?;
         if kind > 6 {
-            return Err(format!(
-                "the node at byte {at} has inactive values of kind {kind}; expected 0 to 6"
-            )
-            .into());
+            return Err(format!("the node at byte {at} has inactive values of kind {kind}; expected 0 to 6").into());
         }
         let mut inactive = match kind {
             0 => [self.background; 2],
@@ -148,11 +136,7 @@ impl ValueReader {
         };
         let masked = self.masked && kind != 6;
         let count = if masked { active.count() } else { out.len() };
-        let number = if self.as_half {
-            Scalar::Half
-        } else {
-            self.scalar
-        };
+        let number = if self.as_half { Scalar::Half } else { self.scalar };
         // No halves are not even an empty chunk.
         let stored = match self.as_half && count == 0 {
             true => &[],
@@ -169,11 +153,7 @@ impl ValueReader {
     }
 
     /// A chunk of the given size when unpacked.
-    fn unpack<'b, 'a: 'b>(
-        &'b mut self,
-        bytes: &mut Bytes<'a>,
-        size: usize,
-    ) -> Result<&'b [u8], Flaw> {
+    fn unpack<'b, 'a: 'b>(&'b mut self, bytes: &mut Bytes<'a>, size: usize) -> Result<&'b [u8], Flaw> {
         const WHAT: &str = "a node's values";
         if matches!(self.codec, Codec::None) {
             return bytes.take(size, WHAT);
@@ -197,12 +177,10 @@ impl ValueReader {
             }
             _ => {
                 self.inflater.reset(true);
-                let status =
-                    self.inflater
-                        .decompress(packed, &mut self.unpacked, FlushDecompress::Finish);
-                if !matches!(status, Ok(Status::StreamEnd))
-                    || self.inflater.total_out() != size as u64
-                {
+                let status = self
+                    .inflater
+                    .decompress(packed, &mut self.unpacked, FlushDecompress::Finish);
+                if !matches!(status, Ok(Status::StreamEnd)) || self.inflater.total_out() != size as u64 {
                     return Err(flaw(format!("is not zlib data of {size} bytes")));
                 }
             }
@@ -231,8 +209,8 @@ mod tests {
         values.into_iter().flat_map(f32::to_le_bytes).collect()
     }
 
-    /// All kinds of inactive values, also those that only a background other than zero has: the first 8 values, of which
-    /// the first two are active and the next two selected but for the first of them.
+    /// All kinds of inactive values, also those that only a background other than zero has: the first 8 values, of
+    /// which the first two are active and the next two selected but for the first of them.
     #[test]
     fn inactive_values_are_restored() {
         let stored: Vec<f32> = (0..128).map(|i| i as f32).collect();
@@ -267,13 +245,7 @@ mod tests {
         let mut chunk = vec![6];
         chunk.extend((-2048i64).to_le_bytes());
         chunk.extend(&plain[1..]);
-        for (compression, bytes) in [
-            (0, &plain),
-            (2, &plain),
-            (1, &chunk),
-            (4, &chunk),
-            (7, &chunk),
-        ] {
+        for (compression, bytes) in [(0, &plain), (2, &plain), (1, &chunk), (4, &chunk), (7, &chunk)] {
             assert_eq!(read(compression, bytes).unwrap(), stored, "{compression}");
         }
         // A kind without a mask has nothing to restore if inactive values are stored.
@@ -284,8 +256,7 @@ mod tests {
     #[test]
     fn zlib_data_must_have_the_expected_size() {
         let compress = |size: usize| {
-            let mut encoder =
-                flate2::write::ZlibEncoder::new(Vec::new(), flate2::Compression::best());
+            let mut encoder = flate2::write::ZlibEncoder::new(Vec::new(), flate2::Compression::best());
             std::io::Write::write_all(&mut encoder, &vec![0; size]).unwrap();
             let packed = encoder.finish().unwrap();
             let mut bytes = vec![6];

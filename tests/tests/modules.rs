@@ -1,0 +1,287 @@
+//! The modules of a folder do not import each other in circles: what one finds in a file can be read without the files
+//! that use it.
+//!
+//! Of every folder, its files and subfolders are compared; whatever stands inside of a subfolder counts for it. A
+//! module may use what its parent's own file defines. Paths inside of macros are not seen.
+
+use petgraph::algo::tarjan_scc;
+use petgraph::graphmap::DiGraphMap;
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::{Path, PathBuf};
+use syn::visit::Visit;
+use syn::{Item, UseTree};
+
+/// The roots of all crates: their folder, and the file that they begin with.
+const CRATES: [[&str; 2]; 8] = [
+    ["coordinator/src", "lib.rs"],
+    ["coordinator/src/bin/beamfarm", "main.rs"],
+    ["proto/src", "lib.rs"],
+    ["shared/image/src", "lib.rs"],
+    ["shared/render/src", "lib.rs"],
+    ["shared/scene/src", "lib.rs"],
+    ["tests/src", "lib.rs"],
+    ["worker/src", "lib.rs"],
+];
+
+type Names = Vec<String>;
+
+/// What a file says of others.
+#[derive(Default)]
+struct Module {
+    /// Names of its items.
+    items: BTreeSet<String>,
+    /// Names that it imports, and from where; `*` for all of a module.
+    imports: Vec<(String, Names)>,
+    /// All paths that lead out of it.
+    paths: BTreeSet<Names>,
+}
+
+struct Reader<'a> {
+    /// Path of the module that is read, inline modules among it.
+    here: Names,
+    /// How many of these are inline.
+    inline: usize,
+    module: &'a mut Module,
+}
+
+impl Reader<'_> {
+    /// A path as names from the crate's root, if it leads out of the file.
+    fn absolute(&self, names: &[String]) -> Option<Names> {
+        let mut at = match names.first()?.as_str() {
+            "crate" => Vec::new(),
+            "self" => self.here.clone(),
+            "super" => self.here[..self.here.len().checked_sub(1)?].to_vec(),
+            name if self.module.items.contains(name) && self.inline == 0 => [&*self.here, &[name.to_owned()]].concat(),
+            _ => return None,
+        };
+        for name in &names[1..] {
+            match name.as_str() {
+                "super" => drop(at.pop()),
+                _ => at.push(name.clone()),
+            }
+        }
+        Some(at)
+    }
+
+    fn import(&mut self, before: &mut Names, tree: &UseTree) {
+        let (name, target) = match tree {
+            UseTree::Path(path) => {
+                before.push(path.ident.to_string());
+                self.import(before, &path.tree);
+                before.pop();
+                return;
+            }
+            UseTree::Group(group) => {
+                return group.items.iter().for_each(|tree| self.import(before, tree));
+            }
+            UseTree::Name(name) if name.ident == "self" => (before.last().cloned().unwrap_or_default(), before.clone()),
+            UseTree::Name(name) => {
+                let name = name.ident.to_string();
+                (name.clone(), [&**before, &[name]].concat())
+            }
+            UseTree::Rename(rename) => {
+                let target = [&**before, &[rename.ident.to_string()]].concat();
+                (rename.rename.to_string(), target)
+            }
+            UseTree::Glob(_) => ("*".to_owned(), before.clone()),
+        };
+        if let Some(target) = self.absolute(&target) {
+            self.module.paths.insert(target.clone());
+            if self.inline == 0 {
+                self.module.imports.push((name, target));
+            }
+        }
+    }
+}
+
+impl<'ast> Visit<'ast> for Reader<'_> {
+    fn visit_item_mod(&mut self, item: &'ast syn::ItemMod) {
+        if item.content.is_some() {
+            self.here.push(item.ident.to_string());
+            self.inline += 1;
+            syn::visit::visit_item_mod(self, item);
+            self.inline -= 1;
+            self.here.pop();
+        }
+    }
+
+    fn visit_item_use(&mut self, item: &'ast syn::ItemUse) {
+        self.import(&mut Vec::new(), &item.tree);
+    }
+
+    fn visit_path(&mut self, path: &'ast syn::Path) {
+        let names: Names = path.segments.iter().map(|s| s.ident.to_string()).collect();
+        if let Some(target) = self.absolute(&names) {
+            self.module.paths.insert(target);
+        }
+        syn::visit::visit_path(self, path);
+    }
+}
+
+fn name_of(item: &Item) -> Option<String> {
+    let name = match item {
+        Item::Const(item) => &item.ident,
+        Item::Enum(item) => &item.ident,
+        Item::Fn(item) => &item.sig.ident,
+        Item::Mod(item) => &item.ident,
+        Item::Static(item) => &item.ident,
+        Item::Struct(item) => &item.ident,
+        Item::Trait(item) => &item.ident,
+        Item::Type(item) => &item.ident,
+        _ => return None,
+    };
+    Some(name.to_string())
+}
+
+/// The modules of a crate, by path.
+fn modules(root: &Path, first: &str) -> BTreeMap<Names, Module> {
+    let mut modules = BTreeMap::new();
+    read_module(&root.join(first), root, Vec::new(), &mut modules);
+    modules
+}
+
+/// Read a module's file and those of its children, which lie in `folder`.
+fn read_module(file: &Path, folder: &Path, path: Names, modules: &mut BTreeMap<Names, Module>) {
+    let text = fs::read_to_string(file).expect("the module's file");
+    let parsed = syn::parse_file(&text).unwrap_or_else(|e| panic!("{}: {e}", file.display()));
+    let mut module = Module {
+        items: parsed.items.iter().filter_map(name_of).collect(),
+        ..Module::default()
+    };
+    let mut reader = Reader {
+        here: path.clone(),
+        inline: 0,
+        module: &mut module,
+    };
+    reader.visit_file(&parsed);
+    modules.insert(path.clone(), module);
+    for item in &parsed.items {
+        let Item::Mod(child) = item else { continue };
+        // Generated code has no file.
+        let name = child.ident.to_string();
+        let inside = folder.join(&name);
+        let places: [PathBuf; 2] = [folder.join(format!("{name}.rs")), inside.join("mod.rs")];
+        if let Some(file) = places.iter().find(|place| place.is_file()) {
+            read_module(file, &inside, [&*path, &[name]].concat(), modules);
+        }
+    }
+}
+
+/// The module that a path leads to, by way of imports that modules pass on.
+fn home(modules: &BTreeMap<Names, Module>, target: &[String], depth: usize) -> Option<Names> {
+    let known = (0..=target.len()).rev().find(|n| modules.contains_key(&target[..*n]))?;
+    let (path, rest) = target.split_at(known);
+    let module = &modules[path];
+    let Some(name) = rest.first() else {
+        return Some(path.to_vec());
+    };
+    if module.items.contains(name) || depth == 0 {
+        return Some(path.to_vec());
+    }
+    let named = module.imports.iter().filter(|(import, _)| import == name);
+    let globs = module
+        .imports
+        .iter()
+        .filter(|(import, from)| import == "*" && modules.get(from).is_some_and(|m| m.items.contains(name)));
+    match named.chain(globs).next() {
+        Some((import, from)) if import == "*" => Some(from.clone()),
+        Some((_, from)) => home(modules, from, depth - 1),
+        None => Some(path.to_vec()),
+    }
+}
+
+/// Circles among the siblings of each folder, with an import for each arrow.
+fn circles(modules: &BTreeMap<Names, Module>) -> Vec<String> {
+    // By folder: from child to child, an example.
+    let mut arrows: BTreeMap<Names, BTreeMap<[String; 2], String>> = BTreeMap::new();
+    for (path, module) in modules {
+        for target in &module.paths {
+            let Some(to) = home(modules, target, 8) else {
+                continue;
+            };
+            let shared = path.iter().zip(&to).take_while(|(a, b)| a == b).count();
+            let (Some(from), Some(into)) = (path.get(shared), to.get(shared)) else {
+                continue;
+            };
+            let example = format!("{} uses {}", path.join("::"), target.join("::"));
+            let folder = arrows.entry(path[..shared].to_vec()).or_default();
+            folder.entry([from.clone(), into.clone()]).or_insert(example);
+        }
+    }
+    let mut found = Vec::new();
+    for arrows in arrows.values() {
+        let graph: DiGraphMap<&str, ()> = arrows.keys().map(|[a, b]| (&**a, &**b)).collect();
+        for circle in tarjan_scc(&graph).iter().filter(|circle| circle.len() > 1) {
+            let within = |name: &str| circle.contains(&name);
+            let inside = arrows.iter().filter(|([a, b], _)| within(a) && within(b));
+            let lines: Vec<&str> = inside.map(|(_, example)| &**example).collect();
+            found.push(format!("{}:\n    {}", circle.join(", "), lines.join("\n    ")));
+        }
+    }
+    found
+}
+
+#[test]
+fn no_modules_import_each_other_in_circles() {
+    let top = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let mut found = Vec::new();
+    for [folder, first] in CRATES {
+        let modules = modules(&top.join(folder), first);
+        assert!(modules.len() > 1, "{folder} has modules");
+        found.extend(circles(&modules).iter().map(|circle| format!("{folder}: {circle}")));
+    }
+    assert!(found.is_empty(), "circles of modules:\n{}", found.join("\n"));
+}
+
+/// A circle by way of what a parent passes on is one.
+#[test]
+fn circles_are_found() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let write = |name: &str, text: &str| {
+        let file = folder.path().join(name);
+        fs::create_dir_all(file.parent().expect("a folder")).expect("a folder");
+        fs::write(file, text).expect("a file");
+    };
+    write("lib.rs", "mod a;\nmod b;\npub struct Own;\n");
+    write("a/mod.rs", "mod deep;\npub use deep::Thing;\n");
+    write("a/deep.rs", "use super::super::Own;\npub struct Thing(Own);\n");
+    write("b.rs", "pub fn f(_: crate::a::Thing) {}\n");
+    assert!(circles(&modules(folder.path(), "lib.rs")).is_empty());
+    write("a/deep.rs", "use crate::b::f;\npub struct Thing;\n");
+    let found = circles(&modules(folder.path(), "lib.rs"));
+    assert_eq!(found.len(), 1, "{found:?}");
+    assert!(found[0].contains("a::deep uses b::f"), "{found:?}");
+}
+
+/// `cargo fmt` sees to code alone.
+#[test]
+fn comments_are_at_most_120_columns_wide() {
+    fn files(folder: &Path, found: &mut Vec<PathBuf>) {
+        let entries = fs::read_dir(folder).expect("a folder");
+        for entry in entries.map(|entry| entry.expect("an entry").path()) {
+            if entry.is_dir() {
+                files(&entry, found);
+            } else if entry.extension().is_some_and(|ending| ending == "rs") {
+                found.push(entry);
+            }
+        }
+    }
+    let top = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let mut found = Vec::new();
+    for folder in ["coordinator", "proto", "shared", "tests", "worker"] {
+        files(&top.join(folder), &mut found);
+    }
+    let mut wide = Vec::new();
+    for file in found {
+        let text = fs::read_to_string(&file).expect("a file of text");
+        for (line, number) in text.lines().zip(1..) {
+            let comment = line.trim_start();
+            let is_table = comment.contains("! |") || comment.contains("/ |");
+            if comment.starts_with("//") && !is_table && line.chars().count() > 120 {
+                wide.push(format!("{}:{number}", file.display()));
+            }
+        }
+    }
+    assert!(wide.is_empty(), "comments wider than 120 columns:\n{}", wide.join("\n"));
+}

@@ -8,7 +8,7 @@ use super::super::store::PieceRange;
 use super::block::{Block, Shared};
 use super::kind::Kind;
 use super::meeting::Meeting;
-use super::pairs::{Cone, Pairs};
+use super::pairs::{Cone, Pair, Pairs, attenuated};
 use crate::math::{Rgb, Vec3};
 
 /// How many beams ahead what is known along a beam is fetched from memory.
@@ -66,34 +66,6 @@ impl BeamLine {
     }
 }
 
-/// Values of [`Meeting`]s, one in each lane.
-struct Meetings {
-    cos: Lanes,
-    offset: Lanes,
-    w_dot_d: Lanes,
-    w_dot_b: Lanes,
-}
-
-impl Meetings {
-    #[inline(always)]
-    fn set(&mut self, l: usize, meeting: Meeting) {
-        self.cos[l] = meeting.cos;
-        self.offset[l] = meeting.offset;
-        self.w_dot_d[l] = meeting.w_dot_d;
-        self.w_dot_b[l] = meeting.w_dot_b;
-    }
-
-    #[inline(always)]
-    fn get(&self, l: usize) -> Meeting {
-        Meeting {
-            cos: self.cos[l],
-            offset: self.offset[l],
-            w_dot_d: self.w_dot_d[l],
-            w_dot_b: self.w_dot_b[l],
-        }
-    }
-}
-
 impl Block<'_> {
     /// Adds beams by the estimate that is due in each lane. `near`: positions among the lines, which are for the
     /// segments' origin where they share one.
@@ -122,16 +94,13 @@ impl Block<'_> {
     #[inline(always)]
     fn add_line<K: Kind>(&mut self, shared: &Shared, line: &BeamLine, chords: &mut [u32; LANES]) {
         let cone = line.cone();
-        let mut meetings = Meetings {
-            cos: [0.0; LANES],
-            offset: [0.0; LANES],
-            w_dot_d: [0.0; LANES],
-            w_dot_b: [0.0; LANES],
-        };
+        let (mut cos, mut offset) = ([0.0; LANES], [0.0; LANES]);
+        let (mut w_dot_d, mut w_dot_b) = ([0.0; LANES], [0.0; LANES]);
         let mut reached = [0u32; LANES];
         for l in 0..LANES {
             let meeting = self.meeting::<K>(line, l);
-            meetings.set(l, meeting);
+            (cos[l], offset[l]) = (meeting.cos, meeting.offset);
+            (w_dot_d[l], w_dot_b[l]) = (meeting.w_dot_d, meeting.w_dot_b);
             chords[l] = meeting.is_chord(line.max_radius, cone.start, cone.end) as u32;
             reached[l] = meeting.is_reached(line.max_radius) as u32;
         }
@@ -139,25 +108,41 @@ impl Block<'_> {
         if !K::PINHOLE && !any(&reached) {
             return;
         }
-        let mut pairs = Pairs::new();
+        let (mut along_segment, mut along_beam) = ([0.0; LANES], [0.0; LANES]);
+        let (mut value, mut depth) = ([0.0; LANES], [0.0; LANES]);
+        let mut hit = [0u32; LANES];
         for l in 0..LANES {
-            let met = (meetings.get(l), reached[l]);
-            pairs.set::<K>(l, shared, met, cone, self.length[l]);
+            let meeting = Meeting {
+                cos: cos[l],
+                offset: offset[l],
+                w_dot_d: w_dot_d[l],
+                w_dot_b: w_dot_b[l],
+            };
+            let pair = Pair::new::<K>(shared, meeting, reached[l], cone, self.length[l]);
+            (hit[l], value[l]) = (pair.hit, pair.value);
+            (along_segment[l], along_beam[l]) = (pair.along_segment, pair.along_beam);
+            depth[l] = pair.along_segment + pair.along_beam;
         }
         for l in 0..LANES {
-            self.evaluations[l] += pairs.hit[l];
+            self.evaluations[l] += hit[l];
         }
         // What varies costs more than to look whether it is needed.
-        if K::VARYING && !any(&pairs.hit) {
+        if K::VARYING && !any(&hit) {
             return;
         }
+        let mut transmitted = [[1.0; LANES]; 3];
         if K::VARYING
             && let Some(varying) = &self.varying
         {
-            let (t, s) = (&pairs.along_segment, &pairs.along_beam);
-            let at = varying.attenuation::<K>(line.steps, &pairs.hit, t, s);
-            pairs.attenuate::<K>(at);
+            let at = varying.attenuation::<K>(line.steps, &hit, &along_segment, &along_beam);
+            value = attenuated::<K>(&value, &at);
+            (transmitted, depth) = (at.transmitted, at.depth);
         }
+        let pairs = Pairs {
+            value: &value,
+            transmitted: &transmitted,
+            depth: &depth,
+        };
         let power = line.power.to_array();
         let radiance = &mut self.radiance;
         pairs.add_to::<K>(shared, |c, _| power[c], |c, l, v| radiance[c][l] += v);

@@ -22,43 +22,21 @@ pub(super) struct Cone {
     pub end: f32,
 }
 
-/// Pairs of beam and segment, one in each lane.
-pub(super) struct Pairs {
-    /// 1 where a pair contributes.
-    pub hit: [u32; LANES],
+/// A beam and a segment.
+pub(super) struct Pair {
+    /// 1 where they contribute.
+    pub hit: u32,
     /// Where the two are nearest. Zero, as the value is, where they do not contribute.
-    pub along_segment: Lanes,
-    pub along_beam: Lanes,
-    /// Kernel over sine, phase function, density where it varies: what all channels have in common.
-    value: Lanes,
-    /// What comes to them by channel, and density times length of what is in closed form.
-    transmitted: [Lanes; 3],
-    depth: Lanes,
+    pub along_segment: f32,
+    pub along_beam: f32,
+    /// Kernel over sine, times the phase function.
+    pub value: f32,
 }
 
-impl Pairs {
+impl Pair {
+    /// `reached`: 1 where [`Meeting::is_reached`] says so. `length`: of the segment.
     #[inline(always)]
-    pub fn new() -> Self {
-        Self {
-            hit: [0; LANES],
-            along_segment: [0.0; LANES],
-            along_beam: [0.0; LANES],
-            value: [0.0; LANES],
-            transmitted: [[1.0; LANES]; 3],
-            depth: [0.0; LANES],
-        }
-    }
-
-    /// The pair of a lane. `reached`: 1 where [`Meeting::is_reached`] says so. `length`: of the segment.
-    #[inline(always)]
-    pub fn set<K: Kind>(
-        &mut self,
-        l: usize,
-        shared: &Shared,
-        (meeting, reached): (Meeting, u32),
-        cone: Cone,
-        length: f32,
-    ) {
+    pub fn new<K: Kind>(shared: &Shared, meeting: Meeting, reached: u32, cone: Cone, length: f32) -> Self {
         let at = meeting.nearest(cone.radius, cone.radius_slope);
         let hit = reached
             & (at.t > 0.0) as u32
@@ -67,27 +45,40 @@ impl Pairs {
             & (at.s <= cone.end) as u32
             & (at.x < 1.0) as u32;
         let value = at.value * shared.phase::<K>(meeting.cos);
-        self.hit[l] = hit;
-        self.along_segment[l] = if hit != 0 { at.t } else { 0.0 };
-        // Before its start, where its kernel reaches beyond the surface that it starts on, it is as strong as there.
-        self.along_beam[l] = if hit != 0 { at.s.max(0.0) } else { 0.0 };
-        self.value[l] = if hit != 0 { value } else { 0.0 };
-        self.depth[l] = self.along_segment[l] + self.along_beam[l];
-    }
-
-    /// What a medium that varies makes of them.
-    #[inline(always)]
-    pub fn attenuate<K: Kind>(&mut self, at: Attenuation) {
-        for l in 0..LANES {
-            let value = self.value[l] * at.density[l];
-            self.value[l] = match K::GREY {
-                true => value * at.transmitted[0][l],
-                false => value,
-            };
+        Self {
+            hit,
+            along_segment: if hit != 0 { at.t } else { 0.0 },
+            // Before its start, where its kernel reaches beyond the surface that it starts on, it is as strong as
+            // there.
+            along_beam: if hit != 0 { at.s.max(0.0) } else { 0.0 },
+            value: if hit != 0 { value } else { 0.0 },
         }
-        (self.transmitted, self.depth) = (at.transmitted, at.depth);
     }
+}
 
+/// What pairs bring, one in each lane. Arrays by themselves, here and where they are made: in a record together they do
+/// not stay in registers.
+pub(super) struct Pairs<'a> {
+    /// What all channels have in common.
+    pub value: &'a Lanes,
+    /// What comes to the camera by channel, where the medium varies, and density times length of what is in closed
+    /// form.
+    pub transmitted: &'a [Lanes; 3],
+    pub depth: &'a Lanes,
+}
+
+/// The value of pairs in a medium that varies.
+#[inline(always)]
+pub(super) fn attenuated<K: Kind>(value: &Lanes, at: &Attenuation) -> Lanes {
+    let mut out = [0.0; LANES];
+    for l in 0..LANES {
+        let v = value[l] * at.density[l];
+        out[l] = if K::GREY { v * at.transmitted[0][l] } else { v };
+    }
+    out
+}
+
+impl Pairs<'_> {
     /// Calls `add(channel, lane, radiance)` for all that they bring. `power`: of a lane's beam in a channel, times
     /// sigma_s.
     #[inline(always)]

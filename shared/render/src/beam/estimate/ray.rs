@@ -9,7 +9,7 @@ use super::super::store::{Bounds, Cluster, PieceList, PieceRange, ROUNDING};
 use super::block::{Block, Shared};
 use super::kind::Kind;
 use super::meeting::Meeting;
-use super::pairs::{Cone, Pairs};
+use super::pairs::{Cone, Pair, Pairs, attenuated};
 use super::search::Probe;
 use super::{CameraSegment, NEARLY_PARALLEL_SIN, NEARLY_PARALLEL_SIN2};
 use crate::math::{Vec3, prefetch};
@@ -127,16 +127,13 @@ impl Block<'_> {
             for l in group.len()..LANES {
                 lanes.max_radius[l] = 0.0;
             }
-            let (pairs, chords) = self.pairs::<K>(shared, &lanes);
-            let mut added = [[0.0; LANES]; 3];
-            let power = |c: usize, l: usize| lanes.power[c][l] * shared.sigma_s[c];
-            pairs.add_to::<K>(shared, power, |c, l, v| added[c][l] = v);
+            let (added, hit, chords) = self.estimates::<K>(shared, &lanes);
             for (l, &at) in group.iter().enumerate() {
                 // Where there is no hit these are zeros.
                 for c in 0..3 {
                     self.radiance[c][0] += added[c][l];
                 }
-                self.evaluations[0] += pairs.hit[l];
+                self.evaluations[0] += hit[l];
                 if chords[l] != 0 {
                     self.add_chord(shared, piece_at(at), 0);
                 }
@@ -144,13 +141,15 @@ impl Block<'_> {
         }
     }
 
-    /// The segment with each beam, and 1 for those that are nearly parallel to it.
+    /// What each beam adds, which do, and which are nearly parallel to the segment.
     #[inline(always)]
-    fn pairs<K: Kind>(&self, shared: &Shared, beams: &BeamLanes) -> (Pairs, [u32; LANES]) {
+    fn estimates<K: Kind>(&self, shared: &Shared, beams: &BeamLanes) -> ([Lanes; 3], [u32; LANES], [u32; LANES]) {
         let segment = &self.segments[0];
         let (o, d) = (segment.ray.origin, segment.ray.dir);
         let lane = |v: &[Lanes; 3], l: usize| Vec3::new(v[0][l], v[1][l], v[2][l]);
-        let (mut pairs, mut chords) = (Pairs::new(), [0u32; LANES]);
+        let (mut hit, mut chords) = ([0u32; LANES], [0u32; LANES]);
+        let (mut along_segment, mut along_beam) = ([0.0; LANES], [0.0; LANES]);
+        let (mut value, mut depth) = ([0.0; LANES], [0.0; LANES]);
         for l in 0..LANES {
             let meeting = Meeting::new(o, d, lane(&beams.origin, l), lane(&beams.dir, l));
             let cone = Cone {
@@ -161,15 +160,27 @@ impl Block<'_> {
             };
             chords[l] = meeting.is_chord(beams.max_radius[l], cone.start, cone.end) as u32;
             let reached = meeting.is_reached(beams.max_radius[l]) as u32;
-            pairs.set::<K>(l, shared, (meeting, reached), cone, segment.length);
+            let pair = Pair::new::<K>(shared, meeting, reached, cone, segment.length);
+            (hit[l], value[l]) = (pair.hit, pair.value);
+            (along_segment[l], along_beam[l]) = (pair.along_segment, pair.along_beam);
+            depth[l] = pair.along_segment + pair.along_beam;
         }
+        let mut transmitted = [[1.0; LANES]; 3];
         if K::VARYING
             && let Some(varying) = &self.varying
         {
-            let (t, s) = (&pairs.along_segment, &pairs.along_beam);
-            let at = varying.along_first::<K>(&beams.steps, &pairs.hit, t, s);
-            pairs.attenuate::<K>(at);
+            let at = varying.along_first::<K>(&beams.steps, &hit, &along_segment, &along_beam);
+            value = attenuated::<K>(&value, &at);
+            (transmitted, depth) = (at.transmitted, at.depth);
         }
-        (pairs, chords)
+        let pairs = Pairs {
+            value: &value,
+            transmitted: &transmitted,
+            depth: &depth,
+        };
+        let mut added = [[0.0; LANES]; 3];
+        let power = |c: usize, l: usize| beams.power[c][l] * shared.sigma_s[c];
+        pairs.add_to::<K>(shared, power, |c, l, v| added[c][l] = v);
+        (added, hit, chords)
     }
 }

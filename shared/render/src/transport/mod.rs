@@ -71,9 +71,9 @@ pub struct CameraTracer<'a, V> {
     pub plan: &'a RenderPlan,
     /// The pass's surface photons, when the plan has any.
     pub photons: Option<&'a SurfacePhotonMap>,
-    /// Expected photons in a kernel, see [`crate::odds`].
+    /// Expected photons in a kernel, see `odds`.
     pub first_odds: f32,
-    /// Factor on the odds of photons on gloss against gather rays: see [`crate::odds`].
+    /// Factor on the odds of photons on gloss against gather rays: see `odds`.
     pub gloss_odds: f32,
     /// After a shorter flight camera paths go on, see `least_flight`.
     pub least_flight: f32,

@@ -183,27 +183,13 @@ impl<V: Sight> CameraTracer<'_, V> {
                 let length = hit.as_ref().map_or(f32::INFINITY, |h| h.t);
                 radiance += self.cross_medium(&mut path, id, length, sampler, out);
             }
-            let Some(mut hit) = hit else {
-                for &light in &scene.environments {
-                    if !self.sight.hides_light(path.hidden, light) {
-                        let share = self.share_of_lobe(&path, light, None);
-                        let environment = scene.environment(light, path.ray.dir);
-                        let emitted = path.beta * environment * share;
-                        out.record.add(Part::Direct, light, emitted);
-                        radiance += emitted;
-                    }
-                }
-                return radiance;
-            };
-            if let Some(drawn) = &mut path.drawn {
+            if let (Some(drawn), Some(hit)) = (&mut path.drawn, &hit) {
                 drawn.distance += hit.t;
             }
-            if let Some(light) = scene.objects()[hit.object as usize].light {
-                let share = self.share_of_lobe(&path, light as usize, Some(hit.ng));
-                let emitted = path.beta * scene.emitted(&hit, path.ray.dir) * share;
-                radiance += emitted;
-                out.record.add(Part::Direct, light as usize, emitted);
-            }
+            self.add_met_light(&path, hit.as_ref(), &mut radiance, out);
+            let Some(mut hit) = hit else {
+                return radiance;
+            };
             let material = scene.material(&hit);
             if material.is_passed(hit.uv, || sampler.next_1d()) {
                 path.medium = scene.medium_beyond(&hit, path.ray.dir, path.medium);
@@ -241,25 +227,7 @@ impl<V: Sight> CameraTracer<'_, V> {
                     }
                 }
             } else if vertex.bsdf.delta_probability(vertex.local_wo) > 0.0 {
-                // A delta lobe gives way to the others by chance, but not where it meets a light.
-                let p = vertex.bsdf.delta_probability(vertex.local_wo);
-                let along = sampler.next_1d() < p;
-                let u = sampler.next_2d();
-                let mut delta = vertex.bsdf.sample(vertex.local_wo, 0.0, u, mode);
-                if let Some(delta) = &mut delta {
-                    delta.weight *= p;
-                }
-                let rest = path.rest;
-                path.rest = if along { rest / p } else { 0.0 };
-                if !along {
-                    vertex.bsdf = vertex.bsdf.without_delta();
-                    let beta = path.beta * (rest / (1.0 - p));
-                    if beta != Rgb::ZERO {
-                        radiance += self.scattered(&vertex, sampler, beta, out);
-                    }
-                }
-                path.share *= p;
-                delta
+                self.delta_or_rest(&mut path, &mut vertex, &mut radiance, sampler, out)
             } else {
                 let lobe = match material.is_followed() {
                     true => OneLobe::followed(sampler.next_1d()),
@@ -292,6 +260,66 @@ impl<V: Sight> CameraTracer<'_, V> {
                 return radiance;
             }
         }
+    }
+
+    /// Light that the path meets: of what is all around, where it meets no surface, or of the surface.
+    fn add_met_light(
+        &self,
+        path: &Path<V::Hidden>,
+        hit: Option<&SurfaceHit>,
+        radiance: &mut Rgb,
+        out: &mut Out<'_, '_>,
+    ) {
+        let scene = self.scene;
+        let mut add = |light: usize, emitted: Rgb, normal: Option<Vec3>| {
+            let arriving = path.beta * emitted * self.share_of_lobe(path, light, normal);
+            out.record.add(Part::Direct, light, arriving);
+            *radiance += arriving;
+        };
+        match hit {
+            Some(hit) => {
+                if let Some(light) = scene.objects()[hit.object as usize].light {
+                    add(light as usize, scene.emitted(hit, path.ray.dir), Some(hit.ng));
+                }
+            }
+            None => {
+                for &light in &scene.environments {
+                    if !self.sight.hides_light(path.hidden, light) {
+                        add(light, scene.environment(light, path.ray.dir), None);
+                    }
+                }
+            }
+        }
+    }
+
+    /// At a surface with a delta lobe beside others: the path goes on along it, or its other lobes are all that counts,
+    /// by chance. The delta lobe's sample is given in either case, for the light that it meets.
+    fn delta_or_rest(
+        &self,
+        path: &mut Path<V::Hidden>,
+        vertex: &mut Vertex<'_>,
+        radiance: &mut Rgb,
+        sampler: &mut Sampler,
+        out: &mut Out<'_, '_>,
+    ) -> Option<BsdfSample> {
+        let p = vertex.bsdf.delta_probability(vertex.local_wo);
+        let along = sampler.next_1d() < p;
+        let u = sampler.next_2d();
+        let mut delta = vertex.bsdf.sample(vertex.local_wo, 0.0, u, TransportMode::Radiance);
+        if let Some(delta) = &mut delta {
+            delta.weight *= p;
+        }
+        let rest = path.rest;
+        path.rest = if along { rest / p } else { 0.0 };
+        if !along {
+            vertex.bsdf = vertex.bsdf.without_delta();
+            let beta = path.beta * (rest / (1.0 - p));
+            if beta != Rgb::ZERO {
+                *radiance += self.scattered(vertex, sampler, beta, out);
+            }
+        }
+        path.share *= p;
+        delta
     }
 
     /// Weight of a light that the path has met, where light was sampled at a lobe that it followed last. `normal`: of

@@ -3,7 +3,7 @@
 use super::super::PhotonBeam;
 use super::super::lanes::LANES;
 use super::super::store::PieceRange;
-use super::block::{Block, Shared};
+use super::line::{Block, Shared};
 use crate::math::{PI, Rgb, Vec3, exp_rgb_neg};
 use crate::sampler::mix64;
 
@@ -14,22 +14,22 @@ impl Block<'_> {
     /// Adds the chord estimate of these lanes, which are nearly parallel to the beam.
     #[cold]
     #[inline(never)]
-    pub fn add_chords(&mut self, shared: &Shared, piece: PieceRange, lanes: &[u32; LANES]) {
+    pub fn add_chords(&mut self, shared: &Shared, beams: &[PhotonBeam], piece: PieceRange, lanes: &[u32; LANES]) {
         // What is found in unused lanes is nothing.
         for (l, chord) in lanes.iter().enumerate().take(self.segments.len()) {
             if *chord != 0 {
-                self.add_chord(shared, piece, l);
+                self.add_chord(shared, beams, piece, l);
             }
         }
     }
 
     /// Adds the chord estimate of one lane.
     #[inline(never)]
-    pub fn add_chord(&mut self, shared: &Shared, piece: PieceRange, lane: usize) {
+    pub fn add_chord(&mut self, shared: &Shared, beams: &[PhotonBeam], piece: PieceRange, lane: usize) {
         let pixel = self.segments[lane].pixel;
         let u = mix64(shared.key ^ mix64(((piece.beam as u64) << 32) | pixel as u64));
         let u = (u >> 40) as f32 * (1.0 / (1u32 << 24) as f32);
-        let beam = &shared.beams[piece.beam as usize];
+        let beam = &beams[piece.beam as usize];
         let value = self.chord_estimate(shared, beam, [piece.start, piece.end], lane, u);
         if value != Rgb::ZERO {
             self.evaluations[lane] += 1;

@@ -11,32 +11,24 @@
 //! just one of them, so nothing is lost or counted twice.
 
 mod arrange;
-mod block;
 mod chord;
-mod kernels;
-mod kind;
 mod line;
-mod meeting;
 mod packet;
-mod pairs;
 mod ray;
 mod ray_bundle;
 mod search;
 mod share;
 mod varying;
-mod vectors;
 
 use super::store::BeamMap;
 use crate::aov::{GroupNumber, Part};
 use crate::math::{Ray, Rgb};
 use crate::medium::Medium;
 use crate::medium::transmittance::StepFunctions;
+use crate::phase::Phase;
 use arrange::arrange;
-use block::Block;
-use kernels::Kernels;
-use packet::Sum;
+use line::Block;
 pub use share::Sharing;
-pub use vectors::Vectors;
 
 /// Below this sine of the angle between beam and segment the chord is integrated.
 const NEARLY_PARALLEL_SIN: f32 = 0.1;
@@ -142,6 +134,47 @@ pub struct Gathered {
     pub evaluations: u64,
 }
 
+/// Kinds of vector code. Only the number of lanes per instruction differs: no operation is fused or reordered, so the
+/// bits are the same.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Vectors {
+    /// What every machine of this kind has: SSE2, NEON.
+    Baseline,
+    /// 8 lanes.
+    #[cfg(target_arch = "x86_64")]
+    Avx2,
+    /// 16 lanes.
+    #[cfg(target_arch = "x86_64")]
+    Avx512,
+}
+
+impl Vectors {
+    /// Those that this machine has, the narrowest first.
+    pub fn available() -> impl DoubleEndedIterator<Item = Self> {
+        #[cfg(target_arch = "x86_64")]
+        let all = {
+            let avx2 = std::arch::is_x86_feature_detected!("avx2");
+            let avx512 = std::arch::is_x86_feature_detected!("avx512f")
+                && std::arch::is_x86_feature_detected!("avx512dq")
+                && std::arch::is_x86_feature_detected!("avx512bw")
+                && std::arch::is_x86_feature_detected!("avx512vl");
+            [
+                Some(Self::Baseline),
+                avx2.then_some(Self::Avx2),
+                (avx2 && avx512).then_some(Self::Avx512),
+            ]
+        };
+        #[cfg(not(target_arch = "x86_64"))]
+        let all = [Some(Self::Baseline)];
+        all.into_iter().flatten()
+    }
+
+    /// The widest that this machine has.
+    pub fn widest() -> Self {
+        Self::available().next_back().unwrap_or(Self::Baseline)
+    }
+}
+
 /// What beams are gathered, and how.
 #[derive(Clone, Copy)]
 pub struct Gather<'a> {
@@ -177,21 +210,92 @@ impl Gather<'_> {
         };
         let arranged: Vec<_> = order.iter().map(|&i| segments[i as usize]).collect();
         let mut places = order.into_iter();
-        let mut out = |block: &Block| {
+        self.instance(pinhole)(self, &arranged, &mut |block| {
             let [red, green, blue] = &block.radiance;
             for (lane, place) in (0..block.segments.len()).zip(&mut places) {
                 gathered.radiance[place as usize] = Rgb::new(red[lane], green[lane], blue[lane]);
                 gathered.evaluations += u64::from(block.evaluations[lane]);
             }
-        };
-        let vectors = self.vectors.found();
-        vectors.run(Sum {
-            gather: self,
-            segments: &arranged,
-            kernels: Kernels::of(self.medium, pinhole),
-            vectors,
-            out: &mut out,
         });
         gathered
     }
+
+    /// The code for the medium; `pinhole`: for rays that share their origin.
+    fn instance(&self, pinhole: bool) -> Instance {
+        let medium = self.medium;
+        let sigma_t = medium.sigma_t();
+        let even = !matches!(medium, Medium::Heterogeneous(medium) if medium.albedo().is_some());
+        let grey = even && sigma_t.x == sigma_t.y && sigma_t.y == sigma_t.z;
+        let lobes = match medium.phase() {
+            Phase::Isotropic => 0,
+            Phase::HenyeyGreenstein { .. } => 1,
+            Phase::Blend { .. } => 2,
+        };
+        let varying = matches!(medium, Medium::Heterogeneous(_));
+        match (grey, lobes, varying, pinhole) {
+            (true, 0, false, false) => dispatch::<true, 0, false, false>,
+            (true, 1, false, false) => dispatch::<true, 1, false, false>,
+            (true, _, false, false) => dispatch::<true, 2, false, false>,
+            (false, 0, false, false) => dispatch::<false, 0, false, false>,
+            (false, 1, false, false) => dispatch::<false, 1, false, false>,
+            (false, _, false, false) => dispatch::<false, 2, false, false>,
+            (true, 0, false, true) => dispatch::<true, 0, false, true>,
+            (true, 1, false, true) => dispatch::<true, 1, false, true>,
+            (true, _, false, true) => dispatch::<true, 2, false, true>,
+            (false, 0, false, true) => dispatch::<false, 0, false, true>,
+            (false, 1, false, true) => dispatch::<false, 1, false, true>,
+            (false, _, false, true) => dispatch::<false, 2, false, true>,
+            // Beside what varies, a shared origin saves little.
+            (true, 0, true, _) => dispatch::<true, 0, true, false>,
+            (true, 1, true, _) => dispatch::<true, 1, true, false>,
+            (true, _, true, _) => dispatch::<true, 2, true, false>,
+            (false, 0, true, _) => dispatch::<false, 0, true, false>,
+            (false, 1, true, _) => dispatch::<false, 1, true, false>,
+            (false, _, true, _) => dispatch::<false, 2, true, false>,
+        }
+    }
+}
+
+/// Gathers along segments and calls back for each block of them.
+type Instance = fn(&Gather, &[CameraSegment], &mut dyn FnMut(&Block));
+
+/// The same code for each kind of vectors. `LOBES` of the phase function are not isotropic.
+fn dispatch<const GREY: bool, const LOBES: usize, const VARYING: bool, const PINHOLE: bool>(
+    gather: &Gather,
+    segments: &[CameraSegment],
+    out: &mut dyn FnMut(&Block),
+) {
+    #[cfg(target_arch = "x86_64")]
+    {
+        #[target_feature(enable = "avx2")]
+        fn avx2<const GREY: bool, const LOBES: usize, const VARYING: bool, const PINHOLE: bool>(
+            gather: &Gather,
+            segments: &[CameraSegment],
+            out: &mut dyn FnMut(&Block),
+        ) {
+            packet::sum::<GREY, LOBES, VARYING, PINHOLE>(gather, segments, out);
+        }
+        #[target_feature(enable = "avx2,avx512f,avx512dq,avx512bw,avx512vl")]
+        fn avx512<const GREY: bool, const LOBES: usize, const VARYING: bool, const PINHOLE: bool>(
+            gather: &Gather,
+            segments: &[CameraSegment],
+            out: &mut dyn FnMut(&Block),
+        ) {
+            packet::sum::<GREY, LOBES, VARYING, PINHOLE>(gather, segments, out);
+        }
+        if Vectors::available().any(|available| available == gather.vectors) {
+            match gather.vectors {
+                Vectors::Baseline => {}
+                // SAFETY: the machine has these.
+                Vectors::Avx2 => unsafe {
+                    return avx2::<GREY, LOBES, VARYING, PINHOLE>(gather, segments, out);
+                },
+                // SAFETY: the machine has these.
+                Vectors::Avx512 => unsafe {
+                    return avx512::<GREY, LOBES, VARYING, PINHOLE>(gather, segments, out);
+                },
+            }
+        }
+    }
+    packet::sum::<GREY, LOBES, VARYING, PINHOLE>(gather, segments, out);
 }

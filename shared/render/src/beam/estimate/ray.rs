@@ -1,4 +1,5 @@
-//! One segment and beams side by side, for segments that have few beams in common with their neighbours.
+//! The 1D estimate: one segment and beams side by side, for segments that have few beams in common with their
+//! neighbours.
 
 // Loops over lanes by number are what becomes vector code.
 #![allow(clippy::needless_range_loop)]
@@ -6,13 +7,10 @@
 use super::super::PhotonBeam;
 use super::super::lanes::{LANES, Lanes};
 use super::super::store::{Bounds, Cluster, PieceList, PieceRange, ROUNDING};
-use super::block::{Block, Shared};
-use super::kind::Kind;
-use super::meeting::Meeting;
-use super::pairs::{Cone, Pair, Pairs, attenuated};
+use super::line::{Block, Meeting, Shared};
 use super::search::Probe;
 use super::{CameraSegment, NEARLY_PARALLEL_SIN, NEARLY_PARALLEL_SIN2};
-use crate::math::{Vec3, prefetch};
+use crate::math::{exp_neg, prefetch};
 
 /// How many beams ahead they are fetched from memory.
 const FETCH: usize = 2 * LANES;
@@ -50,7 +48,7 @@ impl Probe for CameraSegment {
     #[inline(always)]
     fn may_meet(&self, piece: Bounds) -> bool {
         let (origin, dir) = (self.ray.origin, self.ray.dir);
-        let meeting = Meeting::new(origin, dir, piece.middle.into(), piece.dir.into());
+        let meeting = Meeting::new(origin, dir, piece.middle, piece.dir);
         let [px, py, pz] = piece.middle;
         // How far rounding may move the middle.
         let rounding = ROUNDING * ((px - origin.x).abs() + (py - origin.y).abs() + (pz - origin.z).abs());
@@ -113,21 +111,27 @@ impl Block<'_> {
     /// Adds beams to the only segment of the block, in order: the same bits as one by one. `near`: positions in
     /// the list.
     #[inline(always)]
-    pub fn add_pieces<K: Kind>(&mut self, shared: &Shared, list: &PieceList, near: &[u32]) {
+    pub fn add_beams<const GREY: bool, const LOBES: usize, const VARYING: bool>(
+        &mut self,
+        shared: &Shared,
+        beams: &[PhotonBeam],
+        list: &PieceList,
+        near: &[u32],
+    ) {
         let piece_at = |at: u32| list.ranges()[at as usize];
         let mut lanes = BeamLanes::NONE;
         for (start, group) in (0..).step_by(LANES).zip(near.chunks(LANES)) {
             for (l, &at) in group.iter().enumerate() {
                 if let Some(&next) = near.get(start + FETCH + l) {
-                    prefetch(&shared.beams[piece_at(next).beam as usize]);
+                    prefetch(&beams[piece_at(next).beam as usize]);
                 }
                 let piece = piece_at(at);
-                lanes.set(l, &shared.beams[piece.beam as usize], piece);
+                lanes.set(l, &beams[piece.beam as usize], piece);
             }
             for l in group.len()..LANES {
                 lanes.max_radius[l] = 0.0;
             }
-            let (added, hit, chords) = self.estimates::<K>(shared, &lanes);
+            let (added, hit, chords) = self.estimates::<GREY, LOBES, VARYING>(shared, &lanes);
             for (l, &at) in group.iter().enumerate() {
                 // Where there is no hit these are zeros.
                 for c in 0..3 {
@@ -135,7 +139,7 @@ impl Block<'_> {
                 }
                 self.evaluations[0] += hit[l];
                 if chords[l] != 0 {
-                    self.add_chord(shared, piece_at(at), 0);
+                    self.add_chord(shared, beams, piece_at(at), 0);
                 }
             }
         }
@@ -143,44 +147,64 @@ impl Block<'_> {
 
     /// What each beam adds, which do, and which are nearly parallel to the segment.
     #[inline(always)]
-    fn estimates<K: Kind>(&self, shared: &Shared, beams: &BeamLanes) -> ([Lanes; 3], [u32; LANES], [u32; LANES]) {
+    fn estimates<const GREY: bool, const LOBES: usize, const VARYING: bool>(
+        &self,
+        shared: &Shared,
+        beams: &BeamLanes,
+    ) -> ([Lanes; 3], [u32; LANES], [u32; LANES]) {
         let segment = &self.segments[0];
         let (o, d) = (segment.ray.origin, segment.ray.dir);
-        let lane = |v: &[Lanes; 3], l: usize| Vec3::new(v[0][l], v[1][l], v[2][l]);
+        let [px, py, pz] = &beams.origin;
+        let [bx, by, bz] = &beams.dir;
         let (mut hit, mut chords) = ([0u32; LANES], [0u32; LANES]);
         let (mut along_segment, mut along_beam) = ([0.0; LANES], [0.0; LANES]);
         let (mut value, mut depth) = ([0.0; LANES], [0.0; LANES]);
         for l in 0..LANES {
-            let meeting = Meeting::new(o, d, lane(&beams.origin, l), lane(&beams.dir, l));
-            let cone = Cone {
-                radius: beams.radius[l],
-                radius_slope: beams.radius_slope[l],
-                start: beams.start[l],
-                end: beams.end[l],
-            };
-            chords[l] = meeting.is_chord(beams.max_radius[l], cone.start, cone.end) as u32;
-            let reached = meeting.is_reached(beams.max_radius[l]) as u32;
-            let pair = Pair::new::<K>(shared, meeting, reached, cone, segment.length);
-            (hit[l], value[l]) = (pair.hit, pair.value);
-            (along_segment[l], along_beam[l]) = (pair.along_segment, pair.along_beam);
-            depth[l] = pair.along_segment + pair.along_beam;
+            let origin = [px[l], py[l], pz[l]];
+            let meeting = Meeting::new(o, d, origin, [bx[l], by[l], bz[l]]);
+            let (start, end) = (beams.start[l], beams.end[l]);
+            chords[l] = meeting.is_chord(beams.max_radius[l], start, end) as u32;
+            let at = meeting.nearest(beams.radius[l], beams.radius_slope[l]);
+            let met = meeting.is_reached(beams.max_radius[l])
+                & (at.t > 0.0)
+                & (at.t < segment.length)
+                & (at.s > start)
+                & (at.s <= end)
+                & (at.x < 1.0);
+            let v = at.value * shared.phase::<LOBES>(meeting.cos);
+            hit[l] = met as u32;
+            along_segment[l] = if met { at.t } else { 0.0 };
+            along_beam[l] = if met { at.s.max(0.0) } else { 0.0 };
+            value[l] = if met { v } else { 0.0 };
+            depth[l] = along_segment[l] + along_beam[l];
         }
         let mut transmitted = [[1.0; LANES]; 3];
-        if K::VARYING
-            && let Some(varying) = &self.varying
-        {
-            let at = varying.along_first::<K>(&beams.steps, &hit, &along_segment, &along_beam);
-            value = attenuated::<K>(&value, &at);
+        if VARYING && let Some(varying) = &self.varying {
+            let at = varying.along_first::<GREY>(&beams.steps, &hit, &along_segment, &along_beam);
+            for l in 0..LANES {
+                let v = value[l] * at.density[l];
+                value[l] = if GREY { v * at.transmitted[0][l] } else { v };
+            }
             (transmitted, depth) = (at.transmitted, at.depth);
         }
-        let pairs = Pairs {
-            value: &value,
-            transmitted: &transmitted,
-            depth: &depth,
-        };
         let mut added = [[0.0; LANES]; 3];
-        let power = |c: usize, l: usize| beams.power[c][l] * shared.sigma_s[c];
-        pairs.add_to::<K>(shared, power, |c, l, v| added[c][l] = v);
+        let (sigma_s, sigma_t) = (shared.sigma_s, shared.sigma_t);
+        for l in 0..LANES {
+            if GREY {
+                let v = value[l] * exp_neg(-sigma_t.x * depth[l]);
+                for c in 0..3 {
+                    added[c][l] = v * (beams.power[c][l] * sigma_s[c]);
+                }
+            } else {
+                for c in 0..3 {
+                    let mut tr = exp_neg(-sigma_t[c] * depth[l]);
+                    if VARYING {
+                        tr *= transmitted[c][l];
+                    }
+                    added[c][l] = value[l] * tr * (beams.power[c][l] * sigma_s[c]);
+                }
+            }
+        }
         (added, hit, chords)
     }
 }

@@ -7,7 +7,6 @@
 use super::super::PhotonBeam;
 use super::super::lanes::{LANES, Lanes};
 use super::CameraSegment;
-use super::kind::Kind;
 use crate::math::{Rgb, exp_rgb_neg};
 use crate::medium::bricks::Bricks;
 use crate::medium::transmittance::{Step, StepFunction, StepFunctions};
@@ -80,11 +79,17 @@ impl<'a> Varying<'a> {
         }
     }
 
-    /// At distances `t` along the segments and `s` along the beam, where `hit` is 1. In a grey medium the red
+    /// At distances `t` along the segments and `s` along the beam, where `hit` is 1. With `GREY` the red
     /// channel stands for all.
     #[inline(always)]
-    pub fn attenuation<K: Kind>(&self, beam_steps: u32, hit: &[u32; LANES], t: &Lanes, s: &Lanes) -> Attenuation {
-        let channels = if K::GREY { 1 } else { 3 };
+    pub fn attenuation<const GREY: bool>(
+        &self,
+        beam_steps: u32,
+        hit: &[u32; LANES],
+        t: &Lanes,
+        s: &Lanes,
+    ) -> Attenuation {
+        let channels = if GREY { 1 } else { 3 };
         let mut points = [[0.0; LANES]; 3];
         for c in 0..3 {
             for l in 0..LANES {
@@ -159,20 +164,20 @@ impl<'a> Varying<'a> {
                 out.transmitted[c][l] *= transmitted[c][l];
             }
         }
-        self.tint::<K>(&points, &mut out);
+        self.tint::<GREY>(&points, &mut out);
         out
     }
 
     /// The same for the first segment and several beams, in which `hit` is 1.
     #[inline(always)]
-    pub fn along_first<K: Kind>(
+    pub fn along_first<const GREY: bool>(
         &self,
         beam_steps: &[u32; LANES],
         hit: &[u32; LANES],
         t: &Lanes,
         s: &Lanes,
     ) -> Attenuation {
-        let channels = if K::GREY { 1 } else { 3 };
+        let channels = if GREY { 1 } else { 3 };
         let mut points = [[0.0; LANES]; 3];
         for c in 0..3 {
             for l in 0..LANES {
@@ -194,16 +199,14 @@ impl<'a> Varying<'a> {
                 }
             }
         }
-        self.tint::<K>(&points, &mut out);
+        self.tint::<GREY>(&points, &mut out);
         out
     }
 
     /// Multiplies by the albedo where it varies.
     #[inline(always)]
-    fn tint<K: Kind>(&self, points: &[Lanes; 3], out: &mut Attenuation) {
-        if !K::GREY
-            && let Some(albedo) = self.albedo
-        {
+    fn tint<const GREY: bool>(&self, points: &[Lanes; 3], out: &mut Attenuation) {
+        if !GREY && let Some(albedo) = self.albedo {
             let albedo = albedo.at(points);
             for c in 0..3 {
                 for l in 0..LANES {

@@ -66,9 +66,9 @@ impl RayBundle {
     /// Whether some segment may meet a piece whose middle and direction are within `ranges` of the ones given: comes
     /// within its radius between its ends. Never false for one that does.
     ///
-    /// The lines are |m . d| / |d x b| apart with m = b x w, w from o to the piece's middle, and nearest at s = (c w.d
-    /// - w.b) / sin^2 along the piece and t = (w.d - c w.b) / sin^2 along the segment. All are compared times the sine
-    /// or its square, and with as much slack as o and d may deviate.
+    /// The lines are |m . d| / |d x b| apart with m = b x w, w from o to the piece's middle, and nearest at
+    /// s = (c w.d - w.b) / sin^2 along the piece and t = (w.d - c w.b) / sin^2 along the segment. All are compared
+    /// times the sine or its square, and with as much slack as o and d may deviate.
     #[inline(always)]
     fn may_meet_any<const CLUSTER: bool>(&self, piece: Bounds, ranges: [f32; 2]) -> bool {
         let (o, d) = (self.origin, self.dir);

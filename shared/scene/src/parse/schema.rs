@@ -12,6 +12,7 @@ pub fn json_schema() -> String {
     let generator = SchemaSettings::draft07().into_generator();
     let mut schema = generator.into_root_schema_for::<SceneRecord>().to_value();
     without_null(&mut schema);
+    without_line_ends(&mut schema);
     if let Some(root) = schema.as_object_mut() {
         root.insert("title".into(), "A scene of beamfarm".into());
     }
@@ -57,6 +58,16 @@ fn variants(schema: &Value) -> Vec<(Value, Value)> {
     described
         .map(|variant| (variant["const"].clone(), variant["description"].clone()))
         .collect()
+}
+
+/// Where a comment of the code wraps is nothing to a reader of its description.
+fn without_line_ends(schema: &mut Value) {
+    match schema {
+        Value::Array(items) => items.iter_mut().for_each(without_line_ends),
+        Value::Object(map) => map.values_mut().for_each(without_line_ends),
+        Value::String(text) if text.contains('\n') => *text = text.replace('\n', " "),
+        _ => {}
+    }
 }
 
 /// TOML has no null: an optional field is there or not.

@@ -1,6 +1,6 @@
 """Writes mitsuba_materials.csv: values of materials from Mitsuba 3 (made with 3.9.1, `pip install mitsuba`).
 
-Columns: name of the material, as in ../tests/materials.rs; `value`, `reflect` or `transmit`; wo; wi (both leave the surface);
+Columns: name of the material, as in ../tests/surfaces/materials.rs; `value`, `reflect` or `transmit`; wo; wi (both leave the surface);
 RGB. That is the BSDF's value without the cosine, or for the other two the weight of a delta lobe.
 """
 

@@ -27,14 +27,10 @@ pub fn canary() -> Result<[u8; 32], SceneError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::time::{Duration, Instant};
 
     #[test]
-    fn it_is_quick_and_the_same_on_any_number_of_threads() {
-        let begun = Instant::now();
+    fn it_is_the_same_on_any_number_of_threads() {
         let first = canary().unwrap();
-        // Some 10 ms; a machine under load may take longer.
-        assert!(begun.elapsed() < Duration::from_secs(2));
         for threads in [1, 3] {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
             assert_eq!(pool.unwrap().install(canary).unwrap(), first);
@@ -43,7 +39,7 @@ mod tests {
     }
 
     #[test]
-    fn there_is_something_in_it() {
+    fn there_is_something_in_it_and_not_much() {
         let bundle = Bundle {
             scene: NAME.into(),
             files: [(NAME.into(), SCENE.into())].into(),
@@ -52,6 +48,12 @@ mod tests {
         let settings = scene.description().defaults.job_settings();
         let image = render_pass(&scene, &RenderPlan::new(&scene, settings), 0);
         assert!(image.stats.beams > 0 && image.stats.beam_evaluations > 0);
+        // Some 10 ms.
+        assert!(
+            image.stats.beam_evaluations < 1_000_000,
+            "{}",
+            image.stats.beam_evaluations
+        );
         let lit = image.film.pixels.iter().filter(|pixel| pixel[0] > 0.0);
         assert!(lit.count() > 200);
     }

@@ -11,7 +11,7 @@ use crate::photon_map::SurfacePhotonMap;
 use crate::plan::RenderPlan;
 use crate::sampler::{Purpose, Sampler, mix64};
 use crate::sight::{Ruled, Sight, Start, Unruled};
-use crate::transport::{CameraTracer, Out};
+use crate::transport::{CameraTracer, PathContext};
 use crate::world::Scene;
 use beamfarm_image::film::Film;
 use beamfarm_image::job::PassStats;
@@ -198,12 +198,13 @@ impl<V: Sight> CameraPass<'_, V> {
             if plan.counts_targets() {
                 scratch.parts[i].targets = self.targets_along(&ray);
             }
-            let mut out = Out {
+            let mut context = PathContext {
+                sampler,
                 pixel: i as u16,
                 segments: &mut scratch.camera,
                 record: Recorder::new(plan, scratch.parts.get_mut(i)),
             };
-            *value = self.tracer.trace(ray, &mut sampler, &mut out);
+            *value = self.tracer.trace(ray, &mut context);
         }
         let evaluations = match self.beams {
             Some(beams) => {

@@ -1,4 +1,4 @@
-"""Writes the pictures that ../../tests/material_scenes.rs renders as Mitsuba 3's path tracer sees them (made with 3.9.1,
+"""Writes the pictures that ../../tests/surfaces/material_scenes.rs renders as Mitsuba 3's path tracer sees them (made with 3.9.1,
 `pip install mitsuba`), and the images that the scenes use.
 
 SCENE.csv: means of RGB over 4 x 4 blocks of 8 x 8 pixels, row by row, and their standard errors.

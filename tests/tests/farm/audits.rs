@@ -111,7 +111,9 @@ async fn liar_among(honest: usize, lies: u64) {
     assert!(events.iter().any(|event| event.kind == EventKind::Divergent));
     assert!(events.iter().any(|event| event.kind == EventKind::ShutOut));
     // Nor does it come back.
-    let mut farm = FarmClient::connect(coordinator.url()).await.unwrap();
+    let mut farm = within("a connection", FarmClient::connect(coordinator.url()))
+        .await
+        .unwrap();
     let again = wire::RegisterRequest {
         version: VERSION.into(),
         name: "liar".into(),
@@ -131,7 +133,9 @@ async fn a_worker_that_always_lies_is_found() {
 async fn a_machine_with_other_bits_does_not_get_in() {
     let coordinator = Coordinator::start(spec(1)).await;
     RawWorker::named(&coordinator, "first").await;
-    let mut farm = FarmClient::connect(coordinator.url()).await.unwrap();
+    let mut farm = within("a connection", FarmClient::connect(coordinator.url()))
+        .await
+        .unwrap();
     let mut request = wire::RegisterRequest {
         version: VERSION.into(),
         name: "second".into(),

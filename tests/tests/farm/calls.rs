@@ -13,7 +13,9 @@ use tonic::Code;
 #[tokio::test]
 async fn another_version_is_turned_away() {
     let coordinator = Coordinator::start(spec(1)).await;
-    let mut farm = FarmClient::connect(coordinator.url()).await.unwrap();
+    let mut farm = within("a connection", FarmClient::connect(coordinator.url()))
+        .await
+        .unwrap();
     for version in ["", "0.0.1", &format!("{VERSION}-x"), &"x".repeat(100_000)] {
         let request = wire::RegisterRequest {
             version: version.into(),
@@ -48,7 +50,9 @@ async fn large_files_arrive_whole_and_unknown_ones_are_refused() {
     spec.bundle.files.insert("large.bin".into(), large.clone());
     spec.bundle.files.insert("empty.bin".into(), Vec::new());
     let coordinator = Coordinator::start(spec).await;
-    let mut farm = FarmClient::connect(coordinator.url()).await.unwrap();
+    let mut farm = within("a connection", FarmClient::connect(coordinator.url()))
+        .await
+        .unwrap();
     for expected in [large, Vec::new()] {
         let hash = FileHash::of(&expected).to_wire();
         let request = wire::FetchFileRequest { hash };

@@ -287,7 +287,9 @@ impl RawWorker {
     }
 
     pub async fn named(coordinator: &Coordinator, name: &str) -> Self {
-        let mut farm = FarmClient::connect(coordinator.url()).await.unwrap();
+        let mut farm = within("a connection", FarmClient::connect(coordinator.url()))
+            .await
+            .unwrap();
         let request = wire::RegisterRequest {
             version: VERSION.into(),
             name: name.into(),
@@ -295,7 +297,10 @@ impl RawWorker {
             canary: canary(),
             ..Default::default()
         };
-        let reply = farm.register(request).await.unwrap().into_inner();
+        let reply = within("an answer about a worker", farm.register(request))
+            .await
+            .unwrap()
+            .into_inner();
         Self {
             farm,
             id: reply.worker,

@@ -61,7 +61,9 @@ async fn with_passes(limit: u64, passes: u64) -> (Coordinator, RawWorker) {
 }
 
 async fn control(coordinator: &Coordinator) -> ControlClient<Channel> {
-    ControlClient::connect(coordinator.url()).await.unwrap()
+    within("a connection", ControlClient::connect(coordinator.url()))
+        .await
+        .unwrap()
 }
 
 #[tokio::test]
@@ -178,7 +180,9 @@ async fn an_open_page_hears_the_news_and_the_end() {
 #[tokio::test]
 async fn names_of_workers_cannot_write_the_page() {
     let coordinator = Coordinator::start(spec(2)).await;
-    let mut farm = FarmClient::connect(coordinator.url()).await.unwrap();
+    let mut farm = within("a connection", FarmClient::connect(coordinator.url()))
+        .await
+        .unwrap();
     let request = wire::RegisterRequest {
         canary: crate::harness::canary(),
         version: VERSION.into(),

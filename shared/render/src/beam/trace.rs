@@ -11,7 +11,7 @@ use crate::bsdf::{Material, TransportMode};
 use crate::footprint::{Footprint, spread};
 use crate::geometry::SurfaceHit;
 use crate::light::{EmissionSample, EmissionUniforms, LightChoice, LightHit};
-use crate::math::{Frame, Ray, Rgb, Vec3, mean};
+use crate::math::{Ray, Rgb, Vec3, mean};
 use crate::medium::transmittance::StepFunctions;
 use crate::medium::{Flight, Medium, MediumId, MediumSegment};
 use crate::odds::{DEEPER_ODDS, MAX_SURVIVAL, TRAPPED_DEPTH, first_odds, least_flight};
@@ -20,7 +20,7 @@ use crate::plan::RenderPlan;
 use crate::sampler::{Purpose, Sampler};
 use crate::sight::{Ruled, Sight, Start, Unruled};
 use crate::targeting::{Aim, Targets};
-use crate::world::Scene;
+use crate::world::{Scene, SurfaceInteraction};
 use beamfarm_image::radius::Schedule;
 use rayon::prelude::*;
 
@@ -385,15 +385,18 @@ impl<V: Sight> Tracer<'_, V> {
             photon.medium = self.scene.medium_beyond(hit, dir, photon.medium);
             return;
         }
-        let wo = -dir;
-        let bump_shadowing = self.scene.perturb_normal(hit, wo);
+        let SurfaceInteraction {
+            mut bsdf,
+            bump_shadowing,
+            frame,
+            wo,
+            local_wo,
+            ..
+        } = self.scene.interaction(hit, dir);
         if let Some(lobes) = self.seen_by(photon, material) {
             self.leave_surface_photon(photon, hit, lobes, sampler, out);
         }
         let before = mean(photon.power);
-        let frame = Frame::from_normal(hit.ns);
-        let local_wo = frame.to_local(wo);
-        let mut bsdf = material.bsdf(hit.uv);
         let mut u_lobe = sampler.next_1d();
         let mut is_narrow = material.is_followed();
         if let Some((p, [narrow, wide])) = bsdf.narrow_and_wide(local_wo) {

@@ -15,7 +15,7 @@ use crate::phase::Phase;
 use crate::sampler::{Purpose, Sampler};
 use crate::sight::{Sight, Start};
 use crate::warp::power_heuristic;
-use crate::world::Scene;
+use crate::world::{Scene, SurfaceInteraction};
 use rayon::prelude::*;
 
 /// Camera paths of one round, and rounds while no light is seen from enough places.
@@ -118,6 +118,7 @@ enum Vertex<'a> {
         bump_shadowing: Option<BumpShadowing>,
         frame: Frame,
         wo: Vec3,
+        local_wo: Vec3,
         is_specular: bool,
     },
     Medium {
@@ -270,12 +271,15 @@ impl<V: Sight> Pilot<'_, V> {
         out: &mut Found,
     ) -> bool {
         let scene = self.scene;
-        let material = scene.material(hit);
-        let wo = -path.ray.dir;
-        let bump_shadowing = scene.perturb_normal(hit, wo);
+        let SurfaceInteraction {
+            material,
+            bsdf,
+            bump_shadowing,
+            frame,
+            wo,
+            local_wo,
+        } = scene.interaction(hit, path.ray.dir);
         let hit = &*hit;
-        let bsdf = material.bsdf(hit.uv);
-        let frame = Frame::from_normal(hit.ns);
         let is_specular = material.is_specular();
         let is_followed = is_specular || material.is_followed() || material.has_delta() || material.has_narrow_lobe();
         let counts = path.by_beams
@@ -293,6 +297,7 @@ impl<V: Sight> Pilot<'_, V> {
                 bump_shadowing,
                 frame,
                 wo,
+                local_wo,
                 is_specular,
             };
             path.tries += 1;
@@ -301,7 +306,7 @@ impl<V: Sight> Pilot<'_, V> {
         // As photons are reflected: radiance would be compressed and expanded by refraction.
         let mode = TransportMode::Flux;
         let (u_lobe, u) = (sampler.next_1d(), sampler.next_2d());
-        let Some(sample) = bsdf.sample(frame.to_local(wo), u_lobe, u, mode) else {
+        let Some(sample) = bsdf.sample(local_wo, u_lobe, u, mode) else {
             return false;
         };
         let wi = frame.to_world(sample.wi).normalize();
@@ -441,16 +446,16 @@ impl Vertex<'_> {
                 bsdf,
                 bump_shadowing,
                 frame,
-                wo,
+                local_wo: wo,
                 ..
             } => {
-                let (wi, wo) = (frame.to_local(direct.wi), frame.to_local(*wo));
+                let wi = frame.to_local(direct.wi);
                 if wi.z * hit.ng.dot(direct.wi) <= 0.0 {
                     return Rgb::ZERO;
                 }
                 let shadowing = bump_shadowing.map_or(1.0, |shadowing| shadowing.factor(direct.wi));
-                let value = bsdf.eval(wo, wi, TransportMode::Flux);
-                (value * (wi.z.abs() * shadowing), bsdf.pdf(wo, wi))
+                let value = bsdf.eval(*wo, wi, TransportMode::Flux);
+                (value * (wi.z.abs() * shadowing), bsdf.pdf(*wo, wi))
             }
         };
         if direct.delta {

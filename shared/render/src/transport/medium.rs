@@ -1,7 +1,7 @@
 //! Unscattered light that a homogeneous medium turns towards the camera: one point on each segment.
 
-use super::CameraTracer;
-use crate::aov::{Part, Recorder};
+use super::{CameraTracer, PathContext};
+use crate::aov::Part;
 use crate::light::{FogSegment, LightHit, LightKind, SegmentSample};
 use crate::math::{PI, Ray, Rgb};
 use crate::medium::Homogeneous;
@@ -20,8 +20,7 @@ impl<V: Sight> CameraTracer<'_, V> {
         length: f32,
         (id, medium): (u16, &Homogeneous),
         beta: Rgb,
-        sampler: &mut Sampler,
-        record: &mut Recorder<'_>,
+        context: &mut PathContext<'_>,
     ) -> Rgb {
         let scene = self.scene;
         let segment = FogSegment {
@@ -31,7 +30,7 @@ impl<V: Sight> CameraTracer<'_, V> {
             phase: medium.phase,
             g: medium.phase.mean_cosine(),
         };
-        let (u_light, u) = (sampler.next_1d(), sampler.next_1d());
+        let (u_light, u) = (context.sampler.next_1d(), context.sampler.next_1d());
         let sample = scene
             .light_sources
             .sample(&segment, self.sight.emitters(scene), u_light, u, |light| {
@@ -44,9 +43,9 @@ impl<V: Sight> CameraTracer<'_, V> {
             origin: ray.at(sample.t),
             dir: ray.dir,
         };
-        let arriving = self.towards_light(&point, &sample, id, medium, sampler);
+        let arriving = self.towards_light(&point, &sample, id, medium, &mut context.sampler);
         let radiance = beta * medium.sigma_s * medium.transmittance(sample.t) * arriving / sample.pdf;
-        record.add(Part::Volume, sample.light, radiance);
+        context.record.add(Part::Volume, sample.light, radiance);
         radiance
     }
 

@@ -51,7 +51,7 @@ use crate::bsdf::{BsdfSample, TransportMode};
 use crate::estimators::Estimators;
 use crate::geometry::SurfaceHit;
 use crate::light::LightHit;
-use crate::math::{Frame, Ray, Rgb, Vec3};
+use crate::math::{Ray, Rgb, Vec3};
 use crate::medium::{Flight, Medium, MediumId};
 use crate::odds::{MAX_SURVIVAL, ROULETTE_DEPTH, TRAPPED_DEPTH};
 use crate::photon_map::{SurfacePhoton, SurfacePhotonMap};
@@ -118,14 +118,16 @@ struct Lobe {
     object: u32,
 }
 
-/// What a pixel's paths leave beside their radiance.
-pub struct Out<'a, 'b> {
+/// What all of a pixel's paths are drawn from, and what they leave beside their radiance.
+pub struct PathContext<'a> {
+    /// Random numbers.
+    pub sampler: Sampler,
     /// The pixel, counted within the tile.
     pub pixel: u16,
     /// Segments that beams are gathered along.
     pub segments: &'a mut CameraSegments,
     /// Layers.
-    pub record: Recorder<'b>,
+    pub record: Recorder<'a>,
 }
 
 /// Branches of a camera path that have yet to be followed.
@@ -137,7 +139,7 @@ struct Branches<H> {
 impl<V: Sight> CameraTracer<'_, V> {
     /// Follow a camera path from a ray. Pushes its segments in scattering media and returns everything else that
     /// arrives along it: radiance at the film.
-    pub fn trace(&self, ray: Ray, sampler: &mut Sampler, out: &mut Out<'_, '_>) -> Rgb {
+    pub fn trace(&self, ray: Ray, context: &mut PathContext<'_>) -> Rgb {
         let mut branches = Branches {
             waiting: Vec::new(),
             splits: 0,
@@ -155,7 +157,7 @@ impl<V: Sight> CameraTracer<'_, V> {
         };
         let mut radiance = Rgb::ZERO;
         loop {
-            radiance += self.follow(path, &mut branches, sampler, out);
+            radiance += self.follow(path, &mut branches, context);
             match branches.waiting.pop() {
                 Some(next) => path = next,
                 None => return radiance,
@@ -172,8 +174,7 @@ impl<V: Sight> CameraTracer<'_, V> {
         &self,
         mut path: Path<V::Hidden>,
         branches: &mut Branches<V::Hidden>,
-        sampler: &mut Sampler,
-        out: &mut Out<'_, '_>,
+        context: &mut PathContext<'_>,
     ) -> Rgb {
         let scene = self.scene;
         let mut radiance = Rgb::ZERO;
@@ -181,37 +182,25 @@ impl<V: Sight> CameraTracer<'_, V> {
             let hit = scene.first_hit(&path.ray, |object| self.sight.hides(path.hidden, object));
             if let Some(id) = path.medium {
                 let length = hit.as_ref().map_or(f32::INFINITY, |h| h.t);
-                radiance += self.cross_medium(&mut path, id, length, sampler, out);
+                radiance += self.cross_medium(&mut path, id, length, context);
             }
             if let (Some(drawn), Some(hit)) = (&mut path.drawn, &hit) {
                 drawn.distance += hit.t;
             }
-            self.add_met_light(&path, hit.as_ref(), &mut radiance, out);
+            self.add_met_light(&path, hit.as_ref(), &mut radiance, context);
             let Some(mut hit) = hit else {
                 return radiance;
             };
             let material = scene.material(&hit);
-            if material.is_passed(hit.uv, || sampler.next_1d()) {
+            if material.is_passed(hit.uv, || context.sampler.next_1d()) {
                 path.medium = scene.medium_beyond(&hit, path.ray.dir, path.medium);
                 path.ray = hit.spawn_ray(path.ray.dir);
                 path.way = path.way.then(Turn::Passed);
                 continue;
             }
-            let wo = -path.ray.dir;
-            let bump_shadowing = scene.perturb_normal(&mut hit, wo);
-            let frame = Frame::from_normal(hit.ns);
-            let mut vertex = Vertex {
-                bsdf: material.bsdf(hit.uv),
-                bump_shadowing,
-                frame,
-                wo,
-                local_wo: frame.to_local(wo),
-                hit: &hit,
-                medium: path.medium,
-                is_gloss: false,
-                is_followed: false,
-            };
-            out.record.first_surface(|| {
+            let at = scene.interaction(&mut hit, path.ray.dir);
+            let mut vertex = Vertex::new(at, &hit, path.medium);
+            context.record.first_surface(|| {
                 let camera = &scene.description().camera;
                 let depth = (hit.point - camera.position).dot(camera.frame.n);
                 (depth, hit.ns, vertex.bsdf.albedo())
@@ -219,44 +208,44 @@ impl<V: Sight> CameraTracer<'_, V> {
             let mode = TransportMode::Radiance;
             let sample = if material.is_specular() {
                 match vertex.bsdf.branches(vertex.local_wo, mode) {
-                    Some(ways) => self.split(&mut path, &vertex, ways, branches, sampler),
+                    Some(ways) => self.split(&mut path, &vertex, ways, branches, &mut context.sampler),
                     None => {
-                        let u_lobe = sampler.next_1d();
-                        let u = sampler.next_2d();
+                        let u_lobe = context.sampler.next_1d();
+                        let u = context.sampler.next_2d();
                         vertex.bsdf.sample(vertex.local_wo, u_lobe, u, mode)
                     }
                 }
             } else if vertex.bsdf.delta_probability(vertex.local_wo) > 0.0 {
-                self.delta_or_rest(&mut path, &mut vertex, &mut radiance, sampler, out)
+                self.delta_or_rest(&mut path, &mut vertex, &mut radiance, context)
             } else {
                 let lobe = match material.is_followed() {
-                    true => OneLobe::followed(sampler.next_1d()),
-                    false => vertex.one_lobe(sampler.next_1d()),
+                    true => OneLobe::followed(context.sampler.next_1d()),
+                    false => vertex.one_lobe(context.sampler.next_1d()),
                 };
                 path.beta *= lobe.weight;
                 let beta = path.beta * path.rest;
                 if !lobe.is_followed {
                     if beta != Rgb::ZERO {
-                        radiance += self.scattered(&vertex, sampler, beta, out);
+                        radiance += self.scattered(&vertex, beta, context);
                     }
                     return radiance;
                 }
                 vertex.is_followed = true;
                 if beta != Rgb::ZERO {
-                    radiance += self.lit_directly(&vertex, 1.0, sampler, beta, out);
+                    radiance += self.lit_directly(&vertex, 1.0, beta, context);
                     if self.estimators().unmet_caustics {
                         let counts = |_: &SurfacePhoton, _: Vec3| 1.0;
-                        radiance += self.photon_radiance(&vertex, counts, beta, out);
+                        radiance += self.photon_radiance(&vertex, counts, beta, context);
                     }
                 }
-                let u = sampler.next_2d();
+                let u = context.sampler.next_2d();
                 let sample = vertex.bsdf.sample(vertex.local_wo, lobe.u, u, mode);
-                sample.filter(|s| s.wi.z * hit.ng.dot(frame.to_world(s.wi)) > 0.0)
+                sample.filter(|s| s.wi.z * hit.ng.dot(vertex.frame.to_world(s.wi)) > 0.0)
             };
             let Some(sample) = sample else {
                 return radiance;
             };
-            if !path.turn(&vertex, &sample, scene, self.sight, sampler) {
+            if !path.turn(&vertex, &sample, scene, self.sight, &mut context.sampler) {
                 return radiance;
             }
         }
@@ -268,12 +257,12 @@ impl<V: Sight> CameraTracer<'_, V> {
         path: &Path<V::Hidden>,
         hit: Option<&SurfaceHit>,
         radiance: &mut Rgb,
-        out: &mut Out<'_, '_>,
+        context: &mut PathContext<'_>,
     ) {
         let scene = self.scene;
         let mut add = |light: usize, emitted: Rgb, normal: Option<Vec3>| {
             let arriving = path.beta * emitted * self.share_of_lobe(path, light, normal);
-            out.record.add(Part::Direct, light, arriving);
+            context.record.add(Part::Direct, light, arriving);
             *radiance += arriving;
         };
         match hit {
@@ -299,12 +288,11 @@ impl<V: Sight> CameraTracer<'_, V> {
         path: &mut Path<V::Hidden>,
         vertex: &mut Vertex<'_>,
         radiance: &mut Rgb,
-        sampler: &mut Sampler,
-        out: &mut Out<'_, '_>,
+        context: &mut PathContext<'_>,
     ) -> Option<BsdfSample> {
         let p = vertex.bsdf.delta_probability(vertex.local_wo);
-        let along = sampler.next_1d() < p;
-        let u = sampler.next_2d();
+        let along = context.sampler.next_1d() < p;
+        let u = context.sampler.next_2d();
         let mut delta = vertex.bsdf.sample(vertex.local_wo, 0.0, u, TransportMode::Radiance);
         if let Some(delta) = &mut delta {
             delta.weight *= p;
@@ -315,7 +303,7 @@ impl<V: Sight> CameraTracer<'_, V> {
             vertex.bsdf = vertex.bsdf.without_delta();
             let beta = path.beta * (rest / (1.0 - p));
             if beta != Rgb::ZERO {
-                *radiance += self.scattered(vertex, sampler, beta, out);
+                *radiance += self.scattered(vertex, beta, context);
             }
         }
         path.share *= p;
@@ -346,18 +334,11 @@ impl<V: Sight> CameraTracer<'_, V> {
 
     /// The part of a path within a medium, up to `length`: leaves a segment for beams, adds what is scattered there,
     /// and attenuates the path.
-    fn cross_medium(
-        &self,
-        path: &mut Path<V::Hidden>,
-        id: u16,
-        length: f32,
-        sampler: &mut Sampler,
-        out: &mut Out<'_, '_>,
-    ) -> Rgb {
+    fn cross_medium(&self, path: &mut Path<V::Hidden>, id: u16, length: f32, context: &mut PathContext<'_>) -> Rgb {
         let properties = &self.scene.media()[id as usize];
         let ray = path.ray;
         if path.beta == Rgb::ZERO || path.rest == 0.0 || !properties.scatters() {
-            path.beta *= properties.transmittance(&ray, length, sampler);
+            path.beta *= properties.transmittance(&ray, length, &mut context.sampler);
             return Rgb::ZERO;
         }
         let beta = path.beta * path.rest;
@@ -367,34 +348,27 @@ impl<V: Sight> CameraTracer<'_, V> {
                 way: path.way,
                 ..CameraSegment::new(ray, length, beta, id)
             };
-            path.beta *= self.leave_segment(segment, sampler, out);
+            path.beta *= self.leave_segment(segment, context);
         } else {
-            path.beta *= properties.transmittance(&ray, length, sampler);
+            path.beta *= properties.transmittance(&ray, length, &mut context.sampler);
         }
         if !serves_all {
-            return self.scattered_in_medium(&ray, id, length, beta, sampler, out);
+            return self.scattered_in_medium(&ray, id, length, beta, context);
         }
         match properties {
             Medium::Homogeneous(medium) => {
                 let range = length.min(medium.reach());
-                self.single_scattering(&ray, range, (id, medium), beta, sampler, &mut out.record)
+                self.single_scattering(&ray, range, (id, medium), beta, context)
             }
             Medium::Heterogeneous(_) => Rgb::ZERO,
         }
     }
 
     /// Light that a medium which beams do not serve scatters into the ray within `length`.
-    fn scattered_in_medium(
-        &self,
-        ray: &Ray,
-        id: u16,
-        length: f32,
-        beta: Rgb,
-        sampler: &mut Sampler,
-        out: &mut Out<'_, '_>,
-    ) -> Rgb {
+    fn scattered_in_medium(&self, ray: &Ray, id: u16, length: f32, beta: Rgb, context: &mut PathContext<'_>) -> Rgb {
         let medium = &self.scene.media()[id as usize];
-        let Flight::Scattered { distance, weight } = medium.sample_flight(ray, length, beta, sampler) else {
+        let Flight::Scattered { distance, weight } = medium.sample_flight(ray, length, beta, &mut context.sampler)
+        else {
             return Rgb::ZERO;
         };
         let (direct, indirect) = (true, true);
@@ -408,12 +382,12 @@ impl<V: Sight> CameraTracer<'_, V> {
             wanted: Wanted { direct, indirect },
             depth: 0,
         };
-        let before = out.record.enter_volume();
-        let mut radiance = self.scatter_in_medium(&mut walk, id, distance, sampler, out);
-        if walk.survives(sampler) {
-            radiance += self.walk(walk, sampler, out);
+        let before = context.record.enter_volume();
+        let mut radiance = self.scatter_in_medium(&mut walk, id, distance, context);
+        if walk.survives(&mut context.sampler) {
+            radiance += self.walk(walk, context);
         }
-        out.record.leave_volume(before);
+        context.record.leave_volume(before);
         radiance
     }
 

@@ -3,7 +3,7 @@
 use super::direct::Seen;
 use super::vertex::Vertex;
 use super::walk::{Drawn, Walk, Wanted};
-use super::{CameraTracer, Out};
+use super::{CameraTracer, PathContext};
 use crate::aov::Part;
 use crate::bsdf::TransportMode;
 use crate::light::{DirectSample, LightChoice, LightHit};
@@ -17,23 +17,23 @@ use crate::warp::power_heuristic;
 impl<V: Sight> CameraTracer<'_, V> {
     /// Radiance at the film of what leaves x towards the camera path, its own emission apart. `beta`: throughput from
     /// the film to x.
-    pub(super) fn scattered(&self, x: &Vertex, sampler: &mut Sampler, beta: Rgb, out: &mut Out<'_, '_>) -> Rgb {
+    pub(super) fn scattered(&self, x: &Vertex, beta: Rgb, context: &mut PathContext<'_>) -> Rgb {
         if !self.sight.is_glossy(x.hit.object) {
-            return self.scattered_by(x, sampler, beta, out);
+            return self.scattered_by(x, beta, context);
         }
         let is_gloss = true;
         let Some([gloss, base]) = x.bsdf.gloss_and_base() else {
-            return self.scattered_by(&Vertex { is_gloss, ..*x }, sampler, beta, out);
+            return self.scattered_by(&Vertex { is_gloss, ..*x }, beta, context);
         };
         // The two lobes obey different rules.
         let bsdf = gloss;
         let gloss = Vertex { bsdf, is_gloss, ..*x };
         let base = Vertex { bsdf: base, ..*x };
-        self.scattered_by(&gloss, sampler, beta, out) + self.scattered_by(&base, sampler, beta, out)
+        self.scattered_by(&gloss, beta, context) + self.scattered_by(&base, beta, context)
     }
 
     /// The same, where all of x obeys the same rules.
-    fn scattered_by(&self, x: &Vertex, sampler: &mut Sampler, beta: Rgb, out: &mut Out<'_, '_>) -> Rgb {
+    fn scattered_by(&self, x: &Vertex, beta: Rgb, context: &mut PathContext<'_>) -> Rgb {
         if x.bsdf.is_black() {
             return Rgb::ZERO;
         }
@@ -44,16 +44,16 @@ impl<V: Sight> CameraTracer<'_, V> {
             false => 1,
         };
         let rays = (side * side) as f32;
-        let mut radiance = self.lit_directly(x, rays, sampler, beta, out);
+        let mut radiance = self.lit_directly(x, rays, beta, context);
         if side > 1 {
             let share = 1.0 / rays;
-            let mut strata = Strata::new(side, sampler);
-            while let Some(uniforms) = strata.next(sampler) {
-                radiance += self.gather_ray(x, uniforms, rays, sampler, beta * share, out);
+            let mut strata = Strata::new(side, &mut context.sampler);
+            while let Some(uniforms) = strata.next(&mut context.sampler) {
+                radiance += self.gather_ray(x, uniforms, rays, beta * share, context);
             }
-        } else if odds == 1.0 || sampler.next_1d() < odds {
-            let uniforms = (sampler.next_1d(), sampler.next_2d());
-            radiance += self.gather_ray(x, uniforms, 1.0, sampler, beta / odds, out);
+        } else if odds == 1.0 || context.sampler.next_1d() < odds {
+            let uniforms = (context.sampler.next_1d(), context.sampler.next_2d());
+            radiance += self.gather_ray(x, uniforms, 1.0, beta / odds, context);
         }
         let is_glossy = self.is_glossy(x);
         let gathers = is_glossy || self.sight.gathers(x.hit.object);
@@ -69,7 +69,7 @@ impl<V: Sight> CameraTracer<'_, V> {
             let density = rays * x.pdf(x.local_wo, wi) / cos;
             photon.odds.photon_share(odds_scale, density)
         };
-        radiance + self.photon_radiance(x, weight, beta, out)
+        radiance + self.photon_radiance(x, weight, beta, context)
     }
 
     /// Factor on the odds of photons at x against gather rays from there.
@@ -82,14 +82,7 @@ impl<V: Sight> CameraTracer<'_, V> {
 
     /// Light of a sampled light at x, radiance at the film. `rays`: how many directions are drawn there as well, which
     /// may meet it.
-    pub(super) fn lit_directly(
-        &self,
-        x: &Vertex,
-        rays: f32,
-        sampler: &mut Sampler,
-        beta: Rgb,
-        out: &mut Out<'_, '_>,
-    ) -> Rgb {
+    pub(super) fn lit_directly(&self, x: &Vertex, rays: f32, beta: Rgb, context: &mut PathContext<'_>) -> Rgb {
         let balanced = |choice: LightChoice, direct: &DirectSample, wi: Vec3| {
             let light = choice.light;
             let hidden = self.sight.from(x.shadow_start(direct.wi));
@@ -102,8 +95,8 @@ impl<V: Sight> CameraTracer<'_, V> {
             }
             power_heuristic(direct.pdf * choice.pmf, rays * x.pdf(x.local_wo, wi))
         };
-        let (radiance, light) = self.light_sample(x, Seen::First, sampler, balanced);
-        out.record.add(Part::Direct, light, beta * radiance);
+        let (radiance, light) = self.light_sample(x, Seen::First, &mut context.sampler, balanced);
+        context.record.add(Part::Direct, light, beta * radiance);
         beta * radiance
     }
 
@@ -130,9 +123,8 @@ impl<V: Sight> CameraTracer<'_, V> {
         x: &Vertex,
         (u_lobe, u): (f32, Vec2),
         rays: f32,
-        sampler: &mut Sampler,
         beta: Rgb,
-        out: &mut Out<'_, '_>,
+        context: &mut PathContext<'_>,
     ) -> Rgb {
         let sample = x.bsdf.sample(x.local_wo, u_lobe, u, TransportMode::Radiance);
         let Some(sample) = sample else {
@@ -169,12 +161,12 @@ impl<V: Sight> CameraTracer<'_, V> {
                 direct: true,
                 indirect: gathers,
             };
-            return self.walk(walk(Start::Shadow(object), wanted), sampler, out);
+            return self.walk(walk(Start::Shadow(object), wanted), context);
         }
         // Direct light and what surfaces send are hidden by different things.
         let (direct, indirect) = (true, false);
         let wanted = Wanted { direct, indirect };
-        let radiance = self.walk(walk(Start::Shadow(object), wanted), sampler, out);
+        let radiance = self.walk(walk(Start::Shadow(object), wanted), context);
         if !is_glossy && !gathers {
             return radiance;
         }
@@ -184,7 +176,7 @@ impl<V: Sight> CameraTracer<'_, V> {
         };
         let (direct, indirect) = (false, true);
         let wanted = Wanted { direct, indirect };
-        radiance + self.walk(walk(start, wanted), sampler, out)
+        radiance + self.walk(walk(start, wanted), context)
     }
 
     /// Light that y sends along a path that ends there, as direct light and photons bring it. `from`: the first vertex,
@@ -194,8 +186,7 @@ impl<V: Sight> CameraTracer<'_, V> {
         from: Option<(&Vertex, f32)>,
         y: &Vertex,
         beta: Rgb,
-        sampler: &mut Sampler,
-        out: &mut Out<'_, '_>,
+        context: &mut PathContext<'_>,
     ) -> Rgb {
         let scene = self.scene;
         // Photons find their way from y to x where nothing at y depends on the side that it is seen from.
@@ -228,8 +219,8 @@ impl<V: Sight> CameraTracer<'_, V> {
         };
         let by = from.map(|(x, _)| self.sight.from(Start::Photon(x.hit.object)));
         let seen = by.map_or(Seen::Later, Seen::ByGatherRay);
-        let (radiance, light) = self.light_sample(y, seen, sampler, weight);
-        out.record.add(Part::Surface, light, beta * radiance);
+        let (radiance, light) = self.light_sample(y, seen, &mut context.sampler, weight);
+        context.record.add(Part::Surface, light, beta * radiance);
         let mut radiance = beta * radiance;
         // A facet that scatters diffusely has one share for all photons.
         if !y.is_even() || share(DEEPER_ODDS, y.local_wo) > 0.0 {
@@ -239,7 +230,7 @@ impl<V: Sight> CameraTracer<'_, V> {
                 }
                 share(DEEPER_ODDS, wi)
             };
-            radiance += self.photon_radiance(y, weight, beta, out);
+            radiance += self.photon_radiance(y, weight, beta, context);
         }
         radiance
     }
@@ -251,7 +242,7 @@ impl<V: Sight> CameraTracer<'_, V> {
         x: &Vertex,
         weight: impl Fn(&SurfacePhoton, Vec3) -> f32,
         beta: Rgb,
-        out: &mut Out<'_, '_>,
+        context: &mut PathContext<'_>,
     ) -> Rgb {
         let mut radiance = Rgb::ZERO;
         let Some(photons) = self.photons else {
@@ -271,7 +262,7 @@ impl<V: Sight> CameraTracer<'_, V> {
                 let weight = weight(photon, Vec3::new(0.0, 0.0, cos));
                 let reflected = f * photon.power * (kernel * weight);
                 radiance += reflected;
-                out.record.add_of_group(Part::Surface, photon.group, reflected);
+                context.record.add_of_group(Part::Surface, photon.group, reflected);
             });
             return radiance;
         }
@@ -290,7 +281,7 @@ impl<V: Sight> CameraTracer<'_, V> {
             };
             let reflected = f * photon.power * (kernel * cosines * weight(photon, wi));
             radiance += reflected;
-            out.record.add_of_group(Part::Surface, photon.group, reflected);
+            context.record.add_of_group(Part::Surface, photon.group, reflected);
         });
         radiance
     }

@@ -5,7 +5,7 @@ use crate::geometry::SurfaceHit;
 use crate::math::{Frame, Rgb, Vec3};
 use crate::medium::MediumId;
 use crate::sight::Start;
-use crate::world::Scene;
+use crate::world::{Scene, SurfaceInteraction};
 
 /// A surface point from which light is asked for.
 #[derive(Clone, Copy)]
@@ -46,7 +46,22 @@ impl OneLobe {
     }
 }
 
-impl Vertex<'_> {
+impl<'a> Vertex<'a> {
+    /// A hit that a ray came to through a medium.
+    pub(super) fn new(at: SurfaceInteraction<'a>, hit: &'a SurfaceHit, medium: MediumId) -> Self {
+        Self {
+            hit,
+            bsdf: at.bsdf,
+            bump_shadowing: at.bump_shadowing,
+            frame: at.frame,
+            wo: at.wo,
+            local_wo: at.local_wo,
+            medium,
+            is_gloss: false,
+            is_followed: false,
+        }
+    }
+
     /// Choose between the lobe that paths follow and all others, where there are both.
     pub(super) fn one_lobe(&mut self, u: f32) -> OneLobe {
         let delta = self.bsdf.delta_probability(self.local_wo);

@@ -3,14 +3,14 @@
 
 use super::direct::Seen;
 use super::vertex::{OneLobe, Vertex};
-use super::{CameraTracer, Out};
+use super::{CameraTracer, PathContext};
 use crate::aov::Part;
 use crate::beam::estimate::{CameraSegment, CameraSegments};
 use crate::bsdf::TransportMode;
 use crate::estimators::Estimators;
 use crate::geometry::SurfaceHit;
 use crate::light::{DirectSample, LightChoice, LightHit};
-use crate::math::{Frame, Ray, Rgb, Vec3};
+use crate::math::{Ray, Rgb, Vec3};
 use crate::medium::{Flight, MediumId};
 use crate::odds::{MAX_SURVIVAL, TRAPPED_DEPTH};
 use crate::photon_map::{Arrival, SurfacePhoton};
@@ -62,7 +62,7 @@ pub(super) struct Drawn<'v> {
 
 impl<V: Sight> CameraTracer<'_, V> {
     /// Everything that is found along the path: radiance at the film.
-    pub(super) fn walk(&self, mut walk: Walk<'_, V::Hidden>, sampler: &mut Sampler, out: &mut Out<'_, '_>) -> Rgb {
+    pub(super) fn walk(&self, mut walk: Walk<'_, V::Hidden>, context: &mut PathContext<'_>) -> Rgb {
         let scene = self.scene;
         let mut radiance = Rgb::ZERO;
         while walk.beta.max_element() > 0.0 {
@@ -72,13 +72,13 @@ impl<V: Sight> CameraTracer<'_, V> {
                 let scatters = self.estimators().beams.get(usize::from(id)) == Some(&false)
                     && scene.media()[usize::from(id)].scatters();
                 if !scatters {
-                    walk.beta *= scene.transmittance(walk.medium, &walk.ray, length, sampler);
-                } else if let Some(distance) = self.fly(&mut walk, id, length, sampler, out) {
+                    walk.beta *= scene.transmittance(walk.medium, &walk.ray, length, &mut context.sampler);
+                } else if let Some(distance) = self.fly(&mut walk, id, length, context) {
                     if !walk.wanted.indirect {
                         return radiance;
                     }
-                    radiance += self.scatter_in_medium(&mut walk, id, distance, sampler, out);
-                    if !walk.survives(sampler) {
+                    radiance += self.scatter_in_medium(&mut walk, id, distance, context);
+                    if !walk.survives(&mut context.sampler) {
                         return radiance;
                     }
                     continue;
@@ -89,7 +89,7 @@ impl<V: Sight> CameraTracer<'_, V> {
                     let share = self.share(&walk, light, None);
                     if share > 0.0 {
                         let emitted = scene.environment(light, walk.ray.dir) * share;
-                        radiance += self.found(&walk, light, emitted, out);
+                        radiance += self.found(&walk, light, emitted, context);
                     }
                 }
                 return radiance;
@@ -103,11 +103,11 @@ impl<V: Sight> CameraTracer<'_, V> {
                 let emitted = scene.emitted(&hit, walk.ray.dir);
                 if emitted != Rgb::ZERO {
                     let share = self.share(&walk, light as usize, Some(hit.ng));
-                    radiance += self.found(&walk, light as usize, emitted * share, out);
+                    radiance += self.found(&walk, light as usize, emitted * share, context);
                 }
             }
             let material = scene.material(&hit);
-            if material.is_passed(hit.uv, || sampler.next_1d()) {
+            if material.is_passed(hit.uv, || context.sampler.next_1d()) {
                 walk.medium = scene.medium_beyond(&hit, walk.ray.dir, walk.medium);
                 walk.ray = hit.spawn_ray(walk.ray.dir);
                 continue;
@@ -115,7 +115,7 @@ impl<V: Sight> CameraTracer<'_, V> {
             if !walk.wanted.indirect {
                 return radiance;
             }
-            let Some(more) = self.meet_surface(&mut walk, &mut hit, sampler, out) else {
+            let Some(more) = self.meet_surface(&mut walk, &mut hit, context) else {
                 return radiance;
             };
             radiance += more;
@@ -124,13 +124,13 @@ impl<V: Sight> CameraTracer<'_, V> {
     }
 
     /// Light of a light that the path has met, noted.
-    fn found(&self, walk: &Walk<V::Hidden>, light: usize, emitted: Rgb, out: &mut Out<'_, '_>) -> Rgb {
+    fn found(&self, walk: &Walk<V::Hidden>, light: usize, emitted: Rgb, context: &mut PathContext<'_>) -> Rgb {
         let part = match walk.depth {
             0 => Part::Direct,
             _ => Part::Surface,
         };
         let radiance = walk.beta * emitted;
-        out.record.add(part, light, radiance);
+        context.record.add(part, light, radiance);
         radiance
     }
 
@@ -165,23 +165,16 @@ impl<V: Sight> CameraTracer<'_, V> {
     }
 
     /// Fly through a medium that beams do not serve; distance of a scattering.
-    fn fly(
-        &self,
-        walk: &mut Walk<V::Hidden>,
-        id: u16,
-        length: f32,
-        sampler: &mut Sampler,
-        out: &mut Out<'_, '_>,
-    ) -> Option<f32> {
+    fn fly(&self, walk: &mut Walk<V::Hidden>, id: u16, length: f32, context: &mut PathContext<'_>) -> Option<f32> {
         let medium = &self.scene.media()[usize::from(id)];
         if self.estimators().leave_beams() && walk.wanted.indirect {
             let segment = CameraSegment {
-                part: out.record.part_or(Part::Surface),
+                part: context.record.part_or(Part::Surface),
                 ..CameraSegment::new(walk.ray, length, walk.beta, id)
             };
-            self.leave_segment(segment, sampler, out);
+            self.leave_segment(segment, context);
         }
-        match medium.sample_flight(&walk.ray, length, walk.beta, sampler) {
+        match medium.sample_flight(&walk.ray, length, walk.beta, &mut context.sampler) {
             Flight::Passed { weight } => {
                 walk.pass(weight);
                 None
@@ -195,14 +188,15 @@ impl<V: Sight> CameraTracer<'_, V> {
 
     /// Leave a segment, as long as the path's way in the medium, along which beams are gathered. Returns the
     /// transmittance over all of it.
-    pub(super) fn leave_segment(&self, segment: CameraSegment, sampler: &mut Sampler, out: &mut Out<'_, '_>) -> Rgb {
+    pub(super) fn leave_segment(&self, segment: CameraSegment, context: &mut PathContext<'_>) -> Rgb {
         let medium = &self.scene.media()[usize::from(segment.medium)];
-        let CameraSegments { segments, steps } = &mut *out.segments;
-        let (seen, transmittance) = medium.segment(&segment.ray, segment.length, sampler, steps);
+        let CameraSegments { segments, steps } = &mut *context.segments;
+        let (ray, sampler) = (&segment.ray, &mut context.sampler);
+        let (seen, transmittance) = medium.segment(ray, segment.length, sampler, steps);
         if let Some(seen) = seen {
             segments.push(CameraSegment {
                 length: seen.range[1],
-                pixel: out.pixel,
+                pixel: context.pixel,
                 steps: seen.steps,
                 ..segment
             });
@@ -216,16 +210,15 @@ impl<V: Sight> CameraTracer<'_, V> {
         walk: &mut Walk<V::Hidden>,
         id: u16,
         distance: f32,
-        sampler: &mut Sampler,
-        out: &mut Out<'_, '_>,
+        context: &mut PathContext<'_>,
     ) -> Rgb {
         let (point, dir) = (walk.ray.at(distance), walk.ray.dir);
         let phase = self.scene.media()[usize::from(id)].phase();
         let at = Ray { origin: point, dir };
-        let (lit, light) = self.lit_in_medium(&at, id, sampler);
+        let (lit, light) = self.lit_in_medium(&at, id, &mut context.sampler);
         let radiance = walk.beta * lit;
-        out.record.add(Part::Surface, light, radiance);
-        let new = phase.sample(dir, sampler.next_2d());
+        context.record.add(Part::Surface, light, radiance);
+        let new = phase.sample(dir, context.sampler.next_2d());
         walk.drawn = Some(Drawn {
             point,
             facing: None,
@@ -286,33 +279,19 @@ impl<V: Sight> CameraTracer<'_, V> {
         &self,
         walk: &mut Walk<V::Hidden>,
         hit: &mut SurfaceHit,
-        sampler: &mut Sampler,
-        out: &mut Out<'_, '_>,
+        context: &mut PathContext<'_>,
     ) -> Option<Rgb> {
         let scene = self.scene;
-        let material = scene.material(hit);
-        let wo = -walk.ray.dir;
-        let bump_shadowing = scene.perturb_normal(hit, wo);
-        let hit = &*hit;
-        let frame = Frame::from_normal(hit.ns);
-        let mut y = Vertex {
-            bsdf: material.bsdf(hit.uv),
-            bump_shadowing,
-            frame,
-            wo,
-            local_wo: frame.to_local(wo),
-            hit,
-            medium: walk.medium,
-            is_gloss: false,
-            is_followed: false,
-        };
+        let at = scene.interaction(hit, walk.ray.dir);
+        let (material, hit) = (at.material, &*hit);
+        let mut y = Vertex::new(at, hit, walk.medium);
         if y.bsdf.is_black() {
             return None;
         }
         let mut radiance = Rgb::ZERO;
         let lobe = match material.is_specular() || material.is_followed() {
-            true => OneLobe::followed(sampler.next_1d()),
-            false => y.one_lobe(sampler.next_1d()),
+            true => OneLobe::followed(context.sampler.next_1d()),
+            false => y.one_lobe(context.sampler.next_1d()),
         };
         y.is_followed = lobe.is_followed;
         walk.pass(Rgb::splat(lobe.weight));
@@ -328,26 +307,26 @@ impl<V: Sight> CameraTracer<'_, V> {
                     || from.is_some_and(|(x, _)| self.is_glossy(x) || self.sight.is_gathered(hit.object));
                 let beta = walk.beta;
                 walk.beta = Rgb::ZERO;
-                return is_found.then(|| self.brought_by_photons(from, &y, beta, sampler, out));
+                return is_found.then(|| self.brought_by_photons(from, &y, beta, context));
             }
-            radiance = self.lit_later(&y, walk.beta, sampler, out);
+            radiance = self.lit_later(&y, walk.beta, context);
         } else if deep {
             // What comes by way of it is in photons.
             return None;
         }
         let mode = TransportMode::Radiance;
-        let u = sampler.next_2d();
+        let u = context.sampler.next_2d();
         let Some(sample) = y.bsdf.sample(y.local_wo, lobe.u, u, mode) else {
             walk.beta = Rgb::ZERO;
             return Some(radiance);
         };
-        let wi = frame.to_world(sample.wi).normalize();
-        if (!sample.delta || bump_shadowing.is_some()) && sample.wi.z * hit.ng.dot(wi) <= 0.0 {
+        let wi = y.frame.to_world(sample.wi).normalize();
+        if (!sample.delta || y.bump_shadowing.is_some()) && sample.wi.z * hit.ng.dot(wi) <= 0.0 {
             walk.beta = Rgb::ZERO;
             return Some(radiance);
         }
         let mut weight = sample.weight;
-        if let Some(shadowing) = bump_shadowing {
+        if let Some(shadowing) = y.bump_shadowing {
             weight *= shadowing.factor(wi);
         }
         walk.pass(weight);
@@ -366,28 +345,28 @@ impl<V: Sight> CameraTracer<'_, V> {
         walk.hidden = self.sight.from(Start::Gather);
         walk.ray = hit.spawn_ray(wi);
         walk.depth += 1;
-        if !walk.survives(sampler) {
+        if !walk.survives(&mut context.sampler) {
             walk.beta = Rgb::ZERO;
         }
         Some(radiance)
     }
 
     /// Direct light, balanced against the direction that is drawn at y as well, and photons.
-    fn lit_later(&self, y: &Vertex, beta: Rgb, sampler: &mut Sampler, out: &mut Out<'_, '_>) -> Rgb {
+    fn lit_later(&self, y: &Vertex, beta: Rgb, context: &mut PathContext<'_>) -> Rgb {
         let balanced = |choice: LightChoice, direct: &DirectSample, wi: Vec3| match direct.delta
             || self.scene.only_sampled(choice.light)
         {
             true => 1.0,
             false => power_heuristic(direct.pdf * choice.pmf, y.pdf(y.local_wo, wi)),
         };
-        let (lit, light) = self.light_sample(y, Seen::Later, sampler, balanced);
-        out.record.add(Part::Surface, light, beta * lit);
+        let (lit, light) = self.light_sample(y, Seen::Later, &mut context.sampler, balanced);
+        context.record.add(Part::Surface, light, beta * lit);
         // What surfaces send here is found by the path itself.
         let weight = |photon: &SurfacePhoton, _: Vec3| match photon.arrival {
             Arrival::Surface => 0.0,
             _ => 1.0,
         };
-        beta * lit + self.photon_radiance(y, weight, beta, out)
+        beta * lit + self.photon_radiance(y, weight, beta, context)
     }
 }
 

@@ -2,6 +2,7 @@
 
 mod crossing;
 mod description;
+mod interaction;
 mod shadow;
 
 use crate::bsdf::{BumpShadowing, Material};
@@ -12,6 +13,7 @@ use crate::medium::{Medium, MediumId};
 use crate::sampler::Sampler;
 use crossing::LightMedium;
 pub use description::{RenderDefaults, SceneDescription};
+pub(crate) use interaction::SurfaceInteraction;
 use std::collections::BTreeMap;
 
 /// A scene made ready for rays: acceleration structures built, media around the camera and the lights found.

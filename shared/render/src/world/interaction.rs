@@ -1,0 +1,39 @@
+//! Where light is scattered at a surface.
+
+use super::Scene;
+use crate::bsdf::{Bsdf, BumpShadowing, Material};
+use crate::geometry::SurfaceHit;
+use crate::math::{Frame, Vec3};
+
+/// A surface at a hit, its shading normal perturbed and its textures looked up.
+pub(crate) struct SurfaceInteraction<'a> {
+    pub material: &'a Material,
+    pub bsdf: Bsdf<'a>,
+    /// Where a bump or normal map has perturbed the hit's shading normal.
+    pub bump_shadowing: Option<BumpShadowing>,
+    /// Around the shading normal.
+    pub frame: Frame,
+    /// Where the path comes from, in render space and in the frame.
+    pub wo: Vec3,
+    pub local_wo: Vec3,
+}
+
+impl Scene {
+    /// The surface at a hit of a ray of this direction that does not pass it ([`Material::is_passed`]). Perturbs the
+    /// hit's shading normal.
+    #[inline]
+    pub(crate) fn interaction(&self, hit: &mut SurfaceHit, dir: Vec3) -> SurfaceInteraction<'_> {
+        let material = self.material(hit);
+        let wo = -dir;
+        let bump_shadowing = self.perturb_normal(hit, wo);
+        let frame = Frame::from_normal(hit.ns);
+        SurfaceInteraction {
+            material,
+            bsdf: material.bsdf(hit.uv),
+            bump_shadowing,
+            frame,
+            wo,
+            local_wo: frame.to_local(wo),
+        }
+    }
+}

@@ -1,0 +1,19 @@
+//! Beams and photons by themselves: densities, kernels, what a radius and many passes do to them. Against formulas.
+
+#![allow(clippy::unwrap_used)]
+
+mod absorption;
+mod axis_rays;
+mod bias;
+mod convergence;
+mod cylinder;
+mod energy;
+mod error_estimate;
+mod footprints;
+mod many_beams;
+mod near_lights;
+mod one_beam;
+mod rates;
+mod scales;
+mod single_scattering;
+mod weights;

@@ -1,0 +1,10 @@
+//! Fog, smoke, clouds and water. Against furnaces, integrals and one another.
+
+#![allow(clippy::unwrap_used)]
+
+mod fog_lights;
+mod furnace;
+mod grid_media;
+mod hard_cases;
+mod transmittance;
+mod volumes;

@@ -1,0 +1,13 @@
+//! Cameras, lights, materials, what is sampled and with which density, what goes into which layer. Against formulas,
+//! integrals and tables of Mitsuba.
+
+#![allow(clippy::unwrap_used)]
+
+mod camera;
+mod densities;
+mod gloss;
+mod layers;
+mod lights;
+mod material_scenes;
+mod materials;
+mod scattering;

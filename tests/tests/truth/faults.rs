@@ -1,0 +1,37 @@
+//! Scenes on which pictures were wrong: small, each with its cause in its first line. Passes and path tracer against
+//! one another.
+
+use beamfarm_tests::differential::Effort;
+use beamfarm_tests::differential::many::examine_alone;
+use beamfarm_tests::random_scene::RandomScene;
+use beamfarm_tests::suite::sidak;
+use std::path::Path;
+
+/// All together at a significance of 1e-3.
+#[test]
+fn what_was_wrong_is_right() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("data/faults");
+    let mut files: Vec<_> = (folder.read_dir().unwrap())
+        .map(|entry| entry.unwrap().path())
+        .filter(|path| path.extension().is_some_and(|end| end == "toml"))
+        .collect();
+    files.sort();
+    let effort = Effort {
+        images: 48,
+        samples: 16,
+        significance: sidak(1e-3, files.len()),
+        seconds: f64::INFINITY,
+    };
+    let mut wrong = Vec::new();
+    for path in &files {
+        let scene = RandomScene::read(path).unwrap();
+        let verdict = examine_alone(&scene, &effort);
+        let name = path.file_stem().unwrap().to_string_lossy();
+        match &verdict {
+            Ok(verdict) if !verdict.is_fault() => println!("{name}: {verdict}"),
+            Ok(verdict) => wrong.push(format!("{name}: {verdict}")),
+            Err(message) => wrong.push(format!("{name}: {message}")),
+        }
+    }
+    assert!(files.len() >= 19 && wrong.is_empty(), "{}", wrong.join("\n"));
+}

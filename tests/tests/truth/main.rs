@@ -1,0 +1,10 @@
+//! Whole pictures: against the path tracer, Mitsuba and their own bits of before.
+
+#![allow(clippy::unwrap_used)]
+
+mod faults;
+mod golden;
+mod mitsuba;
+mod partition;
+mod random_scenes;
+mod reference;

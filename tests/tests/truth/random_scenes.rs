@@ -1,0 +1,51 @@
+//! Passes against the path tracer on scenes that nobody made.
+//!
+//! Here 48; with BEAMFARM_LONG=1 2,000, longer. BEAMFARM_SCENES and BEAMFARM_FIRST_SEED say how many, and from which
+//! seed on: a line is printed for each as soon as it is known. BEAMFARM_SECONDS: no single render that would last
+//! longer; what would have needed it is counted as "too long", and says nothing. Scenes with a fault are written to
+//! BEAMFARM_FAULTS (target/random-scenes by default).
+
+use beamfarm_tests::differential::Effort;
+use beamfarm_tests::differential::many::examine_seeds;
+use beamfarm_tests::suite::sidak;
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+fn number(name: &str) -> Option<u64> {
+    std::env::var(name).ok().map(|text| text.parse().unwrap())
+}
+
+/// All together at a significance of 1e-2.
+#[test]
+fn passes_are_right_on_random_scenes() {
+    let is_long = number("BEAMFARM_LONG").is_some_and(|n| n > 0);
+    let (scenes, images, samples) = if is_long { (2000, 64, 8) } else { (48, 32, 4) };
+    let scenes = number("BEAMFARM_SCENES").unwrap_or(scenes);
+    let first = number("BEAMFARM_FIRST_SEED").unwrap_or(0);
+    let folder = std::env::var_os("BEAMFARM_FAULTS").map(PathBuf::from);
+    let folder = folder.unwrap_or(PathBuf::from(concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../target/random-scenes"
+    )));
+    let significance = sidak(1e-2, usize::try_from(scenes).unwrap());
+    let effort = Effort {
+        images,
+        samples,
+        significance,
+        seconds: number("BEAMFARM_SECONDS").map_or(f64::INFINITY, |seconds| seconds as f64),
+    };
+    let mut counts = BTreeMap::new();
+    let mut faults = Vec::new();
+    let seeds: Vec<u64> = (first..first + scenes).collect();
+    examine_seeds(&seeds, &effort, |outcome| {
+        println!("{}", outcome.line());
+        let word = outcome.verdict.as_ref().map_or("panic", |v| v.word());
+        *counts.entry(word).or_insert(0) += 1;
+        if outcome.is_fault() {
+            let path = outcome.scene.write(&folder, &format!("seed-{}", outcome.seed));
+            faults.push(format!("{}\n    {}", outcome.line(), path.unwrap().display()));
+        }
+    });
+    println!("{counts:?}");
+    assert!(faults.is_empty(), "{} faults:\n{}", faults.len(), faults.join("\n"));
+}

@@ -544,8 +544,8 @@ impl PathTracer<'_> {
         path.survives(sampler)
     }
 
-    /// Light that a vertex gets straight from lights and scatters into the path, balanced against drawing its direction.
-    /// `rules`: those of the vertex, if it has any.
+    /// Light that a vertex gets straight from lights and scatters into the path, balanced against drawing its
+    /// direction. `rules`: those of the vertex, if it has any.
     fn add_direct(&self, path: &mut Path, vertex: &Vertex, rules: Option<&VertexRules>, sampler: &mut Sampler) {
         let mut add = |choice: LightChoice, sampler: &mut Sampler| {
             if let Some(radiance) = self.direct(vertex, path.medium, choice, rules, sampler) {

@@ -1,7 +1,7 @@
 //! Ground truth: a volumetric path tracer without bias, over the scene that the beams render.
 //!
 //! Paths start at the camera. Distances in media are sampled (delta tracking where the density varies, Woodcock et al.
-//! 1965), so the transmittance along the path is never evaluated; at every vertex that is not specular lights are
+//! 1965), so the transmittance along the path is never evaluated; at every vertex that is not specular a light is
 //! sampled as well, with an unbiased estimate of the transmittance towards it, and both ways of finding light are
 //! balanced by their densities of direction at the vertex (Veach 1997, section 9.2). The weights sum to one for every
 //! path, whatever lies between the vertex and the light, so boundaries of media, cut-outs and the randomness of
@@ -21,7 +21,7 @@
 use crate::aov::{LayerPlan, NoSuchGroup, Part, Parts, Recorder};
 use crate::bsdf::{Bsdf, BumpShadowing, TransportMode};
 use crate::geometry::SurfaceHit;
-use crate::light::{LightChoice, LightHit, LightKind, LightSelector, LocalChoice};
+use crate::light::{LightHit, LightKind, LightSelector};
 use crate::math::{Frame, Ray, Rgb, Vec3};
 use crate::medium::{Flight, MediumId};
 use crate::phase::Phase;
@@ -34,20 +34,12 @@ use beamfarm_image::job::ReferenceSettings;
 use beamfarm_image::layer::Layer;
 use rayon::prelude::*;
 
-/// Before this many scatterings there is no roulette, and after them paths go on with so many times their throughput.
-/// Variance times time, against a depth of 4 and a factor of 1: 0.76 to 0.95, on seven scenes.
-const ROULETTE_DEPTH: u32 = 2;
-const ROULETTE_FACTOR: f32 = 2.0;
+/// Up to this many scatterings, no roulette: low orders carry most of the light.
+const ROULETTE_DEPTH: u32 = 4;
 /// From this many on, a path goes on with at most [`MAX_SURVIVAL`], so that light which is trapped (total internal
 /// reflection in a clear sphere, say) ends as well. Late and mild, because each survival makes the path heavier.
 const TRAPPED_DEPTH: u32 = 1024;
 const MAX_SURVIVAL: f32 = 0.999;
-
-/// Of up to so many lights each is sampled by itself, or not, at a vertex; of more, one.
-const FEW_LIGHTS: usize = 32;
-/// Samples of all lights together that are expected at a vertex, at the most. Where two lights are as bright both are
-/// sampled, where one outshines the others hardly more than that.
-const LIGHT_SAMPLES: f32 = 2.0;
 
 /// What a sample gives.
 #[derive(Clone, Debug)]
@@ -221,22 +213,6 @@ struct DrawnAt {
     pdf: f32,
     /// From the vertex to the start of the path's ray, which may have passed boundaries since.
     distance: f32,
-    /// Of a surface that is lit from this side only.
-    facing: Option<Vec3>,
-}
-
-/// How often lights are sampled at a vertex.
-struct LightsAt<'a> {
-    choice: LocalChoice<'a>,
-    /// Expected samples of all together at the most; 1: one light is chosen, otherwise each is sampled by itself.
-    samples: f32,
-}
-
-impl LightsAt<'_> {
-    /// Expected samples of a light.
-    fn samples_of(&self, light: usize) -> f32 {
-        (self.samples * self.choice.pmf(light)).min(1.0)
-    }
 }
 
 /// Rules of a vertex that the camera sees.
@@ -262,8 +238,6 @@ impl VertexRules {
 enum Vertex<'a> {
     Surface {
         hit: &'a SurfaceHit,
-        /// The side that alone is lit.
-        facing: Option<Vec3>,
         bsdf: &'a Bsdf<'a>,
         bump_shadowing: Option<BumpShadowing>,
         frame: Frame,
@@ -406,21 +380,7 @@ impl PathTracer<'_> {
         let scene = self.scene;
         let objects = scene.objects();
         let pdf = scene.lights()[light].pdf_direct(objects, vertex.point, path.ray.dir, hit);
-        let samples = self.lights_at(vertex.point, vertex.facing).samples_of(light);
-        power_heuristic(vertex.pdf, pdf * samples)
-    }
-
-    /// `facing`: of a surface that is lit from this side only.
-    fn lights_at(&self, point: Vec3, facing: Option<Vec3>) -> LightsAt<'_> {
-        let scene = self.scene;
-        let count = scene.lights().len();
-        LightsAt {
-            choice: scene.light_sources.choice_at(point, facing, self.selector),
-            samples: match count {
-                2..=FEW_LIGHTS => LIGHT_SAMPLES,
-                _ => 1.0,
-            },
-        }
+        power_heuristic(vertex.pdf, pdf * self.selector.pmf(light))
     }
 
     /// Scatter in a medium. False: the path ends here.
@@ -435,7 +395,9 @@ impl PathTracer<'_> {
             true => Part::Volume,
             false => path.part.further(),
         };
-        self.add_direct(path, &vertex, None, sampler);
+        if let Some((light, radiance)) = self.direct(&vertex, path.medium, None, sampler) {
+            path.add(light, path.beta * radiance);
+        }
         (path.hidden, path.is_seen) = (nothing, false);
         let dir = phase.sample(dir, sampler.next_2d());
         path.drawn_at = Some(DrawnAt {
@@ -445,7 +407,6 @@ impl PathTracer<'_> {
             point,
             pdf: phase.eval_directions(path.ray.dir, dir),
             distance: 0.0,
-            facing: None,
         });
         path.ray = Ray { origin: point, dir };
         path.survives(sampler)
@@ -493,18 +454,18 @@ impl PathTracer<'_> {
             path.part = path.part.further();
         }
         let rules = sets.map(|sets| VertexRules { sets, is_followed });
-        let side = hit.ng.dot(wo).signum();
-        let facing = matches!(bsdf, Bsdf::Diffuse { .. }).then_some(hit.ng * side);
         if !material.is_specular() {
             let vertex = Vertex::Surface {
                 hit,
-                facing,
                 bsdf: &bsdf,
                 bump_shadowing,
                 frame,
                 local_wo,
             };
-            self.add_direct(path, &vertex, rules.as_ref(), sampler);
+            let direct = self.direct(&vertex, path.medium, rules.as_ref(), sampler);
+            if let Some((light, radiance)) = direct {
+                path.add(light, path.beta * radiance);
+            }
         }
         let (u_lobe, u) = (sampler.next_1d(), sampler.next_2d());
         let Some(sample) = bsdf.sample(local_wo, u_lobe, u, TransportMode::Radiance) else {
@@ -538,46 +499,25 @@ impl PathTracer<'_> {
             point: hit.point,
             pdf: sample.pdf,
             distance: 0.0,
-            facing,
         });
         path.ray = hit.spawn_ray(wi);
         path.survives(sampler)
     }
 
-    /// Light that a vertex gets straight from lights and scatters into the path, balanced against drawing its
-    /// direction. `rules`: those of the vertex, if it has any.
-    fn add_direct(&self, path: &mut Path, vertex: &Vertex, rules: Option<&VertexRules>, sampler: &mut Sampler) {
-        let mut add = |choice: LightChoice, sampler: &mut Sampler| {
-            if let Some(radiance) = self.direct(vertex, path.medium, choice, rules, sampler) {
-                path.add(choice.light, path.beta * radiance);
-            }
-        };
-        let lights = self.lights_at(vertex.point(), vertex.facing());
-        if lights.samples == 1.0 {
-            if let Some(choice) = lights.choice.sample(sampler.next_1d()) {
-                add(choice, sampler);
-            }
-            return;
-        }
-        for light in 0..self.scene.lights().len() {
-            let pmf = lights.samples_of(light);
-            if pmf == 1.0 || pmf > 0.0 && sampler.next_1d() < pmf {
-                add(LightChoice { light, pmf, u: 0.0 }, sampler);
-            }
-        }
-    }
-
-    /// Of a chosen light. `medium`: the one that the path came to the vertex through.
+    /// A sampled light, and its light that the vertex scatters into the path, balanced against drawing its direction.
+    /// `medium`: the one that the path came to the vertex through.
+    /// `rules`: those of the vertex, if it has any.
     fn direct(
         &self,
         vertex: &Vertex,
         medium: MediumId,
-        choice: LightChoice,
         rules: Option<&VertexRules>,
         sampler: &mut Sampler,
-    ) -> Option<Rgb> {
+    ) -> Option<(usize, Rgb)> {
         let scene = self.scene;
+        let choice = self.selector.sample(sampler.next_1d());
         let (u, u_primitive) = (sampler.next_2d(), sampler.next_1d());
+        let choice = choice?;
         let hidden = rules.map_or(HiddenSet::default(), |rules| rules.sets.shadow);
         if self.hides_light(hidden, choice.light) {
             return None;
@@ -634,7 +574,8 @@ impl PathTracer<'_> {
             |object| self.hides(hidden, object) || self.hides(own, object),
             sampler,
         )?;
-        Some(radiance * transmittance * (weight / choice.pmf))
+        let radiance = radiance * transmittance * (weight / choice.pmf);
+        Some((choice.light, radiance))
     }
 }
 
@@ -643,14 +584,6 @@ impl Vertex<'_> {
         match self {
             Self::Surface { hit, .. } => hit.point,
             Self::Medium { point, .. } => *point,
-        }
-    }
-
-    /// The side that alone is lit, if there is one.
-    fn facing(&self) -> Option<Vec3> {
-        match self {
-            Self::Surface { facing, .. } => *facing,
-            Self::Medium { .. } => None,
         }
     }
 
@@ -670,7 +603,6 @@ impl Vertex<'_> {
                 bump_shadowing,
                 frame,
                 local_wo,
-                ..
             } => {
                 let local = frame.to_local(wi);
                 if local.z * hit.ng.dot(wi) <= 0.0 {
@@ -697,14 +629,13 @@ impl Path<'_> {
         self.record.add(self.part, light, radiance);
     }
 
-    /// Russian roulette after a scattering: the path goes on with a probability in proportion to its throughput, which
-    /// then is as large as where that begins.
+    /// Russian roulette after a scattering: the path goes on with the probability of its throughput, which then is 1.
     fn survives(&mut self, sampler: &mut Sampler) -> bool {
         self.depth = self.depth.saturating_add(1);
         if self.depth < ROULETTE_DEPTH {
             return true;
         }
-        let mut q = ROULETTE_FACTOR * self.beta.max_element() / self.compression;
+        let mut q = self.beta.max_element() / self.compression;
         if self.depth >= TRAPPED_DEPTH {
             q = q.min(MAX_SURVIVAL);
         }

@@ -4,7 +4,6 @@ use crate::harness::{Coordinator, LONG, RawWorker, canary, encode, free_port, no
 use beamfarm_coordinator::{End, EventKind, Progress, Timing, WorkerState};
 use beamfarm_image::job::Block;
 use beamfarm_image::merge::{Average, TreeSum};
-use beamfarm_proto::wire::farm_client::FarmClient;
 use beamfarm_proto::{Grant, VERSION, wire};
 use std::sync::Arc;
 use std::time::Instant;
@@ -111,9 +110,7 @@ async fn liar_among(honest: usize, lies: u64) {
     assert!(events.iter().any(|event| event.kind == EventKind::Divergent));
     assert!(events.iter().any(|event| event.kind == EventKind::ShutOut));
     // Nor does it come back.
-    let mut farm = within("a connection", FarmClient::connect(coordinator.url()))
-        .await
-        .unwrap();
+    let mut farm = coordinator.connect().await;
     let again = wire::RegisterRequest {
         version: VERSION.into(),
         name: "liar".into(),
@@ -133,9 +130,7 @@ async fn a_worker_that_always_lies_is_found() {
 async fn a_machine_with_other_bits_does_not_get_in() {
     let coordinator = Coordinator::start(spec(1)).await;
     RawWorker::named(&coordinator, "first").await;
-    let mut farm = within("a connection", FarmClient::connect(coordinator.url()))
-        .await
-        .unwrap();
+    let mut farm = coordinator.connect().await;
     let mut request = wire::RegisterRequest {
         version: VERSION.into(),
         name: "second".into(),

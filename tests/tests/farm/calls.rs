@@ -5,7 +5,6 @@ use beamfarm_coordinator::{End, Timing};
 use beamfarm_image::exr::pixel_hash;
 use beamfarm_image::job::{Block, SceneHash};
 use beamfarm_image::merge::TreeSum;
-use beamfarm_proto::wire::farm_client::FarmClient;
 use beamfarm_proto::{FileHash, Grant, VERSION, WireHash, wire};
 use std::time::Duration;
 use tonic::Code;
@@ -13,9 +12,7 @@ use tonic::Code;
 #[tokio::test]
 async fn another_version_is_turned_away() {
     let coordinator = Coordinator::start(spec(1)).await;
-    let mut farm = within("a connection", FarmClient::connect(coordinator.url()))
-        .await
-        .unwrap();
+    let mut farm = coordinator.connect().await;
     for version in ["", "0.0.1", &format!("{VERSION}-x"), &"x".repeat(100_000)] {
         let request = wire::RegisterRequest {
             version: version.into(),
@@ -50,9 +47,7 @@ async fn large_files_arrive_whole_and_unknown_ones_are_refused() {
     spec.bundle.files.insert("large.bin".into(), large.clone());
     spec.bundle.files.insert("empty.bin".into(), Vec::new());
     let coordinator = Coordinator::start(spec).await;
-    let mut farm = within("a connection", FarmClient::connect(coordinator.url()))
-        .await
-        .unwrap();
+    let mut farm = coordinator.connect().await;
     for expected in [large, Vec::new()] {
         let hash = FileHash::of(&expected).to_wire();
         let request = wire::FetchFileRequest { hash };

@@ -228,6 +228,11 @@ impl Coordinator {
         }
     }
 
+    /// A client of its calls to workers.
+    pub async fn connect(&self) -> FarmClient<Channel> {
+        within("a connection", FarmClient::connect(self.url())).await.unwrap()
+    }
+
     pub fn url(&self) -> String {
         format!("http://{}", self.address)
     }
@@ -287,9 +292,7 @@ impl RawWorker {
     }
 
     pub async fn named(coordinator: &Coordinator, name: &str) -> Self {
-        let mut farm = within("a connection", FarmClient::connect(coordinator.url()))
-            .await
-            .unwrap();
+        let mut farm = coordinator.connect().await;
         let request = wire::RegisterRequest {
             version: VERSION.into(),
             name: name.into(),

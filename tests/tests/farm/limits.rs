@@ -1,6 +1,6 @@
 //! Peers that take more than their share: of connections, calls, bytes and time.
 
-use crate::harness::{Coordinator, LONG, RawWorker, film, free_port, leaf, spec, within};
+use crate::harness::{Coordinator, LONG, RawWorker, film, free_port, leaf, spec};
 use beamfarm_coordinator::limits::Limits;
 use beamfarm_coordinator::security::{Security, Tls};
 use beamfarm_coordinator::{End, Timing};
@@ -126,9 +126,7 @@ async fn large_headers_are_refused() {
     let mut said = vec![0; 12];
     let read = timeout(PATIENCE, stream.read_exact(&mut said)).await;
     assert!(read.unwrap().is_err() || said == b"HTTP/1.1 431");
-    let mut farm = within("a connection", FarmClient::connect(coordinator.url()))
-        .await
-        .unwrap();
+    let mut farm = coordinator.connect().await;
     let mut request = Request::new(wire::RegisterRequest {
         version: VERSION.into(),
         ..Default::default()

@@ -3,7 +3,6 @@
 use crate::harness::{Coordinator, RawWorker, spec, within};
 use beamfarm_coordinator::{End, Progress, WorkerState};
 use beamfarm_proto::wire::control_client::ControlClient;
-use beamfarm_proto::wire::farm_client::FarmClient;
 use beamfarm_proto::{Grant, VERSION, wire};
 use std::time::{Duration, Instant};
 use tokio::io::{AsyncBufReadExt, AsyncReadExt, AsyncWriteExt, BufReader};
@@ -180,9 +179,7 @@ async fn an_open_page_hears_the_news_and_the_end() {
 #[tokio::test]
 async fn names_of_workers_cannot_write_the_page() {
     let coordinator = Coordinator::start(spec(2)).await;
-    let mut farm = within("a connection", FarmClient::connect(coordinator.url()))
-        .await
-        .unwrap();
+    let mut farm = coordinator.connect().await;
     let request = wire::RegisterRequest {
         canary: crate::harness::canary(),
         version: VERSION.into(),

@@ -175,6 +175,21 @@ were measured once, at another time ([notes.md](notes.md#against-other-renderers
 """
 
 
+def mitsubas(work, seconds):
+    _, said = bench(work / "mitsuba", "--suite", "tests/mitsuba/bench.toml", "--seconds", seconds)
+    told = said[said.index("relMSE after "):].split("wrote ")[0].strip()
+    return f"""## Error after {seconds:g} seconds
+
+`beamfarm bench --suite tests/mitsuba/bench.toml --seconds {seconds:g}`: small scenes of most kinds (48x48 or 64x64 pixels), by passes and by the
+path tracer of `beamfarm reference`. relMSE as above, against references of the path tracer. Mitsuba 3.9.1 was measured once for ten
+seconds, as the suite says, and is not measured again here.
+
+```text
+{told}
+```
+"""
+
+
 def scaling(work, _seconds):
     text = """## Pixels and beams
 
@@ -339,7 +354,7 @@ errors of the mean. Evaluations are more where kernels are wider: at early passe
 {told}"""
 
 
-SECTIONS = [scenes, suite, scaling, alpha, budget, targeting, gloss, transmittance, gather, farm, convergence, hard_cases]
+SECTIONS = [scenes, suite, mitsubas, scaling, alpha, budget, targeting, gloss, transmittance, gather, farm, convergence, hard_cases]
 
 
 def main():

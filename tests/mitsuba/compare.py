@@ -6,6 +6,7 @@
     python tests/mitsuba/compare.py                           # the scenes beside this file, against their references
     python tests/mitsuba/compare.py --seconds 60 my.xml ...   # any scenes, against Mitsuba itself
     python tests/mitsuba/compare.py --write --seconds 300     # make the references anew
+    python tests/mitsuba/compare.py --points --seconds 10     # what Mitsuba reaches in that time, for bench.toml
 
 Mitsuba needs an LLVM library for its fast variants: if it does not find one, name it in DRJIT_LIBLLVM_PATH.
 
@@ -97,6 +98,29 @@ def read(file):
     return values[..., layer("")], error if error.shape[-1] else None
 
 
+def point_of_mitsuba(xml, seconds):
+    """Mitsuba's relMSE after so many seconds of rendering, against what bench.toml compares with."""
+    import mitsuba as mi
+
+    mi.set_variant("llvm_ad_rgb" if "llvm_ad_rgb" in mi.variants() else "scalar_rgb")
+    mi.set_log_level(mi.LogLevel.Error)
+    scene = mi.load_file(str(xml))
+    # Twice: the first compiles. Short renders, so that none reaches far beyond the end.
+    spp = 16
+    for seed in range(2):
+        begun = time.time()
+        np.array(mi.render(scene, spp=spp, seed=seed))
+    spp = max(1, int(spp * min(seconds / 10, 1) / (time.time() - begun)))
+    total, count, begun = 0, 0, time.time()
+    while time.time() - begun < seconds:
+        count += 1
+        total = total + np.array(mi.render(scene, spp=spp, seed=count + 1), dtype=np.float64)[..., :3]
+    taken = time.time() - begun
+    reference, error = read(HERE / "errors" / f"{xml.stem}.exr")
+    weight = 1 / (reference**2 + 0.01)
+    return taken, (((total / count - reference) ** 2 - error**2) * weight).mean()
+
+
 def write_reference(file, estimate):
     import mitsuba as mi
 
@@ -143,6 +167,7 @@ def main():
     parser.add_argument("scenes", nargs="*", help="XML files [default: those beside this program]")
     parser.add_argument("--seconds", type=float, help="render with Mitsuba for so long, and not compare with references")
     parser.add_argument("--write", action="store_true", help="write what Mitsuba renders as references")
+    parser.add_argument("--points", action="store_true", help="print what Mitsuba reaches in --seconds")
     parser.add_argument("--passes", type=int, default=32, help=f"beamfarm's passes, in each of {RUNS} renders")
     program = HERE.parent.parent / "target" / "release" / "beamfarm"
     parser.add_argument("--beamfarm", default=str(program), help="the program")
@@ -150,6 +175,10 @@ def main():
     own = sorted(f for f in (HERE / "scenes").glob("*.xml") if f.stem != "walls")
     for xml in [pathlib.Path(s) for s in arguments.scenes] or own:
         reference_file = HERE / "references" / f"{xml.stem}.exr"
+        if arguments.points:
+            seconds, error = point_of_mitsuba(xml, arguments.seconds or 10)
+            print(f"{xml.stem}: [[{seconds:.1f}, {error:.2e}]]", flush=True)
+            continue
         if arguments.write or arguments.seconds:
             reference = with_mitsuba(xml, arguments.seconds or 60)
         else:

@@ -61,6 +61,8 @@ pub struct Report {
     pub pixels: Option<String>,
     /// Estimated relative standard error of the image.
     pub relative_standard_error: Option<f64>,
+    /// Whether the errors are too large on average: there are not two replications of passes yet.
+    pub is_upper_error: bool,
     /// The same at its percentiles 50, 90, 95, 99 of blocks of 8 x 8 pixels.
     pub percentiles: Option<[f64; 4]>,
     /// Median of the relative standard errors of blocks of 8 x 8 pixels that are not black.

@@ -424,10 +424,11 @@ mod tests {
             // The left tile is biased, one pixel of the right one is wild.
             for (i, pixel) in film.pixels.iter_mut().enumerate() {
                 let noise = f32::from((pass / 2 + pass) % 2) * 0.01;
-                let bias = if i % 64 < 32 { scale as f32 } else { 0.0 };
+                let bias = if i % 64 < 32 { 0.1 * scale as f32 } else { 0.0 };
                 *pixel = [1.0 + noise + bias; 3];
             }
-            film.pixels[40] = [f32::from(pass % 2) * 100.0; 3];
+            // In one replication more often than in the other.
+            film.pixels[40] = [if pass % 2 == 1 && pass != 3 { 300.0 } else { 0.0 }; 3];
             let leaf = Node::leaf(pass.into(), film).with_radius_scale(scale);
             sum.insert(leaf).unwrap();
         }

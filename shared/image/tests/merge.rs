@@ -4,7 +4,7 @@
 
 use beamfarm_image::film::Film;
 use beamfarm_image::job::{Block, MAX_PASSES};
-use beamfarm_image::merge::{Average, MAX_RADIANCE, MergeError, Node, TreeSum, next_boundary};
+use beamfarm_image::merge::{Average, MAX_RADIANCE, MergeError, Node, REPLICATION, TreeSum, next_boundary};
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 
@@ -59,9 +59,11 @@ fn reference(leaves: &[f32], block: Block) -> Option<(f32, f32)> {
     let Some(right) = reference(leaves, child(1)) else {
         return Some(left);
     };
-    let difference = match block.level {
-        1 => (left.0 - right.0) * (left.0 - right.0),
-        _ => left.1 + right.1,
+    // Neighbouring passes, and neighbouring replications where both are complete.
+    let differ = block.level == 1 || block.len() == 2 * REPLICATION && block.passes().end <= leaves.len() as u64;
+    let difference = match differ {
+        true => (left.0 - right.0) * (left.0 - right.0),
+        false => left.1 + right.1,
     };
     Some((left.0 + right.0, difference))
 }

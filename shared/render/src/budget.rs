@@ -50,15 +50,7 @@ pub struct Pilot {
 impl Pilot {
     /// Render the pilot. Deterministic: by scene and settings alone, in passes that no job has.
     pub fn new(description: &SceneDescription, settings: JobSettings) -> Self {
-        let mut small = description.clone();
-        let camera = &mut small.camera;
-        let shrink = f64::from(camera.width.max(camera.height)) / f64::from(SIDE);
-        if shrink > 1.0 {
-            let side = |pixels: u32| ((f64::from(pixels) / shrink) as u32).max(1);
-            (camera.width, camera.height) = (side(camera.width), side(camera.height));
-            camera.filter = narrowed(camera.filter, shrink as f32);
-        }
-        let scene = Scene::new(small);
+        let scene = Scene::new(shrunk(description, SIDE));
         let plan = |scale| {
             let budget = Some(Budget {
                 passes: MAX_PASSES,
@@ -127,6 +119,19 @@ impl Pilot {
             scale: scale.clamp(least, most),
         }
     }
+}
+
+/// The scene with an image of at most so many pixels along its longer side, which are as sharp.
+pub(crate) fn shrunk(description: &SceneDescription, side: u32) -> SceneDescription {
+    let mut small = description.clone();
+    let camera = &mut small.camera;
+    let shrink = f64::from(camera.width.max(camera.height)) / f64::from(side);
+    if shrink > 1.0 {
+        let side = |pixels: u32| ((f64::from(pixels) / shrink) as u32).max(1);
+        (camera.width, camera.height) = (side(camera.width), side(camera.height));
+        camera.filter = narrowed(camera.filter, shrink as f32);
+    }
+    small
 }
 
 /// The filter over a pixel of an image that has `shrink` times the pixels a row: blur that is lost in the average over

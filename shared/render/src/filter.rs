@@ -1,10 +1,16 @@
 //! Reconstruction filters: how a pixel weighs the image around its centre.
 //!
-//! A pixel is the mean of the radiance around it, weighted by a product of the same function of x and of y. Its one
-//! sample a pass is drawn from the filter, so that all samples have the same weight. At the borders of the image the
-//! filter is cut off and what is left of it is normalised, as in Mitsuba 3.
+//! A pixel is the mean of the radiance around it, weighted by a product of the same function of x and of y. At the
+//! borders of the image the filter is cut off and what is left of it is normalised, as in Mitsuba 3.
+//!
+//! There is one sample in each pixel's square a pass, which counts for all pixels whose filters reach there: so each
+//! has the noise of several samples, in common with its neighbours. All samples of a pass are at the same place within
+//! their pixels, so that their weights hardly vary in sum; they are those of the filter, not of the samples that happen
+//! to be near, so that every pass is right on average. A filter that is narrower than a pixel would be missed by most
+//! samples; there a pixel's sample is drawn from its filter and counts for it alone.
 
 use crate::math::Vec2;
+use beamfarm_image::film::Film;
 use libm::{erf, exp};
 use std::f64::consts::{FRAC_1_SQRT_2, PI};
 
@@ -33,14 +39,66 @@ const GAUSSIAN_REACH: f64 = 4.0;
 const MAX_STEPS: u32 = 64;
 
 impl PixelFilter {
+    /// Whether a sample counts for several pixels: where the integral of the filter's square is less than one.
+    #[inline]
+    pub fn spreads(&self) -> bool {
+        match *self {
+            Self::Box => false,
+            Self::Tent { radius } => radius > 2.0 / 3.0,
+            Self::Gaussian { stddev } => stddev > 0.282_094_8,
+        }
+    }
+
+    /// What pixels are by samples that are all at the same place within theirs, `offset` in [0, 1)^2. `films`: of the
+    /// samples, then of the pixels. Of a filter that spreads.
+    pub fn reconstruct<'a>(&self, films: impl IntoIterator<Item = &'a mut Film>, offset: Vec2) {
+        for film in films {
+            let (width, height) = (film.width as usize, film.height as usize);
+            let [along_x, along_y] =
+                [(film.width, offset.x), (film.height, offset.y)].map(|(s, o)| Taps::new(self, s, o));
+            let mut rows = vec![[0.0; 3]; film.pixels.len()];
+            for (row, samples) in rows.chunks_mut(width).zip(film.pixels.chunks(width)) {
+                for (x, pixel) in row.iter_mut().enumerate() {
+                    *pixel = along_x.sum(x, |place| samples[place]);
+                }
+            }
+            for y in 0..height {
+                for x in 0..width {
+                    film.pixels[y * width + x] = along_y.sum(y, |place| rows[place * width + x]);
+                }
+            }
+        }
+    }
+
     /// Where the sample of a pixel is in an image of `size` pixels: (0, 0) is the top left corner. `u` in [0, 1)^2.
     #[inline]
     pub fn sample(&self, pixel: [u32; 2], size: [u32; 2], u: Vec2) -> Vec2 {
         let [x, y] = pixel;
-        match self {
-            Self::Box => Vec2::new(x as f32, y as f32) + u,
-            _ => Vec2::new(self.sample_axis(x, size[0], u.x), self.sample_axis(y, size[1], u.y)),
+        match self.spreads() || matches!(self, Self::Box) {
+            true => Vec2::new(x as f32, y as f32) + u,
+            false => Vec2::new(self.sample_axis(x, size[0], u.x), self.sample_axis(y, size[1], u.y)),
         }
+    }
+
+    /// The filter, not normalised, in its own unit of length.
+    fn value(&self, x: f64) -> f64 {
+        match self {
+            Self::Box => f64::from(x.abs() <= 1.0),
+            Self::Tent { .. } => (1.0 - x.abs()).max(0.0),
+            Self::Gaussian { .. } => (gaussian(x) - gaussian(GAUSSIAN_REACH)).max(0.0),
+        }
+    }
+
+    /// Integrals of the filters of pixels along an axis, within the image; pixels.
+    fn integrals(&self, size: u32) -> Vec<f64> {
+        let (unit, reach) = self.unit();
+        let within = |pixel| {
+            let center = f64::from(pixel) + 0.5;
+            let low = -reach.min(center / unit);
+            let high = reach.min((f64::from(size) - center) / unit);
+            unit * (self.integral(high) - self.integral(low))
+        };
+        (0..size).map(within).collect()
     }
 
     /// Inverts the distribution of the distance from the pixel's centre, between the borders of the image.
@@ -98,6 +156,45 @@ impl PixelFilter {
     }
 }
 
+/// Weights of the samples around pixels along an axis.
+struct Taps {
+    /// Pixels to each side.
+    reach: usize,
+    /// Of the samples of the pixels around, from the first to the last.
+    weights: Vec<f64>,
+    /// By pixel, of its filter within the image.
+    integrals: Vec<f64>,
+}
+
+impl Taps {
+    /// `offset`: of samples within their pixels.
+    fn new(filter: &PixelFilter, size: u32, offset: f32) -> Self {
+        let (unit, reach) = filter.unit();
+        // Samples are less than half a pixel from the middle of theirs.
+        let pixels = (unit * reach + 0.5).ceil() - 1.0;
+        let weight = |tap| filter.value((f64::from(tap) - pixels + f64::from(offset) - 0.5) / unit);
+        Self {
+            reach: pixels as usize,
+            weights: (0..=2 * pixels as u32).map(weight).collect(),
+            integrals: filter.integrals(size),
+        }
+    }
+
+    /// A pixel by the samples along the axis.
+    fn sum(&self, pixel: usize, sample: impl Fn(usize) -> [f32; 3]) -> [f32; 3] {
+        let first = pixel.saturating_sub(self.reach);
+        let last = (pixel + self.reach).min(self.integrals.len() - 1);
+        let mut sum = [0.0; 3];
+        for place in first..=last {
+            let weight = (self.weights[place + self.reach - pixel] / self.integrals[pixel]) as f32;
+            for (sum, value) in sum.iter_mut().zip(sample(place)) {
+                *sum += weight * value;
+            }
+        }
+        sum
+    }
+}
+
 fn gaussian(x: f64) -> f64 {
     exp(-0.5 * x * x)
 }
@@ -118,20 +215,68 @@ mod tests {
         }
     }
 
-    const FILTERS: [PixelFilter; 7] = [
+    /// Those whose samples count for one pixel.
+    const NARROW: [PixelFilter; 5] = [
         PixelFilter::Box,
-        PixelFilter::Tent { radius: 1.0 },
         PixelFilter::Tent { radius: 0.3 },
+        PixelFilter::Tent { radius: 0.6 },
+        PixelFilter::Gaussian { stddev: 0.1 },
+        PixelFilter::Gaussian { stddev: 0.28 },
+    ];
+
+    const WIDE: [PixelFilter; 5] = [
+        PixelFilter::Tent { radius: 0.7 },
+        PixelFilter::Tent { radius: 1.0 },
         PixelFilter::Tent { radius: 2.7 },
         PixelFilter::Gaussian { stddev: 0.5 },
-        PixelFilter::Gaussian { stddev: 0.1 },
         PixelFilter::Gaussian { stddev: 1.3 },
     ];
+
+    /// Of a picture that is 1 in one of its pixels, or in a half of it, each pixel is as much as its filter has there:
+    /// the midpoint rule over places of samples and over the filter.
+    #[test]
+    fn samples_count_for_the_pixels_around() {
+        const STEPS: u32 = 100;
+        for filter in WIDE {
+            assert!(filter.spreads());
+            for (column, row, edge) in [(3, 2, 1.0), (0, 0, 1.0), (6, 1, 0.5)] {
+                let mut sums = [0.0; 28];
+                for i in 0..STEPS * STEPS {
+                    let u = Vec2::new((i % STEPS) as f32 + 0.5, (i / STEPS) as f32 + 0.5) / STEPS as f32;
+                    let mut film = Film::new(7, 4);
+                    if u.x < edge {
+                        film.pixels[row * 7 + column] = [1.0; 3];
+                    }
+                    filter.reconstruct([&mut film], u);
+                    for (sum, pixel) in sums.iter_mut().zip(&film.pixels) {
+                        *sum += f64::from(pixel[0]) / f64::from(STEPS * STEPS);
+                    }
+                }
+                // The filter along an axis, over what of it is in the image.
+                let share = |at: usize, from: f64, to: f64, size: u32| {
+                    let of = |from: f64, to: f64| {
+                        let step = (to - from) / 10_000.0;
+                        let at = |i| value(filter, from + (f64::from(i) + 0.5) * step - at as f64 - 0.5);
+                        (0..10_000).map(at).sum::<f64>() * step
+                    };
+                    of(from, to) / of(0.0, size.into())
+                };
+                for (i, sum) in sums.into_iter().enumerate() {
+                    let (x, y) = (column as f64, row as f64);
+                    let expected = share(i % 7, x, x + f64::from(edge), 7) * share(i / 7, y, y + 1.0, 4);
+                    assert!(
+                        (sum - expected).abs() < 1e-4,
+                        "{filter:?} at {i}: {sum}, not {expected}"
+                    );
+                }
+            }
+        }
+    }
 
     /// The share of the filter between the image's border and the sample of `u` is `u`, by the midpoint rule.
     #[test]
     fn samples_divide_the_filter_within_the_image() {
-        for filter in FILTERS {
+        for filter in NARROW {
             for (pixel, size) in [(0, 1), (0, 9), (1, 9), (4, 9), (8, 9)] {
                 let center = f64::from(pixel) + 0.5;
                 let steps = 40_000;

@@ -18,6 +18,7 @@
 //! | does it converge as the theory says?       | [`convergence`]                                 |
 
 pub mod aov;
+pub mod balance;
 pub mod beam;
 pub mod bsdf;
 pub mod budget;

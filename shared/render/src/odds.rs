@@ -86,6 +86,9 @@ pub(crate) fn least_flight(plan: &RenderPlan, pass_index: u64) -> f32 {
     LEAST_FLIGHT * plan.radii.smooth_ceiling * scale
 }
 
+/// Paths that go on from vertex to vertex do so with this many times their throughput.
+pub(crate) const ROULETTE_FACTOR: f32 = 2.0;
+
 /// From this many turns on, specular camera paths end by chance.
 pub(crate) const ROULETTE_DEPTH: u32 = 24;
 

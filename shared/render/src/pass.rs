@@ -4,7 +4,7 @@ use crate::aov::{Parts, Recorder};
 use crate::beam::estimate::{CameraSegment, CameraSegments, Gather, Sharing, Vectors};
 use crate::beam::store::BeamMap;
 use crate::beam::trace::{Photons, trace_photons};
-use crate::math::{Ray, Rgb};
+use crate::math::{Ray, Rgb, Vec2};
 use crate::medium::transmittance::StepFunctions;
 use crate::odds::{first_odds, gloss_odds, least_flight};
 use crate::photon_map::SurfacePhotonMap;
@@ -29,6 +29,8 @@ pub struct PassImage {
     pub radius_scale: f64,
     /// Counters.
     pub stats: PassStats,
+    /// Rays of photons, and of the camera.
+    pub rays: [u64; 2],
 }
 
 /// Pixels along the side of a tile: neighbours whose straight segments look for beams together.
@@ -37,45 +39,98 @@ const TILE_PIXELS: usize = (TILE * TILE) as usize;
 
 /// Render a pass on the current rayon pool. The bits do not depend on the pool.
 pub fn render_pass(scene: &Scene, plan: &RenderPlan, pass_index: u64) -> PassImage {
-    let mut stats = PassStats::default();
-    let photons = if plan.beams || plan.surface_photons {
-        stats.paths = plan.surface_paths as u64;
-        trace_photons(scene, plan, pass_index)
-    } else {
-        Photons::default()
-    };
-    stats.beams = (photons.beams.len() + photons.smooth_beams.len()) as u64;
-    stats.surface_photons = photons.surface.len() as u64;
-    let (beams, surface) = rayon::join(
-        || {
-            plan.beams.then(|| Beams {
-                sharp: BeamMap::new(photons.beams, photons.steps),
-                smooth: BeamMap::new(photons.smooth_beams, StepFunctions::default()),
-            })
-        },
-        || plan.surface_photons.then(|| SurfacePhotonMap::new(photons.surface)),
-    );
-    stats.beam_bytes = beams
-        .as_ref()
-        .map_or(0, |beams| beams.sharp.bytes() + beams.smooth.bytes()) as u64;
-    let photon_pass = PhotonPass {
-        scene,
-        plan,
-        pass_index,
-        photons: surface.as_ref(),
-        beams: beams.as_ref(),
-    };
-    let (film, layers, evaluations) = match &scene.description().rules {
-        None => photon_pass.camera_pass(Unruled).render(),
-        Some(rules) => photon_pass.camera_pass(Ruled(rules)).render(),
-    };
-    stats.beam_evaluations = evaluations;
-    stats.non_finite = layers.iter().chain([&film]).map(Film::non_finite).sum();
-    PassImage {
-        film,
-        layers,
-        radius_scale: Schedule::new(&plan.settings).scale(pass_index),
-        stats,
+    PassPhotons::new(scene, plan, pass_index).render(scene, plan, pass_index)
+}
+
+/// What the photons of a pass leave for the camera to find.
+pub(crate) struct PassPhotons {
+    beams: Option<Beams>,
+    surface: Option<SurfacePhotonMap>,
+    stats: PassStats,
+    rays: u64,
+}
+
+impl PassPhotons {
+    /// Trace them.
+    pub(crate) fn new(scene: &Scene, plan: &RenderPlan, pass_index: u64) -> Self {
+        let mut stats = PassStats::default();
+        let photons = if plan.beams || plan.surface_photons {
+            stats.paths = plan.surface_paths as u64;
+            trace_photons(scene, plan, pass_index)
+        } else {
+            Photons::default()
+        };
+        stats.beams = (photons.beams.len() + photons.smooth_beams.len()) as u64;
+        stats.surface_photons = photons.surface.len() as u64;
+        let (beams, surface) = rayon::join(
+            || {
+                plan.beams.then(|| Beams {
+                    sharp: BeamMap::new(photons.beams, photons.steps),
+                    smooth: BeamMap::new(photons.smooth_beams, StepFunctions::default()),
+                })
+            },
+            || plan.surface_photons.then(|| SurfacePhotonMap::new(photons.surface)),
+        );
+        stats.beam_bytes = beams
+            .as_ref()
+            .map_or(0, |beams| beams.sharp.bytes() + beams.smooth.bytes()) as u64;
+        Self {
+            beams,
+            surface,
+            stats,
+            rays: photons.rays,
+        }
+    }
+
+    /// The picture that the camera of a pass makes of them.
+    pub(crate) fn render(&self, scene: &Scene, plan: &RenderPlan, pass_index: u64) -> PassImage {
+        match &scene.description().rules {
+            None => self.picture(&self.camera_pass(scene, plan, pass_index, Unruled)),
+            Some(rules) => self.picture(&self.camera_pass(scene, plan, pass_index, Ruled(rules))),
+        }
+    }
+
+    fn picture<V: Sight>(&self, pass: &CameraPass<'_, V>) -> PassImage {
+        let Picture {
+            film,
+            layers,
+            evaluations,
+            rays,
+        } = pass.render();
+        let mut stats = self.stats;
+        stats.beam_evaluations = evaluations;
+        stats.non_finite = layers.iter().chain([&film]).map(Film::non_finite).sum();
+        PassImage {
+            film,
+            layers,
+            radius_scale: Schedule::new(&pass.tracer.plan.settings).scale(pass.pass_index),
+            stats,
+            rays: [self.rays, rays],
+        }
+    }
+
+    fn camera_pass<'a, V: Sight>(
+        &'a self,
+        scene: &'a Scene,
+        plan: &'a RenderPlan,
+        pass_index: u64,
+        sight: V,
+    ) -> CameraPass<'a, V> {
+        CameraPass {
+            tracer: CameraTracer {
+                scene,
+                plan,
+                photons: self.surface.as_ref(),
+                first_odds: first_odds(plan, pass_index),
+                gloss_odds: gloss_odds(scene, plan, pass_index),
+                least_flight: least_flight(plan, pass_index),
+                sight,
+            },
+            beams: self.beams.as_ref(),
+            pass_index,
+            vectors: Vectors::widest(),
+            chord_key: mix64(mix64(plan.settings.seed) ^ mix64(pass_index) ^ Purpose::Chords as u64),
+        }
     }
 }
 
@@ -87,34 +142,28 @@ struct Beams {
     smooth: BeamMap,
 }
 
-/// What photons of a pass have left for the camera to find.
-struct PhotonPass<'a> {
-    scene: &'a Scene,
-    plan: &'a RenderPlan,
-    pass_index: u64,
-    photons: Option<&'a SurfacePhotonMap>,
-    beams: Option<&'a Beams>,
+/// Where on the lens the rays of a tile go through in a pass: rays that are near each other find beams together. The
+/// sixteen passes of a replication visit all of its sixteen parts, in an order of the tile's own.
+struct LensCell(Vec2);
+
+/// Parts along a side of the square that becomes the lens.
+const LENS_CELLS: f32 = 4.0;
+
+impl LensCell {
+    fn new(seed: u64, pass_index: u64, tile: u64) -> Self {
+        let mut sampler = Sampler::even(seed, pass_index, Purpose::Lens, tile);
+        Self((sampler.next_2d() * LENS_CELLS).floor())
+    }
+
+    /// Where a ray goes through, by a point of the unit square.
+    fn point(&self, u: Vec2) -> Vec2 {
+        (self.0 + u) / LENS_CELLS
+    }
 }
 
-impl<'a> PhotonPass<'a> {
-    fn camera_pass<V: Sight>(&self, sight: V) -> CameraPass<'a, V> {
-        let Self { plan, pass_index, .. } = *self;
-        CameraPass {
-            tracer: CameraTracer {
-                scene: self.scene,
-                plan,
-                photons: self.photons,
-                first_odds: first_odds(plan, pass_index),
-                gloss_odds: gloss_odds(self.scene, plan, pass_index),
-                least_flight: least_flight(plan, pass_index),
-                sight,
-            },
-            beams: self.beams,
-            pass_index,
-            vectors: Vectors::widest(),
-            chord_key: mix64(mix64(plan.settings.seed) ^ mix64(pass_index) ^ Purpose::Chords as u64),
-        }
-    }
+/// Of a tile, by its first pixel.
+fn tile_number(x0: u32, y0: u32) -> u64 {
+    (y0 as u64) << 32 | x0 as u64
 }
 
 struct CameraPass<'a, V> {
@@ -138,11 +187,21 @@ struct Tile {
     radiance: [Rgb; TILE_PIXELS],
     layers: Vec<[[f32; 3]; TILE_PIXELS]>,
     evaluations: u64,
+    rays: u64,
+}
+
+/// All tiles.
+struct Picture {
+    film: Film,
+    layers: Vec<Film>,
+    /// Beam evaluations.
+    evaluations: u64,
+    /// Rays traced.
+    rays: u64,
 }
 
 impl<V: Sight> CameraPass<'_, V> {
-    /// Radiance, layers, and the number of beam evaluations.
-    fn render(&self) -> (Film, Vec<Film>, u64) {
+    fn render(&self) -> Picture {
         let camera = &self.tracer.scene.description().camera;
         let mut film = Film::new(camera.width, camera.height);
         let mut layers = vec![film.clone(); self.tracer.plan.layers.layers.len()];
@@ -156,9 +215,10 @@ impl<V: Sight> CameraPass<'_, V> {
                 self.tile(tile % columns * TILE, tile / columns * TILE, scratch)
             })
             .collect();
-        let mut evaluations = 0;
+        let (mut evaluations, mut rays) = (0, 0);
         for (index, tile) in tiles.into_iter().enumerate() {
             evaluations += tile.evaluations;
+            rays += tile.rays;
             let (x0, y0) = (index as u32 % columns * TILE, index as u32 / columns * TILE);
             for (i, radiance) in tile.radiance.into_iter().enumerate() {
                 let (x, y) = tile_pixel(i as u32);
@@ -171,7 +231,15 @@ impl<V: Sight> CameraPass<'_, V> {
                 }
             }
         }
-        (film, layers, evaluations)
+        if let Some(offset) = self.offset() {
+            camera.filter.reconstruct(layers.iter_mut().chain([&mut film]), offset);
+        }
+        Picture {
+            film,
+            layers,
+            evaluations,
+            rays,
+        }
     }
 
     fn tile(&self, x0: u32, y0: u32, scratch: &mut Scratch) -> Tile {
@@ -184,6 +252,10 @@ impl<V: Sight> CameraPass<'_, V> {
         if !plan.layers.is_empty() {
             scratch.parts.resize(TILE_PIXELS, Parts::new(plan.groups()));
         }
+        let seed = self.tracer.plan.settings.seed;
+        let cell = (self.beams).map(|_| LensCell::new(seed, self.pass_index, tile_number(x0, y0)));
+        let offset = self.offset();
+        let mut rays = 0;
         for (i, value) in radiance.iter_mut().enumerate() {
             let (x, y) = tile_pixel(i as u32);
             let (x, y) = (x0 + x, y0 + y);
@@ -191,10 +263,11 @@ impl<V: Sight> CameraPass<'_, V> {
                 continue;
             }
             let chunk = y as u64 * camera.width as u64 + x as u64;
-            let seed = self.tracer.plan.settings.seed;
-            let mut sampler = Sampler::new(seed, self.pass_index, Purpose::Camera, chunk);
-            let image = camera.sample(x, y, sampler.next_2d());
-            let ray = camera.ray(image, sampler.next_2d());
+            let mut sampler = Sampler::even(seed, self.pass_index, Purpose::Camera, chunk);
+            let own = sampler.next_2d();
+            let image = camera.sample(x, y, offset.unwrap_or(own));
+            let lens = sampler.next_2d();
+            let ray = camera.ray(image, cell.as_ref().map_or(lens, |cell| cell.point(lens)));
             if plan.counts_targets() {
                 scratch.parts[i].targets = self.targets_along(&ray);
             }
@@ -203,14 +276,13 @@ impl<V: Sight> CameraPass<'_, V> {
                 pixel: i as u16,
                 segments: &mut scratch.camera,
                 record: Recorder::new(plan, scratch.parts.get_mut(i)),
+                rays: 0,
             };
             *value = self.tracer.trace(ray, &mut context);
+            rays += context.rays;
         }
         let evaluations = match self.beams {
-            Some(beams) => {
-                let tile = (y0 as u64) << 32 | x0 as u64;
-                self.gather_beams(beams, tile, scratch, &mut radiance)
-            }
+            Some(beams) => self.gather_beams(beams, tile_number(x0, y0), scratch, &mut radiance),
             None => 0,
         };
         let parts = &scratch.parts;
@@ -222,7 +294,15 @@ impl<V: Sight> CameraPass<'_, V> {
             radiance,
             layers: plan.layers.iter().enumerate().map(values).collect(),
             evaluations,
+            rays,
         }
+    }
+
+    /// Where in their pixels all samples are, if they count for several.
+    fn offset(&self) -> Option<Vec2> {
+        let CameraTracer { scene, plan, .. } = &self.tracer;
+        let filter = &scene.description().camera.filter;
+        (filter.spreads()).then(|| Sampler::even(plan.settings.seed, self.pass_index, Purpose::Film, 0).next_2d())
     }
 
     /// Photon targets along a camera ray, up to what it meets.
@@ -307,4 +387,28 @@ impl<V: Sight> CameraPass<'_, V> {
 fn tile_pixel(i: u32) -> (u32, u32) {
     let spread = |i: u32| (i & 1) | (i >> 1 & 2) | (i >> 2 & 4) | (i >> 3 & 8) | (i >> 4 & 16);
     (spread(i), spread(i >> 1))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The passes of a replication visit each part of the lens once; over tiles, a pass visits all of them as often:
+    /// chi-square of 15 degrees of freedom below its mean plus five standard deviations.
+    #[test]
+    fn tiles_visit_all_of_the_lens() {
+        let part = |cell: LensCell| {
+            let Vec2 { x, y } = cell.point(Vec2::splat(0.5)) * LENS_CELLS;
+            y as usize * LENS_CELLS as usize + x as usize
+        };
+        let mut counts = [0.0; 16];
+        for tile in 0..1600 {
+            counts[part(LensCell::new(1, 21, tile_number(32 * tile, 64)))] += 1.0;
+        }
+        let chi: f64 = counts.iter().map(|n| (n - 100.0) * (n - 100.0) / 100.0).sum();
+        assert!(chi < 15.0 + 5.0 * libm::sqrt(30.0), "{chi}");
+        let mut visited = [false; 16];
+        (16..32).for_each(|pass| visited[part(LensCell::new(1, pass, 7))] = true);
+        assert_eq!(visited, [true; 16]);
+    }
 }

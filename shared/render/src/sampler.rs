@@ -1,6 +1,7 @@
 //! Random numbers addressed by (seed, pass, purpose, chunk): anyone can draw them again, on any thread.
 
 use crate::math::Vec2;
+use beamfarm_image::merge::REPLICATION;
 use rand_core::Rng;
 use rand_pcg::Pcg32;
 
@@ -22,6 +23,10 @@ pub enum Purpose {
     Probes = 6,
     /// Which camera segments gather for others; the chunk is the tile's index.
     Sharing = 7,
+    /// Parts of the lens; the chunk is the tile's index.
+    Lens = 8,
+    /// Where in their pixels the samples of a pass are, or of the path tracer's turn; the chunk is 0 or 1.
+    Film = 9,
     /// Numbers that tests draw.
     Test = 100,
 }
@@ -30,6 +35,84 @@ pub enum Purpose {
 #[derive(Clone, Debug)]
 pub struct Sampler {
     rng: Pcg32,
+    points: Points,
+}
+
+/// A point of a sequence that fills the unit cube evenly, as so many squares that are independent of each other: the
+/// first two dimensions of Sobol's, shuffled and scrambled by Owen's method for each square by itself (Burley 2020,
+/// Practical Hash-based Owen Scrambling).
+#[derive(Clone, Copy, Debug, Default)]
+struct Points {
+    key: u64,
+    index: u32,
+    /// The next square.
+    square: u32,
+    /// There are so many.
+    squares: u32,
+}
+
+/// A vertex of a path draws from at most so many squares, in general.
+pub const VERTEX: u32 = 16;
+
+/// Squares of an even sampler; what is drawn beyond is random. More gain nothing.
+const SQUARES: u32 = 96;
+
+impl Points {
+    #[inline]
+    fn hash(&mut self) -> u64 {
+        let hash = mix64(self.key ^ u64::from(self.square));
+        self.square += 1;
+        hash
+    }
+
+    #[inline]
+    fn next_1d(&mut self) -> u32 {
+        let hash = self.hash();
+        let shuffled = owen_reversed(self.index.reverse_bits(), hash as u32).reverse_bits();
+        owen_reversed(shuffled, (hash >> 32) as u32).reverse_bits()
+    }
+
+    #[inline]
+    fn next_2d(&mut self) -> [u32; 2] {
+        let hash = self.hash();
+        let shuffled = owen_reversed(self.index.reverse_bits(), hash as u32).reverse_bits();
+        let seeds = [(hash >> 32) as u32, mix64(hash) as u32];
+        let [x, y] = sobol_reversed(shuffled);
+        [
+            owen_reversed(x, seeds[0]).reverse_bits(),
+            owen_reversed(y, seeds[1]).reverse_bits(),
+        ]
+    }
+}
+
+/// The first two dimensions of Sobol's sequence, bits reversed: the radical inverse, and its product with Pascal's
+/// triangle modulo two.
+#[inline]
+fn sobol_reversed(index: u32) -> [u32; 2] {
+    let mut y = index;
+    y ^= y >> 1 & 0x5555_5555;
+    y ^= y >> 2 & 0x3333_3333;
+    y ^= y >> 4 & 0x0f0f_0f0f;
+    y ^= y >> 8 & 0x00ff_00ff;
+    y ^= y >> 16;
+    [index, y]
+}
+
+/// Owen's scrambling of a number whose bits are reversed: each is flipped or not by a hash of those below (Burley 2020,
+/// after Laine and Karras 2011).
+#[inline]
+fn owen_reversed(mut x: u32, seed: u32) -> u32 {
+    x = x.wrapping_add(seed);
+    x ^= x.wrapping_mul(0x6c50_b47c);
+    x ^= x.wrapping_mul(0xb82f_1e52);
+    x ^= x.wrapping_mul(0xc7af_e638);
+    x ^ x.wrapping_mul(0x8d22_f6e6)
+}
+
+/// Uniform in [0, 1): 24 bits, never 1.
+#[inline]
+fn unit(bits: u32) -> f32 {
+    (bits >> 8) as f32 * (1.0 / (1u32 << 24) as f32)
 }
 
 /// One round of SplitMix64's finaliser (Steele et al. 2014): a bijection that spreads every input bit.
@@ -46,27 +129,158 @@ impl Sampler {
     /// streams of a pcg that differ only in their number are correlated.
     #[inline]
     pub fn new(seed: u64, pass_index: u64, purpose: Purpose, chunk: u64) -> Self {
-        let key = mix64(mix64(mix64(seed) ^ pass_index) ^ ((purpose as u64) << 56));
-        let state = mix64(key ^ chunk);
+        let state = mix64(key(seed, pass_index, purpose) ^ chunk);
         let stream = mix64(state ^ 0x6a09_e667_f3bc_c909);
         Self {
             rng: Pcg32::new(state, stream),
+            points: Points::default(),
         }
     }
+
+    /// The stream of an address whose first numbers are even over the passes of a replication: those of
+    /// [`REPLICATION`] passes with the same seed, purpose and chunk fill the unit cube better than chance would.
+    /// Replications are independent of each other.
+    #[inline]
+    pub fn even(seed: u64, pass_index: u64, purpose: Purpose, chunk: u64) -> Self {
+        let (replication, index) = (pass_index / REPLICATION, pass_index % REPLICATION);
+        // A key that no pass has by itself.
+        let key = mix64(key(seed, replication, purpose) ^ chunk);
+        Self {
+            points: Points {
+                key: !key,
+                index: index as u32,
+                square: 0,
+                squares: SQUARES,
+            },
+            ..Self::new(seed, pass_index, purpose, chunk)
+        }
+    }
+
+    /// Go on with numbers that the other passes of the replication draw for the same: those of the next of places that
+    /// are so far apart.
+    #[inline]
+    pub fn align(&mut self, apart: u32) {
+        self.points.square = self.points.square.next_multiple_of(apart);
+    }
+
     /// 32 random bits.
     #[inline]
     pub fn next_u32(&mut self) -> u32 {
         self.rng.next_u32()
     }
+
     /// Uniform in [0, 1): 24 bits, never 1.
     #[inline]
     pub fn next_1d(&mut self) -> f32 {
-        (self.next_u32() >> 8) as f32 * (1.0 / (1u32 << 24) as f32)
+        match self.points.square < self.points.squares {
+            true => unit(self.points.next_1d()),
+            false => unit(self.next_u32()),
+        }
     }
+
     /// Uniform in [0, 1)^2.
     #[inline]
     pub fn next_2d(&mut self) -> Vec2 {
-        let x = self.next_1d();
-        Vec2::new(x, self.next_1d())
+        let [x, y] = match self.points.square < self.points.squares {
+            true => self.points.next_2d(),
+            false => [self.next_u32(), self.next_u32()],
+        };
+        Vec2::new(unit(x), unit(y))
+    }
+}
+
+#[inline]
+fn key(seed: u64, pass_index: u64, purpose: Purpose) -> u64 {
+    mix64(mix64(mix64(seed) ^ pass_index) ^ ((purpose as u64) << 56))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const CHUNKS: u64 = 4000;
+
+    fn even(pass_index: u64, chunk: u64) -> Sampler {
+        Sampler::even(3, pass_index, Purpose::Test, chunk)
+    }
+
+    /// Of sixteen passes one is in each of sixteen boxes, however those are cut, in every square.
+    #[test]
+    fn a_replication_fills_all_boxes() {
+        for (chunk, square) in [(0, 0), (1, 1), (77, 5)] {
+            for level in 0..=4 {
+                let (columns, rows) = (1 << level, 16 >> level);
+                let mut seen = [0; 16];
+                for pass in 32..48 {
+                    let mut sampler = even(pass, chunk);
+                    for _ in 0..square {
+                        sampler.next_1d();
+                    }
+                    let u = sampler.next_2d();
+                    let cell = (u.x * columns as f32) as usize * rows + (u.y * rows as f32) as usize;
+                    seen[cell] += 1;
+                }
+                assert_eq!(seen, [1; 16], "{columns} x {rows}");
+                let mut sampler = (32..48).map(|pass| even(pass, chunk).next_1d());
+                let mut seen = [0; 16];
+                sampler.by_ref().for_each(|u| seen[(u * 16.0) as usize] += 1);
+                assert_eq!(seen, [1; 16]);
+            }
+        }
+    }
+
+    /// Over chunks, each pass of a replication draws evenly from the square, and two of its squares are independent:
+    /// chi-square of 8 x 8 cells (63 degrees of freedom) below its mean plus five standard deviations.
+    #[test]
+    fn every_pass_is_uniform_by_itself() {
+        type Draw = fn(&mut Sampler) -> [f32; 2];
+        let draws: [Draw; 4] = [
+            |s| s.next_2d().to_array(),
+            |s| [s.next_1d(), s.next_1d()],
+            |s| [s.next_2d().x, s.next_2d().y],
+            // Bits below those that are stratified.
+            |s| (s.next_2d() * 1000.0).fract().to_array(),
+        ];
+        for pass in 0..18 {
+            for (number, draw) in draws.iter().enumerate() {
+                let mut cells = [0.0; 64];
+                for chunk in 0..CHUNKS {
+                    let [x, y] = draw(&mut even(pass, chunk));
+                    cells[(x * 8.0) as usize * 8 + (y * 8.0) as usize] += 1.0;
+                }
+                let expected = CHUNKS as f64 / 64.0;
+                let chi: f64 = cells.iter().map(|n| (n - expected) * (n - expected) / expected).sum();
+                let most = 63.0 + 5.0 * libm::sqrt(2.0 * 63.0);
+                assert!(chi < most, "pass {pass}, draw {number}: {chi}");
+            }
+        }
+    }
+
+    /// Two replications have nothing to do with each other, nor have two chunks: the correlation of their first numbers
+    /// is within five standard errors of zero.
+    #[test]
+    fn replications_and_chunks_are_independent() {
+        let centred = |pass, chunk| f64::from(even(pass, chunk).next_1d()) - 0.5;
+        for (passes, chunks) in [(16, 0), (1000 * REPLICATION, 0), (0, 1), (0, 512)] {
+            let products = (0..CHUNKS).map(|chunk| centred(5, chunk) * centred(5 + passes, chunk + chunks));
+            let correlation = 12.0 * products.sum::<f64>() / CHUNKS as f64;
+            assert!(
+                correlation.abs() < 5.0 / libm::sqrt(CHUNKS as f64),
+                "{passes}, {chunks}: {correlation}"
+            );
+        }
+    }
+
+    #[test]
+    fn aligned_samplers_draw_the_same_whatever_was_drawn_before() {
+        let mut one = even(3, 7);
+        let mut other = even(3, 7);
+        one.next_1d();
+        other.next_2d();
+        other.next_2d();
+        for sampler in [&mut one, &mut other] {
+            sampler.align(8);
+        }
+        assert_eq!(one.next_2d(), other.next_2d());
     }
 }

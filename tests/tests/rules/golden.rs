@@ -78,43 +78,43 @@ radiance = [0.1, 0.12, 0.2]
 const RULES: [(&str, &str); 10] = [
     (
         r#"rays = ["camera"] | exclude = ["ball", "sky"]"#,
-        "78cfd497f8d938801ecab59e33bb095664b8505b2456c12e15676b94ee45a63c",
+        "0ea63981ab8ce694e420fdf2c7961b2916ca83a7ae819d41062aee31cc320bfa",
     ),
     (
         r#"rays = ["camera"] | include = ["floor", "mirror", "box"]"#,
-        "e49f59b9625fe4d55f1a44c60a812e317663491402c04a73cd8476cf55027c7f",
+        "b80c113d61e9028282721cddd06cb41fe2b03e1023176f43cc0bd25caa4a6f57",
     ),
     (
         r#"on = ["mirror", "ball"] | rays = ["reflected"] | exclude = ["glass", "lamp"]"#,
-        "83ccb2b35833c5d190f57e5169f8b72225a7e8ee00a662ecdb50e85732fc66f1",
+        "6c4e291a0bef2eb637f80161161a88011f651ecb3565ff92421577accd3a2dad",
     ),
     (
         r#"on = ["mirror"] | rays = ["reflected"] | include = ["ball"]"#,
-        "a1f66890fb1df5ef740394c2135dd9c4bb3489fdbc63a5d286dead8fbce31e47",
+        "fbdc0147c5698a857f3dba51d84a6f10512d4a426e8f33328b21fea05074310e",
     ),
     (
         r#"on = ["glass"] | rays = ["refracted"] | exclude = ["floor"]"#,
-        "76a1c54c71c4a567aec5672cbac8b139e9eecb3bb1b8bde3aa18943dbacdf32c",
+        "f9938a6548ff400783091994a6f4cad494dba6e6a6c5897f2f6941f043db1b8f",
     ),
     (
         r#"rays = ["refracted"] | include = ["glass", "mirror"]"#,
-        "9167f1b5c5cc77932282deb5d7a5dd5691564612e46dac8e46b6eda3199ba437",
+        "23164d59c1e8603c623457f73de50481ea2bf334a7488b00b2f3d00055ffb285",
     ),
     (
         r#"on = ["floor"] | rays = ["shadow"] | exclude = ["lamp", "ball"]"#,
-        "98f1176824801c4f39099cb27c88938db9259592be2c39f9c617edd7fe5e2300",
+        "9c0ca4c2ebf554f29ff1723c47ebb1985963379e8652ec56ef3a4704896e37bd",
     ),
     (
         r#"on = ["ball"] | rays = ["shadow"] | include = ["spot"]"#,
-        "60bc40721050f71272b0822ef6237ed004d63a73543ca901a823a604bcfec642",
+        "d5e149cec367db4daedc665e15c103ffe6fb729abe9953123c0912ba490f0864",
     ),
     (
         r#"on = ["floor", "box", "spot"] | rays = ["photon"] | exclude = ["glass", "spot"]"#,
-        "822d1946ad0888f6cd3b43063c27d917167427c1412b86ecd30f5b43e0784798",
+        "f68660e94491db874f40872ee0ee80b25f313e786b5ac79d3c7c1b2da4a00fb2",
     ),
     (
         r#"on = ["spot", "glass", "floor"] | rays = ["photon"] | include = ["glass", "lamp"]"#,
-        "ff8c903d779bc61fbff66422fee72fd39d60b8e8d478848b18ae94c47db6bb0d",
+        "4bbeca3612c480f0e92f884b22666067227850b43b5e30b1e522e7468be4104e",
     ),
 ];
 

@@ -7,9 +7,9 @@ use beamfarm_render::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_tests::render::{average, scene};
 
-const FOG_HASH: &str = "9b64d2f94a6eec8ce91d4a5b2bad6d65ccf234c1934f4b390af7d5202742f9e5";
-const SMOKE_HASH: &str = "531595f94ceb9a79f3b7e5f18a22209298bc92d950c5bcad4b0e8952b9d3f6b5";
-const SURFACES_HASH: &str = "1fd7cf8d44ac88cdcf1bd1497cdc52c2bb43b3cb1fd531e81f0c4d6813b64f9a";
+const FOG_HASH: &str = "d873c2d46b6b89a5a8ff597ef5cddf39ea08edab5f301a0ad7fc6d8c506640d3";
+const SMOKE_HASH: &str = "0f390fd914dbc4402622a6b057c31bccdc476a6cbc1c8cb8b70649e8a732e63e";
+const SURFACES_HASH: &str = "c5f1e7db29a479a6d8ff320dc9d397e6c21b8e22fa72afb1669356141370dadc";
 
 const FOG: &str = r#"
 [image]

@@ -9,6 +9,7 @@ use beamfarm_image::job::Targeting;
 use beamfarm_image::job::{JobSettings, MAX_PASSES};
 use beamfarm_image::layer::{Layer, MAX_LAYERS};
 use beamfarm_render::aov::light_layers;
+use beamfarm_render::balance::balanced;
 use beamfarm_render::budget::Pilot;
 use beamfarm_render::world::Scene;
 use beamfarm_render::world::{RenderDefaults, SceneDescription};
@@ -26,7 +27,7 @@ pub struct SettingsArgs {
     #[command(flatten)]
     pub import: ImportArgs,
 
-    /// Photon paths that each pass emits [default: the scene's]
+    /// Photon paths that each pass emits [default: the scene's, or as many as a pilot finds best]
     #[arg(long, value_name = "M", value_parser = clap::value_parser!(u32).range(1..))]
     pub paths: Option<u32>,
 
@@ -127,11 +128,24 @@ impl SettingsArgs {
         let settings = JobSettings {
             seed: self.seed.unwrap_or(defaults.seed),
             alpha: self.alpha.unwrap_or(defaults.alpha),
-            paths_per_pass: self.paths.unwrap_or(defaults.paths_per_pass),
             ..defaults.job_settings()
         };
         settings.check().map_err(Failure::usage)?;
         let mut notes = description.notes.clone();
+        let settings = match self.paths {
+            Some(paths_per_pass) => JobSettings {
+                paths_per_pass,
+                ..settings
+            },
+            None => {
+                let (settings, is_found) = balanced(&description, settings);
+                if is_found {
+                    let paths = settings.paths_per_pass;
+                    notes.push(format!("{paths} photon paths a pass, found by a pilot"));
+                }
+                settings
+            }
+        };
         // One in the world alone lies in the world.
         let boundaries = description.objects.iter().filter(|o| o.boundary.is_some());
         if boundaries.count() > 1 {

@@ -9,7 +9,7 @@ use beamfarm_coordinator::store::{BiasReport, Report, Stopped};
 use beamfarm_coordinator::{End, Farm};
 use beamfarm_image::exr::pixel_hash;
 use beamfarm_image::job::MAX_PASSES;
-use beamfarm_image::merge::Average;
+use beamfarm_image::merge::{Average, REPLICATION};
 use beamfarm_proto::VERSION;
 
 /// Why no more passes were taken.
@@ -57,7 +57,11 @@ pub fn describe_error(average: &Average) {
     let median = noise.median.map_or_else(String::new, |median| {
         format!(", median of lit 8 x 8 blocks {:.2} %", 100.0 * median)
     });
-    println!("relative standard error {:.2} %{median}", 100.0 * error);
+    let upper = match average.has_upper_error() {
+        true => format!(" (upper estimates: fewer than {} passes)", 2 * REPLICATION),
+        false => String::new(),
+    };
+    println!("relative standard error {:.2} %{median}{upper}", 100.0 * error);
     if let Some(fireflies) = noise.fireflies {
         println!("{fireflies}");
     }
@@ -160,6 +164,7 @@ impl Summary<'_> {
             image: average.map(|_| self.output.exr.display().to_string()),
             pixels: average.map(|average| pixel_hash(&average.beauty)),
             relative_standard_error: errors.map(|errors| errors.image),
+            is_upper_error: average.is_some_and(Average::has_upper_error),
             percentiles: errors.map(|errors| [50, 90, 95, 99].map(|p| errors.at(Some(p)))),
             median_error: noise.and_then(|noise| noise.median),
             fireflies: noise.and_then(|noise| noise.fireflies).map(Into::into),

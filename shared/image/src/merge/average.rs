@@ -1,6 +1,6 @@
 //! The average of a prefix of passes, and how large its error is.
 
-use super::Node;
+use super::{Node, REPLICATION};
 use crate::bias::Bias;
 use crate::film::Film;
 
@@ -27,6 +27,10 @@ pub struct Average {
 
 impl Average {
     /// From the sums over `passes` passes, whose blocks do not matter any more.
+    ///
+    /// Of two replications and more: D is the sum of the squared differences of neighbours, which estimates the
+    /// variance of the sum, and the standard error of the mean is sqrt(D) / N. What is beyond the last pair of
+    /// replications is left to pairs of passes, as all is of fewer: that is too much, never too little.
     ///
     /// Passes are not identically distributed (their variance grows with the index), but neighbours nearly are: the
     /// squared difference of passes 2k and 2k + 1 has the mean Var[2k] + Var[2k + 1]. Their sum D over an even number N
@@ -62,6 +66,12 @@ impl Average {
             layers,
             bias,
         }
+    }
+
+    /// Whether the standard error is larger than what it stands for, on average: there are no two replications yet that
+    /// could be compared, only passes that are more even together than each by itself.
+    pub fn has_upper_error(&self) -> bool {
+        self.passes < 2 * REPLICATION
     }
 
     /// [`Errors::image`].

@@ -20,6 +20,12 @@ use crate::job::{Block, MAX_PASSES};
 /// finite.
 pub const MAX_RADIANCE: f32 = 1e22;
 
+/// Passes whose samples are drawn together, so that they are more even than chance would have them: a block of the
+/// tree. These replications are independent of each other, as the passes of one are not; what they differ by tells the
+/// error of their average.
+pub const REPLICATION: u64 = 1 << REPLICATION_LEVEL;
+const REPLICATION_LEVEL: u32 = 4;
+
 /// A block that cannot become part of the sum.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum MergeError {
@@ -90,7 +96,9 @@ pub struct Node {
     pub block: Block,
     /// Sum of the passes' radiance.
     pub sum: Film,
-    /// Sum over neighbouring leaves of the squared difference of their radiance; black for a leaf.
+    /// Sum over neighbouring replications of the squared difference of their sums; of less than two of them, over
+    /// neighbouring leaves of the squared difference of their radiance, which is more than that on average; black for a
+    /// leaf.
     pub squared_difference: Film,
     /// Sums of the layers that the job has beside radiance, in the job's order.
     pub layers: Vec<Film>,
@@ -157,7 +165,7 @@ impl Node {
             radius_sums,
             ..
         } = left;
-        if block.level == 1 {
+        if block.level == 1 || block.level == REPLICATION_LEVEL + 1 {
             for ((d, l), r) in squared_difference
                 .pixels
                 .iter_mut()

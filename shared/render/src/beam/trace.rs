@@ -21,6 +21,7 @@ use crate::sampler::{Purpose, Sampler};
 use crate::sight::{Ruled, Sight, Start, Unruled};
 use crate::targeting::{Aim, Targets};
 use crate::world::{Scene, SurfaceInteraction};
+use beamfarm_image::job::{JobSettings, ScheduleKind};
 use beamfarm_image::radius::Schedule;
 use rayon::prelude::*;
 
@@ -36,6 +37,8 @@ pub struct Photons {
     pub steps: StepFunctions,
     /// Surface photons, in the order of paths.
     pub surface: Vec<SurfacePhoton>,
+    /// Rays that were traced for them.
+    pub rays: u64,
 }
 
 /// Paths that one task traces. Any number gives the same photons.
@@ -61,7 +64,8 @@ fn trace_with(scene: &Scene, plan: &RenderPlan, pass_index: u64, sight: impl Sig
         surface_scale: schedule.surface_scale(pass_index) as f32,
         paths: paths as f32,
         beam_paths: beam_paths as f32,
-        // Footprints are those of paths that leave beams.
+        kernel_paths: kernel_paths(&plan.settings),
+        // Kernels are those of paths that leave beams.
         surface_footprint: share.sqrt(),
         goes_on: plan.estimators.deep,
         first_odds: first_odds(plan, pass_index),
@@ -85,6 +89,7 @@ fn trace_with(scene: &Scene, plan: &RenderPlan, pass_index: u64, sight: impl Sig
         smooth_beams: Vec::with_capacity(chunks.iter().map(|c| c.smooth_beams.len()).sum()),
         surface: Vec::with_capacity(chunks.iter().map(|c| c.surface.len()).sum()),
         steps: StepFunctions::default(),
+        rays: chunks.iter().map(|c| c.rays).sum(),
     };
     for mut chunk in chunks {
         let before = joined.steps.append(&chunk.steps);
@@ -98,6 +103,22 @@ fn trace_with(scene: &Scene, plan: &RenderPlan, pass_index: u64, sight: impl Sig
     joined
 }
 
+/// Number of paths whose footprints kernels are as wide as. Fewer paths a pass are more passes: kernels are such that
+/// after as many paths in all they are as wide. Their area goes as one over this number, and in passes as N^(alpha -
+/// 1).
+fn kernel_paths(settings: &JobSettings) -> f32 {
+    let (paths, reference) = (settings.paths_per_pass, settings.reference_paths);
+    if paths >= reference {
+        return paths as f32;
+    }
+    let ratio = f64::from(paths) / f64::from(reference);
+    let power = match settings.schedule {
+        ScheduleKind::Pass => 1.0 - settings.alpha,
+        ScheduleKind::Beam => 0.0,
+    };
+    (f64::from(reference) * libm::pow(ratio, power)) as f32
+}
+
 struct Tracer<'a, V> {
     scene: &'a Scene,
     plan: &'a RenderPlan,
@@ -106,6 +127,8 @@ struct Tracer<'a, V> {
     /// All paths, and those that leave beams.
     paths: f32,
     beam_paths: f32,
+    /// Paths that kernels are made for.
+    kernel_paths: f32,
     surface_footprint: f32,
     /// Beyond surfaces and media that paths do not follow: what a photon leaves there may count.
     goes_on: bool,
@@ -178,6 +201,7 @@ impl<V: Sight> Tracer<'_, V> {
 
     fn follow(&self, mut photon: Photon<V::Hidden>, sampler: &mut Sampler, out: &mut Photons) {
         while photon.power.max_element() > 0.0 {
+            out.rays += 1;
             let hit = self
                 .scene
                 .first_hit(&photon.ray, |object| self.sight.hides(photon.hidden, object));
@@ -213,7 +237,7 @@ impl<V: Sight> Tracer<'_, V> {
         leaves_beams: bool,
     ) -> Option<Photon<V::Hidden>> {
         let emission = emission?;
-        let paths = self.beam_paths * choice.pmf * trials as f32;
+        let paths = self.kernel_paths * choice.pmf * trials as f32;
         let radius = (1.0 / (std::f32::consts::PI * emission.pdf_pos * paths)).sqrt();
         let origin = self.scene.start_of(&emission);
         Some(Photon {
@@ -293,7 +317,7 @@ impl<V: Sight> Tracer<'_, V> {
                     photon.footprint = photon
                         .footprint
                         .advanced(distance)
-                        .scattered(dir, pdf, self.beam_paths, true);
+                        .scattered(dir, pdf, self.kernel_paths, true);
                     photon.ray = Ray {
                         origin: photon.ray.at(distance),
                         dir,
@@ -429,7 +453,7 @@ impl<V: Sight> Tracer<'_, V> {
         let n = hit.ns;
         photon.footprint = if !sample.delta {
             let footprint = &photon.footprint;
-            footprint.scattered(wi, sample.pdf, self.beam_paths, !is_followed)
+            footprint.scattered(wi, sample.pdf, self.kernel_paths, !is_followed)
         } else if sample.transmitted {
             let eta = material.eta_of_crossing(hit.ng.dot(dir) > 0.0);
             photon.footprint.refracted(dir, wi, n, hit.curvature, eta)

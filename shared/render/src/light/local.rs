@@ -5,12 +5,17 @@
 use super::source::{LightSources, MAX_WEIGHED, Region, Source};
 use super::{LightChoice, LightSelector};
 use crate::math::Vec3;
+use crate::sampler::Sampler;
 
 /// Share of choices made by power alone: the light that would bring most may be behind a wall.
 const BLIND: f32 = 0.2;
 
 /// Least cosine at a flat light: points before its plane see more of it than of its middle.
 const MIN_COSINE: f32 = 0.05;
+
+/// Samples of all lights together that are expected at a point, at the most. Where two lights are as bright both are
+/// sampled, where one outshines the others hardly more than that.
+const SAMPLES: f32 = 2.0;
 
 /// How likely each light is to be chosen at a point.
 #[derive(Clone, Debug)]
@@ -74,6 +79,33 @@ impl LocalChoice<'_> {
             }
         }
         chosen
+    }
+
+    /// Choose lights, each by itself, or one where power alone decides. Their `pmf` is [`Self::samples_of`].
+    #[inline]
+    pub fn each(&self, sampler: &mut Sampler, mut with: impl FnMut(LightChoice, &mut Sampler)) {
+        let Some(local) = &self.local else {
+            if let Some(choice) = self.by_power.sample(sampler.next_1d()) {
+                with(choice, sampler);
+            }
+            return;
+        };
+        for (light, &p) in local.iter().enumerate() {
+            sampler.align(4);
+            let pmf = (SAMPLES * p).min(1.0);
+            if pmf == 1.0 || pmf > 0.0 && sampler.next_1d() < pmf {
+                with(LightChoice { light, pmf, u: 0.0 }, sampler);
+            }
+        }
+    }
+
+    /// Expected number of times that [`Self::each`] chooses a light, at most 1.
+    #[inline]
+    pub fn samples_of(&self, light: usize) -> f32 {
+        match &self.local {
+            Some(local) => (SAMPLES * local[light]).min(1.0),
+            None => self.by_power.pmf(light),
+        }
     }
 
     /// Probability of a light.

@@ -1,7 +1,8 @@
 //! Direct light at a surface point: from which light, and what is in its way.
 
-use super::CameraTracer;
 use super::vertex::Vertex;
+use super::{CameraTracer, PathContext};
+use crate::aov::Part;
 use crate::light::{DirectSample, LightChoice, LocalChoice};
 use crate::math::{Rgb, Vec2, Vec3, mean};
 use crate::sampler::Sampler;
@@ -46,36 +47,44 @@ impl Unshadowed {
 }
 
 impl<V: Sight> CameraTracer<'_, V> {
-    /// Direct light of one light, and which. `weight`: of a light's sample, the light chosen with a probability, from a
-    /// local direction.
-    pub(super) fn light_sample(
+    /// Direct light of sampled lights at x, radiance at the film; noted as this `part`. `weight`: of a light's sample,
+    /// the light chosen so often, from a local direction.
+    pub(super) fn lit_by_samples(
         &self,
         x: &Vertex,
         seen: Seen<V::Hidden>,
-        sampler: &mut Sampler,
+        (beta, part): (Rgb, Part),
+        context: &mut PathContext<'_>,
         weight: impl Fn(LightChoice, &DirectSample, Vec3) -> f32,
-    ) -> (Rgb, usize) {
+    ) -> Rgb {
         let lights = self.light_choice(x, seen);
+        let PathContext {
+            sampler, record, rays, ..
+        } = context;
         let candidates = match x.bsdf.is_glossy() && matches!(seen, Seen::First) {
             true => self.scene.lights().len().min(CANDIDATES),
             false => 1,
         };
         if candidates > 1 {
-            return self.best_light_sample(x, seen, &lights, candidates, sampler, weight);
+            *rays += 1;
+            let (radiance, light) = self.best_light_sample(x, seen, &lights, candidates, sampler, weight);
+            record.add(part, light, beta * radiance);
+            return beta * radiance;
         }
-        let choice = lights.sample(sampler.next_1d());
-        let u = (sampler.next_2d(), sampler.next_1d());
-        let Some(choice) = choice else {
-            return (Rgb::ZERO, 0);
-        };
-        let radiance = match self.unshadowed(x, seen, choice, u, weight) {
-            Some(found) => self.shadowed(x, seen, &found, sampler) / choice.pmf,
-            None => Rgb::ZERO,
-        };
-        (radiance, choice.light)
+        let mut sum = Rgb::ZERO;
+        lights.each(sampler, |choice, sampler| {
+            let u = (sampler.next_2d(), sampler.next_1d());
+            if let Some(found) = self.unshadowed(x, seen, choice, u, &weight) {
+                *rays += 1;
+                let radiance = beta * self.shadowed(x, seen, &found, sampler) / choice.pmf;
+                record.add(part, choice.light, radiance);
+                sum += radiance;
+            }
+        });
+        sum
     }
 
-    /// As [`Self::light_sample`], the light chosen from a few for what it would bring if nothing were in its way, the
+    /// Direct light of one light, and which: chosen from a few for what it would bring if nothing were in its way, the
     /// BSDF included (Talbot et al. 2005, resampled importance sampling).
     fn best_light_sample(
         &self,
@@ -90,25 +99,21 @@ impl<V: Sight> CameraTracer<'_, V> {
         let mut found = [const { None }; CANDIDATES];
         let (mut sum, mut count) = (0.0, 0.0);
         for (light, found) in found.iter_mut().enumerate().take(candidates) {
-            let choice = match all {
-                true => LightChoice {
-                    light,
-                    pmf: lights.pmf(light),
-                    u: 0.0,
-                },
+            let (light, p) = match all {
+                true => (light, 1.0),
                 false => match lights.sample(sampler.next_1d()) {
-                    Some(choice) => choice,
+                    Some(choice) => (choice.light, choice.pmf * candidates as f32),
                     None => break,
                 },
             };
-            if choice.pmf == 0.0 {
+            // What paths that meet the light are weighted by.
+            let pmf = lights.samples_of(light);
+            if pmf == 0.0 {
                 continue;
             }
             let u = (sampler.next_2d(), sampler.next_1d());
-            *found = self.unshadowed(x, seen, choice, u, &weight).map(|found| match all {
-                true => found,
-                false => found.over(choice.pmf * candidates as f32),
-            });
+            let choice = LightChoice { light, pmf, u: 0.0 };
+            *found = (self.unshadowed(x, seen, choice, u, &weight)).map(|found| found.over(p));
             if let Some(found) = found {
                 sum += found.value;
                 count += 1.0;

@@ -56,7 +56,7 @@ use crate::medium::{Flight, Medium, MediumId};
 use crate::odds::{MAX_SURVIVAL, ROULETTE_DEPTH, TRAPPED_DEPTH};
 use crate::photon_map::{SurfacePhoton, SurfacePhotonMap};
 use crate::plan::RenderPlan;
-use crate::sampler::Sampler;
+use crate::sampler::{Sampler, VERTEX};
 use crate::sight::{Sight, Start};
 use crate::warp::power_heuristic;
 use crate::world::Scene;
@@ -128,6 +128,8 @@ pub struct PathContext<'a> {
     pub segments: &'a mut CameraSegments,
     /// Layers.
     pub record: Recorder<'a>,
+    /// Rays that were traced.
+    pub rays: u64,
 }
 
 /// Branches of a camera path that have yet to be followed.
@@ -179,6 +181,8 @@ impl<V: Sight> CameraTracer<'_, V> {
         let scene = self.scene;
         let mut radiance = Rgb::ZERO;
         loop {
+            context.rays += 1;
+            context.sampler.align(VERTEX);
             let hit = scene.first_hit(&path.ray, |object| self.sight.hides(path.hidden, object));
             if let Some(id) = path.medium {
                 let length = hit.as_ref().map_or(f32::INFINITY, |h| h.t);
@@ -329,7 +333,7 @@ impl<V: Sight> CameraTracer<'_, V> {
         let pdf = scene.lights()[light].pdf_direct(scene.objects(), lobe.point, dir, hit);
         let by_power = self.sight.selector(scene, lobe.object);
         let choice = scene.light_sources.choice_at(lobe.point, None, by_power);
-        power_heuristic(lobe.density, pdf * choice.pmf(light))
+        power_heuristic(lobe.density, pdf * choice.samples_of(light))
     }
 
     /// The part of a path within a medium, up to `length`: leaves a segment for beams, adds what is scattered there,
@@ -350,7 +354,17 @@ impl<V: Sight> CameraTracer<'_, V> {
             };
             path.beta *= self.leave_segment(segment, context);
         } else {
-            path.beta *= properties.transmittance(&ray, length, &mut context.sampler);
+            // One event of the two: the path passes, or is scattered.
+            return match properties.sample_flight(&ray, length, beta, &mut context.sampler) {
+                Flight::Passed { weight } => {
+                    path.beta *= weight;
+                    Rgb::ZERO
+                }
+                Flight::Scattered { distance, weight } => {
+                    path.beta = Rgb::ZERO;
+                    self.scattered_at(&ray, id, distance, (beta, weight), context)
+                }
+            };
         }
         if !serves_all {
             return self.scattered_in_medium(&ray, id, length, beta, context);
@@ -371,6 +385,18 @@ impl<V: Sight> CameraTracer<'_, V> {
         else {
             return Rgb::ZERO;
         };
+        self.scattered_at(ray, id, distance, (beta, weight), context)
+    }
+
+    /// Light that it scatters into the ray at a distance, drawn with this weight.
+    fn scattered_at(
+        &self,
+        ray: &Ray,
+        id: u16,
+        distance: f32,
+        (beta, weight): (Rgb, Rgb),
+        context: &mut PathContext<'_>,
+    ) -> Rgb {
         let (direct, indirect) = (true, true);
         let mut walk = Walk {
             ray: *ray,

@@ -80,7 +80,7 @@ impl<V: Sight> CameraTracer<'_, V> {
         }
     }
 
-    /// Light of a sampled light at x, radiance at the film. `rays`: how many directions are drawn there as well, which
+    /// Light of sampled lights at x, radiance at the film. `rays`: how many directions are drawn there as well, which
     /// may meet it.
     pub(super) fn lit_directly(&self, x: &Vertex, rays: f32, beta: Rgb, context: &mut PathContext<'_>) -> Rgb {
         let balanced = |choice: LightChoice, direct: &DirectSample, wi: Vec3| {
@@ -95,9 +95,7 @@ impl<V: Sight> CameraTracer<'_, V> {
             }
             power_heuristic(direct.pdf * choice.pmf, rays * x.pdf(x.local_wo, wi))
         };
-        let (radiance, light) = self.light_sample(x, Seen::First, &mut context.sampler, balanced);
-        context.record.add(Part::Direct, light, beta * radiance);
-        beta * radiance
+        self.lit_by_samples(x, Seen::First, (beta, Part::Direct), context, balanced)
     }
 
     /// Whether gather rays from x are reflected or refracted ones.
@@ -219,9 +217,7 @@ impl<V: Sight> CameraTracer<'_, V> {
         };
         let by = from.map(|(x, _)| self.sight.from(Start::Photon(x.hit.object)));
         let seen = by.map_or(Seen::Later, Seen::ByGatherRay);
-        let (radiance, light) = self.light_sample(y, seen, &mut context.sampler, weight);
-        context.record.add(Part::Surface, light, beta * radiance);
-        let mut radiance = beta * radiance;
+        let mut radiance = self.lit_by_samples(y, seen, (beta, Part::Surface), context, weight);
         // A facet that scatters diffusely has one share for all photons.
         if !y.is_even() || share(DEEPER_ODDS, y.local_wo) > 0.0 {
             let weight = |photon: &SurfacePhoton, wi: Vec3| {

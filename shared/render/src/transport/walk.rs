@@ -12,9 +12,9 @@ use crate::geometry::SurfaceHit;
 use crate::light::{DirectSample, LightChoice, LightHit};
 use crate::math::{Ray, Rgb, Vec3};
 use crate::medium::{Flight, MediumId};
-use crate::odds::{MAX_SURVIVAL, TRAPPED_DEPTH};
+use crate::odds::{MAX_SURVIVAL, ROULETTE_FACTOR, TRAPPED_DEPTH};
 use crate::photon_map::{Arrival, SurfacePhoton};
-use crate::sampler::Sampler;
+use crate::sampler::{Sampler, VERTEX};
 use crate::sight::{Sight, Start};
 use crate::warp::power_heuristic;
 
@@ -66,6 +66,8 @@ impl<V: Sight> CameraTracer<'_, V> {
         let scene = self.scene;
         let mut radiance = Rgb::ZERO;
         while walk.beta.max_element() > 0.0 {
+            context.rays += 1;
+            context.sampler.align(VERTEX);
             let hit = scene.first_hit(&walk.ray, |object| self.sight.hides(walk.hidden, object));
             if let Some(id) = walk.medium {
                 let length = hit.as_ref().map_or(f32::INFINITY, |h| h.t);
@@ -161,7 +163,7 @@ impl<V: Sight> CameraTracer<'_, V> {
         let scene = self.scene;
         let pdf = scene.lights()[light].pdf_direct(scene.objects(), drawn.point, wi, hit);
         let choice = scene.light_sources.choice_at(drawn.point, drawn.facing, by_power);
-        power_heuristic(drawn.density, pdf * choice.pmf(light))
+        power_heuristic(drawn.density, pdf * choice.samples_of(light))
     }
 
     /// Fly through a medium that beams do not serve; distance of a scattering.
@@ -215,9 +217,17 @@ impl<V: Sight> CameraTracer<'_, V> {
         let (point, dir) = (walk.ray.at(distance), walk.ray.dir);
         let phase = self.scene.media()[usize::from(id)].phase();
         let at = Ray { origin: point, dir };
-        let (lit, light) = self.lit_in_medium(&at, id, &mut context.sampler);
-        let radiance = walk.beta * lit;
-        context.record.add(Part::Surface, light, radiance);
+        let mut radiance = Rgb::ZERO;
+        let PathContext {
+            sampler, record, rays, ..
+        } = &mut *context;
+        let lights = (self.scene.light_sources).choice_at(point, None, self.sight.emitters(self.scene));
+        lights.each(sampler, |choice, sampler| {
+            *rays += 1;
+            let lit = walk.beta * self.lit_in_medium(&at, id, choice, sampler);
+            record.add(Part::Surface, choice.light, lit);
+            radiance += lit;
+        });
         let new = phase.sample(dir, context.sampler.next_2d());
         walk.drawn = Some(Drawn {
             point,
@@ -235,22 +245,15 @@ impl<V: Sight> CameraTracer<'_, V> {
         radiance
     }
 
-    /// Direct light of one light that a medium turns at the ray's origin against its direction, balanced against
-    /// drawing the direction there; and which light.
-    fn lit_in_medium(&self, at: &Ray, id: u16, sampler: &mut Sampler) -> (Rgb, usize) {
+    /// Direct light of a chosen light that a medium turns at the ray's origin against its direction, balanced against
+    /// drawing the direction there.
+    fn lit_in_medium(&self, at: &Ray, id: u16, choice: LightChoice, sampler: &mut Sampler) -> Rgb {
         let scene = self.scene;
         let phase = scene.media()[usize::from(id)].phase();
-        let sources = &scene.light_sources;
-        let choice = sources.choice_at(at.origin, None, self.sight.emitters(scene));
-        let choice = choice.sample(sampler.next_1d());
         let (u, u_primitive) = (sampler.next_2d(), sampler.next_1d());
-        let nothing = (Rgb::ZERO, 0);
-        let Some(choice) = choice else {
-            return nothing;
-        };
         let light = &scene.lights()[choice.light];
         let Some(direct) = light.sample_direct(scene.objects(), at.origin, u, u_primitive) else {
-            return nothing;
+            return Rgb::ZERO;
         };
         let value = phase.eval_directions(at.dir, direct.wi);
         let share = match direct.delta || scene.only_sampled(choice.light) {
@@ -263,13 +266,13 @@ impl<V: Sight> CameraTracer<'_, V> {
         };
         let hidden = self.sight.from(Start::Gather);
         if self.sight.hides_light(hidden, choice.light) {
-            return nothing;
+            return Rgb::ZERO;
         }
         let hides = |object| self.sight.hides(hidden, object);
         let unshadowing = scene.unshadowing[choice.light];
         match scene.unoccluded(ray, direct.distance, Some(id), unshadowing, hides, sampler) {
-            Some(tr) => (direct.weight * tr * (value * share / choice.pmf), choice.light),
-            None => nothing,
+            Some(tr) => direct.weight * tr * (value * share / choice.pmf),
+            None => Rgb::ZERO,
         }
     }
 
@@ -359,14 +362,13 @@ impl<V: Sight> CameraTracer<'_, V> {
             true => 1.0,
             false => power_heuristic(direct.pdf * choice.pmf, y.pdf(y.local_wo, wi)),
         };
-        let (lit, light) = self.light_sample(y, Seen::Later, &mut context.sampler, balanced);
-        context.record.add(Part::Surface, light, beta * lit);
+        let lit = self.lit_by_samples(y, Seen::Later, (beta, Part::Surface), context, balanced);
         // What surfaces send here is found by the path itself.
         let weight = |photon: &SurfacePhoton, _: Vec3| match photon.arrival {
             Arrival::Surface => 0.0,
             _ => 1.0,
         };
-        beta * lit + self.photon_radiance(y, weight, beta, context)
+        lit + self.photon_radiance(y, weight, beta, context)
     }
 }
 
@@ -376,9 +378,9 @@ impl<H> Walk<'_, H> {
         self.track *= weight;
     }
 
-    /// Russian roulette: the path goes on with the probability of its throughput, which then is 1.
+    /// Russian roulette: the path goes on with a probability in proportion to its throughput.
     pub(super) fn survives(&mut self, sampler: &mut Sampler) -> bool {
-        let mut q = self.track.max_element();
+        let mut q = ROULETTE_FACTOR * self.track.max_element();
         if self.depth >= TRAPPED_DEPTH {
             q = q.min(MAX_SURVIVAL);
         }

@@ -43,8 +43,8 @@ pub struct SceneDescription {
 pub struct RenderDefaults {
     /// Passes.
     pub passes: u64,
-    /// Photon paths per pass.
-    pub paths_per_pass: u32,
+    /// Photon paths per pass. `None`: as many as a pilot finds best ([`crate::balance`]).
+    pub paths_per_pass: Option<u32>,
     /// Trade of variance against bias, in (0, 1).
     pub alpha: f64,
     /// Radius schedule.
@@ -59,16 +59,19 @@ pub struct RenderDefaults {
     pub targeting: Targeting,
 }
 
+/// Photon paths of a pass that nothing is known of; base radii are made for so many where the scene does not say.
+const PATHS_PER_PASS: u32 = 50_000;
+
 impl RenderDefaults {
-    /// The settings of a job that overrides nothing.
+    /// The settings of a job that overrides nothing, before any pilot.
     pub fn job_settings(&self) -> JobSettings {
         JobSettings {
             seed: self.seed,
             alpha: self.alpha,
             schedule: self.schedule,
             budget: None,
-            paths_per_pass: self.paths_per_pass,
-            reference_paths: self.paths_per_pass,
+            paths_per_pass: self.paths_per_pass.unwrap_or(PATHS_PER_PASS),
+            reference_paths: self.paths_per_pass.unwrap_or(PATHS_PER_PASS),
         }
     }
 }
@@ -77,7 +80,7 @@ impl Default for RenderDefaults {
     fn default() -> Self {
         Self {
             passes: 64,
-            paths_per_pass: 50_000,
+            paths_per_pass: None,
             alpha: 2.0 / 3.0,
             schedule: ScheduleKind::Pass,
             seed: 0,

@@ -256,7 +256,7 @@ fn defaults(record: &RenderRecord) -> Result<RenderDefaults, Fault> {
         None => standard.passes,
     };
     let paths_per_pass = match &record.paths {
-        Some(paths) => count(paths, u32::MAX)?,
+        Some(paths) => Some(count(paths, u32::MAX)?),
         None => standard.paths_per_pass,
     };
     Ok(RenderDefaults {

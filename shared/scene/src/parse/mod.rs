@@ -74,7 +74,7 @@ pub struct RenderRecord {
     /// Passes. Default: 64.
     #[schemars(range(min = 1, max = 9007199254740992_u64))]
     pub passes: Option<Spanned<u64>>,
-    /// Photon paths that a pass emits. Default: 50000.
+    /// Photon paths that a pass emits. Default: as many as a pilot finds best.
     #[schemars(range(min = 1))]
     pub paths: Option<Spanned<u32>>,
     /// Larger keeps radii large for longer: less noise, more blur. Default: 2/3.

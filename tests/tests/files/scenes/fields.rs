@@ -190,7 +190,7 @@ beam_width = 10
 fn every_field_of_the_format_is_read() {
     let scene = load_with(EVERY_FIELD, &every_file());
     let d = scene.defaults;
-    assert_eq!((d.passes, d.paths_per_pass, d.alpha, d.seed), (10, 1000, 0.5, 7));
+    assert_eq!((d.passes, d.paths_per_pass, d.alpha, d.seed), (10, Some(1000), 0.5, 7));
     assert_eq!((d.exposure, d.radius), (-1.5, Some(0.02)));
     assert_eq!(d.schedule, beamfarm_image::job::ScheduleKind::Beam);
     assert_eq!(scene.world_medium, Some(1));
@@ -254,7 +254,7 @@ fn every_field_of_the_format_is_read() {
 fn fields_have_their_defaults() {
     let scene = load("");
     let d = scene.defaults;
-    assert_eq!((d.passes, d.paths_per_pass, d.seed, d.exposure), (64, 50_000, 0, 0.0));
+    assert_eq!((d.passes, d.paths_per_pass, d.seed, d.exposure), (64, None, 0, 0.0));
     assert_eq!((d.alpha, d.radius), (2.0 / 3.0, None));
     assert_eq!((scene.world_medium, scene.camera_medium), (None, None));
     assert_eq!((scene.camera.aperture, scene.camera.focus_distance), (0.0, 5.0));

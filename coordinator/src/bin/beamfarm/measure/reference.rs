@@ -114,7 +114,8 @@ pub fn main(args: ReferenceArgs) -> Result<(), Failure> {
     let loaded = SettingsArgs {
         scene: args.scene.clone(),
         import: args.import.clone(),
-        paths: None,
+        // It has none, and needs no pilot.
+        paths: Some(1),
         seed: args.seed,
         alpha: None,
         budget: None,

@@ -106,6 +106,23 @@ pub fn time_to(curve: &[(f64, f64)], target: f64) -> TimeTo {
     }
 }
 
+/// The error of a curve of (seconds, error), sorted by time, at a time: between two points, or from the nearest at
+/// slope -1.
+pub fn error_at(curve: &[(f64, f64)], seconds: f64) -> Option<f64> {
+    let pair = curve
+        .windows(2)
+        .find(|pair| pair[0].0 <= seconds && seconds <= pair[1].0);
+    if let Some(&[(t, e), (u, f)]) = pair {
+        let slope = libm::log(f / e) / libm::log(u / t);
+        return Some(e * libm::pow(seconds / t, if slope.is_finite() { slope } else { 0.0 }));
+    }
+    let nearest = match curve.first() {
+        Some(first) if seconds < first.0 => first,
+        _ => curve.last()?,
+    };
+    Some(nearest.1 * nearest.0 / seconds)
+}
+
 impl TimeTo {
     fn seconds(self) -> Option<f64> {
         match self {
@@ -224,6 +241,16 @@ mod tests {
         );
         assert_eq!(time_to(&[], 0.1), TimeTo::Never);
         assert!(near(time_to(&[(90.0, 3.3e-3)], 1e-2).seconds(), 29.7));
+    }
+
+    #[test]
+    fn errors_are_interpolated_in_log_log() {
+        let curve = law(-0.6, &[1.0, 2.0, 4.0, 8.0]);
+        let is_near = |time: f64, expected: f64| near(error_at(&curve, time), expected);
+        assert!(is_near(3.0, 0.02 * libm::pow(3.0, -0.6)) && is_near(8.0, 0.02 * libm::pow(8.0, -0.6)));
+        assert!(is_near(16.0, 0.01 * libm::pow(8.0, -0.6)) && is_near(0.5, 0.04));
+        assert_eq!(error_at(&[], 1.0), None);
+        assert_eq!(error_at(&[(1.0, 0.5), (1.0, 0.5)], 1.0), Some(0.5));
     }
 
     #[test]

@@ -39,6 +39,7 @@ Examples:
 A suite is a TOML file; what it names lies relative to it:
 
   title = \"Fog\"
+  seconds = 10                    # runs end then, and the errors of all are told at that time
   [[scenes]]
   scene = \"box.toml\"
   reference = \"box.exr\"           # EXR; its layer stderr tells its noise
@@ -55,6 +56,7 @@ A suite is a TOML file; what it names lies relative to it:
   core_seconds = 180
   [[runs]]                        # configurations; without any, the scenes as they are
   name = \"alpha 0.5\"
+  integrator = \"beams\"           # or \"paths\": the path tracer of `reference`
   scenes = [\"box\"]                # default: all
   passes = 32
   overrides = { alpha = 0.5, paths = 20000, radius = 0.01, schedule = \"beam\", seed = 1, threads = 1,
@@ -93,6 +95,10 @@ pub struct BenchArgs {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=MAX_PASSES))]
     passes: Option<u64>,
 
+    /// Seconds of rendering after which each run ends, and at which all errors are told [default: the suite's]
+    #[arg(long, value_name = "S")]
+    seconds: Option<f64>,
+
     #[command(flatten)]
     overrides: Overrides,
 
@@ -116,12 +122,16 @@ pub fn main(args: BenchArgs) -> Result<(), Failure> {
             Suite::plain(&args.scenes, &args.reference, args.reference_noise, &args.against).map_err(Failure::usage)?
         }
     };
-    suite.set(args.passes, &args.overrides);
+    suite.set(args.passes, args.seconds, &args.overrides);
+    suite.check().map_err(Failure::usage)?;
     std::fs::create_dir_all(&args.output)
         .map_err(|error| Failure::io(format!("{}: {error}", args.output.display())))?;
 
     // All of them first: nobody should learn of a misspelt name after an hour.
-    let prepared = suite.scenes.iter().map(|case| prepare(case, &suite.runs));
+    let prepared = suite
+        .scenes
+        .iter()
+        .map(|case| prepare(case, &suite.runs, suite.seconds));
     let prepared = prepared.collect::<Result<Vec<_>, _>>()?;
     let mut findings = Findings {
         title: suite.title,
@@ -155,6 +165,9 @@ pub fn main(args: BenchArgs) -> Result<(), Failure> {
         for scene in &findings.scenes {
             print_tables(scene);
         }
+        if let Some(seconds) = suite.seconds {
+            println!("\n{}", table::errors_at(&findings.scenes, seconds).plain());
+        }
         println!("wrote {}, with bench.csv and bench.json beside it", page.display());
     }
     Ok(())
@@ -171,7 +184,11 @@ fn print_tables(scene: &SceneFindings) {
 type NamedTask = (String, Task, Settings);
 
 /// Read what a scene needs, and find what there is to render.
-fn prepare(case: &SceneCase, runs: &[RunCase]) -> Result<(SceneFindings, Vec<NamedTask>), Failure> {
+fn prepare(
+    case: &SceneCase,
+    runs: &[RunCase],
+    seconds: Option<f64>,
+) -> Result<(SceneFindings, Vec<NamedTask>), Failure> {
     let mut tasks = Vec::new();
     let mut size = None;
     let mut exposure = 0.0;
@@ -201,7 +218,13 @@ fn prepare(case: &SceneCase, runs: &[RunCase]) -> Result<(SceneFindings, Vec<Nam
         let task = Task {
             scene: case.path.clone(),
             overrides: run.overrides.clone(),
-            passes: run.passes.or(case.passes).unwrap_or(description.defaults.passes),
+            integrator: run.integrator,
+            // Seconds alone end a run that nothing else is said of.
+            passes: run.passes.or(case.passes).unwrap_or(match seconds {
+                Some(_) => MAX_PASSES,
+                None => description.defaults.passes,
+            }),
+            seconds,
         };
         tasks.push((run.name.clone(), task, settings));
     }
@@ -262,10 +285,13 @@ fn render(scene: &mut SceneFindings, task: &Task, quiet: bool) -> Result<(), Fai
         return Ok(());
     };
     if !quiet {
-        println!("{}, {}: {} passes", scene.name, run.name, task.passes);
+        match task.seconds {
+            Some(seconds) => println!("{}, {}: {seconds} s", scene.name, run.name),
+            None => println!("{}, {}: {} passes", scene.name, run.name, task.passes),
+        }
     }
     let all: Vec<u64> = checkpoints(task.passes).collect();
-    let shown = [all[0], all[all.len() / 2], all[all.len() - 1]];
+    let shown = [all[0], all[all.len() / 2]];
     let size = [run.settings.width, run.settings.height];
     for step in Run::start(task, size)? {
         let step = step?;
@@ -283,7 +309,7 @@ fn render(scene: &mut SceneFindings, task: &Task, quiet: bool) -> Result<(), Fai
                 record.core_seconds.unwrap_or(f64::NAN),
             );
         }
-        if shown.contains(&record.passes) {
+        if step.sample.is_last || shown.contains(&record.passes) {
             run.images.push((record.passes, step.image));
         }
         run.records.push(record);

@@ -2,6 +2,7 @@
 
 use crate::failure::Failure;
 use beamfarm_image::job::{JobSettings, ScheduleKind};
+use beamfarm_render::balance::balanced;
 use beamfarm_render::world::SceneDescription;
 use beamfarm_scene::{ImportOptions, SceneFile};
 use clap::Args;
@@ -86,7 +87,6 @@ impl Overrides {
             seed: self.seed.unwrap_or(defaults.seed),
             alpha: self.alpha.unwrap_or(defaults.alpha),
             schedule: self.schedule.unwrap_or(defaults.schedule),
-            paths_per_pass: self.paths.unwrap_or(defaults.paths_per_pass),
             ..defaults.job_settings()
         };
         settings.check().map_err(|error| error.to_string())?;
@@ -107,7 +107,13 @@ impl Overrides {
         let camera = &mut description.camera;
         camera.width = self.width.unwrap_or(camera.width);
         camera.height = self.height.unwrap_or(camera.height);
-        Ok(settings)
+        Ok(match self.paths {
+            Some(paths_per_pass) => JobSettings {
+                paths_per_pass,
+                ..settings
+            },
+            None => balanced(description, settings).0,
+        })
     }
 }
 

@@ -7,10 +7,11 @@
 use super::overrides::{Overrides, load};
 use crate::failure::Failure;
 use beamfarm_image::film::Film;
-use beamfarm_image::job::PassStats;
+use beamfarm_image::job::{PassStats, ReferenceSettings};
 use beamfarm_image::merge::{Average, Node, TreeSum};
 use beamfarm_render::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
+use beamfarm_render::reference::render_sample;
 use beamfarm_render::world::Scene;
 use beamfarm_worker::exit;
 use serde::{Deserialize, Serialize};
@@ -25,13 +26,29 @@ use std::time::Instant;
 pub struct Task {
     pub scene: PathBuf,
     pub overrides: Overrides,
+    pub integrator: Integrator,
     pub passes: u64,
+    /// No pass begins after so many of rendering.
+    pub seconds: Option<f64>,
+}
+
+/// What renders.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Integrator {
+    /// Passes of photon beams, as `render` has them.
+    #[default]
+    Beams,
+    /// Samples of the path tracer, as `reference` has them.
+    Paths,
 }
 
 /// What was measured when so many passes were done. Sums over all of them; times without that of looking at the image.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub struct Sample {
     pub passes: u64,
+    /// There is no more.
+    pub is_last: bool,
     pub prepare_seconds: f64,
     pub wall_seconds: f64,
     pub core_seconds: Option<f64>,
@@ -117,6 +134,9 @@ impl Iterator for Run {
     fn next(&mut self) -> Option<Self::Item> {
         self.left.next()?;
         let step = self.step();
+        if step.as_ref().is_ok_and(|step| step.sample.is_last) {
+            self.left = Vec::new().into_iter();
+        }
         Some(step.map_err(|error| {
             self.left = Vec::new().into_iter();
             let _ = self.child.kill();
@@ -166,6 +186,17 @@ pub fn child() -> Result<(), Failure> {
         let plan = RenderPlan::new(&scene, settings);
         (scene, plan)
     });
+    let reference = ReferenceSettings {
+        seed: settings.seed,
+        max_depth: None,
+    };
+    let render = |index| match task.integrator {
+        Integrator::Beams => {
+            let image = render_pass(&scene, &plan, index);
+            (image.stats, Some(image.film))
+        }
+        Integrator::Paths => (PassStats::default(), render_sample(&scene, &reference, index, || true)),
+    };
     let camera = &scene.description().camera;
     let mut sum = TreeSum::new(camera.width, camera.height);
     let mut stats = PassStats::default();
@@ -175,12 +206,15 @@ pub fn child() -> Result<(), Failure> {
     for passes in checkpoints(task.passes) {
         orders.recv().map_err(gone)?;
         let (started, cpu_started) = (Instant::now(), cpu_seconds());
-        while pass_index < passes {
-            let image = pool.install(|| render_pass(&scene, &plan, pass_index));
-            stats += image.stats;
-            sum.insert(Node::leaf(pass_index, image.film)).map_err(Failure::job)?;
+        let is_over = || (task.seconds).is_some_and(|seconds| wall + started.elapsed().as_secs_f64() >= seconds);
+        while pass_index < passes && !(pass_index > 0 && is_over()) {
+            let (of_pass, film) = pool.install(|| render(pass_index));
+            stats += of_pass;
+            let film = film.ok_or_else(|| Failure::job("a sample was not rendered"))?;
+            sum.insert(Node::leaf(pass_index, film)).map_err(Failure::job)?;
             pass_index += 1;
         }
+        let is_last = is_over() || pass_index == task.passes;
         wall += started.elapsed().as_secs_f64();
         cores = cores
             .zip(cpu_seconds().zip(cpu_started))
@@ -190,7 +224,8 @@ pub fn child() -> Result<(), Failure> {
         };
         let relative_error = average.relative_standard_error();
         let sample = Sample {
-            passes,
+            passes: pass_index,
+            is_last,
             prepare_seconds,
             wall_seconds: wall,
             core_seconds: cores,
@@ -204,6 +239,9 @@ pub fn child() -> Result<(), Failure> {
             estimated_rel_mse: Some(estimated_rel_mse(&average)).filter(|error| error.is_finite()),
         };
         answer(&sample, &average.beauty).map_err(Failure::io)?;
+        if is_last {
+            break;
+        }
     }
     // The parent ends this process when it has read the last image.
     let _ = orders.recv();

@@ -1,6 +1,7 @@
 //! What is to be measured: from a TOML file, or from the command line.
 
 use super::overrides::Overrides;
+use super::run::Integrator;
 use crate::failure::Failure;
 use beamfarm_image::job::MAX_PASSES;
 use serde::{Deserialize, Serialize};
@@ -13,6 +14,8 @@ pub struct Suite {
     pub title: String,
     pub scenes: Vec<SceneCase>,
     pub runs: Vec<RunCase>,
+    /// Seconds after which runs end, and at which errors are told.
+    pub seconds: Option<f64>,
 }
 
 #[derive(Clone, Debug)]
@@ -59,6 +62,7 @@ pub struct RunCase {
     /// Names of the scenes that it renders; all when there are none.
     pub scenes: Vec<String>,
     pub passes: Option<u64>,
+    pub integrator: Integrator,
     pub overrides: Overrides,
 }
 
@@ -115,6 +119,7 @@ pub fn against(text: &str) -> Result<Peer, String> {
 struct SuiteFile {
     #[serde(default)]
     title: String,
+    seconds: Option<f64>,
     scenes: Vec<SceneEntry>,
     #[serde(default)]
     runs: Vec<RunEntry>,
@@ -153,6 +158,8 @@ struct RunEntry {
     scenes: Vec<String>,
     passes: Option<u64>,
     #[serde(default)]
+    integrator: Integrator,
+    #[serde(default)]
     overrides: Overrides,
 }
 
@@ -187,6 +194,7 @@ impl Suite {
                 name: run.name,
                 scenes: run.scenes,
                 passes: checked_passes(run.passes)?,
+                integrator: run.integrator,
                 overrides: run.overrides,
             });
         }
@@ -197,7 +205,12 @@ impl Suite {
             true => stem.to_owned(),
             false => file.title,
         };
-        let suite = Self { title, scenes, runs };
+        let suite = Self {
+            title,
+            scenes,
+            runs,
+            seconds: file.seconds,
+        };
         suite.check()?;
         Ok(suite)
     }
@@ -232,22 +245,29 @@ impl Suite {
             title: scenes.iter().map(|path| stem(path)).collect::<Vec<_>>().join(", "),
             scenes: cases.collect(),
             runs: vec![RunCase::default()],
+            seconds: None,
         };
         suite.check()?;
         Ok(suite)
     }
 
-    /// Put passes and settings from the command line in place of its own.
-    pub fn set(&mut self, passes: Option<u64>, overrides: &Overrides) {
+    /// Put passes, seconds and settings from the command line in place of its own.
+    pub fn set(&mut self, passes: Option<u64>, seconds: Option<f64>, overrides: &Overrides) {
+        self.seconds = seconds.or(self.seconds);
         for run in &mut self.runs {
             run.passes = passes.or(run.passes);
             run.overrides = overrides.or(&run.overrides);
         }
     }
 
-    fn check(&self) -> Result<(), String> {
+    pub fn check(&self) -> Result<(), String> {
         if self.scenes.is_empty() {
             return Err("expected at least one scene".into());
+        }
+        if let Some(seconds) = self.seconds
+            && !(seconds > 0.0 && seconds.is_finite())
+        {
+            return Err(format!("seconds is {seconds}; expected a time above zero"));
         }
         unique("scenes", self.scenes.iter().map(|scene| scene.name.as_str()))?;
         for scene in &self.scenes {
@@ -303,6 +323,7 @@ impl Default for RunCase {
             name: "beamfarm".into(),
             scenes: Vec::new(),
             passes: None,
+            integrator: Integrator::default(),
             overrides: Overrides::default(),
         }
     }
@@ -437,7 +458,7 @@ mod tests {
             alpha: Some(0.5),
             ..Overrides::default()
         };
-        suite.set(Some(3), &overrides);
+        suite.set(Some(3), None, &overrides);
         let run = &suite.runs[0];
         assert_eq!(run.passes, Some(3));
         assert_eq!(run.overrides.alpha, Some(0.5));

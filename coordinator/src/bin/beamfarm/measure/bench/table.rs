@@ -1,6 +1,6 @@
 //! The tables of a report, on a page and in a terminal.
 
-use super::analysis::{Clock, TARGETS, digits, fit, power, time_to, times_faster};
+use super::analysis::{Clock, TARGETS, digits, error_at, fit, power, time_to, times_faster};
 use super::record::{Record, SceneFindings};
 use super::suite::Point;
 use crate::measure::figure::superscript;
@@ -75,6 +75,30 @@ pub fn ratios(scene: &SceneFindings, clock: Clock) -> Table {
         title: format!("Times faster, {}", clock.unit()),
         head,
         rows,
+    }
+}
+
+/// Errors of all scenes at a time, a column for each renderer that is there for any of them.
+pub fn errors_at(scenes: &[SceneFindings], seconds: f64) -> Table {
+    let mut names: Vec<String> = Vec::new();
+    for (name, _) in scenes.iter().flat_map(curves) {
+        if !names.contains(&name) {
+            names.push(name);
+        }
+    }
+    let row = |scene: &SceneFindings| {
+        let known = curves(scene);
+        let error = |name: &String| {
+            let (_, points) = known.iter().find(|(known, _)| known == name)?;
+            error_at(&Clock::Wall.curve(points), seconds)
+        };
+        let errors = names.iter().map(|name| error(name).map_or("\u{2013}".into(), power));
+        [scene.name.clone()].into_iter().chain(errors).collect()
+    };
+    Table {
+        title: format!("relMSE after {seconds} wall seconds of rendering"),
+        rows: scenes.iter().map(row).collect(),
+        head: ["scene".to_owned()].into_iter().chain(names).collect(),
     }
 }
 

@@ -105,8 +105,13 @@ pub fn main(args: ConvergenceArgs) -> Result<(), Failure> {
     let settings = |alpha| JobSettings {
         alpha,
         seed: args.seed.unwrap_or(defaults.seed),
-        paths_per_pass: args.paths.unwrap_or(defaults.paths_per_pass),
-        ..defaults.job_settings()
+        ..match args.paths {
+            Some(paths_per_pass) => JobSettings {
+                paths_per_pass,
+                ..defaults.job_settings()
+            },
+            None => defaults.job_settings(),
+        }
     };
     for &alpha in &args.alpha {
         settings(alpha).check().map_err(Failure::usage)?;

@@ -1,0 +1,226 @@
+//! How many photon paths a pass traces, where the scene does not say: found by a pilot.
+//!
+//! A pass with M paths has the variance c + p / M, c of what its camera paths draw by chance and p of photons, and
+//! takes the work a + b M. The error after a given time goes as the product of the two, which is least at
+//!
+//! ```text
+//! M = sqrt(p a / (c b)).
+//! ```
+//!
+//! The pilot renders small images of the same photons by other camera paths and of other photons by the same ones. Work
+//! is counted, not timed: every machine finds the same number.
+
+use crate::budget::shrunk;
+use crate::pass::{PassImage, PassPhotons};
+use crate::plan::RenderPlan;
+use crate::world::{Scene, SceneDescription};
+use beamfarm_image::film::Film;
+use beamfarm_image::job::{Budget, JobSettings, MAX_PASSES};
+
+/// Sets of photons, and of camera paths.
+const SETS: usize = 4;
+/// Paths of a set.
+const PATHS: u32 = 3_000;
+/// Pixels of its image along the longer side, at most.
+const SIDE: u32 = 48;
+/// Scale of its radii: about that of a hundred passes.
+const SCALE: f64 = 0.3;
+/// What relMSE adds to the square of the reference.
+const DARK: f64 = 0.01;
+/// The worst pixels, one in so many, do not count: what they say is chance.
+const WILD: usize = 100;
+/// Fewest and most paths that are chosen.
+const LEAST: f64 = 500.0;
+const MOST: f64 = 500_000.0;
+
+/// What a camera ray, a photon's ray, a photon that is stored and a beam's evaluation take, nanoseconds of a core: fits
+/// to the scenes of this repository.
+const CAMERA_RAY: f64 = 600.0;
+const PHOTON_RAY: f64 = 400.0;
+const PHOTON: f64 = 600.0;
+const BEAM: f64 = 9000.0;
+const EVALUATION: f64 = 50.0;
+
+/// What the pilot found, of a pass.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Balance {
+    /// Variance relative to the square of the image plus 0.01, as relMSE is: of camera paths.
+    pub camera_variance: f64,
+    /// Of photons, times their number of paths.
+    pub photon_variance: f64,
+    /// Work of camera paths, nanoseconds of a core.
+    pub camera_work: f64,
+    /// Work of a photon path.
+    pub photon_work: f64,
+}
+
+/// The settings, with as many photon paths as the scene says or, where it does not, a pilot finds best; and whether one
+/// was run.
+pub fn balanced(description: &SceneDescription, settings: JobSettings) -> (JobSettings, bool) {
+    let found = match description.defaults.paths_per_pass {
+        Some(_) => None,
+        None => Balance::new(description, settings),
+    };
+    match found {
+        Some(balance) => (
+            JobSettings {
+                paths_per_pass: balance.paths(),
+                ..settings
+            },
+            true,
+        ),
+        None => (settings, false),
+    }
+}
+
+impl Balance {
+    /// Render the pilot. Deterministic: by scene and settings alone, in passes that no job has. `None`: the scene has
+    /// no use for photons.
+    pub fn new(description: &SceneDescription, settings: JobSettings) -> Option<Self> {
+        let pixels = f64::from(description.camera.width) * f64::from(description.camera.height);
+        let scene = Scene::new(shrunk(description, SIDE));
+        let budget = Some(Budget {
+            passes: MAX_PASSES,
+            scale: SCALE,
+        });
+        let plan = RenderPlan::new(
+            &scene,
+            JobSettings {
+                seed: 0,
+                budget,
+                paths_per_pass: PATHS,
+                ..settings
+            },
+        );
+        if !plan.beams && !plan.surface_photons {
+            return None;
+        }
+        let last = |k: usize| MAX_PASSES - 1 - k as u64;
+        let by_photons: [[PassImage; SETS]; SETS] = std::array::from_fn(|photons| {
+            let photons = PassPhotons::new(&scene, &plan, last(photons));
+            std::array::from_fn(|camera| photons.render(&scene, &plan, last(SETS + camera)))
+        });
+        let films = by_photons.each_ref().map(|images| images.each_ref().map(|i| &i.film));
+        let [camera_variance, photon_variance] = variances(&films);
+        let paths = f64::from(plan.surface_paths);
+        let images = (SETS * SETS) as f64;
+        let mean = |count: &dyn Fn(&PassImage) -> u64| {
+            let counts = by_photons.iter().flatten().map(count);
+            counts.sum::<u64>() as f64 / images
+        };
+        let share = pixels / films[0][0].pixels.len() as f64;
+        Some(Self {
+            camera_variance,
+            photon_variance: photon_variance * f64::from(PATHS),
+            camera_work: share * CAMERA_RAY * mean(&|i| i.rays[1]),
+            photon_work: (PHOTON_RAY * mean(&|i| i.rays[0]) + PHOTON * mean(&|i| i.stats.surface_photons)) / paths
+                + (BEAM * mean(&|i| i.stats.beams) + share * EVALUATION * mean(&|i| i.stats.beam_evaluations))
+                    / f64::from(PATHS),
+        })
+    }
+
+    /// The number of paths with the least error after a given time.
+    pub fn paths(&self) -> u32 {
+        let square = self.photon_variance * self.camera_work / (self.camera_variance * self.photon_work);
+        // Without any variance there is nothing to choose.
+        let paths = if square.is_nan() { LEAST } else { square.sqrt() };
+        let paths = paths.clamp(LEAST, MOST);
+        // Two digits say all that is known.
+        let unit = libm::pow(10.0, libm::floor(libm::log10(paths)) - 1.0);
+        (libm::round(paths / unit) * unit) as u32
+    }
+
+    /// Relative error times time with so many paths, to be compared with that of others.
+    pub fn cost(&self, paths: u32) -> f64 {
+        let paths = f64::from(paths);
+        (self.camera_variance + self.photon_variance / paths) * (self.camera_work + self.photon_work * paths)
+    }
+}
+
+/// Variances of camera paths and of photons. `films`: by photons, then by camera paths.
+fn variances(films: &[[&Film; SETS]; SETS]) -> [f64; 2] {
+    let n = SETS as f64;
+    let count = films[0][0].pixels.len();
+    let mut pixels: Vec<[f64; 2]> = (0..count)
+        .map(|i| {
+            let mut sums = [0.0; 2];
+            for channel in 0..3 {
+                let at = |photons: usize, camera: usize| f64::from(films[photons][camera].pixels[i][channel]);
+                // For each camera, the variance over photons; then that over cameras of their means.
+                let of_camera: [[f64; 2]; SETS] =
+                    std::array::from_fn(|camera| moments(std::array::from_fn(|photons| at(photons, camera))));
+                let [mean, camera] = moments(of_camera.map(|[mean, _]| mean));
+                let photons = of_camera.iter().map(|[_, variance]| variance).sum::<f64>() / n;
+                let weight = 1.0 / (mean * mean + DARK);
+                sums[0] += weight * camera;
+                sums[1] += weight * photons;
+            }
+            sums
+        })
+        .collect();
+    let kept = count - count / WILD;
+    [0, 1].map(|which| {
+        pixels.sort_by(|a, b| a[which].total_cmp(&b[which]));
+        pixels[..kept].iter().map(|pixel| pixel[which]).sum::<f64>() / (3 * kept) as f64
+    })
+}
+
+/// Mean and variance.
+fn moments(values: [f64; SETS]) -> [f64; 2] {
+    let n = SETS as f64;
+    let mean = values.iter().sum::<f64>() / n;
+    let squares: f64 = values.iter().map(|v| (v - mean) * (v - mean)).sum();
+    [mean, squares / (n - 1.0)]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn made(camera_variance: f64, photon_variance: f64) -> Balance {
+        Balance {
+            camera_variance,
+            photon_variance,
+            camera_work: 4e6,
+            photon_work: 1500.0,
+        }
+    }
+
+    #[test]
+    fn the_number_of_paths_has_the_least_cost() {
+        for balance in [made(0.1, 300.0), made(2.0, 5000.0), made(0.01, 9000.0)] {
+            let paths = balance.paths();
+            let least = balance.cost(paths);
+            let others = (1..200).map(|k| (LEAST * libm::pow(1.04, f64::from(k))) as u32);
+            // Two digits of it are kept, and the cost is flat there.
+            assert!(
+                others.map(|other| balance.cost(other)).all(|cost| cost > 0.998 * least),
+                "{paths}"
+            );
+        }
+    }
+
+    #[test]
+    fn images_without_noise_have_paths() {
+        assert_eq!(made(0.0, 0.0).paths(), LEAST as u32);
+        assert_eq!(made(0.1, 0.0).paths(), LEAST as u32);
+        assert_eq!(made(0.0, 0.1).paths(), MOST as u32);
+    }
+
+    /// Two by two of each: what photons add and what camera paths add are told apart.
+    #[test]
+    fn variances_are_told_apart() {
+        let film = |photons: usize, camera: usize| {
+            let mut film = Film::new(2, 1);
+            let [p, c] = [photons, camera].map(|set| [-1.0, 1.0][set % 2]);
+            film.pixels.fill([(2.0 + 0.1 * p + 0.03 * c) as f32; 3]);
+            film
+        };
+        let films: [[Film; SETS]; SETS] = std::array::from_fn(|p| std::array::from_fn(|c| film(p, c)));
+        let [camera, photons] = variances(&films.each_ref().map(|row| row.each_ref()));
+        // Of +-1 in turns, the sample variance of four is 4/3.
+        let weight = 4.0 / 3.0 / (4.0 + DARK);
+        assert!((camera / (9e-4 * weight) - 1.0).abs() < 1e-3, "{camera}");
+        assert!((photons / (1e-2 * weight) - 1.0).abs() < 1e-3, "{photons}");
+    }
+}

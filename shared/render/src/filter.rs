@@ -59,12 +59,12 @@ impl PixelFilter {
             let mut rows = vec![[0.0; 3]; film.pixels.len()];
             for (row, samples) in rows.chunks_mut(width).zip(film.pixels.chunks(width)) {
                 for (x, pixel) in row.iter_mut().enumerate() {
-                    *pixel = along_x.sum(x, |place| samples[place]);
+                    *pixel = along_x.sum(x, width, |place| samples[place]);
                 }
             }
             for y in 0..height {
                 for x in 0..width {
-                    film.pixels[y * width + x] = along_y.sum(y, |place| rows[place * width + x]);
+                    film.pixels[y * width + x] = along_y.sum(y, height, |place| rows[place * width + x]);
                 }
             }
         }
@@ -160,10 +160,8 @@ impl PixelFilter {
 struct Taps {
     /// Pixels to each side.
     reach: usize,
-    /// Of the samples of the pixels around, from the first to the last.
-    weights: Vec<f64>,
-    /// By pixel, of its filter within the image.
-    integrals: Vec<f64>,
+    /// By pixel, of the samples of the pixels around, from the first to the last; the sum over the image is one.
+    weights: Vec<f32>,
 }
 
 impl Taps {
@@ -173,20 +171,23 @@ impl Taps {
         // Samples are less than half a pixel from the middle of theirs.
         let pixels = (unit * reach + 0.5).ceil() - 1.0;
         let weight = |tap| filter.value((f64::from(tap) - pixels + f64::from(offset) - 0.5) / unit);
+        let weights: Vec<f64> = (0..=2 * pixels as u32).map(weight).collect();
+        let integrals = filter.integrals(size);
+        let of_pixel = |integral| weights.iter().map(move |weight| (weight / integral) as f32);
         Self {
             reach: pixels as usize,
-            weights: (0..=2 * pixels as u32).map(weight).collect(),
-            integrals: filter.integrals(size),
+            weights: integrals.into_iter().flat_map(of_pixel).collect(),
         }
     }
 
-    /// A pixel by the samples along the axis.
-    fn sum(&self, pixel: usize, sample: impl Fn(usize) -> [f32; 3]) -> [f32; 3] {
+    /// A pixel by the samples along the axis, of which there are `size`.
+    fn sum(&self, pixel: usize, size: usize, sample: impl Fn(usize) -> [f32; 3]) -> [f32; 3] {
         let first = pixel.saturating_sub(self.reach);
-        let last = (pixel + self.reach).min(self.integrals.len() - 1);
+        let last = (pixel + self.reach).min(size - 1);
+        let count = 2 * self.reach + 1;
+        let weights = &self.weights[pixel * count..][..count];
         let mut sum = [0.0; 3];
-        for place in first..=last {
-            let weight = (self.weights[place + self.reach - pixel] / self.integrals[pixel]) as f32;
+        for (place, weight) in (first..=last).zip(&weights[first + self.reach - pixel..]) {
             for (sum, value) in sum.iter_mut().zip(sample(place)) {
                 *sum += weight * value;
             }

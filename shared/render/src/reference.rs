@@ -486,7 +486,8 @@ impl PathTracer<'_> {
             };
             self.add_direct(path, &vertex, rules.as_ref(), sampler);
         }
-        let (u_lobe, u) = (sampler.next_1d(), sampler.next_2d());
+        let [draws_lobe, draws_direction] = bsdf.draws();
+        let (u_lobe, u) = (sampler.next_1d_if(draws_lobe), sampler.next_2d_if(draws_direction));
         let Some(sample) = bsdf.sample(local_wo, u_lobe, u, TransportMode::Radiance) else {
             return false;
         };
@@ -545,14 +546,13 @@ impl PathTracer<'_> {
         sampler: &mut Sampler,
     ) -> Option<Rgb> {
         let scene = self.scene;
-        let (u, u_primitive) = (sampler.next_2d(), sampler.next_1d());
+        let light = &scene.lights()[choice.light];
+        let (u, u_primitive) = light.draw_direct(scene.objects(), sampler);
         let hidden = rules.map_or(HiddenSet::default(), |rules| rules.sets.shadow);
         if self.hides_light(hidden, choice.light) {
             return None;
         }
-        let light = &scene.lights()[choice.light];
-        let sample = light.sample_direct(scene.objects(), vertex.point(), u, u_primitive);
-        let direct = sample?;
+        let direct = light.sample_direct(scene.objects(), vertex.point(), u, u_primitive)?;
         let scattering = vertex.towards(direct.wi);
         let radiance = scattering.value * direct.weight;
         if radiance == Rgb::ZERO {

@@ -44,6 +44,7 @@ pub struct Sampler {
 #[derive(Clone, Copy, Debug, Default)]
 struct Points {
     key: u64,
+    /// The point's number, its bits reversed.
     index: u32,
     /// The next square.
     square: u32,
@@ -68,14 +69,14 @@ impl Points {
     #[inline]
     fn next_1d(&mut self) -> u32 {
         let hash = self.hash();
-        let shuffled = owen_reversed(self.index.reverse_bits(), hash as u32).reverse_bits();
+        let shuffled = owen_reversed(self.index, hash as u32).reverse_bits();
         owen_reversed(shuffled, (hash >> 32) as u32).reverse_bits()
     }
 
     #[inline]
     fn next_2d(&mut self) -> [u32; 2] {
         let hash = self.hash();
-        let shuffled = owen_reversed(self.index.reverse_bits(), hash as u32).reverse_bits();
+        let shuffled = owen_reversed(self.index, hash as u32).reverse_bits();
         let seeds = [(hash >> 32) as u32, mix64(hash) as u32];
         let [x, y] = sobol_reversed(shuffled);
         [
@@ -148,7 +149,7 @@ impl Sampler {
         Self {
             points: Points {
                 key: !key,
-                index: index as u32,
+                index: (index as u32).reverse_bits(),
                 square: 0,
                 squares: SQUARES,
             },
@@ -175,6 +176,39 @@ impl Sampler {
         match self.points.square < self.points.squares {
             true => unit(self.points.next_1d()),
             false => unit(self.next_u32()),
+        }
+    }
+
+    /// The same, or anything where it is not `wanted`, for less: what is drawn next is the same.
+    #[inline]
+    pub fn next_1d_if(&mut self, wanted: bool) -> f32 {
+        match wanted {
+            true => self.next_1d(),
+            false => {
+                self.skip(1);
+                0.0
+            }
+        }
+    }
+
+    /// [`Self::next_2d`], likewise.
+    #[inline]
+    pub fn next_2d_if(&mut self, wanted: bool) -> Vec2 {
+        match wanted {
+            true => self.next_2d(),
+            false => {
+                self.skip(2);
+                Vec2::ZERO
+            }
+        }
+    }
+
+    /// Go on as if a number of so many dimensions had been drawn.
+    #[inline]
+    fn skip(&mut self, dimensions: u32) {
+        match self.points.square < self.points.squares {
+            true => self.points.square += 1,
+            false => (0..dimensions).for_each(|_| _ = self.next_u32()),
         }
     }
 
@@ -268,6 +302,23 @@ mod tests {
                 correlation.abs() < 5.0 / libm::sqrt(CHUNKS as f64),
                 "{passes}, {chunks}: {correlation}"
             );
+        }
+    }
+
+    #[test]
+    fn numbers_that_are_not_wanted_are_passed() {
+        for start in [even(3, 7), Sampler::new(3, 0, Purpose::Test, 7)] {
+            let (mut one, mut other) = (start.clone(), start);
+            for i in 0..200 {
+                match i % 3 {
+                    0 => _ = (one.next_1d(), other.next_1d_if(false)),
+                    1 => _ = (one.next_2d(), other.next_2d_if(false)),
+                    _ => assert_eq!(
+                        (one.next_1d(), one.next_2d()),
+                        (other.next_1d_if(true), other.next_2d_if(true))
+                    ),
+                }
+            }
         }
     }
 

@@ -158,6 +158,45 @@ impl WideTree {
         }
     }
 
+    /// Whether `visit` says yes to a leaf whose box a ray meets before `t_max`. It is asked in any order.
+    #[inline(always)]
+    pub fn any_along_ray(&self, origin: Vec3, dir: Vec3, t_max: f32, visit: impl FnMut(u32) -> bool) -> bool {
+        match self.stack {
+            0 => false,
+            1..=64 => self.any_along_ray_with(&mut [0; 64], origin, dir, t_max, visit),
+            n => self.any_along_ray_with(&mut vec![0; n], origin, dir, t_max, visit),
+        }
+    }
+
+    fn any_along_ray_with(
+        &self,
+        stack: &mut [u32],
+        origin: Vec3,
+        dir: Vec3,
+        t_max: f32,
+        mut visit: impl FnMut(u32) -> bool,
+    ) -> bool {
+        let ray = BoxRay::new(origin, dir);
+        let mut waiting = 1;
+        stack[0] = 0;
+        while waiting > 0 {
+            waiting -= 1;
+            let node = &self.nodes[stack[waiting] as usize];
+            let (_, mut mask) = ray.enter(node, t_max);
+            while mask != 0 {
+                let child = node.children[mask.trailing_zeros() as usize & 3];
+                mask &= mask - 1;
+                if child & LEAF == 0 {
+                    stack[waiting] = child;
+                    waiting += 1;
+                } else if visit(child ^ LEAF) {
+                    return true;
+                }
+            }
+        }
+        false
+    }
+
     /// Calls `visit` for the leaves in whose boxes a point lies.
     #[inline(always)]
     pub fn around_point(&self, point: Vec3, visit: impl FnMut(u32)) {

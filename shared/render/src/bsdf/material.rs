@@ -167,6 +167,32 @@ impl Material {
     pub fn may_be_passed(&self) -> bool {
         self.is_null() || self.opacity.is_some()
     }
+    /// Whether it varies with texture coordinates.
+    pub fn reads_uv(&self) -> bool {
+        let varies = |texture: &Texture| !matches!(texture, Texture::Constant(_));
+        let by_kind = match &self.kind {
+            MaterialKind::Dielectric { tint, .. }
+            | MaterialKind::ThinDielectric { tint, .. }
+            | MaterialKind::RoughDielectric { tint, .. } => varies(&tint.reflectance) || varies(&tint.transmittance),
+            MaterialKind::Diffuse { reflectance }
+            | MaterialKind::Conductor { reflectance, .. }
+            | MaterialKind::Mirror { reflectance }
+            | MaterialKind::RoughConductor { reflectance, .. } => varies(reflectance),
+            MaterialKind::Plastic {
+                reflectance,
+                specular_reflectance,
+                ..
+            }
+            | MaterialKind::RoughPlastic {
+                reflectance,
+                specular_reflectance,
+                ..
+            } => varies(reflectance) || varies(specular_reflectance),
+            MaterialKind::Principled { base_color, .. } => varies(base_color),
+            MaterialKind::Null => false,
+        };
+        by_kind || self.opacity.as_ref().is_some_and(varies) || self.normal_perturbation.is_some()
+    }
     /// Whether light comes out on the other side, bent or not.
     pub fn transmits(&self) -> bool {
         let is_glass = matches!(

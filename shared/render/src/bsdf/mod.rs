@@ -261,6 +261,17 @@ impl Bsdf<'_> {
         }
     }
 
+    /// Whether [`Self::sample`] looks at `u_lobe`, and whether at `u`.
+    #[inline]
+    pub fn draws(&self) -> [bool; 2] {
+        match self {
+            Self::Black | Self::Conductor { .. } | Self::Mirror { .. } | Self::Null => [false, false],
+            Self::Diffuse { .. } | Self::RoughConductor { .. } => [false, true],
+            Self::Dielectric(_) | Self::ThinDielectric(_) => [true, false],
+            Self::RoughDielectric(_) | Self::Plastic(_) | Self::RoughPlastic(_) | Self::Principled(_) => [true, true],
+        }
+    }
+
     /// Draw `wi`. `u_lobe` chooses a lobe, `u` a direction in it; both uniform in [0, 1). None: absorbed.
     #[inline]
     pub fn sample(&self, wo: Vec3, u_lobe: f32, u: Vec2, mode: TransportMode) -> Option<BsdfSample> {

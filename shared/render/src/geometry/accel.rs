@@ -16,6 +16,8 @@ pub struct Geometry {
     placed_of: Vec<Option<usize>>,
     /// In object space.
     placed: Vec<ItemTree>,
+    /// By object: whether the UV of its hits matter.
+    has_uv: Vec<bool>,
 }
 
 impl std::fmt::Debug for Geometry {
@@ -58,6 +60,7 @@ impl Geometry {
             }
             placed_of.push(placed);
         }
+        let has_uv = vec![true; objects.len()];
         let tree_of = |mesh: &&Arc<Mesh>| {
             let items: Vec<Item> = triangles(mesh, 0).collect();
             ItemTree::new(&items)
@@ -66,7 +69,13 @@ impl Geometry {
             tree: ItemTree::new(&items),
             placed_of,
             placed: meshes.iter().map(tree_of).collect(),
+            has_uv,
         }
+    }
+
+    /// Where `has_uv`, by object, says no, hits have no UV but zero, which saves finding them.
+    pub fn with_uv(self, has_uv: Vec<bool>) -> Self {
+        Self { has_uv, ..self }
     }
 
     /// The closest hit in (0, t_max), if any. `ignore` gives objects to pass through.
@@ -77,37 +86,26 @@ impl Geometry {
         t_max: f32,
         ignore: impl Fn(u32) -> bool,
     ) -> Option<SurfaceHit> {
-        let raw = self.search::<false>(objects, ray, t_max, ignore)?;
-        let shape = &objects[raw.object as usize].shape;
-        Some(shape.finish(raw, ray.origin, ray.dir))
-    }
-
-    /// Whether anything is hit in (0, t_max).
-    pub fn occluded(&self, objects: &[Object], ray: &Ray, t_max: f32, ignore: impl Fn(u32) -> bool) -> bool {
-        self.search::<true>(objects, ray, t_max, ignore).is_some()
-    }
-
-    #[inline(always)]
-    fn search<const ANY: bool>(
-        &self,
-        objects: &[Object],
-        ray: &Ray,
-        t_max: f32,
-        ignore: impl Fn(u32) -> bool,
-    ) -> Option<RawHit> {
         let other = |object: u32, t_max: f32| {
             if ignore(object) {
                 return None;
             }
             let (t, primitive, uv) = match &objects[object as usize].shape {
-                Shape::Sphere { placement, .. } => intersect_sphere(placement, ray, t_max),
-                Shape::Disc { placement, .. } => intersect_disc(placement, ray, t_max),
-                Shape::Cylinder { placement, .. } => intersect_cylinder(placement, ray, t_max),
                 Shape::Mesh { placement, .. } => {
-                    let tree = &self.placed[self.placed_of[object as usize]?];
-                    intersect_placed::<ANY>(tree, placement, ray, t_max)
+                    let (origin, dir) = in_object_space(placement, ray);
+                    match self
+                        .placed(object)?
+                        .nearest::<()>(origin, dir, t_max, &|_| false, |_, _| None)?
+                    {
+                        TreeHit::Triangle(hit) => (hit.t, hit.id.triangle, hit.uv),
+                        TreeHit::Other(()) => return None,
+                    }
                 }
-            }?;
+                shape => {
+                    let (t, uv) = intersect_shape(shape, ray, t_max)?;
+                    (t, 0, uv)
+                }
+            };
             let hit = RawHit {
                 t,
                 object,
@@ -118,8 +116,8 @@ impl Geometry {
         };
         let hit = self
             .tree
-            .search::<ANY, RawHit>(ray.origin, ray.dir, t_max, &ignore, other)?;
-        Some(match hit {
+            .nearest::<RawHit>(ray.origin, ray.dir, t_max, &ignore, other)?;
+        let raw = match hit {
             TreeHit::Triangle(hit) => RawHit {
                 t: hit.t,
                 object: hit.id.object,
@@ -127,19 +125,49 @@ impl Geometry {
                 uv: hit.uv,
             },
             TreeHit::Other(hit) => hit,
-        })
+        };
+        let shape = &objects[raw.object as usize].shape;
+        Some(shape.finish(raw, ray.origin, ray.dir, self.has_uv[raw.object as usize]))
+    }
+
+    /// Whether anything is hit in (0, t_max).
+    pub fn occluded(&self, objects: &[Object], ray: &Ray, t_max: f32, ignore: impl Fn(u32) -> bool) -> bool {
+        let other = |object: u32, t_max: f32| {
+            if ignore(object) {
+                return false;
+            }
+            match &objects[object as usize].shape {
+                Shape::Mesh { placement, .. } => self.placed(object).is_some_and(|tree| {
+                    let (origin, dir) = in_object_space(placement, ray);
+                    tree.any(origin, dir, t_max, &|_| false, |_, _| false)
+                }),
+                shape => intersect_shape(shape, ray, t_max).is_some(),
+            }
+        };
+        self.tree.any(ray.origin, ray.dir, t_max, &ignore, other)
+    }
+
+    /// The tree of a mesh that has a placement.
+    fn placed(&self, object: u32) -> Option<&ItemTree> {
+        self.placed_of[object as usize].map(|number| &self.placed[number])
     }
 }
 
-type ShapeHit = Option<(f32, u32, Vec2)>;
+/// Where a shape is hit, and the point in object space's x and y for discs.
+type ShapeHit = Option<(f32, Vec2)>;
 
-/// A mesh put somewhere. Distances are the same in object space, whose directions are of any length.
-fn intersect_placed<const ANY: bool>(tree: &ItemTree, placement: &Placement, ray: &Ray, t_max: f32) -> ShapeHit {
-    let origin = placement.object_from_render.transform_point3(ray.origin);
-    let dir = placement.object_from_render.transform_vector3(ray.dir);
-    match tree.search::<ANY, ()>(origin, dir, t_max, &|_| false, |_, _| None)? {
-        TreeHit::Triangle(hit) => Some((hit.t, hit.id.triangle, hit.uv)),
-        TreeHit::Other(()) => None,
+/// Distances are the same in object space, whose directions are of any length.
+fn in_object_space(placement: &Placement, ray: &Ray) -> (Vec3, Vec3) {
+    let map = &placement.object_from_render;
+    (map.transform_point3(ray.origin), map.transform_vector3(ray.dir))
+}
+
+fn intersect_shape(shape: &Shape, ray: &Ray, t_max: f32) -> ShapeHit {
+    match shape {
+        Shape::Sphere { placement, .. } => intersect_sphere(placement, ray, t_max),
+        Shape::Disc { placement, .. } => intersect_disc(placement, ray, t_max),
+        Shape::Cylinder { placement, .. } => intersect_cylinder(placement, ray, t_max),
+        Shape::Mesh { .. } => None,
     }
 }
 
@@ -178,8 +206,7 @@ pub fn bounds(shape: &Shape) -> (Vec3, Vec3) {
 /// Sphere and ray without cancellation (Haines, Günther, Akenine-Möller 2019, Precision improvements for ray/sphere
 /// intersection).
 fn intersect_sphere(placement: &Placement, ray: &Ray, t_max: f32) -> ShapeHit {
-    let o = placement.object_from_render.transform_point3(ray.origin);
-    let d = placement.object_from_render.transform_vector3(ray.dir);
+    let (o, d) = in_object_space(placement, ray);
     let a = d.length_squared();
     let b = -o.dot(d);
     let nearest = o + d * (b / a);
@@ -193,13 +220,12 @@ fn intersect_sphere(placement: &Placement, ray: &Ray, t_max: f32) -> ShapeHit {
     let (t0, t1) = if q == 0.0 { (0.0, 0.0) } else { (c / q, q / a) };
     let (near, far) = if t0 < t1 { (t0, t1) } else { (t1, t0) };
     let t = if near > 0.0 { near } else { far };
-    (t > 0.0 && t < t_max).then_some((t, 0, Vec2::ZERO))
+    (t > 0.0 && t < t_max).then_some((t, Vec2::ZERO))
 }
 
 /// The same for the circle that the cylinder is across its axis; then which of the two lie between its ends.
 fn intersect_cylinder(placement: &Placement, ray: &Ray, t_max: f32) -> ShapeHit {
-    let o = placement.object_from_render.transform_point3(ray.origin);
-    let d = placement.object_from_render.transform_vector3(ray.dir);
+    let (o, d) = in_object_space(placement, ray);
     let (o2, d2) = (o.truncate(), d.truncate());
     let a = d2.length_squared();
     if a == 0.0 {
@@ -218,18 +244,17 @@ fn intersect_cylinder(placement: &Placement, ray: &Ray, t_max: f32) -> ShapeHit 
     let (near, far) = if t0 < t1 { (t0, t1) } else { (t1, t0) };
     let hits = |t: &f32| *t > 0.0 && *t < t_max && (0.0..=1.0).contains(&(o.z + d.z * t));
     let t = [near, far].into_iter().find(hits)?;
-    Some((t, 0, Vec2::ZERO))
+    Some((t, Vec2::ZERO))
 }
 
 fn intersect_disc(placement: &Placement, ray: &Ray, t_max: f32) -> ShapeHit {
-    let o = placement.object_from_render.transform_point3(ray.origin);
-    let d = placement.object_from_render.transform_vector3(ray.dir);
+    let (o, d) = in_object_space(placement, ray);
     if d.z == 0.0 {
         return None;
     }
     let t = -o.z / d.z;
     let p = (o + d * t).truncate();
-    (t > 0.0 && t < t_max && p.length_squared() <= 1.0).then_some((t, 0, p))
+    (t > 0.0 && t < t_max && p.length_squared() <= 1.0).then_some((t, p))
 }
 
 #[cfg(test)]

@@ -175,8 +175,6 @@ pub struct SurfacePoint {
     pub point: Vec3,
     /// Unit geometric normal, pointing outside.
     pub normal: Vec3,
-    /// Surface parameters.
-    pub uv: Vec2,
     /// Density per area.
     pub pdf_area: f32,
 }
@@ -230,7 +228,6 @@ impl Shape {
                 SurfacePoint {
                     point: placement.render_from_object.transform_point3(n),
                     normal: if *flip { -normal } else { normal },
-                    uv: sphere_uv(n),
                     pdf_area: 1.0 / (4.0 * PI * placement.area_stretch(n)),
                 }
             }
@@ -240,7 +237,6 @@ impl Shape {
                 SurfacePoint {
                     point: placement.render_from_object.transform_point3(p.extend(0.0)),
                     normal: if *flip { -normal } else { normal },
-                    uv: disc_uv(p),
                     pdf_area: 1.0 / (PI * placement.area_stretch(Vec3::Z)),
                 }
             }
@@ -251,7 +247,6 @@ impl Shape {
                 SurfacePoint {
                     point: placement.render_from_object.transform_point3(n.with_z(u.y)),
                     normal: if *flip { -normal } else { normal },
-                    uv: u,
                     pdf_area: 1.0 / (2.0 * PI * placement.area_stretch(n)),
                 }
             }
@@ -264,8 +259,7 @@ impl Shape {
                 let w = warp::uniform_triangle(u);
                 SurfacePoint {
                     point: a * (1.0 - w.x - w.y) + b * w.x + c * w.y,
-                    normal: mesh.normal(triangle),
-                    uv: mesh_uv(mesh, triangle, w),
+                    normal: mesh.facet(triangle).normal,
                     pdf_area: (1.0 / total) as f32,
                 }
             }
@@ -292,8 +286,9 @@ impl Shape {
         }
     }
 
-    /// Everything about a hit. `origin` and `dir`: the ray in render space.
-    pub(super) fn finish(&self, hit: RawHit, origin: Vec3, dir: Vec3) -> SurfaceHit {
+    /// Everything about a hit. `origin` and `dir`: the ray in render space. `has_uv`: or UV are zero.
+    #[inline]
+    pub(super) fn finish(&self, hit: RawHit, origin: Vec3, dir: Vec3, has_uv: bool) -> SurfaceHit {
         let (point, ng, ns, uv, curvature, scale) = match self {
             Self::Sphere { placement, flip } => {
                 let p = (placement.object_from_render.transform_point3(origin)
@@ -305,13 +300,13 @@ impl Shape {
                 let n = n * (sign / curvature);
                 let point = placement.render_from_object.transform_point3(p);
                 let scale = placement.scale();
-                (point, n, n, sphere_uv(p), sign * curvature, scale)
+                (point, n, n, has_uv.then(|| sphere_uv(p)), sign * curvature, scale)
             }
             Self::Disc { placement, flip } => {
                 let n = placement.normal(Vec3::Z).normalize();
                 let n = if *flip { -n } else { n };
                 let point = placement.render_from_object.transform_point3(hit.uv.extend(0.0));
-                (point, n, n, disc_uv(hit.uv), 0.0, placement.scale())
+                (point, n, n, has_uv.then(|| disc_uv(hit.uv)), 0.0, placement.scale())
             }
             Self::Cylinder { placement, flip } => {
                 let p = placement.object_from_render.transform_point3(origin)
@@ -323,42 +318,38 @@ impl Shape {
                 let length = n.length();
                 let n = n * (sign / length);
                 let point = placement.render_from_object.transform_point3(p);
-                let uv = Vec2::new(turn(on_circle), p.z);
+                let uv = has_uv.then(|| Vec2::new(turn(on_circle), p.z));
                 (point, n, n, uv, sign * 0.5 * length, placement.scale())
             }
             Self::Mesh { mesh, placement } => {
+                let facet = mesh.facet(hit.primitive);
                 let [a, b, c] = mesh.corners(hit.primitive);
                 let w = hit.uv;
-                let p = a * (1.0 - w.x - w.y) + b * w.x + c * w.y;
-                let extent = a.abs().max(b.abs()).max(c.abs()).max_element();
-                let normal = mesh::normal_of([a, b, c]);
-                let normals = mesh.normals_of(hit.primitive);
+                let interpolated = |[a, b, c]: [Vec3; 3]| a * (1.0 - w.x - w.y) + b * w.x + c * w.y;
+                let p = interpolated([a, b, c]);
+                let towards = |n: [Vec3; 3], ng: Vec3| {
+                    let ns = interpolated(n).normalize_or(ng);
+                    if ns.dot(ng) < 0.0 { -ns } else { ns }
+                };
+                let uv = has_uv.then(|| mesh_uv(mesh, hit.primitive, w));
                 // Most meshes are where they are.
-                let (point, ng, corners, normals, scale) = if *placement == Placement::IDENTITY {
-                    (p, normal.normalize(), [a, b, c], normals, extent)
+                if *placement == Placement::IDENTITY {
+                    let ng = facet.normal.normalize();
+                    let ns = mesh.unit_normals_of(hit.primitive).map_or(ng, |n| towards(n, ng));
+                    (p, ng, ns, uv, facet.curvature, facet.extent)
                 } else {
                     let place = |p| placement.render_from_object.transform_point3(p);
-                    let turn = |n| placement.normal(n);
-                    (
-                        place(p),
-                        turn(normal).normalize(),
-                        [place(a), place(b), place(c)],
-                        normals.map(|[a, b, c]| [turn(a), turn(b), turn(c)]),
-                        placement.scale() * extent.max(1.0),
-                    )
-                };
-                let (ns, curvature) = match normals {
-                    None => (ng, 0.0),
-                    Some([a, b, c]) => {
-                        let n = [a.normalize_or_zero(), b.normalize_or_zero(), c.normalize_or_zero()];
-                        let ns = n[0] * (1.0 - w.x - w.y) + n[1] * w.x + n[2] * w.y;
-                        let ns = ns.normalize_or(ng);
-                        let ns = if ns.dot(ng) < 0.0 { -ns } else { ns };
-                        (ns, edge_curvature(corners, n))
-                    }
-                };
-                let uv = mesh_uv(mesh, hit.primitive, w);
-                (point, ng, ns, uv, curvature, scale)
+                    let ng = placement.normal(facet.normal).normalize();
+                    let (ns, curvature) = match mesh.normals_of(hit.primitive) {
+                        None => (ng, 0.0),
+                        Some(normals) => {
+                            let n = normals.map(|n| placement.normal(n).normalize_or_zero());
+                            (towards(n, ng), mesh::edge_curvature([a, b, c].map(place), n))
+                        }
+                    };
+                    let scale = placement.scale() * facet.extent.max(1.0);
+                    (place(p), ng, ns, uv, curvature, scale)
+                }
             }
         };
         SurfaceHit {
@@ -366,23 +357,13 @@ impl Shape {
             point,
             ng,
             ns,
-            uv,
+            uv: uv.unwrap_or_default(),
             object: hit.object,
             primitive: hit.primitive,
             curvature,
             clearance: clearance(scale.max(point.abs().max_element())),
         }
     }
-}
-
-/// Mean over the edges of how fast the interpolated normal turns.
-fn edge_curvature(p: [Vec3; 3], n: [Vec3; 3]) -> f32 {
-    let mut sum = 0.0;
-    for (i, j) in [(0, 1), (1, 2), (2, 0)] {
-        let edge = p[j] - p[i];
-        sum += (n[j] - n[i]).dot(edge) / edge.length_squared().max(f32::MIN_POSITIVE);
-    }
-    sum / 3.0
 }
 
 /// UV of a point on the unit sphere: azimuth around +z and polar angle from +z, both over their ranges (as in Mitsuba).

@@ -72,10 +72,10 @@ impl ItemTree {
         tree
     }
 
-    /// The nearest hit in (0, t_max), or any if `ANY`. `ignore`: objects whose triangles are passed through. `other`:
-    /// the distance at which something else is hit before a given one.
+    /// The nearest hit in (0, t_max). `ignore`: objects whose triangles are passed through. `other`: the distance at
+    /// which something else is hit before a given one.
     #[inline(always)]
-    pub fn search<const ANY: bool, T: Copy>(
+    pub fn nearest<T: Copy>(
         &self,
         origin: Vec3,
         dir: Vec3,
@@ -95,13 +95,30 @@ impl ItemTree {
             match hit {
                 Some((t, hit)) => {
                     best = Some(hit);
-                    // Any hit will do: nothing lies before this.
-                    if ANY { -1.0 } else { t }
+                    t
                 }
                 None => t_max,
             }
         });
         best
+    }
+
+    /// Whether anything is hit in (0, t_max). `other`: whether something else is hit before a distance.
+    #[inline(always)]
+    pub fn any(
+        &self,
+        origin: Vec3,
+        dir: Vec3,
+        t_max: f32,
+        ignore: &impl Fn(u32) -> bool,
+        mut other: impl FnMut(u32, f32) -> bool,
+    ) -> bool {
+        let sheared = ShearedRay::new(origin, dir);
+        self.boxes
+            .any_along_ray(origin, dir, t_max, |leaf| match self.leaves[leaf as usize] {
+                Leaf::Four(i) => self.fours[i as usize].intersect(&sheared, t_max, ignore).is_some(),
+                Leaf::Other(i) => other(i, t_max),
+            })
     }
 }
 
@@ -235,14 +252,14 @@ mod tests {
                         nearest = Some(hit.t);
                     }
                 }
-                let found = tree.search::<false, ()>(origin, dir, t_max, &ignore, |_, _| None);
+                let found = tree.nearest::<()>(origin, dir, t_max, &ignore, |_, _| None);
                 let t = found.map(|hit| match hit {
                     TreeHit::Triangle(hit) => hit.t,
                     TreeHit::Other(()) => f32::NAN,
                 });
                 assert_eq!(t, nearest, "{triangles} triangles, {origin} to {dir}");
-                let any = tree.search::<true, ()>(origin, dir, t_max, &ignore, |_, _| None);
-                assert_eq!(any.is_some(), nearest.is_some());
+                let any = tree.any(origin, dir, t_max, &ignore, |_, _| false);
+                assert_eq!(any, nearest.is_some());
                 met += usize::from(nearest.is_some());
             }
             assert!(met > 0 || triangles < 40);

@@ -3,9 +3,24 @@
 use super::{DirectSample, Light, LightHit, LightKind, SceneBounds, spot};
 use crate::geometry::{Object, Shape};
 use crate::math::{Frame, PI, Rgb, Vec2, Vec3, sin_cos};
+use crate::sampler::Sampler;
 
 impl Light {
-    /// Draw a direction towards the light from a point. `None`: nothing arrives from where the sample fell.
+    /// Draw the numbers that [`Self::sample_direct`] wants: a place on the light, and one of its primitives.
+    #[inline]
+    pub fn draw_direct(&self, objects: &[Object], sampler: &mut Sampler) -> (Vec2, f32) {
+        let has_primitives = match &self.kind {
+            LightKind::Area { object, .. } => matches!(objects[*object as usize].shape, Shape::Mesh { .. }),
+            _ => false,
+        };
+        (
+            sampler.next_2d_if(!self.kind.is_delta()),
+            sampler.next_1d_if(has_primitives),
+        )
+    }
+
+    /// Draw a direction towards the light from a point, by numbers from [`Self::draw_direct`]. `None`: nothing arrives
+    /// from where the sample fell.
     pub fn sample_direct(&self, objects: &[Object], from: Vec3, u: Vec2, u_primitive: f32) -> Option<DirectSample> {
         match &self.kind {
             LightKind::Point { position, intensity } => from_point(*position - from, *intensity),

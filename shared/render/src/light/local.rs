@@ -68,7 +68,7 @@ impl LocalChoice<'_> {
         };
         let mut left = u;
         let mut chosen = None;
-        for (light, &pmf) in local.iter().enumerate() {
+        for (light, &pmf) in local.iter().enumerate().take(self.by_power.count()) {
             if pmf > 0.0 {
                 let u = (left / pmf).min(1.0 - f32::EPSILON / 2.0);
                 chosen = Some(LightChoice { light, pmf, u });
@@ -85,18 +85,20 @@ impl LocalChoice<'_> {
     #[inline]
     pub fn each(&self, sampler: &mut Sampler, mut with: impl FnMut(LightChoice, &mut Sampler)) {
         let Some(local) = &self.local else {
-            if let Some(choice) = self.by_power.sample(sampler.next_1d()) {
+            let u = sampler.next_1d_if(self.by_power.count() > 1);
+            if let Some(choice) = self.by_power.sample(u) {
                 with(choice, sampler);
             }
             return;
         };
-        for (light, &p) in local.iter().enumerate() {
+        for (light, &p) in local.iter().enumerate().take(self.by_power.count()) {
             sampler.align(4);
             let pmf = (SAMPLES * p).min(1.0);
             if pmf == 1.0 || pmf > 0.0 && sampler.next_1d() < pmf {
                 with(LightChoice { light, pmf, u: 0.0 }, sampler);
             }
         }
+        sampler.align(4);
     }
 
     /// Expected number of times that [`Self::each`] chooses a light, at most 1.

@@ -60,6 +60,12 @@ impl LightSelector {
         })
     }
 
+    /// How many lights there are, or none if none of them is ever chosen.
+    #[inline]
+    pub fn count(&self) -> usize {
+        self.sums.len()
+    }
+
     /// Probability of a light.
     #[inline]
     pub fn pmf(&self, light: usize) -> f32 {

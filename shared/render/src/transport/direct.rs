@@ -73,7 +73,7 @@ impl<V: Sight> CameraTracer<'_, V> {
         }
         let mut sum = Rgb::ZERO;
         lights.each(sampler, |choice, sampler| {
-            let u = (sampler.next_2d(), sampler.next_1d());
+            let u = self.draw_direct(choice.light, sampler);
             if let Some(found) = self.unshadowed(x, seen, choice, u, &weight) {
                 *rays += 1;
                 let radiance = beta * self.shadowed(x, seen, &found, sampler) / choice.pmf;
@@ -111,7 +111,7 @@ impl<V: Sight> CameraTracer<'_, V> {
             if pmf == 0.0 {
                 continue;
             }
-            let u = (sampler.next_2d(), sampler.next_1d());
+            let u = self.draw_direct(light, sampler);
             let choice = LightChoice { light, pmf, u: 0.0 };
             *found = (self.unshadowed(x, seen, choice, u, &weight)).map(|found| found.over(p));
             if let Some(found) = found {
@@ -146,6 +146,10 @@ impl<V: Sight> CameraTracer<'_, V> {
         };
         let sources = &self.scene.light_sources;
         sources.choice_at(x.hit.point, x.facing(), by_power)
+    }
+
+    fn draw_direct(&self, light: usize, sampler: &mut Sampler) -> (Vec2, f32) {
+        self.scene.lights()[light].draw_direct(self.scene.objects(), sampler)
     }
 
     /// Direct light of a chosen light, if nothing is in its way.

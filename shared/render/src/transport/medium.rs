@@ -101,7 +101,7 @@ impl<V: Sight> CameraTracer<'_, V> {
             let mixture = (1.0 - by_phase) * pdf + by_phase * value;
             return emitted * arrived.transmittance * (value / mixture);
         }
-        let (u, u_primitive) = (sampler.next_2d(), sampler.next_1d());
+        let (u, u_primitive) = light.draw_direct(scene.objects(), sampler);
         let Some(direct) = light.sample_direct(scene.objects(), at.origin, u, u_primitive) else {
             return Rgb::ZERO;
         };

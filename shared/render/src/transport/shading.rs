@@ -52,7 +52,9 @@ impl<V: Sight> CameraTracer<'_, V> {
                 radiance += self.gather_ray(x, uniforms, rays, beta * share, context);
             }
         } else if odds == 1.0 || context.sampler.next_1d() < odds {
-            let uniforms = (context.sampler.next_1d(), context.sampler.next_2d());
+            let [draws_lobe, draws_direction] = x.bsdf.draws();
+            let sampler = &mut context.sampler;
+            let uniforms = (sampler.next_1d_if(draws_lobe), sampler.next_2d_if(draws_direction));
             radiance += self.gather_ray(x, uniforms, 1.0, beta / odds, context);
         }
         let is_glossy = self.is_glossy(x);

@@ -250,8 +250,8 @@ impl<V: Sight> CameraTracer<'_, V> {
     fn lit_in_medium(&self, at: &Ray, id: u16, choice: LightChoice, sampler: &mut Sampler) -> Rgb {
         let scene = self.scene;
         let phase = scene.media()[usize::from(id)].phase();
-        let (u, u_primitive) = (sampler.next_2d(), sampler.next_1d());
         let light = &scene.lights()[choice.light];
+        let (u, u_primitive) = light.draw_direct(scene.objects(), sampler);
         let Some(direct) = light.sample_direct(scene.objects(), at.origin, u, u_primitive) else {
             return Rgb::ZERO;
         };
@@ -292,9 +292,11 @@ impl<V: Sight> CameraTracer<'_, V> {
             return None;
         }
         let mut radiance = Rgb::ZERO;
+        let [draws_lobe, draws_direction] = y.bsdf.draws();
+        let u_lobe = context.sampler.next_1d_if(draws_lobe);
         let lobe = match material.is_specular() || material.is_followed() {
-            true => OneLobe::followed(context.sampler.next_1d()),
-            false => y.one_lobe(context.sampler.next_1d()),
+            true => OneLobe::followed(u_lobe),
+            false => y.one_lobe(u_lobe),
         };
         y.is_followed = lobe.is_followed;
         walk.pass(Rgb::splat(lobe.weight));
@@ -318,7 +320,7 @@ impl<V: Sight> CameraTracer<'_, V> {
             return None;
         }
         let mode = TransportMode::Radiance;
-        let u = context.sampler.next_2d();
+        let u = context.sampler.next_2d_if(draws_direction);
         let Some(sample) = y.bsdf.sample(y.local_wo, lobe.u, u, mode) else {
             walk.beta = Rgb::ZERO;
             return Some(radiance);

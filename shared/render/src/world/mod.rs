@@ -51,10 +51,11 @@ pub struct Scene {
 impl Scene {
     /// Build the acceleration structures. Deterministic.
     pub fn new(description: SceneDescription) -> Self {
-        let geometry = Geometry::new(&description.objects);
         let selector = LightSelector::new(&description.lights, &description.objects, &description.bounds);
         let (selectors, emitters) = (selectors(&description), emitters(&description));
         let material = |o: &Object| &description.materials[o.material as usize];
+        let has_uv = description.objects.iter().map(|o| material(o).reads_uv());
+        let geometry = Geometry::new(&description.objects).with_uv(has_uv.collect());
         let passable: Vec<bool> = description
             .objects
             .iter()

@@ -102,7 +102,8 @@ impl WideTree {
         match self.stack {
             0 => {}
             1..=16 => self.along_ray_with(&mut [(0.0, 0); 16], origin, dir, t_max, visit),
-            17..=64 => self.along_ray_with(&mut [(0.0, 0); 64], origin, dir, t_max, visit),
+            17..=32 => self.along_ray_with(&mut [(0.0, 0); 32], origin, dir, t_max, visit),
+            33..=64 => self.along_ray_with(&mut [(0.0, 0); 64], origin, dir, t_max, visit),
             n => self.along_ray_with(&mut vec![(0.0, 0); n], origin, dir, t_max, visit),
         }
     }
@@ -125,6 +126,7 @@ impl WideTree {
                 if mask != 0 {
                     // The nearest is next, the others wait, the nearer the sooner.
                     let bottom = waiting;
+                    let near = near.to_array();
                     while mask != 0 {
                         let i = mask.trailing_zeros() as usize & 3;
                         mask &= mask - 1;
@@ -163,7 +165,8 @@ impl WideTree {
     pub fn any_along_ray(&self, origin: Vec3, dir: Vec3, t_max: f32, visit: impl FnMut(u32) -> bool) -> bool {
         match self.stack {
             0 => false,
-            1..=64 => self.any_along_ray_with(&mut [0; 64], origin, dir, t_max, visit),
+            1..=32 => self.any_along_ray_with(&mut [0; 32], origin, dir, t_max, visit),
+            33..=64 => self.any_along_ray_with(&mut [0; 64], origin, dir, t_max, visit),
             n => self.any_along_ray_with(&mut vec![0; n], origin, dir, t_max, visit),
         }
     }

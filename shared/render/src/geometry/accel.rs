@@ -126,8 +126,9 @@ impl Geometry {
             },
             TreeHit::Other(hit) => hit,
         };
-        let shape = &objects[raw.object as usize].shape;
-        Some(shape.finish(raw, ray.origin, ray.dir, self.has_uv[raw.object as usize]))
+        let object = raw.object as usize;
+        let (is_placed, has_uv) = (self.placed_of[object].is_some(), self.has_uv[object]);
+        Some(objects[object].shape.finish(raw, ray, is_placed, has_uv))
     }
 
     /// Whether anything is hit in (0, t_max).

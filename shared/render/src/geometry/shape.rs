@@ -286,13 +286,13 @@ impl Shape {
         }
     }
 
-    /// Everything about a hit. `origin` and `dir`: the ray in render space. `has_uv`: or UV are zero.
+    /// Everything about a hit of a ray. `is_placed`: or a mesh is where it is. `has_uv`: or UV are zero.
     #[inline]
-    pub(super) fn finish(&self, hit: RawHit, origin: Vec3, dir: Vec3, has_uv: bool) -> SurfaceHit {
+    pub(super) fn finish(&self, hit: RawHit, ray: &Ray, is_placed: bool, has_uv: bool) -> SurfaceHit {
         let (point, ng, ns, uv, curvature, scale) = match self {
             Self::Sphere { placement, flip } => {
-                let p = (placement.object_from_render.transform_point3(origin)
-                    + placement.object_from_render.transform_vector3(dir) * hit.t)
+                let p = (placement.object_from_render.transform_point3(ray.origin)
+                    + placement.object_from_render.transform_vector3(ray.dir) * hit.t)
                     .normalize();
                 let sign = if *flip { -1.0 } else { 1.0 };
                 let n = placement.normal(p);
@@ -309,8 +309,8 @@ impl Shape {
                 (point, n, n, has_uv.then(|| disc_uv(hit.uv)), 0.0, placement.scale())
             }
             Self::Cylinder { placement, flip } => {
-                let p = placement.object_from_render.transform_point3(origin)
-                    + placement.object_from_render.transform_vector3(dir) * hit.t;
+                let p = placement.object_from_render.transform_point3(ray.origin)
+                    + placement.object_from_render.transform_vector3(ray.dir) * hit.t;
                 let on_circle = p.truncate().normalize();
                 let p = on_circle.extend(p.z.clamp(0.0, 1.0));
                 let sign = if *flip { -1.0 } else { 1.0 };
@@ -332,8 +332,7 @@ impl Shape {
                     if ns.dot(ng) < 0.0 { -ns } else { ns }
                 };
                 let uv = has_uv.then(|| mesh_uv(mesh, hit.primitive, w));
-                // Most meshes are where they are.
-                if *placement == Placement::IDENTITY {
+                if !is_placed {
                     let ng = facet.normal.normalize();
                     let ns = mesh.unit_normals_of(hit.primitive).map_or(ng, |n| towards(n, ng));
                     (p, ng, ns, uv, facet.curvature, facet.extent)

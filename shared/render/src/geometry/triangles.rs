@@ -15,9 +15,12 @@ pub(super) struct ShearedRay {
 impl ShearedRay {
     #[inline(always)]
     pub fn new(origin: Vec3, dir: Vec3) -> Self {
+        /// The other two axes, by the sign of the direction along this one.
+        const OTHERS: [[[usize; 2]; 3]; 2] = [[[1, 2], [2, 0], [0, 1]], [[2, 1], [0, 2], [1, 0]]];
         let z = dir.abs().max_position();
-        let (x, y) = ([1, 2, 0][z], [2, 0, 1][z]);
-        let (x, y) = if dir[z] < 0.0 { (y, x) } else { (x, y) };
+        // Arrays, because looking up a vector's component branches.
+        let (origin, dir) = (origin.to_array(), dir.to_array());
+        let [x, y] = OTHERS[usize::from(dir[z] < 0.0)][z];
         let shear = Vec4::new(dir[x], dir[y], 1.0, 1.0) / Vec4::splat(dir[z]);
         Self {
             axes: [x, y, z],
@@ -89,7 +92,7 @@ impl Four {
         let mut w = b[0] * a[1] - b[1] * a[0];
         let zero = Vec4::ZERO;
         if (u.cmpeq(zero) | v.cmpeq(zero) | w.cmpeq(zero)).any() {
-            [u, v, w] = exactly([&a, &b, &c], [u, v, w]);
+            [u, v, w] = exactly([a, b, c], [u, v, w]);
         }
         let inside = (u.cmpge(zero) & v.cmpge(zero) & w.cmpge(zero)) | (u.cmple(zero) & v.cmple(zero) & w.cmple(zero));
         if !inside.any() {
@@ -100,6 +103,10 @@ impl Four {
         let t = (u * a[2] + v * b[2] + w * c[2]) / det;
         let hit = inside & t.cmpgt(zero) & t.cmplt(Vec4::splat(t_max));
         let mut mask = hit.bitmask();
+        if mask == 0 {
+            return None;
+        }
+        let t = t.to_array();
         let mut best = None;
         let mut nearest = t_max;
         while mask != 0 {
@@ -111,10 +118,11 @@ impl Four {
             }
         }
         let i = best?;
+        let [v, w, det] = [v, w, det].map(|of_all| of_all.to_array()[i]);
         Some(FourHit {
             t: nearest,
             id: self.ids[i],
-            uv: Vec2::new(v[i] / det[i], w[i] / det[i]),
+            uv: Vec2::new(v / det, w / det),
         })
     }
 }
@@ -123,15 +131,15 @@ impl Four {
 /// the products are exact.
 #[cold]
 #[inline(never)]
-fn exactly([a, b, c]: [&[Vec4; 3]; 3], [mut u, mut v, mut w]: [Vec4; 3]) -> [Vec4; 3] {
+fn exactly([a, b, c]: [[Vec4; 3]; 3], [mut u, mut v, mut w]: [Vec4; 3]) -> [Vec4; 3] {
     for i in 0..4 {
         if u[i] == 0.0 || v[i] == 0.0 || w[i] == 0.0 {
             let cross = |p: &[Vec4; 3], q: &[Vec4; 3]| {
                 (f64::from(p[0][i]) * f64::from(q[1][i]) - f64::from(p[1][i]) * f64::from(q[0][i])) as f32
             };
-            u[i] = cross(c, b);
-            v[i] = cross(a, c);
-            w[i] = cross(b, a);
+            u[i] = cross(&c, &b);
+            v[i] = cross(&a, &c);
+            w[i] = cross(&b, &a);
         }
     }
     [u, v, w]

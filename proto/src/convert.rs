@@ -3,7 +3,9 @@
 use crate::domain::{FileEntry, FileHash, Grant, Job, LeaseId, Manifest};
 use crate::wire;
 use beamfarm_image::bundle::{MAX_BYTES, MAX_FILES, check_key};
-use beamfarm_image::job::{Block, Budget, JobSettings, MAX_PASSES, PassStats, SceneHash, ScheduleKind};
+use beamfarm_image::job::{
+    Block, Budget, Finder, Finders, JobSettings, MAX_PASSES, PassStats, SceneHash, ScheduleKind,
+};
 use beamfarm_image::layer::{self, Layer};
 use prost::bytes::Bytes;
 
@@ -166,7 +168,27 @@ impl From<JobSettings> for wire::Settings {
                 passes: budget.passes,
                 scale: budget.scale,
             }),
+            media_finder: finder_to_wire(settings.finders.media).into(),
+            surface_finder: finder_to_wire(settings.finders.surfaces).into(),
+            caustic_finder: finder_to_wire(settings.finders.caustics).into(),
         }
+    }
+}
+
+fn finder_to_wire(finder: Option<Finder>) -> wire::Finder {
+    match finder {
+        None => wire::Finder::Unspecified,
+        Some(Finder::Photons) => wire::Finder::Photons,
+        Some(Finder::Paths) => wire::Finder::Paths,
+    }
+}
+
+fn finder_from_wire(number: i32, field: &'static str) -> Result<Option<Finder>, WireError> {
+    match wire::Finder::try_from(number) {
+        Ok(wire::Finder::Unspecified) => Ok(None),
+        Ok(wire::Finder::Photons) => Ok(Some(Finder::Photons)),
+        Ok(wire::Finder::Paths) => Ok(Some(Finder::Paths)),
+        Err(_) => Err(WireError::new(field, "expected PHOTONS or PATHS")),
     }
 }
 
@@ -190,6 +212,11 @@ impl TryFrom<wire::Settings> for JobSettings {
             }),
             paths_per_pass: settings.paths_per_pass,
             reference_paths: settings.reference_paths,
+            finders: Finders {
+                media: finder_from_wire(settings.media_finder, "settings.media_finder")?,
+                surfaces: finder_from_wire(settings.surface_finder, "settings.surface_finder")?,
+                caustics: finder_from_wire(settings.caustic_finder, "settings.caustic_finder")?,
+            },
         };
         match settings.check() {
             Ok(()) => Ok(settings),
@@ -286,6 +313,11 @@ mod tests {
             }),
             paths_per_pass: 5,
             reference_paths: 6,
+            finders: Finders {
+                media: Some(Finder::Paths),
+                surfaces: None,
+                caustics: Some(Finder::Photons),
+            },
         }
     }
 

@@ -3,7 +3,10 @@
 //! With W workers that take p seconds for a pass, and a coordinator that takes a block in within q seconds, blocks of
 //! 2^l passes arrive at W / (p 2^l) a second. The level is the lowest at which that is at most half of 1 / q:
 //!
-//! l = ceil(log2(2 W q / p)), at least 0 and at most [`HIGHEST`].
+//! l = ceil(log2(2 W q / p)), at least 0 and at most [`HIGHEST`],
+//!
+//! and such that a block takes a worker no less than [`LEAST_LEASE`] where that does not need too many: messages cost
+//! both sides a millisecond or two, which small pictures take for a pass.
 //!
 //! It is lowered until the block
 //! - is aligned and made of open passes only,
@@ -16,6 +19,8 @@ use std::ops::Range;
 
 /// A lost lease costs at most 2^10 passes.
 pub(super) const HIGHEST: u32 = 10;
+/// Seconds that a lease is worth.
+const LEAST_LEASE: f64 = 0.05;
 /// Part of the coordinator's time that arriving blocks may take.
 const UTILISATION: f64 = 0.5;
 
@@ -31,12 +36,13 @@ pub(super) struct Load {
 }
 
 impl Load {
-    /// The lowest level at which the coordinator is not hurried.
+    /// The lowest level at which the coordinator is not hurried, and a lease is worth its messages.
     pub fn level(&self) -> u32 {
         let blocks = self.workers as f64 * self.intake / (UTILISATION * self.pass);
+        let passes = blocks.max(LEAST_LEASE / self.pass);
         (0..HIGHEST)
-            .find(|level| blocks <= f64::from(1 << level))
-            .unwrap_or(if blocks.is_finite() { HIGHEST } else { 0 })
+            .find(|level| passes <= f64::from(1 << level))
+            .unwrap_or(if passes.is_finite() { HIGHEST } else { 0 })
     }
 }
 
@@ -92,6 +98,9 @@ mod tests {
         assert_eq!(load(1_000, 10.0, 0.02), 2);
         assert_eq!(load(10_000, 10.0, 0.02), 6);
         assert_eq!(load(u64::MAX, 1.0, 1.0), HIGHEST);
+        // Passes of four milliseconds: sixteen of them.
+        assert_eq!(load(2, 0.004, 0.0), 4);
+        assert_eq!(load(2, 1e-9, 0.0), HIGHEST);
         for workers in [1, 10, 100, 1000, 10_000] {
             let level = load(workers, 3.0, 0.015);
             let busy = |level: u32| workers as f64 / 3.0 / f64::from(1 << level) * 0.015;

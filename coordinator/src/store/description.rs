@@ -1,7 +1,7 @@
 //! job.json: what is rendered.
 
 use super::StoreError;
-use beamfarm_image::job::{JobSettings, ScheduleKind};
+use beamfarm_image::job::{Finder, Finders, JobSettings, ScheduleKind};
 use beamfarm_image::layer::Layer;
 use beamfarm_proto::{FileHash, VERSION};
 use serde::{Deserialize, Serialize};
@@ -36,6 +36,15 @@ pub struct Description {
     pub paths_per_pass: u32,
     /// Photon paths that base radii are meant for.
     pub reference_paths: u32,
+    /// What finds light that media have scattered.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub media_finder: Option<Finder>,
+    /// What finds light that surfaces have scattered.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub surface_finder: Option<Finder>,
+    /// What finds caustics of large lights.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub caustic_finder: Option<Finder>,
     /// Pixels a row.
     pub width: u32,
     /// Rows.
@@ -98,6 +107,9 @@ impl Description {
             budget: settings.budget.map(|budget| budget.to_string()),
             paths_per_pass: settings.paths_per_pass,
             reference_paths: settings.reference_paths,
+            media_finder: settings.finders.media,
+            surface_finder: settings.finders.surfaces,
+            caustic_finder: settings.finders.caustics,
             width: spec.width,
             height: spec.height,
             layers: spec.layers.iter().map(Layer::to_string).collect(),
@@ -124,6 +136,11 @@ impl Description {
             budget: budget.map_err(|error| foreign(format!("budget is {error}")))?,
             paths_per_pass: self.paths_per_pass,
             reference_paths: self.reference_paths,
+            finders: Finders {
+                media: self.media_finder,
+                surfaces: self.surface_finder,
+                caustics: self.caustic_finder,
+            },
         };
         settings.check().map_err(|error| foreign(error.to_string()))?;
         Ok(settings)
@@ -135,6 +152,7 @@ impl Description {
             true => "none".to_owned(),
             false => names.join(","),
         };
+        let finder = |finder: Option<Finder>| finder.map_or("by rule".to_owned(), |finder| finder.to_string());
         let fields = |job: &Self| {
             [
                 ("program version", job.version.clone()),
@@ -145,6 +163,9 @@ impl Description {
                 ("budget", job.budget.clone().unwrap_or_else(|| "none".into())),
                 ("paths per pass", job.paths_per_pass.to_string()),
                 ("reference paths", job.reference_paths.to_string()),
+                ("finder of light in media", finder(job.media_finder)),
+                ("finder of light of surfaces", finder(job.surface_finder)),
+                ("finder of caustics", finder(job.caustic_finder)),
                 ("width", job.width.to_string()),
                 ("height", job.height.to_string()),
                 ("layers", list(&job.layers)),
@@ -178,6 +199,9 @@ impl Description {
             self.first_pass,
         ] {
             field(&number.to_string());
+        }
+        for finder in [self.media_finder, self.surface_finder, self.caustic_finder] {
+            field(&finder.map(|finder| finder.to_string()).unwrap_or_default());
         }
         self.layers.iter().for_each(|layer| field(layer));
         *hasher.finalize().as_bytes()

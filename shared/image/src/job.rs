@@ -64,6 +64,53 @@ pub enum Targeting {
     Reject,
 }
 
+/// What finds light whose way to what the camera sees is not straight.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Finder {
+    /// Photons that are looked up: camera paths end there.
+    Photons,
+    /// Camera paths that go on.
+    Paths,
+}
+
+impl fmt::Display for Finder {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Photons => "photons",
+            Self::Paths => "paths",
+        })
+    }
+}
+
+/// What finds light, by what it met. Either is right, with another noise after a given time. `None`: as is best for most
+/// scenes like it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Finders {
+    /// In media: photon beams along the camera's own segments, or camera paths that are scattered.
+    pub media: Option<Finder>,
+    /// On surfaces: photons at the second vertex, or camera paths that go on.
+    pub surfaces: Option<Finder>,
+    /// Behind specular surfaces alone: photons, or camera paths for lights that they meet often enough. Where photons
+    /// find all light of surfaces or media, they find this as well.
+    pub caustics: Option<Finder>,
+}
+
+/// Which of them is said, if any: `media by paths, caustics by photons`.
+impl fmt::Display for Finders {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let said = [
+            ("media", self.media),
+            ("surfaces", self.surfaces),
+            ("caustics", self.caustics),
+        ];
+        let said = said
+            .into_iter()
+            .filter_map(|(of, finder)| Some(format!("{of} by {}", finder?)));
+        f.write_str(&said.collect::<Vec<_>>().join(", "))
+    }
+}
+
 /// Radii for a number of passes that is known: constant, so that the error after these passes is least.
 ///
 /// Variance falls as one over the radius and the square of the bias grows with it; both are convex, so that of all
@@ -112,6 +159,8 @@ pub struct JobSettings {
     pub paths_per_pass: u32,
     /// The scene's own number of paths in a pass: what base radii are meant for when the radius shrinks once a beam.
     pub reference_paths: u32,
+    /// What finds scattered light.
+    pub finders: Finders,
 }
 
 /// What samples of the reference integrator depend on beside the scene and their own index.
@@ -320,6 +369,7 @@ mod tests {
             budget: None,
             paths_per_pass: 1,
             reference_paths: 1,
+            finders: Finders::default(),
         };
         assert_eq!(good.check(), Ok(()));
         for alpha in [0.0, 1.0, -0.5, f64::NAN, f64::INFINITY] {

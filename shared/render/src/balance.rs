@@ -1,4 +1,4 @@
-//! How many photon paths a pass traces, where the scene does not say: found by a pilot.
+//! What finds which light, and how many photon paths a pass traces, where the scene does not say: found by a pilot.
 //!
 //! A pass with M paths has the variance c + p / M, c of what its camera paths draw by chance and p of photons, and
 //! takes the work a + b M. The error after a given time goes as the product of the two, which is least at
@@ -8,14 +8,15 @@
 //! ```
 //!
 //! The pilot renders small images of the same photons by other camera paths and of other photons by the same ones. Work
-//! is counted, not timed: every machine finds the same number.
+//! is counted, not timed: every machine finds the same number. It does so for each way to find the scene's light that may
+//! be the best, and takes the one of the least product.
 
 use crate::budget::shrunk;
 use crate::pass::{PassImage, PassPhotons};
 use crate::plan::RenderPlan;
 use crate::world::{Scene, SceneDescription};
 use beamfarm_image::film::Film;
-use beamfarm_image::job::{Budget, JobSettings, MAX_PASSES};
+use beamfarm_image::job::{Budget, Finder, Finders, JobSettings, MAX_PASSES};
 
 /// Sets of photons, and of camera paths.
 const SETS: usize = 4;
@@ -27,6 +28,10 @@ const SIDE: u32 = 48;
 const SCALE: f64 = 0.3;
 /// What relMSE adds to the square of the reference.
 const DARK: f64 = 0.01;
+/// Pixels on each side of one that say how bright it is.
+const AROUND: usize = 2;
+/// What others must be better by than what is best for most scenes: the pilot is noisy.
+const MARGIN: f64 = 0.9;
 /// The worst pixels, one in so many, do not count: what they say is chance.
 const WILD: usize = 100;
 /// Fewest and most paths that are chosen.
@@ -54,51 +59,115 @@ pub struct Balance {
     pub photon_work: f64,
 }
 
-/// The settings, with as many photon paths as the scene says or, where it does not, a pilot finds best; and whether one
-/// was run.
-pub fn balanced(description: &SceneDescription, settings: JobSettings) -> (JobSettings, bool) {
-    let found = match description.defaults.paths_per_pass {
-        Some(_) => None,
-        None => Balance::new(description, settings),
-    };
-    match found {
-        Some(balance) => (
-            JobSettings {
-                paths_per_pass: balance.paths(),
-                ..settings
-            },
-            true,
-        ),
-        None => (settings, false),
+/// What a pilot tried.
+#[derive(Clone, Copy, Debug)]
+pub struct Candidate {
+    /// With as many photon paths as are best, or as were said.
+    pub settings: JobSettings,
+    /// What it found.
+    pub balance: Balance,
+}
+
+impl Candidate {
+    /// Relative error times time.
+    pub fn cost(&self) -> f64 {
+        self.balance.cost(self.settings.paths_per_pass)
     }
 }
 
-impl Balance {
-    /// Render the pilot. Deterministic: by scene and settings alone, in passes that no job has. `None`: the scene has
-    /// no use for photons.
-    pub fn new(description: &SceneDescription, settings: JobSettings) -> Option<Self> {
-        let pixels = f64::from(description.camera.width) * f64::from(description.camera.height);
+/// What a pilot chose among.
+#[derive(Clone, Debug)]
+pub struct Choice {
+    /// The first is what is best for most scenes.
+    pub candidates: Vec<Candidate>,
+    /// Number of the one that was taken.
+    pub best: usize,
+}
+
+impl Choice {
+    /// Let a pilot choose what the settings do not say. `paths`: as many as a pass is to have, whatever is best. `None`:
+    /// there is nothing to choose.
+    pub fn new(description: &SceneDescription, settings: JobSettings, paths: Option<u32>) -> Option<Self> {
         let scene = Scene::new(shrunk(description, SIDE));
+        let plans = plans(&scene, settings);
+        if plans.len() == 1 && (paths.is_some() || !plans[0].has_photons()) {
+            return None;
+        }
+        let pixels = f64::from(description.camera.width) * f64::from(description.camera.height);
+        let candidates = plans.iter().map(|plan| {
+            let balance = Balance::new(&scene, plan, pixels);
+            let settings = JobSettings {
+                paths_per_pass: paths.unwrap_or_else(|| balance.paths()),
+                finders: plan.settings.finders,
+                ..settings
+            };
+            Candidate { settings, balance }
+        });
+        let candidates: Vec<Candidate> = candidates.collect();
+        let mut best = 0;
+        for (number, candidate) in candidates.iter().enumerate() {
+            let margin = if best == 0 { MARGIN } else { 1.0 };
+            if candidate.cost() < margin * candidates[best].cost() {
+                best = number;
+            }
+        }
+        Some(Self { candidates, best })
+    }
+
+    /// The settings that were found best.
+    pub fn settings(&self) -> JobSettings {
+        self.candidates[self.best].settings
+    }
+}
+
+/// Plans of the pilot's passes, the first of them by what is best for most scenes.
+fn plans(scene: &Scene, settings: JobSettings) -> Vec<RenderPlan> {
+    let plan = |finders| {
         let budget = Some(Budget {
             passes: MAX_PASSES,
             scale: SCALE,
         });
-        let plan = RenderPlan::new(
-            &scene,
-            JobSettings {
-                seed: 0,
-                budget,
-                paths_per_pass: PATHS,
-                ..settings
-            },
-        );
-        if !plan.beams && !plan.surface_photons {
-            return None;
+        let settings = JobSettings {
+            seed: 0,
+            budget,
+            paths_per_pass: PATHS,
+            finders,
+            ..settings
+        };
+        RenderPlan::new(scene, settings)
+    };
+    let said = settings.finders;
+    let mut plans = vec![plan(said)];
+    // Who sees what is for rules to say.
+    if !plans[0].has_photons() || scene.description().rules.is_some() {
+        return plans;
+    }
+    let paths = |finder: Option<Finder>| finder.or(Some(Finder::Paths));
+    let media = Finders {
+        media: paths(said.media),
+        ..said
+    };
+    let caustics = Finders {
+        caustics: paths(said.caustics),
+        ..media
+    };
+    for finders in [media, caustics] {
+        let other = plan(finders);
+        if plans.iter().all(|plan| plan.estimators != other.estimators) {
+            plans.push(other);
         }
+    }
+    plans
+}
+
+impl Balance {
+    /// Render small images. Deterministic: by scene and plan alone, in passes that no job has. `pixels`: of the image
+    /// that they are for.
+    fn new(scene: &Scene, plan: &RenderPlan, pixels: f64) -> Self {
         let last = |k: usize| MAX_PASSES - 1 - k as u64;
         let by_photons: [[PassImage; SETS]; SETS] = std::array::from_fn(|photons| {
-            let photons = PassPhotons::new(&scene, &plan, last(photons));
-            std::array::from_fn(|camera| photons.render(&scene, &plan, last(SETS + camera)))
+            let photons = PassPhotons::new(scene, plan, last(photons));
+            std::array::from_fn(|camera| photons.render(scene, plan, last(SETS + camera)))
         });
         let films = by_photons.each_ref().map(|images| images.each_ref().map(|i| &i.film));
         let [camera_variance, photon_variance] = variances(&films);
@@ -109,14 +178,14 @@ impl Balance {
             counts.sum::<u64>() as f64 / images
         };
         let share = pixels / films[0][0].pixels.len() as f64;
-        Some(Self {
+        Self {
             camera_variance,
             photon_variance: photon_variance * f64::from(PATHS),
             camera_work: share * CAMERA_RAY * mean(&|i| i.rays[1]),
             photon_work: (PHOTON_RAY * mean(&|i| i.rays[0]) + PHOTON * mean(&|i| i.stats.surface_photons)) / paths
                 + (BEAM * mean(&|i| i.stats.beams) + share * EVALUATION * mean(&|i| i.stats.beam_evaluations))
                     / f64::from(PATHS),
-        })
+        }
     }
 
     /// The number of paths with the least error after a given time.
@@ -141,6 +210,7 @@ impl Balance {
 fn variances(films: &[[&Film; SETS]; SETS]) -> [f64; 2] {
     let n = SETS as f64;
     let count = films[0][0].pixels.len();
+    let smooth = smoothed(films);
     let mut pixels: Vec<[f64; 2]> = (0..count)
         .map(|i| {
             let mut sums = [0.0; 2];
@@ -149,9 +219,9 @@ fn variances(films: &[[&Film; SETS]; SETS]) -> [f64; 2] {
                 // For each camera, the variance over photons; then that over cameras of their means.
                 let of_camera: [[f64; 2]; SETS] =
                     std::array::from_fn(|camera| moments(std::array::from_fn(|photons| at(photons, camera))));
-                let [mean, camera] = moments(of_camera.map(|[mean, _]| mean));
+                let [_, camera] = moments(of_camera.map(|[mean, _]| mean));
                 let photons = of_camera.iter().map(|[_, variance]| variance).sum::<f64>() / n;
-                let weight = 1.0 / (mean * mean + DARK);
+                let weight = 1.0 / (smooth[i][channel] * smooth[i][channel] + DARK);
                 sums[0] += weight * camera;
                 sums[1] += weight * photons;
             }
@@ -165,6 +235,28 @@ fn variances(films: &[[&Film; SETS]; SETS]) -> [f64; 2] {
     })
 }
 
+/// The mean of all images around each pixel: by its own few samples alone bright ones would weigh themselves down.
+fn smoothed(films: &[[&Film; SETS]; SETS]) -> Vec<[f64; 3]> {
+    let (width, height) = (films[0][0].width as usize, films[0][0].height as usize);
+    let all: Vec<&Film> = films.iter().flatten().copied().collect();
+    let around = |i: usize, end: usize| i.saturating_sub(AROUND)..(i + AROUND + 1).min(end);
+    let mean = |i: usize| {
+        let mut sum = [0.0; 3];
+        let mut samples = 0.0;
+        for y in around(i / width, height) {
+            for x in around(i % width, width) {
+                for film in &all {
+                    let pixel = film.pixels[y * width + x].map(f64::from);
+                    sum.iter_mut().zip(pixel).for_each(|(sum, value)| *sum += value);
+                    samples += 1.0;
+                }
+            }
+        }
+        sum.map(|sum| sum / samples)
+    };
+    (0..width * height).map(mean).collect()
+}
+
 /// Mean and variance.
 fn moments(values: [f64; SETS]) -> [f64; 2] {
     let n = SETS as f64;
@@ -176,6 +268,7 @@ fn moments(values: [f64; SETS]) -> [f64; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::sampler::{Purpose, Sampler};
 
     fn made(camera_variance: f64, photon_variance: f64) -> Balance {
         Balance {
@@ -222,5 +315,23 @@ mod tests {
         let weight = 4.0 / 3.0 / (4.0 + DARK);
         assert!((camera / (9e-4 * weight) - 1.0).abs() < 1e-3, "{camera}");
         assert!((photons / (1e-2 * weight) - 1.0).abs() < 1e-3, "{photons}");
+    }
+
+    /// Light in drops of 8, by which a pixel of few samples looks bright: mean 1, variance 7. Without the brightest
+    /// hundredth of the pixels, and with the weight of a mean that is noisy itself, within a third.
+    #[test]
+    fn rare_light_is_noise() {
+        let film = |camera: u64| {
+            let mut sampler = Sampler::new(1, camera, Purpose::Test, 0);
+            let mut film = Film::new(32, 32);
+            let drop = |_: &mut [f32; 3]| [if sampler.next_1d() < 0.125 { 8.0 } else { 0.0 }; 3];
+            let drops: Vec<[f32; 3]> = film.pixels.iter_mut().map(drop).collect();
+            film.pixels = drops;
+            film
+        };
+        let films: [Film; SETS] = std::array::from_fn(|camera| film(camera as u64));
+        let [camera, photons] = variances(&[films.each_ref(); SETS]);
+        assert!((camera / 7.0 - 1.0).abs() < 0.33, "{camera}");
+        assert_eq!(photons, 0.0);
     }
 }

@@ -9,9 +9,10 @@ use crate::math::{Ray, Rgb, Vec2, Vec3};
 use crate::medium::Medium;
 use crate::warp::uniform_sphere;
 use crate::world::Scene;
+use beamfarm_image::job::{Finder, Finders};
 
 /// What is chosen once for a scene.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Estimators {
     /// By medium: beams bring all of the light that it scatters. In the others camera paths are scattered themselves,
     /// and beams bring caustics alone.
@@ -25,10 +26,11 @@ pub struct Estimators {
     pub caustics: bool,
     /// Some of them from a light that no camera path meets, and by followed lobes.
     pub unmet_caustics: bool,
-    /// Photon paths go on from vertex to vertex, for the beams that they leave or since caustics need them anyway:
-    /// camera paths end where photons bring everything, and what comes by way of specular surfaces is found by photons
-    /// alone.
+    /// Photon paths go on from vertex to vertex, for the beams that they leave or since caustics need them anyway: what
+    /// comes by way of specular surfaces is found by photons alone.
     pub deep: bool,
+    /// Camera paths end where photons bring everything; photons are deep.
+    pub ends: bool,
     /// Rules tell what photons see, which camera paths do not obey: these end at their second vertex.
     pub ends_at_second: bool,
 }
@@ -37,7 +39,10 @@ pub struct Estimators {
 const FAR: f32 = 6.0;
 /// Points from which surfaces that emit are looked for, along a side of the picture, and directions from each.
 const LOOKS: usize = 4;
-const DIRECTIONS: usize = 128;
+const DIRECTIONS: usize = 512;
+/// Lights that camera paths meet less often would be fireflies behind specular surfaces: light comes in drops of one over
+/// this.
+const LEAST_MET: f32 = 1.0 / 512.0;
 
 /// Least free path and least size of a medium whose light beams bring, in kernel radii: in others kernels would be
 /// wider than what they blur.
@@ -45,8 +50,8 @@ const LEAST_FREE_PATH: f32 = 6.0;
 const LEAST_SIZE: f32 = 12.0;
 
 impl Estimators {
-    /// By what is in the scene, how wide kernels are, and of what radius is what the camera sees.
-    pub fn new(scene: &Scene, radii: &KernelRadii, extent: f32) -> Self {
+    /// By what is in the scene, how wide kernels are, of what radius is what the camera sees, and what is said of it.
+    pub fn new(scene: &Scene, radii: &KernelRadii, extent: f32, finders: Finders) -> Self {
         let description = scene.description();
         let rules = description.rules.as_ref();
         let ends_at_second = rules.is_some_and(|rules| rules.touches_photons && !rules.paths_obey);
@@ -54,7 +59,11 @@ impl Estimators {
             let mut objects = description.objects.iter();
             objects.any(|o| test(&description.materials[o.material as usize]))
         };
-        let mut is_met = lights_all_around(scene);
+        let mut is_met = match finders.caustics {
+            Some(Finder::Photons) => vec![false; description.lights.len()],
+            Some(Finder::Paths) => lights_often_met(scene, LEAST_MET),
+            None => lights_often_met(scene, 1.0 / MOST_UNEVEN),
+        };
         // Of surfaces all around and far away hardly a photon comes to what is seen.
         let is_far = |light: &Light| match light.kind {
             LightKind::Area { object, .. } => scene.extents[object as usize] > FAR * extent,
@@ -64,13 +73,22 @@ impl Estimators {
         let sends_photons = lights.any(|(light, met)| !met || !is_far(light));
         let beams: Vec<bool> = (0..description.media.len())
             .map(|id| {
-                description.media[id].scatters() && (ends_at_second || sends_photons && suits_beams(scene, radii, id))
+                let suits = || match finders.media {
+                    Some(finder) => finder == Finder::Photons,
+                    None => sends_photons && suits_beams(scene, radii, id),
+                };
+                description.media[id].scatters() && (ends_at_second || suits())
             })
             .collect();
+        let any_beams = beams.contains(&true);
         let followed = is_used(&|m| m.is_followed() || m.has_narrow_lobe());
         let specular = followed || is_used(&|m| m.has_delta() && !m.is_null());
         // Where photons are traced for caustics of all lights, they bring more at hardly any cost.
-        let deep = ends_at_second || beams.contains(&true) || specular && !is_met.is_empty() && !is_met.contains(&true);
+        let ends = match finders.surfaces {
+            Some(finder) => finder == Finder::Photons,
+            None => any_beams || specular && !is_met.is_empty() && !is_met.contains(&true),
+        };
+        let deep = ends_at_second || any_beams || ends;
         if deep {
             is_met.fill(false);
         }
@@ -82,6 +100,7 @@ impl Estimators {
             unmet_caustics: followed && description.lights.iter().any(unmet),
             is_met,
             deep,
+            ends: ends || ends_at_second,
             ends_at_second,
         }
     }
@@ -92,6 +111,7 @@ impl Estimators {
             is_met: vec![false; self.is_met.len()],
             caustics: self.specular,
             deep: true,
+            ends: true,
             ..self.clone()
         }
     }
@@ -114,12 +134,12 @@ impl Estimators {
     /// Whether camera paths may end at a surface like this one, by the photons there: narrow lobes see few of them.
     #[inline]
     pub fn ends_paths(&self, bsdf: &Bsdf) -> bool {
-        self.ends_at_second || self.deep && !bsdf.is_glossy()
+        self.ends_at_second || self.ends && !bsdf.is_glossy()
     }
 }
 
-/// By light: a path that goes on by chance often meets it, wherever it is.
-fn lights_all_around(scene: &Scene) -> Vec<bool> {
+/// By light: a path that goes on by chance meets it wherever it is, with this probability or more.
+fn lights_often_met(scene: &Scene, least: f32) -> Vec<bool> {
     let camera = &scene.description().camera;
     let objects = scene.objects();
     let met_by =
@@ -149,8 +169,7 @@ fn lights_all_around(scene: &Scene) -> Vec<bool> {
         };
         rays.filter(is_lit).count()
     };
-    // All around but for as much as an environment may be uneven.
-    let enough = (points.len() * DIRECTIONS) as f32 / MOST_UNEVEN;
+    let enough = (points.len() * DIRECTIONS) as f32 * least;
     // No more than the ball around it would be.
     let is_large = |object: u32| {
         let (min, max) = bounds(&objects[object as usize].shape);
@@ -162,8 +181,10 @@ fn lights_all_around(scene: &Scene) -> Vec<bool> {
         points.iter().map(share).sum::<f32>() * DIRECTIONS as f32 >= enough
     };
     let is_met = |(light, kind): (usize, &LightKind)| match kind {
-        LightKind::Environment(environment) => environment.unevenness() <= MOST_UNEVEN,
-        LightKind::Area { object, .. } => is_large(*object) && sees(light, *object) as f32 >= enough,
+        LightKind::Environment(environment) => environment.unevenness() * least <= 1.0,
+        LightKind::Area { object, .. } => {
+            !scene.only_sampled(light) && is_large(*object) && sees(light, *object) as f32 >= enough
+        }
         _ => false,
     };
     let lights = scene.lights().iter().map(|light| &light.kind);

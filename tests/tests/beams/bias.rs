@@ -4,10 +4,9 @@
 
 use beamfarm_image::bias::{BIAS_EXPONENTS, Bias, Finding, TILE};
 use beamfarm_image::film::Film;
-use beamfarm_image::job::{JobSettings, ReferenceSettings};
+use beamfarm_image::job::{Finder, Finders, JobSettings, ReferenceSettings};
 use beamfarm_image::merge::{Average, Node, TreeSum};
 use beamfarm_image::radius::radius_scale;
-use beamfarm_render::medium::Medium;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::Scene;
 use beamfarm_tests::MeanEstimate;
@@ -319,12 +318,24 @@ fn jobs(toml: &str, radius: f64) -> (Scene, Vec<Average>) {
     let scene = scene(&toml.replace("RADIUS", &radius.to_string()));
     let settings = scene.description().defaults.job_settings();
     let job = |seed| {
-        let mut plan = RenderPlan::new(&scene, JobSettings { seed, ..settings });
         // Also where kernels are so wide that camera paths would be taken for it.
-        let media = &scene.description().media;
-        plan.estimators.beams = media.iter().map(Medium::scatters).collect();
-        plan.estimators.deep = !media.is_empty();
-        plan.beams = plan.estimators.deep;
+        let photons = Some(Finder::Photons);
+        let finders = match scene.description().media.is_empty() {
+            true => settings.finders,
+            false => Finders {
+                media: photons,
+                surfaces: photons,
+                ..settings.finders
+            },
+        };
+        let mut plan = RenderPlan::new(
+            &scene,
+            JobSettings {
+                seed,
+                finders,
+                ..settings
+            },
+        );
         plan.surface_photons = true;
         run_plan(&scene, &plan, 64)
     };

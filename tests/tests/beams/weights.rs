@@ -80,7 +80,8 @@ fn camera_paths_stay_light() {
         let settings = slab.description().defaults.job_settings();
         let mut plan = RenderPlan::new(&slab, settings);
         plan.estimators.beams = vec![false];
-        (plan.estimators.deep, plan.beams, plan.surface_photons) = (false, false, false);
+        (plan.estimators.deep, plan.estimators.ends) = (false, false);
+        (plan.beams, plan.surface_photons) = (false, false);
         plan.estimators.is_met = vec![true];
         let (mut brightest, mut sum, mut count) = (0.0f32, 0.0f64, 0.0f64);
         for pass in 0..8 {

@@ -87,22 +87,19 @@ fn room(gloss: &str, other: &str, passes: u64) -> String {
     room.replace("PASSES", &passes.to_string())
 }
 
-/// A gather ray drawn by the BSDF and nothing else.
-fn one_gather_ray(plan: &mut RenderPlan) {
-    plan.gloss_rays_side = 1;
+/// One gather ray, or four, whatever the plan says.
+fn gather_rays(plan: &mut RenderPlan, all: bool) {
+    plan.gloss_rays_side = if all { 2 } else { 1 };
 }
 
-/// Blocks of the room by one gather ray, and by all that is done for gloss.
+/// Blocks of the room by one gather ray, and by four.
 fn both(text: &str) -> [Blocks; 2] {
     let scene = scene(text);
     [false, true].map(|all| {
         let mut settings = scene.description().defaults.job_settings();
         settings.seed += u64::from(all);
         let mut plan = RenderPlan::new(&scene, settings);
-        assert!(plan.gloss_rays_side > 1);
-        if !all {
-            one_gather_ray(&mut plan);
-        }
+        gather_rays(&mut plan, all);
         let passes = 0..scene.description().defaults.passes;
         Blocks::new(passes.map(|i| render_pass(&scene, &plan, i).film), 6)
     })
@@ -172,9 +169,7 @@ fn gloss_lowers_the_noise() {
         let scene = scene(&text);
         let [alone, together] = [false, true].map(|all| {
             let mut plan = RenderPlan::new(&scene, scene.description().defaults.job_settings());
-            if !all {
-                one_gather_ray(&mut plan);
-            }
+            gather_rays(&mut plan, all);
             let film = |i| render_pass(&scene, &plan, i).film;
             let blocks = Blocks::new((first..first + 60).map(film), 1);
             let pixels = blocks.blocks.iter().enumerate();

@@ -9,7 +9,7 @@ use beamfarm_tests::render::{average, scene};
 
 const FOG_HASH: &str = "d873c2d46b6b89a5a8ff597ef5cddf39ea08edab5f301a0ad7fc6d8c506640d3";
 const SMOKE_HASH: &str = "0f390fd914dbc4402622a6b057c31bccdc476a6cbc1c8cb8b70649e8a732e63e";
-const SURFACES_HASH: &str = "c5f1e7db29a479a6d8ff320dc9d397e6c21b8e22fa72afb1669356141370dadc";
+const SURFACES_HASH: &str = "0e49ee1b19edab1d215c96b29ca430154d139127e3632b1990cbb26a59db0157";
 
 const FOG: &str = r#"
 [image]

@@ -1,7 +1,7 @@
 //! Which estimator counts which light path is a choice: any gives the same light. Rooms with every class of paths, by
 //! beams and photons, by camera paths, and by the path tracer.
 
-use beamfarm_image::job::ReferenceSettings;
+use beamfarm_image::job::{Finder, Finders, JobSettings, ReferenceSettings};
 use beamfarm_render::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::Scene;
@@ -81,19 +81,39 @@ fn room(world: &str, ball: &str, other: &str, passes: u64) -> Scene {
     scene(&text.replace("PASSES", &passes.to_string()))
 }
 
-/// Images of the scene, all media by beams or by camera paths, or as the plan says.
-fn by(scene: &Scene, beams: Option<bool>) -> Blocks {
-    let defaults = scene.description().defaults;
-    let mut settings = defaults.job_settings();
-    settings.seed += beams.map_or(2, u64::from);
-    let mut plan = RenderPlan::new(scene, settings);
-    if let Some(beams) = beams {
-        let media = &scene.description().media;
-        plan.estimators.beams = media.iter().map(|m| beams && m.scatters()).collect();
-        plan.estimators.deep = beams;
-        plan.beams = plan.estimators.caustics || beams;
-        plan.surface_photons = plan.beams;
+const PHOTONS: Option<Finder> = Some(Finder::Photons);
+const PATHS: Option<Finder> = Some(Finder::Paths);
+
+/// All ways to share the light: all by photons that can be, to none.
+const ALL: [Finders; 5] = [
+    finders(PHOTONS, PHOTONS, PHOTONS),
+    finders(PHOTONS, PATHS, PHOTONS),
+    finders(PATHS, PHOTONS, PHOTONS),
+    finders(PATHS, PATHS, PHOTONS),
+    finders(PATHS, PATHS, PATHS),
+];
+
+const fn finders(media: Option<Finder>, surfaces: Option<Finder>, caustics: Option<Finder>) -> Finders {
+    Finders {
+        media,
+        surfaces,
+        caustics,
     }
+}
+
+/// Images of the scene, its light found by these.
+fn by(scene: &Scene, finders: Finders, seed: u64) -> Blocks {
+    let defaults = scene.description().defaults;
+    let settings = JobSettings {
+        seed,
+        finders,
+        ..defaults.job_settings()
+    };
+    let plan = RenderPlan::new(scene, settings);
+    let estimators = &plan.estimators;
+    assert_eq!(estimators.any_beams(), finders.media == PHOTONS);
+    assert_eq!(estimators.ends, finders.surfaces == PHOTONS);
+    assert_eq!(estimators.is_met, [finders.caustics == PATHS]);
     Blocks::new((0..defaults.passes).map(|i| render_pass(scene, &plan, i).film), 8)
 }
 
@@ -138,9 +158,9 @@ fn beams_and_camera_paths_find_the_same_light() {
             max_depth: None,
         };
         let truth = Blocks::new(reference_images(&scene, settings, 100, 8), 8);
-        for beams in [Some(false), Some(true), None] {
-            let name = format!("{name}, beams {beams:?}");
-            same_means(&name, &by(&scene, beams), &truth, &mut suite);
+        for (seed, finders) in (0..).zip(ALL) {
+            let name = format!("{name}, {finders}");
+            same_means(&name, &by(&scene, finders, seed), &truth, &mut suite);
         }
     }
     suite.finish();

@@ -3,6 +3,8 @@
 use crate::failure::Failure;
 use crate::job::SettingsArgs;
 use crate::output::print_text;
+use beamfarm_image::job::{Finders, JobSettings};
+use beamfarm_render::balance::Choice;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::Scene;
 use clap::Args;
@@ -21,5 +23,26 @@ pub fn main(args: ExplainArgs) -> Result<(), Failure> {
     let plan = RenderPlan::new(&scene, loaded.settings)
         .with_layers(&scene, &loaded.layers)
         .map_err(Failure::usage)?;
-    print_text(&format!("scene {hash}\n{plan}"))
+    let choice = loaded.choice.as_ref().map(candidates).unwrap_or_default();
+    print_text(&format!("scene {hash}\n{plan}{choice}"))
+}
+
+/// What a pilot chose among, a line each.
+fn candidates(choice: &Choice) -> String {
+    let first = choice.candidates[0].cost();
+    let lines = choice.candidates.iter().enumerate().map(|(number, candidate)| {
+        let mark = if number == choice.best { "in " } else { "out" };
+        let cost = candidate.cost() / first;
+        let JobSettings {
+            finders,
+            paths_per_pass,
+            ..
+        } = candidate.settings;
+        let finders = match finders == Finders::default() {
+            true => "as in most scenes".to_owned(),
+            false => finders.to_string(),
+        };
+        format!("{mark}  error x time {cost:<17.3} {finders}: {paths_per_pass} photon paths a pass\n")
+    });
+    lines.collect()
 }

@@ -6,10 +6,10 @@ use crate::output::Output;
 use beamfarm_coordinator::{JobSpec, Target};
 use beamfarm_image::bundle::Bundle;
 use beamfarm_image::job::Targeting;
-use beamfarm_image::job::{JobSettings, MAX_PASSES};
+use beamfarm_image::job::{Finders, JobSettings, MAX_PASSES};
 use beamfarm_image::layer::{Layer, MAX_LAYERS};
 use beamfarm_render::aov::light_layers;
-use beamfarm_render::balance::balanced;
+use beamfarm_render::balance::Choice;
 use beamfarm_render::budget::Pilot;
 use beamfarm_render::world::Scene;
 use beamfarm_render::world::{RenderDefaults, SceneDescription};
@@ -132,20 +132,16 @@ impl SettingsArgs {
         };
         settings.check().map_err(Failure::usage)?;
         let mut notes = description.notes.clone();
-        let settings = match self.paths {
-            Some(paths_per_pass) => JobSettings {
-                paths_per_pass,
-                ..settings
-            },
-            None => {
-                let (settings, is_found) = balanced(&description, settings);
-                if is_found {
-                    let paths = settings.paths_per_pass;
-                    notes.push(format!("{paths} photon paths a pass, found by a pilot"));
-                }
-                settings
-            }
+        let paths = self.paths.or(defaults.paths_per_pass);
+        let settings = JobSettings {
+            paths_per_pass: paths.unwrap_or(settings.paths_per_pass),
+            ..settings
         };
+        let choice = Choice::new(&description, settings, paths);
+        let settings = choice.as_ref().map_or(settings, Choice::settings);
+        if choice.is_some() {
+            notes.push(found_by_pilot(&settings));
+        }
         // One in the world alone lies in the world.
         let boundaries = description.objects.iter().filter(|o| o.boundary.is_some());
         if boundaries.count() > 1 {
@@ -186,7 +182,17 @@ impl SettingsArgs {
             description,
             defaults,
             settings,
+            choice,
         })
+    }
+}
+
+/// What a pilot chose, in words.
+fn found_by_pilot(settings: &JobSettings) -> String {
+    let paths = settings.paths_per_pass;
+    match settings.finders == Finders::default() {
+        true => format!("{paths} photon paths a pass, found by a pilot"),
+        false => format!("{}, {paths} photon paths a pass, found by a pilot", settings.finders),
     }
 }
 
@@ -200,6 +206,8 @@ pub struct Loaded {
     pub layers: Vec<Layer>,
     /// Whether the standard error was asked for.
     pub standard_error: bool,
+    /// What a pilot chose among, if there was anything to choose.
+    pub choice: Option<Choice>,
     /// What was replaced of a Mitsuba scene, and what of a scene has no effect.
     notes: Vec<String>,
     /// What was left out of a Mitsuba scene.

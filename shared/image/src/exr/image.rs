@@ -4,7 +4,7 @@ use super::header::{attributes, sort_attributes, text};
 use crate::atomic;
 use crate::error::ImageError;
 use crate::film::Film;
-use crate::job::{JobSettings, ReferenceSettings, SceneHash};
+use crate::job::{Finders, JobSettings, ReferenceSettings, SceneHash};
 use crate::layer;
 use crate::merge::{Average, Node};
 use exr::image::write::WritableImage;
@@ -52,6 +52,7 @@ impl ImageMeta {
             format!("0..{}", average.passes),
         ];
         fields.extend(settings.budget.map(|budget| budget.to_string()));
+        fields.extend((settings.finders != Finders::default()).then(|| settings.finders.to_string()));
         blake3::hash(fields.join("\n").as_bytes()).to_string()
     }
 }
@@ -169,6 +170,10 @@ fn attributes_of_passes(
     ];
     if let Some(budget) = settings.budget {
         own.push(("beamfarmBudget", text("budget", &budget.to_string())?));
+    }
+    let finders = settings.finders.to_string();
+    if !finders.is_empty() {
+        own.push(("beamfarmFinders", text("finders", &finders)?));
     }
     Ok(own)
 }
@@ -367,6 +372,7 @@ mod tests {
                 budget: None,
                 paths_per_pass: 1000,
                 reference_paths: 500,
+                finders: Finders::default(),
             }),
             render_seconds: 1.5,
             version: "0.1.0".into(),

@@ -494,7 +494,7 @@ impl<V: Sight> Tracer<'_, V> {
                 Arrival::Direct => false,
                 Arrival::Caustic => self.brings_caustics(photon),
                 Arrival::Scattered => true,
-                Arrival::Surface => self.plan.estimators.deep,
+                Arrival::Surface => self.plan.estimators.ends,
             };
         let by_followed = photon.arrival == Arrival::Caustic
             && photon.is_pure

@@ -23,7 +23,8 @@ const PIXELS_PER_SURFACE_PATH: u64 = 4;
 /// Most of those paths for each one that leaves beams.
 const MAX_SURFACE_PATHS: u32 = 8;
 
-/// Four gather rays: more cost more than the noise that they take away, where pixels are many for each photon path.
+/// Four gather rays where they end by photons at what they meet: more cost more than the noise that they take away,
+/// where pixels are many for each photon path. Where paths go on, the first ray is not most of their work.
 const GLOSS_RAYS_SIDE: u32 = 2;
 
 /// What every pass of a job does. `Display` is what `beamfarm explain` prints.
@@ -66,7 +67,7 @@ impl RenderPlan {
             None => KernelRadii::of_extent(extent.radius),
         };
         let extent_seen = (extent.is_of_part && fixed.is_none()).then_some(extent.radius);
-        let estimators = Estimators::new(scene, &radii, extent.radius);
+        let estimators = Estimators::new(scene, &radii, extent.radius, settings.finders);
         let (estimators, aimed) = match aimed_instead_of_paths(scene, &settings, &contents, &estimators) {
             Some((estimators, aimed)) => (estimators, Some(aimed)),
             None => (estimators, None),
@@ -83,8 +84,11 @@ impl RenderPlan {
             beams,
             surface_photons,
             emitters: emitters(description, &estimators),
+            gloss_rays_side: match estimators.ends {
+                true => GLOSS_RAYS_SIDE,
+                false => 1,
+            },
             estimators,
-            gloss_rays_side: GLOSS_RAYS_SIDE,
             surface_paths: match beams && surface_photons {
                 true => surface_paths_beside_beams(&description.camera, settings.paths_per_pass),
                 false => settings.paths_per_pass,
@@ -97,6 +101,11 @@ impl RenderPlan {
         };
         plan.stages = stages::all(scene, &plan, &contents, on_targets);
         plan
+    }
+
+    /// Whether a pass has any use for photons.
+    pub fn has_photons(&self) -> bool {
+        self.beams || self.surface_photons
     }
 
     /// Render these layers as well. The beauty stays the same to the last bit.
@@ -171,7 +180,8 @@ fn aimed_instead_of_paths(
     contents: &Contents,
     estimators: &Estimators,
 ) -> Option<(Estimators, Aimed)> {
-    if estimators.deep || contents.surfaces == 0 || !contents.lit {
+    let said = settings.finders.surfaces.is_some();
+    if estimators.deep || said || contents.surfaces == 0 || !contents.lit {
         return None;
     }
     let deeper = estimators.deepened();

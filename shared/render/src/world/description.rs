@@ -6,7 +6,7 @@ use crate::geometry::Object;
 use crate::light::{Light, SceneBounds};
 use crate::medium::{Medium, MediumId};
 use crate::rules::Rules;
-use beamfarm_image::job::{JobSettings, ScheduleKind, Targeting};
+use beamfarm_image::job::{Finders, JobSettings, ScheduleKind, Targeting};
 
 /// Everything that a pass renders. Lengths in scene units; render space is world space moved so that the camera stands
 /// at the origin, which keeps single precision where it is needed.
@@ -57,6 +57,8 @@ pub struct RenderDefaults {
     pub radius: Option<f32>,
     /// When photons are aimed at what the camera sees.
     pub targeting: Targeting,
+    /// What finds scattered light. `None`: what a pilot finds best.
+    pub finders: Finders,
 }
 
 /// Photon paths of a pass that nothing is known of; base radii are made for so many where the scene does not say.
@@ -72,6 +74,7 @@ impl RenderDefaults {
             budget: None,
             paths_per_pass: self.paths_per_pass.unwrap_or(PATHS_PER_PASS),
             reference_paths: self.paths_per_pass.unwrap_or(PATHS_PER_PASS),
+            finders: self.finders,
         }
     }
 }
@@ -87,6 +90,7 @@ impl Default for RenderDefaults {
             exposure: 0.0,
             radius: None,
             targeting: Targeting::Auto,
+            finders: Finders::default(),
         }
     }
 }

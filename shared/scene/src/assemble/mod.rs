@@ -17,7 +17,7 @@ use super::parse::{Fault, RenderRecord, SceneRecord};
 use super::transform;
 use crate::values::Spanned;
 use beamfarm_image::bundle::{self, Bundle};
-use beamfarm_image::job::MAX_PASSES;
+use beamfarm_image::job::{Finders, MAX_PASSES};
 use beamfarm_render::medium::MediumId;
 use beamfarm_render::medium::bricks::{Bricks, RawDensity};
 use beamfarm_render::texture::Image;
@@ -268,6 +268,11 @@ fn defaults(record: &RenderRecord) -> Result<RenderDefaults, Fault> {
         exposure: record.exposure.map_or(standard.exposure, |stops| stops.f32()),
         radius: record.radius.map(|radius| radius.f32()),
         targeting: record.targeting.map_or(standard.targeting, Into::into),
+        finders: Finders {
+            media: record.media.map(Into::into),
+            surfaces: record.surfaces.map(Into::into),
+            caustics: record.caustics.map(Into::into),
+        },
     })
 }
 

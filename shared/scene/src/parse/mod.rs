@@ -89,6 +89,13 @@ pub struct RenderRecord {
     pub radius: Option<Number<Positive>>,
     /// When photons are aimed at what the camera sees. Default: auto.
     pub targeting: Option<Targeting>,
+    /// What finds light that media have scattered: beams of photons, or camera paths. Default: what a pilot finds best.
+    pub media: Option<Finder>,
+    /// What finds light that surfaces have scattered. Default: photons where caustics need them anyway.
+    pub surfaces: Option<Finder>,
+    /// What finds light that comes by way of specular surfaces from lights that are large enough for camera paths.
+    /// Default: what a pilot finds best.
+    pub caustics: Option<Finder>,
 }
 
 /// What is around everything.

@@ -95,6 +95,25 @@ impl From<ScheduleKind> for job::ScheduleKind {
     }
 }
 
+/// What finds light whose way to what the camera sees is not straight.
+#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Finder {
+    /// Photons, where camera paths look them up and end.
+    Photons,
+    /// Camera paths that go on.
+    Paths,
+}
+
+impl From<Finder> for job::Finder {
+    fn from(word: Finder) -> Self {
+        match word {
+            Finder::Photons => Self::Photons,
+            Finder::Paths => Self::Paths,
+        }
+    }
+}
+
 /// When photons are aimed.
 #[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]

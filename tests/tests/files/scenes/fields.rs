@@ -35,6 +35,10 @@ schedule = "beam"
 seed = 7
 exposure = -1.5
 radius = 0.02
+targeting = "on"
+media = "photons"
+surfaces = "paths"
+caustics = "paths"
 [world]
 medium = "fog"
 [camera]

@@ -2,7 +2,7 @@
 
 use crate::failure::Failure;
 use beamfarm_image::job::{JobSettings, ScheduleKind};
-use beamfarm_render::balance::balanced;
+use beamfarm_render::balance::Choice;
 use beamfarm_render::world::SceneDescription;
 use beamfarm_scene::{ImportOptions, SceneFile};
 use clap::Args;
@@ -107,13 +107,13 @@ impl Overrides {
         let camera = &mut description.camera;
         camera.width = self.width.unwrap_or(camera.width);
         camera.height = self.height.unwrap_or(camera.height);
-        Ok(match self.paths {
-            Some(paths_per_pass) => JobSettings {
-                paths_per_pass,
-                ..settings
-            },
-            None => balanced(description, settings).0,
-        })
+        let paths = self.paths.or(description.defaults.paths_per_pass);
+        let settings = JobSettings {
+            paths_per_pass: paths.unwrap_or(settings.paths_per_pass),
+            ..settings
+        };
+        let choice = Choice::new(description, settings, paths);
+        Ok(choice.map_or(settings, |choice| choice.settings()))
     }
 }
 

@@ -49,8 +49,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let scene = Scene::new(beamfarm_scene::load(&read_bundle(path.as_ref())?)?);
     let seen = gloss(&scene, passes.min(4))?;
     let settings = scene.description().defaults.job_settings();
-    let several = RenderPlan::new(&scene, settings).gloss_rays_side;
-    let ways = [("one gather ray", 1), ("several", several)];
+    let ways = [("one gather ray", 1), ("four", 2)];
     let mut modes = ways.map(|_| Moments::default());
     for pass_index in first..first + passes {
         for (mode, (_, side)) in modes.iter_mut().zip(ways) {

@@ -151,7 +151,11 @@ fn plans(scene: &Scene, settings: JobSettings) -> Vec<RenderPlan> {
         caustics: paths(said.caustics),
         ..media
     };
-    for finders in [media, caustics] {
+    let others = match plans[0].estimators.specular {
+        true => vec![media, caustics],
+        false => vec![media],
+    };
+    for finders in others {
         let other = plan(finders);
         if plans.iter().all(|plan| plan.estimators != other.estimators) {
             plans.push(other);
@@ -165,10 +169,17 @@ impl Balance {
     /// that they are for.
     fn new(scene: &Scene, plan: &RenderPlan, pixels: f64) -> Self {
         let last = |k: usize| MAX_PASSES - 1 - k as u64;
-        let by_photons: [[PassImage; SETS]; SETS] = std::array::from_fn(|photons| {
+        let by_photons = |photons: usize| -> [PassImage; SETS] {
             let photons = PassPhotons::new(scene, plan, last(photons));
             std::array::from_fn(|camera| photons.render(scene, plan, last(SETS + camera)))
-        });
+        };
+        let by_photons: [[PassImage; SETS]; SETS] = match plan.has_photons() {
+            true => std::array::from_fn(by_photons),
+            false => {
+                let images = by_photons(0);
+                std::array::from_fn(|_| images.clone())
+            }
+        };
         let films = by_photons.each_ref().map(|images| images.each_ref().map(|i| &i.film));
         let [camera_variance, photon_variance] = variances(&films);
         let paths = f64::from(plan.surface_paths);

@@ -21,7 +21,7 @@ pub struct Estimators {
     /// caustics of it.
     pub is_met: Vec<bool>,
     /// Something is specular or has a lobe that is followed.
-    specular: bool,
+    pub specular: bool,
     /// Some light's photons may come by way of specular surfaces or followed lobes.
     pub caustics: bool,
     /// Some of them from a light that no camera path meets, and by followed lobes.

@@ -140,7 +140,7 @@ impl SettingsArgs {
         let choice = Choice::new(&description, settings, paths);
         let settings = choice.as_ref().map_or(settings, Choice::settings);
         if choice.is_some() {
-            notes.push(found_by_pilot(&settings));
+            notes.extend(found_by_pilot(&settings, paths.is_none()));
         }
         // One in the world alone lies in the world.
         let boundaries = description.objects.iter().filter(|o| o.boundary.is_some());
@@ -187,13 +187,12 @@ impl SettingsArgs {
     }
 }
 
-/// What a pilot chose, in words.
-fn found_by_pilot(settings: &JobSettings) -> String {
-    let paths = settings.paths_per_pass;
-    match settings.finders == Finders::default() {
-        true => format!("{paths} photon paths a pass, found by a pilot"),
-        false => format!("{}, {paths} photon paths a pass, found by a pilot", settings.finders),
-    }
+/// What a pilot chose, in words. `chose_paths`: their number as well.
+fn found_by_pilot(settings: &JobSettings, chose_paths: bool) -> Option<String> {
+    let finders = (settings.finders != Finders::default()).then(|| format!("light of {}", settings.finders));
+    let paths = chose_paths.then(|| format!("{} photon paths a pass", settings.paths_per_pass));
+    let chosen: Vec<String> = finders.into_iter().chain(paths).collect();
+    (!chosen.is_empty()).then(|| format!("{}, found by a pilot", chosen.join(", ")))
 }
 
 /// A scene that was read and found good.

@@ -44,6 +44,7 @@ pub mod sight;
 pub mod targeting;
 pub mod texture;
 pub mod transport;
+pub mod view;
 pub mod warp;
 mod wide;
 pub mod world;

@@ -16,4 +16,5 @@ mod one_beam;
 mod rates;
 mod scales;
 mod single_scattering;
+mod unseen;
 mod weights;

@@ -44,6 +44,11 @@ impl PhotonBeam {
     pub fn radius_at(&self, s: f32) -> f32 {
         self.radius + self.radius_slope * s
     }
+    /// Where the beam's kernel begins and ends, render space.
+    #[inline]
+    pub fn ends(&self) -> [Vec3; 2] {
+        self.extent.map(|s| self.origin + self.dir * s)
+    }
     /// The larger of the radii at the two ends.
     #[inline]
     pub fn max_radius(&self) -> f32 {

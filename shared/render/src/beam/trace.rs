@@ -292,7 +292,11 @@ impl<V: Sight> Tracer<'_, V> {
             let (segment, _) = medium.segment(&photon.ray, length, sampler, &mut out.steps);
             if let Some(segment) = segment {
                 let beam = self.beam(photon, id, segment, hit, sampler);
+                // In other media camera paths go on from their vertices, and may gather beams anywhere.
+                let view = self.plan.view.as_ref().filter(|_| serves_all);
+                let is_seen = view.is_none_or(|view| view.meets(beam.ends(), beam.max_radius()));
                 match medium {
+                    _ if !is_seen => {}
                     Medium::Homogeneous(_) if photon.footprint.is_smooth() => {
                         out.smooth_beams.push(beam);
                     }

@@ -366,6 +366,10 @@ impl Material {
     pub fn has_narrow_lobe(&self) -> bool {
         self.bsdf(Vec2::ZERO).narrow_and_wide(Vec3::Z).is_some()
     }
+    /// Whether camera paths may go on from it in another direction, before their first vertex.
+    pub fn turns_paths(&self) -> bool {
+        self.has_delta() && !self.is_null() || self.is_followed() || self.has_narrow_lobe()
+    }
 }
 
 /// Luminance, exact for greys, so that what is opaque lets nothing through.

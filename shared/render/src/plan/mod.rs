@@ -11,6 +11,7 @@ use crate::estimators::Estimators;
 use crate::kernel::{Extent, KernelRadii};
 use crate::light::LightSelector;
 use crate::targeting::Targets;
+use crate::view::View;
 use crate::world::{Scene, SceneDescription};
 use beamfarm_image::job::{Budget, JobSettings, ScheduleKind};
 use beamfarm_image::layer::Layer;
@@ -48,6 +49,8 @@ pub struct RenderPlan {
     pub radii: KernelRadii,
     /// Of what radius they are fractions, where that is not the scene's; scene units.
     extent_seen: Option<f32>,
+    /// Where camera paths find beams of media whose light these bring, if that is not everywhere.
+    pub view: Option<View>,
     /// What photons are aimed at, if they are.
     pub targets: Option<Arc<Targets>>,
     /// What is rendered beside the beauty.
@@ -95,6 +98,7 @@ impl RenderPlan {
             },
             radii,
             extent_seen,
+            view: View::of(scene),
             targets: targets.map(Arc::new),
             layers: LayerPlan::default(),
             stages: Vec::new(),
@@ -142,7 +146,7 @@ impl Contents {
         };
         Self {
             scattering: description.media.iter().filter(|m| m.scatters()).count(),
-            specular: used(&|m| m.has_delta() && !m.is_null() || m.is_followed() || m.has_narrow_lobe()),
+            specular: used(&Material::turns_paths),
             surfaces: used(&|m| !m.is_specular()),
             boundaries: used(&|m| m.is_null()),
             cut_out: used(&|m| m.opacity.is_some()),

@@ -1,6 +1,9 @@
 //! Photons and beams that the camera hardly sees or cannot see.
 
+use beamfarm_image::job::JobSettings;
 use beamfarm_render::beam::PhotonBeam;
+use beamfarm_render::beam::trace::trace_photons;
+use beamfarm_render::kernel::KernelRadii;
 use beamfarm_render::math::{Rgb, Vec2, Vec3};
 use beamfarm_render::pass::{PassImage, render_pass};
 use beamfarm_render::plan::RenderPlan;
@@ -130,5 +133,38 @@ fn beams_out_of_view_do_not_matter() {
     assert!(2 * stored[0] < stored[1], "{stored:?}");
     let mut suite = Suite::new(1e-3);
     suite.mean("difference", &difference, 0.0);
+    suite.finish();
+}
+
+/// All that is emitted is absorbed by the fog, although photons far away end by chance.
+#[test]
+fn what_flies_away_is_not_lost() {
+    let scene = open_fog("", "");
+    let settings = JobSettings {
+        paths_per_pass: 3000,
+        ..scene.description().defaults.job_settings()
+    };
+    let mut plan = RenderPlan::new(&scene, settings);
+    plan.view = None;
+    plan.radii = KernelRadii::fixed(1e-4);
+    let medium = &scene.description().media[0];
+    let sigma_t = medium.sigma_t();
+    let albedo = medium.sigma_s() / sigma_t;
+    let mut total = [(); 3].map(|_| MeanEstimate::new());
+    for pass in 0..200 {
+        let photons = trace_photons(&scene, &plan, pass);
+        assert!(photons.beams.is_empty() && !photons.smooth_beams.is_empty());
+        for c in 0..3 {
+            let lost = |b: &PhotonBeam| f64::from(b.power[c]) * -libm::expm1(-f64::from(sigma_t[c] * b.length));
+            let scattered: f64 = photons.smooth_beams.iter().map(lost).sum();
+            total[c].add(scattered);
+        }
+    }
+    // Light straight from the lamp leaves no beams: those have what was scattered once, twice, ... n times.
+    let mut suite = Suite::new(1e-3);
+    for (c, power) in [10.0, 20.0, 30.0].into_iter().enumerate() {
+        let albedo = f64::from(albedo[c]);
+        suite.mean(format!("channel {c}"), &total[c], power * albedo / (1.0 - albedo));
+    }
     suite.finish();
 }

@@ -10,8 +10,8 @@ use crate::aov::GroupNumber;
 use crate::bsdf::{Material, TransportMode};
 use crate::footprint::{Footprint, spread};
 use crate::geometry::SurfaceHit;
-use crate::light::{EmissionSample, EmissionUniforms, LightChoice, LightHit};
-use crate::math::{Ray, Rgb, Vec3, mean};
+use crate::light::{EmissionSample, EmissionUniforms, LightChoice, LightHit, SceneBounds};
+use crate::math::{Ray, Rgb, Vec3, exp_neg, mean};
 use crate::medium::transmittance::StepFunctions;
 use crate::medium::{Flight, Medium, MediumId, MediumSegment};
 use crate::odds::{DEEPER_ODDS, MAX_SURVIVAL, TRAPPED_DEPTH, first_odds, least_flight};
@@ -161,6 +161,8 @@ struct Photon<H> {
     light: usize,
     group: Option<GroupNumber>,
     depth: u32,
+    /// The least that it has been worth for where it was.
+    worth: f32,
     leaves_beams: bool,
 }
 
@@ -258,6 +260,7 @@ impl<V: Sight> Tracer<'_, V> {
             light: choice.light,
             group: self.plan.layers.group(choice.light),
             depth: 0,
+            worth: 1.0,
             leaves_beams,
         })
     }
@@ -312,9 +315,10 @@ impl<V: Sight> Tracer<'_, V> {
             }
             Flight::Scattered { distance, weight } => {
                 photon.power *= weight;
+                let odds = self.far_odds(photon, id, distance);
                 if !serves_all && !self.goes_on {
                     photon.power = Rgb::ZERO;
-                } else if photon.survives(before, sampler) {
+                } else if photon.survives(before / odds, sampler) {
                     let old = photon.ray.dir;
                     let dir = medium.phase().sample(old, sampler.next_2d());
                     let pdf = medium.phase().pdf(old.dot(dir));
@@ -343,6 +347,23 @@ impl<V: Sight> Tracer<'_, V> {
                 true
             }
         }
+    }
+
+    /// Factor on the probability that a photon goes on which was scattered at this distance: what it is worth there,
+    /// over the least that it has been worth.
+    fn far_odds(&self, photon: &mut Photon<V::Hidden>, id: u16, distance: f32) -> f32 {
+        let Medium::Homogeneous(medium) = &self.scene.media()[usize::from(id)] else {
+            return 1.0;
+        };
+        let SceneBounds { center, radius } = *self.scene.bounds();
+        let beyond = photon.ray.at(distance).distance(center) - radius;
+        if beyond <= 0.0 || beyond.is_nan() {
+            return 1.0;
+        }
+        let worth = exp_neg(-FAR_DECAY * medium.least_sigma_t() * beyond).max(LEAST_WORTH);
+        let odds = (worth / photon.worth).min(1.0);
+        photon.worth = photon.worth.min(worth);
+        odds
     }
 
     /// The beam of a photon that flies to `hit`, over the segment of its way that can be seen.
@@ -607,6 +628,12 @@ fn overhang(cos: f32, radius: f32, slope: f32) -> f32 {
     };
     length.min(MAX_OVERHANG * radius).min(limit)
 }
+
+/// What a photon is worth that has been scattered beyond the scene's bounds, in fog without an end, goes as e to the
+/// minus so much times its optical distance from them: it is seen from there, or comes back, through all of that.
+const FAR_DECAY: f32 = 0.5;
+/// The least that it is worth: none gets heavier than the reciprocal for being far.
+const LEAST_WORTH: f32 = 1.0 / 64.0;
 
 /// Widest kernel over the size of what the light lands on.
 const LOCAL: f32 = 0.25;

@@ -225,14 +225,14 @@ fn variances(films: &[[&Film; SETS]; SETS]) -> [f64; 2] {
     let mut pixels: Vec<[f64; 2]> = (0..count)
         .map(|i| {
             let mut sums = [0.0; 2];
-            for channel in 0..3 {
+            for (channel, smooth) in smooth[i].iter().enumerate() {
                 let at = |photons: usize, camera: usize| f64::from(films[photons][camera].pixels[i][channel]);
                 // For each camera, the variance over photons; then that over cameras of their means.
                 let of_camera: [[f64; 2]; SETS] =
                     std::array::from_fn(|camera| moments(std::array::from_fn(|photons| at(photons, camera))));
                 let [_, camera] = moments(of_camera.map(|[mean, _]| mean));
                 let photons = of_camera.iter().map(|[_, variance]| variance).sum::<f64>() / n;
-                let weight = 1.0 / (smooth[i][channel] * smooth[i][channel] + DARK);
+                let weight = 1.0 / (smooth * smooth + DARK);
                 sums[0] += weight * camera;
                 sums[1] += weight * photons;
             }

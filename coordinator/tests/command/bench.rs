@@ -198,11 +198,11 @@ overrides = { alpha = 0.5, paths = 100, radius = 0.05, schedule = "beam", seed =
         ["one", "half", "1", "12"], ["one", "half", "2", "12"], ["one", "half", "4", "12"],
         ["two", "as it is", "1", "24"],
     ]);
-    // The command line comes before the file.
-    assert_eq!(rows[2]["photon_paths"], "50");
     assert!(rows.iter().all(|row| row["rel_mse"].is_empty()));
     let settings = &read_json(&path.join("out/bench.json"))["scenes"][0]["runs"][1]["settings"];
     assert_eq!(settings["schedule"], "beam");
+    // The command line comes before the file.
+    assert_eq!(settings["paths_per_pass"], 50);
     assert_eq!((&settings["alpha"], &settings["seed"]), (&0.5.into(), &1.into()));
     let texts = read_page(&path.join("out/bench.html"));
     for text in ["All <of> & it", "one", "two", "half", "known figures"] {

@@ -83,8 +83,8 @@ impl fmt::Display for Finder {
     }
 }
 
-/// What finds light, by what it met. Either is right, with another noise after a given time. `None`: as is best for most
-/// scenes like it.
+/// What finds light, by what it met. Either is right, with another noise after a given time. `None`: as is best for
+/// most scenes like it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Finders {
     /// In media: photon beams along the camera's own segments, or camera paths that are scattered.

@@ -8,8 +8,8 @@
 //! ```
 //!
 //! The pilot renders small images of the same photons by other camera paths and of other photons by the same ones. Work
-//! is counted, not timed: every machine finds the same number. It does so for each way to find the scene's light that may
-//! be the best, and takes the one of the least product.
+//! is counted, not timed: every machine finds the same number. It does so for each way to find the scene's light that
+//! may be the best, and takes the one of the least product.
 
 use crate::budget::shrunk;
 use crate::pass::{PassImage, PassPhotons};
@@ -85,8 +85,8 @@ pub struct Choice {
 }
 
 impl Choice {
-    /// Let a pilot choose what the settings do not say. `paths`: as many as a pass is to have, whatever is best. `None`:
-    /// there is nothing to choose.
+    /// Let a pilot choose what the settings do not say. `paths`: as many as a pass is to have, whatever is best.
+    /// `None`: there is nothing to choose.
     pub fn new(description: &SceneDescription, settings: JobSettings, paths: Option<u32>) -> Option<Self> {
         let scene = Scene::new(shrunk(description, SIDE));
         let plans = plans(&scene, settings);

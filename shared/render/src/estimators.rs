@@ -40,8 +40,8 @@ const FAR: f32 = 6.0;
 /// Points from which surfaces that emit are looked for, along a side of the picture, and directions from each.
 const LOOKS: usize = 4;
 const DIRECTIONS: usize = 512;
-/// Lights that camera paths meet less often would be fireflies behind specular surfaces: light comes in drops of one over
-/// this.
+/// Lights that camera paths meet less often would be fireflies behind specular surfaces: light comes in drops of one
+/// over this.
 const LEAST_MET: f32 = 1.0 / 512.0;
 
 /// Least free path and least size of a medium whose light beams bring, in kernel radii: in others kernels would be

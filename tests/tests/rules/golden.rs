@@ -78,35 +78,35 @@ radiance = [0.1, 0.12, 0.2]
 const RULES: [(&str, &str); 10] = [
     (
         r#"rays = ["camera"] | exclude = ["ball", "sky"]"#,
-        "0ea63981ab8ce694e420fdf2c7961b2916ca83a7ae819d41062aee31cc320bfa",
+        "09105cf5264ccfd4c9b4dbf215ff91afb1f143885d0ea3b34291570a0ea47122",
     ),
     (
         r#"rays = ["camera"] | include = ["floor", "mirror", "box"]"#,
-        "b80c113d61e9028282721cddd06cb41fe2b03e1023176f43cc0bd25caa4a6f57",
+        "8ef81b9970c159a836dd6827469457df1bd655fb5d0b7d9eeace788e2db833a7",
     ),
     (
         r#"on = ["mirror", "ball"] | rays = ["reflected"] | exclude = ["glass", "lamp"]"#,
-        "6c4e291a0bef2eb637f80161161a88011f651ecb3565ff92421577accd3a2dad",
+        "cc8b8b5c1603cd75a134f9e8dfb97be9628ad3335bb134ae8bb83c20f7160616",
     ),
     (
         r#"on = ["mirror"] | rays = ["reflected"] | include = ["ball"]"#,
-        "fbdc0147c5698a857f3dba51d84a6f10512d4a426e8f33328b21fea05074310e",
+        "c294016006c5b0ad4d312901999e7580f98a526fd314c0b2203224d9b024424c",
     ),
     (
         r#"on = ["glass"] | rays = ["refracted"] | exclude = ["floor"]"#,
-        "f9938a6548ff400783091994a6f4cad494dba6e6a6c5897f2f6941f043db1b8f",
+        "fb4150c747be864398c538cdaa94bd29cdabd4832de770e937d391ce3659c8a5",
     ),
     (
         r#"rays = ["refracted"] | include = ["glass", "mirror"]"#,
-        "23164d59c1e8603c623457f73de50481ea2bf334a7488b00b2f3d00055ffb285",
+        "d96c14e9d1c0d99357006aba3057c2dd39ea37d135a5b883bf48e6ef3829835a",
     ),
     (
         r#"on = ["floor"] | rays = ["shadow"] | exclude = ["lamp", "ball"]"#,
-        "9c0ca4c2ebf554f29ff1723c47ebb1985963379e8652ec56ef3a4704896e37bd",
+        "cc1f05774c3fe1e1ca19b930fd895ed5880bdd10b45b1f500d32bce51502c90c",
     ),
     (
         r#"on = ["ball"] | rays = ["shadow"] | include = ["spot"]"#,
-        "d5e149cec367db4daedc665e15c103ffe6fb729abe9953123c0912ba490f0864",
+        "2459d7204e00f5915f8e30d28451b63eaa4b919e592bd5882cfa401ac6668309",
     ),
     (
         r#"on = ["floor", "box", "spot"] | rays = ["photon"] | exclude = ["glass", "spot"]"#,

@@ -36,11 +36,11 @@ position = [0.5, 2, 0.5]
 power = 100.0
 "#;
 
-/// A scene of this size, with so many passes and photon paths a pass.
+/// A scene of this size, with so many passes and photon paths a pass. All that a pass takes is photons.
 pub fn scene([width, height]: [u32; 2], passes: u32, paths: u32) -> String {
     format!(
         "image = {{ width = {width}, height = {height} }}\n\
-         render = {{ passes = {passes}, paths = {paths} }}\n{SCENE}"
+         render = {{ passes = {passes}, paths = {paths}, media = \"photons\" }}\n{SCENE}"
     )
 }
 

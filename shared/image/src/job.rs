@@ -85,14 +85,15 @@ impl fmt::Display for Finder {
 
 /// What finds light, by what it met. Either is right, with another noise after a given time. `None`: as is best for
 /// most scenes like it.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Finders {
     /// In media: photon beams along the camera's own segments, or camera paths that are scattered.
     pub media: Option<Finder>,
     /// On surfaces: photons at the second vertex, or camera paths that go on.
     pub surfaces: Option<Finder>,
-    /// Behind specular surfaces alone: photons, or camera paths for lights that they meet often enough. Where photons
-    /// find all light of surfaces or media, they find this as well.
+    /// Behind specular surfaces alone: photons, or camera paths for lights that they meet often enough; unless said,
+    /// both where these are not all around, balanced. Where photons find all light of surfaces or media, they find this
+    /// as well.
     pub caustics: Option<Finder>,
 }
 

@@ -22,9 +22,9 @@ use beamfarm_scene::read_bundle;
 use clap::Args;
 use comparison::Reference;
 use machine::Machine;
-use overrides::{Overrides, load};
+use overrides::{Overrides, chosen, load};
 use record::{Findings, PeerFindings, Record, RunFindings, SceneFindings, Settings};
-use run::{Run, Task, checkpoints};
+use run::{Integrator, Run, Task, checkpoints};
 use std::path::PathBuf;
 use suite::{Peer, Point, RunCase, SceneCase, Suite};
 
@@ -62,8 +62,9 @@ A suite is a TOML file; what it names lies relative to it:
   overrides = { alpha = 0.5, paths = 20000, radius = 0.01, schedule = \"beam\", seed = 1, threads = 1,
                 width = 256, height = 256 }
 
-Every run is a process of its own with all threads, one after the other. The image is measured after 1, 2, 4, ...
-passes and the last; that does not count in the times. Wall seconds are those of rendering alone, core-seconds the CPU
+Every run is a process of its own with all threads, one after the other; it renders as many passes side by side as
+`render` has workers. The image is measured after 1, 2, 4, ... passes and the last; that does not count in the times,
+nor does the pilot. Wall seconds are those of rendering alone, core-seconds the CPU
 time of all threads. relMSE is the mean of (x - ref)^2 / (ref^2 + 0.01), the net one less the reference's own noise.
 
 Writes bench.html (plots of error against time, times to an error, crops), bench.csv (a row for each run and number of
@@ -193,7 +194,11 @@ fn prepare(
     let mut size = None;
     let mut exposure = 0.0;
     for run in runs.iter().filter(|run| run.renders(&case.name)) {
-        let (description, settings) = load(&case.path, &run.overrides)?;
+        let (description, said) = load(&case.path, &run.overrides)?;
+        let job_settings = match run.integrator {
+            Integrator::Beams => chosen(&description, said, &run.overrides),
+            Integrator::Paths => said,
+        };
         let camera = &description.camera;
         let this = [camera.width, camera.height];
         let first = *size.get_or_insert(this);
@@ -208,10 +213,10 @@ fn prepare(
         let settings = Settings {
             width: this[0],
             height: this[1],
-            paths_per_pass: settings.paths_per_pass,
-            alpha: settings.alpha,
-            schedule: settings.schedule.to_string(),
-            seed: settings.seed,
+            paths_per_pass: job_settings.paths_per_pass,
+            alpha: job_settings.alpha,
+            schedule: job_settings.schedule.to_string(),
+            seed: job_settings.seed,
             threads: run.overrides.threads.unwrap_or(cores as u16),
             overrides: run.overrides.clone(),
         };
@@ -219,6 +224,8 @@ fn prepare(
             scene: case.path.clone(),
             overrides: run.overrides.clone(),
             integrator: run.integrator,
+            paths_per_pass: job_settings.paths_per_pass,
+            finders: job_settings.finders,
             // Seconds alone end a run that nothing else is said of.
             passes: run.passes.or(case.passes).unwrap_or(match seconds {
                 Some(_) => MAX_PASSES,

@@ -80,7 +80,7 @@ impl Overrides {
         }
     }
 
-    /// Put them in place of the scene's own; returns the settings of the passes.
+    /// Put them in place of the scene's own; returns the settings of the passes, as far as no pilot chooses them.
     pub fn apply(&self, description: &mut SceneDescription) -> Result<JobSettings, String> {
         let defaults = &mut description.defaults;
         let settings = JobSettings {
@@ -108,13 +108,18 @@ impl Overrides {
         camera.width = self.width.unwrap_or(camera.width);
         camera.height = self.height.unwrap_or(camera.height);
         let paths = self.paths.or(description.defaults.paths_per_pass);
-        let settings = JobSettings {
+        Ok(JobSettings {
             paths_per_pass: paths.unwrap_or(settings.paths_per_pass),
             ..settings
-        };
-        let choice = Choice::new(description, settings, paths);
-        Ok(choice.map_or(settings, |choice| choice.settings()))
+        })
     }
+}
+
+/// What a pilot finds best, where neither the scene nor the overrides say it.
+pub fn chosen(description: &SceneDescription, settings: JobSettings, overrides: &Overrides) -> JobSettings {
+    let paths = overrides.paths.or(description.defaults.paths_per_pass);
+    let choice = Choice::new(description, settings, paths);
+    choice.map_or(settings, |choice| choice.settings())
 }
 
 /// Read a scene as it will be rendered.

@@ -6,14 +6,16 @@
 
 use super::overrides::{Overrides, load};
 use crate::failure::Failure;
+use crate::local;
 use beamfarm_image::film::Film;
-use beamfarm_image::job::{PassStats, ReferenceSettings};
+use beamfarm_image::job::{Finders, JobSettings, PassStats, ReferenceSettings};
 use beamfarm_image::merge::{Average, Node, TreeSum};
 use beamfarm_render::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::reference::render_sample;
 use beamfarm_render::world::Scene;
 use beamfarm_worker::exit;
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::io::{self, BufRead, BufReader, Read, Write};
 use std::path::PathBuf;
@@ -27,6 +29,9 @@ pub struct Task {
     pub scene: PathBuf,
     pub overrides: Overrides,
     pub integrator: Integrator,
+    /// What a pilot chose, or the scene.
+    pub paths_per_pass: u32,
+    pub finders: Finders,
     pub passes: u64,
     /// No pass begins after so many of rendering.
     pub seconds: Option<f64>,
@@ -177,6 +182,11 @@ pub fn child() -> Result<(), Failure> {
     let task: Task = serde_json::from_str(&orders.recv().map_err(gone)?).map_err(Failure::usage)?;
     let begun = Instant::now();
     let (description, settings) = load(&task.scene, &task.overrides)?;
+    let settings = JobSettings {
+        paths_per_pass: task.paths_per_pass,
+        finders: task.finders,
+        ..settings
+    };
     // Zero threads stand for one per core.
     let threads = task.overrides.threads.map_or(0, usize::from);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
@@ -186,6 +196,8 @@ pub fn child() -> Result<(), Failure> {
         let plan = RenderPlan::new(&scene, settings);
         (scene, plan)
     });
+    let (workers, _) = local::split(None, None, pool.current_num_threads());
+    let at_once = workers as u64;
     let reference = ReferenceSettings {
         seed: settings.seed,
         max_depth: None,
@@ -208,11 +220,14 @@ pub fn child() -> Result<(), Failure> {
         let (started, cpu_started) = (Instant::now(), cpu_seconds());
         let is_over = || (task.seconds).is_some_and(|seconds| wall + started.elapsed().as_secs_f64() >= seconds);
         while pass_index < passes && !(pass_index > 0 && is_over()) {
-            let (of_pass, film) = pool.install(|| render(pass_index));
-            stats += of_pass;
-            let film = film.ok_or_else(|| Failure::job("a sample was not rendered"))?;
-            sum.insert(Node::leaf(pass_index, film)).map_err(Failure::job)?;
-            pass_index += 1;
+            let end = passes.min(pass_index + at_once);
+            let images: Vec<_> = pool.install(|| (pass_index..end).into_par_iter().map(render).collect());
+            for (of_pass, film) in images {
+                stats += of_pass;
+                let film = film.ok_or_else(|| Failure::job("a sample was not rendered"))?;
+                sum.insert(Node::leaf(pass_index, film)).map_err(Failure::job)?;
+                pass_index += 1;
+            }
         }
         let is_last = is_over() || pass_index == task.passes;
         wall += started.elapsed().as_secs_f64();

@@ -12,6 +12,7 @@
 //! may be the best, and takes the one of the least product.
 
 use crate::budget::shrunk;
+use crate::estimators::widest_kernel;
 use crate::pass::{PassImage, PassPhotons};
 use crate::plan::RenderPlan;
 use crate::world::{Scene, SceneDescription};
@@ -28,12 +29,15 @@ const SIDE: u32 = 48;
 const SCALE: f64 = 0.3;
 /// What relMSE adds to the square of the reference.
 const DARK: f64 = 0.01;
+/// Beams in media that ask for kernels narrower than this share of the scene's are not tried.
+const NARROWEST: f32 = 0.2;
 /// Pixels on each side of one that say how bright it is.
 const AROUND: usize = 2;
 /// What others must be better by than what is best for most scenes: the pilot is noisy.
 const MARGIN: f64 = 0.9;
-/// The worst pixels, one in so many, do not count: what they say is chance.
-const WILD: usize = 100;
+/// The worst pixels, one in so many, do not count: what they say is chance. Not more, or rare photons, whose kernels
+/// are small here, would be all that is left out.
+const WILD: usize = 400;
 /// Fewest and most paths that are chosen.
 const LEAST: f64 = 500.0;
 const MOST: f64 = 500_000.0;
@@ -139,22 +143,30 @@ fn plans(scene: &Scene, settings: JobSettings) -> Vec<RenderPlan> {
     let said = settings.finders;
     let mut plans = vec![plan(said)];
     // Who sees what is for rules to say.
-    if !plans[0].has_photons() || scene.description().rules.is_some() {
+    if scene.description().rules.is_some() {
         return plans;
     }
-    let paths = |finder: Option<Finder>| finder.or(Some(Finder::Paths));
-    let media = Finders {
-        media: paths(said.media),
-        ..said
-    };
-    let caustics = Finders {
-        caustics: paths(said.caustics),
-        ..media
-    };
-    let others = match plans[0].estimators.specular {
-        true => vec![media, caustics],
-        false => vec![media],
-    };
+    let mut others = Vec::new();
+    let ceiling = plans[0].radii.smooth_ceiling;
+    if said.media.is_none() && (NARROWEST * ceiling..ceiling).contains(&widest_kernel(scene)) {
+        let media = Some(Finder::Photons);
+        others.push(Finders { media, ..said });
+    }
+    if plans[0].has_photons() {
+        let by = |said: Option<Finder>, finder| said.or(Some(finder));
+        let media = by(said.media, Finder::Paths);
+        others.push(Finders { media, ..said });
+        if plans[0].estimators.specular {
+            let caustics = by(said.caustics, Finder::Paths);
+            others.push(Finders {
+                media,
+                caustics,
+                ..said
+            });
+            let caustics = by(said.caustics, Finder::Photons);
+            others.push(Finders { caustics, ..said });
+        }
+    }
     for finders in others {
         let other = plan(finders);
         if plans.iter().all(|plan| plan.estimators != other.estimators) {
@@ -328,8 +340,8 @@ mod tests {
         assert!((photons / (1e-2 * weight) - 1.0).abs() < 1e-3, "{photons}");
     }
 
-    /// Light in drops of 8, by which a pixel of few samples looks bright: mean 1, variance 7. Without the brightest
-    /// hundredth of the pixels, and with the weight of a mean that is noisy itself, within a third.
+    /// Light in drops of 8, by which a pixel of few samples looks bright: mean 1, variance 7. Without the few brightest
+    /// pixels, and with the weight of a mean that is noisy itself, within a third.
     #[test]
     fn rare_light_is_noise() {
         let film = |camera: u64| {

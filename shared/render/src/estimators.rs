@@ -20,6 +20,8 @@ pub struct Estimators {
     /// By light: it is all around, so that camera paths meet it behind specular surfaces as well, and photons bring no
     /// caustics of it.
     pub is_met: Vec<bool>,
+    /// By light: camera paths meet it often enough to bring its caustics together with photons, balanced.
+    pub is_shared: Vec<bool>,
     /// Something is specular or has a lobe that is followed.
     pub specular: bool,
     /// Some light's photons may come by way of specular surfaces or followed lobes.
@@ -59,11 +61,20 @@ impl Estimators {
             let mut objects = description.objects.iter();
             objects.any(|o| test(&description.materials[o.material as usize]))
         };
-        let mut is_met = match finders.caustics {
-            Some(Finder::Photons) => vec![false; description.lights.len()],
-            Some(Finder::Paths) => lights_often_met(scene, LEAST_MET),
-            None => lights_often_met(scene, 1.0 / MOST_UNEVEN),
+        let none = vec![false; description.lights.len()];
+        let (mut is_met, mut is_shared) = match finders.caustics {
+            Some(Finder::Photons) => (none.clone(), none),
+            Some(Finder::Paths) => (lights_often_met(scene, LEAST_MET), none),
+            // Who sees what is for rules to say.
+            None if rules.is_some() => (lights_often_met(scene, 1.0 / MOST_UNEVEN), none),
+            None => (
+                lights_often_met(scene, 1.0 / MOST_UNEVEN),
+                lights_often_met(scene, LEAST_MET),
+            ),
         };
+        for (shared, met) in is_shared.iter_mut().zip(&is_met) {
+            *shared &= !met;
+        }
         // Of surfaces all around and far away hardly a photon comes to what is seen.
         let is_far = |light: &Light| match light.kind {
             LightKind::Area { object, .. } => scene.extents[object as usize] > FAR * extent,
@@ -75,7 +86,7 @@ impl Estimators {
             .map(|id| {
                 let suits = || match finders.media {
                     Some(finder) => finder == Finder::Photons,
-                    None => sends_photons && suits_beams(scene, radii, id),
+                    None => sends_photons && widest_kernel_in(scene, id) >= radii.smooth_ceiling,
                 };
                 description.media[id].scatters() && (ends_at_second || suits())
             })
@@ -86,11 +97,15 @@ impl Estimators {
         // Where photons are traced for caustics of all lights, they bring more at hardly any cost.
         let ends = match finders.surfaces {
             Some(finder) => finder == Finder::Photons,
-            None => any_beams || specular && !is_met.is_empty() && !is_met.contains(&true),
+            None => {
+                let mut met = is_met.iter().zip(&is_shared).map(|(met, shared)| met | shared);
+                any_beams || specular && !is_met.is_empty() && !met.any(|met| met)
+            }
         };
         let deep = ends_at_second || any_beams || ends;
         if deep {
             is_met.fill(false);
+            is_shared.fill(false);
         }
         let unmet = |light: &Light| light.kind.is_delta();
         Self {
@@ -99,6 +114,7 @@ impl Estimators {
             caustics: specular && is_met.iter().any(|met| !met),
             unmet_caustics: followed && description.lights.iter().any(unmet),
             is_met,
+            is_shared,
             deep,
             ends: ends || ends_at_second,
             ends_at_second,
@@ -109,6 +125,7 @@ impl Estimators {
     pub fn deepened(&self) -> Self {
         Self {
             is_met: vec![false; self.is_met.len()],
+            is_shared: vec![false; self.is_shared.len()],
             caustics: self.specular,
             deep: true,
             ends: true,
@@ -191,10 +208,17 @@ fn lights_often_met(scene: &Scene, least: f32) -> Vec<bool> {
     lights.enumerate().map(is_met).collect()
 }
 
-/// Whether kernels are narrow beside the medium and beside the way of light in it.
-fn suits_beams(scene: &Scene, radii: &KernelRadii, id: usize) -> bool {
+/// Kernels up to this radius are narrow beside every medium that scatters, and beside the way of light in it; scene
+/// units.
+pub fn widest_kernel(scene: &Scene) -> f32 {
+    let media = scene.media().iter().enumerate();
+    let scattering = media.filter(|(_, medium)| medium.scatters());
+    let widest = scattering.map(|(id, _)| widest_kernel_in(scene, id));
+    widest.fold(f32::INFINITY, f32::min)
+}
+
+fn widest_kernel_in(scene: &Scene, id: usize) -> f32 {
     let medium = &scene.media()[id];
-    let radius = radii.smooth_ceiling;
     let size = match medium {
         Medium::Homogeneous(_) => size_of_medium(scene, id),
         Medium::Heterogeneous(medium) => {
@@ -205,7 +229,7 @@ fn suits_beams(scene: &Scene, radii: &KernelRadii, id: usize) -> bool {
             sides.into_iter().fold(f32::INFINITY, f32::min)
         }
     };
-    medium.free_path() >= LEAST_FREE_PATH * radius && size >= LEAST_SIZE * radius
+    (medium.free_path() / LEAST_FREE_PATH).min(size / LEAST_SIZE)
 }
 
 /// The shortest side of the smallest object that the medium fills; infinite where it is around everything.

@@ -17,6 +17,22 @@ pub(crate) fn first_odds(plan: &RenderPlan, pass_index: u64) -> f32 {
     plan.surface_paths as f32 * (std::f32::consts::PI * radius * radius)
 }
 
+/// By light: expected caustic photons of a pass in a kernel, for an emission of 1 per area and solid angle of what is
+/// emitted: what weighs them against camera paths that meet the light by way of specular surfaces. Zero where only one
+/// of the two finds it.
+pub(crate) fn caustic_odds(scene: &Scene, plan: &RenderPlan, pass_index: u64) -> Vec<f32> {
+    let odds = CAUSTIC_SHARE * first_odds(plan, pass_index);
+    let shared = plan.estimators.is_shared.iter().enumerate();
+    let odds_of = |(light, shared): (usize, &bool)| match shared {
+        true => odds * scene.selector.pmf(light),
+        false => 0.0,
+    };
+    shared.map(odds_of).collect()
+}
+
+/// Kernels of caustics are narrower than the widest, for which their odds stand.
+const CAUSTIC_SHARE: f32 = 0.5;
+
 /// What photons on gloss are worth against gather rays, of what their odds say: [`GLOSS_SHARE`], and less where photons
 /// are few: those of a pass in a kernel of scattered light, were they spread evenly over a sphere around the scene,
 /// over those that their odds take for granted.

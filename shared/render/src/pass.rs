@@ -6,7 +6,7 @@ use crate::beam::store::BeamMap;
 use crate::beam::trace::{Photons, trace_photons};
 use crate::math::{Ray, Rgb, Vec2};
 use crate::medium::transmittance::StepFunctions;
-use crate::odds::{first_odds, gloss_odds, least_flight};
+use crate::odds::{caustic_odds, first_odds, gloss_odds, least_flight};
 use crate::photon_map::SurfacePhotonMap;
 use crate::plan::RenderPlan;
 use crate::sampler::{Purpose, Sampler, mix64};
@@ -122,6 +122,7 @@ impl PassPhotons {
                 plan,
                 photons: self.surface.as_ref(),
                 first_odds: first_odds(plan, pass_index),
+                caustic_odds: caustic_odds(scene, plan, pass_index),
                 gloss_odds: gloss_odds(scene, plan, pass_index),
                 least_flight: least_flight(plan, pass_index),
                 sight,

@@ -1,9 +1,10 @@
 //! Independent images of a scene by both renderers, and what is kept of them.
 
 use beamfarm_image::film::Film;
-use beamfarm_image::job::ReferenceSettings;
+use beamfarm_image::job::{JobSettings, ReferenceSettings};
 use beamfarm_image::layer::Layer;
 use beamfarm_render::aov::light_layers;
+use beamfarm_render::balance::Choice;
 use beamfarm_render::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::reference::{SampleLayers, render_sample_with_layers};
@@ -64,13 +65,18 @@ pub fn part_names(scene: &Scene) -> Vec<String> {
 }
 
 impl Images {
-    /// Of the passes.
+    /// Of the passes, as a pilot has them.
     ///
     /// # Panics
     /// When the layers are not those of the scene.
     pub fn of_passes(scene: &Scene, draws: &Draws) -> Self {
-        let mut settings = scene.description().defaults.job_settings();
-        settings.seed = draws.seed;
+        let defaults = &scene.description().defaults;
+        let settings = JobSettings {
+            seed: draws.seed,
+            ..defaults.job_settings()
+        };
+        let choice = Choice::new(scene.description(), settings, defaults.paths_per_pass);
+        let settings = choice.map_or(settings, |choice| choice.settings());
         let layers = layers(scene);
         let started = Instant::now();
         let plan = match RenderPlan::new(scene, settings).with_layers(scene, &layers) {

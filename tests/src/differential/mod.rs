@@ -71,6 +71,14 @@ impl Verdict {
         matches!(self, Self::Biased { .. } | Self::Fireflies(_))
     }
 
+    /// Whether the passes are known to be right.
+    pub fn is_settled(&self) -> bool {
+        match self {
+            Self::Right | Self::Noise | Self::Shrinks(_) | Self::TooLong(None) => true,
+            Self::Unknown(_) | Self::TooLong(Some(_)) | Self::Biased { .. } | Self::Fireflies(_) => false,
+        }
+    }
+
     /// In a word.
     pub fn word(&self) -> &'static str {
         match self {

@@ -195,3 +195,65 @@ fn bits_do_not_depend_on_threads() {
     });
     assert_eq!(images[0], images[1]);
 }
+
+/// Polished things that see a lamp of no size in each other.
+const POLISHED: &str = r#"
+[image]
+width = 24
+height = 24
+[render]
+passes = 1600
+paths = 3000
+radius = 0.03
+[camera]
+origin = [0.0, 1.0, 4.0]
+target = [0.0, 0.5, 0.0]
+fov = 40.0
+[materials.steel]
+type = "rough_conductor"
+alpha = 0.07
+preset = "chromium"
+[materials.other]
+MATERIAL
+[[shapes]]
+type = "rectangle"
+material = "steel"
+transform = [{ rotate = { axis = [1, 0, 0], angle = -90 } }, { scale = 1.5 }]
+[[shapes]]
+type = "sphere"
+center = [-0.5, 0.5, 0.0]
+radius = 0.5
+material = "steel"
+[[shapes]]
+type = "sphere"
+center = [0.6, 0.5, 0.3]
+radius = 0.5
+material = "other"
+[[lights]]
+LIGHT
+"#;
+
+/// Lights of no size that polish shows by way of polish: each is found once, as the path tracer finds it. Significance
+/// 1e-2 for all blocks of all scenes.
+#[test]
+fn lights_of_no_size_are_seen_once_in_polish() {
+    let mut suite = Suite::new(1e-2);
+    let point = "type = \"point\"\nposition = [0.0, 3.0, 1.5]\nintensity = 10.0";
+    let parallel = "type = \"directional\"\ndirection = [0.3, -1.0, -0.4]\nirradiance = 2.0";
+    let steel = "type = \"rough_conductor\"\nalpha = 0.07\npreset = \"gold\"";
+    let lacquer = "type = \"rough_plastic\"\nalpha = 0.07\nreflectance = [0.2, 0.3, 0.5]";
+    let frosted = "type = \"rough_dielectric\"\nalpha = 0.07\nior = 1.5";
+    for (light, material) in [(point, steel), (parallel, lacquer), (point, frosted)] {
+        let scene = scene(&POLISHED.replace("LIGHT", light).replace("MATERIAL", material));
+        let settings = ReferenceSettings {
+            seed: 5,
+            max_depth: None,
+        };
+        let truth = Blocks::new(reference_images(&scene, settings, 800, 8), 8);
+        let passes = blocks(&scene, 8);
+        let noise = passes.noise(&truth);
+        assert!(noise < 0.05, "{material}: {noise}");
+        suite.same_blocks(material, &passes, &truth, 5e-3);
+    }
+    suite.finish();
+}

@@ -85,12 +85,14 @@ const PHOTONS: Option<Finder> = Some(Finder::Photons);
 const PATHS: Option<Finder> = Some(Finder::Paths);
 
 /// All ways to share the light: all by photons that can be, to none.
-const ALL: [Finders; 5] = [
+const ALL: [Finders; 6] = [
     finders(PHOTONS, PHOTONS, PHOTONS),
     finders(PHOTONS, PATHS, PHOTONS),
     finders(PATHS, PHOTONS, PHOTONS),
     finders(PATHS, PATHS, PHOTONS),
     finders(PATHS, PATHS, PATHS),
+    // Caustics by both, balanced.
+    finders(PATHS, PATHS, None),
 ];
 
 const fn finders(media: Option<Finder>, surfaces: Option<Finder>, caustics: Option<Finder>) -> Finders {
@@ -114,6 +116,7 @@ fn by(scene: &Scene, finders: Finders, seed: u64) -> Blocks {
     assert_eq!(estimators.any_beams(), finders.media == PHOTONS);
     assert_eq!(estimators.ends, finders.surfaces == PHOTONS);
     assert_eq!(estimators.is_met, [finders.caustics == PATHS]);
+    assert_eq!(estimators.is_shared, [finders.caustics.is_none()]);
     Blocks::new((0..defaults.passes).map(|i| render_pass(scene, &plan, i).film), 8)
 }
 
@@ -166,7 +169,8 @@ fn beams_and_camera_paths_find_the_same_light() {
     suite.finish();
 }
 
-/// An even sky, whose caustics camera paths find behind glass or photons bring. Significance 1e-2 for all blocks.
+/// An even sky, whose caustics camera paths find behind glass, or photons bring, or both. Significance 1e-2 for all
+/// blocks.
 #[test]
 fn a_sky_is_met_behind_glass_or_brings_photons() {
     let text = r#"
@@ -211,13 +215,14 @@ radiance = [0.5, 0.7, 1.0]
 "#;
     let scene = scene(text);
     let mut suite = Suite::new(1e-2);
-    let [met, brought] = [true, false].map(|met| {
+    let [met, brought, shared] = [(0, true, false), (1, false, false), (2, false, true)].map(|(seed, met, shared)| {
         let mut settings = scene.description().defaults.job_settings();
-        settings.seed += u64::from(met);
+        settings.seed = seed;
         let mut plan = RenderPlan::new(&scene, settings);
         assert!(plan.estimators.is_met[0] && !plan.surface_photons);
         if !met {
             plan.estimators.is_met[0] = false;
+            plan.estimators.is_shared[0] = shared;
             plan.estimators.caustics = true;
             plan.surface_photons = true;
             plan.emitters = None;
@@ -225,6 +230,7 @@ radiance = [0.5, 0.7, 1.0]
         let passes = 0..scene.description().defaults.passes;
         Blocks::new(passes.map(|i| render_pass(&scene, &plan, i).film), 8)
     });
-    same_means("sky", &met, &brought, &mut suite);
+    same_means("photons of the sky", &met, &brought, &mut suite);
+    same_means("photons of the sky, and paths", &met, &shared, &mut suite);
     suite.finish();
 }

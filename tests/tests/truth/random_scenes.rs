@@ -2,7 +2,8 @@
 //!
 //! Here 48; with BEAMFARM_LONG=1 2,000, longer. BEAMFARM_SCENES and BEAMFARM_FIRST_SEED say how many, and from which
 //! seed on: a line is printed for each as soon as it is known. BEAMFARM_SECONDS: no single render that would last
-//! longer; what would have needed it is counted as "too long", and says nothing. Scenes with a fault are written to
+//! longer; what would have needed it is counted as "too long", and says nothing. Scenes with a fault, and those that
+//! differed without a verdict, are written to
 //! BEAMFARM_FAULTS (target/random-scenes by default).
 
 use beamfarm_tests::differential::Effort;
@@ -41,9 +42,12 @@ fn passes_are_right_on_random_scenes() {
         println!("{}", outcome.line());
         let word = outcome.verdict.as_ref().map_or("panic", |v| v.word());
         *counts.entry(word).or_insert(0) += 1;
+        let path = match &outcome.verdict {
+            Ok(verdict) if verdict.is_settled() => return,
+            _ => outcome.scene.write(&folder, &format!("seed-{}", outcome.seed)).unwrap(),
+        };
         if outcome.is_fault() {
-            let path = outcome.scene.write(&folder, &format!("seed-{}", outcome.seed));
-            faults.push(format!("{}\n    {}", outcome.line(), path.unwrap().display()));
+            faults.push(format!("{}\n    {}", outcome.line(), path.display()));
         }
     });
     println!("{counts:?}");

@@ -14,7 +14,7 @@ use crate::light::{EmissionSample, EmissionUniforms, LightChoice, LightHit, Scen
 use crate::math::{Ray, Rgb, Vec3, exp_neg, mean};
 use crate::medium::transmittance::StepFunctions;
 use crate::medium::{Flight, Medium, MediumId, MediumSegment};
-use crate::odds::{DEEPER_ODDS, MAX_SURVIVAL, TRAPPED_DEPTH, first_odds, least_flight};
+use crate::odds::{DEEPER_ODDS, MAX_SURVIVAL, TRAPPED_DEPTH, caustic_odds, first_odds, least_flight};
 use crate::photon_map::{Arrival, Odds, SeenBy, SurfacePhoton};
 use crate::plan::RenderPlan;
 use crate::sampler::{Purpose, Sampler};
@@ -69,6 +69,7 @@ fn trace_with(scene: &Scene, plan: &RenderPlan, pass_index: u64, sight: impl Sig
         surface_footprint: share.sqrt(),
         goes_on: plan.estimators.deep,
         first_odds: first_odds(plan, pass_index),
+        caustic_odds: caustic_odds(scene, plan, pass_index),
         least_flight: least_flight(plan, pass_index),
         sight,
     };
@@ -133,6 +134,7 @@ struct Tracer<'a, V> {
     /// Beyond surfaces and media that paths do not follow: what a photon leaves there may count.
     goes_on: bool,
     first_odds: f32,
+    caustic_odds: Vec<f32>,
     least_flight: f32,
     sight: V,
 }
@@ -151,12 +153,16 @@ struct Photon<H> {
     arrival: Arrival,
     /// Of what it leaves at the next surface.
     odds: Odds,
+    /// Of the caustics that it brings.
+    caustic_odds: Odds,
     /// Length of its way since it was scattered last.
     flown: f32,
     /// Normal of the light where it started.
     emitted_along: Vec3,
     /// No surface or medium has scattered it widely.
     is_pure: bool,
+    /// No surface or medium has scattered it at all: it was reflected and refracted.
+    is_sharp: bool,
     /// Its light, and that light's group.
     light: usize,
     group: Option<GroupNumber>,
@@ -242,6 +248,15 @@ impl<V: Sight> Tracer<'_, V> {
         let paths = self.kernel_paths * choice.pmf * trials as f32;
         let radius = (1.0 / (std::f32::consts::PI * emission.pdf_pos * paths)).sqrt();
         let origin = self.scene.start_of(&emission);
+        let emitted_along = emission.normal.unwrap_or(-emission.dir);
+        let caustic_odds = match self.caustic_odds[choice.light] {
+            0.0 => Odds::PHOTONS_ONLY,
+            odds => {
+                let light = &self.scene.lights()[choice.light];
+                let (objects, bounds) = (self.scene.objects(), self.scene.bounds());
+                Odds::shared(odds * light.emitted_density(objects, bounds, emission.dir, emitted_along))
+            }
+        };
         Some(Photon {
             ray: Ray {
                 origin,
@@ -254,9 +269,11 @@ impl<V: Sight> Tracer<'_, V> {
             starts_on: emission.normal,
             arrival: Arrival::Direct,
             odds: Odds::PHOTONS_ONLY,
+            caustic_odds,
             flown: 0.0,
-            emitted_along: emission.normal.unwrap_or(-emission.dir),
+            emitted_along,
             is_pure: true,
+            is_sharp: true,
             light: choice.light,
             group: self.plan.layers.group(choice.light),
             depth: 0,
@@ -343,6 +360,7 @@ impl<V: Sight> Tracer<'_, V> {
                     };
                     photon.flown = 0.0;
                     photon.is_pure = false;
+                    photon.is_sharp = false;
                 }
                 true
             }
@@ -489,6 +507,7 @@ impl<V: Sight> Tracer<'_, V> {
             photon.medium = self.scene.medium_beyond(hit, wi, photon.medium);
         }
         photon.odds = match is_followed || !self.sight.is_gathered(hit.object) {
+            true if photon.is_pure => photon.caustic_odds,
             true => Odds::PHOTONS_ONLY,
             // The normal is another one seen from elsewhere: left to gather rays, which see it from one side only. So
             // are surfaces that camera paths go on from.
@@ -505,6 +524,7 @@ impl<V: Sight> Tracer<'_, V> {
             (_, false) => Arrival::Surface,
         };
         photon.is_pure &= is_followed;
+        photon.is_sharp &= sample.delta;
         photon.flown = 0.0;
         photon.ray = hit.spawn_ray(wi);
         photon.hidden = self.sight.from(Start::Photon(hit.object));
@@ -521,8 +541,9 @@ impl<V: Sight> Tracer<'_, V> {
                 Arrival::Scattered => true,
                 Arrival::Surface => self.plan.estimators.ends,
             };
+        // Where a rough lobe was before, camera paths look for the light from there.
         let by_followed = photon.arrival == Arrival::Caustic
-            && photon.is_pure
+            && photon.is_sharp
             && self.scene.lights()[photon.light].kind.is_delta()
             && (followed || material.has_narrow_lobe());
         match (by_wide, by_followed) {

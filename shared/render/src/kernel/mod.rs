@@ -65,6 +65,15 @@ impl KernelRadii {
         }
     }
 
+    /// None larger than this one.
+    pub fn at_most(self, radius: f32) -> Self {
+        Self {
+            floor: self.floor.min(radius),
+            ceiling: self.ceiling.min(radius),
+            smooth_ceiling: self.smooth_ceiling.min(radius),
+        }
+    }
+
     /// The base radius of a beam for its footprint.
     #[inline]
     pub fn beam(&self, footprint: &Footprint) -> f32 {

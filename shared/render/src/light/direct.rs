@@ -140,6 +140,19 @@ impl Light {
     }
 }
 
+impl Light {
+    /// Density of photons, per area across their way and solid angle, where one is emitted in this direction. It stays
+    /// the same along their ways by specular surfaces. `normal`: of an area light. Zero for light that is
+    /// parallel or comes from a point.
+    pub(crate) fn emitted_density(&self, objects: &[Object], bounds: &SceneBounds, dir: Vec3, normal: Vec3) -> f32 {
+        match &self.kind {
+            LightKind::Area { object, .. } => objects[*object as usize].shape.pdf_area(normal) / PI,
+            LightKind::Environment(environment) => environment.pdf(-dir) / bounds.disc_area(),
+            LightKind::Point { .. } | LightKind::Spot { .. } | LightKind::Directional { .. } => 0.0,
+        }
+    }
+}
+
 /// Light of a point source at `offset`.
 fn from_point(offset: Vec3, intensity: Rgb) -> Option<DirectSample> {
     let distance = offset.length();

@@ -7,13 +7,13 @@ mod stages;
 use crate::aov::{LayerPlan, NoSuchGroup};
 use crate::bsdf::Material;
 use crate::camera::Camera;
-use crate::estimators::Estimators;
+use crate::estimators::{Estimators, widest_kernel};
 use crate::kernel::{Extent, KernelRadii};
 use crate::light::LightSelector;
 use crate::targeting::Targets;
 use crate::view::View;
 use crate::world::{Scene, SceneDescription};
-use beamfarm_image::job::{Budget, JobSettings, ScheduleKind};
+use beamfarm_image::job::{Budget, Finder, JobSettings, ScheduleKind};
 use beamfarm_image::layer::Layer;
 use stages::Stage;
 use std::fmt;
@@ -67,7 +67,14 @@ impl RenderPlan {
         let extent = Extent::of(scene);
         let radii = match fixed {
             Some(radius) => KernelRadii::fixed(radius),
-            None => KernelRadii::of_extent(extent.radius),
+            None => {
+                let radii = KernelRadii::of_extent(extent.radius);
+                match settings.finders.media {
+                    // Beams in media for which they would be too wide.
+                    Some(Finder::Photons) => radii.at_most(widest_kernel(scene)),
+                    _ => radii,
+                }
+            }
         };
         let extent_seen = (extent.is_of_part && fixed.is_none()).then_some(extent.radius);
         let estimators = Estimators::new(scene, &radii, extent.radius, settings.finders);

@@ -9,11 +9,11 @@
 //! | light path                      | counted by                                                                  |
 //! | ------------------------------- | --------------------------------------------------------------------------- |
 //! | L S* E                          | the camera path meets the light; where the last S is rough, balanced with light sampling there |
-//! | L S+ S E, L a point or parallel, the last S rough | photons at that S                                         |
+//! | L S+ S S* E, L a point or parallel, S+ specular, the S after it rough | photons at that S                     |
 //! | L Mb S* E, homogeneous medium   | a point sampled on each of the camera path's segments (`medium`)            |
 //! | other … Mb S* E                 | photon beams along the camera path's segments (`beam::estimate`)            |
 //! | L x …                           | direct light at x: light sampling and what the path meets next, balanced    |
-//! | L S+ x …                        | photons at a surface x, beams along the segment before x in a medium; of an even sky: what the path meets behind S |
+//! | L S+ x …                        | photons at a surface x, beams along the segment before x in a medium; of an even sky: what the path meets behind S; of lights that are met now and then: at a surface both, balanced |
 //! | … Mb S* x …                     | the same photons and beams                                                  |
 //! | … (D or Mp) S* x …              | the path goes on from x to that vertex                                      |
 //!
@@ -26,7 +26,8 @@
 //! (`least_flight`) and that has no narrow lobe: direct light and all photons at y are all of its light. What comes to
 //! a vertex by way of S is in its photons, wherever it came from. And light that a surface y sends to the first vertex
 //! x is found by photons at x as well, balanced with the path that ends at y by the weights of `odds::gather_share`,
-//! which sum to one.
+//! which sum to one. Caustics of lights that paths meet often enough are shared in the same way: see
+//! `odds`.
 //!
 //! Where rules tell what photons see, every camera path ends at its second vertex.
 //!
@@ -73,6 +74,8 @@ pub struct CameraTracer<'a, V> {
     pub photons: Option<&'a SurfacePhotonMap>,
     /// Expected photons in a kernel, see `odds`.
     pub first_odds: f32,
+    /// By light: of caustic photons against camera paths, see `odds`.
+    pub caustic_odds: Vec<f32>,
     /// Factor on the odds of photons on gloss against gather rays: see `odds`.
     pub gloss_odds: f32,
     /// After a shorter flight camera paths go on, see `least_flight`.
@@ -405,6 +408,7 @@ impl<V: Sight> CameraTracer<'_, V> {
             beta: beta * weight,
             track: weight,
             drawn: None::<Drawn>,
+            behind: None,
             wanted: Wanted { direct, indirect },
             depth: 0,
         };

@@ -149,9 +149,11 @@ impl<V: Sight> CameraTracer<'_, V> {
                 point: x.hit.point,
                 facing: x.facing(),
                 density: rays * sample.pdf,
+                projected: Some(rays * sample.pdf / (x.hit.ng.dot(wi).abs() * self.odds_scale(x))),
                 distance: 0.0,
                 at: Some(x),
             }),
+            behind: None,
             wanted,
             depth: 0,
         };

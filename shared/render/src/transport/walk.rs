@@ -12,8 +12,8 @@ use crate::geometry::SurfaceHit;
 use crate::light::{DirectSample, LightChoice, LightHit};
 use crate::math::{Ray, Rgb, Vec3};
 use crate::medium::{Flight, MediumId};
-use crate::odds::{MAX_SURVIVAL, ROULETTE_FACTOR, TRAPPED_DEPTH};
-use crate::photon_map::{Arrival, SurfacePhoton};
+use crate::odds::{MAX_SURVIVAL, ROULETTE_FACTOR, TRAPPED_DEPTH, gather_share};
+use crate::photon_map::{Arrival, Odds, SurfacePhoton};
 use crate::sampler::{Sampler, VERTEX};
 use crate::sight::{Sight, Start};
 use crate::warp::power_heuristic;
@@ -41,6 +41,9 @@ pub(super) struct Walk<'v, H> {
     /// Where the direction was drawn: `None` behind specular surfaces and followed lobes, through which photons bring
     /// light.
     pub drawn: Option<Drawn<'v>>,
+    /// Directions that were drawn where it was not by such surfaces that the path came since, per projected solid angle
+    /// and over what photons are worth there. `None`: in a medium.
+    pub behind: Option<f32>,
     /// Of the ray that the walk begins with.
     pub wanted: Wanted,
     /// Scatterings since.
@@ -54,6 +57,8 @@ pub(super) struct Drawn<'v> {
     pub facing: Option<Vec3>,
     /// Density of the direction per solid angle, times the number of those that were drawn.
     pub density: f32,
+    /// See [`Walk::behind`].
+    pub projected: Option<f32>,
     /// From there to the start of the path's ray.
     pub distance: f32,
     /// The first surface of the camera path, whose rules hold.
@@ -140,8 +145,7 @@ impl<V: Sight> CameraTracer<'_, V> {
     /// light.
     fn share(&self, walk: &Walk<V::Hidden>, light: usize, normal: Option<Vec3>) -> f32 {
         let Some(drawn) = &walk.drawn else {
-            // Others are found by photons.
-            return f32::from(self.estimators().is_met[light]);
+            return self.share_of_caustic(walk, light, normal);
         };
         let wi = walk.ray.dir;
         let by_power = match drawn.at {
@@ -164,6 +168,23 @@ impl<V: Sight> CameraTracer<'_, V> {
         let pdf = scene.lights()[light].pdf_direct(scene.objects(), drawn.point, wi, hit);
         let choice = scene.light_sources.choice_at(drawn.point, drawn.facing, by_power);
         power_heuristic(drawn.density, pdf * choice.samples_of(light))
+    }
+
+    /// Weight of light that was met by way of specular surfaces, against photons.
+    fn share_of_caustic(&self, walk: &Walk<V::Hidden>, light: usize, normal: Option<Vec3>) -> f32 {
+        if self.estimators().is_met[light] {
+            return 1.0;
+        }
+        match (self.caustic_odds[light], walk.behind) {
+            (0.0, _) | (_, None) => 0.0,
+            (odds, Some(projected)) => {
+                let (objects, bounds) = (self.scene.objects(), self.scene.bounds());
+                let dir = -walk.ray.dir;
+                let along = normal.unwrap_or(dir);
+                let density = self.scene.lights()[light].emitted_density(objects, bounds, dir, along);
+                gather_share(odds * density, projected)
+            }
+        }
     }
 
     /// Fly through a medium that beams do not serve; distance of a scattering.
@@ -233,6 +254,7 @@ impl<V: Sight> CameraTracer<'_, V> {
             point,
             facing: None,
             density: phase.eval_directions(dir, new),
+            projected: None,
             distance: 0.0,
             at: None,
         });
@@ -340,13 +362,20 @@ impl<V: Sight> CameraTracer<'_, V> {
             walk.track /= eta * eta;
             walk.medium = scene.medium_beyond(hit, wi, walk.medium);
         }
-        walk.drawn = (!lobe.is_followed).then(|| Drawn {
-            point: hit.point,
-            facing: y.facing(),
-            density: sample.pdf,
-            distance: 0.0,
-            at: None,
-        });
+        walk.drawn = match lobe.is_followed {
+            true => {
+                walk.behind = walk.drawn.take().map_or(walk.behind, |drawn| drawn.projected);
+                None
+            }
+            false => Some(Drawn {
+                point: hit.point,
+                facing: y.facing(),
+                density: sample.pdf,
+                projected: Some(sample.pdf / hit.ng.dot(wi).abs()),
+                distance: 0.0,
+                at: None,
+            }),
+        };
         walk.hidden = self.sight.from(Start::Gather);
         walk.ray = hit.spawn_ray(wi);
         walk.depth += 1;
@@ -366,9 +395,13 @@ impl<V: Sight> CameraTracer<'_, V> {
         };
         let lit = self.lit_by_samples(y, Seen::Later, (beta, Part::Surface), context, balanced);
         // What surfaces send here is found by the path itself.
-        let weight = |photon: &SurfacePhoton, _: Vec3| match photon.arrival {
+        let weight = |photon: &SurfacePhoton, wi: Vec3| match photon.arrival {
             Arrival::Surface => 0.0,
-            _ => 1.0,
+            _ if photon.odds == Odds::PHOTONS_ONLY => 1.0,
+            _ => {
+                let density = y.pdf(y.local_wo, wi) / y.hit.ng.dot(photon.wi).abs();
+                photon.odds.photon_share(1.0, density)
+            }
         };
         lit + self.photon_radiance(y, weight, beta, context)
     }

@@ -13,11 +13,12 @@
 
 use crate::budget::shrunk;
 use crate::estimators::widest_kernel;
-use crate::pass::{PassImage, PassPhotons};
+use crate::pass::{CameraWork, PassImage, PassPhotons};
 use crate::plan::RenderPlan;
 use crate::world::{Scene, SceneDescription};
 use beamfarm_image::film::Film;
 use beamfarm_image::job::{Budget, Finder, Finders, JobSettings, MAX_PASSES};
+use rayon::prelude::*;
 
 /// Sets of photons, and of camera paths.
 const SETS: usize = 4;
@@ -25,6 +26,10 @@ const SETS: usize = 4;
 const PATHS: u32 = 3_000;
 /// Pixels of its image along the longer side, at most.
 const SIDE: u32 = 48;
+/// Of pictures that would take longer than [`LONGEST`].
+const SHORT_SIDE: f64 = 24.0;
+/// Counted work of the camera paths of one plan's pictures, nanoseconds of a core.
+const LONGEST: f64 = 1e9;
 /// Scale of its radii: about that of a hundred passes.
 const SCALE: f64 = 0.3;
 /// What relMSE adds to the square of the reference.
@@ -42,9 +47,10 @@ const WILD: usize = 400;
 const LEAST: f64 = 500.0;
 const MOST: f64 = 500_000.0;
 
-/// What a camera ray, a photon's ray, a photon that is stored and a beam's evaluation take, nanoseconds of a core: fits
-/// to the scenes of this repository.
+/// What a camera ray, a block of segments, a photon's ray, a photon that is stored and a beam's evaluation take,
+/// nanoseconds of a core: fits to the scenes of this repository.
 const CAMERA_RAY: f64 = 600.0;
+const BLOCK: f64 = 1500.0;
 const PHOTON_RAY: f64 = 400.0;
 const PHOTON: f64 = 600.0;
 const BEAM: f64 = 9000.0;
@@ -92,10 +98,16 @@ impl Choice {
     /// Let a pilot choose what the settings do not say. `paths`: as many as a pass is to have, whatever is best.
     /// `None`: there is nothing to choose.
     pub fn new(description: &SceneDescription, settings: JobSettings, paths: Option<u32>) -> Option<Self> {
-        let scene = Scene::new(shrunk(description, SIDE));
-        let plans = plans(&scene, settings);
+        let mut scene = Scene::new(shrunk(description, SIDE));
+        let mut plans = plans_of(&scene, settings);
         if plans.len() == 1 && (paths.is_some() || !plans[0].has_photons()) {
             return None;
+        }
+        let too_long = work_of_pictures(&scene, &plans[0]) / LONGEST;
+        if too_long > 1.0 {
+            let side = (f64::from(SIDE) / too_long.sqrt()).max(SHORT_SIDE);
+            scene = Scene::new(shrunk(description, side as u32));
+            plans = plans_of(&scene, settings);
         }
         let pixels = f64::from(description.camera.width) * f64::from(description.camera.height);
         let candidates = plans.iter().map(|plan| {
@@ -125,7 +137,7 @@ impl Choice {
 }
 
 /// Plans of the pilot's passes, the first of them by what is best for most scenes.
-fn plans(scene: &Scene, settings: JobSettings) -> Vec<RenderPlan> {
+fn plans_of(scene: &Scene, settings: JobSettings) -> Vec<RenderPlan> {
     let plan = |finders| {
         let budget = Some(Budget {
             passes: MAX_PASSES,
@@ -176,37 +188,47 @@ fn plans(scene: &Scene, settings: JobSettings) -> Vec<RenderPlan> {
     plans
 }
 
+/// Counted work of the camera paths of all pictures by a plan, from that of one.
+fn work_of_pictures(scene: &Scene, plan: &RenderPlan) -> f64 {
+    let image = PassPhotons::new(scene, plan, MAX_PASSES - 1).render(scene, plan, MAX_PASSES - 1);
+    let CameraWork {
+        rays,
+        evaluations,
+        blocks,
+    } = image.camera;
+    let pictures = if plan.has_photons() { SETS * SETS } else { SETS };
+    pictures as f64 * (CAMERA_RAY * rays as f64 + BLOCK * blocks as f64 + EVALUATION * evaluations as f64)
+}
+
 impl Balance {
     /// Render small images. Deterministic: by scene and plan alone, in passes that no job has. `pixels`: of the image
     /// that they are for.
     fn new(scene: &Scene, plan: &RenderPlan, pixels: f64) -> Self {
         let last = |k: usize| MAX_PASSES - 1 - k as u64;
-        let by_photons = |photons: usize| -> [PassImage; SETS] {
-            let photons = PassPhotons::new(scene, plan, last(photons));
-            std::array::from_fn(|camera| photons.render(scene, plan, last(SETS + camera)))
-        };
-        let by_photons: [[PassImage; SETS]; SETS] = match plan.has_photons() {
-            true => std::array::from_fn(by_photons),
-            false => {
-                let images = by_photons(0);
-                std::array::from_fn(|_| images.clone())
-            }
-        };
-        let films = by_photons.each_ref().map(|images| images.each_ref().map(|i| &i.film));
+        let sets = if plan.has_photons() { SETS } else { 1 };
+        let photons: Vec<PassPhotons> = (0..sets)
+            .into_par_iter()
+            .map(|set| PassPhotons::new(scene, plan, last(set)))
+            .collect();
+        // By photons, then by camera paths.
+        let images: Vec<PassImage> = (0..sets * SETS)
+            .into_par_iter()
+            .map(|i| photons[i / SETS].render(scene, plan, last(SETS + i % SETS)))
+            .collect();
+        // Without photons the same for all of them.
+        let film = |set: usize, camera: usize| &images[set % sets * SETS + camera].film;
+        let films = std::array::from_fn(|set| std::array::from_fn(|camera| film(set, camera)));
         let [camera_variance, photon_variance] = variances(&films);
         let paths = f64::from(plan.surface_paths);
-        let images = (SETS * SETS) as f64;
-        let mean = |count: &dyn Fn(&PassImage) -> u64| {
-            let counts = by_photons.iter().flatten().map(count);
-            counts.sum::<u64>() as f64 / images
-        };
+        let mean =
+            |count: &dyn Fn(&PassImage) -> u64| images.iter().map(count).sum::<u64>() as f64 / images.len() as f64;
         let share = pixels / films[0][0].pixels.len() as f64;
         Self {
             camera_variance,
             photon_variance: photon_variance * f64::from(PATHS),
-            camera_work: share * CAMERA_RAY * mean(&|i| i.rays[1]),
-            photon_work: (PHOTON_RAY * mean(&|i| i.rays[0]) + PHOTON * mean(&|i| i.stats.surface_photons)) / paths
-                + (BEAM * mean(&|i| i.stats.beams) + share * EVALUATION * mean(&|i| i.stats.beam_evaluations))
+            camera_work: share * (CAMERA_RAY * mean(&|i| i.camera.rays) + BLOCK * mean(&|i| i.camera.blocks)),
+            photon_work: (PHOTON_RAY * mean(&|i| i.photon_rays) + PHOTON * mean(&|i| i.stats.surface_photons)) / paths
+                + (BEAM * mean(&|i| i.stats.beams) + share * EVALUATION * mean(&|i| i.camera.evaluations))
                     / f64::from(PATHS),
         }
     }

@@ -17,6 +17,7 @@ use beamfarm_image::film::Film;
 use beamfarm_image::job::PassStats;
 use beamfarm_image::radius::Schedule;
 use rayon::prelude::*;
+use std::ops::AddAssign;
 
 /// What a pass returns.
 #[derive(Clone, Debug)]
@@ -29,8 +30,29 @@ pub struct PassImage {
     pub radius_scale: f64,
     /// Counters.
     pub stats: PassStats,
-    /// Rays of photons, and of the camera.
-    pub rays: [u64; 2],
+    /// Rays of photons.
+    pub photon_rays: u64,
+    /// What the camera's paths took.
+    pub camera: CameraWork,
+}
+
+/// What camera paths take, counted.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct CameraWork {
+    /// Rays traced.
+    pub rays: u64,
+    /// Pairs of beam and segment that contributed.
+    pub evaluations: u64,
+    /// Blocks of segments for which beams were looked for together.
+    pub blocks: u64,
+}
+
+impl AddAssign for CameraWork {
+    fn add_assign(&mut self, other: Self) {
+        self.rays += other.rays;
+        self.evaluations += other.evaluations;
+        self.blocks += other.blocks;
+    }
 }
 
 /// Pixels along the side of a tile: neighbours whose straight segments look for beams together.
@@ -91,21 +113,17 @@ impl PassPhotons {
     }
 
     fn picture<V: Sight>(&self, pass: &CameraPass<'_, V>) -> PassImage {
-        let Picture {
-            film,
-            layers,
-            evaluations,
-            rays,
-        } = pass.render();
+        let Picture { film, layers, work } = pass.render();
         let mut stats = self.stats;
-        stats.beam_evaluations = evaluations;
+        stats.beam_evaluations = work.evaluations;
         stats.non_finite = layers.iter().chain([&film]).map(Film::non_finite).sum();
         PassImage {
             film,
             layers,
             radius_scale: Schedule::new(&pass.tracer.plan.settings).scale(pass.pass_index),
             stats,
-            rays: [self.rays, rays],
+            photon_rays: self.rays,
+            camera: work,
         }
     }
 
@@ -187,18 +205,14 @@ struct Scratch {
 struct Tile {
     radiance: [Rgb; TILE_PIXELS],
     layers: Vec<[[f32; 3]; TILE_PIXELS]>,
-    evaluations: u64,
-    rays: u64,
+    work: CameraWork,
 }
 
 /// All tiles.
 struct Picture {
     film: Film,
     layers: Vec<Film>,
-    /// Beam evaluations.
-    evaluations: u64,
-    /// Rays traced.
-    rays: u64,
+    work: CameraWork,
 }
 
 impl<V: Sight> CameraPass<'_, V> {
@@ -216,10 +230,9 @@ impl<V: Sight> CameraPass<'_, V> {
                 self.tile(tile % columns * TILE, tile / columns * TILE, scratch)
             })
             .collect();
-        let (mut evaluations, mut rays) = (0, 0);
+        let mut work = CameraWork::default();
         for (index, tile) in tiles.into_iter().enumerate() {
-            evaluations += tile.evaluations;
-            rays += tile.rays;
+            work += tile.work;
             let (x0, y0) = (index as u32 % columns * TILE, index as u32 / columns * TILE);
             for (i, radiance) in tile.radiance.into_iter().enumerate() {
                 let (x, y) = tile_pixel(i as u32);
@@ -235,12 +248,7 @@ impl<V: Sight> CameraPass<'_, V> {
         if let Some(offset) = self.offset() {
             camera.filter.reconstruct(layers.iter_mut().chain([&mut film]), offset);
         }
-        Picture {
-            film,
-            layers,
-            evaluations,
-            rays,
-        }
+        Picture { film, layers, work }
     }
 
     fn tile(&self, x0: u32, y0: u32, scratch: &mut Scratch) -> Tile {
@@ -256,7 +264,7 @@ impl<V: Sight> CameraPass<'_, V> {
         let seed = self.tracer.plan.settings.seed;
         let cell = (self.beams).map(|_| LensCell::new(seed, self.pass_index, tile_number(x0, y0)));
         let offset = self.offset();
-        let mut rays = 0;
+        let mut work = CameraWork::default();
         for (i, value) in radiance.iter_mut().enumerate() {
             let (x, y) = tile_pixel(i as u32);
             let (x, y) = (x0 + x, y0 + y);
@@ -280,12 +288,11 @@ impl<V: Sight> CameraPass<'_, V> {
                 rays: 0,
             };
             *value = self.tracer.trace(ray, &mut context);
-            rays += context.rays;
+            work.rays += context.rays;
         }
-        let evaluations = match self.beams {
-            Some(beams) => self.gather_beams(beams, tile_number(x0, y0), scratch, &mut radiance),
-            None => 0,
-        };
+        if let Some(beams) = self.beams {
+            work += self.gather_beams(beams, tile_number(x0, y0), scratch, &mut radiance);
+        }
         let parts = &scratch.parts;
         let values = |(number, layer)| {
             let group = plan.group_of_layer(number);
@@ -294,8 +301,7 @@ impl<V: Sight> CameraPass<'_, V> {
         Tile {
             radiance,
             layers: plan.layers.iter().enumerate().map(values).collect(),
-            evaluations,
-            rays,
+            work,
         }
     }
 
@@ -320,13 +326,19 @@ impl<V: Sight> CameraPass<'_, V> {
     }
 
     /// `tile`: where it is, a number of its own.
-    fn gather_beams(&self, beams: &Beams, tile: u64, scratch: &mut Scratch, radiance: &mut [Rgb; TILE_PIXELS]) -> u64 {
+    fn gather_beams(
+        &self,
+        beams: &Beams,
+        tile: u64,
+        scratch: &mut Scratch,
+        radiance: &mut [Rgb; TILE_PIXELS],
+    ) -> CameraWork {
         let Scratch { camera, parts } = scratch;
         let CameraSegments { segments, steps } = camera;
         let seed = self.tracer.plan.settings.seed;
         let mut sampler = Sampler::new(seed, self.pass_index, Purpose::Sharing, tile);
         let key = mix64(self.chord_key ^ tile);
-        let mut evaluations = 0;
+        let mut work = CameraWork::default();
         // Stable: within a run, in the order of pixels.
         segments.sort_by_key(|s| (s.medium, s.way));
         for run in segments.chunk_by(|a, b| (a.medium, a.way) == (b.medium, b.way)) {
@@ -355,11 +367,13 @@ impl<V: Sight> CameraPass<'_, V> {
                         *sum += shared;
                     }
                     all.evaluations += shared.evaluations;
+                    all.blocks += shared.blocks;
                 }
                 all
             };
             let gathered = gather(None);
-            evaluations += gathered.evaluations;
+            work.evaluations += gathered.evaluations;
+            work.blocks += gathered.blocks;
             for (segment, sum) in run.iter().zip(gathered.radiance) {
                 let scattered = segment.beta * sum;
                 radiance[segment.pixel as usize] += scattered;
@@ -380,7 +394,7 @@ impl<V: Sight> CameraPass<'_, V> {
                 }
             }
         }
-        evaluations
+        work
     }
 }
 

@@ -10,6 +10,7 @@ use beamfarm_tests::render::{average, scene};
 const FOG_HASH: &str = "d873c2d46b6b89a5a8ff597ef5cddf39ea08edab5f301a0ad7fc6d8c506640d3";
 const SMOKE_HASH: &str = "0f390fd914dbc4402622a6b057c31bccdc476a6cbc1c8cb8b70649e8a732e63e";
 const SURFACES_HASH: &str = "0e49ee1b19edab1d215c96b29ca430154d139127e3632b1990cbb26a59db0157";
+const LAMPS_HASH: &str = "e32dcac52ab46338007fb06a0971bdf0457ed12ff9b51058d1be643b16721d65";
 
 const FOG: &str = r#"
 [image]
@@ -167,22 +168,75 @@ type = "environment"
 radiance = [0.2, 0.3, 0.5]
 "#;
 
+/// A lamp whose caustics photons and camera paths bring, balanced, and one whose caustics photons bring alone.
+const LAMPS: &str = r#"
+[image]
+width = 40
+height = 24
+[render]
+passes = 5
+paths = 500
+seed = 3
+[camera]
+origin = [0.0, 1.0, 4.0]
+target = [0.0, 0.5, 0.0]
+fov = 40.0
+[materials.glass]
+type = "dielectric"
+ior = 1.5
+[materials.silver]
+type = "rough_conductor"
+alpha = 0.05
+preset = "silver"
+[[shapes]]
+type = "rectangle"
+transform = [{ scale = 4.0 }, { rotate = { axis = [1, 0, 0], angle = -90 } }]
+[[shapes]]
+type = "sphere"
+center = [-0.6, 0.5, 0.0]
+radius = 0.5
+material = "glass"
+[[shapes]]
+type = "sphere"
+center = [0.7, 0.5, 0.0]
+radius = 0.5
+material = "silver"
+[[shapes]]
+type = "sphere"
+center = [0.0, 2.0, 1.0]
+radius = 0.5
+emission = { radiance = [3.0, 2.0, 1.0] }
+[[lights]]
+type = "point"
+position = [2.0, 2.0, 0.0]
+intensity = [0.5, 1.0, 1.5]
+"#;
+
 #[test]
 fn hashes_of_small_images() {
     let hash = |toml| pixel_hash(&average(&scene(toml)).beauty);
+    let lamps = scene(LAMPS);
+    let plan = RenderPlan::new(&lamps, lamps.description().defaults.job_settings());
+    assert_eq!(plan.estimators.is_shared, [false, true]);
     assert_eq!(
-        [("fog", hash(FOG)), ("smoke", hash(SMOKE)), ("surfaces", hash(SURFACES))],
+        [
+            ("fog", hash(FOG)),
+            ("smoke", hash(SMOKE)),
+            ("surfaces", hash(SURFACES)),
+            ("lamps", hash(LAMPS))
+        ],
         [
             ("fog", FOG_HASH.into()),
             ("smoke", SMOKE_HASH.into()),
-            ("surfaces", SURFACES_HASH.into())
+            ("surfaces", SURFACES_HASH.into()),
+            ("lamps", LAMPS_HASH.into())
         ]
     );
 }
 
 #[test]
 fn the_number_of_threads_changes_nothing() {
-    for toml in [FOG, SMOKE, SURFACES] {
+    for toml in [FOG, SMOKE, SURFACES, LAMPS] {
         let scene = scene(toml);
         let plan = RenderPlan::new(&scene, scene.description().defaults.job_settings());
         let hashes: Vec<String> = [1, 2, 3, 8]

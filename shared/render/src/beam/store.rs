@@ -93,6 +93,11 @@ impl BeamMap {
         self.media.get(usize::from(medium))
     }
 
+    /// Whether there are any in a medium.
+    pub fn has_beams(&self, medium: u16) -> bool {
+        self.tree(medium).is_some_and(|tree| tree.pieces.len() > 0)
+    }
+
     /// Mean kernel radius of the beams in a medium, by length; 0 if there are none.
     pub fn mean_radius(&self, medium: u16) -> f32 {
         self.tree(medium).map_or(0.0, |tree| tree.pieces.mean_radius())

@@ -54,12 +54,14 @@ pub(super) fn all(scene: &Scene, plan: &RenderPlan, contents: &Contents, on_targ
         photon_paths(scene, plan),
         Stage::new("photon targeting", plan.targets.is_some(), on_targets),
         photon_beams(plan, contents),
+        view_of_beams(plan),
         sampled_in_fog(scene, plan, contents),
         closed_transmittance(scene),
         tracked_transmittance(scene),
         boundary_walk(scene, contents),
         surface_photons(plan, contents),
-        second_surface(plan),
+        balanced_caustics(plan),
+        ends_of_paths(plan),
         direct_light(contents),
         visibility_rules(scene, plan),
         thin_lens(scene),
@@ -192,16 +194,47 @@ fn surface_photons(plan: &RenderPlan, contents: &Contents) -> Stage {
     )
 }
 
-fn second_surface(plan: &RenderPlan) -> Stage {
-    let ruled = plan.estimators.ends_at_second;
-    let reason = match ruled {
-        true => "rules tell what photons see: camera paths end at the second surface",
-        false => "camera paths go on from surface to surface",
+/// Where camera paths look up all photons, and end.
+fn ends_of_paths(plan: &RenderPlan) -> Stage {
+    let reason = match (plan.estimators.ends_at_second, plan.estimators.ends) {
+        (true, _) => "rules tell what photons see: camera paths end at the second surface",
+        (false, true) => "camera paths end where they meet a surface behind the first, far enough from it",
+        (false, false) => "camera paths go on from surface to surface",
     };
     Stage::new(
-        "photons behind the second surface",
-        ruled && plan.surface_photons,
+        "photons at the ends of paths",
+        plan.estimators.ends && plan.surface_photons,
         reason.into(),
+    )
+}
+
+fn balanced_caustics(plan: &RenderPlan) -> Stage {
+    let estimators = &plan.estimators;
+    let shared = estimators.is_shared.iter().filter(|shared| **shared).count();
+    let otherwise = match (estimators.specular, estimators.deep, estimators.is_met.contains(&true)) {
+        (false, ..) => "nothing is specular",
+        (true, true, _) => "photons are traced anyway, and bring them all",
+        (true, false, true) => "camera paths alone find those of lights all around, photons those of small ones",
+        (true, false, false) => "camera paths hardly meet the lights: photons bring them all",
+    };
+    Stage::either(
+        "caustics by photons and paths",
+        shared > 0 && plan.surface_photons,
+        || format!("those of {shared} light(s) that camera paths meet now and then, weighed by both densities"),
+        otherwise,
+    )
+}
+
+fn view_of_beams(plan: &RenderPlan) -> Stage {
+    let otherwise = match plan.beams {
+        true => "camera paths may come anywhere: every beam is stored",
+        false => "no beams",
+    };
+    Stage::either(
+        "beams in view alone",
+        plan.beams && plan.view.is_some(),
+        || "camera paths come nowhere else: other beams are not stored".into(),
+        otherwise,
     )
 }
 

@@ -132,6 +132,8 @@ pub struct Gathered {
     pub radiance: Vec<Rgb>,
     /// Pairs of beam and segment that contributed.
     pub evaluations: u64,
+    /// Blocks of segments for which beams were looked for together.
+    pub blocks: u64,
 }
 
 /// Kinds of vector code. Only the number of lanes per instruction differs: no operation is fused or reordered, so the
@@ -198,9 +200,9 @@ impl Gather<'_> {
     pub fn along(&self, segments: &[CameraSegment]) -> Gathered {
         let mut gathered = Gathered {
             radiance: vec![Rgb::ZERO; segments.len()],
-            evaluations: 0,
+            ..Gathered::default()
         };
-        let Some(first) = segments.first() else {
+        let Some(first) = segments.first().filter(|s| self.map.has_beams(s.medium)) else {
             return gathered;
         };
         let pinhole = segments.iter().all(|s| s.ray.origin == first.ray.origin);
@@ -211,6 +213,7 @@ impl Gather<'_> {
         let arranged: Vec<_> = order.iter().map(|&i| segments[i as usize]).collect();
         let mut places = order.into_iter();
         self.instance(pinhole)(self, &arranged, &mut |block| {
+            gathered.blocks += 1;
             let [red, green, blue] = &block.radiance;
             for (lane, place) in (0..block.segments.len()).zip(&mut places) {
                 gathered.radiance[place as usize] = Rgb::new(red[lane], green[lane], blue[lane]);

@@ -92,10 +92,10 @@ impl Sharing {
 impl Gather<'_> {
     /// As [`Gather::along`], for all segments by those that were chosen.
     pub fn along_shared(&self, sharing: &Sharing) -> Gathered {
-        let Gathered { radiance, evaluations } = self.along(&sharing.chosen);
+        let gathered = self.along(&sharing.chosen);
         Gathered {
-            radiance: sharing.of.iter().map(|&i| radiance[i as usize]).collect(),
-            evaluations,
+            radiance: sharing.of.iter().map(|&i| gathered.radiance[i as usize]).collect(),
+            ..gathered
         }
     }
 }

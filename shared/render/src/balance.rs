@@ -168,6 +168,7 @@ fn plans_of(scene: &Scene, settings: JobSettings) -> Vec<RenderPlan> {
         let by = |said: Option<Finder>, finder| said.or(Some(finder));
         let media = by(said.media, Finder::Paths);
         others.push(Finders { media, ..said });
+        // Not by photons alone: where few of them come, but bright ones, pictures as small as these see none.
         if plans[0].estimators.specular {
             let caustics = by(said.caustics, Finder::Paths);
             others.push(Finders {
@@ -175,8 +176,6 @@ fn plans_of(scene: &Scene, settings: JobSettings) -> Vec<RenderPlan> {
                 caustics,
                 ..said
             });
-            let caustics = by(said.caustics, Finder::Photons);
-            others.push(Finders { caustics, ..said });
         }
     }
     for finders in others {

@@ -105,7 +105,7 @@ pub(crate) fn least_flight(plan: &RenderPlan, pass_index: u64) -> f32 {
 /// Paths that go on from vertex to vertex do so with this many times their throughput.
 pub(crate) const ROULETTE_FACTOR: f32 = 2.0;
 
-/// From this many turns on, specular camera paths end by chance.
+/// From this many turns on, camera paths that only deltas have turned end by chance.
 pub(crate) const ROULETTE_DEPTH: u32 = 24;
 
 /// From this many scatterings on, a path goes on with at most [`MAX_SURVIVAL`], so that light which is trapped (total

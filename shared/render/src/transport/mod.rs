@@ -54,7 +54,7 @@ use crate::geometry::SurfaceHit;
 use crate::light::LightHit;
 use crate::math::{Ray, Rgb, Vec3};
 use crate::medium::{Flight, Medium, MediumId};
-use crate::odds::{MAX_SURVIVAL, ROULETTE_DEPTH, TRAPPED_DEPTH};
+use crate::odds::{MAX_SURVIVAL, ROULETTE_DEPTH, ROULETTE_FACTOR, TRAPPED_DEPTH};
 use crate::photon_map::{SurfacePhoton, SurfacePhotonMap};
 use crate::plan::RenderPlan;
 use crate::sampler::{Sampler, VERTEX};
@@ -100,9 +100,13 @@ struct Path<H> {
     hidden: H,
     /// Throughput from the film.
     beta: Rgb,
+    /// The same without what refraction compresses, and as if the path were no branch.
+    track: Rgb,
     medium: MediumId,
     way: Way,
     depth: u32,
+    /// It has followed a lobe that is not a delta.
+    is_blurred: bool,
     /// How likely chance would have led the path through all the branches that it took.
     share: f32,
     /// Factor on all but the light that the path meets: one over the probability that it is looked for; zero when it is
@@ -153,9 +157,11 @@ impl<V: Sight> CameraTracer<'_, V> {
             ray,
             hidden: self.sight.from(Start::Camera),
             beta: Rgb::ONE,
+            track: Rgb::ONE,
             medium: self.scene.camera_medium,
             way: Way::default(),
             depth: 0,
+            is_blurred: false,
             share: 1.0,
             rest: 1.0,
             drawn: None,
@@ -230,6 +236,7 @@ impl<V: Sight> CameraTracer<'_, V> {
                     false => vertex.one_lobe(context.sampler.next_1d()),
                 };
                 path.beta *= lobe.weight;
+                path.track *= lobe.weight;
                 let beta = path.beta * path.rest;
                 if !lobe.is_followed {
                     if beta != Rgb::ZERO {
@@ -314,6 +321,7 @@ impl<V: Sight> CameraTracer<'_, V> {
             }
         }
         path.share *= p;
+        path.track /= p;
         delta
     }
 
@@ -443,6 +451,7 @@ impl<V: Sight> CameraTracer<'_, V> {
         let mut other = *path;
         for (path, way) in [(&mut other, &mut weak), (path, &mut strong)] {
             path.share *= way.pdf;
+            path.track /= way.pdf;
             way.weight *= way.pdf;
             // The rest is looked for as often as the branch has a share, with the inverse as its weight.
             let (had, has) = (1.0 / path.rest, (path.share / FULL_SHARE).min(1.0));
@@ -479,18 +488,29 @@ impl<H> Path<H> {
             self.medium = scene.medium_beyond(hit, wi, self.medium);
         }
         self.beta *= sample.weight;
+        self.track *= sample.weight;
+        if sample.transmitted {
+            // The compression of radiance by refraction comes and goes along the path.
+            let eta = scene.material(hit).eta_of_crossing(hit.ng.dot(self.ray.dir) > 0.0);
+            self.track /= eta * eta;
+        }
         self.depth += 1;
-        // The compression of radiance by refraction comes and goes along the path, so roulette looks at the
-        // reflectance alone, by way of the largest channel, and only late.
-        if self.depth > ROULETTE_DEPTH {
-            let mut q = sample.weight.max_element().min(1.0);
-            if self.depth > TRAPPED_DEPTH {
-                q = q.min(MAX_SURVIVAL);
-            }
+        self.is_blurred |= !sample.delta;
+        let mut q = match self.is_blurred {
+            true => ROULETTE_FACTOR * self.track.max_element(),
+            // What is sharp has no noise but that of roulette, which comes late and looks at the reflectance alone.
+            false if self.depth > ROULETTE_DEPTH => sample.weight.max_element(),
+            false => 1.0,
+        };
+        if self.depth > TRAPPED_DEPTH {
+            q = q.min(MAX_SURVIVAL);
+        }
+        if q < 1.0 {
             if sampler.next_1d() >= q {
                 return false;
             }
             self.beta /= q;
+            self.track /= q;
         }
         self.drawn = (!sample.delta).then_some(Lobe {
             point: hit.point,

@@ -13,6 +13,7 @@ use crate::math::Vec2;
 use beamfarm_image::film::Film;
 use libm::{erf, exp};
 use std::f64::consts::{FRAC_1_SQRT_2, PI};
+use std::ops::Range;
 
 /// A reconstruction filter.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -35,6 +36,9 @@ pub enum PixelFilter {
 /// A Gaussian ends at so many standard deviations.
 const GAUSSIAN_REACH: f64 = 4.0;
 
+/// Values of a pixel.
+const CHANNELS: usize = 3;
+
 /// More steps than Newton's method needs anywhere.
 const MAX_STEPS: u32 = 64;
 
@@ -56,15 +60,28 @@ impl PixelFilter {
             let (width, height) = (film.width as usize, film.height as usize);
             let [along_x, along_y] =
                 [(film.width, offset.x), (film.height, offset.y)].map(|(s, o)| Taps::new(self, s, o));
-            let mut rows = vec![[0.0; 3]; film.pixels.len()];
-            for (row, samples) in rows.chunks_mut(width).zip(film.pixels.chunks(width)) {
-                for (x, pixel) in row.iter_mut().enumerate() {
-                    *pixel = along_x.sum(x, width, |place| samples[place]);
+            // Values of all channels side by side, tap by tap: that is what becomes vector code.
+            let values = CHANNELS * width;
+            let mut rows = vec![0.0; film.pixels.len() * CHANNELS];
+            let weights = along_x.by_tap(width);
+            for (row, samples) in rows.chunks_mut(values).zip(film.pixels.chunks(width)) {
+                let samples = samples.as_flattened();
+                for (tap, weights) in weights.iter().enumerate() {
+                    let (to, from) = along_x.overlap(tap, width);
+                    let to = CHANNELS * to.start..CHANNELS * to.end;
+                    let sums = row[to.clone()].iter_mut().zip(&weights[to]);
+                    for ((sum, weight), value) in sums.zip(&samples[CHANNELS * from.start..]) {
+                        *sum += weight * value;
+                    }
                 }
             }
-            for y in 0..height {
-                for x in 0..width {
-                    film.pixels[y * width + x] = along_y.sum(y, height, |place| rows[place * width + x]);
+            for (y, row) in film.pixels.chunks_mut(width).enumerate() {
+                let row = row.as_flattened_mut();
+                row.fill(0.0);
+                for (place, weight) in along_y.around(y, height) {
+                    for (sum, value) in row.iter_mut().zip(&rows[place * values..]) {
+                        *sum += weight * value;
+                    }
                 }
             }
         }
@@ -180,19 +197,35 @@ impl Taps {
         }
     }
 
-    /// A pixel by the samples along the axis, of which there are `size`.
-    fn sum(&self, pixel: usize, size: usize, sample: impl Fn(usize) -> [f32; 3]) -> [f32; 3] {
+    fn count(&self) -> usize {
+        2 * self.reach + 1
+    }
+
+    /// Pixels that have this tap within the image, of `size` pixels, and the places of their samples.
+    fn overlap(&self, tap: usize, size: usize) -> (Range<usize>, Range<usize>) {
+        let (before, after) = (self.reach.saturating_sub(tap), tap.saturating_sub(self.reach));
+        match size.saturating_sub(before + after) {
+            0 => (0..0, 0..0),
+            count => (before..before + count, after..after + count),
+        }
+    }
+
+    /// By tap, the weight of each value of all pixels.
+    fn by_tap(&self, size: usize) -> Vec<Vec<f32>> {
+        let count = self.count();
+        let of_tap = |tap| {
+            let weights = (0..size).map(|pixel| self.weights[pixel * count + tap]);
+            weights.flat_map(|weight| [weight; CHANNELS]).collect()
+        };
+        (0..count).map(of_tap).collect()
+    }
+
+    /// Places of the samples around a pixel, of `size`, and their weights.
+    fn around(&self, pixel: usize, size: usize) -> impl Iterator<Item = (usize, f32)> {
         let first = pixel.saturating_sub(self.reach);
         let last = (pixel + self.reach).min(size - 1);
-        let count = 2 * self.reach + 1;
-        let weights = &self.weights[pixel * count..][..count];
-        let mut sum = [0.0; 3];
-        for (place, weight) in (first..=last).zip(&weights[first + self.reach - pixel..]) {
-            for (sum, value) in sum.iter_mut().zip(sample(place)) {
-                *sum += weight * value;
-            }
-        }
-        sum
+        let weights = &self.weights[pixel * self.count()..][first + self.reach - pixel..];
+        (first..=last).zip(weights.iter().copied())
     }
 }
 

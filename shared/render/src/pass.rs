@@ -5,7 +5,6 @@ use crate::beam::estimate::{CameraSegment, CameraSegments, Gather, Sharing, Vect
 use crate::beam::store::BeamMap;
 use crate::beam::trace::{Photons, trace_photons};
 use crate::math::{Ray, Rgb, Vec2};
-use crate::medium::transmittance::StepFunctions;
 use crate::odds::{caustic_odds, first_odds, gloss_odds, least_flight};
 use crate::photon_map::SurfacePhotonMap;
 use crate::plan::RenderPlan;
@@ -58,6 +57,8 @@ impl AddAssign for CameraWork {
 /// Pixels along the side of a tile: neighbours whose straight segments look for beams together.
 const TILE: u32 = 32;
 const TILE_PIXELS: usize = (TILE * TILE) as usize;
+/// Pixels of a square block of a tile, whose rays are gathered along side by side.
+const BLOCK_PIXELS: usize = 16;
 
 /// Render a pass on the current rayon pool. The bits do not depend on the pool.
 pub fn render_pass(scene: &Scene, plan: &RenderPlan, pass_index: u64) -> PassImage {
@@ -88,7 +89,7 @@ impl PassPhotons {
             || {
                 plan.beams.then(|| Beams {
                     sharp: BeamMap::new(photons.beams, photons.steps),
-                    smooth: BeamMap::new(photons.smooth_beams, StepFunctions::default()),
+                    smooth: BeamMap::new(photons.smooth_beams, photons.smooth_steps),
                 })
             },
             || plan.surface_photons.then(|| SurfacePhotonMap::new(photons.surface)),
@@ -161,22 +162,36 @@ struct Beams {
     smooth: BeamMap,
 }
 
-/// Where on the lens the rays of a tile go through in a pass: rays that are near each other find beams together. The
-/// sixteen passes of a replication visit all of its sixteen parts, in an order of the tile's own.
-struct LensCell(Vec2);
+/// A square of the square that becomes the lens: where the rays of a tile go through in a pass, and those of a block in
+/// one of its parts, as rays that are near each other find beams together. The sixteen passes of a replication visit all
+/// sixteen parts of the lens, in an order of the tile's own.
+struct LensCell {
+    /// Its first corner.
+    corner: Vec2,
+    side: f32,
+}
 
-/// Parts along a side of the square that becomes the lens.
+/// Parts along a side of the square that becomes the lens, and of a part.
 const LENS_CELLS: f32 = 4.0;
 
 impl LensCell {
-    fn new(seed: u64, pass_index: u64, tile: u64) -> Self {
-        let mut sampler = Sampler::even(seed, pass_index, Purpose::Lens, tile);
-        Self((sampler.next_2d() * LENS_CELLS).floor())
+    const LENS: Self = Self {
+        corner: Vec2::ZERO,
+        side: 1.0,
+    };
+
+    /// One of its sixteen parts.
+    fn part(&self, sampler: &mut Sampler) -> Self {
+        let side = self.side / LENS_CELLS;
+        Self {
+            corner: self.corner + (sampler.next_2d() * LENS_CELLS).floor() * side,
+            side,
+        }
     }
 
     /// Where a ray goes through, by a point of the unit square.
     fn point(&self, u: Vec2) -> Vec2 {
-        (self.0 + u) / LENS_CELLS
+        self.corner + u * self.side
     }
 }
 
@@ -262,10 +277,15 @@ impl<V: Sight> CameraPass<'_, V> {
             scratch.parts.resize(TILE_PIXELS, Parts::new(plan.groups()));
         }
         let seed = self.tracer.plan.settings.seed;
-        let cell = (self.beams).map(|_| LensCell::new(seed, self.pass_index, tile_number(x0, y0)));
+        let mut cells = Sampler::even(seed, self.pass_index, Purpose::Lens, tile_number(x0, y0));
+        let of_tile = self.beams.map_or(LensCell::LENS, |_| LensCell::LENS.part(&mut cells));
+        let mut cell = LensCell::LENS;
         let offset = self.offset();
         let mut work = CameraWork::default();
         for (i, value) in radiance.iter_mut().enumerate() {
+            if self.beams.is_some() && i % BLOCK_PIXELS == 0 {
+                cell = of_tile.part(&mut cells);
+            }
             let (x, y) = tile_pixel(i as u32);
             let (x, y) = (x0 + x, y0 + y);
             if x >= camera.width || y >= camera.height {
@@ -276,7 +296,7 @@ impl<V: Sight> CameraPass<'_, V> {
             let own = sampler.next_2d();
             let image = camera.sample(x, y, offset.unwrap_or(own));
             let lens = sampler.next_2d();
-            let ray = camera.ray(image, cell.as_ref().map_or(lens, |cell| cell.point(lens)));
+            let ray = camera.ray(image, cell.point(lens));
             if plan.counts_targets() {
                 scratch.parts[i].targets = self.targets_along(&ray);
             }
@@ -412,18 +432,20 @@ mod tests {
     /// chi-square of 15 degrees of freedom below its mean plus five standard deviations.
     #[test]
     fn tiles_visit_all_of_the_lens() {
-        let part = |cell: LensCell| {
+        let part = |pass, tile| {
+            let mut sampler = Sampler::even(1, pass, Purpose::Lens, tile);
+            let cell = LensCell::LENS.part(&mut sampler);
             let Vec2 { x, y } = cell.point(Vec2::splat(0.5)) * LENS_CELLS;
             y as usize * LENS_CELLS as usize + x as usize
         };
         let mut counts = [0.0; 16];
         for tile in 0..1600 {
-            counts[part(LensCell::new(1, 21, tile_number(32 * tile, 64)))] += 1.0;
+            counts[part(21, tile_number(32 * tile, 64))] += 1.0;
         }
         let chi: f64 = counts.iter().map(|n| (n - 100.0) * (n - 100.0) / 100.0).sum();
         assert!(chi < 15.0 + 5.0 * libm::sqrt(30.0), "{chi}");
         let mut visited = [false; 16];
-        (16..32).for_each(|pass| visited[part(LensCell::new(1, pass, 7))] = true);
+        (16..32).for_each(|pass| visited[part(pass, 7)] = true);
         assert_eq!(visited, [true; 16]);
     }
 }

@@ -60,6 +60,8 @@ height = 16
 passes = 4
 paths = 400
 seed = 5
+# Without rules both would bring them.
+caustics = "photons"
 [camera]
 origin = [0, 1, 5]
 target = [0, 0.7, 0]

@@ -7,7 +7,7 @@ use beamfarm_render::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_tests::render::{average, scene};
 
-const FOG_HASH: &str = "d873c2d46b6b89a5a8ff597ef5cddf39ea08edab5f301a0ad7fc6d8c506640d3";
+const FOG_HASH: &str = "d885959eebf84e9919ec0bf0d478dba13959499ca1cc57d7f4f3e1d8e2630bf4";
 const SMOKE_HASH: &str = "0f390fd914dbc4402622a6b057c31bccdc476a6cbc1c8cb8b70649e8a732e63e";
 const SURFACES_HASH: &str = "0e49ee1b19edab1d215c96b29ca430154d139127e3632b1990cbb26a59db0157";
 const LAMPS_HASH: &str = "e32dcac52ab46338007fb06a0971bdf0457ed12ff9b51058d1be643b16721d65";

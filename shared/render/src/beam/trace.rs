@@ -30,11 +30,12 @@ use rayon::prelude::*;
 pub struct Photons {
     /// Beams, in the order of paths, but for the smooth ones.
     pub beams: Vec<PhotonBeam>,
-    /// Beams of light that has been scattered, in homogeneous media: their kernels are wide, and nothing else varies
-    /// from pixel to pixel, so that camera segments share what they gather.
+    /// Beams of light that has been scattered: their kernels are wide, so that camera segments share what they gather.
     pub smooth_beams: Vec<PhotonBeam>,
-    /// Transmittance along the beams in heterogeneous media.
+    /// Transmittance along the beams in heterogeneous media, but for the smooth ones.
     pub steps: StepFunctions,
+    /// The same along the smooth ones.
+    pub smooth_steps: StepFunctions,
     /// Surface photons, in the order of paths.
     pub surface: Vec<SurfacePhoton>,
     /// Rays that were traced for them.
@@ -90,13 +91,14 @@ fn trace_with(scene: &Scene, plan: &RenderPlan, pass_index: u64, sight: impl Sig
         smooth_beams: Vec::with_capacity(chunks.iter().map(|c| c.smooth_beams.len()).sum()),
         surface: Vec::with_capacity(chunks.iter().map(|c| c.surface.len()).sum()),
         steps: StepFunctions::default(),
+        smooth_steps: StepFunctions::default(),
         rays: chunks.iter().map(|c| c.rays).sum(),
     };
     for mut chunk in chunks {
         let before = joined.steps.append(&chunk.steps);
-        for beam in &mut chunk.beams {
-            beam.steps += before;
-        }
+        chunk.beams.iter_mut().for_each(|beam| beam.steps += before);
+        let before = joined.smooth_steps.append(&chunk.smooth_steps);
+        chunk.smooth_beams.iter_mut().for_each(|beam| beam.steps += before);
         joined.beams.extend(chunk.beams);
         joined.smooth_beams.extend(chunk.smooth_beams);
         joined.surface.extend(chunk.surface);
@@ -309,18 +311,18 @@ impl<V: Sight> Tracer<'_, V> {
         let of_medium = self.sight.from(Start::Medium(id));
         let is_unlit = self.sight.hides_light(of_medium, photon.light);
         if photon.leaves_beams && medium.scatters() && counts && !is_unlit {
-            let (segment, _) = medium.segment(&photon.ray, length, sampler, &mut out.steps);
+            let (steps, beams) = match photon.footprint.is_smooth() {
+                true => (&mut out.smooth_steps, &mut out.smooth_beams),
+                false => (&mut out.steps, &mut out.beams),
+            };
+            let (segment, _) = medium.segment(&photon.ray, length, sampler, steps);
             if let Some(segment) = segment {
                 let beam = self.beam(photon, id, segment, hit, sampler);
                 // In other media camera paths go on from their vertices, and may gather beams anywhere.
                 let view = self.plan.view.as_ref().filter(|_| serves_all);
                 let is_seen = view.is_none_or(|view| view.meets(beam.ends(), beam.max_radius()));
-                match medium {
-                    _ if !is_seen => {}
-                    Medium::Homogeneous(_) if photon.footprint.is_smooth() => {
-                        out.smooth_beams.push(beam);
-                    }
-                    _ => out.beams.push(beam),
+                if is_seen {
+                    beams.push(beam);
                 }
             }
         }

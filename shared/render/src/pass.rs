@@ -163,8 +163,8 @@ struct Beams {
 }
 
 /// A square of the square that becomes the lens: where the rays of a tile go through in a pass, and those of a block in
-/// one of its parts, as rays that are near each other find beams together. The sixteen passes of a replication visit all
-/// sixteen parts of the lens, in an order of the tile's own.
+/// one of its parts, as rays that are near each other find beams together. The sixteen passes of a replication visit
+/// all sixteen parts of the lens, in an order of the tile's own.
 struct LensCell {
     /// Its first corner.
     corner: Vec2,

@@ -577,8 +577,8 @@ impl<V: Sight> Tracer<'_, V> {
         let radius = radius.min(widest) * self.surface_scale;
         let (radius, factor) = probe.surface(hit, wi, radius, sampler);
         let of_object = self.sight.from(Start::Photon(hit.object));
-        // Camera paths go on after a flight so short.
-        let is_near = photon.flown < self.least_flight;
+        // Camera paths go on after a flight so short from a surface that they would have ended at.
+        let is_near = photon.arrival != Arrival::Caustic && photon.flown < self.least_flight;
         out.surface.push(SurfacePhoton {
             point: hit.point,
             ng: hit.ng,

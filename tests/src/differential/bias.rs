@@ -210,7 +210,7 @@ mod tests {
             means: vec![vec![cell; 2]],
             pixels: vec![[MeanEstimate::new(); 3]; 64],
             seconds: 1.0,
-            samples: 1,
+            work: 1.0,
             columns: 1,
         }
     }

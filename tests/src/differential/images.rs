@@ -42,8 +42,8 @@ pub struct Images {
     pub pixels: Vec<[MeanEstimate; 3]>,
     /// Wall time of all of them.
     pub seconds: f64,
-    /// Camera rays through each pixel.
-    pub samples: u64,
+    /// What they cost, in samples of the path tracer: about. The time that they take would make another verdict each time.
+    pub work: f64,
     /// Width of the picture in blocks.
     pub columns: usize,
 }
@@ -89,7 +89,8 @@ impl Images {
             images.add(&image.film, &image.layers);
         }
         images.seconds = started.elapsed().as_secs_f64();
-        images.samples = draws.images;
+        let samples_of_pass = if plan.has_photons() { 5.0 } else { 1.0 };
+        images.work = samples_of_pass * draws.images as f64;
         images
     }
 
@@ -126,7 +127,7 @@ impl Images {
             images.add(&film, &sums);
         }
         images.seconds = started.elapsed().as_secs_f64();
-        images.samples = draws.images * draws.samples;
+        images.work = (draws.images * draws.samples) as f64;
         images
     }
 
@@ -140,7 +141,7 @@ impl Images {
             means: vec![vec![Vec::new(); cells]; layers],
             pixels: vec![[MeanEstimate::new(); 3]; width * height],
             seconds: 0.0,
-            samples: 0,
+            work: 0.0,
             columns,
         }
     }

@@ -14,7 +14,7 @@ pub mod shrink;
 use beamfarm_render::world::Scene;
 use bias::{Allowance, Difference, SHRINKING, STRICT, differences};
 use images::{Draws, Images, part_names};
-use outliers::{Outliers, outliers};
+use outliers::{Outliers, are_of_scene, outliers};
 use std::fmt;
 
 /// How long to look.
@@ -38,6 +38,9 @@ const LATE: u64 = 8192;
 const LONGER: u64 = 4;
 /// How many more samples the path tracer gets before passes are called too bright.
 const MORE_SAMPLES: u64 = 16;
+
+/// Seeds of the path tracer's pictures of few samples that tell whether outliers are the scene's.
+const CONTROLS: [u64; 4] = [4, 5, 6, 7];
 
 /// What became of a scene.
 #[derive(Clone, Debug, PartialEq)]
@@ -204,7 +207,15 @@ pub fn examine(scene: &Scene, effort: &Effort) -> Verdict {
     }
     let surely: Vec<&Difference> = found.iter().filter(|d| !d.is_heavy).collect();
     let Some(early) = surely.first().copied().cloned() else {
-        return match (pair.outliers(), found.into_iter().next()) {
+        let controls = CONTROLS.map(|seed| Draws {
+            seed,
+            samples: 1,
+            ..draws
+        });
+        let controls = controls.iter().map(|draws| Images::of_reference(scene, draws));
+        let outliers = pair.outliers();
+        let outliers = outliers.filter(|found| !are_of_scene(found, controls, &pair.reference));
+        return match (outliers, found.into_iter().next()) {
             (Some(outliers), _) => Verdict::Fireflies(outliers),
             (None, Some(difference)) => Verdict::Unknown(difference),
             (None, None) => Verdict::Noise,

@@ -26,8 +26,8 @@ pub fn outliers(images: &Images, reference: &Images) -> Option<Outliers> {
     tail(images, reference).filter(|o| o.ratio > RATIO && o.share > SHARE)
 }
 
-/// Whether a scene has the outliers that passes had: the path tracer has far less error than they in none of `controls`,
-/// all compared with the same deep picture. A light in thick smoke that hides it has a tail that few pictures show.
+/// Whether a scene has the outliers that passes had: the path tracer does not have far less error in each of its
+/// `controls`, all compared with the same deep picture. A light in thick smoke has a tail that few pictures show.
 pub fn are_of_scene(found: &Outliers, mut controls: impl Iterator<Item = Images>, reference: &Images) -> bool {
     controls.any(|control| tail(&control, reference).is_some_and(|own| RATIO * own.ratio.max(1.0) > found.ratio))
 }

@@ -42,7 +42,8 @@ pub struct Images {
     pub pixels: Vec<[MeanEstimate; 3]>,
     /// Wall time of all of them.
     pub seconds: f64,
-    /// What they cost, in samples of the path tracer: about. The time that they take would make another verdict each time.
+    /// What they cost, in samples of the path tracer: about. The time that they take would make another verdict each
+    /// time.
     pub work: f64,
     /// Width of the picture in blocks.
     pub columns: usize,

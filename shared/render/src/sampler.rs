@@ -1,7 +1,7 @@
 //! Random numbers addressed by (seed, pass, purpose, chunk): anyone can draw them again, on any thread.
 
 use crate::math::Vec2;
-use beamfarm_image::merge::REPLICATION;
+use beamfarm_image::merge::{REPLICATION, replication};
 use rand_core::Rng;
 use rand_pcg::Pcg32;
 
@@ -138,14 +138,14 @@ impl Sampler {
         }
     }
 
-    /// The stream of an address whose first numbers are even over the passes of a replication: those of
-    /// [`REPLICATION`] passes with the same seed, purpose and chunk fill the unit cube better than chance would.
-    /// Replications are independent of each other.
+    /// The stream of an address whose first numbers are even over the passes of a [`replication`]: those with the same
+    /// seed, purpose and chunk fill the unit cube better than chance would. Replications are independent of each other.
     #[inline]
     pub fn even(seed: u64, pass_index: u64, purpose: Purpose, chunk: u64) -> Self {
-        let (replication, index) = (pass_index / REPLICATION, pass_index % REPLICATION);
-        // A key that no pass has by itself.
-        let key = mix64(key(seed, replication, purpose) ^ chunk);
+        let first = replication(pass_index).start();
+        let index = pass_index - first;
+        // A key that no pass has by itself, and no other replication.
+        let key = mix64(key(seed, first / REPLICATION, purpose) ^ chunk);
         Self {
             points: Points {
                 key: !key,
@@ -238,14 +238,18 @@ mod tests {
         Sampler::even(3, pass_index, Purpose::Test, chunk)
     }
 
-    /// Of sixteen passes one is in each of sixteen boxes, however those are cut, in every square.
+    /// Of a replication's passes one is in each of as many boxes, however those are cut, in every square; and so it is
+    /// for the sixteen passes that begin it.
     #[test]
     fn a_replication_fills_all_boxes() {
-        for (chunk, square) in [(0, 0), (1, 1), (77, 5)] {
-            for level in 0..=4 {
-                let (columns, rows) = (1 << level, 16 >> level);
-                let mut seen = [0; 16];
-                for pass in 32..48 {
+        for (chunk, square, first, log2) in [(0, 0, 32, 4), (1, 1, 1024, 7), (77, 5, 1536, 7), (5, 2, 1024, 4)] {
+            let count = 1 << log2;
+            let passes = || first..first + count as u64;
+            assert!(passes().all(|pass| replication(pass).start() == first));
+            for level in 0..=log2 {
+                let (columns, rows) = (1 << level, count >> level);
+                let mut seen = vec![0; count];
+                for pass in passes() {
                     let mut sampler = even(pass, chunk);
                     for _ in 0..square {
                         sampler.next_1d();
@@ -254,11 +258,11 @@ mod tests {
                     let cell = (u.x * columns as f32) as usize * rows + (u.y * rows as f32) as usize;
                     seen[cell] += 1;
                 }
-                assert_eq!(seen, [1; 16], "{columns} x {rows}");
-                let mut sampler = (32..48).map(|pass| even(pass, chunk).next_1d());
-                let mut seen = [0; 16];
-                sampler.by_ref().for_each(|u| seen[(u * 16.0) as usize] += 1);
-                assert_eq!(seen, [1; 16]);
+                assert_eq!(seen, vec![1; count], "{columns} x {rows}");
+                let mut sampler = passes().map(|pass| even(pass, chunk).next_1d());
+                let mut seen = vec![0; count];
+                sampler.by_ref().for_each(|u| seen[(u * count as f32) as usize] += 1);
+                assert_eq!(seen, vec![1; count]);
             }
         }
     }
@@ -295,7 +299,7 @@ mod tests {
     #[test]
     fn replications_and_chunks_are_independent() {
         let centred = |pass, chunk| f64::from(even(pass, chunk).next_1d()) - 0.5;
-        for (passes, chunks) in [(16, 0), (1000 * REPLICATION, 0), (0, 1), (0, 512)] {
+        for (passes, chunks) in [(16, 0), (1 << 14, 0), (0, 1), (0, 512)] {
             let products = (0..CHUNKS).map(|chunk| centred(5, chunk) * centred(5 + passes, chunk + chunks));
             let correlation = 12.0 * products.sum::<f64>() / CHUNKS as f64;
             assert!(

@@ -30,7 +30,8 @@ impl Average {
     ///
     /// Of two replications and more: D is the sum of the squared differences of neighbours, which estimates the
     /// variance of the sum, and the standard error of the mean is sqrt(D) / N. What is beyond the last pair of
-    /// replications is left to pairs of passes, as all is of fewer: that is too much, never too little.
+    /// replications is left to parts of one, and to pairs of passes, as all is of fewer: that is too much, never too
+    /// little.
     ///
     /// Passes are not identically distributed (their variance grows with the index), but neighbours nearly are: the
     /// squared difference of passes 2k and 2k + 1 has the mean Var[2k] + Var[2k + 1]. Their sum D over an even number N

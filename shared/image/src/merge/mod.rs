@@ -20,11 +20,31 @@ use crate::job::{Block, MAX_PASSES};
 /// finite.
 pub const MAX_RADIANCE: f32 = 1e22;
 
-/// Passes whose samples are drawn together, so that they are more even than chance would have them: a block of the
-/// tree. These replications are independent of each other, as the passes of one are not; what they differ by tells the
-/// error of their average.
+/// Passes in each of the first replications, see [`replication`].
 pub const REPLICATION: u64 = 1 << REPLICATION_LEVEL;
 const REPLICATION_LEVEL: u32 = 4;
+/// Replications between two powers of two, once there are as many of [`REPLICATION`] passes: the more passes samples
+/// are even over, the less noise they have.
+const REPLICATIONS_LEVEL: u32 = 3;
+
+/// The passes whose samples are drawn together with those of a pass, so that they are more even than chance would have
+/// them: a block of the tree, an eighth to a sixteenth of the passes up to it. Such replications are independent of
+/// each other, as the passes of one are not; what they differ by tells the error of their average.
+pub fn replication(pass_index: u64) -> Block {
+    let octave = pass_index.checked_ilog2().unwrap_or(0);
+    let level = octave.saturating_sub(REPLICATIONS_LEVEL).max(REPLICATION_LEVEL);
+    Block {
+        level,
+        index: pass_index >> level,
+    }
+}
+
+/// Whether the halves of a block tell how much the sum of their passes varies: neighbouring passes, and neighbouring
+/// replications or parts of one, which are more even together than each by itself.
+fn halves_tell(block: Block) -> bool {
+    let most = replication(block.start()).level + 1;
+    block.level == 1 || block.level > REPLICATION_LEVEL && block.level <= most
+}
 
 /// A block that cannot become part of the sum.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -96,8 +116,8 @@ pub struct Node {
     pub block: Block,
     /// Sum of the passes' radiance.
     pub sum: Film,
-    /// Sum over neighbouring replications of the squared difference of their sums; of less than two of them, over
-    /// neighbouring leaves of the squared difference of their radiance, which is more than that on average; black for a
+    /// Sum over neighbouring replications of the squared difference of their sums. Of less than two of them, over what
+    /// is nearest to that: neighbouring halves of one, or neighbouring leaves, which is more on average. Black for a
     /// leaf.
     pub squared_difference: Film,
     /// Sums of the layers that the job has beside radiance, in the job's order.
@@ -165,7 +185,7 @@ impl Node {
             radius_sums,
             ..
         } = left;
-        if block.level == 1 || block.level == REPLICATION_LEVEL + 1 {
+        if halves_tell(block) {
             for ((d, l), r) in squared_difference
                 .pixels
                 .iter_mut()

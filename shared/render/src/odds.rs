@@ -24,7 +24,7 @@ pub(crate) fn caustic_odds(scene: &Scene, plan: &RenderPlan, pass_index: u64) ->
     let odds = CAUSTIC_SHARE * first_odds(plan, pass_index);
     let shared = plan.estimators.is_shared.iter().enumerate();
     let odds_of = |(light, shared): (usize, &bool)| match shared {
-        true => odds * scene.selector.pmf(light),
+        true => odds * scene.selectors.all.pmf(light),
         false => 0.0,
     };
     shared.map(odds_of).collect()

@@ -115,7 +115,7 @@ pub fn render_sample_with_layers(
     let even = even_selector(scene);
     let tracer = PathTracer {
         scene,
-        selector: even.as_ref().unwrap_or(&scene.selector),
+        selector: even.as_ref().unwrap_or(&scene.selectors.all),
         max_depth: settings.max_depth.unwrap_or(u32::MAX),
     };
     let (width, height) = (camera.width as usize, camera.height as usize);
@@ -167,7 +167,7 @@ const MIN_SHARE: f32 = 0.1;
 /// Where some lights have a power beside which that of others is nothing, as the sky has, or a lamp that shines
 /// elsewhere: half of the choices by power, half of them alike, so that what is near is found as well.
 fn even_selector(scene: &Scene) -> Option<LightSelector> {
-    let shares = (0..scene.lights().len()).map(|light| scene.selector.pmf(light));
+    let shares = (0..scene.lights().len()).map(|light| scene.selectors.all.pmf(light));
     let shares: Vec<f32> = shares.collect();
     let alike = 1.0 / shares.iter().filter(|share| **share > 0.0).count() as f32;
     let is_dim = |share: &f32| *share > 0.0 && *share < MIN_SHARE * alike;

@@ -171,6 +171,25 @@ impl Rules {
         self.shadow_of_light[light] != HiddenSet::default()
     }
 
+    /// Whether all rays see a light.
+    pub fn all_see_light(&self, light: usize) -> bool {
+        let of_objects = self.of_object.iter().flat_map(|sets| {
+            let ObjectSets {
+                reflected,
+                refracted,
+                shadow,
+                photon,
+                ..
+            } = *sets;
+            [reflected, refracted, shadow, photon]
+        });
+        let mut sets = of_objects.chain([self.camera, self.gather]);
+        let lights = self.of_light.len();
+        !self.links_shadows(light)
+            && !sets.any(|set| self.hides_light(set, light))
+            && !self.unlit.iter().skip(light).step_by(lights).any(|unlit| *unlit)
+    }
+
     /// Bytes of the resolved sets.
     pub fn bytes(&self) -> usize {
         size_of_val(&*self.class)

@@ -2,7 +2,7 @@
 
 use crate::light::{LightKind, LightSelector};
 use crate::rules::{HiddenSet, Rules};
-use crate::world::Scene;
+use crate::world::{Scene, Selectors};
 
 /// Where a ray starts, and as which type.
 #[derive(Clone, Copy, Debug)]
@@ -57,9 +57,9 @@ pub trait Sight: Copy + Send + Sync {
     /// Whether an object has gloss whose gather rays are reflected or refracted ones.
     fn is_glossy(self, object: u32) -> bool;
     /// The lights that an object is lit by.
-    fn selector(self, scene: &Scene, object: u32) -> &LightSelector;
+    fn selector(self, of: &Selectors, object: u32) -> &LightSelector;
     /// The lights whose photons may leave something.
-    fn emitters(self, scene: &Scene) -> &LightSelector;
+    fn emitters(self, of: &Selectors) -> &LightSelector;
 
     /// Whether an area light is passed through: no ray meets it by chance.
     #[inline]
@@ -122,12 +122,12 @@ impl Sight for Unruled {
         false
     }
     #[inline(always)]
-    fn selector(self, scene: &Scene, _: u32) -> &LightSelector {
-        &scene.selector
+    fn selector(self, of: &Selectors, _: u32) -> &LightSelector {
+        &of.all
     }
     #[inline(always)]
-    fn emitters(self, scene: &Scene) -> &LightSelector {
-        &scene.selector
+    fn emitters(self, of: &Selectors) -> &LightSelector {
+        &of.all
     }
 }
 
@@ -197,12 +197,12 @@ impl Sight for Ruled<'_> {
         self.0.of_object[object as usize].is_glossy
     }
     #[inline]
-    fn selector(self, scene: &Scene, object: u32) -> &LightSelector {
+    fn selector(self, of: &Selectors, object: u32) -> &LightSelector {
         let shadow = self.0.of_object[object as usize].shadow;
-        scene.selectors.get(&shadow.row).unwrap_or(&scene.selector)
+        of.seen.get(&shadow.row).unwrap_or(&of.all)
     }
     #[inline]
-    fn emitters(self, scene: &Scene) -> &LightSelector {
-        scene.emitters.as_ref().unwrap_or(&scene.selector)
+    fn emitters(self, of: &Selectors) -> &LightSelector {
+        of.emitters.as_ref().unwrap_or(&of.all)
     }
 }

@@ -82,27 +82,27 @@ const RULES: [(&str, &str); 10] = [
     ),
     (
         r#"rays = ["camera"] | include = ["floor", "mirror", "box"]"#,
-        "8ef81b9970c159a836dd6827469457df1bd655fb5d0b7d9eeace788e2db833a7",
+        "7749e932c360c18740baf1a10a55ea2814b9d34c6b1a437f94c91f06a87a216b",
     ),
     (
         r#"on = ["mirror", "ball"] | rays = ["reflected"] | exclude = ["glass", "lamp"]"#,
-        "cc8b8b5c1603cd75a134f9e8dfb97be9628ad3335bb134ae8bb83c20f7160616",
+        "0993f480452f56008e9ed870efdbc0372ff3ea46cf0e78c49efc85a77f27a24d",
     ),
     (
         r#"on = ["mirror"] | rays = ["reflected"] | include = ["ball"]"#,
-        "c294016006c5b0ad4d312901999e7580f98a526fd314c0b2203224d9b024424c",
+        "33dea4a00972b5abde731384d87e65f276fb17ac17072eb95a075284f25dbecf",
     ),
     (
         r#"on = ["glass"] | rays = ["refracted"] | exclude = ["floor"]"#,
-        "fb4150c747be864398c538cdaa94bd29cdabd4832de770e937d391ce3659c8a5",
+        "e2c18c0802ab5e7700ea46ecc730780d9e28b39861d7eab8c884a85b56764c73",
     ),
     (
         r#"rays = ["refracted"] | include = ["glass", "mirror"]"#,
-        "d96c14e9d1c0d99357006aba3057c2dd39ea37d135a5b883bf48e6ef3829835a",
+        "0c75f76f1c79c7a7902aba755f19ba9678a2aa117b62def2450d54ffcee2e2b1",
     ),
     (
         r#"on = ["floor"] | rays = ["shadow"] | exclude = ["lamp", "ball"]"#,
-        "cc1f05774c3fe1e1ca19b930fd895ed5880bdd10b45b1f500d32bce51502c90c",
+        "a2b384722e5def06cde554f8e08ddc0038ec1f53d2e241b5cbd4650ebabfc536",
     ),
     (
         r#"on = ["ball"] | rays = ["shadow"] | include = ["spot"]"#,
@@ -110,7 +110,7 @@ const RULES: [(&str, &str); 10] = [
     ),
     (
         r#"on = ["floor", "box", "spot"] | rays = ["photon"] | exclude = ["glass", "spot"]"#,
-        "f68660e94491db874f40872ee0ee80b25f313e786b5ac79d3c7c1b2da4a00fb2",
+        "371cd6401a53546e74a788b29e3d1d171aa7e68cdac3e676c2eb0d09e113c662",
     ),
     (
         r#"on = ["spot", "glass", "floor"] | rays = ["photon"] | include = ["glass", "lamp"]"#,

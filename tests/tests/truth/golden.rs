@@ -8,8 +8,8 @@ use beamfarm_render::plan::RenderPlan;
 use beamfarm_tests::render::{average, scene};
 
 const FOG_HASH: &str = "d885959eebf84e9919ec0bf0d478dba13959499ca1cc57d7f4f3e1d8e2630bf4";
-const SMOKE_HASH: &str = "0f390fd914dbc4402622a6b057c31bccdc476a6cbc1c8cb8b70649e8a732e63e";
-const SURFACES_HASH: &str = "0e49ee1b19edab1d215c96b29ca430154d139127e3632b1990cbb26a59db0157";
+const SMOKE_HASH: &str = "fe8e53942e846d565cb420b899b2e4e77f8288b82a19c2c1ec196187146c847b";
+const SURFACES_HASH: &str = "d8255d2cc9d22c3ff00d69ac8128149f55bbb7f7ffbee7e034d875e3a389d462";
 const LAMPS_HASH: &str = "e32dcac52ab46338007fb06a0971bdf0457ed12ff9b51058d1be643b16721d65";
 
 const FOG: &str = r#"

@@ -181,7 +181,7 @@ impl<V: Sight> Tracer<'_, V> {
             self.plan
                 .emitters
                 .as_ref()
-                .unwrap_or_else(|| self.sight.emitters(self.scene))
+                .unwrap_or_else(|| self.sight.emitters(&self.scene.selectors))
         };
         let chosen = targets.and_then(Targets::emitters);
         let Some(choice) = chosen.unwrap_or_else(by_power).sample(sampler.next_1d()) else {

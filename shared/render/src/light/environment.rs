@@ -52,6 +52,9 @@ struct Table {
 
 /// An environment whose brightest direction is at most so much brighter than the mean is met often enough by chance.
 pub(crate) const MOST_UNEVEN: f32 = 16.0;
+/// One whose brightest direction is at most so much brighter than the mean is best found by the directions that
+/// surfaces and media scatter in: aiming at it as well costs a ray more, and is worse where nothing is in the way.
+const EVEN: f32 = 2.0;
 /// Share of all light from which on the even part of an environment is worth a light of its own.
 const LEAST_EVEN: f64 = 0.05;
 
@@ -109,10 +112,33 @@ impl Environment {
 
     /// Radiance that arrives from `dir` (unit, towards the environment), W/(m^2 sr).
     pub fn radiance(&self, dir: Vec3) -> Rgb {
+        self.radiance_at(&self.place(dir))
+    }
+
+    /// Where a direction (unit, towards the environment) is: what [`Self::radiance_at`] and [`Self::pdf_at`] ask for.
+    #[inline]
+    pub fn place(&self, dir: Vec3) -> Place {
+        let dir = || self.env_from_render(dir);
+        Place(
+            (self.image.as_ref())
+                .map(|image| Lattice::of(image.width, image.height, dir()))
+                .unwrap_or_default(),
+        )
+    }
+
+    /// Whether directions have the same places in another environment.
+    #[inline]
+    pub fn has_places_of(&self, other: &Self) -> bool {
+        let size = |environment: &Self| environment.image.as_ref().map(|image| [image.width, image.height]);
+        size(self) == size(other) && self.render_from_env == other.render_from_env
+    }
+
+    /// [`Self::radiance`] of a direction whose place is known.
+    #[inline]
+    pub fn radiance_at(&self, Place(at): &Place) -> Rgb {
         let Some(image) = &self.image else {
             return self.scale;
         };
-        let at = Lattice::of(image.width, image.height, self.env_from_render(dir));
         let pixel = |x: usize, y: usize| image.pixels[y * image.width as usize + x];
         let next = (at.column + 1) % image.width as usize;
         let below = (at.row + 1).min(image.height as usize - 1);
@@ -141,7 +167,16 @@ impl Environment {
     /// Density per solid angle of [`Self::sample`].
     pub fn pdf(&self, dir: Vec3) -> f32 {
         match &self.table {
-            Some(table) => table.pdf(self.env_from_render(dir)),
+            Some(_) => self.pdf_at(&self.place(dir)),
+            None => warp::uniform_sphere_pdf(),
+        }
+    }
+
+    /// [`Self::pdf`] of a direction whose place is known.
+    #[inline]
+    pub fn pdf_at(&self, Place(at): &Place) -> f32 {
+        match &self.table {
+            Some(table) => table.pdf(at),
             None => warp::uniform_sphere_pdf(),
         }
     }
@@ -161,6 +196,11 @@ impl Environment {
             }
             _ => 1.0,
         }
+    }
+
+    /// Whether no direction is much brighter than the mean.
+    pub fn is_even(&self) -> bool {
+        self.unevenness() <= EVEN
     }
 
     fn env_from_render(&self, dir: Vec3) -> Vec3 {
@@ -199,7 +239,12 @@ fn radiance_of_sky(image: &Image, scale: Rgb) -> Option<f32> {
     }
 }
 
+/// A direction's place among the pixels of an environment's image, or any if it has none.
+#[derive(Clone, Copy, Debug)]
+pub struct Place(Lattice);
+
 /// Where a direction falls among the pixels.
+#[derive(Clone, Copy, Debug, Default)]
 struct Lattice {
     /// Pixel column to the left.
     column: usize,
@@ -318,9 +363,7 @@ impl Table {
         (dir.normalize(), pdf)
     }
 
-    fn pdf(&self, dir: Vec3) -> f32 {
-        let bands = self.rows.len();
-        let at = Lattice::of(self.columns as u32, bands as u32 + 1, dir);
+    fn pdf(&self, at: &Lattice) -> f32 {
         let row_pmf = cdf::pmf(&self.rows, at.row);
         row_pmf * cdf::pmf(self.row(at.row), at.column) / self.solid_angles[at.row]
     }

@@ -10,7 +10,7 @@ mod selector;
 mod source;
 pub(crate) mod spot;
 
-pub use environment::{Environment, EnvironmentSample};
+pub use environment::{Environment, EnvironmentSample, Place};
 pub use local::LocalChoice;
 pub use segment::{FogSegment, SegmentSample};
 pub use selector::{LightChoice, LightSelector};

@@ -111,7 +111,7 @@ impl Targets {
     ) -> (Option<Self>, String) {
         let (kept, tries) = pilot::trace((scene, estimators), sight, seed);
         let places: usize = kept.iter().map(Vec::len).sum();
-        let emitters = sight.emitters(scene);
+        let emitters = sight.emitters(&scene.selectors);
         let mut lights = Vec::with_capacity(kept.len());
         let mut found = Vec::with_capacity(kept.len());
         let (mut aimed, mut plain) = (Vec::new(), Vec::new());

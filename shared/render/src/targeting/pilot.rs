@@ -33,7 +33,7 @@ pub(super) fn trace(
     sight: impl Sight,
     seed: u64,
 ) -> (Vec<Vec<Place>>, u64) {
-    let emitters = sight.emitters(scene);
+    let emitters = sight.emitters(&scene.selectors);
     let is_wanted = |light: &usize| emitters.pmf(*light) > 0.0 && estimators.brings_photons(*light);
     let lights = (0..scene.lights().len()).filter(is_wanted);
     let pilot = Pilot {

@@ -7,6 +7,7 @@ use crate::light::{DirectSample, LightChoice, LocalChoice};
 use crate::math::{Rgb, Vec2, Vec3, mean};
 use crate::sampler::Sampler;
 use crate::sight::{Sight, Start};
+use crate::world::Selectors;
 
 /// How light is looked for at a surface point.
 #[derive(Clone, Copy)]
@@ -15,6 +16,8 @@ pub(super) enum Seen<H> {
     First,
     /// Further along: nothing is hidden.
     Later,
+    /// The same where the path ends.
+    Last,
     /// As photons would bring it to a surface from which they do not see this.
     ByGatherRay(H),
 }
@@ -52,12 +55,11 @@ impl<V: Sight> CameraTracer<'_, V> {
     pub(super) fn lit_by_samples(
         &self,
         x: &Vertex,
-        seen: Seen<V::Hidden>,
+        (seen, lights): (Seen<V::Hidden>, &LocalChoice),
         (beta, part): (Rgb, Part),
         context: &mut PathContext<'_>,
         weight: impl Fn(LightChoice, &DirectSample, Vec3) -> f32,
     ) -> Rgb {
-        let lights = self.light_choice(x, seen);
         let PathContext {
             sampler, record, rays, ..
         } = context;
@@ -67,7 +69,7 @@ impl<V: Sight> CameraTracer<'_, V> {
         };
         if candidates > 1 {
             *rays += 1;
-            let (radiance, light) = self.best_light_sample(x, seen, &lights, candidates, sampler, weight);
+            let (radiance, light) = self.best_light_sample(x, seen, lights, candidates, sampler, weight);
             record.add(part, light, beta * radiance);
             return beta * radiance;
         }
@@ -141,11 +143,17 @@ impl<V: Sight> CameraTracer<'_, V> {
     /// How likely lights are to be chosen at x.
     pub(super) fn light_choice(&self, x: &Vertex, seen: Seen<V::Hidden>) -> LocalChoice<'_> {
         let by_power = match seen {
-            Seen::First => self.sight.selector(self.scene, x.hit.object),
-            Seen::Later | Seen::ByGatherRay(_) => self.sight.emitters(self.scene),
+            Seen::First => self.sight.selector(self.aimed_at(), x.hit.object),
+            Seen::Later => self.sight.emitters(self.aimed_at()),
+            Seen::Last | Seen::ByGatherRay(_) => self.sight.emitters(&self.scene.selectors),
         };
         let sources = &self.scene.light_sources;
         sources.choice_at(x.hit.point, x.facing(), by_power)
+    }
+
+    /// The lights that are sampled where a ray goes on that may meet the others by chance.
+    pub(super) fn aimed_at(&self) -> &Selectors {
+        self.scene.aimed_at.as_ref().unwrap_or(&self.scene.selectors)
     }
 
     fn draw_direct(&self, light: usize, sampler: &mut Sampler) -> (Vec2, f32) {
@@ -175,7 +183,7 @@ impl<V: Sight> CameraTracer<'_, V> {
         let object = x.hit.object;
         let is_unlit = match seen {
             Seen::First => self.is_unlit(x, direct.wi, choice.light),
-            Seen::Later => self.sight.hides_light(self.sight.from(Start::Gather), choice.light),
+            Seen::Later | Seen::Last => self.sight.hides_light(self.sight.from(Start::Gather), choice.light),
             Seen::ByGatherRay(by) => {
                 let hidden = self.sight.from(Start::Light(choice.light));
                 self.sight.hides(hidden, object) || self.sight.hides_light(by, choice.light)
@@ -201,7 +209,7 @@ impl<V: Sight> CameraTracer<'_, V> {
         let scene = self.scene;
         let (start, end) = match seen {
             Seen::First => (x.shadow_start(found.wi), Start::ShadowOf(found.light)),
-            Seen::Later => (Start::Gather, Start::Gather),
+            Seen::Later | Seen::Last => (Start::Gather, Start::Gather),
             Seen::ByGatherRay(_) => (Start::Light(found.light), Start::Light(found.light)),
         };
         let (hidden, too) = (self.sight.from(start), self.sight.from(end));

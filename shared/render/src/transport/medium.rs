@@ -33,7 +33,7 @@ impl<V: Sight> CameraTracer<'_, V> {
         let (u_light, u) = (context.sampler.next_1d(), context.sampler.next_1d());
         let sample = scene
             .light_sources
-            .sample(&segment, self.sight.emitters(scene), u_light, u, |light| {
+            .sample(&segment, self.sight.emitters(&scene.selectors), u_light, u, |light| {
                 self.sight.unlit(id, light)
             });
         let Some(sample) = sample else {

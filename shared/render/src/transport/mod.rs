@@ -61,6 +61,7 @@ use crate::sampler::{Sampler, VERTEX};
 use crate::sight::{Sight, Start};
 use crate::warp::power_heuristic;
 use crate::world::Scene;
+use direct::Seen;
 use vertex::{OneLobe, Vertex};
 use walk::{Drawn, Walk, Wanted};
 
@@ -246,7 +247,8 @@ impl<V: Sight> CameraTracer<'_, V> {
                 }
                 vertex.is_followed = true;
                 if beta != Rgb::ZERO {
-                    radiance += self.lit_directly(&vertex, 1.0, beta, context);
+                    let lights = self.light_choice(&vertex, Seen::First);
+                    radiance += self.lit_directly(&vertex, &lights, 1.0, beta, context);
                     if self.estimators().unmet_caustics {
                         let counts = |_: &SurfacePhoton, _: Vec3| 1.0;
                         radiance += self.photon_radiance(&vertex, counts, beta, context);
@@ -286,11 +288,11 @@ impl<V: Sight> CameraTracer<'_, V> {
                 }
             }
             None => {
-                for &light in &scene.environments {
+                scene.each_environment(path.ray.dir, |light, environment, place| {
                     if !self.sight.hides_light(path.hidden, light) {
-                        add(light, scene.environment(light, path.ray.dir), None);
+                        add(light, environment.radiance_at(place), None);
                     }
-                }
+                });
             }
         }
     }
@@ -341,10 +343,14 @@ impl<V: Sight> CameraTracer<'_, V> {
             distance: lobe.distance,
         });
         let dir = path.ray.dir;
-        let pdf = scene.lights()[light].pdf_direct(scene.objects(), lobe.point, dir, hit);
-        let by_power = self.sight.selector(scene, lobe.object);
+        let by_power = self.sight.selector(self.aimed_at(), lobe.object);
         let choice = scene.light_sources.choice_at(lobe.point, None, by_power);
-        power_heuristic(lobe.density, pdf * choice.samples_of(light))
+        let samples = choice.samples_of(light);
+        if samples == 0.0 {
+            return 1.0;
+        }
+        let pdf = scene.lights()[light].pdf_direct(scene.objects(), lobe.point, dir, hit);
+        power_heuristic(lobe.density, pdf * samples)
     }
 
     /// The part of a path within a medium, up to `length`: leaves a segment for beams, adds what is scattered there,

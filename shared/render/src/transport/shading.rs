@@ -6,7 +6,7 @@ use super::walk::{Drawn, Walk, Wanted};
 use super::{CameraTracer, PathContext};
 use crate::aov::Part;
 use crate::bsdf::TransportMode;
-use crate::light::{DirectSample, LightChoice, LightHit};
+use crate::light::{DirectSample, LightChoice, LightHit, LocalChoice};
 use crate::math::{Rgb, Vec2, Vec3};
 use crate::odds::{DEEPER_ODDS, gather_share};
 use crate::photon_map::{Arrival, Odds, SurfacePhoton};
@@ -44,18 +44,19 @@ impl<V: Sight> CameraTracer<'_, V> {
             false => 1,
         };
         let rays = (side * side) as f32;
-        let mut radiance = self.lit_directly(x, rays, beta, context);
+        let lights = self.light_choice(x, Seen::First);
+        let mut radiance = self.lit_directly(x, &lights, rays, beta, context);
         if side > 1 {
             let share = 1.0 / rays;
             let mut strata = Strata::new(side, &mut context.sampler);
             while let Some(uniforms) = strata.next(&mut context.sampler) {
-                radiance += self.gather_ray(x, uniforms, rays, beta * share, context);
+                radiance += self.gather_ray((x, &lights), uniforms, rays, beta * share, context);
             }
         } else if odds == 1.0 || context.sampler.next_1d() < odds {
             let [draws_lobe, draws_direction] = x.bsdf.draws();
             let sampler = &mut context.sampler;
             let uniforms = (sampler.next_1d_if(draws_lobe), sampler.next_2d_if(draws_direction));
-            radiance += self.gather_ray(x, uniforms, 1.0, beta / odds, context);
+            radiance += self.gather_ray((x, &lights), uniforms, 1.0, beta / odds, context);
         }
         let is_glossy = self.is_glossy(x);
         let gathers = is_glossy || self.sight.gathers(x.hit.object);
@@ -84,7 +85,14 @@ impl<V: Sight> CameraTracer<'_, V> {
 
     /// Light of sampled lights at x, radiance at the film. `rays`: how many directions are drawn there as well, which
     /// may meet it.
-    pub(super) fn lit_directly(&self, x: &Vertex, rays: f32, beta: Rgb, context: &mut PathContext<'_>) -> Rgb {
+    pub(super) fn lit_directly(
+        &self,
+        x: &Vertex,
+        lights: &LocalChoice,
+        rays: f32,
+        beta: Rgb,
+        context: &mut PathContext<'_>,
+    ) -> Rgb {
         let balanced = |choice: LightChoice, direct: &DirectSample, wi: Vec3| {
             let light = choice.light;
             let hidden = self.sight.from(x.shadow_start(direct.wi));
@@ -97,7 +105,7 @@ impl<V: Sight> CameraTracer<'_, V> {
             }
             power_heuristic(direct.pdf * choice.pmf, rays * x.pdf(x.local_wo, wi))
         };
-        self.lit_by_samples(x, Seen::First, (beta, Part::Direct), context, balanced)
+        self.lit_by_samples(x, (Seen::First, lights), (beta, Part::Direct), context, balanced)
     }
 
     /// Whether gather rays from x are reflected or refracted ones.
@@ -120,7 +128,7 @@ impl<V: Sight> CameraTracer<'_, V> {
     /// one of `rays`.
     fn gather_ray(
         &self,
-        x: &Vertex,
+        (x, lights): (&Vertex, &LocalChoice),
         (u_lobe, u): (f32, Vec2),
         rays: f32,
         beta: Rgb,
@@ -147,7 +155,7 @@ impl<V: Sight> CameraTracer<'_, V> {
             track: throughput,
             drawn: Some(Drawn {
                 point: x.hit.point,
-                facing: x.facing(),
+                lights: lights.clone(),
                 density: rays * sample.pdf,
                 projected: Some(rays * sample.pdf / (x.hit.ng.dot(wi).abs() * self.odds_scale(x))),
                 distance: 0.0,
@@ -220,8 +228,9 @@ impl<V: Sight> CameraTracer<'_, V> {
             share(self.first_odds * density * cos_in, wi)
         };
         let by = from.map(|(x, _)| self.sight.from(Start::Photon(x.hit.object)));
-        let seen = by.map_or(Seen::Later, Seen::ByGatherRay);
-        let mut radiance = self.lit_by_samples(y, seen, (beta, Part::Surface), context, weight);
+        let seen = by.map_or(Seen::Last, Seen::ByGatherRay);
+        let lights = self.light_choice(y, seen);
+        let mut radiance = self.lit_by_samples(y, (seen, &lights), (beta, Part::Surface), context, weight);
         // A facet that scatters diffusely has one share for all photons.
         if !y.is_even() || share(DEEPER_ODDS, y.local_wo) > 0.0 {
             let weight = |photon: &SurfacePhoton, wi: Vec3| {

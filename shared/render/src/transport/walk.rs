@@ -9,7 +9,7 @@ use crate::beam::estimate::{CameraSegment, CameraSegments};
 use crate::bsdf::TransportMode;
 use crate::estimators::Estimators;
 use crate::geometry::SurfaceHit;
-use crate::light::{DirectSample, LightChoice, LightHit};
+use crate::light::{DirectSample, Environment, LightChoice, LightHit, LocalChoice, Place};
 use crate::math::{Ray, Rgb, Vec3};
 use crate::medium::{Flight, MediumId};
 use crate::odds::{MAX_SURVIVAL, ROULETTE_FACTOR, TRAPPED_DEPTH, gather_share};
@@ -50,11 +50,20 @@ pub(super) struct Walk<'v, H> {
     pub depth: u32,
 }
 
+/// How a path has met a light.
+#[derive(Clone, Copy)]
+enum Met<'a> {
+    /// As a surface, with this normal.
+    Surface(Vec3),
+    /// All around, with the direction's place in it.
+    Around(&'a Environment, &'a Place),
+}
+
 /// A point from which lights were sampled as well.
 pub(super) struct Drawn<'v> {
     pub point: Vec3,
-    /// The side that is lit, see [`Vertex::facing`].
-    pub facing: Option<Vec3>,
+    /// How they were chosen.
+    pub lights: LocalChoice<'v>,
     /// Density of the direction per solid angle, times the number of those that were drawn.
     pub density: f32,
     /// See [`Walk::behind`].
@@ -67,7 +76,7 @@ pub(super) struct Drawn<'v> {
 
 impl<V: Sight> CameraTracer<'_, V> {
     /// Everything that is found along the path: radiance at the film.
-    pub(super) fn walk(&self, mut walk: Walk<'_, V::Hidden>, context: &mut PathContext<'_>) -> Rgb {
+    pub(super) fn walk<'v>(&'v self, mut walk: Walk<'v, V::Hidden>, context: &mut PathContext<'_>) -> Rgb {
         let scene = self.scene;
         let mut radiance = Rgb::ZERO;
         while walk.beta.max_element() > 0.0 {
@@ -92,13 +101,13 @@ impl<V: Sight> CameraTracer<'_, V> {
                 }
             }
             let Some(mut hit) = hit else {
-                for &light in &scene.environments {
-                    let share = self.share(&walk, light, None);
+                scene.each_environment(walk.ray.dir, |light, environment, place| {
+                    let share = self.share(&walk, light, Met::Around(environment, place));
                     if share > 0.0 {
-                        let emitted = scene.environment(light, walk.ray.dir) * share;
+                        let emitted = environment.radiance_at(place) * share;
                         radiance += self.found(&walk, light, emitted, context);
                     }
-                }
+                });
                 return radiance;
             };
             if let Some(drawn) = &mut walk.drawn {
@@ -109,7 +118,7 @@ impl<V: Sight> CameraTracer<'_, V> {
             {
                 let emitted = scene.emitted(&hit, walk.ray.dir);
                 if emitted != Rgb::ZERO {
-                    let share = self.share(&walk, light as usize, Some(hit.ng));
+                    let share = self.share(&walk, light as usize, Met::Surface(hit.ng));
                     radiance += self.found(&walk, light as usize, emitted * share, context);
                 }
             }
@@ -141,37 +150,37 @@ impl<V: Sight> CameraTracer<'_, V> {
         radiance
     }
 
-    /// Weight of light that was met by chance, against sampling it where the direction was drawn. `normal`: of an area
-    /// light.
-    fn share(&self, walk: &Walk<V::Hidden>, light: usize, normal: Option<Vec3>) -> f32 {
+    /// Weight of light that was met by chance, against sampling it where the direction was drawn.
+    fn share(&self, walk: &Walk<V::Hidden>, light: usize, met: Met<'_>) -> f32 {
         let Some(drawn) = &walk.drawn else {
-            return self.share_of_caustic(walk, light, normal);
+            return self.share_of_caustic(walk, light, met);
         };
         let wi = walk.ray.dir;
-        let by_power = match drawn.at {
-            Some(x) => {
-                if !walk.wanted.direct || self.sight.links_shadows(light) || self.is_unlit(x, wi, light) {
-                    return 0.0;
-                }
-                self.sight.selector(self.scene, x.hit.object)
-            }
-            None if self.sight.hides_light(self.sight.from(Start::Gather), light) => {
-                return 0.0;
-            }
-            None => self.sight.emitters(self.scene),
+        let is_hidden = match drawn.at {
+            Some(x) => !walk.wanted.direct || self.sight.links_shadows(light) || self.is_unlit(x, wi, light),
+            None => self.sight.hides_light(self.sight.from(Start::Gather), light),
         };
-        let hit = normal.map(|normal| LightHit {
-            normal,
-            distance: drawn.distance,
-        });
+        if is_hidden {
+            return 0.0;
+        }
+        let samples = drawn.lights.samples_of(light);
+        if samples == 0.0 {
+            return 1.0;
+        }
         let scene = self.scene;
-        let pdf = scene.lights()[light].pdf_direct(scene.objects(), drawn.point, wi, hit);
-        let choice = scene.light_sources.choice_at(drawn.point, drawn.facing, by_power);
-        power_heuristic(drawn.density, pdf * choice.samples_of(light))
+        let pdf = match met {
+            Met::Surface(normal) => {
+                let distance = drawn.distance;
+                let hit = Some(LightHit { normal, distance });
+                scene.lights()[light].pdf_direct(scene.objects(), drawn.point, wi, hit)
+            }
+            Met::Around(environment, place) => environment.pdf_at(place),
+        };
+        power_heuristic(drawn.density, pdf * samples)
     }
 
     /// Weight of light that was met by way of specular surfaces, against photons.
-    fn share_of_caustic(&self, walk: &Walk<V::Hidden>, light: usize, normal: Option<Vec3>) -> f32 {
+    fn share_of_caustic(&self, walk: &Walk<V::Hidden>, light: usize, met: Met<'_>) -> f32 {
         if self.estimators().is_met[light] {
             return 1.0;
         }
@@ -180,7 +189,10 @@ impl<V: Sight> CameraTracer<'_, V> {
             (odds, Some(projected)) => {
                 let (objects, bounds) = (self.scene.objects(), self.scene.bounds());
                 let dir = -walk.ray.dir;
-                let along = normal.unwrap_or(dir);
+                let along = match met {
+                    Met::Surface(normal) => normal,
+                    Met::Around(..) => dir,
+                };
                 let density = self.scene.lights()[light].emitted_density(objects, bounds, dir, along);
                 gather_share(odds * density, projected)
             }
@@ -228,9 +240,9 @@ impl<V: Sight> CameraTracer<'_, V> {
     }
 
     /// Scatter a path in a medium: direct light there, and a direction to go on in.
-    pub(super) fn scatter_in_medium(
-        &self,
-        walk: &mut Walk<V::Hidden>,
+    pub(super) fn scatter_in_medium<'v>(
+        &'v self,
+        walk: &mut Walk<'v, V::Hidden>,
         id: u16,
         distance: f32,
         context: &mut PathContext<'_>,
@@ -242,7 +254,8 @@ impl<V: Sight> CameraTracer<'_, V> {
         let PathContext {
             sampler, record, rays, ..
         } = &mut *context;
-        let lights = (self.scene.light_sources).choice_at(point, None, self.sight.emitters(self.scene));
+        let by_power = self.sight.emitters(self.aimed_at());
+        let lights = self.scene.light_sources.choice_at(point, None, by_power);
         lights.each(sampler, |choice, sampler| {
             *rays += 1;
             let lit = walk.beta * self.lit_in_medium(&at, id, choice, sampler);
@@ -252,7 +265,7 @@ impl<V: Sight> CameraTracer<'_, V> {
         let new = phase.sample(dir, context.sampler.next_2d());
         walk.drawn = Some(Drawn {
             point,
-            facing: None,
+            lights,
             density: phase.eval_directions(dir, new),
             projected: None,
             distance: 0.0,
@@ -300,9 +313,9 @@ impl<V: Sight> CameraTracer<'_, V> {
 
     /// Direct light and caustics at a surface, radiance at the film, and on in a direction. `None`: the path ends
     /// before.
-    fn meet_surface(
-        &self,
-        walk: &mut Walk<V::Hidden>,
+    fn meet_surface<'v>(
+        &'v self,
+        walk: &mut Walk<'v, V::Hidden>,
         hit: &mut SurfaceHit,
         context: &mut PathContext<'_>,
     ) -> Option<Rgb> {
@@ -325,6 +338,7 @@ impl<V: Sight> CameraTracer<'_, V> {
         let Estimators {
             deep, ends_at_second, ..
         } = *self.estimators();
+        let mut lights = None;
         if !lobe.is_followed {
             let drawn = walk.drawn.as_ref();
             let flown = drawn.map_or(0.0, |drawn| drawn.distance);
@@ -336,7 +350,8 @@ impl<V: Sight> CameraTracer<'_, V> {
                 walk.beta = Rgb::ZERO;
                 return is_found.then(|| self.brought_by_photons(from, &y, beta, context));
             }
-            radiance = self.lit_later(&y, walk.beta, context);
+            let lights = lights.insert(self.light_choice(&y, Seen::Later));
+            radiance = self.lit_later(&y, lights, walk.beta, context);
         } else if deep {
             // What comes by way of it is in photons.
             return None;
@@ -362,14 +377,14 @@ impl<V: Sight> CameraTracer<'_, V> {
             walk.track /= eta * eta;
             walk.medium = scene.medium_beyond(hit, wi, walk.medium);
         }
-        walk.drawn = match lobe.is_followed {
-            true => {
+        walk.drawn = match lights {
+            None => {
                 walk.behind = walk.drawn.take().map_or(walk.behind, |drawn| drawn.projected);
                 None
             }
-            false => Some(Drawn {
+            Some(lights) => Some(Drawn {
                 point: hit.point,
-                facing: y.facing(),
+                lights,
                 density: sample.pdf,
                 projected: Some(sample.pdf / hit.ng.dot(wi).abs()),
                 distance: 0.0,
@@ -386,14 +401,14 @@ impl<V: Sight> CameraTracer<'_, V> {
     }
 
     /// Direct light, balanced against the direction that is drawn at y as well, and photons.
-    fn lit_later(&self, y: &Vertex, beta: Rgb, context: &mut PathContext<'_>) -> Rgb {
+    fn lit_later(&self, y: &Vertex, lights: &LocalChoice, beta: Rgb, context: &mut PathContext<'_>) -> Rgb {
         let balanced = |choice: LightChoice, direct: &DirectSample, wi: Vec3| match direct.delta
             || self.scene.only_sampled(choice.light)
         {
             true => 1.0,
             false => power_heuristic(direct.pdf * choice.pmf, y.pdf(y.local_wo, wi)),
         };
-        let lit = self.lit_by_samples(y, Seen::Later, (beta, Part::Surface), context, balanced);
+        let lit = self.lit_by_samples(y, (Seen::Later, lights), (beta, Part::Surface), context, balanced);
         // What surfaces send here is found by the path itself.
         let weight = |photon: &SurfacePhoton, wi: Vec3| match photon.arrival {
             Arrival::Surface => 0.0,

@@ -3,29 +3,29 @@
 mod crossing;
 mod description;
 mod interaction;
+mod selectors;
 mod shadow;
 
 use crate::bsdf::{BumpShadowing, Material};
 use crate::geometry::{Geometry, Object, SurfaceHit, bounds, clearance};
-use crate::light::{EmissionSample, Light, LightKind, LightSelector, LightSources, SceneBounds};
+use crate::light::{EmissionSample, Environment, Light, LightKind, LightSources, Place, SceneBounds};
 use crate::math::{Ray, Rgb, Vec3};
 use crate::medium::{Medium, MediumId};
 use crate::sampler::Sampler;
 use crossing::LightMedium;
 pub use description::{RenderDefaults, SceneDescription};
 pub(crate) use interaction::SurfaceInteraction;
-use std::collections::BTreeMap;
+pub use selectors::Selectors;
 
 /// A scene made ready for rays: acceleration structures built, media around the camera and the lights found.
 #[derive(Debug)]
 pub struct Scene {
     description: SceneDescription,
     pub(crate) geometry: Geometry,
-    pub(crate) selector: LightSelector,
-    /// By what shadow rays do not see, where that is lights: the others.
-    pub(crate) selectors: BTreeMap<u32, LightSelector>,
-    /// The lights whose photons rules let leave something, where those are not all.
-    pub(crate) emitters: Option<LightSelector>,
+    /// Who chooses among which lights.
+    pub(crate) selectors: Selectors,
+    /// The same where scattered rays go on that meet some lights so well that none is aimed at those as well.
+    pub(crate) aimed_at: Option<Selectors>,
     /// The lights as those who choose among them see them.
     pub(crate) light_sources: LightSources,
     /// Medium that camera rays start in.
@@ -51,8 +51,7 @@ pub struct Scene {
 impl Scene {
     /// Build the acceleration structures. Deterministic.
     pub fn new(description: SceneDescription) -> Self {
-        let selector = LightSelector::new(&description.lights, &description.objects, &description.bounds);
-        let (selectors, emitters) = (selectors(&description), emitters(&description));
+        let (selectors, aimed_at) = (Selectors::of_all(&description), Selectors::aimed_at(&description));
         let material = |o: &Object| &description.materials[o.material as usize];
         let has_uv = description.objects.iter().map(|o| material(o).reads_uv());
         let geometry = Geometry::new(&description.objects).with_uv(has_uv.collect());
@@ -76,9 +75,8 @@ impl Scene {
         let light_sources = LightSources::new(&description.lights, &description.objects, &description.bounds);
         let mut scene = Self {
             geometry,
-            selector,
             selectors,
-            emitters,
+            aimed_at,
             light_sources,
             camera_medium: None,
             light_media: Vec::new(),
@@ -192,6 +190,23 @@ impl Scene {
         }
     }
 
+    /// The environment lights, and where the direction `dir` is in each.
+    #[inline]
+    pub(crate) fn each_environment(&self, dir: Vec3, mut with: impl FnMut(usize, &Environment, &Place)) {
+        let mut last: Option<(&Environment, Place)> = None;
+        for &light in &self.environments {
+            if let LightKind::Environment(environment) = &self.lights()[light].kind {
+                // Those that an image was taken apart into are alike.
+                let place = match last {
+                    Some((other, place)) if environment.has_places_of(other) => place,
+                    _ => environment.place(dir),
+                };
+                last = Some((environment, place));
+                with(light, environment, &place);
+            }
+        }
+    }
+
     /// Radiance of one environment light from the direction `dir`.
     pub(crate) fn environment(&self, light: usize, dir: Vec3) -> Rgb {
         match &self.lights()[light].kind {
@@ -199,48 +214,4 @@ impl Scene {
             _ => Rgb::ZERO,
         }
     }
-}
-
-/// For each set of lights that shadow rays do not see: the others.
-fn selectors(description: &SceneDescription) -> BTreeMap<u32, LightSelector> {
-    let mut selectors = BTreeMap::new();
-    let Some(rules) = &description.rules else {
-        return selectors;
-    };
-    for sets in &rules.of_object {
-        let sees = |light: usize| !rules.hides_light(sets.shadow, light);
-        if (0..description.lights.len()).all(sees) {
-            continue;
-        }
-        selectors.entry(sets.shadow.row).or_insert_with(|| {
-            LightSelector::of_some(&description.lights, &description.objects, &description.bounds, sees)
-        });
-    }
-    selectors
-}
-
-/// The lights whose photons leave something somewhere, unless all may.
-fn emitters(description: &SceneDescription) -> Option<LightSelector> {
-    let rules = description.rules.as_ref()?;
-    let objects = description.objects.iter().zip(&rules.of_object);
-    let surfaces = objects.filter(|(object, _)| {
-        let material = &description.materials[object.material as usize];
-        !material.is_specular()
-    });
-    let media = description.media.iter().zip(&rules.of_medium);
-    let media = media.filter(|(medium, _)| medium.scatters());
-    let mut sets: Vec<_> = surfaces.map(|(_, sets)| sets.photon).collect();
-    sets.extend(media.map(|(_, set)| *set));
-    sets.sort_unstable_by_key(|set| set.row);
-    sets.dedup();
-    let matters = |light: usize| !sets.iter().all(|set| rules.hides_light(*set, light));
-    if (0..description.lights.len()).all(matters) {
-        return None;
-    }
-    Some(LightSelector::of_some(
-        &description.lights,
-        &description.objects,
-        &description.bounds,
-        matters,
-    ))
 }

@@ -6,7 +6,7 @@ use beamfarm_render::math::{PI, Rgb, Vec3};
 use beamfarm_render::sampler::{Purpose, Sampler};
 use beamfarm_render::texture::Image;
 use beamfarm_render::warp;
-use beamfarm_tests::{Chi2, MeanEstimate, Suite};
+use beamfarm_tests::{Chi2, MeanEstimate, Suite, render};
 use glam::Mat3;
 use std::sync::Arc;
 
@@ -146,5 +146,43 @@ fn even_skies_and_suns_alone_are_one_light() {
         assert_eq!(parts.len(), 1);
         let all = Environment::new(Some(image), RADIANCE, Mat3::IDENTITY);
         assert_eq!(parts[0].fluence(), all.fluence());
+    }
+}
+
+/// Scattered rays alone find an even sky: where nothing is in the way, one of them finds all of its light.
+#[test]
+fn an_even_sky_over_an_open_floor_has_no_noise() {
+    let floor = r#"
+[image]
+width = 8
+height = 8
+[camera]
+origin = [0, 3, 0]
+target = [0, 0, 0.1]
+fov = 40
+[[shapes]]
+type = "rectangle"
+material = "grey"
+transform = [{ scale = 8 }, { rotate = { axis = [1, 0, 0], angle = -90 } }]
+[materials.grey]
+type = "diffuse"
+reflectance = [0.8, 0.6, 0.5]
+[[lights]]
+type = "environment"
+radiance = [1, 2, 3]
+"#;
+    // A lamp beside it is aimed at, and has no share in where the sky is.
+    let lamp = "[[lights]]\ntype = \"point\"\nposition = [0, -1, 0]\nintensity = 5\n";
+    for surfaces in ["photons", "paths"] {
+        for lamp in ["", lamp] {
+            let toml = format!("{floor}{lamp}[render]\nsurfaces = \"{surfaces}\"\n");
+            let scene = render::scene(&toml);
+            let image = render::run(&scene, scene.description().defaults.job_settings(), 1);
+            for pixel in &image.beauty.pixels {
+                let expected = [0.8, 1.2, 1.5];
+                let is_near = (pixel.iter().zip(expected)).all(|(value, expected)| (value - expected).abs() < 1e-5);
+                assert!(is_near, "{pixel:?}, {surfaces}, {lamp}");
+            }
+        }
     }
 }

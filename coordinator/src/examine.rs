@@ -25,11 +25,11 @@ pub struct Claim {
     pub stats: PassStats,
 }
 
-impl TryFrom<wire::SubmitHeader> for Claim {
-    type Error = WireError;
-    fn try_from(header: wire::SubmitHeader) -> Result<Self, WireError> {
+impl Claim {
+    /// What a worker says of what follows.
+    pub fn of(worker: WorkerId, header: wire::SubmitHeader) -> Result<Self, WireError> {
         Ok(Self {
-            worker: WorkerId(header.worker),
+            worker,
             lease: LeaseId(header.lease),
             block: header.block.unwrap_or_default().try_into()?,
             size: header.size,

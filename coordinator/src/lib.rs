@@ -8,6 +8,7 @@ mod control;
 mod examine;
 pub mod farm;
 mod intake;
+mod keys;
 pub mod ledger;
 pub mod limits;
 pub mod listener;

@@ -3,13 +3,14 @@
 use crate::examine::{Claim, Flaw};
 use crate::farm::{Farm, Refusal};
 use crate::intake::Intake;
+use crate::keys::Keys;
 use crate::ledger::{Accepted, LedgerError, Sentence};
 use crate::limits::{Limits, Pace};
 use beamfarm_image::exr::encoded_size;
 use beamfarm_image::job::{Block, SceneHash};
 use beamfarm_proto::wire::farm_server::Farm as FarmService;
 use beamfarm_proto::wire::submit_request::Part;
-use beamfarm_proto::{CHUNK_BYTES, FileHash, LeaseId, VERSION, WireHash, WorkerId, wire};
+use beamfarm_proto::{CHUNK_BYTES, FileHash, LeaseId, VERSION, WireHash, wire};
 use std::sync::Arc;
 use tokio::sync::{Semaphore, mpsc};
 use tokio::time::{sleep, timeout};
@@ -28,6 +29,7 @@ pub(crate) struct Service {
     decoders: Arc<Semaphore>,
     limits: Limits,
     intake: Arc<Intake>,
+    keys: Keys,
 }
 
 impl Service {
@@ -41,6 +43,7 @@ impl Service {
             decoders: Arc::new(Semaphore::new(cores)),
             limits,
             intake,
+            keys: Keys::default(),
         }
     }
 
@@ -134,6 +137,7 @@ impl FarmService for Service {
         let registered = self.farm.register(name, request.threads, canary.0);
         let refused = |sentence: Sentence| Status::permission_denied(sentence.to_string());
         let worker = registered.map_err(refused)?;
+        let key = self.keys.issue(worker)?;
         let mut leases = Vec::new();
         if request.scene == self.farm.job().scene.to_wire() {
             let held = request.held.into_iter().take(HELD);
@@ -146,7 +150,8 @@ impl FarmService for Service {
         };
         let heartbeat = self.farm.timing().heartbeat;
         Ok(Response::new(wire::RegisterReply {
-            worker: worker.0,
+            worker: key,
+            number: worker.0,
             job: Some(self.farm.job().into()),
             heartbeat_ms: u32::try_from(heartbeat.as_millis()).unwrap_or(u32::MAX),
             leases: leases.into_iter().map(lease).collect(),
@@ -187,7 +192,7 @@ impl FarmService for Service {
         let Some(first) = beats.message().await? else {
             return Err(Status::invalid_argument("no heartbeat"));
         };
-        let worker = WorkerId(first.worker);
+        let (key, worker) = (first.worker, self.keys.worker(first.worker)?);
         let farm = self.farm.clone();
         farm.beat(worker, leases(&first))?;
         let attendance = farm.attend(worker)?;
@@ -198,7 +203,7 @@ impl FarmService for Service {
             loop {
                 tokio::select! {
                     beat = beats.message() => match beat {
-                        Ok(Some(beat)) if beat.worker == worker.0 => {
+                        Ok(Some(beat)) if beat.worker == key => {
                             if let Err(error) = farm.beat(worker, leases(&beat)) {
                                 let _ = sender.send(Err(error.into())).await;
                                 break;
@@ -226,7 +231,7 @@ impl FarmService for Service {
 
     async fn lease(&self, request: Request<wire::LeaseRequest>) -> Result<Response<wire::LeaseReply>, Status> {
         let request = request.into_inner();
-        let worker = WorkerId(request.worker);
+        let worker = self.keys.worker(request.worker)?;
         // A worker of the coordinator before, with another scene, shall hear that it is unknown, and register again.
         self.farm.beat(worker, [])?;
         self.check_scene(SceneHash::from_wire(&request.scene, "scene")?)?;
@@ -243,7 +248,8 @@ impl FarmService for Service {
         let Some(Part::Header(header)) = first else {
             return Err(Status::invalid_argument("expected a header first"));
         };
-        let claim = Claim::try_from(header)?;
+        let worker = self.keys.worker(header.worker)?;
+        let claim = Claim::of(worker, header)?;
         self.farm.check(&claim)?;
         let refuse = |message: String| {
             let flaw = Flaw::Foreign(message);
@@ -279,7 +285,7 @@ impl FarmService for Service {
 
     async fn fail(&self, request: Request<wire::FailRequest>) -> Result<Response<wire::FailReply>, Status> {
         let request = request.into_inner();
-        let (worker, lease) = (WorkerId(request.worker), LeaseId(request.lease));
+        let (worker, lease) = (self.keys.worker(request.worker)?, LeaseId(request.lease));
         let message = shortened(&request.message);
         self.farm.fail(worker, lease, request.pass_index, message)?;
         Ok(Response::new(wire::FailReply {}))
@@ -291,7 +297,7 @@ impl FarmService for Service {
     ) -> Result<Response<wire::GiveBackReply>, Status> {
         let request = request.into_inner();
         let leases = request.leases.into_iter().map(LeaseId).collect();
-        let worker = WorkerId(request.worker);
+        let worker = self.keys.worker(request.worker)?;
         self.farm.give_back(worker, &leases, request.leaving)?;
         Ok(Response::new(wire::GiveBackReply {}))
     }

@@ -5,7 +5,17 @@ use beamfarm_image::job::{Block, JobSettings, SceneHash};
 use beamfarm_image::layer::Layer;
 use std::fmt;
 
-/// A worker's number at one coordinator.
+/// What a worker shows at every call that it makes, and what nobody else knows. Never shown to people.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub struct WorkerKey(pub u64);
+
+impl std::fmt::Debug for WorkerKey {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("WorkerKey(..)")
+    }
+}
+
+/// A worker's number at one coordinator, for logs and tables.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct WorkerId(pub u64);
 

@@ -6,7 +6,7 @@ mod domain;
 mod token;
 
 pub use convert::{WireError, WireHash};
-pub use domain::{FileEntry, FileHash, Grant, Job, LeaseId, Manifest, WorkerId};
+pub use domain::{FileEntry, FileHash, Grant, Job, LeaseId, Manifest, WorkerId, WorkerKey};
 pub use prost::bytes;
 pub use token::{TOKEN_VARIABLE, Token};
 

@@ -1,6 +1,7 @@
 //! The secret that both sides may share, as it is written in files and in the environment.
 
 use std::fmt;
+use std::io::Read;
 use std::path::Path;
 
 /// The environment variable that may hold it.
@@ -36,7 +37,7 @@ impl Token {
         let (place, text) = match file {
             Some(file) => {
                 let place = file.display().to_string();
-                let text = std::fs::read_to_string(file);
+                let text = read_short(file);
                 (place.clone(), text.map_err(|error| format!("{place}: {error}"))?)
             }
             None => match std::env::var(TOKEN_VARIABLE) {
@@ -59,6 +60,14 @@ impl Token {
     pub fn matches(&self, given: &[u8]) -> bool {
         blake3::hash(self.0.as_bytes()) == blake3::hash(given)
     }
+}
+
+/// The text of a file, or of its beginning where it is longer than any token: it may be a device that never ends.
+fn read_short(file: &Path) -> std::io::Result<String> {
+    let mut text = String::new();
+    let most = 4 * LONGEST as u64;
+    std::fs::File::open(file)?.take(most).read_to_string(&mut text)?;
+    Ok(text)
 }
 
 impl fmt::Debug for Token {
@@ -104,5 +113,12 @@ mod tests {
         std::fs::write(&file, format!("{GOOD}\n")).unwrap();
         let token = Token::read(Some(&file)).unwrap().unwrap();
         assert!(token.matches(GOOD.as_bytes()));
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_file_without_an_end_is_no_token() {
+        let error = Token::read(Some(Path::new("/dev/zero"))).unwrap_err();
+        assert!(error.contains("/dev/zero: a token of 4096 characters"), "{error}");
     }
 }

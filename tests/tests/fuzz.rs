@@ -249,6 +249,7 @@ fn write_seeds() {
     };
     let register = wire::RegisterReply {
         worker: 5,
+        number: 1,
         job: Some(wire::Job {
             scene: SceneHash([2; 32]).to_wire(),
             manifest: Some(wire::Manifest {

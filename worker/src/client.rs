@@ -7,7 +7,7 @@ use beamfarm_proto::bytes::Bytes;
 use beamfarm_proto::wire::farm_client::FarmClient;
 use beamfarm_proto::wire::submit_request::Part;
 use beamfarm_proto::{
-    CHUNK_BYTES, FileEntry, FileHash, Grant, Job, LeaseId, VERSION, WireError, WireHash, WorkerId, wire,
+    CHUNK_BYTES, FileEntry, FileHash, Grant, Job, LeaseId, VERSION, WireError, WireHash, WorkerId, WorkerKey, wire,
 };
 use std::future::Future;
 use std::hash::{BuildHasher, Hasher, RandomState};
@@ -37,6 +37,8 @@ pub enum CallError {
 pub struct Registration {
     /// The worker's number.
     pub worker: WorkerId,
+    /// Its key, for all other calls.
+    pub key: WorkerKey,
     /// What to render.
     pub job: Job,
     /// Time between heartbeats.
@@ -123,7 +125,8 @@ impl Client {
         }
         Ok(Registration {
             leases,
-            worker: WorkerId(reply.worker),
+            worker: WorkerId(reply.number),
+            key: WorkerKey(reply.worker),
             job: Job::try_from(job).map_err(refused)?,
             heartbeat: Duration::from_millis(reply.heartbeat_ms.max(1).into()),
         })
@@ -168,9 +171,9 @@ impl Client {
     }
 
     /// The next pass, or `NotNow` after some seconds.
-    pub async fn lease(&self, worker: WorkerId, scene: SceneHash) -> Result<Grant, CallError> {
+    pub async fn lease(&self, key: WorkerKey, scene: SceneHash) -> Result<Grant, CallError> {
         let request = wire::LeaseRequest {
-            worker: worker.0,
+            worker: key.0,
             scene: scene.to_wire(),
         };
         let reply = self
@@ -183,9 +186,9 @@ impl Client {
     }
 
     /// Deliver a block.
-    pub async fn submit(&self, worker: WorkerId, delivery: &Delivery) -> Result<(), CallError> {
+    pub async fn submit(&self, key: WorkerKey, delivery: &Delivery) -> Result<(), CallError> {
         let header = wire::SubmitHeader {
-            worker: worker.0,
+            worker: key.0,
             lease: delivery.lease.0,
             block: Some(delivery.block.into()),
             size: delivery.bytes.len() as u64,
@@ -207,9 +210,9 @@ impl Client {
     }
 
     /// Give leases back, or sign off.
-    pub async fn give_back(&self, worker: WorkerId, leases: Vec<LeaseId>, leaving: bool) -> Result<(), CallError> {
+    pub async fn give_back(&self, key: WorkerKey, leases: Vec<LeaseId>, leaving: bool) -> Result<(), CallError> {
         let request = wire::GiveBackRequest {
-            worker: worker.0,
+            worker: key.0,
             leases: leases.into_iter().map(|lease| lease.0).collect(),
             leaving,
         };
@@ -222,15 +225,9 @@ impl Client {
     }
 
     /// Say that a leased block cannot be rendered, because of this pass of it.
-    pub async fn fail(
-        &self,
-        worker: WorkerId,
-        lease: LeaseId,
-        pass_index: u64,
-        message: &str,
-    ) -> Result<(), CallError> {
+    pub async fn fail(&self, key: WorkerKey, lease: LeaseId, pass_index: u64, message: &str) -> Result<(), CallError> {
         let request = wire::FailRequest {
-            worker: worker.0,
+            worker: key.0,
             lease: lease.0,
             message: message.into(),
             pass_index,

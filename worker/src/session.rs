@@ -10,7 +10,7 @@ use beamfarm_image::exr::{BlockMeta, encode_block};
 use beamfarm_image::job::{Block, PassStats};
 use beamfarm_image::merge::Node;
 use beamfarm_image::radius::Schedule;
-use beamfarm_proto::{Grant, Job, LeaseId, VERSION, WorkerId, wire};
+use beamfarm_proto::{Grant, Job, LeaseId, VERSION, WorkerId, WorkerKey, wire};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -52,6 +52,7 @@ struct Held {
 /// What the coordinator knows of the worker.
 struct State {
     worker: WorkerId,
+    key: WorkerKey,
     /// How often the worker has registered.
     generation: u64,
     /// For the heartbeat: from the moment they are leased until they are delivered.
@@ -102,6 +103,7 @@ impl<'a> Session<'a> {
             drain,
             state: Mutex::new(State {
                 worker: registration.worker,
+                key: registration.key,
                 generation: 0,
                 held: BTreeMap::new(),
                 other_job: None,
@@ -138,7 +140,7 @@ impl<'a> Session<'a> {
             return Ok(SessionEnd::OtherJob(Box::new(registration)));
         }
         if *self.drain.borrow() && !matches!(end, Err(CallError::Refused(_))) {
-            info!(worker = self.identity().0.0, "signing off");
+            info!(worker = self.number(), "signing off");
             self.give_back(|_| true, true).await;
             return Ok(SessionEnd::Over);
         }
@@ -173,7 +175,7 @@ impl<'a> Session<'a> {
                     }
                 };
                 let took = begun.elapsed();
-                let worker = self.identity().0.0;
+                let worker = self.number();
                 debug!(worker, %block, seconds = took.as_secs_f64(), "rendered");
                 drop(over);
                 // Fails when delivering has failed, which ends the session.
@@ -224,39 +226,39 @@ impl<'a> Session<'a> {
         tokio::select! {
             () = give_back => {}
             () = sleep(self.grace) => {
-                info!(worker = self.identity().0.0, "the time to finish is over");
+                info!(worker = self.number(), "the time to finish is over");
             }
         }
     }
 
     /// Give leases back, as far as the coordinator can be reached.
     async fn give_back(&self, which: impl Fn(&Block) -> bool, leaving: bool) {
-        let (worker, leases) = {
+        let (key, leases) = {
             let mut state = self.state();
             let blocks: Vec<Block> = state.held.keys().copied().filter(which).collect();
             let leases: Vec<LeaseId> = blocks
                 .iter()
                 .filter_map(|block| Some(state.held.remove(block)?.lease))
                 .collect();
-            (state.worker, leases)
+            (state.key, leases)
         };
         let client = self.client.hasty(FAREWELL);
-        let call = client.give_back(worker, leases, leaving);
+        let call = client.give_back(key, leases, leaving);
         match tokio::time::timeout(FAREWELL, call).await {
             Ok(Ok(())) => {}
             // It will find out when the connection closes.
-            failed => debug!(worker = worker.0, "cannot give leases back: {failed:?}"),
+            failed => debug!(worker = self.number(), "cannot give leases back: {failed:?}"),
         }
     }
 
     /// The next block; `None` when there will be none, or when this worker shall finish.
     async fn lease(&self) -> Result<Option<Block>, CallError> {
         loop {
-            let (worker, generation) = self.identity();
+            let (key, generation) = self.identity();
             let grant = tokio::select! {
                 biased;
                 () = drained(self.drain.clone()) => return Ok(None),
-                grant = self.client.lease(worker, self.job.scene) => grant,
+                grant = self.client.lease(key, self.job.scene) => grant,
             };
             match grant {
                 Ok(Grant::Lease(lease, block)) => {
@@ -295,11 +297,11 @@ impl<'a> Session<'a> {
                 Err(failed) => Err(failed),
             };
             if let Err(Failed { pass_index, message }) = &encoded {
-                let worker = self.identity().0.0;
+                let worker = self.number();
                 warn!(worker, %block, pass = pass_index, "pass {pass_index}: {message}");
             }
             // Once more for each coordinator that has forgotten the worker, as long as it wants the block.
-            while let Some((worker, lease, generation)) = self.lease_of(block) {
+            while let Some((key, lease, generation)) = self.lease_of(block) {
                 let sent = match &encoded {
                     Ok((bytes, stats)) => {
                         let delivery = Delivery {
@@ -308,11 +310,11 @@ impl<'a> Session<'a> {
                             bytes: bytes.clone(),
                             stats: *stats,
                         };
-                        self.client.submit(worker, &delivery).await
+                        self.client.submit(key, &delivery).await
                     }
                     Err(failed) => {
                         let (pass_index, message) = (failed.pass_index, &failed.message);
-                        self.client.fail(worker, lease, pass_index, message).await
+                        self.client.fail(key, lease, pass_index, message).await
                     }
                 };
                 match sent {
@@ -330,15 +332,20 @@ impl<'a> Session<'a> {
         Ok(())
     }
 
-    fn lease_of(&self, block: Block) -> Option<(WorkerId, LeaseId, u64)> {
+    fn lease_of(&self, block: Block) -> Option<(WorkerKey, LeaseId, u64)> {
         let state = self.state();
         let lease = state.held.get(&block)?.lease;
-        Some((state.worker, lease, state.generation))
+        Some((state.key, lease, state.generation))
     }
 
-    fn identity(&self) -> (WorkerId, u64) {
+    fn identity(&self) -> (WorkerKey, u64) {
         let state = self.state();
-        (state.worker, state.generation)
+        (state.key, state.generation)
+    }
+
+    /// For logs.
+    fn number(&self) -> u64 {
+        self.state().worker.0
     }
 
     /// Register again, unless somebody else did so since `generation`. What is held and still wanted is kept.
@@ -348,7 +355,7 @@ impl<'a> Session<'a> {
             return Ok(());
         }
         warn!(
-            worker = self.identity().0.0,
+            worker = self.number(),
             "the coordinator has forgotten this worker: registering again"
         );
         let held: Vec<Block> = self.state().held.keys().copied().collect();
@@ -360,6 +367,7 @@ impl<'a> Session<'a> {
             return Err(CallError::Forgotten);
         }
         state.worker = registration.worker;
+        state.key = registration.key;
         state.generation += 1;
         let leases: BTreeMap<Block, LeaseId> = registration
             .leases
@@ -410,7 +418,7 @@ impl<'a> Session<'a> {
                 }
             }
             debug!(
-                worker = self.identity().0.0,
+                worker = self.number(),
                 "the stream of heartbeats broke; opening it again"
             );
             sleep(self.heartbeat.min(Duration::from_millis(200))).await;
@@ -420,7 +428,7 @@ impl<'a> Session<'a> {
     fn beat(&self) -> wire::Heartbeat {
         let state = self.state();
         wire::Heartbeat {
-            worker: state.worker.0,
+            worker: state.key.0,
             leases: state.held.values().map(|held| held.lease.0).collect(),
             rendered: state.held.values().map(|held| held.rendered).collect(),
         }

@@ -207,3 +207,51 @@ async fn a_pass_that_cannot_be_rendered_ends_the_job_before_it() {
     assert_eq!(coordinator.farm.average().unwrap().passes, 3);
     assert_eq!(coordinator.farm.progress().failures, 3);
 }
+
+/// Numbers of workers are for people, and leases are counted as well: whoever knows both can do nothing in another's
+/// name.
+#[tokio::test]
+async fn nobody_speaks_for_another() {
+    let coordinator = Coordinator::start(spec(2)).await;
+    let victim = RawWorker::named(&coordinator, "victim").await;
+    let thief = RawWorker::named(&coordinator, "thief").await;
+    let (lease, block) = victim.lease().await;
+    let fail = |worker| wire::FailRequest {
+        worker,
+        lease: lease.0,
+        message: "no".into(),
+        pass_index: 0,
+    };
+    let give_back = |worker| wire::GiveBackRequest {
+        worker,
+        leases: vec![lease.0],
+        leaving: true,
+    };
+    let mut farm = thief.farm.clone();
+    for key in [victim.number, thief.id.wrapping_add(1), thief.id.wrapping_sub(1), 0] {
+        let guess = RawWorker {
+            farm: thief.farm.clone(),
+            id: key,
+            number: victim.number,
+            scene: victim.scene,
+        };
+        let answers = [
+            guess.grant().await.map(|_| ()),
+            guess.deliver((lease, block)).await.map(|_| ()),
+            farm.fail(fail(key)).await.map(|_| ()),
+            farm.give_back(give_back(key)).await.map(|_| ()),
+        ];
+        for answer in answers {
+            assert_eq!(answer.unwrap_err().code(), Code::NotFound, "{key}");
+        }
+    }
+    // Under its own name it has no such lease.
+    let status = thief.deliver((lease, block)).await.unwrap_err();
+    assert_eq!(status.code(), Code::InvalidArgument);
+    let status = farm.fail(fail(thief.id)).await.unwrap_err();
+    assert_eq!(status.code(), Code::InvalidArgument);
+    assert_eq!(coordinator.farm.progress().failures, 0);
+    assert_eq!(coordinator.farm.progress().refused, 0);
+    victim.deliver((lease, block)).await.unwrap();
+    assert_eq!(coordinator.farm.progress().passes, 1);
+}

@@ -280,7 +280,10 @@ pub fn start_worker_with(url: String, threads: usize, patience: Duration, grace:
 /// A worker that does what the test says.
 pub struct RawWorker {
     pub farm: FarmClient<Channel>,
+    /// Its key.
     pub id: u64,
+    /// Its number in logs.
+    pub number: u64,
     pub scene: beamfarm_image::job::SceneHash,
 }
 
@@ -308,6 +311,7 @@ impl RawWorker {
         Self {
             farm,
             id: reply.worker,
+            number: reply.number,
             scene: coordinator.farm.job().scene,
         }
     }

@@ -11,8 +11,10 @@ use tokio::time::{Instant, Sleep, sleep_until};
 /// Limits of a listener.
 #[derive(Clone, Copy, Debug)]
 pub struct Limits {
-    /// Connections at a time; more are closed at once.
+    /// Connections at a time, or fewer where the process may not open so many files; more are closed at once.
     pub connections: usize,
+    /// Those of them that have not shown yet that they may come in; of more the oldest are closed.
+    pub strangers: usize,
     /// Time for a connection to become one: TLS, and its first request that may come in.
     pub greeting: Duration,
     /// Calls that one connection may have open. A worker needs about four.
@@ -41,6 +43,7 @@ impl Default for Limits {
     fn default() -> Self {
         Self {
             connections: 16384,
+            strangers: 256,
             greeting: Duration::from_secs(10),
             calls: 64,
             requests_per_second: 1000.0,
@@ -52,6 +55,27 @@ impl Default for Limits {
             probe_every: Duration::from_secs(10),
             probe_timeout: Duration::from_secs(20),
         }
+    }
+}
+
+/// Files that a coordinator has open beside its connections: checkpoints, logs, the pipes of its workers, and room.
+#[cfg(unix)]
+const FILES: u64 = 96;
+
+impl Limits {
+    /// The same, with no more connections than this process may open.
+    pub(crate) fn within_files(self) -> Self {
+        #[cfg(unix)]
+        if let Some(files) = rustix::process::getrlimit(rustix::process::Resource::Nofile).current {
+            let rest = usize::try_from(files.saturating_sub(FILES)).unwrap_or(usize::MAX);
+            let connections = self.connections.min(rest.max(8));
+            return Self {
+                connections,
+                strangers: self.strangers.min(connections.div_ceil(2)),
+                ..self
+            };
+        }
+        self
     }
 }
 

@@ -1,7 +1,7 @@
 //! Connections, from the moment that they are accepted: who gets one, what it may take, and when it ends.
 
 use crate::limits::{Limits, Pace, Steady};
-use crate::security::{Security, is_grpc};
+use crate::security::{HEALTH, Security, is_grpc};
 use axum::Router;
 use axum::body::Body;
 use http::{Request, Response};
@@ -9,14 +9,15 @@ use hyper::body::Incoming;
 use hyper_util::rt::{TokioExecutor, TokioIo, TokioTimer};
 use hyper_util::server::conn::auto;
 use hyper_util::server::graceful::{GracefulShutdown, Watcher};
+use std::collections::VecDeque;
 use std::convert::Infallible;
 use std::future::Future;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Weak};
 use std::time::Duration;
 use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::net::{TcpListener, TcpStream};
-use tokio::sync::Semaphore;
+use tokio::sync::{Notify, Semaphore};
 use tokio::task::JoinSet;
 use tokio::time::{sleep, timeout};
 use tokio_io_timeout::TimeoutStream;
@@ -25,6 +26,8 @@ use tracing::{debug, warn};
 
 /// Calls that a peer may begin and break off before they are looked at (HTTP/2 rapid reset).
 const BROKEN_OFF: usize = 32;
+/// Time for a connection that has to make room.
+const FAREWELL: Duration = Duration::from_millis(50);
 /// Pause after the system refused a connection: it is out of file descriptors, say.
 const REFUSED_PAUSE: Duration = Duration::from_millis(100);
 /// The only call whose body stands still by design. It has a time limit of its own.
@@ -67,6 +70,7 @@ pub(crate) async fn serve(entrance: Entrance, router: Router, shutdown: impl Fut
         security,
         limits,
     } = entrance;
+    let limits = limits.within_files();
     let address = listener.local_addr();
     let shared = Arc::new(Shared {
         router,
@@ -75,6 +79,7 @@ pub(crate) async fn serve(entrance: Entrance, router: Router, shutdown: impl Fut
         local: address.is_ok_and(|address| address.ip().is_loopback()),
     });
     let places = Arc::new(Semaphore::new(limits.connections));
+    let mut strangers = Strangers::default();
     let graceful = GracefulShutdown::new();
     // Dropping it ends what is still open.
     let mut connections = JoinSet::new();
@@ -93,7 +98,8 @@ pub(crate) async fn serve(entrance: Entrance, router: Router, shutdown: impl Fut
             Some(_) = connections.join_next() => continue,
             () = &mut shutdown => break,
         };
-        let Ok(place) = places.clone().try_acquire_owned() else {
+        // Those that were told to leave do so at once.
+        let Ok(Ok(place)) = timeout(FAREWELL, places.clone().acquire_owned()).await else {
             if !std::mem::replace(&mut full, true) {
                 warn!("{} connections: {peer} and more are turned away", limits.connections);
             }
@@ -101,9 +107,10 @@ pub(crate) async fn serve(entrance: Entrance, router: Router, shutdown: impl Fut
         };
         full = false;
         let (shared, watcher) = (shared.clone(), graceful.watcher());
+        let newcomer = strangers.let_in(limits.strangers);
         connections.spawn(async move {
             let _place = place;
-            match connection(stream, shared, watcher).await {
+            match connection(stream, shared, watcher, newcomer).await {
                 Ok(()) => debug!("{peer}: the connection is over"),
                 Err(error) => debug!("{peer}: {error}"),
             }
@@ -115,35 +122,75 @@ pub(crate) async fn serve(entrance: Entrance, router: Router, shutdown: impl Fut
 
 type ConnectionError = Box<dyn std::error::Error + Send + Sync>;
 
-async fn connection(stream: TcpStream, shared: Arc<Shared>, watcher: Watcher) -> Result<(), ConnectionError> {
+/// A connection of which nothing is known yet.
+#[derive(Default)]
+struct Newcomer {
+    /// It has shown that it may come in.
+    greeted: AtomicBool,
+    /// Told when it has to make room for others.
+    leave: Notify,
+}
+
+/// Connections that have not greeted yet, oldest first: however many come, those that do greet do so long before it is
+/// their turn to make room.
+#[derive(Default)]
+struct Strangers(VecDeque<Weak<Newcomer>>);
+
+impl Strangers {
+    fn let_in(&mut self, limit: usize) -> Arc<Newcomer> {
+        let newcomer = Arc::new(Newcomer::default());
+        self.0.push_back(Arc::downgrade(&newcomer));
+        if self.0.len() > limit {
+            let is_stranger = |newcomer: &Arc<Newcomer>| !newcomer.greeted.load(Ordering::Relaxed);
+            self.0
+                .retain(|newcomer| newcomer.upgrade().is_some_and(|newcomer| is_stranger(&newcomer)));
+            while self.0.len() > limit {
+                if let Some(oldest) = self.0.pop_front().and_then(|oldest| oldest.upgrade()) {
+                    oldest.leave.notify_one();
+                }
+            }
+        }
+        newcomer
+    }
+}
+
+async fn connection(
+    stream: TcpStream,
+    shared: Arc<Shared>,
+    watcher: Watcher,
+    newcomer: Arc<Newcomer>,
+) -> Result<(), ConnectionError> {
     stream.set_nodelay(true)?;
     let mut stream = TimeoutStream::new(stream);
     // For peers that do not read what they asked for.
     stream.set_write_timeout(Some(shared.limits.stall));
     let stream = Box::pin(stream);
     let Some(tls) = &shared.security.tls else {
-        return requests(stream, shared, watcher).await;
+        return requests(stream, shared, watcher, newcomer).await;
     };
     let acceptor = tokio_rustls::TlsAcceptor::from(tls.config.clone());
-    let stream = timeout(shared.limits.greeting, acceptor.accept(stream)).await??;
-    requests(stream, shared, watcher).await
+    let stream = tokio::select! {
+        stream = timeout(shared.limits.greeting, acceptor.accept(stream)) => stream??,
+        () = newcomer.leave.notified() => return Err("too many that have not greeted".into()),
+    };
+    requests(stream, shared, watcher, newcomer).await
 }
 
 async fn requests(
     stream: impl AsyncRead + AsyncWrite + Unpin + Send + 'static,
     shared: Arc<Shared>,
     watcher: Watcher,
+    newcomer: Arc<Newcomer>,
 ) -> Result<(), ConnectionError> {
     let limits = shared.limits;
-    let greeted = Arc::new(AtomicBool::new(false));
     let pace = Arc::new(Pace::new(limits.requests_per_second));
     let service = {
-        let (shared, greeted) = (shared.clone(), greeted.clone());
+        let (shared, newcomer) = (shared.clone(), newcomer.clone());
         hyper::service::service_fn(move |request| {
-            let (shared, greeted, pace) = (shared.clone(), greeted.clone(), pace.clone());
+            let (shared, newcomer, pace) = (shared.clone(), newcomer.clone(), pace.clone());
             async move {
                 pace.next().await;
-                Ok::<_, Infallible>(shared.respond(request, &greeted).await)
+                Ok::<_, Infallible>(shared.respond(request, &newcomer.greeted).await)
             }
         })
     };
@@ -168,14 +215,22 @@ async fn requests(
     let stranger = async {
         loop {
             sleep(limits.greeting).await;
-            if !greeted.load(Ordering::Relaxed) {
+            if !newcomer.greeted.load(Ordering::Relaxed) {
                 break;
             }
+        }
+    };
+    let has_to_leave = async {
+        newcomer.leave.notified().await;
+        // It may have greeted at this moment.
+        if newcomer.greeted.load(Ordering::Relaxed) {
+            std::future::pending::<()>().await;
         }
     };
     tokio::select! {
         served = connection => served,
         () = stranger => Err("nothing that may come in".into()),
+        () = has_to_leave => Err("too many that have not greeted".into()),
     }
 }
 
@@ -184,7 +239,10 @@ impl Shared {
         if let Some(refusal) = self.security.refuse(&request, self.local) {
             return refusal;
         }
-        greeted.store(true, Ordering::Relaxed);
+        // What anybody may ask is no greeting.
+        if request.uri().path() != HEALTH {
+            greeted.store(true, Ordering::Relaxed);
+        }
         let room = (!is_grpc(request.headers())).then_some(self.limits.form_bytes);
         let heartbeat = request.uri().path() == HEARTBEAT && room.is_none();
         let request = request.map(|body| {

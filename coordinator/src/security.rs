@@ -15,6 +15,8 @@ use tonic::Status;
 
 /// What answers that the coordinator lives. Says nothing of the job, and asks for no token.
 pub const HEALTH: &str = "/healthz";
+/// What the paths of gRPC calls begin with.
+const CALLS: &str = "/beamfarm.v1.";
 
 /// What a listener asks of those who connect to it. Nothing by default.
 #[derive(Clone, Debug, Default)]
@@ -174,7 +176,7 @@ fn from_other_site<B>(request: &Request<B>) -> bool {
 /// Whether this may come from a page that reaches this machine by a name of its own (DNS rebinding), which makes it the
 /// same site. `localhost` and addresses are nobody's to point elsewhere; workers are no browsers, and say no origin.
 fn rebound<B>(request: &Request<B>) -> bool {
-    if is_grpc(request.headers()) && !request.headers().contains_key(header::ORIGIN) {
+    if request.uri().path().starts_with(CALLS) && !request.headers().contains_key(header::ORIGIN) {
         return false;
     }
     let authority = host(request).parse::<http::uri::Authority>();
@@ -281,12 +283,11 @@ mod tests {
             })
         };
         let open = Security::default();
-        let mine: [&[(&str, &str)]; 7] = [
+        let mine: [&[(&str, &str)]; 6] = [
             &[("host", "localhost:7325")],
             &[("host", "127.0.0.1:7325")],
             &[("host", "[::1]:7325")],
             &[("host", "10.0.0.7")],
-            &[("host", "gateway:7325"), grpc],
             &[("host", "localhost:1"), ("origin", "http://localhost:1")],
             &[
                 ("host", "localhost:1"),
@@ -297,9 +298,11 @@ mod tests {
         for headers in mine {
             assert!(!refused(&open, true, headers), "{headers:?}");
         }
-        let rebound: [&[(&str, &str)]; 3] = [
+        let rebound: [&[(&str, &str)]; 4] = [
             &[("host", "rebound.example:7325")],
             &[],
+            // What a page may say of its request is no reason to believe it.
+            &[("host", "rebound.example"), grpc],
             &[("host", "rebound.example"), grpc, ("origin", "http://rebound.example")],
         ];
         for headers in rebound {
@@ -307,6 +310,14 @@ mod tests {
             assert!(!refused(&open, false, headers), "{headers:?}");
             assert!(!refused(&with_token(), true, headers), "{headers:?}");
         }
+        // A worker, by whatever name it knows this machine.
+        let call = |origin: &[(&str, &str)]| {
+            let mut call = request(&[&[("host", "gateway:7325"), grpc], origin].concat());
+            *call.uri_mut() = http::Uri::from_static("/beamfarm.v1.Farm/Register");
+            open.refuse(&call, true)
+        };
+        assert!(call(&[]).is_none());
+        assert!(call(&[("origin", "http://gateway:7325")]).is_some());
         let cross: [&[(&str, &str)]; 3] = [
             &[("host", "localhost:1"), ("origin", "http://other.example"), password],
             &[("host", "localhost:1"), ("origin", "null"), password],

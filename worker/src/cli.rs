@@ -1,5 +1,6 @@
 //! The command line of a worker, shared by `beamfarm worker` and `beamfarm-worker`.
 
+use crate::complain;
 use crate::error::WorkerError;
 use crate::run::{Config, run};
 use crate::security::SecurityArgs;
@@ -105,7 +106,11 @@ impl LogArgs {
             Err(_) => filter.to_owned(),
         };
         let filter = EnvFilter::try_new(filter).map_err(|error| format!("--log: {error}"))?;
-        let log = tracing_subscriber::fmt().with_env_filter(filter).with_writer(writer);
+        // What cannot be logged must not be complained of where it cannot be written either.
+        let log = tracing_subscriber::fmt()
+            .log_internal_errors(false)
+            .with_env_filter(filter)
+            .with_writer(writer);
         match self.log_format {
             LogFormat::Text => log
                 .with_ansi(std::io::IsTerminal::is_terminal(&std::io::stderr()))
@@ -148,7 +153,7 @@ pub fn main(args: WorkerArgs) -> ExitCode {
             }
         }
         Err(error) => {
-            eprintln!("error: {error}");
+            complain!("error: {error}");
             match error {
                 WorkerError::Address { .. } | WorkerError::Security(_) | WorkerError::Scene(_) => exit::USAGE,
                 WorkerError::Unreachable { .. } => exit::UNREACHABLE,

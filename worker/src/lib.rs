@@ -16,6 +16,7 @@ mod error;
 pub mod exit;
 mod render;
 mod run;
+mod say;
 pub mod security;
 mod session;
 pub mod signals;

@@ -1,6 +1,7 @@
 //! A worker of beamfarm on its own, for containers: the same as `beamfarm worker`.
 
 use beamfarm_worker::cli::{self, LogArgs, WorkerArgs};
+use beamfarm_worker::complain;
 use beamfarm_worker::exit;
 use clap::Parser;
 use std::process::ExitCode;
@@ -18,7 +19,7 @@ struct Options {
 fn main() -> ExitCode {
     let options = Options::parse();
     if let Err(message) = options.log.init("info", std::io::stderr) {
-        eprintln!("error: {message}");
+        complain!("error: {message}");
         return ExitCode::from(exit::USAGE);
     }
     cli::main(options.worker)

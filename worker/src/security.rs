@@ -91,6 +91,9 @@ impl Credentials {
             .keep_alive_timeout(PROBE_TIMEOUT)
             .keep_alive_while_idle(true)
             .tcp_nodelay(true);
+        if let Some(port) = wrong_port(endpoint.uri()) {
+            return Err(format!("port {port}; expected 1 to 65535"));
+        }
         match endpoint.uri().scheme_str() {
             Some("https") => {
                 let mut tls = ClientTlsConfig::new().timeout(CONNECT_TIMEOUT);
@@ -127,6 +130,14 @@ impl Credentials {
     }
 }
 
+/// What stands where the port does and is none: without a port the scheme's would be asked, silently.
+fn wrong_port(uri: &tonic::transport::Uri) -> Option<&str> {
+    let authority = uri.authority()?.as_str();
+    let (host, port) = authority.rsplit_once(':')?;
+    let is_address = authority.ends_with(']') || host.contains(':') && !host.ends_with(']');
+    (!is_address && !port.parse::<u16>().is_ok_and(|port| port > 0)).then_some(port)
+}
+
 fn is_loopback(host: &str) -> bool {
     let host = host.trim_start_matches('[').trim_end_matches(']');
     let address = host.parse::<std::net::IpAddr>();
@@ -140,4 +151,26 @@ pub fn describe(error: &dyn std::error::Error) -> String {
         innermost = source;
     }
     innermost.to_string()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[tokio::test]
+    async fn ports_that_are_none_are_refused() {
+        let link = |url: &str| Credentials::default().link(url);
+        for good in [
+            "http://a",
+            "http://a:1",
+            "http://[::1]",
+            "http://[::1]:65535",
+            "http://10.0.0.1:7325",
+        ] {
+            assert!(link(good).is_ok(), "{good}");
+        }
+        for bad in ["http://a:99999", "http://a:0", "http://[::1]:70000", "http://a:"] {
+            assert!(link(bad).unwrap_err().contains("port"), "{bad}");
+        }
+    }
 }

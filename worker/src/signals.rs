@@ -1,19 +1,28 @@
-//! SIGINT and SIGTERM: the first asks to finish, the second kills.
+//! SIGINT and SIGTERM: the first asks to finish, another one after a second kills. Before that it is the same one, to a
+//! process and to its group, as `timeout` and shells send it.
 
+use std::time::Duration;
 use tokio::sync::watch;
+use tokio::time::Instant;
 
-/// A value that becomes true at the first signal. A second signal ends the process at once with 128 plus its number.
-/// To be called once, inside a tokio runtime.
+/// Signals within this time are one.
+const ONE: Duration = Duration::from_secs(1);
+
+/// A value that becomes true at the first signal. A second signal, after a second or later, ends the process at once
+/// with 128 plus its number. To be called once, inside a tokio runtime.
 pub fn drain() -> std::io::Result<watch::Receiver<bool>> {
     let (sender, receiver) = watch::channel(false);
     let mut signals = Signals::new()?;
     tokio::spawn(async move {
+        let number = signals.next().await;
+        let first = Instant::now();
+        sender.send_replace(true);
+        tracing::info!("signal {number}: finishing; another one after a second kills");
         loop {
             let number = signals.next().await;
-            if sender.send_replace(true) {
+            if first.elapsed() >= ONE {
                 std::process::exit(128 + number);
             }
-            tracing::info!("signal {number}: finishing; a second one kills");
         }
     });
     Ok(receiver)

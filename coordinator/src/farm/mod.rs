@@ -140,9 +140,7 @@ impl Farm {
             audit_every: spec.audit_every,
             audit_salt,
         };
-        // Worker numbers only have to differ from those of a coordinator that stood here before.
-        let first_worker = RandomState::new().build_hasher().finish() >> 32;
-        let mut ledger = Ledger::new(rules, first_worker);
+        let mut ledger = Ledger::new(rules, 1);
         let empty = || {
             TreeSum::new(job.width, job.height)
                 .with_layers(job.layers.len())
@@ -160,6 +158,9 @@ impl Farm {
         ledger.resume_rest(nodes);
         for done in &start.done {
             ledger.expect(done.block, &done.worker, done.hash);
+        }
+        for name in &start.convicted {
+            ledger.resume_convicted(name);
         }
         let farm = Arc::new(Self {
             schedule: Schedule::new(&job.settings),

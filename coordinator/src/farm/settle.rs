@@ -95,6 +95,10 @@ impl Farm {
                 let text = format!("{} is shut out: {sentence}", who(worker));
                 let name = state.ledger.name(worker);
                 error!(worker = worker.0, name, "{text}");
+                if sentence.is_conviction() {
+                    let (became, any, why) = (EntryState::ShutOut, Block::leaf(0), Some(sentence.to_string()));
+                    self.enter(state, became, any, worker, None, Duration::ZERO, why);
+                }
                 (EventKind::ShutOut, text)
             }
             Note::Disputed(block, first, second) => {

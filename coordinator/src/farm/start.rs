@@ -17,6 +17,8 @@ pub struct Start {
     /// have to decide. Passes of the sum that no block of these covers count as well; nobody is found out later to have
     /// rendered them wrong.
     pub done: Vec<DoneBlock>,
+    /// Names of workers that earlier lives of the job shut out for wrong pixels.
+    pub convicted: Vec<String>,
     /// When the image is good enough; `None`: only when all passes are there.
     pub target: Option<Target>,
     /// Prefixes that were looked at, and their errors.
@@ -53,6 +55,8 @@ pub enum EntryState {
     Audited,
     /// It counted and does so no more, because its worker is not to be trusted; it will be rendered again.
     Dropped,
+    /// Nothing became of this block, which is any: its worker is shut out for wrong pixels.
+    ShutOut,
 }
 
 impl EntryState {
@@ -63,6 +67,7 @@ impl EntryState {
             Self::Failed => "failed",
             Self::Audited => "audited",
             Self::Dropped => "dropped",
+            Self::ShutOut => "shut-out",
         }
     }
 }
@@ -84,6 +89,6 @@ pub struct Entry {
     pub hash: Option<PixelHash>,
     /// Time between lease and result. Zero when dropped.
     pub took: Duration,
-    /// What a failing worker said.
+    /// What a failing worker said, or why one is shut out.
     pub message: Option<String>,
 }

@@ -1,16 +1,21 @@
 //! Blocks that several workers render, and what follows when their bits differ.
 //!
-//! A block is checked because it was drawn, or because it happened to be rendered twice. When two workers disagree,
-//! others render it until two agree; all that do not are shut out. What they delivered and nobody confirmed is taken
-//! back: the caller removes it from the sum ([`Ledger::stained`]), tells what went with it ([`Ledger::reopen`]), and it
-//! is rendered again.
+//! A block is checked because it is one of a worker's first, because it was drawn, or because it happened to be
+//! rendered twice. When two workers disagree, others render it until two agree; all that do not are shut out. What they
+//! delivered and nobody confirmed is taken back: the caller removes it from the sum ([`Ledger::stained`]), tells what
+//! went with it ([`Ledger::reopen`]), and it is rendered again.
 
-use super::standing::Sentence;
+use super::standing::{Sentence, Worker};
 use super::{Accepted, Done, Ledger, LedgerError, Note, PixelHash};
 use beamfarm_image::job::Block;
 use beamfarm_proto::WorkerId;
 use std::collections::BTreeSet;
 use std::time::Duration;
+
+/// The first blocks of a worker, which are all checked: a worker that lies from its first pass on is found before a job
+/// ends, however short it is. One that begins later is found with 1 - (1 - 1 / [`super::Rules::audit_every`])^n after n
+/// lies.
+const TRIAL: u32 = 2;
 
 /// A block that shall be rendered again.
 #[derive(Clone, Debug)]
@@ -51,8 +56,21 @@ impl Audit {
 }
 
 impl Ledger {
+    /// Whether this block of the worker, which has just come, is one of its first.
+    pub(super) fn is_tried(&mut self, worker: WorkerId) -> bool {
+        if self.rules.audit_every == 0 {
+            return false;
+        }
+        let Some(entry) = self.workers.get_mut(&worker) else {
+            return false;
+        };
+        let is_tried = entry.tried < TRIAL;
+        entry.tried += u32::from(is_tried);
+        is_tried
+    }
+
     /// Whether the block is drawn: one in [`super::Rules::audit_every`] is.
-    pub(super) fn is_audited(&self, block: Block) -> bool {
+    pub(super) fn is_drawn(&self, block: Block) -> bool {
         let every = self.rules.audit_every;
         if every == 0 {
             return false;
@@ -164,6 +182,9 @@ impl Ledger {
             }
             self.notes.push(Note::Confirmed(block, worker, pixels));
         }
+        for (voter, _) in votes.iter().filter(|(_, vote)| *vote == winner) {
+            self.prove(*voter);
+        }
         for (voter, _) in votes.iter().filter(|(_, vote)| *vote != winner) {
             self.convict(*voter, Sentence::WrongPixels);
             let others = self.workers.keys().copied();
@@ -178,6 +199,33 @@ impl Ledger {
         match pixels == winner {
             true => Ok(Accepted::Confirmed),
             false => Err(LedgerError::ShutOut(worker, Sentence::WrongPixels)),
+        }
+    }
+
+    /// Another worker found the same pixels as this one: now its test picture counts as well. That of most such workers
+    /// is the one, and the first in a tie; those who made another one, and are not proven themselves, are shut out like
+    /// workers that were found to have delivered wrong pixels.
+    fn prove(&mut self, worker: WorkerId) {
+        let Some(entry) = self.workers.get_mut(&worker) else {
+            return;
+        };
+        let news = !std::mem::replace(&mut entry.is_proven, true);
+        let Some(canary) = entry.canary.filter(|_| news) else {
+            return;
+        };
+        let votes = self.canaries.entry(canary).or_default();
+        *votes += 1;
+        let votes = *votes;
+        let known = self.canary.and_then(|known| self.canaries.get(&known));
+        if self.canary == Some(canary) || known.is_some_and(|known| votes <= *known) {
+            return;
+        }
+        self.canary = Some(canary);
+        let differs = |worker: &Worker| !worker.is_proven && worker.canary.is_some_and(|other| other != canary);
+        let wrong = self.workers.iter().filter(|(_, worker)| differs(worker));
+        let wrong: Vec<WorkerId> = wrong.map(|(id, _)| *id).collect();
+        for id in wrong {
+            self.convict(id, Sentence::Canary);
         }
     }
 

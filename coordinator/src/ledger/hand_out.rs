@@ -8,10 +8,13 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 use std::time::Duration;
 
-/// A lease is a straggler when it has run for so many times the average of others.
+/// A lease is a straggler when it has run for so many times the average of others, and its first copy when it has run
+/// for as many times that, and so on.
 const STRAGGLER: f64 = 2.0;
 /// Leases of one block at the same time.
-const COPIES: usize = 2;
+const COPIES: usize = 8;
+/// Leases of one worker at the same time. It renders one block, has the next at hand and the one before on its way.
+const HELD: usize = 16;
 
 impl Ledger {
     /// The next block for this worker, if there is one: something to be checked, the lowest open passes, or what others
@@ -22,7 +25,7 @@ impl Ledger {
         if self.is_over(now) {
             return Ok(Grant::Done);
         }
-        if self.workers[&worker].not_before > now {
+        if self.workers[&worker].not_before > now || self.has_enough(worker) {
             return Ok(Grant::NotNow);
         }
         let audit = self.audit_for(worker);
@@ -33,6 +36,12 @@ impl Ledger {
             Some(block) => Grant::Lease(self.grant(worker, block, audit.is_some(), now), block),
             None => Grant::NotNow,
         })
+    }
+
+    /// The worker holds as many leases as one may.
+    fn has_enough(&self, worker: WorkerId) -> bool {
+        let leases = self.active.iter().map(|id| &self.leases[id.0 as usize]);
+        leases.filter(|lease| lease.worker == worker).count() >= HELD
     }
 
     /// Lease this very block: the worker has it, or is rendering it, from before the coordinator was restarted.
@@ -113,7 +122,7 @@ impl Ledger {
     }
 
     /// Average of the workers that have rendered something and are not gone.
-    fn seconds_per_pass(&self) -> Option<f64> {
+    pub(super) fn seconds_per_pass(&self) -> Option<f64> {
         let there = self.workers.values().filter(|worker| !worker.gone);
         let times: Vec<f64> = there.filter_map(|worker| worker.seconds_per_pass).collect();
         (!times.is_empty()).then(|| times.iter().sum::<f64>() / times.len() as f64)
@@ -121,9 +130,7 @@ impl Ledger {
 
     /// Leases that this worker could take over, with the time from which on each is a straggler.
     fn stragglers(&self, worker: WorkerId) -> Vec<(Duration, Block)> {
-        let Some(pass) = self.seconds_per_pass() else {
-            return Vec::new();
-        };
+        let pass = self.seconds_per_pass();
         // When it was first leased, how often it is, and whether this worker may have it.
         let mut blocks: BTreeMap<Block, (Duration, usize, bool)> = BTreeMap::new();
         for LeaseId(place) in &self.active {
@@ -141,9 +148,17 @@ impl Ledger {
         }
         let free = blocks.into_iter();
         let free = free.filter(|(_, (_, copies, free))| *copies < COPIES && *free);
-        let due = |(block, (begun, ..)): (Block, (Duration, usize, bool))| {
-            let long = STRAGGLER * pass * block.len() as f64;
-            Some((begun + Duration::try_from_secs_f64(long).ok()?, block))
+        let due = |(block, (begun, copies, _)): (Block, (Duration, usize, bool))| {
+            let long = match pass {
+                Some(pass) => {
+                    let late = (0..copies).fold(1.0, |late, _| STRAGGLER * late);
+                    let long = late * pass * block.len() as f64;
+                    Duration::try_from_secs_f64(long).ok()?
+                }
+                // Nobody has rendered anything yet.
+                None => self.rules.lease * copies as u32,
+            };
+            Some((begun + long, block))
         };
         free.filter_map(due).collect()
     }
@@ -166,7 +181,7 @@ impl Ledger {
         let first = first.map(|(due, _)| due).min();
         match known.not_before > now {
             true => Some(known.not_before),
-            false => first,
+            false => first.filter(|_| !self.has_enough(worker)),
         }
     }
 }

@@ -38,7 +38,7 @@ pub struct Rules {
     pub passes: u64,
     /// A lease ends this long after it was given or last mentioned in a heartbeat.
     pub lease: Duration,
-    /// The job fails when one pass failed this often.
+    /// The job fails when one pass failed this often, on workers that are known to render others, or on all there are.
     pub failures_per_pass: u32,
     /// A worker is shut out when this many of its attempts in a row failed.
     pub failures_per_worker: u32,
@@ -46,11 +46,14 @@ pub struct Rules {
     pub refusals_per_worker: u32,
     /// A worker whose attempt failed gets nothing for this long; twice as long after the next failure, and so on.
     pub back_off: Duration,
-    /// One block in so many is rendered again by another worker; 0: none.
+    /// One block in so many is rendered again by another worker, and the first ones of every worker; 0: none.
     pub audit_every: u64,
     /// Which blocks that are: nobody can know beforehand who does not know this.
     pub audit_salt: [u8; 32],
 }
+
+/// A lease ends when it has run for so many times the average of others, whatever its worker says.
+const LONGEST: f64 = 32.0;
 
 /// What a worker may not do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -141,6 +144,8 @@ struct Lease {
 #[derive(Clone, Debug, Default)]
 struct Attempts {
     count: u32,
+    /// Those of workers that had delivered something before.
+    by_able: u32,
     workers: BTreeSet<WorkerId>,
 }
 
@@ -161,9 +166,11 @@ pub struct Ledger {
     prefix: u64,
     workers: BTreeMap<WorkerId, Worker>,
     next_worker: u64,
-    /// Test picture of most workers, and the names of those that made each.
+    /// The test picture that counts, and how many proven workers made each.
     canary: Option<PixelHash>,
-    canaries: BTreeMap<PixelHash, BTreeSet<String>>,
+    canaries: BTreeMap<PixelHash, u64>,
+    /// Names of workers that delivered wrong pixels.
+    convicted: BTreeSet<String>,
     /// Workers that an earlier life of the job knew, by name.
     earlier_workers: BTreeMap<String, WorkerId>,
     /// By first pass, disjoint: blocks that an earlier life of the job accepted and lost, and whose pixels they had.
@@ -179,8 +186,7 @@ pub struct Ledger {
 }
 
 impl Ledger {
-    /// An empty ledger. Workers are numbered from `first_worker`: differently after every restart, so that a worker of
-    /// the coordinator before is not taken for one of this.
+    /// An empty ledger. Workers are numbered from `first_worker` on.
     pub fn new(rules: Rules, first_worker: u64) -> Self {
         Self {
             open: Ranges::from(rules.first_pass..rules.passes),
@@ -193,6 +199,7 @@ impl Ledger {
             next_worker: first_worker,
             canary: None,
             canaries: BTreeMap::new(),
+            convicted: BTreeSet::new(),
             earlier_workers: BTreeMap::new(),
             earlier: BTreeMap::new(),
             attempts: BTreeMap::new(),
@@ -226,13 +233,21 @@ impl Ledger {
         Ok(())
     }
 
-    /// End the leases that have run out.
+    /// End the leases that have run out: no heartbeat named them, or they take far longer than such blocks do.
     pub fn expire(&mut self, now: Duration) -> usize {
+        let pass = self.seconds_per_pass();
+        let patience = self.rules.lease;
+        let is_over = move |lease: &Lease| {
+            let longest = pass.map(|pass| LONGEST * pass * lease.block.len() as f64);
+            let longest = longest.and_then(|longest| Duration::try_from_secs_f64(longest).ok());
+            let longest = longest.map(|longest| lease.begun + longest.max(patience));
+            lease.expires <= now || longest.is_some_and(|longest| longest <= now)
+        };
         let leases = self.active.iter().map(|id| &self.leases[id.0 as usize]);
-        let expired = leases.filter(|lease| lease.expires <= now);
+        let expired = leases.filter(|lease| is_over(lease));
         let notes = expired.map(|lease| Note::Expired(lease.block, lease.worker));
         self.notes.extend(notes);
-        self.end_leases(|_, lease| lease.expires <= now)
+        self.end_leases(|_, lease| is_over(lease))
     }
 
     /// The worker does not want these leases any more, which is nobody's fault.
@@ -293,7 +308,7 @@ impl Ledger {
             by: Some((worker, pixels)),
             confirmed: false,
         });
-        if self.is_audited(block) {
+        if self.is_tried(worker) || self.is_drawn(block) {
             self.audits.insert(block, Audit::new(worker, pixels, now));
         }
         self.compare_with_earlier(block, (worker, pixels), now);
@@ -341,11 +356,17 @@ impl Ledger {
         if self.first_done(pass_index..pass_index + 1).is_some() {
             return Ok(());
         }
+        let is_able = self.worker(worker)?.seconds_per_pass.is_some();
         let attempts = self.attempts.entry(pass_index).or_default();
         attempts.count += 1;
+        attempts.by_able += u32::from(is_able);
         attempts.workers.insert(worker);
         let attempts = attempts.clone();
-        if attempts.count >= self.rules.failures_per_pass && pass_index < self.limit() {
+        // Whoever has never rendered anything says nothing about the pass, as long as others have not tried it.
+        let mut present = self.workers.iter().filter(|(_, other)| other.is_present(&rules, now));
+        let by_all = present.all(|(id, _)| attempts.workers.contains(id));
+        let counted = if by_all { attempts.count } else { attempts.by_able };
+        if counted >= rules.failures_per_pass && pass_index < self.limit() {
             self.failed = Some(Failure {
                 pass_index,
                 attempts: attempts.count,

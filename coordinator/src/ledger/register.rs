@@ -7,14 +7,12 @@ use beamfarm_image::job::Block;
 use beamfarm_proto::WorkerId;
 use std::time::Duration;
 
-/// Names remembered for each test picture. More would not make a majority any surer.
-const VOTERS: usize = 1000;
-
 impl Ledger {
     /// A new worker, that rendered the test picture with these pixels.
     ///
-    /// The picture of most names counts, and the first in a tie. When that changes, those who made the other one are
-    /// shut out like workers that were found to have delivered wrong pixels.
+    /// Who made another one than workers whose pixels others have found as well is refused. Until there are such,
+    /// nobody is: whoever comes first could be the one that computes other bits. Where nothing is ever checked, the
+    /// first picture is the one.
     pub fn register(
         &mut self,
         name: &str,
@@ -22,30 +20,14 @@ impl Ledger {
         canary: PixelHash,
         now: Duration,
     ) -> Result<WorkerId, Sentence> {
-        let convicted = |worker: &Worker| {
-            let wrong = [Sentence::WrongPixels, Sentence::Contradiction];
-            worker.name == name && worker.shut_out.is_some_and(|s| wrong.contains(&s))
-        };
-        if self.workers.values().any(convicted) {
+        if self.convicted.contains(name) {
             return Err(Sentence::Name);
         }
-        let voters = self.canaries.entry(canary).or_default();
-        if voters.len() < VOTERS {
-            voters.insert(name.into());
+        if self.rules.audit_every == 0 {
+            self.canary.get_or_insert(canary);
         }
-        let votes = voters.len();
-        let reference = *self.canary.get_or_insert(canary);
-        if canary != reference {
-            if votes <= self.canaries.get(&reference).map_or(0, |voters| voters.len()) {
-                return Err(Sentence::Canary);
-            }
-            self.canary = Some(canary);
-            let wrong = self.workers.iter();
-            let wrong = wrong.filter(|(_, worker)| worker.canary == Some(reference));
-            let wrong: Vec<WorkerId> = wrong.map(|(id, _)| *id).collect();
-            for id in wrong {
-                self.convict(id, Sentence::Canary);
-            }
+        if self.canary.is_some_and(|known| known != canary) {
+            return Err(Sentence::Canary);
         }
         Ok(self.add(Worker::new(name, threads, Some(canary), now)))
     }
@@ -67,6 +49,11 @@ impl Ledger {
             self.open.remove(block.passes());
             self.enter(Done { block, by, confirmed });
         }
+    }
+
+    /// Enter that in an earlier life of the job a worker of this name delivered wrong pixels.
+    pub fn resume_convicted(&mut self, name: &str) {
+        self.convicted.insert(name.into());
     }
 
     fn earlier_worker(&mut self, name: &str) -> WorkerId {
@@ -169,6 +156,9 @@ impl Ledger {
         };
         if entry.shut_out.is_none() {
             entry.shut_out = Some(sentence);
+            if sentence.is_conviction() {
+                self.convicted.insert(entry.name.clone());
+            }
             self.notes.push(Note::ShutOut(worker, sentence));
         }
         self.end_leases(|_, lease| lease.worker == worker);

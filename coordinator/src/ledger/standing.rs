@@ -23,12 +23,19 @@ pub enum Sentence {
     /// It delivered the same block twice, with different bits.
     #[error("it delivered different pixels for the same passes")]
     Contradiction,
-    /// Most workers compute other bits.
-    #[error("its test picture differs from that of most other workers: it computes other bits")]
+    /// Proven workers compute other bits.
+    #[error("its test picture differs from that of other workers: it computes other bits")]
     Canary,
     /// A worker of the same name did.
     #[error("a worker of this name delivered wrong pixels")]
     Name,
+}
+
+impl Sentence {
+    /// Whether workers of the name stay shut out until the end of the job, whatever coordinator it has.
+    pub fn is_conviction(self) -> bool {
+        matches!(self, Self::WrongPixels | Self::Contradiction)
+    }
 }
 
 /// A worker.
@@ -52,6 +59,10 @@ pub(super) struct Worker {
     pub seconds_per_pass: Option<f64>,
     pub audits_passed: u64,
     pub audits_failed: u64,
+    /// Blocks of it that were to be checked because they were its first.
+    pub tried: u32,
+    /// Another worker found the same pixels as this one.
+    pub is_proven: bool,
 }
 
 impl Worker {
@@ -71,6 +82,8 @@ impl Worker {
             seconds_per_pass: None,
             audits_passed: 0,
             audits_failed: 0,
+            tried: 0,
+            is_proven: false,
         }
     }
 

@@ -46,6 +46,8 @@ pub struct Resumed {
     pub checkpoint: Checkpoint,
     /// Who rendered what, as far as the ledger knows, and what the checkpoint does not hold.
     pub done: Vec<DoneBlock>,
+    /// Names of workers that were shut out for wrong pixels.
+    pub convicted: Vec<String>,
 }
 
 impl Folder {
@@ -109,12 +111,19 @@ impl Folder {
         }
         let done = folder.lines.done();
         let done = done.map_err(StoreError::io(&folder.path.join(LEDGER)))?;
+        let convicted = folder.lines.convicted();
+        let convicted = convicted.map_err(StoreError::io(&folder.path.join(LEDGER)))?;
         let resumed = match checkpoint {
-            Some(checkpoint) => Some(Resumed { checkpoint, done }),
-            None if done.is_empty() => None,
+            Some(checkpoint) => Some(Resumed {
+                checkpoint,
+                done,
+                convicted,
+            }),
+            None if done.is_empty() && convicted.is_empty() => None,
             None => Some(Resumed {
                 checkpoint: Checkpoint::new(&folder.shape),
                 done,
+                convicted,
             }),
         };
         Ok((folder, resumed))

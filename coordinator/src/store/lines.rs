@@ -1,11 +1,12 @@
-//! ledger.jsonl: a line for whatever became of a block.
+//! ledger.jsonl: a line for whatever became of a block, each with a checksum: nobody is accused on the word of a line
+//! that was damaged.
 
 use super::StoreError;
 use crate::farm::{DoneBlock, Entry, EntryState};
 use beamfarm_image::job::Block;
 use beamfarm_proto::VERSION;
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
@@ -16,6 +17,11 @@ use tracing::warn;
 const WAITING: usize = 1 << 20;
 /// Of a line that is read.
 const MAX_LINE: u64 = 1 << 16;
+/// Damaged lines that are named in the log.
+const NAMED: usize = 3;
+/// What comes before and behind the checksum: the first digits of the BLAKE3 of what comes before that.
+const CHECK: [&[u8]; 2] = [b",\"check\":\"", b"\"}"];
+const CHECK_DIGITS: usize = 16;
 
 #[derive(Serialize, Deserialize)]
 struct Line {
@@ -117,8 +123,11 @@ impl Lines {
             return;
         }
         // Cannot fail: there are no maps with odd keys, and writing to memory works.
-        if serde_json::to_writer(&mut self.waiting, &line).is_ok() {
-            self.waiting.push(b'\n');
+        if let Ok(mut json) = serde_json::to_vec(&line) {
+            json.pop();
+            let check = check(&json);
+            let parts = [&json, CHECK[0], &check, CHECK[1], b"\n"];
+            parts.iter().for_each(|part| self.waiting.extend_from_slice(part));
         }
     }
 
@@ -161,13 +170,13 @@ impl Lines {
     }
 
     /// Blocks that counted, as the last word on them is, in the order of their passes. Where lives of the job found
-    /// other pixels and nobody decided which are right, the older ones follow, behind all others. Lines that make no
-    /// sense are left out.
+    /// other pixels and nobody decided which are right, the older ones follow, behind all others. Lines that are
+    /// damaged are left out, and named in the log.
     pub fn done(&self) -> io::Result<Vec<DoneBlock>> {
         // By first pass. Disjoint: of overlapping ones, which come from different lives of the job, the last counts.
         let mut done: BTreeMap<u64, DoneBlock> = BTreeMap::new();
         let mut contested: Vec<DoneBlock> = Vec::new();
-        self.each(0, |line, block| {
+        let damaged = self.each(0, |line, block| {
             let hash = line.hash.and_then(|hash| blake3::Hash::from_hex(hash).ok());
             if line.state == EntryState::Dropped.as_str() {
                 take_out(&mut done, block);
@@ -194,7 +203,25 @@ impl Lines {
                 done.insert(block.start(), new);
             }
         })?;
+        for line in damaged.iter().take(NAMED) {
+            let path = self.path.display();
+            warn!("{path}: line {line} is damaged: nothing that it says is believed");
+        }
+        if damaged.len() > NAMED {
+            warn!("{}: {} lines are damaged in all", self.path.display(), damaged.len());
+        }
         Ok(done.into_values().chain(contested).collect())
+    }
+
+    /// Names of workers that were shut out for wrong pixels, each once.
+    pub fn convicted(&self) -> io::Result<Vec<String>> {
+        let mut names = BTreeSet::new();
+        self.each(0, |line, _| {
+            if line.state == EntryState::ShutOut.as_str() {
+                names.insert(line.worker);
+            }
+        })?;
+        Ok(names.into_iter().collect())
     }
 
     /// Blocks that were dropped, according to the lines behind so many bytes.
@@ -208,7 +235,10 @@ impl Lines {
         Ok(dropped)
     }
 
-    fn each(&self, from: u64, mut tell: impl FnMut(Line, Block)) -> io::Result<()> {
+    /// Tells the lines behind so many bytes. Returns the numbers of those that are damaged, from 1.
+    fn each(&self, from: u64, mut tell: impl FnMut(Line, Block)) -> io::Result<Vec<u64>> {
+        let mut damaged = Vec::new();
+        let mut number = 0;
         let mut file = &self.file;
         file.seek(SeekFrom::Start(from))?;
         let mut reader = BufReader::new(file);
@@ -217,15 +247,30 @@ impl Lines {
             bytes.clear();
             let mut line = reader.by_ref().take(MAX_LINE);
             if line.read_until(b'\n', &mut bytes)? == 0 {
-                return Ok(());
+                return Ok(damaged);
             }
-            if let Ok(line) = serde_json::from_slice::<Line>(&bytes)
-                && let Some(block) = Block::new(line.block.0, line.block.1)
-            {
-                tell(line, block);
+            number += 1;
+            let line = believed(bytes.trim_ascii_end());
+            let line = line.and_then(|line| serde_json::from_slice::<Line>(line).ok());
+            let line = line.and_then(|line| Some((Block::new(line.block.0, line.block.1)?, line)));
+            match line {
+                Some((block, line)) => tell(line, block),
+                None => damaged.push(number),
             }
         }
     }
+}
+
+fn check(json: &[u8]) -> Vec<u8> {
+    blake3::hash(json).to_hex().as_bytes()[..CHECK_DIGITS].to_vec()
+}
+
+/// The line, if its checksum is right.
+fn believed(line: &[u8]) -> Option<&[u8]> {
+    let [before, behind] = CHECK;
+    let rest = line.strip_suffix(behind)?;
+    let (rest, digits) = rest.split_at_checked(rest.len().checked_sub(CHECK_DIGITS)?)?;
+    (digits == check(rest.strip_suffix(before)?)).then_some(line)
 }
 
 fn take_out(done: &mut BTreeMap<u64, DoneBlock>, block: Block) {

@@ -75,6 +75,8 @@ pub struct Report {
     pub bias_estimate: Option<BiasReport>,
     /// Time that the job has taken, over all its coordinators.
     pub seconds: f64,
+    /// Passes of which two workers found the same pixels, of those that are there.
+    pub confirmed_passes: u64,
     /// Workers that this coordinator has seen.
     pub workers: Vec<String>,
     /// Why no more passes were taken.

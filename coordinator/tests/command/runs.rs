@@ -150,6 +150,52 @@ fn an_interrupted_job_writes_what_is_complete() {
     assert!(folder.path().join("scene.exr").exists());
 }
 
+/// To a process, and a moment later to it again with its group, as `timeout` does it.
+#[test]
+fn two_signals_at_once_are_one() {
+    let folder = folder();
+    let mut command = beamfarm(folder.path(), &["render", "scene.toml", "--time", "1h"]);
+    command.args(["--log", "debug"]);
+    let mut render = spawn(command);
+    render.log.wait_for("block=pass 0 pixels=");
+    render.signal("-TERM");
+    render.signal("-TERM");
+    let output = render.finish();
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    assert!(folder.path().join("scene.exr").exists());
+}
+
+/// Whoever reads what is said may have gone, and the disk that it goes to may be full: the work is done all the same.
+/// It is a failure where the text is all that was asked for.
+#[cfg(target_os = "linux")]
+#[test]
+fn what_cannot_be_said_stops_no_work() {
+    let folder = folder();
+    let path = folder.path();
+    succeed(path, &["render", "scene.toml", "-o", "a.exr"]);
+    for (args, code) in [
+        (&["render", "scene.toml", "-o", "b.exr", "--log", "debug"][..], 0),
+        (&["replay", "scene.toml", "--pass", "1"], 0),
+        (&["convert", "scene.toml", "-o", "c.toml"], 2),
+        (&["compare", "a.exr", "a.exr"], 1),
+        (&["explain", "scene.toml"], 1),
+        (&["schema"], 1),
+    ] {
+        let full = || std::fs::File::options().write(true).open("/dev/full").unwrap();
+        let mut command = beamfarm(path, args);
+        command.stdout(full()).stderr(full());
+        assert_eq!(spawn(command).finish().status.code(), Some(code), "{args:?}, full");
+        let (reader, writer) = std::io::pipe().unwrap();
+        let mut command = beamfarm(path, args);
+        command.stdout(writer.try_clone().unwrap()).stderr(writer);
+        drop(reader);
+        let expected = if code == 1 { 0 } else { code };
+        let ended = spawn(command).finish().status;
+        assert_eq!(ended.code(), Some(expected), "{args:?}, closed");
+    }
+    assert!(path.join("b.exr").exists());
+}
+
 #[test]
 fn without_a_complete_pass_nothing_is_written() {
     let folder = folder();
@@ -257,7 +303,7 @@ fn bad_scenes_are_named_by_file_and_line() {
 #[test]
 fn wrong_usage_is_told_before_anything_is_rendered() {
     let folder = folder();
-    let cases: [(&[&str], &str); 12] = [
+    let cases: [(&[&str], &str); 11] = [
         (&[], "Usage"),
         (&["rendr"], "render"),
         (&["render"], "SCENE"),
@@ -269,13 +315,15 @@ fn wrong_usage_is_told_before_anything_is_rendered() {
         (&["render", "scene.toml", "--alpha", "NaN"], "alpha is NaN"),
         (&["render", "scene.toml", "--time", "soon"], "--time"),
         (&["render", "scene.toml", "-o", "a.tiff"], "ends in .exr"),
-        (&["render", "scene.toml", "-o", "no/where/a.exr"], "no/where"),
     ];
     for (args, message) in cases {
         let (code, stderr) = fail(folder.path(), args);
         assert_eq!(code, 2, "{args:?}");
         assert!(stderr.contains(message), "{args:?}: {stderr}");
     }
+    let (code, stderr) = fail(folder.path(), &["render", "scene.toml", "-o", "no/where/a.exr"]);
+    assert_eq!(code, 1, "{stderr}");
+    assert!(stderr.contains("no/where"), "{stderr}");
     let (code, stderr) = fail(folder.path(), &["compare", "scene.toml", "scene.toml"]);
     assert_eq!(code, 2);
     assert!(stderr.contains("scene.toml"), "{stderr}");

@@ -67,7 +67,9 @@ fn a_coordinator_killed_again_and_again_ends_with_the_same_bits() {
     let ledger = std::fs::read_to_string(job.join("ledger.jsonl")).unwrap();
     for entry in ledger.lines() {
         let entry: serde_json::Value = serde_json::from_str(entry).unwrap();
-        assert_eq!(entry["state"], "done");
+        // Two may have rendered a block that one took long for.
+        let state = entry["state"].as_str();
+        assert!(matches!(state, Some("done" | "audited")), "{entry}");
     }
     // Each image says what it holds.
     let output = path.join("a.exr");

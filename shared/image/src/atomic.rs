@@ -1,6 +1,7 @@
 //! Files that appear whole or not at all.
 
 use crate::error::ImageError;
+use std::ffi::OsString;
 use std::fs::File;
 use std::io::{self, Write};
 use std::path::Path;
@@ -15,20 +16,68 @@ pub fn write_file(path: &Path, bytes: &[u8]) -> Result<(), ImageError> {
     })
 }
 
-fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
-    let folder = match path.parent() {
+/// Remove what a process that was killed while it wrote this file left beside it. What another one is writing just now
+/// stays.
+pub fn remove_leftovers(path: &Path) -> io::Result<()> {
+    let prefix = prefix(path);
+    for entry in folder_of(path).read_dir()? {
+        let entry = entry?;
+        if !entry
+            .file_name()
+            .as_encoded_bytes()
+            .starts_with(prefix.as_encoded_bytes())
+        {
+            continue;
+        }
+        // Whoever writes it holds its lock.
+        if let Ok(file) = File::open(entry.path())
+            && file.try_lock().is_ok()
+        {
+            std::fs::remove_file(entry.path())?;
+        }
+    }
+    Ok(())
+}
+
+fn folder_of(path: &Path) -> &Path {
+    match path.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
         _ => Path::new("."),
-    };
+    }
+}
+
+/// Before the random part of the names of temporary files for this one.
+fn prefix(path: &Path) -> OsString {
+    let mut prefix = OsString::from(".beamfarm-");
+    // A long name stays short enough with what comes around it.
+    let name = path.file_name().filter(|name| name.len() <= LONGEST);
+    prefix.push(name.unwrap_or_default());
+    prefix.push("-");
+    prefix
+}
+
+/// Bytes of a name that is told by its temporary file's.
+const LONGEST: usize = 200;
+
+fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    let folder = folder_of(path);
+    let prefix = prefix(path);
     let mut builder = tempfile::Builder::new();
-    builder.prefix(".beamfarm-");
+    builder.prefix(&prefix);
     #[cfg(unix)]
     {
         // As a file made without the detour would have; the process's mask still applies.
         use std::os::unix::fs::PermissionsExt;
         builder.permissions(std::fs::Permissions::from_mode(0o666));
     }
-    let mut file = builder.tempfile_in(folder)?;
+    let mut file = loop {
+        let file = builder.tempfile_in(folder)?;
+        // Fails where there are no locks. Before it was locked it may have been taken for a leftover.
+        let _ = file.as_file().try_lock();
+        if file.path().try_exists()? {
+            break file;
+        }
+    };
     file.write_all(bytes)?;
     file.as_file().sync_all()?;
     file.persist(path).map_err(|error| error.error)?;
@@ -67,6 +116,22 @@ mod tests {
             assert_eq!(std::fs::read(&path).unwrap(), bytes);
             assert_eq!(names(folder.path()), ["file"]);
         }
+    }
+
+    #[test]
+    fn leftovers_of_those_that_are_gone_are_removed() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.exr");
+        let temporary = |name: &str| File::create(folder.path().join(name)).unwrap();
+        let busy = temporary(".beamfarm-a.exr-busy");
+        busy.try_lock().unwrap();
+        for name in [".beamfarm-a.exr-left", ".beamfarm-b.exr-other", "a.exr"] {
+            temporary(name);
+        }
+        remove_leftovers(&path).unwrap();
+        let mut left = names(folder.path());
+        left.sort();
+        assert_eq!(left, [".beamfarm-a.exr-busy", ".beamfarm-b.exr-other", "a.exr"]);
     }
 
     #[test]

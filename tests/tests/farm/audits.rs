@@ -11,10 +11,10 @@ use tonic::{Code, Status};
 
 const PASSES: u64 = 60;
 
-fn expected() -> Average {
+fn expected(passes: u64) -> Average {
     let first = node(Block::leaf(0));
     let mut sum = TreeSum::new(first.sum.width, first.sum.height);
-    for pass_index in 0..PASSES {
+    for pass_index in 0..passes {
         sum.insert(node(Block::leaf(pass_index))).unwrap();
     }
     sum.average().unwrap()
@@ -65,7 +65,7 @@ async fn a_worker_that_waits_is_told_of_a_check_at_once() {
     // Its question has come, so there was no answer to it yet, and before the delivery there is none.
     let has_asked = |progress: &Progress| {
         let mut workers = progress.workers_seen.iter();
-        let view = workers.find(|view| view.id.0 == second.id)?;
+        let view = workers.find(|view| view.id.0 == second.number)?;
         (view.last_seen < begun.elapsed()).then_some(())
     };
     coordinator.shows("a question", has_asked).await;
@@ -91,7 +91,7 @@ async fn liar_among(honest: usize, lies: u64) {
         others.push(tokio::spawn(work(Arc::new(worker), None)));
     }
     assert_eq!(coordinator.ended().await, End::Complete);
-    assert!(coordinator.farm.average().unwrap() == expected());
+    assert!(coordinator.farm.average().unwrap() == expected(PASSES));
     for other in others {
         within("an honest worker's end", other).await.unwrap().unwrap();
     }
@@ -101,10 +101,10 @@ async fn liar_among(honest: usize, lies: u64) {
     let progress = coordinator.farm.progress();
     assert_eq!(progress.divergent, 0);
     let views = progress.workers_seen;
-    let view = views.iter().find(|view| view.id.0 == liar.id).unwrap();
+    let view = views.iter().find(|view| view.id.0 == liar.number).unwrap();
     assert_eq!((view.state, view.passes), (WorkerState::ShutOut, 0));
     assert!(view.audits_failed > 0);
-    let mut honest = views.iter().filter(|view| view.id.0 != liar.id);
+    let mut honest = views.iter().filter(|view| view.id.0 != liar.number);
     assert!(honest.all(|view| view.audits_failed == 0));
     let events = coordinator.farm.events(0);
     assert!(events.iter().any(|event| event.kind == EventKind::Divergent));
@@ -124,6 +124,29 @@ async fn liar_among(honest: usize, lies: u64) {
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_worker_that_always_lies_is_found() {
     liar_among(2, 1).await;
+}
+
+/// As people run it: few passes, and one block in 64 that is checked by lot.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn liars_spoil_no_short_job() {
+    const SHORT: u64 = 16;
+    for round in 0..10 {
+        let mut spec = spec(SHORT);
+        spec.audit_every = 64;
+        let coordinator = Coordinator::start(spec).await;
+        coordinator.stay();
+        let mut workers = Vec::new();
+        for (name, lies) in [("liar", Some(1)), ("one", None), ("other", None)] {
+            let worker = RawWorker::named(&coordinator, &format!("{name} {round}")).await;
+            workers.push(tokio::spawn(work(Arc::new(worker), lies)));
+        }
+        assert_eq!(coordinator.ended().await, End::Complete);
+        assert!(coordinator.farm.average().unwrap() == expected(SHORT), "round {round}");
+        assert_eq!(coordinator.farm.progress().divergent, 0);
+        for worker in workers {
+            let _ = within("a worker's end", worker).await.unwrap();
+        }
+    }
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

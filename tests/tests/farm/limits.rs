@@ -57,6 +57,32 @@ async fn connections_beyond_the_limit_are_closed() {
     }
 }
 
+/// Idle connections, as many as there are places and more, keep nobody out who has something to say.
+#[tokio::test]
+async fn strangers_make_room() {
+    let limits = Limits {
+        connections: 16,
+        strangers: 4,
+        greeting: LONG,
+        ..Default::default()
+    };
+    let coordinator = coordinator(limits, Security::default()).await;
+    let first = RawWorker::register(&coordinator).await;
+    let mut idle = Vec::new();
+    for _ in 0..40 {
+        idle.push(TcpStream::connect(coordinator.address).await.unwrap());
+    }
+    let second = RawWorker::register(&coordinator).await;
+    for worker in [&first, &second] {
+        let leased = worker.lease().await;
+        worker.deliver(leased).await.unwrap();
+    }
+    // The oldest have gone.
+    for stream in idle.drain(..36) {
+        assert!(hung_up(stream).await.is_empty());
+    }
+}
+
 #[tokio::test]
 async fn connections_that_never_say_anything_useful_are_closed() {
     let limits = Limits {

@@ -29,14 +29,15 @@ async fn stop(target: Target, seed: u64) -> (Option<u64>, Average) {
     };
     let doors = Default::default();
     let coordinator = Coordinator::start_with(free_port(), spec(PASSES), timing, doors, start).await;
-    let workers = [
-        RawWorker::register(&coordinator).await,
-        RawWorker::register(&coordinator).await,
-    ];
+    // As many as it takes to hold all passes.
+    let mut workers = Vec::new();
+    for _ in 0..=PASSES / 16 {
+        workers.push(RawWorker::register(&coordinator).await);
+    }
     let mut leased = Vec::new();
     let mut passes = 0;
     while passes < PASSES {
-        let worker = &workers[leased.len() % 2];
+        let worker = &workers[leased.len() % workers.len()];
         let lease = worker.lease().await;
         passes += lease.1.len();
         leased.push((worker, lease));

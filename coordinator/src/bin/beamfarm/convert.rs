@@ -4,6 +4,7 @@ use crate::failure::Failure;
 use crate::job::{ImportArgs, announce};
 use beamfarm_image::atomic;
 use beamfarm_scene::{SceneFile, is_mitsuba};
+use beamfarm_worker::say;
 use clap::Args;
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
@@ -55,6 +56,6 @@ pub fn main(args: ConvertArgs) -> Result<(), Failure> {
     file.load()?;
     atomic::write_file(&args.output, file.text())?;
     announce(&file.notes, &file.left_out);
-    println!("wrote {}", args.output.display());
+    say!("wrote {}", args.output.display());
     Ok(())
 }

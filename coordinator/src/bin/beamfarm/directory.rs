@@ -6,6 +6,7 @@ use crate::output::Output;
 use beamfarm_coordinator::store::{Folder, Looks, Resumed, StoreError};
 use beamfarm_coordinator::{Entry, JobSpec, Start, Target};
 use beamfarm_image::merge::Errors;
+use beamfarm_worker::say;
 use std::path::PathBuf;
 use std::time::Duration;
 use tokio::sync::mpsc::{UnboundedReceiver, unbounded_channel};
@@ -52,7 +53,12 @@ pub fn prepare(
     let (folder, resumed) = Folder::open(&path, spec, looks, has_end)?;
     let (sender, entries) = unbounded_channel();
     start.entries = Some(sender);
-    if let Some(Resumed { checkpoint, done }) = resumed {
+    if let Some(Resumed {
+        checkpoint,
+        done,
+        convicted,
+    }) = resumed
+    {
         let passes = checkpoint.sum.passes();
         let fence = checkpoint.sum.fence().unwrap_or(0);
         let mut tested = checkpoint.tested;
@@ -61,10 +67,11 @@ pub fn prepare(
             refuse_missed(target, &tested)?;
         }
         if !args.quiet {
-            println!("resuming {} with {passes} passes", path.display());
+            say!("resuming {} with {passes} passes", path.display());
         }
         start.sum = Some(checkpoint.sum);
         start.done = done;
+        start.convicted = convicted;
         start.tested = tested;
         start.stats = checkpoint.stats;
         start.before = Duration::try_from_secs_f64(checkpoint.seconds).unwrap_or_default();

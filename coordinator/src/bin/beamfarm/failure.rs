@@ -3,6 +3,7 @@
 use beamfarm_coordinator::store::StoreError;
 use beamfarm_image::error::ImageError;
 use beamfarm_scene::SceneError;
+use beamfarm_worker::complain;
 use beamfarm_worker::exit;
 use std::fmt::Display;
 use std::process::ExitCode;
@@ -40,7 +41,7 @@ impl Failure {
         Self { code, message }
     }
     pub fn report(self) -> ExitCode {
-        eprintln!("{}", self.message);
+        complain!("{}", self.message);
         ExitCode::from(self.code)
     }
 }

@@ -14,6 +14,7 @@ use beamfarm_render::budget::Pilot;
 use beamfarm_render::world::Scene;
 use beamfarm_render::world::{RenderDefaults, SceneDescription};
 use beamfarm_scene::{ImportOptions, SceneFile, is_mitsuba};
+use beamfarm_worker::complain;
 use clap::{Args, ValueEnum};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -224,10 +225,10 @@ impl Loaded {
 /// Say on stderr what became of a Mitsuba scene.
 pub fn announce(notes: &[String], left_out: &[String]) {
     for note in notes {
-        eprintln!("note: {note}");
+        complain!("note: {note}");
     }
     for part in left_out {
-        eprintln!("left out: {part}");
+        complain!("left out: {part}");
     }
 }
 

@@ -8,6 +8,7 @@ use beamfarm_image::exr::{ImageMeta, Maker};
 use beamfarm_image::job::{Block, PassStats, SceneHash};
 use beamfarm_image::layer::Layer;
 use beamfarm_image::merge::{Errors, MergeError, TreeSum};
+use beamfarm_worker::say;
 use clap::Args;
 use std::path::{Path, PathBuf};
 
@@ -200,9 +201,9 @@ fn write(args: &MergeArgs, merged: Merged) -> Result<(), Failure> {
     output.write(&average, &meta, exposure)?;
     if !args.quiet {
         if let Some(job) = &args.job {
-            println!("made {}", job.display());
+            say!("made {}", job.display());
         }
-        println!("wrote {} and {}", output.exr.display(), output.png.display());
+        say!("wrote {} and {}", output.exr.display(), output.png.display());
         describe(&average, &meta.pass_set(&settings, &average));
     }
     Ok(())

@@ -4,6 +4,7 @@
 use crate::failure::Failure;
 use beamfarm_coordinator::{Watch, tev};
 use beamfarm_proto::VERSION;
+use beamfarm_worker::say;
 use clap::Args;
 use std::convert::Infallible;
 use std::fmt::Display;
@@ -107,7 +108,7 @@ async fn print_progress(watch: Arc<Watch>) {
 
 /// A line for OpenJD. It is one line whatever is in it.
 fn openjd(what: &str, text: &str) {
-    println!("openjd_{what}: {}", text.replace(['\n', '\r'], " "));
+    say!("openjd_{what}: {}", text.replace(['\n', '\r'], " "));
 }
 
 /// Write the image whenever somebody asks for it: by a call, by the page's button, by SIGHUP. Forever.

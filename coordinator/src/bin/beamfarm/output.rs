@@ -1,6 +1,7 @@
 //! Where images go.
 
 use crate::failure::Failure;
+use beamfarm_image::atomic::remove_leftovers;
 use beamfarm_image::error::ImageError;
 use beamfarm_image::exr::{ImageMeta, write_image};
 use beamfarm_image::merge::Average;
@@ -50,9 +51,13 @@ impl Output {
         let probe = tempfile::Builder::new().prefix(".beamfarm-").tempfile_in(folder);
         if let Err(error) = probe {
             let message = format!("cannot write to {}: {error}", folder.display());
-            return Err(Failure::usage(message));
+            return Err(Failure::io(message));
         }
         let png = exr.with_extension("png");
+        for path in [&exr, &png] {
+            // Nobody is worse off than before if that cannot be done.
+            let _ = remove_leftovers(path);
+        }
         Ok(Self {
             exr,
             png,

@@ -2,6 +2,7 @@
 
 use beamfarm_coordinator::watch::Rates;
 use beamfarm_coordinator::{Progress, Watch};
+use beamfarm_worker::say;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::io::{IsTerminal, Write};
 use std::sync::{Arc, OnceLock};
@@ -63,7 +64,7 @@ pub async fn show(watch: Arc<Watch>) {
                 let news =
                     printed.is_none_or(|(then, prefix)| prefix != progress.prefix || elapsed - then >= WITHOUT_NEWS);
                 if elapsed >= LINE && news {
-                    println!("{line}");
+                    say!("{line}");
                     printed = Some((elapsed, progress.prefix));
                 }
             }

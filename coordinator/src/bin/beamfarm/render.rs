@@ -7,6 +7,7 @@ use crate::job::JobArgs;
 use crate::local::{self, Crew};
 use beamfarm_coordinator::{Farm, Timing};
 use beamfarm_worker::cli::LogArgs;
+use beamfarm_worker::say;
 use clap::Args;
 use std::net::Ipv4Addr;
 use tokio::net::TcpListener;
@@ -19,7 +20,7 @@ Examples:
   beamfarm render scene.toml --workers 1 --threads 8
   beamfarm render scene.xml -D spp=256              a scene of Mitsuba 3, with a value for its $spp
 
-SIGINT (Ctrl-C) writes the passes that are complete; a second one kills.";
+SIGINT (Ctrl-C) writes the passes that are complete; another one after a second kills.";
 
 #[derive(Args)]
 pub struct RenderArgs {
@@ -65,7 +66,7 @@ pub fn main(args: RenderArgs, log: &LogArgs) -> Result<(), Failure> {
         conduct(&args.job, &output, exposure, farm, directory, listener, crew).await
     })?;
     for part in left_out {
-        println!("left out: {part}");
+        say!("left out: {part}");
     }
     Ok(())
 }

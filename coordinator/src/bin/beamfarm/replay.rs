@@ -12,6 +12,7 @@ use beamfarm_render::aov::NoSuchGroup;
 use beamfarm_render::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::Scene;
+use beamfarm_worker::say;
 use clap::Args;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -66,14 +67,17 @@ pub fn main(args: ReplayArgs) -> Result<(), Failure> {
         Ok::<_, NoSuchGroup>((image, begun.elapsed().as_secs_f64()))
     });
     let (image, seconds) = rendered.map_err(Failure::usage)?;
-    println!("pass {} pixels {}", args.pass, pixel_hash(&image.film));
+    say!("pass {} pixels {}", args.pass, pixel_hash(&image.film));
     let stats = image.stats;
-    println!(
+    say!(
         "{seconds:.3} s, {} photon paths, {} beams, {} surface photons, {} beam evaluations",
-        stats.paths, stats.beams, stats.surface_photons, stats.beam_evaluations
+        stats.paths,
+        stats.beams,
+        stats.surface_photons,
+        stats.beam_evaluations
     );
     if stats.beams > 0 {
-        println!("{:.0} bytes a beam", stats.bytes_per_beam());
+        say!("{:.0} bytes a beam", stats.bytes_per_beam());
     }
     let bad = stats.non_finite;
     if bad > 0 {

@@ -6,6 +6,7 @@ use crate::failure::Failure;
 use crate::job::JobArgs;
 use crate::security::ListenArgs;
 use beamfarm_coordinator::{Entrance, Farm, Timing};
+use beamfarm_worker::say;
 use clap::Args;
 use std::net::SocketAddr;
 use tokio::net::TcpListener;
@@ -21,7 +22,7 @@ Examples:
   beamfarm serve scene.toml --listen 0.0.0.0:7325 --tls-cert a.pem --tls-key a.key --tls-client-ca ca.pem
                                                         encrypted, for workers with a certificate
 
-SIGINT and SIGTERM write the passes that are complete; a second one kills.";
+SIGINT and SIGTERM write the passes that are complete; another one after a second kills.";
 
 #[derive(Args)]
 pub struct ServeArgs {
@@ -35,8 +36,9 @@ pub struct ServeArgs {
     #[command(flatten)]
     security: ListenArgs,
 
-    /// One block in N is rendered again by another worker, and compared bit for bit; 0: none. When two workers disagree
-    /// a third one decides; the wrong one is shut out, and what nobody confirmed of it is rendered again
+    /// One block in N, and the first two of every worker, are rendered again by another worker, and compared bit for
+    /// bit; 0: none. When two workers disagree a third one decides; the wrong one is shut out, and what nobody
+    /// confirmed of it is rendered again
     #[arg(long, value_name = "N", default_value_t = 64)]
     audit_share: u64,
 }
@@ -60,7 +62,7 @@ pub fn main(args: ServeArgs) -> Result<(), Failure> {
             .map_err(|error| Failure::io(format!("cannot listen on {}: {error}", args.listen)))?;
         let address = listener.local_addr().map_err(Failure::io)?;
         if !args.job.quiet {
-            println!("listening on {}://{address}", security.scheme());
+            say!("listening on {}://{address}", security.scheme());
         }
         let farm = Farm::new(spec, Timing::default(), start);
         let entrance = Entrance {
@@ -71,7 +73,7 @@ pub fn main(args: ServeArgs) -> Result<(), Failure> {
         conduct(&args.job, &output, exposure, farm, directory, entrance, crew).await
     })?;
     for part in left_out {
-        println!("left out: {part}");
+        say!("left out: {part}");
     }
     Ok(())
 }

@@ -4,6 +4,7 @@ use crate::failure::Failure;
 use crate::remote::{RemoteArgs, failed};
 use beamfarm_image::job::MAX_PASSES;
 use beamfarm_proto::wire;
+use beamfarm_worker::say;
 use clap::Args;
 
 pub const CANCEL_EXAMPLES: &str = "\
@@ -46,7 +47,7 @@ pub fn cancel(args: RemoteArgs) -> Result<(), Failure> {
     args.call(async |mut control| {
         let reply = control.cancel(wire::CancelRequest {}).await;
         let prefix = reply.map_err(failed)?.into_inner().prefix;
-        println!("cancelled with {prefix} complete passes");
+        say!("cancelled with {prefix} complete passes");
         Ok(())
     })
 }
@@ -54,7 +55,7 @@ pub fn cancel(args: RemoteArgs) -> Result<(), Failure> {
 pub fn pause(args: RemoteArgs) -> Result<(), Failure> {
     args.call(async |mut control| {
         control.pause(wire::PauseRequest {}).await.map_err(failed)?;
-        println!("paused");
+        say!("paused");
         Ok(())
     })
 }
@@ -63,7 +64,7 @@ pub fn resume(args: RemoteArgs) -> Result<(), Failure> {
     args.call(async |mut control| {
         let reply = control.resume(wire::ResumeRequest {}).await;
         reply.map_err(failed)?;
-        println!("resumed");
+        say!("resumed");
         Ok(())
     })
 }
@@ -73,7 +74,7 @@ pub fn extend(args: ExtendArgs) -> Result<(), Failure> {
     args.remote.call(async |mut control| {
         let reply = control.extend(wire::ExtendRequest { passes }).await;
         reply.map_err(failed)?;
-        println!("the job has {passes} passes now");
+        say!("the job has {passes} passes now");
         Ok(())
     })
 }
@@ -81,7 +82,7 @@ pub fn extend(args: ExtendArgs) -> Result<(), Failure> {
 pub fn write(args: RemoteArgs) -> Result<(), Failure> {
     args.call(async |mut control| {
         let reply = control.write_now(wire::WriteNowRequest {}).await;
-        println!("{}", reply.map_err(failed)?.into_inner().message);
+        say!("{}", reply.map_err(failed)?.into_inner().message);
         Ok(())
     })
 }

@@ -11,6 +11,7 @@ use beamfarm_image::exr::pixel_hash;
 use beamfarm_image::job::MAX_PASSES;
 use beamfarm_image::merge::{Average, REPLICATION};
 use beamfarm_proto::VERSION;
+use beamfarm_worker::say;
 
 /// Why no more passes were taken.
 pub enum Stop {
@@ -36,15 +37,15 @@ pub struct Summary<'a> {
 
 /// Say which passes an image is made of, and how good it is.
 pub fn describe(average: &Average, pass_set: &str) {
-    println!("passes 0 to {}, set {pass_set}", average.passes - 1);
+    say!("passes 0 to {}, set {pass_set}", average.passes - 1);
     describe_error(average);
     if let Some(bias) = &average.bias {
-        println!("{bias}");
+        say!("{bias}");
         if let Some(tiles) = bias.tiles_in_words() {
-            println!("{tiles}");
+            say!("{tiles}");
         }
     }
-    println!("pixels {}", pixel_hash(&average.beauty));
+    say!("pixels {}", pixel_hash(&average.beauty));
 }
 
 /// Say how noisy an image is, and whether few pixels make most of that.
@@ -61,9 +62,9 @@ pub fn describe_error(average: &Average) {
         true => format!(" (upper estimates: fewer than {} passes)", 2 * REPLICATION),
         false => String::new(),
     };
-    println!("relative standard error {:.2} %{median}{upper}", 100.0 * error);
+    say!("relative standard error {:.2} %{median}{upper}", 100.0 * error);
     if let Some(fireflies) = noise.fireflies {
-        println!("{fireflies}");
+        say!("{fireflies}");
     }
 }
 
@@ -90,13 +91,13 @@ impl Summary<'_> {
         let progress = self.farm.progress();
         let seconds = self.farm.snapshot().seconds;
         if let Some(Written { average, .. }) = &self.image {
-            println!(
+            say!(
                 "wrote {}, {} and {}",
                 self.output.exr.display(),
                 self.output.png.display(),
                 self.output.exr.with_extension("csv").display()
             );
-            println!(
+            say!(
                 "{} passes in {seconds:.1} s ({:.2} passes/s, {}beams/s) from {} workers",
                 average.passes,
                 average.passes as f64 / seconds,
@@ -104,15 +105,15 @@ impl Summary<'_> {
                 progress.registered,
             );
             if progress.stats.beams > 0 {
-                println!("{:.0} bytes a beam", progress.stats.bytes_per_beam());
+                say!("{:.0} bytes a beam", progress.stats.bytes_per_beam());
             }
             if self.stopped() == Stopped::TargetError {
-                println!("stopped at the first prefix whose error is small enough");
+                say!("stopped at the first prefix whose error is small enough");
             }
             describe(average, &self.pass_set().unwrap_or_default());
         }
         if self.args.first_pass > 0 && progress.prefix > self.args.first_pass {
-            println!(
+            say!(
                 "passes {} to {} are complete; `beamfarm merge` makes an image of them and those before",
                 self.args.first_pass,
                 progress.prefix - 1
@@ -121,7 +122,10 @@ impl Summary<'_> {
         for (count, what) in [
             (progress.lost_leases, "leases were lost and handed out again"),
             (progress.duplicates, "blocks arrived twice, with equal bits"),
-            (progress.audits, "blocks were rendered by two workers, with equal bits"),
+            (
+                self.confirmed_passes(),
+                "passes were rendered by two workers, with equal bits",
+            ),
             (
                 progress.dropped,
                 "passes were dropped for their worker's wrong pixels, and rendered again",
@@ -130,9 +134,15 @@ impl Summary<'_> {
             (progress.refused, "deliveries were refused"),
         ] {
             if count > 0 {
-                println!("{count} {what}");
+                say!("{count} {what}");
             }
         }
+    }
+
+    fn confirmed_passes(&self) -> u64 {
+        let blocks = self.farm.blocks();
+        let confirmed = blocks.iter().filter(|done| done.confirmed);
+        confirmed.map(|done| done.block.len()).sum()
     }
 
     /// For programs.
@@ -171,6 +181,7 @@ impl Summary<'_> {
             bias: bias.map(ToString::to_string),
             bias_estimate: bias.and_then(BiasReport::new),
             seconds: reached.seconds,
+            confirmed_passes: self.confirmed_passes(),
             workers: workers.map(|worker| worker.name.clone()).collect(),
             stopped: self.stopped(),
         }

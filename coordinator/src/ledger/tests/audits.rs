@@ -216,7 +216,7 @@ fn the_share_of_audits_is_what_was_asked_for() {
         },
         0,
     );
-    let drawn = (0..64_000).filter(|i| ledger.is_audited(Block::leaf(*i))).count();
+    let drawn = (0..64_000).filter(|i| ledger.is_drawn(Block::leaf(*i))).count();
     // Binomial: 1000, standard deviation 31.4; four of them.
     assert!((875..1125).contains(&drawn), "{drawn}");
     let other = Ledger::new(
@@ -229,23 +229,114 @@ fn the_share_of_audits_is_what_was_asked_for() {
     );
     assert!((0..64_000).any(|i| {
         let block = Block::leaf(i);
-        ledger.is_audited(block) != other.is_audited(block)
+        ledger.is_drawn(block) != other.is_drawn(block)
     }));
-    assert!(!(0..1000).any(|i| Ledger::new(RULES, 0).is_audited(Block::leaf(i))));
+    assert!(!(0..1000).any(|i| Ledger::new(RULES, 0).is_drawn(Block::leaf(i))));
+}
+
+/// However few are drawn: two blocks of each, and none of them by itself.
+#[test]
+fn first_blocks_are_checked() {
+    let rules = Rules {
+        passes: 8,
+        audit_every: u64::MAX,
+        ..RULES
+    };
+    let mut ledger = Ledger::new(rules, 0);
+    for name in ["a", "b"] {
+        let worker = join(&mut ledger, name);
+        for i in 0..3 {
+            let mut leased = lease(&mut ledger, worker);
+            while ledger.is_to_be_checked(leased.1) {
+                // Of the worker before.
+                assert_eq!(
+                    accept(&mut ledger, worker, leased, pixels(leased.1)),
+                    Ok(Accepted::Confirmed)
+                );
+                leased = lease(&mut ledger, worker);
+            }
+            assert_eq!(accept(&mut ledger, worker, leased, pixels(leased.1)), Ok(Accepted::New));
+            assert_eq!(ledger.is_to_be_checked(leased.1), i < 2);
+        }
+    }
+    // Without checks there are none.
+    let mut ledger = Ledger::new(RULES, 0);
+    let worker = join(&mut ledger, "a");
+    let leased = lease(&mut ledger, worker);
+    assert_eq!(accept(&mut ledger, worker, leased, pixels(leased.1)), Ok(Accepted::New));
+    assert!(!ledger.is_to_be_checked(leased.1));
+}
+
+/// A worker that lies from its first pass on, beside two that do not, leaves nothing behind, however the three take
+/// turns.
+#[test]
+fn liars_leave_nothing_behind_in_short_jobs() {
+    for order in 0..27 {
+        let rules = Rules {
+            passes: 16,
+            audit_every: 64,
+            ..RULES
+        };
+        let mut ledger = Ledger::new(rules, 0);
+        let workers = ["a", "b", "liar"].map(|name| join(&mut ledger, name));
+        let mut sum = BTreeMap::new();
+        for turn in 0..1000 {
+            let worker = match turn {
+                0..3 => workers[order / 3usize.pow(turn) % 3],
+                _ => workers[turn as usize % 3],
+            };
+            let Ok(Grant::Lease(id, block)) = ledger.lease(worker, at(0)) else {
+                continue;
+            };
+            let mut hash = pixels(block);
+            hash[0] ^= u8::from(worker == workers[2]);
+            if accept(&mut ledger, worker, (id, block), hash) == Ok(Accepted::New) {
+                sum.insert(block, hash);
+            }
+            let stained = ledger.stained().to_vec();
+            if !stained.is_empty() {
+                ledger.reopen(&stained);
+                sum.retain(|block, _| !stained.contains(block));
+            }
+        }
+        assert!(ledger.is_over(at(0)), "{order}");
+        assert_eq!(sum.len(), 16);
+        assert!(sum.iter().all(|(block, hash)| *hash == pixels(*block)), "{order}");
+    }
 }
 
 #[test]
-fn most_test_pictures_count() {
+fn test_pictures_of_proven_workers_count() {
+    let mut ledger = Ledger::new(AUDITS, 0);
+    let add = |ledger: &mut Ledger, name: &str, canary: u8| ledger.register(name, 1, [canary; 32], at(0));
+    // Nobody knows yet whose is right.
+    let odd = add(&mut ledger, "odd", 1).unwrap();
+    let (a, b) = (add(&mut ledger, "a", 2).unwrap(), add(&mut ledger, "b", 2).unwrap());
+    let wrong = lease(&mut ledger, odd);
+    let leased = lease(&mut ledger, a);
+    accept(&mut ledger, a, leased, pixels(leased.1)).unwrap();
+    let check = lease(&mut ledger, b);
+    assert_eq!(check.1, leased.1);
+    assert_eq!(accept(&mut ledger, b, check, pixels(check.1)), Ok(Accepted::Confirmed));
+    let shut_out = LedgerError::ShutOut(odd, Sentence::Canary);
+    assert_eq!(ledger.lease(odd, at(0)), Err(shut_out));
+    assert_eq!(accept(&mut ledger, odd, wrong, [7; 32]), Err(shut_out));
+    // However many come with another one: they have no vote.
+    for name in ["c", "d", "e", "f"] {
+        assert_eq!(add(&mut ledger, name, 1), Err(Sentence::Canary));
+    }
+    assert!(ledger.stained().is_empty());
+    assert_eq!(lease(&mut ledger, a).1, wrong.1);
+    add(&mut ledger, "g", 2).unwrap();
+}
+
+#[test]
+fn where_nothing_is_checked_the_first_test_picture_counts() {
     let mut ledger = Ledger::new(RULES, 0);
-    let mut join = |name: &str, canary: u8| ledger.register(name, 1, [canary; 32], at(0));
-    let first = join("a", 1).unwrap();
-    assert_eq!(join("b", 2), Err(Sentence::Canary));
-    // The same machine again says nothing new.
-    assert_eq!(join("b", 2), Err(Sentence::Canary));
-    // Now there are two against one.
-    let third = join("c", 2).unwrap();
-    assert_eq!(join("d", 1), Err(Sentence::Canary));
-    let shut_out = Err(LedgerError::ShutOut(first, Sentence::Canary));
-    assert_eq!(ledger.lease(first, at(0)), shut_out);
-    assert_eq!(lease(&mut ledger, third).1, Block::leaf(0));
+    let mut add = |name: &str, canary: u8| ledger.register(name, 1, [canary; 32], at(0));
+    add("a", 1).unwrap();
+    for name in ["b", "c", "d"] {
+        assert_eq!(add(name, 2), Err(Sentence::Canary));
+    }
+    add("e", 1).unwrap();
 }

@@ -78,15 +78,35 @@ fn a_block_in_which_a_pass_fails_is_taken_apart() {
 fn a_poison_pass_goes_to_several_workers() {
     let mut ledger = Ledger::new(rules(4), 0);
     let workers: Vec<_> = (0..4).map(|_| join(&mut ledger, "worker")).collect();
-    for (i, worker) in workers.iter().take(3).enumerate() {
+    // None of them has rendered anything before: each has its turn.
+    for (i, worker) in workers.iter().enumerate() {
         assert!(ledger.failed().is_none());
         let (lease, block) = block_of(ledger.lease(*worker, at(i as u64)));
         assert_eq!(block, Block::leaf(0));
         ledger.fail(*worker, lease, 0, "NaN", at(i as u64)).unwrap();
     }
     let failure = ledger.failed().unwrap();
-    assert_eq!((failure.pass_index, failure.workers), (0, 3));
+    assert_eq!((failure.pass_index, failure.workers), (0, 4));
     assert!(ledger.is_complete());
+}
+
+/// The word of those that have rendered others is enough.
+#[test]
+fn a_poison_pass_need_not_go_to_all() {
+    let mut ledger = Ledger::new(rules(8), 0);
+    let workers: Vec<_> = (0..6).map(|_| join(&mut ledger, "worker")).collect();
+    for worker in &workers[..3] {
+        let (lease, block) = block_of(ledger.lease(*worker, at(0)));
+        ledger.accept(*worker, lease, block, pixels(block), at(1)).unwrap();
+    }
+    for worker in &workers[..3] {
+        assert!(ledger.failed().is_none());
+        let (lease, block) = block_of(ledger.lease(*worker, at(1)));
+        assert_eq!(block, Block::leaf(3));
+        ledger.fail(*worker, lease, 3, "NaN", at(1)).unwrap();
+    }
+    let failure = ledger.failed().unwrap();
+    assert_eq!((failure.pass_index, failure.workers), (3, 3));
 }
 
 #[test]
@@ -132,9 +152,11 @@ fn an_idle_worker_takes_over_what_others_take_long_for() {
     assert_eq!(ledger.ask_again(quick, at(2)), Some(at(2)));
     let again = block_of(ledger.lease(quick, at(2)));
     assert_eq!(again.1, old.1);
-    // Not a third time.
+    // A third time when the copy is late as well: two that never finish hold nobody up.
     let third = join(&mut ledger, "third");
-    assert_eq!(ledger.lease(third, at(9)), Ok(Grant::NotNow));
+    assert_eq!(ledger.lease(third, at(3)), Ok(Grant::NotNow));
+    assert_eq!(ledger.ask_again(third, at(3)), Some(at(4)));
+    assert_eq!(block_of(ledger.lease(third, at(4))).1, old.1);
     assert_eq!(
         ledger.accept(quick, again.0, again.1, pixels(again.1), at(9)),
         Ok(Accepted::New)
@@ -142,6 +164,64 @@ fn an_idle_worker_takes_over_what_others_take_long_for() {
     let late = ledger.accept(slow, old.0, old.1, pixels(old.1), at(10));
     assert_eq!(late, Ok(Accepted::Confirmed));
     assert_eq!(ledger.take_notes(), [Note::Confirmed(old.1, slow, pixels(old.1))]);
+}
+
+/// Whatever its heartbeats say.
+#[test]
+fn a_lease_that_takes_far_too_long_ends() {
+    let mut ledger = Ledger::new(rules(9), 0);
+    let (hung, quick) = (join(&mut ledger, "hung"), join(&mut ledger, "quick"));
+    let held = block_of(ledger.lease(hung, at(0)));
+    for i in 0..2 {
+        let (lease, block) = block_of(ledger.lease(quick, at(2 * i)));
+        ledger
+            .accept(quick, lease, block, pixels(block), at(2 * i + 2))
+            .unwrap();
+    }
+    for now in [20, 40, 60] {
+        ledger.beat(hung, [(held.0, 0)], at(now)).unwrap();
+        ledger.beat(quick, [], at(now)).unwrap();
+        assert_eq!(ledger.expire(at(now + 3)), 0);
+    }
+    // 32 times the two seconds that a pass takes.
+    assert_eq!(ledger.expire(at(64)), 1);
+    assert_eq!(block_of(ledger.lease(quick, at(64))).1, held.1);
+    // It counts all the same when it comes.
+    let late = ledger.accept(hung, held.0, held.1, pixels(held.1), at(65));
+    assert_eq!(late, Ok(Accepted::New));
+}
+
+#[test]
+fn nobody_leases_all_there_is() {
+    let mut ledger = Ledger::new(rules(100), 0);
+    let (greedy, other) = (join(&mut ledger, "greedy"), join(&mut ledger, "other"));
+    for _ in 0..16 {
+        block_of(ledger.lease(greedy, at(0)));
+    }
+    assert_eq!(ledger.lease(greedy, at(0)), Ok(Grant::NotNow));
+    assert_eq!(block_of(ledger.lease(other, at(0))).1, Block::leaf(16));
+}
+
+/// Nor do others, as long as somebody has not tried.
+#[test]
+fn who_never_rendered_anything_ends_no_job() {
+    let mut ledger = Ledger::new(rules(4), 0);
+    let good = join(&mut ledger, "good");
+    let first = block_of(ledger.lease(good, at(0)));
+    for name in ["a", "b", "c", "d"] {
+        let stranger = join(&mut ledger, name);
+        let (lease, block) = block_of(ledger.lease(stranger, at(0)));
+        assert_eq!(block, Block::leaf(1));
+        ledger.fail(stranger, lease, 1, "no", at(0)).unwrap();
+    }
+    assert!(ledger.failed().is_none());
+    ledger.accept(good, first.0, first.1, pixels(first.1), at(1)).unwrap();
+    let (lease, block) = block_of(ledger.lease(good, at(1)));
+    assert_eq!(block, Block::leaf(1));
+    // Its word counts, once.
+    ledger.fail(good, lease, 1, "no", at(1)).unwrap();
+    let failure = ledger.failed().unwrap();
+    assert_eq!((failure.pass_index, failure.workers), (1, 5));
 }
 
 #[test]

@@ -280,7 +280,7 @@ fn wrong_passes_do_not_come_back_from_a_checkpoint() {
     .unwrap();
     let found = |path: &Path| {
         let (_, resumed) = open(path, &mut spec(100)).unwrap();
-        let Resumed { checkpoint, done } = resumed.unwrap();
+        let Resumed { checkpoint, done, .. } = resumed.unwrap();
         let done: Vec<u64> = done.iter().map(|done| done.block.start()).collect();
         (checkpoint.sum.passes(), checkpoint.sum.prefix(), done)
     };

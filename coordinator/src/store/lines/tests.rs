@@ -118,3 +118,40 @@ fn foreign_lines_are_left_out() {
     lines.append().unwrap();
     assert_eq!(lines.done().unwrap().len(), 1);
 }
+
+#[test]
+fn damaged_lines_are_not_believed() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("ledger.jsonl");
+    let mut lines = Lines::open(&path, 0).unwrap();
+    for pass in 0..3 {
+        lines.push(&entry(leaf(pass), EntryState::Done, 1));
+    }
+    lines.push(&entry(leaf(0), EntryState::ShutOut, 0));
+    lines.append().unwrap();
+    assert_eq!(lines.convicted().unwrap(), ["a \"name\"\n"]);
+    let whole = std::fs::read(&path).unwrap();
+    let second = whole.iter().position(|byte| *byte == b'\n').unwrap() + 1;
+    let end = second + whole[second..].iter().position(|byte| *byte == b'\n').unwrap();
+    for at in second..end {
+        // What is valid JSON still, too.
+        for flip in [1, 2, 16] {
+            let mut damaged = whole.clone();
+            damaged[at] ^= flip;
+            std::fs::write(&path, &damaged).unwrap();
+            let lines = Lines::open(&path, 0).unwrap();
+            let known: Vec<u64> = lines.done().unwrap().iter().map(|d| d.block.start()).collect();
+            assert_eq!(known, [0, 2], "byte {at}");
+            assert_eq!(
+                lines.each(0, |_, _| {}).unwrap().len(),
+                1 + usize::from(damaged[at] == b'\n')
+            );
+        }
+    }
+    // Nor is one about a worker.
+    let third = whole.len() - 60;
+    let mut damaged = whole.clone();
+    damaged[third] ^= 1;
+    std::fs::write(&path, &damaged).unwrap();
+    assert!(Lines::open(&path, 0).unwrap().convicted().unwrap().is_empty());
+}

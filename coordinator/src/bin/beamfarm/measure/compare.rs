@@ -1,8 +1,10 @@
 //! `beamfarm compare`: how far an image is from a reference.
 
 use crate::failure::Failure;
+use crate::output::print_text;
 use beamfarm_image::exr::{pixel_hash, read_rgb};
 use beamfarm_image::metrics::compare;
+use beamfarm_worker::say;
 use clap::Args;
 use std::path::PathBuf;
 
@@ -25,9 +27,9 @@ pub fn main(args: CompareArgs) -> Result<(), Failure> {
     let image = read_rgb(&args.image).map_err(Failure::usage)?;
     let reference = read_rgb(&args.reference).map_err(Failure::usage)?;
     let metrics = compare(&image, &reference).map_err(Failure::usage)?;
-    print!("{metrics}");
+    print_text(&metrics.to_string())?;
     if pixel_hash(&image) == pixel_hash(&reference) {
-        println!("identical      every bit");
+        say!("identical      every bit");
     }
     Ok(())
 }

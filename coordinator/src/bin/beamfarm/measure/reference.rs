@@ -11,6 +11,7 @@ use beamfarm_image::merge::{Average, MergeError, Node, TreeSum};
 use beamfarm_proto::VERSION;
 use beamfarm_render::reference::{SampleLayers, render_sample_with_layers};
 use beamfarm_render::world::Scene;
+use beamfarm_worker::say;
 use beamfarm_worker::signals;
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
@@ -31,7 +32,7 @@ What it finds only by rare chance shows as fireflies, and too dark where there a
 small area lights, and small area lights behind glass. The standard error does not know of light that
 was never found.
 
-SIGINT (Ctrl-C) writes the samples that are complete; a second one kills.";
+SIGINT (Ctrl-C) writes the samples that are complete; another one after a second kills.";
 
 /// Samples when neither their number nor a time is given.
 const SAMPLES: u64 = 64;
@@ -190,7 +191,7 @@ pub fn main(args: ReferenceArgs) -> Result<(), Failure> {
         }
     }
     for part in left_out {
-        println!("left out: {part}");
+        say!("left out: {part}");
     }
     match (failed, average) {
         (Some(error), average) => Err(Failure::job(format!(
@@ -206,14 +207,14 @@ pub fn main(args: ReferenceArgs) -> Result<(), Failure> {
 }
 
 fn summarise(average: &Average, output: &Output, seconds: f64) {
-    println!("wrote {} and {}", output.exr.display(), output.png.display());
+    say!("wrote {} and {}", output.exr.display(), output.png.display());
     let samples = average.passes;
-    println!(
+    say!(
         "{samples} samples in {seconds:.1} s ({:.2} samples/s)",
         samples as f64 / seconds
     );
     describe_error(average);
-    println!("pixels {}", pixel_hash(&average.beauty));
+    say!("pixels {}", pixel_hash(&average.beauty));
 }
 
 /// Samples of one scene, one after another.
@@ -277,7 +278,7 @@ impl Run<'_> {
                 bar.set_message(line);
             }
             None if elapsed >= shown.next_line => {
-                println!("{line}");
+                say!("{line}");
                 shown.next_line = elapsed + LINE;
             }
             None => {}

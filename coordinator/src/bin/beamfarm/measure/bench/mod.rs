@@ -19,6 +19,7 @@ use analysis::Clock;
 use beamfarm_image::exr::read_rgb;
 use beamfarm_image::job::MAX_PASSES;
 use beamfarm_scene::read_bundle;
+use beamfarm_worker::say;
 use clap::Args;
 use comparison::Reference;
 use machine::Machine;
@@ -167,18 +168,18 @@ pub fn main(args: BenchArgs) -> Result<(), Failure> {
             print_tables(scene);
         }
         if let Some(seconds) = suite.seconds {
-            println!("\n{}", table::errors_at(&findings.scenes, seconds).plain());
+            say!("\n{}", table::errors_at(&findings.scenes, seconds).plain());
         }
-        println!("wrote {}, with bench.csv and bench.json beside it", page.display());
+        say!("wrote {}, with bench.csv and bench.json beside it", page.display());
     }
     Ok(())
 }
 
 fn print_tables(scene: &SceneFindings) {
-    println!("\n{}", scene.name);
+    say!("\n{}", scene.name);
     let tables = [table::times(scene, Clock::Wall), table::ratios(scene, Clock::Wall)];
     for table in tables.iter().filter(|table| !table.rows.is_empty()) {
-        println!("{}", table.plain());
+        say!("{}", table.plain());
     }
 }
 
@@ -293,8 +294,8 @@ fn render(scene: &mut SceneFindings, task: &Task, quiet: bool) -> Result<(), Fai
     };
     if !quiet {
         match task.seconds {
-            Some(seconds) => println!("{}, {}: {seconds} s", scene.name, run.name),
-            None => println!("{}, {}: {} passes", scene.name, run.name, task.passes),
+            Some(seconds) => say!("{}, {}: {seconds} s", scene.name, run.name),
+            None => say!("{}, {}: {} passes", scene.name, run.name, task.passes),
         }
     }
     let all: Vec<u64> = checkpoints(task.passes).collect();
@@ -309,7 +310,7 @@ fn render(scene: &mut SceneFindings, task: &Task, quiet: bool) -> Result<(), Fai
         let record = Record::new(&scene.name, &run.name, &run.settings, &step.sample, found);
         if !quiet {
             let error = record.error().map_or("-".into(), |e| format!("{e:.3e}"));
-            println!(
+            say!(
                 "  {:>6} passes  {:>9.3} s  {:>9.3} core-s  relMSE {error}",
                 record.passes,
                 record.wall_seconds,

@@ -4,11 +4,13 @@ mod plot;
 
 use crate::failure::Failure;
 use crate::job::ImportArgs;
+use crate::output::print_text;
 use beamfarm_image::atomic::write_file;
 use beamfarm_image::job::JobSettings;
 use beamfarm_render::convergence::{Moments, Prediction, Runs, Theory};
 use beamfarm_render::world::Scene;
 use beamfarm_scene::SceneFile;
+use beamfarm_worker::say;
 use clap::Args;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -141,14 +143,14 @@ pub fn main(args: ConvergenceArgs) -> Result<(), Failure> {
             scales: runs.scales,
         })
         .collect();
-    println!(
+    say!(
         "limit {:.6e}{}, bias of the first pass {:+.2} % of it, standard deviation {:.2} %",
         theory.truth,
         if args.truth.is_some() { "" } else { " (extrapolated)" },
         100.0 * theory.bias / theory.truth,
         100.0 * theory.variance.sqrt() / theory.truth.abs(),
     );
-    print!("{}", table(&results, &theory, args.runs));
+    print_text(&table(&results, &theory, args.runs).to_string())?;
     write(&args.output.join("convergence.csv"), &csv(&results, &theory))?;
     let svg = plot::figure(&results, &theory).map_err(Failure::job)?;
     write(&args.output.join("convergence.svg"), &svg)
@@ -156,7 +158,7 @@ pub fn main(args: ConvergenceArgs) -> Result<(), Failure> {
 
 fn write(path: &Path, text: &str) -> Result<(), Failure> {
     write_file(path, text.as_bytes())?;
-    println!("wrote {}", path.display());
+    say!("wrote {}", path.display());
     Ok(())
 }
 

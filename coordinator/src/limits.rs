@@ -17,6 +17,8 @@ pub struct Limits {
     pub strangers: usize,
     /// Time for a connection to become one: TLS, and its first request that may come in.
     pub greeting: Duration,
+    /// Time that the answer to a wrong token takes.
+    pub wrong_token: Duration,
     /// Calls that one connection may have open. A worker needs about four.
     pub calls: u32,
     /// Requests a second on one connection, over some time; more have to wait.
@@ -45,6 +47,7 @@ impl Default for Limits {
             connections: 16384,
             strangers: 256,
             greeting: Duration::from_secs(10),
+            wrong_token: Duration::from_millis(300),
             calls: 64,
             requests_per_second: 1000.0,
             header_bytes: 16 << 10,

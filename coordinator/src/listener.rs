@@ -12,20 +12,23 @@ use hyper_util::server::graceful::{GracefulShutdown, Watcher};
 use std::collections::VecDeque;
 use std::convert::Infallible;
 use std::future::Future;
+use std::net::SocketAddr;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Weak};
+use std::sync::{Arc, Mutex, PoisonError, Weak};
 use std::time::Duration;
 use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::{Notify, Semaphore};
 use tokio::task::JoinSet;
-use tokio::time::{sleep, timeout};
+use tokio::time::{Instant, sleep, timeout};
 use tokio_io_timeout::TimeoutStream;
 use tower::ServiceExt;
 use tracing::{debug, warn};
 
 /// Calls that a peer may begin and break off before they are looked at (HTTP/2 rapid reset).
 const BROKEN_OFF: usize = 32;
+/// Time between lines about wrong tokens.
+const TELL_EVERY: Duration = Duration::from_secs(10);
 /// Time for a connection that has to make room.
 const FAREWELL: Duration = Duration::from_millis(50);
 /// Pause after the system refused a connection: it is out of file descriptors, say.
@@ -61,6 +64,23 @@ struct Shared {
     limits: Limits,
     /// The listener is for this machine alone.
     local: bool,
+    wrong_tokens: WrongTokens,
+}
+
+/// What the log says of those who try one token after another: a line now and then.
+#[derive(Default)]
+struct WrongTokens(Mutex<(u64, Option<Instant>)>);
+
+impl WrongTokens {
+    fn tell(&self, peer: SocketAddr) {
+        let mut state = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let (count, told) = &mut *state;
+        *count += 1;
+        if told.is_none_or(|told| told.elapsed() >= TELL_EVERY) {
+            warn!("{count} requests with a wrong token, the last from {}", peer.ip());
+            *told = Some(Instant::now());
+        }
+    }
 }
 
 /// Serve `router` until `shutdown` resolves, then let requests that are open come to their end.
@@ -77,6 +97,7 @@ pub(crate) async fn serve(entrance: Entrance, router: Router, shutdown: impl Fut
         security,
         limits,
         local: address.is_ok_and(|address| address.ip().is_loopback()),
+        wrong_tokens: WrongTokens::default(),
     });
     let places = Arc::new(Semaphore::new(limits.connections));
     let mut strangers = Strangers::default();
@@ -107,7 +128,7 @@ pub(crate) async fn serve(entrance: Entrance, router: Router, shutdown: impl Fut
         };
         full = false;
         let (shared, watcher) = (shared.clone(), graceful.watcher());
-        let newcomer = strangers.let_in(limits.strangers);
+        let newcomer = strangers.let_in(peer, limits.strangers);
         connections.spawn(async move {
             let _place = place;
             match connection(stream, shared, watcher, newcomer).await {
@@ -123,8 +144,8 @@ pub(crate) async fn serve(entrance: Entrance, router: Router, shutdown: impl Fut
 type ConnectionError = Box<dyn std::error::Error + Send + Sync>;
 
 /// A connection of which nothing is known yet.
-#[derive(Default)]
 struct Newcomer {
+    peer: SocketAddr,
     /// It has shown that it may come in.
     greeted: AtomicBool,
     /// Told when it has to make room for others.
@@ -137,8 +158,12 @@ struct Newcomer {
 struct Strangers(VecDeque<Weak<Newcomer>>);
 
 impl Strangers {
-    fn let_in(&mut self, limit: usize) -> Arc<Newcomer> {
-        let newcomer = Arc::new(Newcomer::default());
+    fn let_in(&mut self, peer: SocketAddr, limit: usize) -> Arc<Newcomer> {
+        let newcomer = Arc::new(Newcomer {
+            peer,
+            greeted: AtomicBool::new(false),
+            leave: Notify::new(),
+        });
         self.0.push_back(Arc::downgrade(&newcomer));
         if self.0.len() > limit {
             let is_stranger = |newcomer: &Arc<Newcomer>| !newcomer.greeted.load(Ordering::Relaxed);
@@ -190,7 +215,7 @@ async fn requests(
             let (shared, newcomer, pace) = (shared.clone(), newcomer.clone(), pace.clone());
             async move {
                 pace.next().await;
-                Ok::<_, Infallible>(shared.respond(request, &newcomer.greeted).await)
+                Ok::<_, Infallible>(shared.respond(request, &newcomer).await)
             }
         })
     };
@@ -235,13 +260,17 @@ async fn requests(
 }
 
 impl Shared {
-    async fn respond(&self, request: Request<Incoming>, greeted: &AtomicBool) -> Response<Body> {
+    async fn respond(&self, request: Request<Incoming>, newcomer: &Newcomer) -> Response<Body> {
         if let Some(refusal) = self.security.refuse(&request, self.local) {
+            if self.security.is_wrong(&request) {
+                self.wrong_tokens.tell(newcomer.peer);
+                sleep(self.limits.wrong_token).await;
+            }
             return refusal;
         }
         // What anybody may ask is no greeting.
         if request.uri().path() != HEALTH {
-            greeted.store(true, Ordering::Relaxed);
+            newcomer.greeted.store(true, Ordering::Relaxed);
         }
         let room = (!is_grpc(request.headers())).then_some(self.limits.form_bytes);
         let heartbeat = request.uri().path() == HEARTBEAT && room.is_none();

@@ -15,6 +15,11 @@ use tonic::Status;
 
 /// What answers that the coordinator lives. Says nothing of the job, and asks for no token.
 pub const HEALTH: &str = "/healthz";
+/// What writes the image from the page.
+pub(crate) const WRITE: &str = "/write";
+/// What the paths of calls for people begin with, and the one that only looks.
+const CONTROL: &str = "/beamfarm.v1.Control/";
+const STATUS: &str = "/beamfarm.v1.Control/Status";
 /// What the paths of gRPC calls begin with.
 const CALLS: &str = "/beamfarm.v1.";
 
@@ -25,6 +30,9 @@ pub struct Security {
     pub tls: Option<Tls>,
     /// What every request but [`HEALTH`] has to tell.
     pub token: Option<Token>,
+    /// What those have to tell that steer the job, in place of that; `None`: the token is enough. It is good for
+    /// everything else as well.
+    pub operator: Option<Token>,
 }
 
 /// TLS 1.3 on this side.
@@ -98,6 +106,15 @@ impl Security {
         ))
     }
 
+    /// Whether a request shows a token that is none.
+    pub(crate) fn is_wrong<B>(&self, request: &Request<B>) -> bool {
+        let headers = request.headers();
+        let shown = headers.contains_key(header::AUTHORIZATION);
+        let is_token = |token: &Token| secret(headers).is_some_and(|it| token.matches(&it));
+        let mut tokens = self.token.iter().chain(&self.operator).peekable();
+        shown && tokens.peek().is_some() && !tokens.any(is_token)
+    }
+
     /// The scheme of its addresses.
     pub fn scheme(&self) -> &'static str {
         match self.tls {
@@ -116,14 +133,24 @@ impl Security {
             let message = "a page of another site has no business here";
             return Some(answer(headers, Status::permission_denied(message)));
         }
-        let Some(token) = &self.token else {
+        let shown = secret(headers);
+        let shows = |token: &Option<Token>| {
+            let pair = token.as_ref().zip(shown.as_deref());
+            pair.is_some_and(|(token, shown)| token.matches(shown))
+        };
+        if shows(&self.operator) {
+            return None;
+        }
+        let Some(_) = &self.token else {
             return (local && rebound(request)).then(|| {
                 let message = "expected localhost or an address as host; with a token any name will do";
                 answer(headers, Status::permission_denied(message))
             });
         };
-        if secret(headers).is_some_and(|it| token.matches(&it)) {
-            return None;
+        if shows(&self.token) {
+            let message = "this is for operators: it asks for the token of `serve --operator-token-file`";
+            return (self.operator.is_some() && steers(request))
+                .then(|| answer(headers, Status::permission_denied(message)));
         }
         let message = match headers.contains_key(header::AUTHORIZATION) {
             true => "this is not the coordinator's token",
@@ -131,6 +158,12 @@ impl Security {
         };
         Some(answer(headers, Status::unauthenticated(message)))
     }
+}
+
+/// Whether a request changes what becomes of the job, beside what workers do.
+fn steers<B>(request: &Request<B>) -> bool {
+    let path = request.uri().path();
+    path == WRITE || path.starts_with(CONTROL) && path != STATUS
 }
 
 /// The token in a request: as bearer, or as the password of whatever user, which is what browsers can ask for.
@@ -226,7 +259,7 @@ mod tests {
     fn with_token() -> Security {
         Security {
             token: Some(Token::parse(TOKEN).unwrap()),
-            tls: None,
+            ..Security::default()
         }
     }
 
@@ -267,6 +300,38 @@ mod tests {
         let refused = security.refuse(&grpc, true).unwrap();
         assert_eq!(refused.status(), StatusCode::OK);
         assert_eq!(refused.headers()["grpc-status"], "16");
+    }
+
+    #[test]
+    fn workers_steer_no_job_where_operators_have_a_token() {
+        const OPERATOR: &str = "operator-of-this-job";
+        let mut security = with_token();
+        let code = |security: &Security, path: &'static str, token: &str| {
+            let mut request = request(&[("authorization", &format!("Bearer {token}"))]);
+            *request.uri_mut() = http::Uri::from_static(path);
+            security.refuse(&request, false).map(|answer| answer.status())
+        };
+        let steering = ["/write", "/beamfarm.v1.Control/Cancel", "/beamfarm.v1.Control/Extend"];
+        let looking = ["/", "/beamfarm.v1.Control/Status", "/beamfarm.v1.Farm/Register"];
+        for path in steering {
+            assert_eq!(code(&security, path, TOKEN), None);
+        }
+        security.operator = Some(Token::parse(OPERATOR).unwrap());
+        for path in steering {
+            assert_eq!(code(&security, path, TOKEN), Some(StatusCode::FORBIDDEN), "{path}");
+            assert_eq!(code(&security, path, OPERATOR), None, "{path}");
+            assert_eq!(
+                code(&security, path, "0123456789abcdeX"),
+                Some(StatusCode::UNAUTHORIZED)
+            );
+        }
+        for path in looking {
+            assert_eq!(code(&security, path, TOKEN), None, "{path}");
+            assert_eq!(code(&security, path, OPERATOR), None, "{path}");
+        }
+        let wrong = |token: &str| security.is_wrong(&request(&[("authorization", &format!("Bearer {token}"))]));
+        assert!(!wrong(TOKEN) && !wrong(OPERATOR) && wrong("0123456789abcdeX"));
+        assert!(!security.is_wrong(&request(&[])));
     }
 
     #[test]

@@ -11,7 +11,8 @@ use beamfarm_image::job::{Block, SceneHash};
 use beamfarm_proto::wire::farm_server::Farm as FarmService;
 use beamfarm_proto::wire::submit_request::Part;
 use beamfarm_proto::{CHUNK_BYTES, FileHash, LeaseId, VERSION, WireHash, wire};
-use std::sync::Arc;
+use std::collections::BTreeSet;
+use std::sync::{Arc, Mutex, PoisonError};
 use tokio::sync::{Semaphore, mpsc};
 use tokio::time::{sleep, timeout};
 use tokio_stream::wrappers::ReceiverStream;
@@ -30,6 +31,33 @@ pub(crate) struct Service {
     limits: Limits,
     intake: Arc<Intake>,
     keys: Keys,
+    /// Leases whose block is on its way in.
+    arriving: Arriving,
+}
+
+/// Each lease has one delivery at a time.
+#[derive(Clone, Default)]
+struct Arriving(Arc<Mutex<BTreeSet<LeaseId>>>);
+
+impl Arriving {
+    /// A place for the delivery of a lease, until it is dropped.
+    fn begin(&self, lease: LeaseId) -> Result<Arrival, Status> {
+        let mut leases = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        match leases.insert(lease) {
+            true => Ok(Arrival(self.clone(), lease)),
+            // The one before may be the remains of a connection that broke.
+            false => Err(Status::resource_exhausted("this block is on its way in already")),
+        }
+    }
+}
+
+struct Arrival(Arriving, LeaseId);
+
+impl Drop for Arrival {
+    fn drop(&mut self) {
+        let Self(Arriving(leases), lease) = self;
+        leases.lock().unwrap_or_else(PoisonError::into_inner).remove(lease);
+    }
 }
 
 impl Service {
@@ -44,6 +72,7 @@ impl Service {
             limits,
             intake,
             keys: Keys::default(),
+            arriving: Arriving::default(),
         }
     }
 
@@ -261,6 +290,7 @@ impl FarmService for Service {
         if claim.size > limit {
             return refuse(format!("{} bytes; expected at most {limit}", claim.size));
         }
+        let _arrival = self.arriving.begin(claim.lease)?;
         let _delivery = self.intake.admit(claim.size).await?;
         let bytes = match read_body(&mut parts, claim.size).await {
             Ok(bytes) => bytes,

@@ -17,6 +17,8 @@ use tokio::time::{Instant, sleep};
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::{Code, Status, Streaming};
 
+/// Bytes of a message: a manifest of as many files as there may be, with the longest of paths, is half of it.
+const MESSAGE_BYTES: usize = 36 << 20;
 /// Pauses between attempts double from the first to the second of these.
 const FIRST_PAUSE: Duration = Duration::from_millis(50);
 const LONGEST_PAUSE: Duration = Duration::from_secs(5);
@@ -82,7 +84,7 @@ impl Client {
     /// Calls over this connection.
     pub fn new(link: Link, patience: Duration) -> Self {
         Self {
-            farm: FarmClient::new(link),
+            farm: FarmClient::new(link).max_decoding_message_size(MESSAGE_BYTES),
             patience,
         }
     }

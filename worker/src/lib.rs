@@ -24,4 +24,5 @@ pub mod signals;
 pub use canary::canary;
 pub use error::WorkerError;
 pub use run::{Config, run};
+pub use say::visible;
 pub use session::Summary;

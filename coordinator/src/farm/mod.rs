@@ -91,6 +91,29 @@ struct State {
     ledger: Ledger,
     progress: Progress,
     events: Events,
+    pauses: Pauses,
+}
+
+/// Time in which no passes were handed out because somebody wanted so.
+#[derive(Clone, Copy, Debug, Default)]
+struct Pauses {
+    /// Of pauses that are over.
+    over: Duration,
+    /// When the one that is not began.
+    since: Option<Duration>,
+}
+
+impl Pauses {
+    fn until(self, now: Duration) -> Duration {
+        self.over + self.since.map_or(Duration::ZERO, |since| now.saturating_sub(since))
+    }
+
+    fn end(&mut self, now: Duration) {
+        *self = Self {
+            over: self.until(now),
+            since: None,
+        };
+    }
 }
 
 /// A job in the making.
@@ -180,6 +203,7 @@ impl Farm {
                     ..Progress::default()
                 },
                 events: Events::default(),
+                pauses: Pauses::default(),
             }),
             opened: Notify::new(),
             end: watch::Sender::new(None),
@@ -199,6 +223,12 @@ impl Farm {
         self.timing
     }
 
+    /// Time since it began in which it was paused.
+    pub fn paused_for(&self) -> Duration {
+        let now = self.now();
+        self.state().pauses.until(now)
+    }
+
     /// Time that earlier coordinators of the job took.
     pub fn before(&self) -> Duration {
         self.before
@@ -216,6 +246,7 @@ impl Farm {
             workers_seen: state.ledger.views(now),
             audits_pending,
             divergent,
+            paused_for: state.pauses.until(now),
             ..state.progress.clone()
         }
     }
@@ -237,11 +268,14 @@ impl Farm {
 
     /// Give no more passes away, or do so again. What is being rendered comes in.
     pub fn pause(&self, paused: bool) {
+        let now = self.now();
         let mut state = self.state();
         if state.progress.paused == paused {
             return;
         }
         state.progress.paused = paused;
+        state.pauses.end(now);
+        state.pauses.since = paused.then_some(now);
         let text = if paused { "paused" } else { "resumed" };
         state.events.push(EventKind::Control, text.into());
         drop(state);

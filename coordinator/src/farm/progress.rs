@@ -2,6 +2,7 @@
 
 use crate::ledger::{Failure, WorkerView};
 use beamfarm_image::job::PassStats;
+use std::time::Duration;
 
 /// How a job ended.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -25,6 +26,8 @@ pub struct Progress {
     pub limit: u64,
     /// Nobody is given passes at the moment.
     pub paused: bool,
+    /// Time since the job began in which it was.
+    pub paused_for: Duration,
     /// Workers with a connection.
     pub workers: u32,
     /// Workers that ever registered.

@@ -153,7 +153,10 @@ impl Farm {
         };
         if self.end.send_if_modified(first) {
             info!(pass, "{text}");
-            self.state().events.push(EventKind::Ended, text);
+            let now = self.now();
+            let mut state = self.state();
+            state.pauses.end(now);
+            state.events.push(EventKind::Ended, text);
         }
         self.opened.notify_waiters();
     }

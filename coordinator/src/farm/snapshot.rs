@@ -13,7 +13,7 @@ pub struct Snapshot {
     pub tested: Vec<(u64, Errors)>,
     /// Counters of the passes.
     pub stats: PassStats,
-    /// Time that the job has taken, seconds.
+    /// Time that the job has taken without its pauses, seconds.
     pub seconds: f64,
 }
 
@@ -21,11 +21,12 @@ impl Farm {
     /// What is there now. Shares the images, so it takes no time.
     pub fn snapshot(&self) -> Snapshot {
         let tested = self.tested();
+        let worked = self.started.elapsed().saturating_sub(self.paused_for());
         Snapshot {
             sum: self.sum().clone(),
             tested: tested.errors().to_vec(),
             stats: self.state().progress.stats,
-            seconds: (self.before + self.started.elapsed()).as_secs_f64(),
+            seconds: (self.before + worked).as_secs_f64(),
         }
     }
 }

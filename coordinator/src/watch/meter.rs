@@ -24,6 +24,10 @@ pub struct Meter {
 impl Meter {
     /// Enter how many passes and beams there are now, and return the rates. Passes that were taken back count as none.
     pub fn rates(&mut self, now: Duration, passes: u64, beams: u64) -> Rates {
+        // While the job is paused time stands still.
+        if self.marks.back().is_some_and(|last| last.0 == now) {
+            self.marks.pop_back();
+        }
         self.marks.push_back((now, passes, beams));
         while self.marks.len() > 2 && now.saturating_sub(self.marks[1].0) >= WINDOW {
             self.marks.pop_front();
@@ -55,6 +59,12 @@ mod tests {
             meter.rates(at(second), 20, 1000);
         }
         assert_eq!(meter.rates(at(61), 20, 1000), Rates::default());
+        // A pause of whatever length, in which what was at hand came in.
+        for _ in 0..100 {
+            meter.rates(at(61), 30, 1000);
+        }
+        assert_eq!(meter.rates(at(61), 30, 1000).passes, 0.5);
+        assert!(meter.marks.len() < 50);
         // Passes of a worker that was shut out.
         assert_eq!(meter.rates(at(62), 10, 1000), Rates::default());
     }

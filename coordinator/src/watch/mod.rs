@@ -125,7 +125,7 @@ impl Watch {
                 }
             }
             let progress = self.farm.progress();
-            let now = self.elapsed();
+            let now = self.worked();
             {
                 let mut state = self.state();
                 state.rates = state.meter.rates(now, progress.passes, progress.stats.beams);
@@ -145,9 +145,14 @@ impl Watch {
         ended.unwrap_or_else(|| self.started.elapsed())
     }
 
+    /// The same without pauses: rates and the curve are of the time in which there was something to do.
+    fn worked(&self) -> Duration {
+        self.elapsed().saturating_sub(self.farm.paused_for())
+    }
+
     /// The same, with the time that earlier coordinators of the job took.
     pub fn elapsed_in_all(&self) -> Duration {
-        self.farm.before().saturating_add(self.elapsed())
+        self.farm.before().saturating_add(self.worked())
     }
 
     /// Passes and beams per second, over the last seconds.

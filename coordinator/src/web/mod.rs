@@ -6,7 +6,7 @@ mod live;
 mod metrics;
 mod page;
 
-use crate::security::HEALTH;
+use crate::security::{HEALTH, WRITE};
 use crate::watch::Watch;
 use crate::watch::picture::View;
 use axum::Router;
@@ -47,7 +47,7 @@ pub(crate) fn routes(watch: Arc<Watch>) -> Router {
         .route("/", get(show))
         .route("/image.png", get(image))
         .route("/live", get(live::stream))
-        .route("/write", post(write))
+        .route(WRITE, post(write))
         .route(
             "/page.css",
             get(|| file("text/css; charset=utf-8", include_str!("page.css"))),

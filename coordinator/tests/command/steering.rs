@@ -44,6 +44,24 @@ fn write_twice(folder: &Path, url: &str, server: &mut Process) {
     });
 }
 
+/// Before there is anything to write: it is written as soon as there is.
+#[cfg(unix)]
+#[test]
+fn a_hangup_is_not_lost() {
+    let folder = folder_with(&scene([16, 12], 100_000, 200));
+    let folder = folder.path();
+    let (mut server, url) = start_server(folder);
+    for _ in 0..20 {
+        server.signal("-HUP");
+    }
+    let _worker = spawn(beamfarm(folder, &["worker", "--connect", &url, "--threads", "1"]));
+    let exr = folder.join("scene.exr");
+    wait_until("image after a hangup", || match exr.exists() {
+        true => Ok(()),
+        false => Err(server.log.so_far().to_owned()),
+    });
+}
+
 #[test]
 fn a_server_is_watched_paused_extended_written_and_cancelled() {
     let folder = folder_with(&scene([16, 12], 100_000, 200));

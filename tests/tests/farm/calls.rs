@@ -65,6 +65,20 @@ async fn large_files_arrive_whole_and_unknown_ones_are_refused() {
     }
 }
 
+/// More files, with longer paths, than a message holds unless it is told to.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn scenes_may_have_many_files() {
+    let mut spec = spec(1);
+    for i in 0..5000 {
+        let path = format!("{i}{}.bin", "x".repeat(900));
+        spec.bundle.files.insert(path, vec![7]);
+    }
+    let coordinator = Coordinator::start(spec).await;
+    let summary = coordinator.worker(1).join().await.unwrap();
+    assert_eq!(summary.passes, 1);
+    assert_eq!(coordinator.ended().await, End::Complete);
+}
+
 #[tokio::test]
 async fn a_broken_connection_frees_the_pass_at_once() {
     let coordinator = Coordinator::start(spec(1)).await;

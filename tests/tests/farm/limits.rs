@@ -97,11 +97,11 @@ async fn connections_that_never_say_anything_useful_are_closed() {
         Security::default(),
         Security {
             tls: Some(tls.unwrap()),
-            token: None,
+            ..Default::default()
         },
         Security {
             token: Some(Token::parse("a-token-for-tests-alone").unwrap()),
-            tls: None,
+            ..Default::default()
         },
     ];
     for security in doors {
@@ -246,6 +246,32 @@ async fn an_upload_that_drips_is_cut_off() {
     let other = worker.lease().await;
     worker.deliver(other).await.unwrap();
     assert_eq!(coordinator.ended().await, End::Complete);
+}
+
+/// Deliveries that never end take no more room than one for each lease.
+#[tokio::test]
+async fn a_lease_has_one_delivery_at_a_time() {
+    let coordinator = coordinator(Limits::default(), Security::default()).await;
+    let worker = RawWorker::register(&coordinator).await;
+    let leased = worker.lease().await;
+    let mut endless = tokio::task::JoinSet::new();
+    for _ in 0..5 {
+        let header = Part::Header(worker.header(leased, &[1; 1000]));
+        let first = wire::SubmitRequest { part: Some(header) };
+        let parts = tokio_stream::once(first).chain(tokio_stream::pending());
+        let mut farm = worker.farm.clone();
+        endless.spawn(async move { farm.submit(parts).await.map(|_| ()) });
+    }
+    for _ in 0..4 {
+        let ended = timeout(PATIENCE, endless.join_next()).await.unwrap().unwrap();
+        assert_eq!(ended.unwrap().unwrap_err().code(), Code::ResourceExhausted);
+    }
+    endless.abort_all();
+    let begun = Instant::now();
+    while let Err(status) = worker.deliver(leased).await {
+        assert_eq!(status.code(), Code::ResourceExhausted, "{status}");
+        assert!(begun.elapsed() < PATIENCE);
+    }
 }
 
 #[tokio::test]

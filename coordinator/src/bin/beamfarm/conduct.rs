@@ -5,7 +5,7 @@ use crate::failure::Failure;
 use crate::history::History;
 use crate::image::{Written, write, write_now};
 use crate::job::JobArgs;
-use crate::onlookers::{log_configuration, write_on_request};
+use crate::onlookers::{hang_ups, log_configuration, write_on_request};
 use crate::output::Output;
 use crate::progress;
 use crate::summary::{Stop, Summary};
@@ -16,7 +16,7 @@ use std::convert::Infallible;
 use std::future::{Future, pending};
 use std::sync::Arc;
 use std::time::Duration;
-use tokio::sync::oneshot;
+use tokio::sync::{mpsc, oneshot};
 use tokio::task::JoinHandle;
 use tracing::{Instrument, error_span, warn};
 
@@ -61,12 +61,14 @@ async fn run(
         watch,
         history: begin_history(watch, output),
     };
+    // Before there is anything that somebody could take for a sign that it listens.
+    let drain = signals::drain().map_err(Failure::io)?;
+    let mut hang_ups = hang_ups().map_err(Failure::io)?;
     let keeper = directory.map(|Directory { folder, entries }| {
         let keeper = Keeper::start(folder, farm.clone(), entries);
         keeper.map_err(Failure::io)
     });
     let keeper = keeper.transpose()?;
-    let drain = signals::drain().map_err(Failure::io)?;
     let (close, closed) = oneshot::channel::<()>();
     let closed = async {
         // Comes as an error: nothing is ever sent.
@@ -79,7 +81,7 @@ async fn run(
     }
     let mut server = tokio::spawn(server::run(entrance, watch.clone(), closed).in_current_span());
     let told = args.onlookers.tell(watch);
-    let stop = job.until_it_stops(drain, crew, &mut server).await;
+    let stop = job.until_it_stops(drain, &mut hang_ups, crew, &mut server).await;
     farm.stop();
     drop(close);
     progress::clear();
@@ -133,6 +135,7 @@ impl Job<'_> {
     async fn until_it_stops(
         &self,
         mut drain: tokio::sync::watch::Receiver<bool>,
+        hang_ups: &mut mpsc::Receiver<()>,
         crew: impl Future<Output = Result<(), String>>,
         server: &mut JoinHandle<()>,
     ) -> Stop {
@@ -151,7 +154,7 @@ impl Job<'_> {
                 Err(message) => message,
             }
         };
-        let write_on_request = write_on_request(self.watch, || write_now(farm, self.output, exposure));
+        let write_on_request = write_on_request(self.watch, hang_ups, || write_now(farm, self.output, exposure));
         let broken = |what: &str, how: String| Stop::Broken(format!("{what}: {how}"));
         tokio::select! {
             // First: a job that was finished before needs no crew.
@@ -166,10 +169,7 @@ impl Job<'_> {
             },
             never = self.show() => match never {},
             never = self.keep() => match never {},
-            failed = write_on_request => match failed {
-                Ok(never) => match never {},
-                Err(error) => broken("SIGHUP", error.to_string()),
-            },
+            never = write_on_request => match never {},
         }
     }
 

@@ -121,8 +121,9 @@ impl History {
         rows.iter().filter_map(point).collect()
     }
 
-    fn elapsed(&self) -> Duration {
-        self.before + self.started.elapsed()
+    /// Without pauses.
+    fn elapsed(&self, progress: &Progress) -> Duration {
+        self.before + self.started.elapsed().saturating_sub(progress.paused_for)
     }
 
     /// Keep it up to date, forever.
@@ -134,7 +135,7 @@ impl History {
             let progress = farm.progress();
             let due = {
                 let mut state = self.state();
-                state.look(self.elapsed(), progress.workers);
+                state.look(self.elapsed(&progress), progress.workers);
                 state.is_due(progress.prefix)
             };
             if !due {
@@ -160,7 +161,7 @@ impl History {
 
     /// Add the last row.
     pub fn finish(&self, average: &Average, progress: &Progress) -> Result<(), Failure> {
-        self.state().look(self.elapsed(), progress.workers);
+        self.state().look(self.elapsed(progress), progress.workers);
         self.write(average, progress)
     }
 

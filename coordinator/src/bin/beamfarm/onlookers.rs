@@ -112,17 +112,27 @@ fn openjd(what: &str, text: &str) {
 }
 
 /// Write the image whenever somebody asks for it: by a call, by the page's button, by SIGHUP. Forever.
-pub async fn write_on_request<F>(watch: &Watch, write: impl Fn() -> F) -> Result<Infallible, std::io::Error>
+pub async fn write_on_request<F>(watch: &Watch, signals: &mut mpsc::Receiver<()>, write: impl Fn() -> F) -> Infallible
 where
     F: Future<Output = Result<String, Failure>>,
 {
     let mut requests = watch.write_requests();
-    let mut signals = hang_ups()?;
+    let mut ticks = interval(LOOK);
+    // Who sent a signal learns nothing of what became of it: what it asked for is done as soon as it can be.
+    let mut owed = false;
     loop {
         let reply = tokio::select! {
             Some(reply) = requests.recv() => Some(reply),
-            Some(()) = signals.recv() => None,
+            Some(()) = signals.recv() => {
+                owed = true;
+                None
+            }
+            _ = ticks.tick(), if owed => None,
         };
+        if reply.is_none() && watch.farm().progress().prefix == 0 {
+            continue;
+        }
+        owed &= reply.is_some();
         let written = write().await.map_err(|failure| failure.to_string());
         match &written {
             Ok(message) => info!("{message}"),
@@ -135,8 +145,8 @@ where
     }
 }
 
-/// A message for each SIGHUP.
-fn hang_ups() -> Result<mpsc::Receiver<()>, std::io::Error> {
+/// A message for each SIGHUP, from now on.
+pub fn hang_ups() -> Result<mpsc::Receiver<()>, std::io::Error> {
     let (sender, receiver) = mpsc::channel(1);
     #[cfg(unix)]
     {

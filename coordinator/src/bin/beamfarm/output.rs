@@ -6,13 +6,14 @@ use beamfarm_image::error::ImageError;
 use beamfarm_image::exr::{ImageMeta, write_image};
 use beamfarm_image::merge::Average;
 use beamfarm_image::png::write_png;
+use beamfarm_worker::visible;
 use std::ffi::OsStr;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 /// Print a text that people page through or cut short: a reader that goes away before its end is no failure.
 pub fn print_text(text: &str) -> Result<(), Failure> {
-    match io::stdout().lock().write_all(text.as_bytes()) {
+    match io::stdout().lock().write_all(visible(text).as_bytes()) {
         Err(error) if error.kind() != io::ErrorKind::BrokenPipe => Err(Failure::io(error)),
         _ => Ok(()),
     }

@@ -26,9 +26,29 @@ pub struct ListenArgs {
     #[arg(long, value_name = "FILE", env = "BEAMFARM_TOKEN_FILE")]
     token_file: Option<PathBuf>,
 
+    /// Let nobody pause, cancel, extend or write the job without the token in this file, which is good for all else
+    /// too; workers need not know it
+    #[arg(long, value_name = "FILE", env = "BEAMFARM_OPERATOR_TOKEN_FILE")]
+    operator_token_file: Option<PathBuf>,
+
     /// Let everybody in who can reach the port, from other machines too
     #[arg(long)]
     insecure_listen: bool,
+}
+
+/// A secret that every user of this machine may read is none.
+fn warn_if_others_read(file: &Path) {
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt;
+        let mode = std::fs::metadata(file).map(|file| file.permissions().mode());
+        if mode.is_ok_and(|mode| mode & 0o044 != 0) {
+            let path = file.display();
+            warn!("{path} can be read by other users of this machine: chmod 600 keeps it secret");
+        }
+    }
+    #[cfg(not(unix))]
+    let _ = file;
 }
 
 impl ListenArgs {
@@ -45,7 +65,21 @@ impl ListenArgs {
             _ => None,
         };
         let token = Token::read(self.token_file.as_deref()).map_err(Failure::usage)?;
-        let security = Security { tls, token };
+        let operator = match &self.operator_token_file {
+            Some(file) => Token::read(Some(file)).map_err(Failure::usage)?,
+            None => None,
+        };
+        if operator.is_some() && token.is_none() {
+            let message = "--operator-token-file: without --token-file everybody may do everything";
+            return Err(Failure::usage(message));
+        }
+        for file in [&self.tls_key, &self.token_file, &self.operator_token_file]
+            .into_iter()
+            .flatten()
+        {
+            warn_if_others_read(file);
+        }
+        let security = Security { tls, token, operator };
         security
             .check(address, self.insecure_listen)
             .map_err(|error| Failure::usage(format!("--listen {error}")))?;

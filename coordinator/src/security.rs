@@ -141,12 +141,12 @@ impl Security {
         if shows(&self.operator) {
             return None;
         }
-        let Some(_) = &self.token else {
+        if self.token.is_none() {
             return (local && rebound(request)).then(|| {
                 let message = "expected localhost or an address as host; with a token any name will do";
                 answer(headers, Status::permission_denied(message))
             });
-        };
+        }
         if shows(&self.token) {
             let message = "this is for operators: it asks for the token of `serve --operator-token-file`";
             return (self.operator.is_some() && steers(request))

@@ -176,11 +176,13 @@ impl Lines {
         // By first pass. Disjoint: of overlapping ones, which come from different lives of the job, the last counts.
         let mut done: BTreeMap<u64, DoneBlock> = BTreeMap::new();
         let mut contested: Vec<DoneBlock> = Vec::new();
-        let damaged = self.each(0, |line, block| {
+        let damaged = self.each(0, |line, block, is_whole| {
             let hash = line.hash.and_then(|hash| blake3::Hash::from_hex(hash).ok());
             if line.state == EntryState::Dropped.as_str() {
                 take_out(&mut done, block);
                 contested.retain(|known| known.block != block);
+            } else if !is_whole {
+                // Named below.
             } else if line.state == EntryState::Audited.as_str() {
                 let known = done.get_mut(&block.start());
                 if let Some(known) = known.filter(|known| known.block == block) {
@@ -216,18 +218,19 @@ impl Lines {
     /// Names of workers that were shut out for wrong pixels, each once.
     pub fn convicted(&self) -> io::Result<Vec<String>> {
         let mut names = BTreeSet::new();
-        self.each(0, |line, _| {
-            if line.state == EntryState::ShutOut.as_str() {
+        self.each(0, |line, _, is_whole| {
+            if is_whole && line.state == EntryState::ShutOut.as_str() {
                 names.insert(line.worker);
             }
         })?;
         Ok(names.into_iter().collect())
     }
 
-    /// Blocks that were dropped, according to the lines behind so many bytes.
+    /// Blocks that were dropped, according to the lines behind so many bytes; those among them whose checksum is wrong
+    /// or missing are believed as well: it costs passes that are rendered again, and no wrong one comes back.
     pub fn dropped(&self, from: u64) -> io::Result<Vec<Block>> {
         let mut dropped = Vec::new();
-        self.each(from, |line, block| {
+        self.each(from, |line, block, _| {
             if line.state == EntryState::Dropped.as_str() {
                 dropped.push(block);
             }
@@ -235,8 +238,9 @@ impl Lines {
         Ok(dropped)
     }
 
-    /// Tells the lines behind so many bytes. Returns the numbers of those that are damaged, from 1.
-    fn each(&self, from: u64, mut tell: impl FnMut(Line, Block)) -> io::Result<Vec<u64>> {
+    /// Tells the lines behind so many bytes, as far as they make sense, and whether each is as it was written. Returns
+    /// the numbers of those that are not, from 1.
+    fn each(&self, from: u64, mut tell: impl FnMut(Line, Block, bool)) -> io::Result<Vec<u64>> {
         let mut damaged = Vec::new();
         let mut number = 0;
         let mut file = &self.file;
@@ -250,12 +254,15 @@ impl Lines {
                 return Ok(damaged);
             }
             number += 1;
-            let line = believed(bytes.trim_ascii_end());
-            let line = line.and_then(|line| serde_json::from_slice::<Line>(line).ok());
-            let line = line.and_then(|line| Some((Block::new(line.block.0, line.block.1)?, line)));
-            match line {
-                Some((block, line)) => tell(line, block),
-                None => damaged.push(number),
+            let text = bytes.trim_ascii_end();
+            let is_whole = is_whole(text);
+            if !is_whole {
+                damaged.push(number);
+            }
+            if let Ok(line) = serde_json::from_slice::<Line>(text)
+                && let Some(block) = Block::new(line.block.0, line.block.1)
+            {
+                tell(line, block, is_whole);
             }
         }
     }
@@ -265,12 +272,15 @@ fn check(json: &[u8]) -> Vec<u8> {
     blake3::hash(json).to_hex().as_bytes()[..CHECK_DIGITS].to_vec()
 }
 
-/// The line, if its checksum is right.
-fn believed(line: &[u8]) -> Option<&[u8]> {
+/// Whether the line's checksum is right.
+fn is_whole(line: &[u8]) -> bool {
     let [before, behind] = CHECK;
-    let rest = line.strip_suffix(behind)?;
-    let (rest, digits) = rest.split_at_checked(rest.len().checked_sub(CHECK_DIGITS)?)?;
-    (digits == check(rest.strip_suffix(before)?)).then_some(line)
+    let json = || {
+        let rest = line.strip_suffix(behind)?;
+        let (rest, digits) = rest.split_at_checked(rest.len().checked_sub(CHECK_DIGITS)?)?;
+        Some((rest.strip_suffix(before)?, digits))
+    };
+    json().is_some_and(|(json, digits)| digits == check(json))
 }
 
 fn take_out(done: &mut BTreeMap<u64, DoneBlock>, block: Block) {

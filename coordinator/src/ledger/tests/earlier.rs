@@ -70,6 +70,14 @@ fn differs() -> (Ledger, WorkerId, Block) {
 }
 
 #[test]
+fn who_was_convicted_before_stays_out() {
+    let mut ledger = resumed();
+    ledger.resume_convicted("liar");
+    assert_eq!(ledger.register("liar", 1, CANARY, at(0)), Err(Sentence::Name));
+    join(&mut ledger, "other");
+}
+
+#[test]
 fn other_pixels_than_before_are_judged_by_others() {
     let (mut ledger, a, lost) = differs();
     // Neither those who differ nor who has the name of one of them.

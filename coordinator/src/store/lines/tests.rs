@@ -143,7 +143,7 @@ fn damaged_lines_are_not_believed() {
             let known: Vec<u64> = lines.done().unwrap().iter().map(|d| d.block.start()).collect();
             assert_eq!(known, [0, 2], "byte {at}");
             assert_eq!(
-                lines.each(0, |_, _| {}).unwrap().len(),
+                lines.each(0, |_, _, _| {}).unwrap().len(),
                 1 + usize::from(damaged[at] == b'\n')
             );
         }
@@ -154,4 +154,25 @@ fn damaged_lines_are_not_believed() {
     damaged[third] ^= 1;
     std::fs::write(&path, &damaged).unwrap();
     assert!(Lines::open(&path, 0).unwrap().convicted().unwrap().is_empty());
+}
+
+/// Of a build that wrote no checksums, or damaged: what was dropped stays out all the same.
+#[test]
+fn what_was_dropped_does_not_come_back_for_want_of_a_checksum() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("ledger.jsonl");
+    let mut lines = Lines::open(&path, 0).unwrap();
+    lines.push(&entry(leaf(0), EntryState::Done, 1));
+    lines.push(&entry(leaf(0), EntryState::Dropped, 1));
+    lines.append().unwrap();
+    let whole = std::fs::read_to_string(&path).unwrap();
+    let (first, last) = whole.trim_end().rsplit_once('\n').unwrap();
+    let unchecked = format!("{}}}", &last[..last.find(",\"check\"").unwrap()]);
+    for last in [unchecked.as_str(), &last.replace("\"seconds\":1.5", "\"seconds\":1.6")] {
+        std::fs::write(&path, format!("{first}\n{last}\n")).unwrap();
+        let lines = Lines::open(&path, 0).unwrap();
+        assert_eq!(lines.each(0, |_, _, _| {}).unwrap(), [2]);
+        assert_eq!(lines.dropped(0).unwrap(), [leaf(0)]);
+        assert!(lines.done().unwrap().is_empty());
+    }
 }

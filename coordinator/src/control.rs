@@ -91,7 +91,7 @@ impl Control for Service {
             prefix: progress.prefix,
             passes: progress.passes,
             limit: progress.limit,
-            elapsed_ms: milliseconds(watch.elapsed()),
+            elapsed_ms: milliseconds(watch.worked()),
             remaining_ms: watch.remaining(&progress).map(milliseconds),
             passes_per_second: watch.rates().passes,
             relative_standard_error: last.map(|point| point.error),

@@ -1,6 +1,7 @@
 //! Looks a delivered block over before anything counts.
 
 use crate::ledger::PixelHash;
+use crate::plausible::Look;
 use beamfarm_image::error::ImageError;
 use beamfarm_image::exr::{decode_block, node_hashes};
 use beamfarm_image::job::{Block, PassStats};
@@ -61,6 +62,8 @@ pub struct Examined {
     pub pixels: String,
     /// Its [`node_hash`](beamfarm_image::exr::node_hash): equal when the bits are.
     pub hash: PixelHash,
+    /// What it looks like, of a pass.
+    pub look: Look,
 }
 
 /// The block in these bytes, if it is what the claim says and belongs to the job.
@@ -103,5 +106,12 @@ pub fn examine(job: &Job, schedule: &Schedule, claim: &Claim, bytes: &[u8]) -> R
         return Err(Flaw::Pixels(format!("{count} pixel values are not finite")));
     }
     let (pixels, hash) = node_hashes(&node);
-    Ok(Examined { node, pixels, hash })
+    // Nobody can know beforehand which rows are looked at.
+    let look = Look::of(&node, usize::from(claim.hash.0[0]));
+    Ok(Examined {
+        node,
+        pixels,
+        hash,
+        look,
+    })
 }

@@ -9,7 +9,7 @@ use tonic::Status;
 const BYTES: u64 = 256 << 20;
 /// Blocks that are always let in together.
 const AT_LEAST: u64 = 4;
-/// Deliveries that wait to be let in, each with what its connection buffers. Others are told to come back.
+/// Deliveries that wait for room, each with what its connection buffers. Others are told to come back.
 const WAITING: usize = 64;
 /// Bytes are counted in units of so many.
 const UNIT: u64 = 4096;
@@ -19,8 +19,9 @@ const RECENT: f64 = 0.1;
 /// The gate for deliveries.
 pub(crate) struct Intake {
     bytes: Arc<Semaphore>,
-    units: u64,
     waiting: Semaphore,
+    /// For the one that goes on when all wait.
+    beyond: Arc<Semaphore>,
     meter: Mutex<Meter>,
 }
 
@@ -30,30 +31,20 @@ impl Intake {
         let units = (BYTES.max(AT_LEAST * largest) / UNIT).min(Semaphore::MAX_PERMITS as u64);
         Self {
             bytes: Arc::new(Semaphore::new(units as usize)),
-            units,
             waiting: Semaphore::new(WAITING),
+            beyond: Arc::new(Semaphore::new(1)),
             meter: Mutex::default(),
         }
     }
 
-    /// Wait until there is room for so many bytes. They count until the value is dropped.
-    pub async fn admit(self: &Arc<Self>, size: u64) -> Result<Delivery, Status> {
-        let busy = || Status::resource_exhausted("too much arrives at the same time");
-        // Never none; and never more than there are.
-        let units = size.div_ceil(UNIT).clamp(1, self.units.min(u32::MAX.into())) as u32;
-        let room = match self.bytes.clone().try_acquire_many_owned(units) {
-            Ok(room) => room,
-            Err(_) => {
-                let _place = self.waiting.try_acquire().map_err(|_| busy())?;
-                let room = self.bytes.clone().acquire_many_owned(units).await;
-                room.map_err(|_| busy())?
-            }
-        };
+    /// A delivery of which nothing has arrived yet.
+    pub fn begin(self: &Arc<Self>) -> Delivery {
         self.meter().begin(Instant::now());
-        Ok(Delivery {
+        Delivery {
             intake: self.clone(),
-            _room: room,
-        })
+            room: None,
+            beyond: None,
+        }
     }
 
     /// Time in which one block is taken in, while any is: of several at the same time, each takes its share.
@@ -66,10 +57,51 @@ impl Intake {
     }
 }
 
-/// A delivery on its way in.
+/// A delivery on its way in. What has arrived of it counts until it is dropped; what its header claims does not.
 pub(crate) struct Delivery {
     intake: Arc<Intake>,
-    _room: OwnedSemaphorePermit,
+    room: Option<OwnedSemaphorePermit>,
+    /// It may have more than there is room for.
+    beyond: Option<OwnedSemaphorePermit>,
+}
+
+impl Delivery {
+    /// Wait until there is room for so many bytes in all. When all the room is taken by deliveries that wait for more,
+    /// one of them goes on without, and makes room by its end.
+    pub async fn grow(&mut self, bytes: u64) -> Result<(), Status> {
+        let busy = || Status::resource_exhausted("too much arrives at the same time");
+        let held = self.room.as_ref().map_or(0, OwnedSemaphorePermit::num_permits) as u64;
+        let units = bytes.div_ceil(UNIT).saturating_sub(held);
+        let units = u32::try_from(units).unwrap_or(u32::MAX);
+        if units == 0 || self.beyond.is_some() {
+            return Ok(());
+        }
+        let Intake {
+            bytes: room,
+            waiting,
+            beyond,
+            ..
+        } = &*self.intake;
+        let room = match room.clone().try_acquire_many_owned(units) {
+            Ok(room) => room,
+            Err(_) => {
+                let _place = waiting.try_acquire().map_err(|_| busy())?;
+                tokio::select! {
+                    biased;
+                    room = room.clone().acquire_many_owned(units) => room.map_err(|_| busy())?,
+                    beyond = beyond.clone().acquire_owned() => {
+                        self.beyond = Some(beyond.map_err(|_| busy())?);
+                        return Ok(());
+                    }
+                }
+            }
+        };
+        match &mut self.room {
+            Some(held) => held.merge(room),
+            None => self.room = Some(room),
+        }
+        Ok(())
+    }
 }
 
 impl Drop for Delivery {
@@ -141,14 +173,21 @@ mod tests {
         let intake = Arc::new(Intake::new(largest));
         let mut inside = Vec::new();
         for _ in 0..AT_LEAST {
-            inside.push(intake.admit(largest).await.unwrap());
+            let mut delivery = intake.begin();
+            delivery.grow(largest).await.unwrap();
+            inside.push(delivery);
         }
-        let (wait, spare) = (Duration::from_millis(5), intake.clone());
-        assert!(tokio::time::timeout(wait, spare.admit(1)).await.is_err());
+        // One goes on whatever there is.
+        let mut beyond = intake.begin();
+        beyond.grow(largest).await.unwrap();
+        assert!(beyond.beyond.is_some());
+        let mut spare = intake.begin();
+        let wait = Duration::from_millis(5);
+        assert!(tokio::time::timeout(wait, spare.grow(1)).await.is_err());
         let crowd: Vec<_> = (0..WAITING)
             .map(|_| {
-                let intake = intake.clone();
-                tokio::spawn(async move { intake.admit(largest).await.map(drop) })
+                let mut delivery = intake.begin();
+                tokio::spawn(async move { delivery.grow(largest).await })
             })
             .collect();
         let all_wait = async {
@@ -158,11 +197,36 @@ mod tests {
         };
         let long = Duration::from_secs(60);
         tokio::time::timeout(long, all_wait).await.unwrap();
-        let refused = intake.admit(1).await.err().map(|status| status.code());
+        let refused = spare.grow(1).await.err().map(|status| status.code());
         assert_eq!(refused, Some(tonic::Code::ResourceExhausted));
-        drop(inside);
+        drop((inside, beyond));
         for waiting in crowd {
             waiting.await.unwrap().unwrap();
         }
+    }
+
+    #[tokio::test]
+    async fn what_only_claims_to_come_takes_no_room_and_those_that_wait_for_each_other_end() {
+        let largest = BYTES / 4;
+        let intake = Arc::new(Intake::new(largest));
+        // Half of each of eight is all the room that there is.
+        let mut halves = Vec::new();
+        for _ in 0..8 {
+            let mut delivery = intake.begin();
+            delivery.grow(largest / 2).await.unwrap();
+            halves.push(delivery);
+        }
+        let all = halves.into_iter().map(|mut delivery| {
+            tokio::spawn(async move {
+                delivery.grow(largest / 4 * 3).await.unwrap();
+                tokio::task::yield_now().await;
+                delivery.grow(largest).await.unwrap();
+            })
+        });
+        for delivery in all.collect::<Vec<_>>() {
+            let long = Duration::from_secs(60);
+            tokio::time::timeout(long, delivery).await.unwrap().unwrap();
+        }
+        assert_eq!(intake.bytes.available_permits() as u64, BYTES / UNIT);
     }
 }

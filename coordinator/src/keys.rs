@@ -13,10 +13,13 @@ pub(crate) struct Keys {
 }
 
 impl Keys {
-    /// A key that nobody can guess.
-    pub fn issue(&self, worker: WorkerId) -> Result<u64, Status> {
+    /// A key that nobody can guess. `knows`: whether a worker is still remembered; the keys of others open nothing.
+    pub fn issue(&self, worker: WorkerId, knows: impl Fn(WorkerId) -> bool) -> Result<u64, Status> {
         let key = getrandom::u64().map_err(|error| Status::internal(format!("no random numbers: {error}")))?;
         let mut workers = self.workers.lock().unwrap_or_else(PoisonError::into_inner);
+        if workers.len() == workers.capacity() {
+            workers.retain(|_, worker| knows(*worker));
+        }
         match workers.insert(key, worker) {
             None => Ok(key),
             // Once in 2^64 attempts. The other one has to register again.

@@ -12,6 +12,8 @@ mod keys;
 pub mod ledger;
 pub mod limits;
 pub mod listener;
+mod plausible;
+mod rarely;
 pub mod security;
 pub mod server;
 mod service;

@@ -1,7 +1,8 @@
 //! Connections, from the moment that they are accepted: who gets one, what it may take, and when it ends.
 
 use crate::limits::{Limits, Pace, Steady};
-use crate::security::{HEALTH, Security, is_grpc};
+use crate::rarely::Rarely;
+use crate::security::{Security, is_for_all, is_grpc};
 use axum::Router;
 use axum::body::Body;
 use http::{Request, Response};
@@ -14,21 +15,19 @@ use std::convert::Infallible;
 use std::future::Future;
 use std::net::SocketAddr;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, PoisonError, Weak};
+use std::sync::{Arc, Weak};
 use std::time::Duration;
 use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::{Notify, Semaphore};
 use tokio::task::JoinSet;
-use tokio::time::{Instant, sleep, timeout};
+use tokio::time::{sleep, timeout};
 use tokio_io_timeout::TimeoutStream;
 use tower::ServiceExt;
 use tracing::{debug, warn};
 
 /// Calls that a peer may begin and break off before they are looked at (HTTP/2 rapid reset).
 const BROKEN_OFF: usize = 32;
-/// Time between lines about wrong tokens.
-const TELL_EVERY: Duration = Duration::from_secs(10);
 /// Time for a connection that has to make room.
 const FAREWELL: Duration = Duration::from_millis(50);
 /// Pause after the system refused a connection: it is out of file descriptors, say.
@@ -64,23 +63,8 @@ struct Shared {
     limits: Limits,
     /// The listener is for this machine alone.
     local: bool,
-    wrong_tokens: WrongTokens,
-}
-
-/// What the log says of those who try one token after another: a line now and then.
-#[derive(Default)]
-struct WrongTokens(Mutex<(u64, Option<Instant>)>);
-
-impl WrongTokens {
-    fn tell(&self, peer: SocketAddr) {
-        let mut state = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        let (count, told) = &mut *state;
-        *count += 1;
-        if told.is_none_or(|told| told.elapsed() >= TELL_EVERY) {
-            warn!("{count} requests with a wrong token, the last from {}", peer.ip());
-            *told = Some(Instant::now());
-        }
-    }
+    /// Of those who try one token after another.
+    wrong_tokens: Rarely,
 }
 
 /// Serve `router` until `shutdown` resolves, then let requests that are open come to their end.
@@ -97,7 +81,7 @@ pub(crate) async fn serve(entrance: Entrance, router: Router, shutdown: impl Fut
         security,
         limits,
         local: address.is_ok_and(|address| address.ip().is_loopback()),
-        wrong_tokens: WrongTokens::default(),
+        wrong_tokens: Rarely::default(),
     });
     let places = Arc::new(Semaphore::new(limits.connections));
     let mut strangers = Strangers::default();
@@ -263,13 +247,18 @@ impl Shared {
     async fn respond(&self, request: Request<Incoming>, newcomer: &Newcomer) -> Response<Body> {
         if let Some(refusal) = self.security.refuse(&request, self.local) {
             if self.security.is_wrong(&request) {
-                self.wrong_tokens.tell(newcomer.peer);
+                if let Some(count) = self.wrong_tokens.tell() {
+                    warn!(
+                        "{count} requests with a wrong token, the last from {}",
+                        newcomer.peer.ip()
+                    );
+                }
                 sleep(self.limits.wrong_token).await;
             }
             return refusal;
         }
         // What anybody may ask is no greeting.
-        if request.uri().path() != HEALTH {
+        if !is_for_all(&request) {
             newcomer.greeted.store(true, Ordering::Relaxed);
         }
         let room = (!is_grpc(request.headers())).then_some(self.limits.form_bytes);

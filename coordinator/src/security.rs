@@ -15,6 +15,9 @@ use tonic::Status;
 
 /// What answers that the coordinator lives. Says nothing of the job, and asks for no token.
 pub const HEALTH: &str = "/healthz";
+/// The page for those whom a link brings with the token behind its #, and its script. They say nothing of the job.
+pub const ENTER: &str = "/enter";
+pub(crate) const ENTER_SCRIPT: &str = "/enter.js";
 /// What writes the image from the page.
 pub(crate) const WRITE: &str = "/write";
 /// What the paths of calls for people begin with, and the one that only looks.
@@ -28,7 +31,7 @@ const CALLS: &str = "/beamfarm.v1.";
 pub struct Security {
     /// TLS, with what it asks of clients.
     pub tls: Option<Tls>,
-    /// What every request but [`HEALTH`] has to tell.
+    /// What every request but [`HEALTH`] and [`ENTER`] has to tell.
     pub token: Option<Token>,
     /// What those have to tell that steer the job, in place of that; `None`: the token is enough. It is good for
     /// everything else as well.
@@ -126,7 +129,7 @@ impl Security {
     /// The answer to those who may not come in. `local`: the listener is for this machine alone.
     pub(crate) fn refuse<B>(&self, request: &Request<B>, local: bool) -> Option<Response> {
         let headers = request.headers();
-        if request.uri().path() == HEALTH {
+        if is_for_all(request) {
             return None;
         }
         if from_other_site(request) {
@@ -158,6 +161,11 @@ impl Security {
         };
         Some(answer(headers, Status::unauthenticated(message)))
     }
+}
+
+/// Whether a request asks for what anybody may have.
+pub(crate) fn is_for_all<B>(request: &Request<B>) -> bool {
+    matches!(request.uri().path(), HEALTH | ENTER | ENTER_SCRIPT)
 }
 
 /// Whether a request changes what becomes of the job, beside what workers do.
@@ -296,6 +304,8 @@ mod tests {
         assert!(refused.headers().contains_key(header::WWW_AUTHENTICATE));
         let health = Request::builder().uri(HEALTH).body(()).unwrap();
         assert!(security.refuse(&health, true).is_none());
+        let enter = Request::builder().uri(ENTER).body(()).unwrap();
+        assert!(security.refuse(&enter, true).is_none());
         let grpc = request(&[("content-type", "application/grpc")]);
         let refused = security.refuse(&grpc, true).unwrap();
         assert_eq!(refused.status(), StatusCode::OK);

@@ -1,16 +1,17 @@
 //! The calls of farm.proto. Each unwraps its message, asks the [`Farm`], and wraps the answer.
 
 use crate::examine::{Claim, Flaw};
-use crate::farm::{Farm, Refusal};
-use crate::intake::Intake;
+use crate::farm::{Farm, Refusal, Unwelcome};
+use crate::intake::{Delivery, Intake};
 use crate::keys::Keys;
-use crate::ledger::{Accepted, LedgerError, Sentence};
+use crate::ledger::{Accepted, LedgerError};
 use crate::limits::{Limits, Pace};
+use crate::rarely::Rarely;
 use beamfarm_image::exr::encoded_size;
 use beamfarm_image::job::{Block, SceneHash};
 use beamfarm_proto::wire::farm_server::Farm as FarmService;
 use beamfarm_proto::wire::submit_request::Part;
-use beamfarm_proto::{CHUNK_BYTES, FileHash, LeaseId, VERSION, WireHash, wire};
+use beamfarm_proto::{CHUNK_BYTES, FileHash, LeaseId, VERSION, WireHash, WorkerId, wire};
 use std::collections::BTreeSet;
 use std::sync::{Arc, Mutex, PoisonError};
 use tokio::sync::{Semaphore, mpsc};
@@ -19,10 +20,14 @@ use tokio_stream::wrappers::ReceiverStream;
 use tonic::{Request, Response, Status, Streaming};
 use tracing::{Instrument, Span, warn};
 
-/// Longest name of a worker, and longest message about a failure, in bytes.
+/// Longest message about a failure, in bytes.
 const TEXT_BYTES: usize = 1000;
+/// Longest name that is remembered: there may be many.
+const NAME_BYTES: usize = 200;
 /// Blocks that a worker may claim.
 const HELD: usize = 16;
+/// Deliveries of one worker at the same time. It sends one after the other.
+const DELIVERIES: usize = 2;
 
 pub(crate) struct Service {
     farm: Arc<Farm>,
@@ -33,25 +38,29 @@ pub(crate) struct Service {
     keys: Keys,
     /// Leases whose block is on its way in.
     arriving: Arriving,
+    /// Registrations that are refused for their version.
+    other_versions: Rarely,
 }
 
-/// Each lease has one delivery at a time.
+/// Each lease has one delivery at a time, and each worker a few.
 #[derive(Clone, Default)]
-struct Arriving(Arc<Mutex<BTreeSet<LeaseId>>>);
+struct Arriving(Arc<Mutex<BTreeSet<(WorkerId, LeaseId)>>>);
 
 impl Arriving {
     /// A place for the delivery of a lease, until it is dropped.
-    fn begin(&self, lease: LeaseId) -> Result<Arrival, Status> {
+    fn begin(&self, claim: &Claim) -> Result<Arrival, Status> {
+        let Claim { worker, lease, .. } = *claim;
         let mut leases = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        match leases.insert(lease) {
-            true => Ok(Arrival(self.clone(), lease)),
-            // The one before may be the remains of a connection that broke.
-            false => Err(Status::resource_exhausted("this block is on its way in already")),
+        let of_worker = (worker, LeaseId(0))..=(worker, LeaseId(u64::MAX));
+        // Those before may be the remains of a connection that broke.
+        if leases.range(of_worker).count() >= DELIVERIES || !leases.insert((worker, lease)) {
+            return Err(Status::resource_exhausted("this block is on its way in already"));
         }
+        Ok(Arrival(self.clone(), (worker, lease)))
     }
 }
 
-struct Arrival(Arriving, LeaseId);
+struct Arrival(Arriving, (WorkerId, LeaseId));
 
 impl Drop for Arrival {
     fn drop(&mut self) {
@@ -73,6 +82,7 @@ impl Service {
             intake,
             keys: Keys::default(),
             arriving: Arriving::default(),
+            other_versions: Rarely::default(),
         }
     }
 
@@ -93,6 +103,15 @@ impl From<LedgerError> for Status {
             LedgerError::UnknownWorker(_) => Self::not_found(message),
             LedgerError::ShutOut(..) => Self::permission_denied(message),
             LedgerError::NotLeased { .. } => Self::invalid_argument(message),
+        }
+    }
+}
+
+impl From<Unwelcome> for Status {
+    fn from(unwelcome: Unwelcome) -> Self {
+        match unwelcome {
+            Unwelcome::Sentenced(sentence) => Self::permission_denied(sentence.to_string()),
+            Unwelcome::Crowd => Self::resource_exhausted(unwelcome.to_string()),
         }
     }
 }
@@ -122,7 +141,11 @@ enum BodyError {
     Wrong(String),
 }
 
-async fn read_body(parts: &mut Streaming<wire::SubmitRequest>, size: u64) -> Result<Vec<u8>, BodyError> {
+async fn read_body(
+    parts: &mut Streaming<wire::SubmitRequest>,
+    size: u64,
+    delivery: &mut Delivery,
+) -> Result<Vec<u8>, BodyError> {
     let mut bytes = Vec::with_capacity(size as usize);
     while let Some(part) = parts.message().await.map_err(BodyError::Cut)? {
         let Some(Part::Data(data)) = part.part else {
@@ -132,6 +155,8 @@ async fn read_body(parts: &mut Streaming<wire::SubmitRequest>, size: u64) -> Res
             let message = format!("more than the {size} bytes announced");
             return Err(BodyError::Wrong(message));
         }
+        let arrived = (bytes.len() + data.len()) as u64;
+        delivery.grow(arrived).await.map_err(BodyError::Cut)?;
         bytes.extend_from_slice(&data);
     }
     match bytes.len() as u64 == size {
@@ -143,18 +168,24 @@ async fn read_body(parts: &mut Streaming<wire::SubmitRequest>, size: u64) -> Res
     }
 }
 
-fn shortened(text: &str) -> &str {
-    &text[..text.floor_char_boundary(TEXT_BYTES)]
+fn shortened(text: &str, bytes: usize) -> &str {
+    &text[..text.floor_char_boundary(bytes)]
 }
 
 #[tonic::async_trait]
 impl FarmService for Service {
     async fn register(&self, request: Request<wire::RegisterRequest>) -> Result<Response<wire::RegisterReply>, Status> {
         let request = request.into_inner();
-        let name = shortened(&request.name);
+        let name = shortened(&request.name, NAME_BYTES);
         if request.version != VERSION {
-            let version = shortened(&request.version);
-            warn!(name, "{name:?} is refused: it is version {version}, this is {VERSION}");
+            let version = shortened(&request.version, NAME_BYTES);
+            if let Some(count) = self.other_versions.tell() {
+                let of = format!("{count} registrations of other versions");
+                warn!(
+                    name,
+                    "{name:?} is refused: it is version {version:?}, this is {VERSION} ({of})"
+                );
+            }
             let message = format!("version {version}; this coordinator is version {VERSION}");
             return Err(Status::failed_precondition(message));
         }
@@ -163,10 +194,8 @@ impl FarmService for Service {
             SceneHash::from_wire(&request.scene, "scene")?;
         }
         let canary = FileHash::from_wire(&request.canary, "canary")?;
-        let registered = self.farm.register(name, request.threads, canary.0);
-        let refused = |sentence: Sentence| Status::permission_denied(sentence.to_string());
-        let worker = registered.map_err(refused)?;
-        let key = self.keys.issue(worker)?;
+        let worker = self.farm.register(name, request.threads, canary.0)?;
+        let key = self.keys.issue(worker, |worker| self.farm.knows(worker))?;
         let mut leases = Vec::new();
         if request.scene == self.farm.job().scene.to_wire() {
             let held = request.held.into_iter().take(HELD);
@@ -290,9 +319,9 @@ impl FarmService for Service {
         if claim.size > limit {
             return refuse(format!("{} bytes; expected at most {limit}", claim.size));
         }
-        let _arrival = self.arriving.begin(claim.lease)?;
-        let _delivery = self.intake.admit(claim.size).await?;
-        let bytes = match read_body(&mut parts, claim.size).await {
+        let _arrival = self.arriving.begin(&claim)?;
+        let mut delivery = self.intake.begin();
+        let bytes = match read_body(&mut parts, claim.size, &mut delivery).await {
             Ok(bytes) => bytes,
             Err(BodyError::Cut(status)) => return Err(status),
             Err(BodyError::Wrong(message)) => return refuse(message),
@@ -316,7 +345,7 @@ impl FarmService for Service {
     async fn fail(&self, request: Request<wire::FailRequest>) -> Result<Response<wire::FailReply>, Status> {
         let request = request.into_inner();
         let (worker, lease) = (self.keys.worker(request.worker)?, LeaseId(request.lease));
-        let message = shortened(&request.message);
+        let message = shortened(&request.message, TEXT_BYTES);
         self.farm.fail(worker, lease, request.pass_index, message)?;
         Ok(Response::new(wire::FailReply {}))
     }

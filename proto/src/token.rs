@@ -51,6 +51,20 @@ impl Token {
         Ok(Some(token))
     }
 
+    /// One that nobody can guess.
+    pub fn random() -> Result<Self, String> {
+        let halves = [getrandom::u64(), getrandom::u64()];
+        let [Ok(a), Ok(b)] = halves else {
+            return Err("this machine has no random numbers".into());
+        };
+        Ok(Self(format!("{a:016x}{b:016x}")))
+    }
+
+    /// Itself, for those who shall know it. Never for a log.
+    pub fn reveal(&self) -> &str {
+        &self.0
+    }
+
     /// The value of the header `authorization`.
     pub fn bearer(&self) -> String {
         format!("Bearer {}", self.0)
@@ -81,6 +95,13 @@ mod tests {
     use super::*;
 
     const GOOD: &str = "0123456789abcdef";
+
+    #[test]
+    fn random_ones_are_tokens_and_differ() {
+        let tokens = [(); 2].map(|()| Token::random().unwrap());
+        assert!(tokens.iter().all(|token| Token::parse(token.reveal()).is_ok()));
+        assert!(!tokens[0].matches(tokens[1].reveal().as_bytes()));
+    }
 
     #[test]
     fn tokens_are_words_of_some_length() {

@@ -150,3 +150,15 @@ grep -q 'start number 2' requeued.log || {
 }
 same requeued local-long
 echo "slurm: requeued in mid-job, the image has the same bits"
+
+# Workers wait for minutes for a coordinator; not for one that will never come.
+job=$(BEAMFARM_HOST=127.0.0.1 sbatch --parsable --ntasks=3 --ntasks-per-node=3 --cpus-per-task=1 --output=misspelt.log \
+    "$repository/deploy/slurm/beamfarm.sbatch" misspelt.toml misspelt.exr)
+failed() { [[ $(state "$1") == FAILED ]]; }
+wait_for 60 "job $job, whose scene is misspelt, to fail" failed "$job"
+scontrol show job "$job" | grep -q 'ExitCode=2:0' || {
+    scontrol show job "$job" >&2
+    cat misspelt.log >&2
+    exit 1
+}
+echo "slurm: a misspelt scene ends the job at once, with its own exit code"

@@ -158,7 +158,7 @@ pub fn main(args: WorkerArgs) -> ExitCode {
                 WorkerError::Address { .. } | WorkerError::Security(_) | WorkerError::Scene(_) => exit::USAGE,
                 WorkerError::Unreachable { .. } => exit::UNREACHABLE,
                 WorkerError::Refused(_) => exit::REFUSED,
-                WorkerError::Internal(_) => exit::IO,
+                WorkerError::Internal(_) | WorkerError::Stuck(_) => exit::IO,
             }
         }
     };

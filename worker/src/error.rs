@@ -30,6 +30,9 @@ pub enum WorkerError {
     /// The job's scene cannot be read here.
     #[error(transparent)]
     Scene(#[from] SceneError),
+    /// Its rendering does not get on.
+    #[error("{0}")]
+    Stuck(String),
     /// Anything else.
     #[error("{0}")]
     Internal(String),

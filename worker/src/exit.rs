@@ -2,7 +2,7 @@
 
 /// Done. Also after a signal, when the image up to then was written or the worker handed in its pass.
 pub const DONE: u8 = 0;
-/// The machine's fault: a file that cannot be written, a port that is taken.
+/// The machine's fault: a file that cannot be written, a port that is taken, a worker whose rendering hangs.
 pub const IO: u8 = 1;
 /// Wrong usage, or a scene or image that cannot be used (clap's code for usage too).
 pub const USAGE: u8 = 2;
@@ -25,7 +25,8 @@ pub const HELP: &str = "\
 Exit codes:
   0  done; also after SIGINT or SIGTERM when what was complete has been written
   1  a file or the network: an image or the job folder cannot be written, a port
-     is taken, another coordinator uses the job folder
+     is taken, another coordinator uses the job folder; a worker whose rendering
+     hangs
   2  wrong usage, or a scene, image or job folder that cannot be used
   3  the coordinator cannot be reached; worth another try
   4  stopped before the first pass was complete: nothing was written

@@ -14,6 +14,7 @@ pub mod cli;
 mod client;
 mod error;
 pub mod exit;
+mod pulse;
 mod render;
 mod run;
 mod say;

@@ -4,7 +4,7 @@ use crate::cache::Cache;
 use crate::client::{CallError, Client, Introduction, Registration};
 use crate::error::WorkerError;
 use crate::render::{Prepared, Renderer};
-use crate::security::Credentials;
+use crate::security::{Credentials, with_hint};
 use crate::session::{Session, SessionEnd, Summary};
 use crate::signals::drained;
 use beamfarm_image::bundle::Bundle;
@@ -59,7 +59,7 @@ async fn work(config: &Config, drain: &watch::Receiver<bool>, summary: &mut Summ
     let fail = |error| match error {
         CallError::Unreachable(message) => WorkerError::Unreachable {
             url: config.url.clone(),
-            message,
+            message: with_hint(&config.url, message),
         },
         CallError::Refused(message) => WorkerError::Refused(message),
         CallError::Forgotten => WorkerError::Refused("it forgets workers at once".into()),
@@ -106,6 +106,7 @@ async fn work(config: &Config, drain: &watch::Receiver<bool>, summary: &mut Summ
         );
         match session.run(summary).await {
             Ok(SessionEnd::Over) => return Ok(()),
+            Ok(SessionEnd::Stuck(message)) => return Err(WorkerError::Stuck(message)),
             Ok(SessionEnd::OtherJob(registration)) => {
                 warn!("the coordinator has another job now");
                 known = Some(*registration);

@@ -144,6 +144,21 @@ fn is_loopback(host: &str) -> bool {
     host == "localhost" || address.is_ok_and(|address| address.is_loopback())
 }
 
+/// The message, and what is probably wrong when one side of a connection means TLS and the other does not, or asks for
+/// a certificate: neither can say so to the other.
+pub fn with_hint(url: &str, message: String) -> String {
+    let has = |words: &[&str]| words.iter().any(|word| message.contains(word));
+    let hint = match url.starts_with("https://") {
+        false if has(&["frame with invalid size", "http2 error"]) => "does it expect https://?",
+        true if has(&["InvalidContentType"]) => "does it speak http:// only?",
+        true if has(&["broken pipe", "connection closed", "onnection reset", "fatal alert"]) => {
+            "does it ask for a certificate (--tls-cert and --tls-key) of another authority?"
+        }
+        _ => return message,
+    };
+    format!("{message}; {hint}")
+}
+
 /// The innermost of an error's causes: those around it say no more than "transport error".
 pub fn describe(error: &dyn std::error::Error) -> String {
     let mut innermost = error;

@@ -4,6 +4,7 @@
 //! hand or are rendering, and go on; only another job ends the session.
 
 use crate::client::{CallError, Client, Delivery, Introduction, Registration};
+use crate::pulse::Pulse;
 use crate::render::{Failed, Prepared, Renderer};
 use crate::signals::drained;
 use beamfarm_image::exr::{BlockMeta, encode_block};
@@ -22,6 +23,8 @@ use tracing::{debug, info, warn};
 /// that rendering need not wait for it; late enough that a worker does not sit on a block that another one, with
 /// nothing to do, could have begun.
 const LEASE_AHEAD: f64 = 0.75;
+/// Time between requests for something to do.
+const ASK_AGAIN: Duration = Duration::from_millis(100);
 /// Time for giving leases back and signing off.
 const FAREWELL: Duration = Duration::from_secs(3);
 
@@ -38,6 +41,8 @@ pub(crate) enum SessionEnd {
     Over,
     /// The coordinator has another job.
     OtherJob(Box<Registration>),
+    /// Rendering does not get on.
+    Stuck(String),
 }
 
 /// A block that the worker holds a lease of.
@@ -78,6 +83,7 @@ pub(crate) struct Session<'a> {
     state: Mutex<State>,
     /// Something is on its way to the coordinator.
     delivering: watch::Sender<bool>,
+    pulse: Pulse,
     /// Held while registering again.
     renewing: tokio::sync::Mutex<()>,
 }
@@ -109,6 +115,7 @@ impl<'a> Session<'a> {
                 other_job: None,
             }),
             delivering: watch::Sender::new(false),
+            pulse: Pulse::default(),
             renewing: tokio::sync::Mutex::default(),
         }
     }
@@ -132,6 +139,10 @@ impl<'a> Session<'a> {
                     end
                 }
                 () = self.run_out_of_grace() => Ok(()),
+                stuck = self.pulse.stops() => {
+                    self.give_back(|_| true, true).await;
+                    return Ok(SessionEnd::Stuck(stuck));
+                }
             }
         };
         if let Err(CallError::Forgotten) = end
@@ -162,7 +173,12 @@ impl<'a> Session<'a> {
             let finished = &finished;
             let render = async move {
                 let begun = Instant::now();
+                self.pulse.begin();
                 let render = self.renderer.block(&self.prepared, block, |rendered| {
+                    self.pulse.end();
+                    if rendered < block.len() {
+                        self.pulse.begin();
+                    }
                     if let Some(held) = self.state().held.get_mut(&block) {
                         held.rendered = rendered;
                     }
@@ -174,6 +190,8 @@ impl<'a> Session<'a> {
                         return None;
                     }
                 };
+                // Also when it failed.
+                self.pulse.end();
                 let took = begun.elapsed();
                 let worker = self.number();
                 debug!(worker, %block, seconds = took.as_secs_f64(), "rendered");
@@ -255,6 +273,7 @@ impl<'a> Session<'a> {
     async fn lease(&self) -> Result<Option<Block>, CallError> {
         loop {
             let (key, generation) = self.identity();
+            let asked = Instant::now();
             let grant = tokio::select! {
                 biased;
                 () = drained(self.drain.clone()) => return Ok(None),
@@ -273,7 +292,8 @@ impl<'a> Session<'a> {
                     }
                     return Ok(Some(block));
                 }
-                Ok(Grant::NotNow) => {}
+                // A coordinator takes its time with that answer; one that does not shall not be asked all the time.
+                Ok(Grant::NotNow) => sleep(ASK_AGAIN.saturating_sub(asked.elapsed())).await,
                 Ok(Grant::Done) => return Ok(None),
                 Err(CallError::Forgotten) => self.renew(generation).await?,
                 Err(error) => return Err(error),

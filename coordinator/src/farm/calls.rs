@@ -1,6 +1,6 @@
 //! What workers ask of a farm.
 
-use super::{EntryState, EventKind, Farm};
+use super::{EntryState, EventKind, Farm, State};
 use crate::examine::{Claim, Examined, Flaw, examine};
 use crate::ledger::{Accepted, LedgerError, PixelHash, Sentence};
 use beamfarm_image::job::Block;
@@ -16,10 +16,16 @@ impl Farm {
         self.files.get(&hash).cloned()
     }
 
-    pub(crate) fn register(&self, name: &str, threads: u32, canary: PixelHash) -> Result<WorkerId, Sentence> {
+    pub(crate) fn register(&self, name: &str, threads: u32, canary: PixelHash) -> Result<WorkerId, Unwelcome> {
         let now = self.now();
         let mut state = self.state();
-        let registered = state.ledger.register(name, threads, canary, now);
+        let registered = match state.ledger.has_room(now) {
+            true => state
+                .ledger
+                .register(name, threads, canary, now)
+                .map_err(Unwelcome::from),
+            false => Err(Unwelcome::Crowd),
+        };
         match registered {
             Ok(worker) => {
                 state.progress.registered += 1;
@@ -27,15 +33,22 @@ impl Farm {
                 info!(worker = worker.0, name, threads, "{text}");
                 state.events.push(EventKind::Joined, text);
             }
-            Err(sentence) => {
-                let text = format!("{name:?} is refused: {sentence}");
-                error!(name, "{text}");
-                state.events.push(EventKind::ShutOut, text);
+            Err(unwelcome) => {
+                if let Some(count) = self.unwelcome.tell() {
+                    let text = format!("{name:?} is refused: {unwelcome} ({count} refused registrations)");
+                    error!(name, "{text}");
+                    state.events.push(EventKind::ShutOut, text);
+                }
             }
         }
         drop(state);
         self.settle();
         registered
+    }
+
+    /// Whether a worker of this number is remembered.
+    pub(crate) fn knows(&self, worker: WorkerId) -> bool {
+        self.state().ledger.knows(worker)
     }
 
     /// Leases of blocks that the worker has or is rendering, as far as they are wanted.
@@ -144,7 +157,12 @@ impl Farm {
 
     /// Look a delivered block over and add it to the sum. Takes milliseconds: not for a thread that serves others.
     pub(crate) fn submit(&self, claim: &Claim, bytes: &[u8]) -> Result<Accepted, Refusal> {
-        let Examined { node, pixels, hash } = match examine(&self.job, &self.schedule, claim, bytes) {
+        let Examined {
+            node,
+            pixels,
+            hash,
+            look,
+        } = match examine(&self.job, &self.schedule, claim, bytes) {
             Ok(examined) => examined,
             Err(flaw) => {
                 self.reject(claim, &flaw);
@@ -161,6 +179,10 @@ impl Farm {
             let accepted = state.ledger.accept(worker, claim.lease, block, hash, now);
             match accepted {
                 Ok(Accepted::New) => {
+                    let State { ledger, plausible, .. } = &mut *state;
+                    if plausible.is_odd(block, look) {
+                        ledger.suspect(block, now);
+                    }
                     state.progress.stats += claim.stats;
                     let begun = state.ledger.leased_at(claim.lease).unwrap_or(now);
                     let took = now.saturating_sub(begun);
@@ -245,6 +267,17 @@ impl Farm {
         self.opened.notify_waiters();
         self.settle();
     }
+}
+
+/// Why a worker may not register.
+#[derive(Clone, Copy, Debug, thiserror::Error)]
+pub(crate) enum Unwelcome {
+    /// Never again.
+    #[error(transparent)]
+    Sentenced(#[from] Sentence),
+    /// Not now.
+    #[error("there are too many workers")]
+    Crowd,
 }
 
 /// Why a delivery was refused.

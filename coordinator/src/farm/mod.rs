@@ -10,7 +10,7 @@ mod snapshot;
 mod start;
 mod stopping;
 
-pub(crate) use calls::Refusal;
+pub(crate) use calls::{Refusal, Unwelcome};
 pub use events::{Event, EventKind};
 pub use progress::{End, Progress};
 pub use snapshot::Snapshot;
@@ -21,6 +21,8 @@ use events::Events;
 use stopping::Tested;
 
 use crate::ledger::{Done, Ledger, PixelHash, Rules};
+use crate::plausible::Plausible;
+use crate::rarely::Rarely;
 use beamfarm_image::bundle::Bundle;
 use beamfarm_image::job::{Block, JobSettings, MAX_PASSES};
 use beamfarm_image::layer::Layer;
@@ -92,6 +94,7 @@ struct State {
     progress: Progress,
     events: Events,
     pauses: Pauses,
+    plausible: Plausible,
 }
 
 /// Time in which no passes were handed out because somebody wanted so.
@@ -133,6 +136,8 @@ pub struct Farm {
     opened: Notify,
     end: watch::Sender<Option<End>>,
     entries: Option<mpsc::UnboundedSender<Entry>>,
+    /// Registrations that are refused.
+    unwelcome: Rarely,
 }
 
 impl Farm {
@@ -204,9 +209,11 @@ impl Farm {
                 },
                 events: Events::default(),
                 pauses: Pauses::default(),
+                plausible: Plausible::default(),
             }),
             opened: Notify::new(),
             end: watch::Sender::new(None),
+            unwelcome: Rarely::default(),
         });
         farm.look();
         farm.settle();

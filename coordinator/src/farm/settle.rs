@@ -109,7 +109,7 @@ impl Farm {
             }
             Note::Expired(block, worker) => {
                 let text = format!(
-                    "the lease of {block} ran out: nothing was heard of it from {}; it is handed out again",
+                    "the lease of {block} ran out: {} is silent, or does not get on with it; it is handed out again",
                     who(worker)
                 );
                 let name = state.ledger.name(worker);
@@ -121,6 +121,7 @@ impl Farm {
                 let audited = EntryState::Audited;
                 self.enter(state, audited, block, worker, Some(hash), Duration::ZERO, None);
                 state.progress.audits += 1;
+                state.plausible.confirm(block);
                 debug!(worker = worker.0, %block, "confirmed");
                 return;
             }

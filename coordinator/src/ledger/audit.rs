@@ -1,7 +1,7 @@
 //! Blocks that several workers render, and what follows when their bits differ.
 //!
-//! A block is checked because it is one of a worker's first, because it was drawn, or because it happened to be
-//! rendered twice. When two workers disagree, others render it until two agree; all that do not are shut out. What they
+//! A block is checked because it is one of a worker's first, because it was drawn, because it looks unlike others, or
+//! because it happened to be rendered twice. When two workers disagree, others render it until two agree; all that do not are shut out. What they
 //! delivered and nobody confirmed is taken back: the caller removes it from the sum ([`Ledger::stained`]), tells what
 //! went with it ([`Ledger::reopen`]), and it is rendered again.
 
@@ -82,6 +82,18 @@ impl Ledger {
         let number = bytes.as_bytes()[..8].iter();
         let number = number.fold(0, |number, byte| number << 8 | u64::from(*byte));
         number.is_multiple_of(every)
+    }
+
+    /// Have this block that counts checked, because it looks unlike others.
+    pub fn suspect(&mut self, block: Block, now: Duration) {
+        let known = self.done.get(&block.start());
+        let known = known.filter(|done| done.block == block && !done.confirmed);
+        if let Some((worker, pixels)) = known.and_then(|done| done.by)
+            && self.rules.audit_every > 0
+        {
+            let audit = || Audit::new(worker, pixels, now);
+            self.audits.entry(block).or_insert_with(audit);
+        }
     }
 
     /// A block that this worker may check, disputed ones first.

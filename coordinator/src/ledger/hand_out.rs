@@ -60,6 +60,7 @@ impl Ledger {
             begun: now,
             expires: now + self.rules.lease,
             rendered: 0,
+            moved: now,
             audit,
         });
         self.active.insert(lease);

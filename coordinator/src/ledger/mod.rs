@@ -134,8 +134,9 @@ struct Lease {
     block: Block,
     begun: Duration,
     expires: Duration,
-    /// Passes of it that the worker has rendered.
+    /// Passes of it that the worker has rendered, and when it said so first.
     rendered: u64,
+    moved: Duration,
     /// Somebody else has rendered it already.
     audit: bool,
 }
@@ -227,21 +228,30 @@ impl Ledger {
             let lease = &mut self.leases[id.0 as usize];
             if lease.worker == worker {
                 lease.expires = now + self.rules.lease;
-                lease.rendered = rendered.min(lease.block.len());
+                let rendered = rendered.min(lease.block.len());
+                if rendered > lease.rendered {
+                    lease.moved = now;
+                }
+                lease.rendered = rendered;
             }
         }
         Ok(())
     }
 
-    /// End the leases that have run out: no heartbeat named them, or they take far longer than such blocks do.
+    /// End the leases that have run out: no heartbeat named them, or they take far longer than such blocks do, or one
+    /// pass of them does.
     pub fn expire(&mut self, now: Duration) -> usize {
         let pass = self.seconds_per_pass();
         let patience = self.rules.lease;
         let is_over = move |lease: &Lease| {
-            let longest = pass.map(|pass| LONGEST * pass * lease.block.len() as f64);
-            let longest = longest.and_then(|longest| Duration::try_from_secs_f64(longest).ok());
-            let longest = longest.map(|longest| lease.begun + longest.max(patience));
-            lease.expires <= now || longest.is_some_and(|longest| longest <= now)
+            let too_long = |since: Duration, passes: u64| {
+                let longest = pass.map(|pass| LONGEST * pass * passes as f64);
+                let longest = longest.and_then(|longest| Duration::try_from_secs_f64(longest).ok());
+                longest.is_some_and(|longest| since + longest.max(patience) <= now)
+            };
+            // One that is not begun waits for the one before.
+            let is_rendered = 0 < lease.rendered && lease.rendered < lease.block.len();
+            lease.expires <= now || too_long(lease.begun, lease.block.len()) || is_rendered && too_long(lease.moved, 1)
         };
         let leases = self.active.iter().map(|id| &self.leases[id.0 as usize]);
         let expired = leases.filter(|lease| is_over(lease));

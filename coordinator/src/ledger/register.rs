@@ -5,9 +5,34 @@ use super::standing::{Sentence, Worker};
 use super::{Done, Ledger, LedgerError, Note, PixelHash};
 use beamfarm_image::job::Block;
 use beamfarm_proto::WorkerId;
+use std::collections::BTreeSet;
 use std::time::Duration;
 
+/// Workers that are remembered.
+const WORKERS: usize = 8192;
+
 impl Ledger {
+    /// Whether there is room for one more worker: those that did nothing and are gone are forgotten for it.
+    pub fn has_room(&mut self, now: Duration) -> bool {
+        if self.workers.len() < WORKERS {
+            return true;
+        }
+        let holds: BTreeSet<WorkerId> = self.active.iter().map(|id| self.leases[id.0 as usize].worker).collect();
+        let votes = self.audits.values().flat_map(|audit| &audit.votes);
+        let judges: BTreeSet<WorkerId> = votes.map(|(worker, _)| *worker).collect();
+        let rules = self.rules;
+        self.workers.retain(|id, worker| {
+            let matters = worker.canary.is_none() || worker.passes > 0 || holds.contains(id) || judges.contains(id);
+            matters || worker.attending > 0 || worker.is_present(&rules, now)
+        });
+        self.workers.len() < WORKERS
+    }
+
+    /// Whether a worker of this number is remembered.
+    pub fn knows(&self, worker: WorkerId) -> bool {
+        self.workers.contains_key(&worker)
+    }
+
     /// A new worker, that rendered the test picture with these pixels.
     ///
     /// Who made another one than workers whose pixels others have found as well is refused. Until there are such,

@@ -7,7 +7,8 @@ use beamfarm_proto::{LeaseId, WorkerId};
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-/// Workers that are gone, of those that are shown.
+/// Workers that are there, and those that are gone, of those that are shown.
+const PRESENT_SHOWN: usize = 4096;
 const GONE_SHOWN: usize = 200;
 
 /// A worker as others see it.
@@ -64,7 +65,7 @@ impl WorkerState {
 }
 
 impl Ledger {
-    /// The workers that are there, and those that were here last.
+    /// The workers that are there, and those that were here last: of too many the newest.
     pub fn views(&self, now: Duration) -> Vec<WorkerView> {
         let mut held: BTreeMap<WorkerId, (Block, u64)> = BTreeMap::new();
         for LeaseId(place) in &self.active {
@@ -90,15 +91,16 @@ impl Ledger {
             rendering: held.get(id).copied(),
         };
         let mut views: Vec<WorkerView> = Vec::new();
-        let mut gone = 0;
+        let (mut present, mut gone) = (0, 0);
         for worker in self.workers.iter().rev() {
-            if !worker.1.is_present(&self.rules, now) {
-                gone += 1;
-                if gone > GONE_SHOWN {
-                    continue;
-                }
+            let (count, most) = match worker.1.is_present(&self.rules, now) {
+                true => (&mut present, PRESENT_SHOWN),
+                false => (&mut gone, GONE_SHOWN),
+            };
+            *count += 1;
+            if *count <= most {
+                views.push(view(worker));
             }
-            views.push(view(worker));
         }
         views.reverse();
         views

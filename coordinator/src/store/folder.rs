@@ -61,7 +61,7 @@ impl Folder {
         looks: Looks,
         limit_asked: bool,
     ) -> Result<(Self, Option<Resumed>), StoreError> {
-        fs::create_dir_all(path).map_err(StoreError::io(path))?;
+        create_private(path).map_err(StoreError::io(path))?;
         match read_description(path) {
             Ok(_) => {}
             Err(StoreError::Missing(_)) => refuse_foreign(path)?,
@@ -322,6 +322,20 @@ pub(super) fn lock(path: &Path) -> Result<File, StoreError> {
             Ok(file)
         }
         Err(TryLockError::Error(error)) => Err(StoreError::io(&name)(error)),
+    }
+}
+
+/// Make the folder where there is none: it holds the scene, which is nobody else's business.
+fn create_private(path: &Path) -> std::io::Result<()> {
+    if let Some(parent) = path.parent() {
+        fs::create_dir_all(parent)?;
+    }
+    let mut builder = fs::DirBuilder::new();
+    #[cfg(unix)]
+    std::os::unix::fs::DirBuilderExt::mode(&mut builder, 0o700);
+    match builder.create(path) {
+        Err(error) if error.kind() == ErrorKind::AlreadyExists && path.is_dir() => Ok(()),
+        created => created,
     }
 }
 

@@ -145,8 +145,8 @@ impl Watch {
         ended.unwrap_or_else(|| self.started.elapsed())
     }
 
-    /// The same without pauses: rates and the curve are of the time in which there was something to do.
-    fn worked(&self) -> Duration {
+    /// The same without pauses, which are no time of the job.
+    pub fn worked(&self) -> Duration {
         self.elapsed().saturating_sub(self.farm.paused_for())
     }
 

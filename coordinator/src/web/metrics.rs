@@ -171,8 +171,8 @@ fn gauges(watch: &Watch, progress: &Progress) -> Vec<(&'static str, &'static str
         ),
         (
             "job_elapsed_seconds",
-            "Time since the coordinator started",
-            watch.elapsed().as_secs_f64(),
+            "Time since the coordinator started, without pauses",
+            watch.worked().as_secs_f64(),
         ),
         (
             "job_progress_ratio",

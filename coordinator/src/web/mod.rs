@@ -6,7 +6,7 @@ mod live;
 mod metrics;
 mod page;
 
-use crate::security::{HEALTH, WRITE};
+use crate::security::{ENTER, ENTER_SCRIPT, HEALTH, WRITE};
 use crate::watch::Watch;
 use crate::watch::picture::View;
 use axum::Router;
@@ -55,6 +55,14 @@ pub(crate) fn routes(watch: Arc<Watch>) -> Router {
         .route(
             "/page.js",
             get(|| file("text/javascript; charset=utf-8", include_str!("page.js"))),
+        )
+        .route(
+            ENTER,
+            get(|| file("text/html; charset=utf-8", include_str!("enter.html"))),
+        )
+        .route(
+            ENTER_SCRIPT,
+            get(|| file("text/javascript; charset=utf-8", include_str!("enter.js"))),
         )
         .route("/icon.svg", get(|| file("image/svg+xml", include_str!("icon.svg"))))
         .route("/metrics", get(metrics::serve))

@@ -247,7 +247,7 @@ fn quality(picture: &Picture) -> Vec<(&'static str, String)> {
 }
 
 fn running_for(watch: &Watch) -> String {
-    let now = roughly(watch.elapsed());
+    let now = roughly(watch.worked());
     match watch.farm().before() {
         Duration::ZERO => now,
         _ => format!(

@@ -2,6 +2,7 @@
 
 use crate::setup::{beamfarm, fail, folder_with, line, run, scene, signal, spawn, succeed, text};
 use std::path::Path;
+use std::time::Duration;
 use tempfile::TempDir;
 
 fn small_scene() -> String {
@@ -163,6 +164,25 @@ fn two_signals_at_once_are_one() {
     let output = render.finish();
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
     assert!(folder.path().join("scene.exr").exists());
+}
+
+/// A second one that is meant ends what is not to be waited for.
+#[cfg(unix)]
+#[test]
+fn a_second_signal_kills() {
+    let folder = folder_with(&scene([64, 48], 3, 5_000_000));
+    let folder = folder.path();
+    let serve = ["serve", "scene.toml", "--listen", "127.0.0.1:0"];
+    let mut server = spawn(beamfarm(folder, &serve));
+    let url = server.out.wait_for("listening on ");
+    let work = ["worker", "--connect", &url, "--threads", "1", "--grace", "1h"];
+    let mut worker = spawn(beamfarm(folder, &[&work[..], &["--log", "info"]].concat()));
+    worker.log.wait_for("rendering scene");
+    worker.signal("-TERM");
+    std::thread::sleep(Duration::from_millis(1300));
+    assert!(worker.is_running());
+    worker.signal("-TERM");
+    assert_eq!(worker.wait().code(), Some(128 + 15));
 }
 
 /// Whoever reads what is said may have gone, and the disk that it goes to may be full: the work is done all the same.

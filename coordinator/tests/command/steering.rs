@@ -3,6 +3,7 @@
 use crate::setup::{Process, beamfarm, fail, folder_with, line, run, scene, spawn, succeed, text, wait_until};
 use serde_json::Value;
 use std::path::Path;
+use std::time::Duration;
 
 fn status(folder: &Path, url: &str) -> Value {
     serde_json::from_str(&succeed(folder, &["status", url, "--json"])).unwrap()
@@ -42,6 +43,51 @@ fn write_twice(folder: &Path, url: &str, server: &mut Process) {
         true => Ok(()),
         false => Err(server.log.so_far().to_owned()),
     });
+}
+
+/// As many as BEAMFARM_HANGUPS says, each of which has to bring an image: none while the one before is written.
+#[cfg(unix)]
+#[test]
+fn every_hangup_brings_an_image() {
+    let hangups = std::env::var("BEAMFARM_HANGUPS").ok();
+    let hangups: u32 = hangups.map_or(10, |text| text.parse().expect("BEAMFARM_HANGUPS"));
+    let folder = folder_with(&scene([16, 12], 10_000_000, 200));
+    let folder = folder.path();
+    let (mut server, url) = start_server(folder);
+    let work = ["worker", "--connect", &url, "--threads", "1"];
+    let _workers = [(); 2].map(|()| spawn(beamfarm(folder, &work)));
+    let exr = folder.join("scene.exr");
+    for hangup in 0..hangups {
+        server.signal("-HUP");
+        wait_until("image after a hangup", || match std::fs::remove_file(&exr) {
+            Ok(()) => Ok(()),
+            Err(_) => Err(format!("hangup {hangup}: {}", server.log.so_far())),
+        });
+    }
+}
+
+/// A pause is no time of the job: not in its seconds, nor in its rate.
+#[test]
+fn pauses_are_left_out() {
+    let folder = folder_with(&scene([16, 12], 100_000, 200));
+    let folder = folder.path();
+    let (_server, url) = start_server(folder);
+    let _worker = spawn(beamfarm(folder, &["worker", "--connect", &url, "--threads", "1"]));
+    wait_until("fourth pass", || {
+        let status = status(folder, &url);
+        let there = status["prefix"].as_u64().is_some_and(|prefix| prefix >= 4);
+        there.then_some(()).ok_or(status.to_string())
+    });
+    succeed(folder, &["pause", &url]);
+    let elapsed = |status: &Value| status["elapsed"].as_f64().unwrap();
+    let before = elapsed(&status(folder, &url));
+    std::thread::sleep(Duration::from_secs(3));
+    let after = status(folder, &url);
+    assert!(elapsed(&after) < before + 1.0, "{before} {after}");
+    succeed(folder, &["resume", &url]);
+    std::thread::sleep(Duration::from_secs(1));
+    let going_on = elapsed(&status(folder, &url));
+    assert!(going_on > elapsed(&after), "{going_on} {after}");
 }
 
 /// Before there is anything to write: it is written as soon as there is.

@@ -170,3 +170,51 @@ async fn a_machine_with_other_bits_does_not_get_in() {
     let events = coordinator.farm.events(0);
     assert!(events.iter().any(|event| event.text.contains("second")));
 }
+
+/// A worker that lies only after its first blocks, when hardly anything of it is checked, and lies so that it shows.
+#[tokio::test]
+async fn passes_that_look_unlike_others_are_checked_at_once() {
+    for lie in 0..4 {
+        let mut spec = spec(PASSES);
+        spec.audit_every = 1_000_000;
+        let coordinator = Coordinator::start(spec).await;
+        let [honest, liar] = [
+            RawWorker::named(&coordinator, "honest").await,
+            RawWorker::named(&coordinator, "liar").await,
+        ];
+        let third = Arc::new(RawWorker::named(&coordinator, "third").await);
+        let (_honest, _liar) = (honest.attend().await, liar.attend().await);
+        for _ in 0..15 {
+            for worker in [&honest, &liar] {
+                let leased = worker.lease().await;
+                worker.deliver(leased).await.unwrap();
+            }
+        }
+        let trials = coordinator.farm.progress();
+        assert_eq!((trials.audits, trials.audits_pending), (4, 0), "{trials:#?}");
+        let leased = liar.lease().await;
+        let mut wrong = node(leased.1);
+        let values = wrong.sum.pixels.as_flattened_mut();
+        match lie {
+            0 => values.iter_mut().for_each(|v| *v *= 1.5),
+            1 => values.iter_mut().for_each(|v| *v -= 1.0),
+            2 => values.iter_mut().for_each(|v| *v *= 0.5),
+            _ => values.iter_mut().step_by(5).for_each(|v| *v = 1e20),
+        }
+        let bytes = encode(&wrong, &liar.meta(leased.1));
+        liar.submit(leased, bytes).await.unwrap();
+        assert_eq!(coordinator.farm.progress().audits_pending, 1, "{lie}");
+        let workers = [Arc::new(honest), third];
+        for worker in workers.map(|worker| tokio::spawn(work(worker, None))) {
+            within("an honest worker", worker).await.unwrap().unwrap();
+        }
+        assert_eq!(coordinator.ended().await, End::Complete);
+        let average = coordinator.farm.snapshot().sum.average().unwrap();
+        assert_eq!(average.beauty, expected(PASSES).beauty, "{lie}");
+        let progress = coordinator.farm.progress();
+        let views = progress.workers_seen.iter();
+        let out: Vec<_> = views.filter(|view| view.state == WorkerState::ShutOut).collect();
+        assert_eq!(out.len(), 1, "{lie}");
+        assert_eq!(out[0].name, "liar");
+    }
+}

@@ -1,8 +1,12 @@
 //! The page in a browser that people have: Chromium without a window, over its DevTools protocol.
 
-use crate::harness::{Coordinator, RawWorker, film, leaf, spec};
+use crate::harness::{Coordinator, RawWorker, film, free_port, leaf, spec};
 use base64::Engine;
+use beamfarm_coordinator::Timing;
+use beamfarm_coordinator::limits::Limits;
+use beamfarm_coordinator::security::Security;
 use beamfarm_image::exr::encode_block;
+use beamfarm_proto::Token;
 use serde_json::{Value, json};
 use std::ffi::OsString;
 use std::io::{BufRead, BufReader};
@@ -272,6 +276,30 @@ async fn the_image_changes_and_the_numbers_move() {
         page.evaluate("document.querySelectorAll('#curve circle').length > 1"),
         json!(true)
     );
+    assert_eq!(page.evaluate("window.wrongs"), json!([]));
+}
+
+/// The link that `render` prints: its token stands where no server and no log sees it.
+#[tokio::test(flavor = "multi_thread")]
+#[cfg_attr(not(has_chromium), ignore = "no Chromium when this was built")]
+async fn a_link_opens_the_page() {
+    const TOKEN: &str = "a-token-of-the-job";
+    let security = Security {
+        token: Some(Token::parse(TOKEN).unwrap()),
+        ..Security::default()
+    };
+    let doors = (security, Limits::default());
+    let timing = Timing::default();
+    let coordinator = Coordinator::start_behind(free_port(), spec(6), timing, doors).await;
+    let url = coordinator.url();
+    let mut page = Browser::open(&format!("{url}/enter#wrong-token-of-a-job"));
+    page.wait_for("document.body?.innerText.includes('opens nothing any more') ?? false");
+    let mut page = Browser::open(&format!("{url}/enter#{TOKEN}"));
+    page.wait_for("document.getElementById('state')?.innerText.includes('0 of 6 passes') ?? false");
+    // What belongs to it comes as well, the news among it.
+    coordinator.farm.pause(true);
+    page.wait_for("document.getElementById('state').innerText.includes('Paused')");
+    assert_eq!(page.evaluate("location.href"), json!(format!("{url}/")));
     assert_eq!(page.evaluate("window.wrongs"), json!([]));
 }
 

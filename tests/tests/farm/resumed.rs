@@ -1,13 +1,16 @@
 //! Blocks that were accepted after the last checkpoint, and are rendered again when the job is resumed.
 
-use crate::harness::{Coordinator, LONG, RawWorker, free_port, node, spec};
+use crate::harness::{Coordinator, LONG, RawWorker, canary, encode, free_port, node, spec};
+use beamfarm_coordinator::store::{Folder, Keeper, Looks, Resumed};
 use beamfarm_coordinator::{DoneBlock, End, Entry, EntryState, EventKind, Start, Timing};
 use beamfarm_image::exr::node_hash;
 use beamfarm_image::job::Block;
 use beamfarm_image::merge::TreeSum;
-use beamfarm_proto::Grant;
+use beamfarm_proto::{Grant, VERSION, wire};
+use std::path::Path;
 use std::time::Duration;
 use tokio::sync::mpsc::{UnboundedReceiver, unbounded_channel};
+use tonic::Code;
 
 const PASSES: u64 = 20;
 /// More than one pass.
@@ -102,4 +105,78 @@ async fn other_bits_than_before_are_told_and_decided() {
         }
         assert!(coordinator.farm.average() == sum.average());
     }
+}
+
+/// A coordinator of the job in this folder, as `serve` starts it.
+async fn start_in(folder: &Path) -> (Coordinator, Keeper) {
+    let mut spec = spec(PASSES);
+    let (folder, resumed) = Folder::open(folder, &mut spec, Looks::default(), true).unwrap();
+    let (sender, entries) = unbounded_channel();
+    let mut start = Start {
+        entries: Some(sender),
+        sum: Some(folder.shape().empty_sum()),
+        ..Start::default()
+    };
+    if let Some(Resumed {
+        checkpoint,
+        done,
+        convicted,
+    }) = resumed
+    {
+        (start.sum, start.done, start.convicted) = (Some(checkpoint.sum), done, convicted);
+    }
+    let timing = Timing {
+        heartbeat: Duration::from_millis(50),
+        lease: LONG,
+    };
+    let coordinator = Coordinator::resume_on(free_port(), spec, timing, start).await;
+    let keeper = Keeper::start(folder, coordinator.farm.clone(), entries).unwrap();
+    (coordinator, keeper)
+}
+
+async fn may_register(coordinator: &Coordinator, name: &str) -> Result<(), Code> {
+    let request = wire::RegisterRequest {
+        version: VERSION.into(),
+        name: name.into(),
+        threads: 1,
+        canary: canary(),
+        ..Default::default()
+    };
+    let registered = coordinator.connect().await.register(request).await;
+    registered.map(drop).map_err(|status| status.code())
+}
+
+#[tokio::test]
+async fn a_liar_stays_out_after_a_restart() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.job");
+    let (coordinator, keeper) = start_in(&path).await;
+    let [liar, honest] = [
+        RawWorker::named(&coordinator, "liar").await,
+        RawWorker::named(&coordinator, "honest").await,
+    ];
+    let leased = honest.lease().await;
+    honest.deliver(leased).await.unwrap();
+    // Two pictures of one pass.
+    let leased = liar.lease().await;
+    liar.deliver(leased).await.unwrap();
+    let mut other = node(leased.1);
+    other.sum.pixels[0][0] += 1.0;
+    let bytes = encode(&other, &liar.meta(leased.1));
+    let refused = liar.submit(leased, bytes).await.unwrap_err();
+    assert_eq!(refused.code(), Code::PermissionDenied);
+    coordinator.farm.stop();
+    tokio::task::spawn_blocking(|| keeper.finish().1.unwrap())
+        .await
+        .unwrap();
+    drop(coordinator);
+    let (coordinator, keeper) = start_in(&path).await;
+    assert_eq!(may_register(&coordinator, "liar").await, Err(Code::PermissionDenied));
+    assert_eq!(may_register(&coordinator, "honest").await, Ok(()));
+    let rest = work(&coordinator, "honest").await;
+    assert!(rest.contains(&leased.1));
+    assert_eq!(coordinator.ended().await, End::Complete);
+    tokio::task::spawn_blocking(|| keeper.finish().1.unwrap())
+        .await
+        .unwrap();
 }

@@ -178,7 +178,8 @@ async fn tls_needs_an_authority_that_both_believe() {
         authority: None,
         ..trust(&authority)
     };
-    assert_ne!(register(&coordinator.url(), &plain).await, Code::Ok);
+    let unheard = work(coordinator.url(), plain).await.unwrap_err().to_string();
+    assert!(unheard.contains("expect https://"), "{unheard}");
     let nameless = Credentials {
         token: None,
         ..trust(&authority)
@@ -212,7 +213,8 @@ async fn mutual_tls_asks_for_a_certificate() {
         Some(Identity::from_pem(certificate, key))
     };
     for wrong in [None, identity(&Authority::new()), identity(&servers)] {
-        assert_ne!(register(&url, &show(wrong)).await, Code::Ok);
+        let unheard = work(url.clone(), show(wrong)).await.unwrap_err().to_string();
+        assert!(unheard.contains("--tls-cert"), "{unheard}");
     }
     assert_eq!(coordinator.farm.progress().registered, 0);
     work(url, show(identity(&clients))).await.unwrap();

@@ -5,6 +5,7 @@ use beamfarm_image::error::ImageError;
 use beamfarm_scene::SceneError;
 use beamfarm_worker::complain;
 use beamfarm_worker::exit;
+use beamfarm_worker::security::with_hint;
 use std::fmt::Display;
 use std::process::ExitCode;
 
@@ -39,6 +40,13 @@ impl Failure {
     }
     fn new(code: u8, message: String) -> Self {
         Self { code, message }
+    }
+    /// What else may be wrong, of a coordinator at this address that cannot be reached.
+    pub fn with_hint(self, url: &str) -> Self {
+        match self.code {
+            exit::UNREACHABLE => Self::new(self.code, with_hint(url, self.message)),
+            _ => self,
+        }
     }
     pub fn report(self) -> ExitCode {
         complain!("{}", self.message);

@@ -1,6 +1,7 @@
 //! Worker processes on this machine.
 
 use beamfarm_coordinator::Farm;
+use beamfarm_proto::{TOKEN_VARIABLE, Token};
 use beamfarm_worker::cli::LogFormat;
 use std::path::PathBuf;
 use std::process::{ExitStatus, Stdio};
@@ -43,8 +44,9 @@ pub fn split(workers: Option<usize>, threads: Option<usize>, cores: usize) -> (u
 pub struct Crew {
     pub workers: usize,
     pub threads: usize,
-    /// The coordinator's address.
+    /// The coordinator's address, and what opens it.
     pub url: String,
+    pub token: Token,
     /// Filter of the workers' logs.
     pub log: String,
     /// Form of the workers' logs.
@@ -119,11 +121,10 @@ async fn keep(place: usize, crew: Crew, program: PathBuf, farm: Arc<Farm>, death
 }
 
 /// What may be set for coordinators elsewhere.
-const ELSEWHERE: [&str; 5] = [
+const ELSEWHERE: [&str; 4] = [
     "BEAMFARM_TLS_CA",
     "BEAMFARM_TLS_CERT",
     "BEAMFARM_TLS_KEY",
-    "BEAMFARM_TOKEN",
     "BEAMFARM_TOKEN_FILE",
 ];
 
@@ -137,6 +138,8 @@ fn start(place: usize, crew: &Crew, program: &PathBuf) -> std::io::Result<Child>
         command.env_remove(variable);
     }
     command
+        // Only this user can read the environment of a process.
+        .env(TOKEN_VARIABLE, crew.token.reveal())
         .args(["worker", "--connect", &crew.url])
         .args(["--threads", &crew.threads.to_string()])
         .args(["--name", &name(place)])

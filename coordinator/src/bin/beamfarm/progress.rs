@@ -49,7 +49,7 @@ pub async fn show(watch: Arc<Watch>) {
     loop {
         ticks.tick().await;
         let progress = watch.farm().progress();
-        let elapsed = watch.elapsed();
+        let elapsed = watch.worked();
         let fraction = watch.fraction(&progress);
         let remaining = watch.remaining(&progress);
         let relative_error = error.update(&watch).await;
@@ -61,8 +61,9 @@ pub async fn show(watch: Arc<Watch>) {
             }
             None => {
                 // A server may wait for workers for days.
-                let news =
-                    printed.is_none_or(|(then, prefix)| prefix != progress.prefix || elapsed - then >= WITHOUT_NEWS);
+                let news = printed.is_none_or(|(then, prefix)| {
+                    prefix != progress.prefix || elapsed.saturating_sub(then) >= WITHOUT_NEWS
+                });
                 if elapsed >= LINE && news {
                     say!("{line}");
                     printed = Some((elapsed, progress.prefix));

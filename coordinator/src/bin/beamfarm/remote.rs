@@ -4,6 +4,7 @@ use crate::failure::Failure;
 use beamfarm_proto::wire::control_client::ControlClient;
 use beamfarm_worker::security::{Link, SecurityArgs};
 use clap::Args;
+use std::error::Error;
 use std::time::Duration;
 use tokio::time::timeout;
 use tonic::{Code, Status};
@@ -44,7 +45,8 @@ impl RemoteArgs {
             let link = credentials.link(&url).map_err(wrong)?;
             let control = ControlClient::new(link).max_decoding_message_size(MESSAGE_BYTES);
             let late = |_| Failure::unreachable(format!("{url} does not answer"));
-            timeout(ANSWER, ask(control)).await.map_err(late)?
+            let answered = timeout(ANSWER, ask(control)).await.map_err(late)?;
+            answered.map_err(|failure| failure.with_hint(&url))
         })
     }
 }
@@ -54,13 +56,17 @@ pub fn failed(status: Status) -> Failure {
     let message = status.message();
     match status.code() {
         Code::InvalidArgument => Failure::usage(message),
-        Code::Unavailable | Code::DeadlineExceeded | Code::Cancelled | Code::Unknown => {
-            Failure::unreachable(format!("cannot reach the coordinator: {}", reason(&status)))
-        }
+        // What the connection says, and not the coordinator, has a cause.
+        Code::Unavailable | Code::DeadlineExceeded | Code::Cancelled | Code::Unknown => unreachable(&status),
+        Code::Internal if status.source().is_some() => unreachable(&status),
         Code::Unimplemented => Failure::io("this coordinator is of another version"),
         Code::Unauthenticated | Code::PermissionDenied => Failure::refused(message),
         _ => Failure::io(message),
     }
+}
+
+fn unreachable(status: &Status) -> Failure {
+    Failure::unreachable(format!("cannot reach the coordinator: {}", reason(status)))
 }
 
 /// The innermost of a status's causes: those around it say no more than "transport error".

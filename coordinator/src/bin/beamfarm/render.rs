@@ -5,10 +5,13 @@ use crate::directory::prepare;
 use crate::failure::Failure;
 use crate::job::JobArgs;
 use crate::local::{self, Crew};
-use beamfarm_coordinator::{Farm, Timing};
-use beamfarm_worker::cli::LogArgs;
-use beamfarm_worker::say;
+use beamfarm_coordinator::security::{ENTER, Security};
+use beamfarm_coordinator::{Entrance, Farm, Timing};
+use beamfarm_proto::Token;
+use beamfarm_worker::cli::{LogArgs, LogFormat};
+use beamfarm_worker::{complain, say};
 use clap::Args;
+use std::io::IsTerminal;
 use std::net::Ipv4Addr;
 use tokio::net::TcpListener;
 
@@ -36,6 +39,15 @@ pub struct RenderArgs {
     threads: Option<u16>,
 }
 
+/// Say where the job can be watched: to people with what opens it, but not where it would stay in a file.
+fn tell_page(crew: &Crew) {
+    let Crew { url, token, .. } = crew;
+    match std::io::stderr().is_terminal() {
+        true => complain!("page: {url}{ENTER}#{}", token.reveal()),
+        false => complain!("page: {url}/"),
+    }
+}
+
 pub fn main(args: RenderArgs, log: &LogArgs) -> Result<(), Failure> {
     let loaded = args.job.settings.load()?;
     let exposure = args.job.exposure(&loaded)?;
@@ -47,6 +59,11 @@ pub fn main(args: RenderArgs, log: &LogArgs) -> Result<(), Failure> {
         false => loaded.announce(),
     };
     let mut spec = args.job.spec(loaded)?;
+    // Other users of this machine reach the port as well.
+    let token = match Token::read(None).map_err(Failure::usage)? {
+        Some(token) => token,
+        None => Token::random().map_err(Failure::io)?,
+    };
     let (directory, start) = prepare(&args.job, &mut spec, &output, exposure, false)?;
     let runtime = tokio::runtime::Runtime::new().map_err(Failure::io)?;
     runtime.block_on(async {
@@ -59,11 +76,22 @@ pub fn main(args: RenderArgs, log: &LogArgs) -> Result<(), Failure> {
             workers,
             threads,
             url: format!("http://{address}"),
+            token: token.clone(),
             log: log.log.as_deref().unwrap_or("warn").to_owned(),
             log_format: log.log_format,
         };
+        if !args.job.quiet && log.log_format == LogFormat::Text {
+            tell_page(&crew);
+        }
         let crew = local::run(crew, farm.clone());
-        conduct(&args.job, &output, exposure, farm, directory, listener, crew).await
+        let entrance = Entrance {
+            security: Security {
+                token: Some(token),
+                ..Security::default()
+            },
+            ..Entrance::from(listener)
+        };
+        conduct(&args.job, &output, exposure, farm, directory, entrance, crew).await
     })?;
     for part in left_out {
         say!("left out: {part}");

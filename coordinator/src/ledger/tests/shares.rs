@@ -310,3 +310,54 @@ fn a_range_of_passes_begins_where_it_should() {
     }
     assert!(ledger.is_complete());
 }
+
+/// Of a worker that says that it lives, and renders no further pass.
+#[test]
+fn a_block_that_does_not_get_on_ends() {
+    let (mut ledger, worker) = busy(64, 1024);
+    ledger.set_intake(10.0);
+    let (lease, block) = block_of(ledger.lease(worker, at(64)));
+    assert_eq!(block.len(), 32);
+    // One that waits for the one before is not begun.
+    for now in (64..64 + 900).step_by(20) {
+        ledger.beat(worker, [(lease, 0)], at(now)).unwrap();
+        assert_eq!(ledger.expire(at(now)), 0, "{now}");
+    }
+    let (lease, _) = {
+        ledger.lost(worker);
+        block_of(ledger.lease(worker, at(1000)))
+    };
+    for (now, rendered) in [(1001, 1), (1030, 2), (1050, 2), (1061, 2)] {
+        ledger.beat(worker, [(lease, rendered)], at(now)).unwrap();
+        assert_eq!(ledger.expire(at(now)), 0, "{now}");
+    }
+    // 32 times the usual second after the last that was new.
+    assert_eq!(ledger.expire(at(1062)), 1);
+}
+
+#[test]
+fn workers_that_did_nothing_are_forgotten_when_there_are_too_many() {
+    let (mut ledger, busy) = busy(4, 64);
+    let mut number = 0;
+    let mut crowd = |ledger: &mut Ledger, now| {
+        let mut names = std::iter::repeat_with(|| {
+            number += 1;
+            format!("stranger {number}")
+        });
+        let registered = names.by_ref().map(|name| {
+            let room = ledger.has_room(now);
+            room.then(|| ledger.register(&name, 1, CANARY, now).unwrap())
+        });
+        registered.map_while(|worker| worker).last().unwrap()
+    };
+    let last = crowd(&mut ledger, at(5));
+    // Those that are there are not.
+    assert!(!ledger.has_room(at(6)) && ledger.knows(last) && ledger.knows(busy));
+    let (_, block) = block_of(ledger.lease(last, at(30)));
+    let later = crowd(&mut ledger, at(50));
+    assert!(ledger.knows(last) && ledger.knows(busy) && ledger.knows(later));
+    assert!(!ledger.knows(WorkerId(last.0 - 1)));
+    assert_eq!(block.start(), 4);
+    // A status has so many at most.
+    assert!(ledger.views(at(51)).len() < 5000);
+}

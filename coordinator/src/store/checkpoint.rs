@@ -2,6 +2,7 @@
 //!
 //! A header (magic, format, length of the rest, BLAKE3 of the rest), then the rest; all numbers little-endian.
 
+use super::Description;
 use crate::farm::Snapshot;
 use beamfarm_image::bias::RadiusSums;
 use beamfarm_image::film::Film;
@@ -52,6 +53,17 @@ pub struct Shape {
 }
 
 impl Shape {
+    /// Of this job.
+    pub(super) fn of(description: &Description) -> Self {
+        Self {
+            width: description.width,
+            height: description.height,
+            layers: description.layers.len(),
+            first_pass: description.first_pass,
+            digest: description.digest(),
+        }
+    }
+
     /// The sum of no passes.
     pub fn empty_sum(&self) -> TreeSum {
         let sum = TreeSum::new(self.width, self.height).with_layers(self.layers);

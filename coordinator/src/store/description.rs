@@ -5,6 +5,7 @@ use beamfarm_image::job::{Finder, Finders, JobSettings, ScheduleKind};
 use beamfarm_image::layer::Layer;
 use beamfarm_proto::{FileHash, VERSION};
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeSet;
 use std::path::Path;
 
 /// Of job.json, ledger.jsonl and report.json.
@@ -55,6 +56,9 @@ pub struct Description {
     pub first_pass: u64,
     /// First pass that is not to be rendered; `None`: no limit.
     pub passes: Option<u64>,
+    /// What the scene said of it when nobody else did.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) scene_passes: Option<u64>,
     /// Exposure of the PNG in stops.
     pub exposure: f32,
     /// Whether the image gets its standard error.
@@ -115,6 +119,7 @@ impl Description {
             layers: spec.layers.iter().map(Layer::to_string).collect(),
             first_pass: spec.first_pass,
             passes: (spec.passes < beamfarm_image::job::MAX_PASSES).then_some(spec.passes),
+            scene_passes: None,
             exposure: looks.exposure,
             standard_error: looks.standard_error,
             drops_photons: looks.drops_photons,
@@ -156,7 +161,6 @@ impl Description {
         let fields = |job: &Self| {
             [
                 ("program version", job.version.clone()),
-                ("scene", job.scene.clone()),
                 ("seed", job.seed.to_string()),
                 ("alpha", job.alpha.clone()),
                 ("schedule", job.schedule.to_string()),
@@ -172,10 +176,35 @@ impl Description {
             ]
         };
         let pairs = fields(self).into_iter().zip(fields(other));
-        pairs
-            .filter(|((_, mine), (_, theirs))| mine != theirs)
-            .map(|((name, mine), (_, theirs))| format!("{name} {mine} there, {theirs} here"))
-            .collect()
+        let different = pairs.filter(|((_, mine), (_, theirs))| mine != theirs);
+        let different = different.map(|((name, mine), (_, theirs))| format!("{name} {mine} there, {theirs} here"));
+        self.scene_differences(other).into_iter().chain(different).collect()
+    }
+
+    /// Files in which the scenes differ; where it is the scene file, what it says is for others to compare.
+    fn scene_differences(&self, other: &Self) -> Vec<String> {
+        if self.scene == other.scene {
+            return Vec::new();
+        }
+        let find = |job: &Self, path: &str| job.files.iter().find(|file| file.path == path).cloned();
+        let paths: BTreeSet<&String> = self.files.iter().chain(&other.files).map(|file| &file.path).collect();
+        let of_scene = |path: &str| path == self.scene_file || path == other.scene_file;
+        let paths = paths.into_iter().filter(|path| !of_scene(path));
+        let different = paths.filter(|path| find(self, path) != find(other, path));
+        let words = different.map(|path| match (find(self, path), find(other, path)) {
+            (Some(_), Some(_)) => format!("another {path} there than here"),
+            (Some(_), None) => format!("{path} there and not here"),
+            _ => format!("{path} here and not there"),
+        });
+        let scene = format!("scene {} there, {} here", self.scene, other.scene);
+        std::iter::once(scene).chain(words).collect()
+    }
+
+    /// Hash of the scene file.
+    pub(super) fn scene_hash(&self) -> Option<&str> {
+        let mut files = self.files.iter();
+        let file = files.find(|file| file.path == self.scene_file);
+        file.map(|file| &*file.hash)
     }
 
     /// Hash of all that [`Self::differences`] looks at, and of the first pass.

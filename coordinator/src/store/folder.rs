@@ -50,16 +50,24 @@ pub struct Resumed {
     pub convicted: Vec<String>,
 }
 
+/// What somebody asks of a directory.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Asked {
+    /// For a number of passes, or for another end. If not, that of the directory counts, if it has one, and the job's is
+    /// changed.
+    pub limit: bool,
+    /// To forget what it holds.
+    pub restart: bool,
+}
+
 impl Folder {
-    /// The directory of this job: a new one, or one that holds the same job, with what it has reached.
-    ///
-    /// `limit_asked`: whether someone asked for the number of passes, or for another end. If not, that of the directory
-    /// counts, if it has one, and `spec` is changed.
+    /// The directory of this job: a new one, or one that holds the same job, with what it has reached. One that holds
+    /// another job and no passes of it becomes a new one.
     pub fn open(
         path: &Path,
         spec: &mut JobSpec,
         looks: Looks,
-        limit_asked: bool,
+        asked: Asked,
     ) -> Result<(Self, Option<Resumed>), StoreError> {
         create_private(path).map_err(StoreError::io(path))?;
         match read_description(path) {
@@ -68,33 +76,52 @@ impl Folder {
             Err(error) => return Err(error),
         }
         let lock = lock(path)?;
+        let mut description = Description::new(spec, looks);
+        description.scene_passes = (!asked.limit).then_some(spec.passes);
         // Only now: another coordinator may have been at work until a moment ago.
         let known = match read_description(path) {
             Ok(known) => known,
             Err(StoreError::Missing(_)) => {
-                return Self::create(path, spec, looks, lock).map(|folder| (folder, None));
+                return Self::create(path, spec, description, lock).map(|folder| (folder, None));
             }
             Err(error) => return Err(error),
         };
-        let description = Description::new(spec, looks);
         let mut differences = known.differences(&description);
         if known.first_pass != description.first_pass {
             let (there, here) = (known.first_pass, description.first_pass);
             differences.push(format!("first pass {there} there, {here} here"));
         }
-        if !differences.is_empty() {
-            return Err(StoreError::Different {
-                path: path.to_owned(),
-                differences: differences.join("; "),
-            });
+        if asked.restart || !differences.is_empty() {
+            let has_passes = match newest_checkpoint(path, &Shape::of(&known))? {
+                Some(checkpoint) => checkpoint.sum.passes() > 0,
+                // What cannot be read may still be worth something to somebody.
+                None => CHECKPOINTS.iter().any(|name| path.join(name).exists()),
+            };
+            if has_passes && !asked.restart {
+                return Err(StoreError::Different {
+                    path: path.to_owned(),
+                    differences: differences.join("; "),
+                    scene: (known.scene != description.scene)
+                        .then(|| read_scene(path, &known))
+                        .flatten(),
+                });
+            }
+            clear(path).map_err(StoreError::io(path))?;
+            return Self::create(path, spec, description, lock).map(|folder| (folder, None));
         }
+        let scenes = description.scene_passes;
         let (mut folder, checkpoint) = Self::with(path, description, lock)?;
         let held = checkpoint.as_ref().and_then(|c| c.sum.nodes().last());
         let held = held.map_or(0, |node| node.block.passes().end);
-        if !limit_asked {
-            // A job without a limit was ended by something else, which nobody asks for now.
-            spec.passes = known.passes.unwrap_or(spec.passes.max(held));
-            folder.description.passes = known.passes;
+        if !asked.limit {
+            // A job without a limit was ended by something else, which nobody asks for now. The scene's own number
+            // counts again when it was changed.
+            let is_news = known.scene_passes.is_some_and(|before| scenes != Some(before));
+            spec.passes = match known.passes {
+                Some(passes) if !is_news => passes,
+                _ => spec.passes.max(held),
+            };
+            folder.description.passes = known.passes.map(|_| spec.passes);
         }
         if held > spec.passes {
             return Err(StoreError::Different {
@@ -103,10 +130,12 @@ impl Folder {
                     "passes up to {held} there, {} here; the number of passes can be raised, not lowered",
                     spec.passes
                 ),
+                scene: None,
             });
         }
         write_bundle(path, &spec.bundle)?;
-        if folder.description.passes != known.passes {
+        folder.description.scene_passes = scenes.or(known.scene_passes);
+        if (folder.description.passes, folder.description.scene_passes) != (known.passes, known.scene_passes) {
             folder.write_description()?;
         }
         let done = folder.lines.done();
@@ -137,10 +166,10 @@ impl Folder {
         Ok((folder.description, checkpoint))
     }
 
-    fn create(path: &Path, spec: &JobSpec, looks: Looks, lock: File) -> Result<Self, StoreError> {
+    fn create(path: &Path, spec: &JobSpec, description: Description, lock: File) -> Result<Self, StoreError> {
         sync_parent(path)?;
         write_bundle(path, &spec.bundle)?;
-        let (folder, _) = Self::with(path, Description::new(spec, looks), lock)?;
+        let (folder, _) = Self::with(path, description, lock)?;
         // Last: what has a job.json has all the rest.
         folder.write_description()?;
         Ok(folder)
@@ -151,13 +180,7 @@ impl Folder {
         description: Description,
         lock: File,
     ) -> Result<(Self, Option<Checkpoint>), StoreError> {
-        let shape = Shape {
-            width: description.width,
-            height: description.height,
-            layers: description.layers.len(),
-            first_pass: description.first_pass,
-            digest: description.digest(),
-        };
+        let shape = Shape::of(&description);
         clean(path);
         let ledger = path.join(LEDGER);
         let lines = Lines::open(&ledger, description.seed)?;
@@ -322,6 +345,26 @@ pub(super) fn lock(path: &Path) -> Result<File, StoreError> {
             Ok(file)
         }
         Err(TryLockError::Error(error)) => Err(StoreError::io(&name)(error)),
+    }
+}
+
+/// The text of the scene file that a directory holds.
+fn read_scene(path: &Path, description: &Description) -> Option<String> {
+    let file = path.join(SCENE).join(description.scene_hash()?);
+    fs::read_to_string(file).ok()
+}
+
+/// Forget all that was reached. What is left when that is broken off is a job without passes.
+fn clear(path: &Path) -> io::Result<()> {
+    for name in CHECKPOINTS.into_iter().chain([REPORT, LEDGER, JOB]) {
+        match fs::remove_file(path.join(name)) {
+            Err(error) if error.kind() != ErrorKind::NotFound => return Err(error),
+            _ => {}
+        }
+    }
+    match fs::remove_dir_all(path.join(SCENE)) {
+        Err(error) if error.kind() != ErrorKind::NotFound => Err(error),
+        _ => Ok(()),
     }
 }
 

@@ -22,7 +22,7 @@ mod report;
 
 pub use checkpoint::{Checkpoint, Shape};
 pub use description::{Description, Looks};
-pub use folder::{Folder, Resumed};
+pub use folder::{Asked, Folder, Resumed};
 pub use keeper::Keeper;
 pub use report::{BiasReport, FirefliesReport, PartBiasReport, Report, Stopped};
 
@@ -63,8 +63,10 @@ pub enum StoreError {
     Different {
         /// The directory.
         path: PathBuf,
-        /// What differs.
+        /// What differs, but for the scene.
         differences: String,
+        /// The scene file there, if it is another one.
+        scene: Option<String>,
     },
 }
 

@@ -1,9 +1,11 @@
 //! What other users of the machine, and those without the token, may see and do.
 #![cfg(unix)]
 
-use crate::setup::{Process, beamfarm, fail, folder_with, run, scene, spawn, succeed, text};
+use crate::setup::{Process, beamfarm, fail, folder_with, run, scene, spawn, succeed, text, wait_until};
+use std::net::TcpStream;
 use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
+use std::process::{Command, Stdio};
 
 const TOKEN: &str = "a-token-of-this-test";
 
@@ -81,4 +83,30 @@ fn secrets_that_others_read_and_tokens_that_are_none_are_told() {
     assert!(log.contains("the last from 127.0.0.1") && !log.contains(TOKEN), "{log}");
     let status = succeed(folder, &["status", &url, "--token-file", "token"]);
     assert!(status.contains("running"), "{status}");
+}
+
+/// Strangers take connections, but not the files that the coordinator needs.
+#[test]
+fn strangers_take_no_files_away() {
+    let folder = folder_with(&scene([16, 12], 100_000, 200));
+    let folder = folder.path();
+    let program = env!("CARGO_BIN_EXE_beamfarm");
+    let mut command = Command::new("sh");
+    let serve = format!("ulimit -n 140; exec {program} serve scene.toml --listen 127.0.0.1:0");
+    command.current_dir(folder).args(["-c", &serve]);
+    command.stdout(Stdio::piped()).stderr(Stdio::piped());
+    let mut server = spawn(command);
+    let url = server.out.wait_for("listening on ");
+    let address = url.trim_start_matches("http://").trim_end_matches('/');
+    let _idle: Vec<TcpStream> = (0..200).map(|_| TcpStream::connect(address).unwrap()).collect();
+    let _worker = spawn(beamfarm(folder, &["worker", "--connect", &url, "--threads", "1"]));
+    wait_until("a checkpoint", || {
+        match folder.join("scene.job/checkpoint-1").exists() {
+            true => Ok(()),
+            false => Err(server.log.so_far().to_owned()),
+        }
+    });
+    assert!(succeed(folder, &["write", &url]).starts_with("wrote scene.exr"));
+    let log = server.log.so_far();
+    assert!(!log.contains("too many open files"), "{log}");
 }

@@ -6,6 +6,7 @@ mod access;
 mod bench;
 #[cfg(unix)]
 mod chaos;
+mod edits;
 mod logs;
 mod runs;
 mod scenes;

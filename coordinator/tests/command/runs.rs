@@ -479,7 +479,11 @@ fn mitsuba_scenes_that_cannot_be_used() {
             "not used",
         ),
         (&["render", "room.xml", "-D", "x"], "NAME=VALUE"),
-        (&["render", "scene.toml", "-D", "x=1"], ".xml"),
+        (&["render", "scene.toml", "-D", "x=1"], "unknown field `x`"),
+        (
+            &["render", "scene.toml", "-D", "lights.1.power=1"],
+            "there are 1, numbered from 0",
+        ),
         (&["explain", "scene.toml", "--skip-unsupported"], ".xml"),
         (&["convert", "scene.toml", "other.toml"], ".xml"),
         (&["convert", "room.xml", "other.exr"], ".toml"),

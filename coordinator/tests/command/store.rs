@@ -121,7 +121,7 @@ fn a_finished_job_can_have_more_passes() {
     );
     assert_eq!(code, 2);
     assert!(
-        stderr.contains("seed 0 there, 5 here; layers none there, depth here"),
+        stderr.contains("seed 0 there, 5 here\n  layers none there, depth here\n--restart"),
         "{stderr}"
     );
     let (code, stderr) = fail(path, &["render", "scene.toml", "--resume"]);

@@ -47,7 +47,9 @@
 
 mod assemble;
 mod assets;
+mod edits;
 mod error;
+mod meaning;
 mod mitsuba;
 mod parse;
 mod source;
@@ -58,7 +60,9 @@ use assemble::{Assembled, Problem};
 use assets::gltf;
 use beamfarm_image::bundle::{self, Bundle};
 use beamfarm_render::world::SceneDescription;
+pub use edits::Edits;
 pub use error::SceneError;
+pub use meaning::differences;
 pub use mitsuba::{ImportOptions, Imported, Origin, import};
 use parse::{Fault, SceneRecord};
 use std::collections::BTreeMap;
@@ -129,7 +133,10 @@ impl SceneFile {
             .ok_or_else(|| unreadable("the file's name is not UTF-8".to_string()))?;
         if !is_mitsuba(path) {
             let folder = path.parent().unwrap_or(Path::new(""));
-            let bytes = read_file(path, bundle::MAX_BYTES).map_err(unreadable)?;
+            let mut bytes = read_file(path, bundle::MAX_BYTES).map_err(unreadable)?;
+            if let Some(edited) = options.edits.apply(path, text_of(path, &bytes)?)? {
+                bytes = edited.into_bytes();
+            }
             let bundle = with_assets(name.to_string(), bytes, path, folder)?;
             return Ok(Self {
                 bundle,
@@ -139,7 +146,10 @@ impl SceneFile {
                 origin: None,
             });
         }
-        let imported = import(path, folder, options)?;
+        let mut imported = import(path, folder, options)?;
+        if let Some(edited) = options.edits.apply(path, &imported.text)? {
+            imported.text = edited;
+        }
         let origin = imported.origin().clone();
         let native = Path::new(name).with_extension("toml");
         let native = native.to_string_lossy().into_owned();
@@ -152,6 +162,20 @@ impl SceneFile {
             folder: folder.to_path_buf(),
             origin: Some(origin),
         })
+    }
+
+    /// The bundle that all files of the same meaning have: comments, white space, the order of keys, the number of
+    /// passes, exposure and the file's own name are left out.
+    pub fn canonical_bundle(mut self) -> Bundle {
+        let text = std::str::from_utf8(self.text()).ok();
+        let text = text.and_then(meaning::canonical);
+        let free = self.bundle.scene == CANONICAL_NAME || !self.bundle.files.contains_key(CANONICAL_NAME);
+        if let Some(text) = text.filter(|_| free) {
+            self.bundle.files.remove(&self.bundle.scene);
+            self.bundle.scene = CANONICAL_NAME.into();
+            self.bundle.files.insert(CANONICAL_NAME.into(), text.into_bytes());
+        }
+        self.bundle
     }
 
     /// The native scene file's text.
@@ -170,6 +194,9 @@ impl SceneFile {
         })
     }
 }
+
+/// The scene file of bundles in which only its meaning counts.
+const CANONICAL_NAME: &str = "scene.toml";
 
 /// Whether a scene file is Mitsuba's, by its name.
 pub fn is_mitsuba(path: &Path) -> bool {

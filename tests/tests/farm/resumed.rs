@@ -1,7 +1,7 @@
 //! Blocks that were accepted after the last checkpoint, and are rendered again when the job is resumed.
 
 use crate::harness::{Coordinator, LONG, RawWorker, canary, encode, free_port, node, spec};
-use beamfarm_coordinator::store::{Folder, Keeper, Looks, Resumed};
+use beamfarm_coordinator::store::{Asked, Folder, Keeper, Looks, Resumed};
 use beamfarm_coordinator::{DoneBlock, End, Entry, EntryState, EventKind, Start, Timing};
 use beamfarm_image::exr::node_hash;
 use beamfarm_image::job::Block;
@@ -110,7 +110,7 @@ async fn other_bits_than_before_are_told_and_decided() {
 /// A coordinator of the job in this folder, as `serve` starts it.
 async fn start_in(folder: &Path) -> (Coordinator, Keeper) {
     let mut spec = spec(PASSES);
-    let (folder, resumed) = Folder::open(folder, &mut spec, Looks::default(), true).unwrap();
+    let (folder, resumed) = Folder::open(folder, &mut spec, Looks::default(), Asked::default()).unwrap();
     let (sender, entries) = unbounded_channel();
     let mut start = Start {
         entries: Some(sender),

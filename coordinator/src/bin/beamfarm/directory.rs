@@ -3,13 +3,16 @@
 use crate::failure::Failure;
 use crate::job::JobArgs;
 use crate::output::Output;
-use beamfarm_coordinator::store::{Folder, Looks, Resumed, StoreError};
+use beamfarm_coordinator::store::{Asked, Folder, Looks, Resumed, StoreError};
 use beamfarm_coordinator::{Entry, JobSpec, Start, Target};
 use beamfarm_image::merge::Errors;
 use beamfarm_worker::say;
 use std::path::PathBuf;
 use std::time::Duration;
 use tokio::sync::mpsc::{UnboundedReceiver, unbounded_channel};
+
+/// Fields of a scene that are named.
+const SHOWN: usize = 20;
 
 /// A job directory and what the farm will tell it.
 pub struct Directory {
@@ -49,8 +52,12 @@ pub fn prepare(
         standard_error: output.standard_error,
         drops_photons: output.drops_photons,
     };
-    let has_end = args.passes.is_some() || args.time.is_some() || args.target_error.is_some();
-    let (folder, resumed) = Folder::open(&path, spec, looks, has_end)?;
+    let asked = Asked {
+        limit: args.passes.is_some() || args.time.is_some() || args.target_error.is_some(),
+        restart: args.restart,
+    };
+    let opened = Folder::open(&path, spec, looks, asked);
+    let (folder, resumed) = opened.map_err(|error| explain(error, spec))?;
     let (sender, entries) = unbounded_channel();
     start.entries = Some(sender);
     if let Some(Resumed {
@@ -79,6 +86,37 @@ pub fn prepare(
         start.sum = Some(folder.shape().empty_sum());
     }
     Ok((Some(Directory { folder, entries }), start))
+}
+
+/// What a job folder and this job differ in, field by field, and what can be done about it.
+fn explain(error: StoreError, spec: &JobSpec) -> Failure {
+    let (path, differences, scene) = match error {
+        StoreError::Different {
+            path,
+            differences,
+            scene,
+        } => (path, differences, scene),
+        error => return error.into(),
+    };
+    let here = spec.bundle.files.get(&spec.bundle.scene);
+    let here = here.map(|bytes| String::from_utf8_lossy(bytes)).unwrap_or_default();
+    let fields = scene.map(|there| beamfarm_scene::differences(&there, &here));
+    let fields = fields.unwrap_or_default();
+    let more = fields.len().saturating_sub(SHOWN);
+    let mut lines: Vec<String> = fields.into_iter().take(SHOWN).collect();
+    lines.extend((more > 0).then(|| format!("and {more} more")));
+    // In place of the scene's hashes, and beside what is no field of it.
+    let others = differences
+        .split("; ")
+        .filter(|line| !line.starts_with("scene ") || lines.is_empty());
+    let others: Vec<String> = others.map(str::to_owned).collect();
+    lines.extend(others);
+    Failure::usage(format!(
+        "{} has passes of another picture:\n  {}\n--restart begins anew, and the image stays until there is a new one; \
+         with another -o or --job both can be had",
+        path.display(),
+        lines.join("\n  ")
+    ))
 }
 
 /// The image of a prefix that was passed by cannot be had any more.

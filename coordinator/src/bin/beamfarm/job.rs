@@ -13,7 +13,7 @@ use beamfarm_render::balance::Choice;
 use beamfarm_render::budget::Pilot;
 use beamfarm_render::world::Scene;
 use beamfarm_render::world::{RenderDefaults, SceneDescription};
-use beamfarm_scene::{ImportOptions, SceneFile, is_mitsuba};
+use beamfarm_scene::{Edits, ImportOptions, SceneFile, is_mitsuba};
 use beamfarm_worker::complain;
 use clap::{Args, ValueEnum};
 use std::path::{Path, PathBuf};
@@ -177,9 +177,9 @@ impl SettingsArgs {
         Ok(Loaded {
             layers,
             standard_error: aovs.contains(&Aov::Stderr),
-            bundle: file.bundle,
-            notes: file.notes.into_iter().chain(notes).collect(),
-            left_out: file.left_out,
+            notes: file.notes.iter().cloned().chain(notes).collect(),
+            left_out: file.left_out.clone(),
+            bundle: file.canonical_bundle(),
             description,
             defaults,
             settings,
@@ -232,12 +232,29 @@ pub fn announce(notes: &[String], left_out: &[String]) {
     }
 }
 
-/// How a Mitsuba scene is read.
+/// How a scene is read, and what is changed of it.
 #[derive(Args, Clone, Debug)]
 pub struct ImportArgs {
-    /// Value of a parameter that a Mitsuba scene writes as $NAME, in place of its default; may be repeated
+    /// Change a field of the scene: -D camera.fov=40, -D lights.0.power=100, -D materials.glass.ior=1.33. Of a Mitsuba
+    /// scene: the value of what it writes as $NAME. May be repeated
     #[arg(short = 'D', value_name = "NAME=VALUE", value_parser = parameter)]
     parameters: Vec<(String, String)>,
+
+    /// Size of the image against the scene's: 50%, or 0.5
+    #[arg(long, value_name = "S", value_parser = scale, conflicts_with_all = ["width", "height"])]
+    scale: Option<f64>,
+
+    /// Pixels a row; without --height the picture keeps its proportions [default: the scene's]
+    #[arg(long, value_name = "W", value_parser = clap::value_parser!(u32).range(1..))]
+    width: Option<u32>,
+
+    /// Rows of pixels; without --width the picture keeps its proportions [default: the scene's]
+    #[arg(long, value_name = "H", value_parser = clap::value_parser!(u32).range(1..))]
+    height: Option<u32>,
+
+    /// Render only this window of it: X,Y,W,H in pixels, from the upper left
+    #[arg(long, value_name = "X,Y,W,H", value_parser = crop)]
+    crop: Option<[u32; 4]>,
 
     /// Leave out the parts of a Mitsuba scene that are not supported, and say which, instead of failing
     #[arg(long)]
@@ -251,19 +268,47 @@ fn parameter(text: &str) -> Result<(String, String), String> {
     }
 }
 
+fn scale(text: &str) -> Result<f64, String> {
+    let number = match text.strip_suffix('%') {
+        Some(percent) => percent.trim_end().parse::<f64>().map(|n| n / 100.0),
+        None => text.parse(),
+    };
+    match number {
+        Ok(number) if number > 0.0 && number <= 1000.0 => Ok(number),
+        _ => Err("expected a percentage as in 50%, or a factor as in 0.5".into()),
+    }
+}
+
+fn crop(text: &str) -> Result<[u32; 4], String> {
+    let numbers: Result<Vec<u32>, _> = text.split(',').map(|number| number.trim().parse()).collect();
+    let window = numbers.ok().and_then(|numbers| <[u32; 4]>::try_from(numbers).ok());
+    let window = window.filter(|[_, _, width, height]| *width > 0 && *height > 0);
+    window.ok_or_else(|| "expected X,Y,W,H as in 100,50,320,240".into())
+}
+
 impl ImportArgs {
-    /// What the importer is told about a scene.
+    /// What the reader is told about a scene.
     pub fn options(&self, scene: &Path) -> Result<ImportOptions, Failure> {
-        if !is_mitsuba(scene) && (self.skip_unsupported || !self.parameters.is_empty()) {
-            let message = format!(
-                "{}: -D and --skip-unsupported are for Mitsuba scenes, whose names end in .xml",
-                scene.display()
-            );
+        let is_mitsuba = is_mitsuba(scene);
+        if !is_mitsuba && self.skip_unsupported {
+            let path = scene.display();
+            let message = format!("{path}: --skip-unsupported is for Mitsuba scenes, whose names end in .xml");
             return Err(Failure::usage(message));
         }
+        let (parameters, fields) = match is_mitsuba {
+            true => (self.parameters.clone(), Vec::new()),
+            false => (Vec::new(), self.parameters.clone()),
+        };
         Ok(ImportOptions {
-            parameters: self.parameters.clone(),
+            parameters,
             skip_unsupported: self.skip_unsupported,
+            edits: Edits {
+                fields,
+                width: self.width,
+                height: self.height,
+                scale: self.scale,
+                crop: self.crop,
+            },
         })
     }
 }
@@ -305,6 +350,11 @@ pub struct JobArgs {
     /// Insist that the job folder is there
     #[arg(long)]
     pub resume: bool,
+
+    /// Begin anew where the job folder has passes of another scene or with other settings; the image stays until there
+    /// is a new one
+    #[arg(long, conflicts_with = "resume")]
+    pub restart: bool,
 
     /// Exit with 75 instead of 0 when SIGTERM or SIGINT ends the job before its last pass, for schedulers that start
     /// whatever failed again: the next start goes on from the job folder
@@ -360,7 +410,7 @@ impl JobArgs {
         let output = self.output.as_deref();
         Ok(Output {
             drops_photons: loaded.defaults.targeting == Targeting::Reject,
-            ..Output::new(output, &self.settings.scene, loaded.standard_error)?
+            ..Output::new(output, &self.settings.scene, "", loaded.standard_error)?
         })
     }
 
@@ -399,6 +449,20 @@ impl JobArgs {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn sizes_are_factors_and_windows_have_four_sides() {
+        for (text, expected) in [("50%", 0.5), ("0.25", 0.25), ("200 %", 2.0)] {
+            assert_eq!(scale(text), Ok(expected), "{text}");
+        }
+        assert_eq!(crop("1, 2,3,4"), Ok([1, 2, 3, 4]));
+        for text in ["", "0", "-1", "nan", "x%"] {
+            assert!(scale(text).is_err() && crop(text).is_err(), "{text}");
+        }
+        for text in ["1,2,3", "1,2,3,0", "1,2,3,4,5", "1,2,-3,4"] {
+            assert!(crop(text).is_err(), "{text}");
+        }
+    }
 
     #[test]
     fn a_budget_is_passes_or_without_end() {

@@ -3,6 +3,7 @@
 mod conduct;
 mod convert;
 mod directory;
+mod documents;
 mod explain;
 mod failure;
 mod history;
@@ -29,12 +30,15 @@ use beamfarm_worker::exit;
 use clap::{Parser, Subcommand};
 use failure::Failure;
 use measure::{bench, compare, convergence, reference};
+use std::ffi::OsString;
+use std::path::Path;
 use std::process::ExitCode;
 
 const EXAMPLES: &str = "\
 Examples:
-  beamfarm render scene.toml                      all cores, the scene's own number of passes:
-                                                  writes scene.exr and scene.png here
+  beamfarm scene.toml                             short for `beamfarm render scene.toml`: all cores, the
+                                                  scene's own number of passes, scene.exr and scene.png here
+  beamfarm render scene.toml --scale 25% -D camera.fov=40
   beamfarm render scene.toml --time 5m -o out/a.exr
   beamfarm explain scene.toml                     what a pass will do, and why
   beamfarm reference scene.toml --time 10m -o reference.exr
@@ -120,6 +124,12 @@ enum Command {
     Explain(explain::ExplainArgs),
     /// Print the JSON Schema of scene files, for editors
     Schema,
+    /// Print what completes commands and options in a shell
+    #[command(after_help = documents::COMPLETIONS)]
+    Completions(documents::CompletionsArgs),
+    /// Write the manual pages of all commands into a folder
+    #[command(after_help = documents::MAN)]
+    Man(documents::ManArgs),
 }
 
 const WORKER_EXAMPLES: &str = "\
@@ -131,8 +141,21 @@ Examples:
 SIGINT and SIGTERM let it deliver the pass at hand; a second one kills it. A worker that dies loses
 nothing: its pass is handed out again.";
 
+/// `beamfarm scene.toml` is `beamfarm render scene.toml`.
+fn with_render(mut args: Vec<OsString>) -> Vec<OsString> {
+    let endings = ["toml", "xml"];
+    let is_scene = |arg: &OsString| {
+        let ending = Path::new(arg).extension().and_then(|ending| ending.to_str());
+        ending.is_some_and(|ending| endings.iter().any(|known| ending.eq_ignore_ascii_case(known)))
+    };
+    if args.get(1).is_some_and(is_scene) {
+        args.insert(1, "render".into());
+    }
+    args
+}
+
 fn main() -> ExitCode {
-    let options = Options::parse();
+    let options = Options::parse_from(with_render(std::env::args_os().collect()));
     // Workers on other machines and servers run unattended and keep a log; a person at a terminal wants the bar.
     let level = match options.command {
         Command::Serve(_) | Command::Worker(_) => "info",
@@ -160,6 +183,8 @@ fn main() -> ExitCode {
         Command::Convergence(args) => convergence::main(args),
         Command::Convert(args) => convert::main(args),
         Command::Explain(args) => explain::main(args),
+        Command::Completions(args) => documents::completions::<Options>(args),
+        Command::Man(args) => documents::man::<Options>(&args),
         Command::Schema => output::print_text(&json_schema().to_string()),
     };
     match done {

@@ -161,7 +161,7 @@ fn write(args: &MergeArgs, merged: Merged) -> Result<(), Failure> {
         return Err(Failure::usage(message));
     }
     let standard_error = merged.description.standard_error;
-    let output = Output::new(Some(&args.output), &args.output, standard_error)?;
+    let output = Output::new(Some(&args.output), &args.output, "", standard_error)?;
     let exposure = args.exposure.unwrap_or(merged.description.exposure);
     if !exposure.is_finite() {
         return Err(Failure::usage("--exposure: expected a number of stops"));

@@ -3,7 +3,7 @@
 use crate::failure::Failure;
 use beamfarm_image::atomic::remove_leftovers;
 use beamfarm_image::error::ImageError;
-use beamfarm_image::exr::{ImageMeta, write_image};
+use beamfarm_image::exr::{ImageMeta, made_of_samples, write_image};
 use beamfarm_image::merge::Average;
 use beamfarm_image::png::write_png;
 use beamfarm_worker::visible;
@@ -19,6 +19,9 @@ pub fn print_text(text: &str) -> Result<(), Failure> {
     }
 }
 
+/// What the reference's image is called beside the scene's name.
+pub const REFERENCE: &str = "-reference";
+
 /// The two files of a picture.
 #[derive(Clone, Debug)]
 pub struct Output {
@@ -33,12 +36,18 @@ pub struct Output {
 impl Output {
     /// The files that were asked for, or those named after the scene. Checks that they can be written, so that nobody
     /// learns after a night that they cannot.
-    pub fn new(asked: Option<&Path>, scene: &Path, standard_error: bool) -> Result<Self, Failure> {
+    ///
+    /// `ending`: of the default's stem. An image that another kind of command made is only overwritten by name.
+    pub fn new(asked: Option<&Path>, scene: &Path, ending: &str, standard_error: bool) -> Result<Self, Failure> {
         let exr = match asked {
             Some(path) => path.to_owned(),
             None => {
                 let stem = scene.file_stem().unwrap_or(OsStr::new("image"));
-                Path::new(stem).with_added_extension("exr")
+                let mut name = stem.to_owned();
+                name.push(ending);
+                let path = Path::new(&name).with_added_extension("exr");
+                refuse_others_work(&path, ending)?;
+                path
             }
         };
         if exr.extension() != Some(OsStr::new("exr")) {
@@ -78,4 +87,20 @@ impl Output {
         write_image(&self.exr, average, meta)?;
         write_png(&self.png, &average.beauty, exposure)
     }
+}
+
+/// What this command did not make itself stays, unless somebody names it.
+fn refuse_others_work(path: &Path, ending: &str) -> Result<(), Failure> {
+    let Some(samples) = made_of_samples(path) else {
+        return Ok(());
+    };
+    let of_reference = ending == REFERENCE;
+    if samples == of_reference {
+        return Ok(());
+    }
+    let path = path.display();
+    let command = if samples { "reference" } else { "render" };
+    Err(Failure::usage(format!(
+        "{path} was made by `beamfarm {command}`: -o {path} writes over it, another name keeps it"
+    )))
 }

@@ -28,8 +28,13 @@ fn spec(passes: u64) -> JobSpec {
     }
 }
 
+const ASKED: Asked = Asked {
+    limit: true,
+    restart: false,
+};
+
 fn open(path: &Path, spec: &mut JobSpec) -> Result<(Folder, Option<Resumed>), StoreError> {
-    Folder::open(path, spec, Looks::default(), true)
+    Folder::open(path, spec, Looks::default(), ASKED)
 }
 
 /// Passes that are there after opening.
@@ -93,16 +98,57 @@ fn another_job_is_refused_by_what_differs() {
     // More passes are welcome, and stay asked for.
     drop(open(&path, &mut spec(9)).unwrap());
     let mut unasked = spec(3);
-    drop(Folder::open(&path, &mut unasked, Looks::default(), false).unwrap());
+    drop(Folder::open(&path, &mut unasked, Looks::default(), Asked::default()).unwrap());
     assert_eq!(unasked.passes, 9);
     // Nor does a job that had no limit go on forever when nobody says when to end.
     let mut endless = spec(beamfarm_image::job::MAX_PASSES);
     drop(open(&path, &mut endless).unwrap());
     for (scene, expected) in [(3, 5), (7, 7)] {
         let mut unasked = spec(scene);
-        drop(Folder::open(&path, &mut unasked, Looks::default(), false).unwrap());
+        drop(Folder::open(&path, &mut unasked, Looks::default(), Asked::default()).unwrap());
         assert_eq!(unasked.passes, expected);
     }
+}
+
+/// An edited scene with another number of passes than before has that many, as far as nobody said it otherwise.
+#[test]
+fn the_scenes_number_of_passes_counts_when_it_changes() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.job");
+    let unasked = |passes| {
+        let mut spec = spec(passes);
+        drop(Folder::open(&path, &mut spec, Looks::default(), Asked::default()).unwrap());
+        spec.passes
+    };
+    assert_eq!([8, 8, 12].map(unasked), [8, 8, 12]);
+    drop(open(&path, &mut spec(30)).unwrap());
+    assert_eq!([12, 12, 16, 16].map(unasked), [30, 30, 16, 16]);
+}
+
+#[test]
+fn another_picture_begins_anew_where_nothing_is_lost_or_somebody_says_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.job");
+    drop(open(&path, &mut spec(8)).unwrap());
+    let mut other = spec(8);
+    other.bundle.files.insert("scene.toml".into(), b"c".to_vec());
+    // Nothing was rendered yet.
+    let (mut job, resumed) = open(&path, &mut other).unwrap();
+    assert!(resumed.is_none());
+    job.save(&mut checkpoint(0..5)).unwrap();
+    drop(job);
+    match open(&path, &mut spec(8)).err().unwrap() {
+        StoreError::Different { scene, .. } => assert_eq!(scene.as_deref(), Some("c")),
+        error => panic!("{error}"),
+    }
+    let restart = Asked { restart: true, ..ASKED };
+    let (_, resumed) = Folder::open(&path, &mut spec(8), Looks::default(), restart).unwrap();
+    assert!(resumed.is_none());
+    assert_eq!(passes(&path), 0);
+    // What was damaged is not thrown away unasked.
+    fs::write(path.join("checkpoint-0"), "damaged").unwrap();
+    assert!(open(&path, &mut other).is_err());
+    assert!(path.join("checkpoint-0").exists());
 }
 
 #[test]

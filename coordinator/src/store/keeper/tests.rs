@@ -1,6 +1,6 @@
 use super::*;
 use crate::examine::Claim;
-use crate::store::Looks;
+use crate::store::{Asked, Looks};
 use crate::{JobSpec, Start, Timing};
 use beamfarm_image::bundle::Bundle;
 use beamfarm_image::exr::{BlockMeta, encode_block};
@@ -81,7 +81,7 @@ fn found(path: &Path) -> f32 {
 async fn a_sum_whose_passes_were_replaced_is_written() {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("a.job");
-    let (folder, _) = Folder::open(&path, &mut spec(), Looks::default(), true).unwrap();
+    let (folder, _) = Folder::open(&path, &mut spec(), Looks::default(), Asked::default()).unwrap();
     let (sender, entries) = unbounded_channel();
     let start = Start {
         entries: Some(sender),

@@ -189,6 +189,15 @@ fn attributes_of_reference(settings: &ReferenceSettings, average: &Average) -> R
     Ok(own)
 }
 
+/// Whether an image that [`write_image`] wrote is made of samples of the reference integrator, and not of passes. `None`
+/// where there is none.
+pub fn made_of_samples(path: &Path) -> Option<bool> {
+    let meta = exr::meta::MetaData::read_from_file(path, false).ok()?;
+    let attributes = &meta.headers.first()?.own_attributes.other;
+    let has = |name: &str| attributes.contains_key(&exr::prelude::Text::from(name));
+    has("beamfarmScene").then(|| has("beamfarmSamples"))
+}
+
 fn number(n: u64) -> Result<AttributeValue, ImageError> {
     text("number", &n.to_string())
 }

@@ -20,7 +20,7 @@ mod value;
 mod write;
 mod xml;
 
-use crate::SceneError;
+use crate::{Edits, SceneError};
 use log::Log;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -36,13 +36,15 @@ pub struct Place {
     pub line: usize,
 }
 
-/// What an import may be told.
+/// What reading a scene may be told.
 #[derive(Clone, Debug, Default)]
 pub struct ImportOptions {
     /// Values of `$name` parameters, in place of the file's defaults.
     pub parameters: Vec<(String, String)>,
     /// Leave out what is not supported instead of failing.
     pub skip_unsupported: bool,
+    /// What to change of the native scene.
+    pub edits: Edits,
 }
 
 /// A scene in the native format, and where it comes from.

@@ -2,7 +2,7 @@
 
 use crate::failure::Failure;
 use crate::job::{Aov, ImportArgs, SettingsArgs};
-use crate::output::Output;
+use crate::output::{Output, REFERENCE};
 use crate::progress::{self, BAR_LENGTH, ESTIMATE, LINE};
 use crate::summary::describe_error;
 use beamfarm_image::exr::{ImageMeta, Maker, pixel_hash};
@@ -45,7 +45,7 @@ pub struct ReferenceArgs {
     #[command(flatten)]
     import: ImportArgs,
 
-    /// Where to write the image: OUT.exr, with OUT.png beside it [default: the scene's name, in the current folder]
+    /// Where to write the image: OUT.exr, with OUT.png beside it [default: SCENE-reference.exr, in the current folder]
     #[arg(short, long, value_name = "OUT.exr")]
     output: Option<PathBuf>,
 
@@ -135,7 +135,7 @@ pub fn main(args: ReferenceArgs) -> Result<(), Failure> {
     if !exposure.is_finite() {
         return Err(Failure::usage("--exposure: expected a number of stops"));
     }
-    let output = Output::new(args.output.as_deref(), &args.scene, true)?;
+    let output = Output::new(args.output.as_deref(), &args.scene, REFERENCE, true)?;
     let left_out = match args.quiet {
         true => Vec::new(),
         false => loaded.announce(),

@@ -1,0 +1,138 @@
+//! A picture is made by trying: what is changed of a scene, and what becomes of what is there.
+
+use crate::setup::{attribute, beamfarm, fail, folder_with, line, scene, spawn, succeed, text};
+use std::path::Path;
+
+const SIZE: [u32; 2] = [16, 12];
+
+fn pixels(stdout: &str) -> String {
+    line(stdout, "pixels").to_owned()
+}
+
+fn write(folder: &Path, text: &str) {
+    std::fs::write(folder.join("scene.toml"), text).unwrap();
+}
+
+#[test]
+fn what_changes_no_pixel_changes_nothing() {
+    let original = scene(SIZE, 4, 200);
+    let folder = folder_with(&original);
+    let folder = folder.path();
+    let first = pixels(&succeed(folder, &["render", "scene.toml", "--job", "a.job"]));
+    let hash = attribute(&folder.join("scene.exr"), "beamfarmScene");
+    let same = [
+        format!("# A comment.\n{original}\n"),
+        original.replace("fov = 50.0", "fov   =  50"),
+        original.replace(
+            "target = [0.0, 1.0, 0.0]\nfov = 50.0",
+            "fov = 50.0\ntarget = [0.0, 1.0, 0.0]",
+        ),
+        original.replace("render = {", "render = { exposure = 2,"),
+    ];
+    for same in same {
+        assert_ne!(same, original);
+        write(folder, &same);
+        // The job folder is the same job's: nothing is rendered again.
+        let said = succeed(folder, &["render", "scene.toml", "--job", "a.job"]);
+        assert!(said.contains("resuming a.job with 4 passes"), "{said}");
+        assert_eq!(pixels(&said), first);
+        assert_eq!(attribute(&folder.join("scene.exr"), "beamfarmScene"), hash);
+    }
+    // The file's own name is none of its meaning either; and an edited number of passes is the job's.
+    std::fs::write(folder.join("other.toml"), scene(SIZE, 6, 200)).unwrap();
+    let said = succeed(folder, &["render", "other.toml", "--job", "a.job"]);
+    assert!(said.contains("resuming a.job with 4 passes"), "{said}");
+    assert_eq!(attribute(&folder.join("other.exr"), "beamfarmPasses"), "6");
+}
+
+/// Ten edits in a row, each rendered, and no folder removed by hand.
+#[test]
+fn edits_are_named_and_begin_anew_when_somebody_says_so() {
+    let folder = folder_with(&scene(SIZE, 2, 200));
+    let folder = folder.path();
+    let render = ["render", "scene.toml", "--job", "a.job"];
+    let mut pictures = vec![pixels(&succeed(folder, &render))];
+    for edit in 1..10 {
+        let fov = 50 + edit;
+        write(
+            folder,
+            &scene(SIZE, 2, 200).replace("fov = 50.0", &format!("fov = {fov}")),
+        );
+        let (code, said) = fail(folder, &render);
+        let expected = format!("camera.fov {} there, {fov} here", fov - 1);
+        assert!(code == 2 && said.contains(&expected), "{said}");
+        assert!(said.contains("--restart"), "{said}");
+        let anew = succeed(folder, &[&render[..], &["--restart"]].concat());
+        pictures.push(pixels(&anew));
+    }
+    pictures.sort();
+    pictures.dedup();
+    assert_eq!(pictures.len(), 10);
+}
+
+#[test]
+fn fields_and_sizes_change_on_the_command_line() {
+    let folder = folder_with(&scene(SIZE, 2, 200));
+    let folder = folder.path();
+    let render = |args: &[&str]| {
+        let said = succeed(folder, &[&["scene.toml", "-o", "a.exr"], args].concat());
+        let meta = exr::meta::MetaData::read_from_file(folder.join("a.exr"), false).unwrap();
+        let size = meta.headers[0].layer_size;
+        (pixels(&said), [size.x(), size.y()])
+    };
+    let (plain, size) = render(&[]);
+    assert_eq!(size, [16, 12]);
+    let (narrow, _) = render(&["-D", "camera.fov=40"]);
+    assert_ne!(narrow, plain);
+    write(folder, &scene(SIZE, 2, 200).replace("fov = 50.0", "fov = 40"));
+    assert_eq!(render(&[]).0, narrow);
+    for (args, expected) in [
+        (&["--scale", "50%"][..], [8, 6]),
+        (&["--width", "32"], [32, 24]),
+        (&["--height", "6"], [8, 6]),
+        (&["--width", "10", "--height", "10"], [10, 10]),
+        (&["--crop", "4,2,5,7"], [5, 7]),
+        (&["--scale", "2", "--crop", "4,2,5,7"], [5, 7]),
+    ] {
+        assert_eq!(render(args).1, expected, "{args:?}");
+    }
+    let (code, said) = fail(folder, &["scene.toml", "--crop", "10,2,20,7"]);
+    assert!(code == 2 && said.contains("crop"), "{said}");
+}
+
+#[test]
+fn commands_do_not_write_over_each_others_images() {
+    let folder = folder_with(&scene(SIZE, 2, 200));
+    let folder = folder.path();
+    succeed(folder, &["render", "scene.toml"]);
+    let rendered = std::fs::read(folder.join("scene.exr")).unwrap();
+    succeed(folder, &["reference", "scene.toml", "--samples", "2"]);
+    assert_eq!(std::fs::read(folder.join("scene.exr")).unwrap(), rendered);
+    assert!(folder.join("scene-reference.exr").exists());
+    succeed(
+        folder,
+        &["reference", "scene.toml", "--samples", "2", "-o", "scene.exr"],
+    );
+    let (code, said) = fail(folder, &["render", "scene.toml"]);
+    assert!(code == 2 && said.contains("made by `beamfarm reference`"), "{said}");
+    succeed(folder, &["render", "scene.toml", "-o", "scene.exr"]);
+    succeed(folder, &["render", "scene.toml"]);
+}
+
+#[test]
+fn shells_and_man_know_the_command() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    for shell in ["bash", "zsh", "fish"] {
+        let script = succeed(folder, &["completions", shell]);
+        assert!(script.contains("target-error"), "{shell}");
+    }
+    succeed(folder, &["man", "pages"]);
+    let page = std::fs::read_to_string(folder.join("pages/beamfarm-render.1")).unwrap();
+    assert!(
+        page.contains("beamfarm\\-render") && page.contains("target\\-error"),
+        "{page}"
+    );
+    let hidden = spawn(beamfarm(folder, &["man", "/dev/null/pages"])).finish();
+    assert_eq!(hidden.status.code(), Some(1), "{}", text(&hidden.stderr));
+}

@@ -1,0 +1,273 @@
+//! Changes to a scene file that somebody asks for without opening it: fields by their paths, and the size of the image.
+
+use crate::SceneError;
+use std::path::Path;
+use toml_edit::{DocumentMut, InlineTable, Item, Key, TableLike, Value};
+
+/// What stands in place of what the file says.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Edits {
+    /// Fields by path (`camera.fov`, `lights.0.power`, `materials.glass.ior`), and their values as TOML. What is no TOML
+    /// is text.
+    pub fields: Vec<(String, String)>,
+    /// Pixels a row; without `height` the picture keeps its proportions.
+    pub width: Option<u32>,
+    /// Rows; without `width` the picture keeps its proportions.
+    pub height: Option<u32>,
+    /// Factor on both, before these.
+    pub scale: Option<f64>,
+    /// Window of what they make: x, y, width, height.
+    pub crop: Option<[u32; 4]>,
+}
+
+impl Edits {
+    /// The text with the changes made, and all else as it was.
+    pub(crate) fn apply(&self, file: &Path, text: &str) -> Result<Option<String>, SceneError> {
+        if *self == Self::default() {
+            return Ok(None);
+        }
+        // What is wrong with the text itself is told with its line by whoever reads it next.
+        let Ok(mut document) = text.parse::<DocumentMut>() else {
+            return Ok(None);
+        };
+        let wrong = |message: String| SceneError {
+            file: file.to_owned(),
+            line: None,
+            message,
+        };
+        for (path, value) in &self.fields {
+            set(document.as_item_mut(), path, value).map_err(|message| wrong(format!("-D {path}: {message}")))?;
+        }
+        if let Some(image) = document.get_mut("image").and_then(Item::as_table_like_mut) {
+            self.resize(image).map_err(wrong)?;
+        }
+        Ok(Some(document.to_string()))
+    }
+
+    fn resize(&self, image: &mut dyn TableLike) -> Result<(), String> {
+        let side = |name: &str| image.get(name).and_then(Item::as_integer).map(|side| side as f64);
+        let (Some(width), Some(height)) = (side("width"), side("height")) else {
+            return Ok(());
+        };
+        let scale = self.scale.unwrap_or(1.0);
+        let (across, down) = match (self.width, self.height) {
+            (Some(w), Some(h)) => (f64::from(w) / width, f64::from(h) / height),
+            (Some(w), None) => (f64::from(w) / width, f64::from(w) / width),
+            (None, Some(h)) => (f64::from(h) / height, f64::from(h) / height),
+            (None, None) => (scale, scale),
+        };
+        let pixels = |side: f64, factor: f64| ((side * factor).round() as i64).max(1);
+        for (name, side, factor) in [("width", width, across), ("height", height, down)] {
+            put(image, name, Value::from(pixels(side, factor)));
+        }
+        match self.crop {
+            Some(crop) => {
+                let fields = ["x", "y", "width", "height"].into_iter().zip(crop);
+                let window: InlineTable = fields.map(|(name, pixels)| (name, i64::from(pixels))).collect();
+                put(image, "crop", Value::from(window));
+            }
+            None => {
+                let Some(crop) = image.get_mut("crop").and_then(Item::as_table_like_mut) else {
+                    return Ok(());
+                };
+                for (place, side, factor) in [("x", "width", across), ("y", "height", down)] {
+                    let given = |name: &str| crop.get(name).and_then(Item::as_integer).unwrap_or(0) as f64;
+                    let (first, count) = (given(place), given(side));
+                    let start = (first * factor).round() as i64;
+                    let end = ((first + count) * factor).round() as i64;
+                    put(crop, place, Value::from(start));
+                    put(crop, side, Value::from((end - start).max(1)));
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Put a value where there may be one, in whose place it looks as that did.
+fn put(table: &mut dyn TableLike, name: &str, mut value: Value) {
+    if let Some(before) = table.get(name).and_then(Item::as_value) {
+        *value.decor_mut() = before.decor().clone();
+    }
+    table.insert(name, Item::Value(value));
+}
+
+fn set(root: &mut Item, path: &str, text: &str) -> Result<(), String> {
+    let keys = Key::parse(path).map_err(|_| "expected a path as in camera.fov or lights.0.power".to_owned())?;
+    let value = text.parse::<Value>().unwrap_or_else(|_| Value::from(text));
+    let Some((last, parents)) = keys.split_last() else {
+        return Err("expected a path".to_owned());
+    };
+    let mut place = Place::Item(root);
+    let mut so_far = String::new();
+    for key in parents {
+        so_far += &format!("{}{}", if so_far.is_empty() { "" } else { "." }, key.get());
+        place = place.enter(key.get()).map_err(|why| format!("{so_far}: {why}"))?;
+    }
+    place.set(last.get(), value)
+}
+
+/// A part of the file that has others in it.
+enum Place<'a> {
+    Item(&'a mut Item),
+    Value(&'a mut Value),
+    Table(&'a mut toml_edit::Table),
+}
+
+impl<'a> Place<'a> {
+    fn enter(self, key: &str) -> Result<Self, String> {
+        let index = || {
+            key.parse::<usize>()
+                .map_err(|_| "expected the number of one of a list".to_owned())
+        };
+        let beyond = |count: usize| format!("there are {count}, numbered from 0");
+        match self {
+            Self::Item(Item::ArrayOfTables(list)) => {
+                let count = list.len();
+                list.get_mut(index()?).map(Self::Table).ok_or_else(|| beyond(count))
+            }
+            Self::Item(Item::Value(value)) | Self::Value(value) => match value {
+                Value::Array(list) => {
+                    let count = list.len();
+                    list.get_mut(index()?).map(Self::Value).ok_or_else(|| beyond(count))
+                }
+                Value::InlineTable(table) => {
+                    let inner = table.entry(key).or_insert_with(|| InlineTable::new().into());
+                    Ok(Self::Value(inner))
+                }
+                _ => Err("it is a value and no table".to_owned()),
+            },
+            Self::Item(item) => match item.as_table_mut() {
+                Some(table) => Ok(Self::Table(table)).and_then(|table| table.enter(key)),
+                None => Err("it is no table".to_owned()),
+            },
+            Self::Table(table) => Ok(Self::Item(table.entry(key).or_insert_with(toml_edit::table))),
+        }
+    }
+
+    fn set(self, key: &str, value: Value) -> Result<(), String> {
+        match self {
+            Self::Item(Item::Value(Value::Array(list))) | Self::Value(Value::Array(list)) => {
+                let count = list.len();
+                let index: usize = key
+                    .parse()
+                    .map_err(|_| "expected the number of one of a list".to_owned())?;
+                let place = list
+                    .get_mut(index)
+                    .ok_or_else(|| format!("there are {count}, numbered from 0"))?;
+                *place = value;
+                Ok(())
+            }
+            Self::Item(item) => match item.as_table_like_mut() {
+                Some(table) => {
+                    put(table, key, value);
+                    Ok(())
+                }
+                None => Err("it is no table".to_owned()),
+            },
+            Self::Value(Value::InlineTable(table)) => {
+                put(table, key, value);
+                Ok(())
+            }
+            Self::Value(_) => Err("it is a value and no table".to_owned()),
+            Self::Table(table) => {
+                put(table, key, value);
+                Ok(())
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TEXT: &str = "\
+# A room.
+image = { width = 640, height = 480 } # small
+[camera]
+fov = 50 # wide
+target = [0, 0, 0]
+[materials.glass]
+ior = 1.5
+[[lights]]
+power = 10
+[[lights]]
+power = [1, 2, 3]
+transform = [{ translate = [0, 1, 0] }]
+";
+
+    fn edited(edits: &Edits) -> Result<String, String> {
+        let text = edits.apply(Path::new("a.toml"), TEXT);
+        text.map(|text| text.unwrap()).map_err(|error| error.message)
+    }
+
+    fn with(path: &str, value: &str) -> Result<String, String> {
+        edited(&Edits {
+            fields: vec![(path.into(), value.into())],
+            ..Edits::default()
+        })
+    }
+
+    #[test]
+    fn a_field_changes_and_nothing_else() {
+        for (path, value, before, after) in [
+            ("camera.fov", "40", "fov = 50 # wide", "fov = 40 # wide"),
+            ("camera.target.2", "1.5", "[0, 0, 0]\n", "[0, 0, 1.5]\n"),
+            ("materials.glass.ior", "1.33", "ior = 1.5", "ior = 1.33"),
+            ("lights.1.power", "7", "power = [1, 2, 3]", "power = 7"),
+            ("lights.1.transform.0.translate.1", "9", "[0, 1, 0]", "[0, 9, 0]"),
+            ("image.width", "64", "width = 640", "width = 64"),
+        ] {
+            let expected = TEXT.replace(before, after);
+            assert_eq!(with(path, value).unwrap(), expected, "{path}");
+        }
+        // What is not there yet is added, and words need no quotes.
+        assert!(with("world.medium", "fog").unwrap().contains("medium = \"fog\""));
+        assert!(with("camera.focus", "2").unwrap().contains("focus = 2"));
+    }
+
+    #[test]
+    fn what_is_not_there_is_named() {
+        for (path, expected) in [
+            ("lights.2.power", "lights.2: there are 2"),
+            ("lights.first.power", "the number of one of a list"),
+            ("camera.fov.x", "it is no"),
+            ("camera.target.3", "there are 3"),
+            ("", "expected a path"),
+            ("a..b", "expected a path"),
+        ] {
+            let said = with(path, "1").unwrap_err();
+            assert!(said.contains(expected), "{path}: {said}");
+        }
+    }
+
+    #[test]
+    fn sizes_keep_their_proportions() {
+        let sized = |edits: Edits| edited(&edits).unwrap();
+        let half = Edits {
+            scale: Some(0.5),
+            ..Edits::default()
+        };
+        assert!(sized(half.clone()).contains("{ width = 320, height = 240 } # small"));
+        let wide = Edits {
+            width: Some(960),
+            ..Edits::default()
+        };
+        assert!(sized(wide.clone()).contains("{ width = 960, height = 720 }"));
+        let both = Edits {
+            height: Some(10),
+            ..wide
+        };
+        assert!(sized(both).contains("{ width = 960, height = 10 }"));
+        let crop = Edits {
+            crop: Some([1, 2, 30, 40]),
+            ..half
+        };
+        let text = sized(crop);
+        assert!(
+            text.contains("crop = { x = 1, y = 2, width = 30, height = 40 }"),
+            "{text}"
+        );
+    }
+}

@@ -1,9 +1,9 @@
 //! Blocks that several workers render, and what follows when their bits differ.
 //!
 //! A block is checked because it is one of a worker's first, because it was drawn, because it looks unlike others, or
-//! because it happened to be rendered twice. When two workers disagree, others render it until two agree; all that do not are shut out. What they
-//! delivered and nobody confirmed is taken back: the caller removes it from the sum ([`Ledger::stained`]), tells what
-//! went with it ([`Ledger::reopen`]), and it is rendered again.
+//! because it happened to be rendered twice. When two workers disagree, others render it until two agree; all that do
+//! not are shut out. What they delivered and nobody confirmed is taken back: the caller removes it from the sum
+//! ([`Ledger::stained`]), tells what went with it ([`Ledger::reopen`]), and it is rendered again.
 
 use super::standing::{Sentence, Worker};
 use super::{Accepted, Done, Ledger, LedgerError, Note, PixelHash};

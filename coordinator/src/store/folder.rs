@@ -53,8 +53,8 @@ pub struct Resumed {
 /// What somebody asks of a directory.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Asked {
-    /// For a number of passes, or for another end. If not, that of the directory counts, if it has one, and the job's is
-    /// changed.
+    /// For a number of passes, or for another end. If not, that of the directory counts, if it has one, and the job's
+    /// is changed.
     pub limit: bool,
     /// To forget what it holds.
     pub restart: bool,

@@ -1,6 +1,6 @@
 //! A picture is made by trying: what is changed of a scene, and what becomes of what is there.
 
-use crate::setup::{attribute, beamfarm, fail, folder_with, line, scene, spawn, succeed, text};
+use crate::setup::{attribute, beamfarm, fail, folder_with, line, run, scene, spawn, succeed, text};
 use std::path::Path;
 
 const SIZE: [u32; 2] = [16, 12];
@@ -135,4 +135,53 @@ fn shells_and_man_know_the_command() {
     );
     let hidden = spawn(beamfarm(folder, &["man", "/dev/null/pages"])).finish();
     assert_eq!(hidden.status.code(), Some(1), "{}", text(&hidden.stderr));
+}
+
+/// What will be black or empty is said, and where things are.
+#[test]
+fn darkness_is_told() {
+    let folder = folder_with(&scene(SIZE, 2, 200));
+    let folder = folder.path();
+    let warned = |args: &[&str]| {
+        let output = run(folder, &[&["render", "scene.toml", "-o", "a.exr"], args].concat());
+        assert!(output.status.success());
+        text(&output.stderr).to_owned()
+    };
+    assert!(!warned(&[]).contains("black"));
+    // The lamp in the ball, and the ball opaque.
+    let dark = warned(&["-D", "lights.0.position=[0, 1, 0]", "-D", "world.medium=none"]);
+    assert_eq!(dark.matches("the image is black").count(), 1, "{dark}");
+    let unlit = scene(SIZE, 2, 200);
+    write(folder, &unlit[..unlit.find("[[lights]]").unwrap()]);
+    assert!(warned(&[]).contains("there are no lights"));
+
+    let smoke = "
+[materials.hull]
+type = \"null\"
+[media.smoke]
+type = \"heterogeneous\"
+sigma_a = 0.1
+sigma_s = 1.0
+density = { min = [5, 5, 5], max = [6, 6, 6], noise = { size = 0.5 } }
+[[shapes]]
+type = \"cube\"
+material = \"hull\"
+interior = \"smoke\"
+";
+    write(folder, &format!("{}{smoke}", scene(SIZE, 2, 200)));
+    let explained = run(folder, &["explain", "scene.toml"]);
+    let (said, noted) = (text(&explained.stdout), text(&explained.stderr));
+    assert!(
+        noted.contains("lies outside of the shapes that hold it"),
+        "{noted} {said}"
+    );
+    line(
+        said,
+        "at  shapes[0]: [-0.3500, 0.6500, -0.3500] to [0.3500, 1.3500, 0.3500]",
+    );
+    line(
+        said,
+        "at  volume of medium \"smoke\": [5.0000, 5.0000, 5.0000] to [6.0000, 6.0000, 6.0000]",
+    );
+    line(said, "at  all of them: ");
 }

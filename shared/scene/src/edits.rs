@@ -7,8 +7,8 @@ use toml_edit::{DocumentMut, InlineTable, Item, Key, TableLike, Value};
 /// What stands in place of what the file says.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Edits {
-    /// Fields by path (`camera.fov`, `lights.0.power`, `materials.glass.ior`), and their values as TOML. What is no TOML
-    /// is text.
+    /// Fields by path (`camera.fov`, `lights.0.power`, `materials.glass.ior`), and their values as TOML. What is no
+    /// TOML is text.
     pub fields: Vec<(String, String)>,
     /// Pixels a row; without `height` the picture keeps its proportions.
     pub width: Option<u32>,

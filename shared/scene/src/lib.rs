@@ -56,7 +56,8 @@ mod source;
 mod transform;
 mod values;
 
-use assemble::{Assembled, Problem};
+pub use assemble::Extent;
+use assemble::{Assembled, Extents, Problem};
 use assets::gltf;
 use beamfarm_image::bundle::{self, Bundle};
 use beamfarm_render::world::SceneDescription;
@@ -71,6 +72,10 @@ use std::path::{Path, PathBuf};
 
 /// Parse and validate the scene of a bundle. Errors name files as the bundle does: relative to the scene's folder.
 pub fn load(bundle: &Bundle) -> Result<SceneDescription, SceneError> {
+    load_with_extents(bundle).map(|(description, _)| description)
+}
+
+fn load_with_extents(bundle: &Bundle) -> Result<(SceneDescription, Extents), SceneError> {
     let file = Path::new(&bundle.scene);
     let bytes = bundle.files.get(&bundle.scene).ok_or_else(|| SceneError {
         file: file.to_path_buf(),
@@ -91,12 +96,13 @@ pub fn load(bundle: &Bundle) -> Result<SceneDescription, SceneError> {
         mut description,
         notes,
         photon_places,
+        extents,
     } = assembled?;
     let note = |fault: &Fault| source::locate(file, text, fault).to_string();
     description.notes = notes.iter().map(note).collect();
     let rule = |place: &Range<usize>| note(&Fault::new(place.clone(), "photons obey this"));
     description.photon_rules = photon_places.iter().map(rule).collect();
-    Ok(description)
+    Ok((description, extents))
 }
 
 /// A scene file with every asset that it names, native or Mitsuba's XML.
@@ -185,7 +191,17 @@ impl SceneFile {
 
     /// Parse and validate the scene. Errors name files as [`Self::read`] was given them.
     pub fn load(&self) -> Result<SceneDescription, SceneError> {
-        load(&self.bundle).map_err(|error| match &self.origin {
+        self.load_with_extents().map(|(description, _)| description)
+    }
+
+    /// Where in the world the shapes and the volumes of the scene are, each as a box.
+    pub fn extents(&self) -> Result<Vec<Extent>, SceneError> {
+        let (description, extents) = self.load_with_extents()?;
+        Ok(extents.list(&description.objects))
+    }
+
+    fn load_with_extents(&self) -> Result<(SceneDescription, Extents), SceneError> {
+        load_with_extents(&self.bundle).map_err(|error| match &self.origin {
             Some(origin) if error.file == Path::new(&self.bundle.scene) => origin.relocate(error),
             _ => SceneError {
                 file: self.folder.join(&error.file),

@@ -11,14 +11,20 @@ use crate::progress;
 use crate::summary::{Stop, Summary};
 use beamfarm_coordinator::store::{Folder, Keeper, StoreError};
 use beamfarm_coordinator::{Entrance, Farm, Terms, Watch, server};
-use beamfarm_worker::signals;
+use beamfarm_image::merge::Average;
+use beamfarm_worker::{complain, signals};
 use std::convert::Infallible;
 use std::future::{Future, pending};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 use tokio::sync::{mpsc, oneshot};
 use tokio::task::JoinHandle;
+use tokio::time::{MissedTickBehavior, interval};
 use tracing::{Instrument, error_span, warn};
+
+/// Time between looks for the first pass.
+const FIRST_LOOK: Duration = Duration::from_millis(500);
 
 /// Serve the farm until its job ends in whatever way, then write what is complete. `crew` runs beside it and only ends
 /// early to say what went wrong.
@@ -60,6 +66,7 @@ async fn run(
         output,
         watch,
         history: begin_history(watch, output),
+        is_dark: AtomicBool::new(false),
     };
     // Before there is anything that somebody could take for a sign that it listens.
     let drain = signals::drain().map_err(Failure::io)?;
@@ -123,6 +130,8 @@ struct Job<'a> {
     output: &'a Output,
     watch: &'a Arc<Watch>,
     history: Arc<History>,
+    /// It was said that the image is black.
+    is_dark: AtomicBool,
 }
 
 impl Job<'_> {
@@ -167,6 +176,7 @@ impl Job<'_> {
                 Ok(()) => broken("the server", "ended early".into()),
                 Err(error) => broken("the server", error.to_string()),
             },
+            never = self.look_for_light() => match never {},
             never = self.show() => match never {},
             never = self.keep() => match never {},
             never = write_on_request => match never {},
@@ -178,6 +188,36 @@ impl Job<'_> {
             progress::show(self.watch.clone()).await;
         }
         pending().await
+    }
+
+    /// Say early that nothing will come of it.
+    async fn look_for_light(&self) -> Infallible {
+        let mut looks = interval(FIRST_LOOK);
+        looks.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        while self.makes_image() && !self.args.quiet {
+            looks.tick().await;
+            let farm = self.watch.farm().clone();
+            if farm.progress().prefix == 0 {
+                continue;
+            }
+            let average = tokio::task::spawn_blocking(move || farm.average()).await;
+            if let Ok(Some(average)) = average {
+                self.tell_of_darkness(&average);
+            }
+            break;
+        }
+        pending().await
+    }
+
+    fn tell_of_darkness(&self, average: &Average) {
+        let is_black = average.beauty.pixels.as_flattened().iter().all(|value| *value == 0.0);
+        if is_black && !self.is_dark.swap(true, Ordering::Relaxed) {
+            let passes = average.passes;
+            complain!(
+                "warning: after {passes} passes the image is black. No light reaches what the camera sees: is it inside of \
+                 something opaque, or the light; is what it should see behind it? `beamfarm explain` prints where things are"
+            );
+        }
     }
 
     async fn keep(&self) -> Infallible {
@@ -195,7 +235,11 @@ impl Job<'_> {
         }
         let exposure = self.watch.terms().exposure;
         let history = Some(self.history.clone());
-        write(self.watch.farm(), self.output, exposure, history).await
+        let written = write(self.watch.farm(), self.output, exposure, history).await?;
+        if let Some(Written { average, .. }) = written.as_ref().filter(|_| !self.args.quiet) {
+            self.tell_of_darkness(average);
+        }
+        Ok(written)
     }
 }
 

@@ -7,6 +7,7 @@ use beamfarm_image::job::{Finders, JobSettings};
 use beamfarm_render::balance::Choice;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::Scene;
+use beamfarm_scene::Extent;
 use clap::Args;
 
 #[derive(Args)]
@@ -17,6 +18,7 @@ pub struct ExplainArgs {
 
 pub fn main(args: ExplainArgs) -> Result<(), Failure> {
     let loaded = args.settings.load()?;
+    let extents = args.settings.file()?.extents()?;
     loaded.announce();
     let hash = loaded.bundle.hash();
     let scene = Scene::new(loaded.description);
@@ -24,7 +26,22 @@ pub fn main(args: ExplainArgs) -> Result<(), Failure> {
         .with_layers(&scene, &loaded.layers)
         .map_err(Failure::usage)?;
     let choice = loaded.choice.as_ref().map(candidates).unwrap_or_default();
-    print_text(&format!("scene {hash}\n{plan}{choice}"))
+    let places = places(&extents);
+    print_text(&format!("scene {hash}\n{plan}{choice}{places}"))
+}
+
+/// Where things are: a line each, and one for all.
+fn places(extents: &[Extent]) -> String {
+    let lines = extents.iter().map(
+        |Extent {
+             name,
+             corners: [low, high],
+         }| {
+            let point = |[x, y, z]: &[f64; 3]| format!("[{x:.4}, {y:.4}, {z:.4}]");
+            format!("at  {name}: {} to {}\n", point(low), point(high))
+        },
+    );
+    lines.collect()
 }
 
 /// What a pilot chose among, a line each.

@@ -121,9 +121,14 @@ impl Aov {
 }
 
 impl SettingsArgs {
+    /// The scene's files, changed as was asked for.
+    pub fn file(&self) -> Result<SceneFile, Failure> {
+        Ok(SceneFile::read(&self.scene, &self.import.options(&self.scene)?)?)
+    }
+
     /// Read the scene.
     pub fn load(&self) -> Result<Loaded, Failure> {
-        let file = SceneFile::read(&self.scene, &self.import.options(&self.scene)?)?;
+        let file = self.file()?;
         let description = file.load()?;
         let defaults = description.defaults;
         let settings = JobSettings {

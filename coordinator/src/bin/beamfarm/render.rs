@@ -11,7 +11,7 @@ use beamfarm_proto::Token;
 use beamfarm_worker::cli::{LogArgs, LogFormat};
 use beamfarm_worker::{complain, say};
 use clap::Args;
-use std::io::IsTerminal;
+use std::io::{IsTerminal, Write};
 use std::net::Ipv4Addr;
 use tokio::net::TcpListener;
 
@@ -37,6 +37,36 @@ pub struct RenderArgs {
     /// Threads of each worker [default: so that workers times threads is the number of cores]
     #[arg(long, value_name = "T", value_parser = clap::value_parser!(u16).range(1..))]
     threads: Option<u16>,
+
+    /// Open the page that shows the job in a browser
+    #[arg(long)]
+    open: bool,
+}
+
+/// Open the page. Its link holds the token, and what programs are started with is for all to see: the browser gets a
+/// file that leads there, and that nobody else can read. It is removed with the value.
+fn open_page(crew: &Crew) -> Option<tempfile::NamedTempFile> {
+    let Crew { url, token, .. } = crew;
+    let make = || {
+        let mut file = tempfile::Builder::new()
+            .prefix("beamfarm-")
+            .suffix(".html")
+            .tempfile()?;
+        let link = format!("{url}{ENTER}#{}", token.reveal());
+        writeln!(
+            file,
+            "<!doctype html><meta http-equiv=\"refresh\" content=\"0; url={link}\"><a href=\"{link}\">The job</a>"
+        )?;
+        open::that_detached(file.path())?;
+        Ok::<_, std::io::Error>(file)
+    };
+    match make() {
+        Ok(file) => Some(file),
+        Err(error) => {
+            complain!("warning: no browser can be opened: {error}");
+            None
+        }
+    }
 }
 
 /// Say where the job can be watched: to people with what opens it, but not where it would stay in a file.
@@ -83,6 +113,7 @@ pub fn main(args: RenderArgs, log: &LogArgs) -> Result<(), Failure> {
         if !args.job.quiet && log.log_format == LogFormat::Text {
             tell_page(&crew);
         }
+        let _page = args.open.then(|| open_page(&crew));
         let crew = local::run(crew, farm.clone());
         let entrance = Entrance {
             security: Security {

@@ -189,8 +189,8 @@ fn attributes_of_reference(settings: &ReferenceSettings, average: &Average) -> R
     Ok(own)
 }
 
-/// Whether an image that [`write_image`] wrote is made of samples of the reference integrator, and not of passes. `None`
-/// where there is none.
+/// Whether an image that [`write_image`] wrote is made of samples of the reference integrator, and not of passes.
+/// `None` where there is none.
 pub fn made_of_samples(path: &Path) -> Option<bool> {
     let meta = exr::meta::MetaData::read_from_file(path, false).ok()?;
     let attributes = &meta.headers.first()?.own_attributes.other;

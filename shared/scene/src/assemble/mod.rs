@@ -2,6 +2,7 @@
 //! the camera stands at the origin.
 
 mod bounds;
+mod extents;
 mod gltf;
 mod light;
 mod material;
@@ -22,6 +23,7 @@ use beamfarm_render::medium::MediumId;
 use beamfarm_render::medium::bricks::{Bricks, RawDensity};
 use beamfarm_render::texture::Image;
 use beamfarm_render::world::{RenderDefaults, SceneDescription};
+pub use extents::{Extent, Extents};
 use glam::DVec3;
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -54,6 +56,8 @@ pub struct Assembled {
     pub notes: Vec<Fault>,
     /// Where rules are written that photons obey.
     pub photon_places: Vec<Range<usize>>,
+    /// Where things are.
+    pub extents: Extents,
 }
 
 /// Assemble the scene of a record, with the assets of a bundle.
@@ -91,9 +95,14 @@ pub fn assemble(record: &SceneRecord, bundle: &Bundle) -> Result<Assembled, Prob
     }
     let rules::Resolved {
         rules,
-        notes,
+        mut notes,
         photon_places,
     } = rules::resolve(record, &parts)?;
+    let extents = Extents::new(render_origin, &parts.media);
+    notes.extend(extents.outside(record, &parts.objects));
+    if parts.lights.is_empty() {
+        notes.push(Fault::new(0..0, "there are no lights: the picture will be black"));
+    }
     let description = SceneDescription {
         camera,
         camera_medium,
@@ -112,6 +121,7 @@ pub fn assemble(record: &SceneRecord, bundle: &Bundle) -> Result<Assembled, Prob
         description,
         notes,
         photon_places,
+        extents,
     })
 }
 

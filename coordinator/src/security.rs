@@ -18,8 +18,12 @@ pub const HEALTH: &str = "/healthz";
 /// The page for those whom a link brings with the token behind its #, and its script. They say nothing of the job.
 pub const ENTER: &str = "/enter";
 pub(crate) const ENTER_SCRIPT: &str = "/enter.js";
-/// What writes the image from the page.
+/// What the page's buttons do: they write the image, and steer the job.
 pub(crate) const WRITE: &str = "/write";
+pub(crate) const PAUSE: &str = "/pause";
+pub(crate) const RESUME: &str = "/resume";
+pub(crate) const EXTEND: &str = "/extend";
+pub(crate) const CANCEL: &str = "/cancel";
 /// What the paths of calls for people begin with, and the one that only looks.
 const CONTROL: &str = "/beamfarm.v1.Control/";
 const STATUS: &str = "/beamfarm.v1.Control/Status";
@@ -171,7 +175,8 @@ pub(crate) fn is_for_all<B>(request: &Request<B>) -> bool {
 /// Whether a request changes what becomes of the job, beside what workers do.
 fn steers<B>(request: &Request<B>) -> bool {
     let path = request.uri().path();
-    path == WRITE || path.starts_with(CONTROL) && path != STATUS
+    let buttons = [WRITE, PAUSE, RESUME, EXTEND, CANCEL];
+    buttons.contains(&path) || path.starts_with(CONTROL) && path != STATUS
 }
 
 /// The token in a request: as bearer, or as the password of whatever user, which is what browsers can ask for.
@@ -321,7 +326,13 @@ mod tests {
             *request.uri_mut() = http::Uri::from_static(path);
             security.refuse(&request, false).map(|answer| answer.status())
         };
-        let steering = ["/write", "/beamfarm.v1.Control/Cancel", "/beamfarm.v1.Control/Extend"];
+        let steering = [
+            "/write",
+            "/pause",
+            "/cancel",
+            "/beamfarm.v1.Control/Cancel",
+            "/beamfarm.v1.Control/Extend",
+        ];
         let looking = ["/", "/beamfarm.v1.Control/Status", "/beamfarm.v1.Farm/Register"];
         for path in steering {
             assert_eq!(code(&security, path, TOKEN), None);

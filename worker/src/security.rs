@@ -148,12 +148,11 @@ fn is_loopback(host: &str) -> bool {
 /// a certificate: neither can say so to the other.
 pub fn with_hint(url: &str, message: String) -> String {
     let has = |words: &[&str]| words.iter().any(|word| message.contains(word));
+    let hangs_up = has(&["broken pipe", "connection closed", "onnection reset", "fatal alert"]);
     let hint = match url.starts_with("https://") {
-        false if has(&["frame with invalid size", "http2 error"]) => "does it expect https://?",
+        false if hangs_up || has(&["frame with invalid size", "http2 error"]) => "does it expect https://?",
         true if has(&["InvalidContentType"]) => "does it speak http:// only?",
-        true if has(&["broken pipe", "connection closed", "onnection reset", "fatal alert"]) => {
-            "does it ask for a certificate (--tls-cert and --tls-key) of another authority?"
-        }
+        true if hangs_up => "does it ask for a certificate (--tls-cert and --tls-key) of another authority?",
         _ => return message,
     };
     format!("{message}; {hint}")

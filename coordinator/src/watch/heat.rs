@@ -35,7 +35,11 @@ pub(crate) fn encode(average: &Average) -> Result<Vec<u8>, ImageError> {
 /// Colour of a relative standard error.
 pub(crate) fn colour(error: f64) -> [u8; 3] {
     // An error of zero, in the black around a scene, is at the lower end; an infinite one at the upper.
-    let position = (libm::log10(error.max(0.0)) - LOW) / (HIGH - LOW);
+    along((libm::log10(error.max(0.0)) - LOW) / (HIGH - LOW))
+}
+
+/// Colour of a place on the scale, from 0 to 1.
+pub(super) fn along(position: f64) -> [u8; 3] {
     let position = position.clamp(0.0, 1.0) * (CIVIDIS.len() - 1) as f64;
     let below = (position as usize).min(CIVIDIS.len() - 2);
     let share = position - below as f64;

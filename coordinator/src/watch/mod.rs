@@ -6,6 +6,7 @@
 pub(crate) mod heat;
 mod meter;
 pub(crate) mod picture;
+pub(crate) mod views;
 
 pub use meter::{Meter, Rates};
 
@@ -42,6 +43,8 @@ pub struct Terms {
     pub first_pass: u64,
     /// Exposure of the picture that is shown first, stops.
     pub exposure: f32,
+    /// Whether the scene has photons dropped that miss all targets: the image is biased, and says so.
+    pub drops_photons: bool,
 }
 
 /// The estimated error when so many passes were complete.

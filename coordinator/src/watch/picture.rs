@@ -1,11 +1,10 @@
 //! Pictures of the job so far, for pages. They are made away from the threads that serve others, at a bounded rate, and
 //! only when somebody asks.
 
-use super::heat;
+use super::views::{self, View};
 use crate::farm::Farm;
 use beamfarm_image::error::ImageError;
 use beamfarm_image::merge::{Average, Noise};
-use beamfarm_image::png::encode_png;
 use beamfarm_proto::bytes::Bytes;
 use std::sync::{Arc, Weak};
 use std::time::Duration;
@@ -29,15 +28,6 @@ pub(crate) struct Picture {
     pub error: f64,
     /// Where its error is.
     pub noise: Noise,
-}
-
-/// What to show of it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum View {
-    /// The radiance, brighter by so many hundredths of a stop.
-    Beauty { centistops: i32 },
-    /// Where the error is.
-    Error,
 }
 
 #[derive(Default)]
@@ -136,10 +126,8 @@ impl Pictures {
             return Ok(known.png.clone());
         }
         let started = Instant::now();
-        let encode = move || match view {
-            View::Beauty { centistops } => encode_png(&picture.average.beauty, centistops as f32 / 100.0),
-            View::Error => heat::encode(&picture.average),
-        };
+        let farm = self.farm.clone();
+        let encode = move || views::encode(&picture.average, &farm.job().layers, view);
         let png = tokio::task::spawn_blocking(encode).await;
         let png = png.map_err(|error| ImageError::Encode {
             field: "PNG",

@@ -1,22 +1,24 @@
 //! The page that shows a job, and what machines read of it: `/metrics` and `/healthz`. Everything is compiled in, and
 //! nothing is loaded from elsewhere.
 
+mod buttons;
 mod curve;
 mod live;
 mod metrics;
 mod page;
+mod picture;
 
-use crate::security::{ENTER, ENTER_SCRIPT, HEALTH, WRITE};
+use crate::security::{CANCEL, ENTER, ENTER_SCRIPT, EXTEND, HEALTH, PAUSE, RESUME, WRITE};
 use crate::watch::Watch;
-use crate::watch::picture::View;
+use crate::watch::views::View;
 use axum::Router;
 use axum::extract::{Query, State};
 use axum::http::header::{
     CACHE_CONTROL, CONTENT_SECURITY_POLICY, CONTENT_TYPE, REFERRER_POLICY, X_CONTENT_TYPE_OPTIONS,
 };
-use axum::http::{HeaderMap, HeaderName, HeaderValue, Request, StatusCode};
+use axum::http::{HeaderName, HeaderValue, Request};
 use axum::middleware::{Next, from_fn};
-use axum::response::{IntoResponse, Redirect, Response};
+use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
 use live::Live;
 use serde::Deserialize;
@@ -26,8 +28,6 @@ use std::sync::Arc;
 /// elsewhere.
 const POLICY: &str = "default-src 'none'; img-src 'self' blob:; style-src 'self'; script-src 'self'; connect-src 'self'; \
                       form-action 'self'; base-uri 'none'; frame-ancestors 'none'";
-/// Names the passes of a picture.
-const PASSES: HeaderName = HeaderName::from_static("beamfarm-passes");
 /// Exposures that pictures are made for, stops.
 const EXPOSURES: std::ops::RangeInclusive<f32> = -20.0..=20.0;
 
@@ -45,9 +45,15 @@ pub(crate) fn routes(watch: Arc<Watch>) -> Router {
     });
     Router::new()
         .route("/", get(show))
-        .route("/image.png", get(image))
+        .route("/image.png", get(picture::png))
+        .route("/image.exr", get(picture::exr))
+        .route("/pixel", get(picture::pixel))
         .route("/live", get(live::stream))
-        .route(WRITE, post(write))
+        .route(WRITE, post(buttons::write))
+        .route(PAUSE, post(buttons::pause))
+        .route(RESUME, post(buttons::resume))
+        .route(EXTEND, post(buttons::extend))
+        .route(CANCEL, post(buttons::cancel))
         .route(
             "/page.css",
             get(|| file("text/css; charset=utf-8", include_str!("page.css"))),
@@ -95,11 +101,14 @@ async fn file(kind: &'static str, text: &'static str) -> impl IntoResponse {
 struct Asked {
     /// Stops.
     exposure: Option<String>,
-    /// `error` for the map of the error.
+    /// `error` for the map of the error, `false` for luminance in false colours, or the name of a layer.
     view: Option<String>,
     passes: Option<u64>,
-    /// What became of a request to write.
-    written: Option<bool>,
+    /// What became of what a button asked for.
+    done: Option<bool>,
+    /// Of a pixel.
+    x: u32,
+    y: u32,
 }
 
 impl Asked {
@@ -111,40 +120,22 @@ impl Asked {
             .unwrap_or(watch.terms().exposure);
         exposure.clamp(*EXPOSURES.start(), *EXPOSURES.end())
     }
+
     fn view(&self, watch: &Watch) -> View {
-        match self.view.as_deref() {
-            Some("error") => View::Error,
-            _ => View::Beauty {
-                centistops: (100.0 * self.exposure(watch)).round() as i32,
-            },
+        let centistops = (100.0 * self.exposure(watch)).round() as i32;
+        let asked = self.view.as_deref().unwrap_or_default();
+        match asked {
+            "error" => View::Error,
+            "false" => View::FalseColour { centistops },
+            _ => {
+                let mut layers = watch.farm().job().layers.iter();
+                let place = layers.position(|layer| layer.to_string() == asked);
+                place.map_or(View::Beauty { centistops }, |place| View::Layer { place, centistops })
+            }
         }
     }
 }
 
 async fn show(State(web): State<Arc<Web>>, Query(asked): Query<Asked>) -> Response {
     page::page(&web, &asked).await
-}
-
-async fn image(State(web): State<Arc<Web>>, Query(asked): Query<Asked>) -> Response {
-    let pictures = web.watch.pictures();
-    let Some(picture) = pictures.of(asked.passes).await else {
-        return (StatusCode::NOT_FOUND, "no pass is complete yet\n").into_response();
-    };
-    let passes = picture.average.passes.to_string();
-    match pictures.png(picture, asked.view(&web.watch)).await {
-        Ok(png) => ([(CONTENT_TYPE, "image/png".to_owned()), (PASSES, passes)], png).into_response(),
-        Err(error) => (StatusCode::INTERNAL_SERVER_ERROR, error.to_string()).into_response(),
-    }
-}
-
-/// The button: as the call of the same name. Pages of other sites are kept out before. Scripts get the words, forms go
-/// back to the page.
-async fn write(State(web): State<Arc<Web>>, headers: HeaderMap) -> Response {
-    let written = web.watch.write_now().await;
-    let from_script = headers.get("accept").is_some_and(|accept| accept == "text/plain");
-    match written {
-        _ if !from_script => Redirect::to(&format!("/?written={}", written.is_ok())).into_response(),
-        Ok(message) => message.into_response(),
-        Err(message) => (StatusCode::CONFLICT, message).into_response(),
-    }
 }

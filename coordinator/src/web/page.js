@@ -9,6 +9,7 @@ const name = document.querySelector("h1").textContent;
 let available = 0;   // passes of the newest picture that the coordinator has
 let wanted = "";     // address of the picture that should be there
 let there = "";      // address of the one that is
+let current = null;  // that one itself
 let fetching = false;
 
 function say(text, calm) {
@@ -18,17 +19,21 @@ function say(text, calm) {
 
 function describe(passes) {
   const which = passes === 1 ? "pass 0" : `passes 0 to ${passes - 1}`;
-  return view.value === "error" ? `Error of ${which}` : `${which[0].toUpperCase()}${which.slice(1)} at ${exposure.value} EV`;
+  if (view.value === "error") return `Error of ${which}`;
+  const words = view.value === "image" ? "" : `, ${view.selectedOptions[0].textContent}`;
+  return `${which[0].toUpperCase()}${which.slice(1)}${words} at ${exposure.value} EV`;
 }
 
 function look() {
   at("stops").textContent = `${exposure.value} EV`;
-  exposure.disabled = view.value === "error";
+  const plain = ["error", "depth", "normal", "albedo", "beam_density", "targets"].includes(view.value);
+  for (const control of [exposure, at("darker"), at("brighter")]) control.disabled = plain;
   at("scale").hidden = view.value !== "error";
   if (available > 0) {
-    wanted = view.value === "error"
-      ? `/image.png?passes=${available}&view=error`
-      : `/image.png?passes=${available}&exposure=${exposure.value}`;
+    const settings = `exposure=${exposure.value}&view=${encodeURIComponent(view.value)}`;
+    wanted = `/image.png?passes=${available}&${settings}`;
+    at("png").href = wanted;
+    at("exr").href = `/image.exr?passes=${available}`;
     load();
   }
 }
@@ -43,7 +48,8 @@ async function load() {
     if (!answer.ok) throw new Error(await answer.text());
     const passes = Number(answer.headers.get("beamfarm-passes"));
     const caption = describe(passes);
-    const url = URL.createObjectURL(await answer.blob());
+    const blob = await answer.blob();
+    const url = URL.createObjectURL(blob);
     const before = shown.src;
     shown.src = url;
     await shown.decode();
@@ -51,8 +57,10 @@ async function load() {
     shown.alt = caption;
     shown.dataset.passes = passes;
     at("caption").textContent = caption;
+    cover();
     if (before.startsWith("blob:")) URL.revokeObjectURL(before);
     there = address;
+    current = blob;
   } catch (error) {
     // The next picture comes soon enough.
     wanted = there;
@@ -61,41 +69,138 @@ async function load() {
   if (wanted !== there) load();
 }
 
+const frame = at("frame");
+let factor = 0;      // of the picture's pixels; 0 fits it into the frame
+
 function zoomed() {
-  const factor = zoom.value === "fit" ? 0 : Number(zoom.value);
   shown.classList.toggle("zoomed", factor > 0);
   shown.style.width = factor > 0 ? `${factor * shown.getAttribute("width")}px` : "";
+  cover();
 }
+
+// To this factor, and what is under the pointer stays there.
+function zoomTo(to, event) {
+  const from = shown.clientWidth / shown.getAttribute("width");
+  const box = shown.getBoundingClientRect();
+  const [x, y] = [(event.clientX - box.left) / from, (event.clientY - box.top) / from];
+  factor = Math.min(Math.max(to, 0.1), 64);
+  zoom.value = ["1", "2", "4", "8"].find((step) => Number(step) === factor) ?? "free";
+  zoomed();
+  const now = shown.getBoundingClientRect();
+  frame.scrollBy({ left: now.left + x * factor - event.clientX, top: now.top + y * factor - event.clientY, behavior: "instant" });
+}
+
+frame.addEventListener("wheel", (event) => {
+  if (shown.hidden || event.deltaY === 0) return;
+  event.preventDefault();
+  zoomTo(shown.clientWidth / shown.getAttribute("width") * 2 ** (-event.deltaY / 400), event);
+}, { passive: false });
 
 // Drag to move a picture that is larger than its frame.
 let drag = null;
-at("frame").addEventListener("pointerdown", (event) => {
-  if (event.pointerType === "mouse" && zoom.value !== "fit") {
-    drag = { x: event.clientX + at("frame").scrollLeft, y: event.clientY + at("frame").scrollTop };
+frame.addEventListener("pointerdown", (event) => {
+  if (event.pointerType === "mouse" && factor > 0) {
+    drag = { x: event.clientX + frame.scrollLeft, y: event.clientY + frame.scrollTop };
     event.preventDefault();
   }
 });
 addEventListener("pointermove", (event) => {
-  if (drag) at("frame").scrollTo({ left: drag.x - event.clientX, top: drag.y - event.clientY, behavior: "instant" });
+  if (drag) frame.scrollTo({ left: drag.x - event.clientX, top: drag.y - event.clientY, behavior: "instant" });
 });
 addEventListener("pointerup", () => { drag = null; });
 
+// What the pixel under the pointer holds; one question at a time.
+let pointed = null, asking = false;
+frame.addEventListener("pointermove", (event) => {
+  const box = shown.getBoundingClientRect();
+  const scale = shown.getAttribute("width") / box.width;
+  const [x, y] = [Math.floor((event.clientX - box.left) * scale), Math.floor((event.clientY - box.top) * scale)];
+  const inside = x >= 0 && y >= 0 && x < shown.getAttribute("width") && y < shown.getAttribute("height");
+  pointed = inside && available > 0 ? `x=${x}&y=${y}&passes=${available}` : null;
+  ask();
+});
+frame.addEventListener("pointerleave", () => { pointed = null; at("value").textContent = ""; });
+
+async function ask() {
+  if (asking || pointed === null) return;
+  asking = true;
+  const question = pointed;
+  try {
+    const pixel = await (await fetch(`/pixel?${question}`)).json();
+    const short = (values) => values.map((value) => value === null ? "?" : Number(value.toPrecision(4))).join(", ");
+    const layer = pixel.layers[view.value];
+    const place = new URLSearchParams(question);
+    at("value").textContent = `Pixel ${place.get("x")}, ${place.get("y")}: ` + (layer
+      ? short(layer) : `${short(pixel.radiance)} ± ${short(pixel.standard_error)}`);
+  } catch (error) {
+    at("value").textContent = "";
+  }
+  asking = false;
+  if (pointed !== question) ask();
+}
+
+// A picture that is held lies over the left part of the one that goes on.
+const held = at("held");
+function cover() {
+  if (held.hidden) return;
+  held.style.left = `${shown.offsetLeft}px`;
+  held.style.top = `${shown.offsetTop}px`;
+  held.style.width = `${shown.offsetWidth}px`;
+  held.style.height = `${shown.offsetHeight}px`;
+  held.style.clipPath = `inset(0 ${100 - Number(at("wipe").value)}% 0 0)`;
+}
+function hold(blob) {
+  if (held.src) URL.revokeObjectURL(held.src);
+  held.src = URL.createObjectURL(blob);
+  held.hidden = false;
+  at("wipe-row").hidden = false;
+  cover();
+}
+at("hold").addEventListener("click", () => {
+  if (current !== null) hold(current);
+});
+at("reference").addEventListener("change", (event) => {
+  if (event.target.files.length > 0) hold(event.target.files[0]);
+});
+at("wipe").addEventListener("input", cover);
+addEventListener("resize", cover);
+
+for (const part of ["zooming", "wiping", "darker", "brighter", "extending"]) at(part).hidden = false;
 at("apply").hidden = true;
-at("zooming").hidden = false;
 at("controls").addEventListener("submit", (event) => event.preventDefault());
 for (const input of [exposure, view]) input.addEventListener("input", look);
-zoom.addEventListener("input", zoomed);
+for (const [button, step] of [["darker", -0.25], ["brighter", 0.25]]) {
+  at(button).addEventListener("click", () => {
+    exposure.value = Number(exposure.value) + step;
+    look();
+  });
+}
+zoom.addEventListener("input", () => {
+  factor = zoom.value === "fit" ? 0 : Number(zoom.value);
+  zoomed();
+});
 
-at("writing").addEventListener("submit", async (event) => {
-  event.preventDefault();
-  at("written").textContent = "Writing…";
+async function tell(address) {
+  at("said").textContent = "…";
   try {
-    const answer = await fetch("/write", { method: "POST", headers: { accept: "text/plain" } });
-    at("written").textContent = `${answer.ok ? "✓" : "✕"} ${await answer.text()}`;
+    const answer = await fetch(address, { method: "POST", headers: { accept: "text/plain" } });
+    at("said").textContent = `${answer.ok ? "✓" : "✕"} ${await answer.text()}`;
+    return answer.ok;
   } catch (error) {
-    at("written").textContent = "✕ The coordinator was not reached.";
+    at("said").textContent = "✕ The coordinator was not reached.";
+    return false;
+  }
+}
+at("steering").addEventListener("submit", async (event) => {
+  event.preventDefault();
+  const address = event.submitter?.getAttribute("formaction") ?? "/write";
+  if (address === "/cancel" && !confirm("End the job with the passes that are complete?")) return;
+  if (await tell(address) && ["/pause", "/resume"].includes(address)) {
+    at("pause").hidden = address === "/pause";
+    at("resume").hidden = address === "/resume";
   }
 });
+at("extend").addEventListener("click", () => tell(`/extend?passes=${Number(at("passes").value)}`));
 
 const news = new EventSource("/live");
 for (const place of ["state", "curve", "workers", "failures", "log"]) {
@@ -111,6 +216,7 @@ news.addEventListener("image", (event) => {
 });
 news.addEventListener("over", () => {
   news.close();
+  at("steering").hidden = true;
   say("The job is over: this is how it ended.", true);
 });
 news.addEventListener("open", () => say(""));

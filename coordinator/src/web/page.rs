@@ -98,9 +98,16 @@ struct Page {
     exposure: f32,
     lowest: f32,
     highest: f32,
-    error_view: bool,
+    /// What is shown: the name of a view.
+    view: String,
+    /// Those that there are beside the image: name and words.
+    views: Vec<(String, String)>,
     scale: Vec<(String, u32)>,
-    written: Option<bool>,
+    done: Option<bool>,
+    /// Passes that the job will have, where there is such a number.
+    limit: u64,
+    is_over: bool,
+    is_paused: bool,
 }
 
 /// The pieces, by the names of their places; `image` is the number of passes of the picture that there is.
@@ -118,11 +125,20 @@ pub(super) async fn pieces(watch: &Watch) -> Vec<(&'static str, String)> {
     ]
 }
 
+fn views(watch: &Watch) -> Vec<(String, String)> {
+    let layers = watch.farm().job().layers.iter();
+    let layers = layers.map(|layer| (layer.to_string(), format!("layer {layer}")));
+    let own = [("error", "map of the error"), ("false", "false colours")];
+    let own = own.map(|(name, words)| (name.to_owned(), words.to_owned()));
+    own.into_iter().chain(layers).collect()
+}
+
 /// The page.
 pub(super) async fn page(web: &Web, asked: &Asked) -> Response {
     let watch = &*web.watch;
     let picture = watch.picture().await;
     let job = watch.farm().job();
+    let progress = watch.farm().progress();
     let page = Page {
         name: match watch.terms().title.as_str() {
             "" => "a job".into(),
@@ -139,9 +155,13 @@ pub(super) async fn page(web: &Web, asked: &Asked) -> Response {
         exposure: asked.exposure(watch),
         lowest: *EXPOSURES.start(),
         highest: *EXPOSURES.end(),
-        error_view: asked.view.as_deref() == Some("error"),
+        view: asked.view.clone().unwrap_or_else(|| "image".into()),
+        views: views(watch),
         scale: heat::scale(),
-        written: asked.written,
+        done: asked.done,
+        limit: if progress.limit < MAX_PASSES { progress.limit } else { 0 },
+        is_over: watch.farm().end().is_some(),
+        is_paused: progress.paused,
     };
     match page.render() {
         Ok(text) => Html(text).into_response(),

@@ -178,6 +178,20 @@ impl Browser {
         (sums[0].as_f64().unwrap(), sums[1].as_f64().unwrap())
     }
 
+    /// The mouse over a place of the picture, and how far its wheel turns.
+    fn mouse(&mut self, kind: &str, wheel: f64) {
+        let place = self.evaluate(
+            "(() => {
+                const shown = document.getElementById('shown');
+                shown.scrollIntoView({ block: 'center', behavior: 'instant' });
+                const box = shown.getBoundingClientRect();
+                return [box.left + 0.5 * box.width, box.top + 0.5 * box.height];
+            })()",
+        );
+        let event = json!({"type": kind, "x": place[0], "y": place[1], "deltaX": 0, "deltaY": wheel});
+        self.call("Input.dispatchMouseEvent", event);
+    }
+
     /// As in a window of this width; a narrow one is a phone's.
     fn look(&mut self, width: u32, scheme: &str) -> Value {
         let is_phone = width < 600;
@@ -268,10 +282,38 @@ async fn the_image_changes_and_the_numbers_move() {
         json!(160)
     );
 
+    page.evaluate(&format!("({SET})('view', 'false')"));
+    page.wait_for("document.getElementById('caption').innerText.includes('false colours at -6 EV')");
+    page.evaluate("document.getElementById('brighter').click()");
+    page.wait_for("document.getElementById('caption').innerText.includes('at -5.75 EV')");
+
+    // The wheel zooms to what is under it, and the pixel there says what it holds.
+    page.mouse("mouseMoved", 0.0);
+    page.wait_for("/Pixel [0-9]+, [0-9]+: .* ± /.test(document.getElementById('value').innerText)");
+    let place = |page: &mut Browser| page.evaluate("document.getElementById('value').innerText.split(':')[0]");
+    let before = place(&mut page);
+    page.mouse("mouseWheel", -400.0);
+    page.wait_for("document.getElementById('shown').clientWidth === 320");
+    page.mouse("mouseMoved", 0.0);
+    assert_eq!(place(&mut page), before);
+
+    // A picture that is held stays beside those that come.
+    page.evaluate("document.getElementById('hold').click()");
+    page.wait_for("document.getElementById('held').naturalWidth === 40");
+    // And the job obeys.
+    page.evaluate("document.getElementById('pause').click()");
+    page.wait_for(&state("Paused"));
+    page.evaluate("document.getElementById('resume').click()");
+    page.wait_for(&state("Rendering"));
+    page.evaluate("document.getElementById('passes').value = 7");
+    page.evaluate("document.getElementById('extend').click()");
+    page.wait_for(&state("4 of 7 passes"));
+    deliver(&worker, 1).await;
+
     deliver(&worker, 2).await;
     page.wait_for(&state("Complete"));
     page.wait_for("document.getElementById('connection').innerText.includes('is over')");
-    page.wait_for(&shows(6));
+    page.wait_for(&shows(7));
     assert_eq!(
         page.evaluate("document.querySelectorAll('#curve circle').length > 1"),
         json!(true)

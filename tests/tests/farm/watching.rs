@@ -316,7 +316,7 @@ async fn images_are_written_on_request_where_somebody_can() {
     let foreign = "POST /write HTTP/1.0\r\nOrigin: http://elsewhere\r\nX:";
     assert!(ask(&coordinator, foreign).await.head.contains("403"));
     let pressed = ask(&coordinator, "POST /write").await;
-    assert_eq!(pressed.header("location"), Some("/?written=true"));
+    assert_eq!(pressed.header("location"), Some("/?done=true"));
     writer.await.unwrap();
 }
 

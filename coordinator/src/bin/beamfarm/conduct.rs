@@ -43,6 +43,7 @@ pub async fn conduct(
         target: args.target_error,
         first_pass: args.first_pass,
         exposure,
+        drops_photons: output.drops_photons,
     };
     let watch = Watch::new(farm, terms);
     let span = error_span!("job", job = watch.id());

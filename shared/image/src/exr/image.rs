@@ -74,7 +74,8 @@ pub fn write_image(path: &Path, average: &Average, meta: &ImageMeta) -> Result<(
     atomic::write_file(path, &encode_image(average, meta)?)
 }
 
-fn encode_image(average: &Average, meta: &ImageMeta) -> Result<Vec<u8>, ImageError> {
+/// The bytes of that file.
+pub fn encode_image(average: &Average, meta: &ImageMeta) -> Result<Vec<u8>, ImageError> {
     let beauty = &average.beauty;
     let size = Vec2(beauty.width as usize, beauty.height as usize);
     let channels = channels(average, meta, size)?;

@@ -177,9 +177,22 @@ impl From<toml::de::Error> for Fault {
         }
         Self {
             span: error.span(),
-            message,
+            message: with_nearest(message),
         }
     }
+}
+
+/// Of a field that there is not: the one that was probably meant, in place of all that there are.
+fn with_nearest(message: String) -> String {
+    let nearest = || {
+        let mut names = message.strip_prefix("unknown field `")?.split('`').step_by(2);
+        let given = names.next()?;
+        let distance = |name: &&str| strsim::damerau_levenshtein(given, name);
+        let nearest = names.filter(|name| !name.is_empty()).min_by_key(distance)?;
+        (distance(&nearest) <= (given.len() / 3).max(1))
+            .then(|| format!("unknown field `{given}`; did you mean `{nearest}`?"))
+    };
+    nearest().unwrap_or(message)
 }
 
 /// The fields of a record that the file gives, with their places.

@@ -44,7 +44,7 @@ fn shapes_are_checked() {
     refused(
         r#"
 [[shapes]] | type = "sphere" | radus = 1
-    5: shapes[0].radus: unknown field `radus`, expected one of `name`, `type`, `center`, `p0`, `p1`, `radius`, `file`, `face_normals`, `smooth`, `flip_normals`, `material`, `interior`, `exterior`, `boundary`, `emission`, `transform`, `shape`, `transforms`, `visible`
+    5: shapes[0].radus: unknown field `radus`; did you mean `radius`?
 [[shapes]] | type = "sphere" | radius = "big"
     5: shapes[0].radius: invalid type: string "big", expected a number above 0
 [[shapes]] | name = "ball" | type = "sphere" | radius = -1
@@ -112,7 +112,7 @@ fn transforms_are_checked() {
 [[shapes]] | type = "sphere" | transform = [{}]
     5: shapes[0].transform[0]: expected exactly one of scale, rotate, translate, matrix, look_at in a step
 [[shapes]] | type = "sphere" | transform = [{ rotat = 1 }]
-    5: shapes[0].transform[0].rotat: unknown field `rotat`, expected one of `scale`, `rotate`, `translate`, `matrix`, `look_at`
+    5: shapes[0].transform[0].rotat: unknown field `rotat`; did you mean `rotate`?
 [[shapes]] | type = "sphere" | transform = [{ rotate = { axis = [0, 0, 0], angle = 1 } }]
     5: shapes[0].transform[0]: the axis of a rotation must not be [0, 0, 0]
 [[shapes]] | type = "sphere" | transform = { scale = 2 }
@@ -212,7 +212,7 @@ fn lights_and_emission_are_checked() {
 [[shapes]] | type = "sphere" | emission = {}
     5: shapes[0].emission: emission is given by `radiance` (W/(m^2 sr)) or by `power` (W): exactly one of them
 [[shapes]] | type = "sphere" | emission = { radience = 1 }
-    5: shapes[0].emission.radience: unknown field `radience`, expected one of `radiance`, `power`, `group`
+    5: shapes[0].emission.radience: unknown field `radience`; did you mean `radiance`?
 [[shapes]] | type = "sphere" | emission = { power = -1 }
     5: shapes[0].emission.power: expected a number that is not negative, found -1.0
 [[shapes]] | type = "sphere" | radius = 1e-12 | emission = { power = 1e30 }
@@ -276,7 +276,7 @@ fn settings_and_structure_are_checked() {
 [render] | radius = 0.0
     4: render.radius: expected a number above 0, found 0.0
 [light]
-    3: light: unknown field `light`, expected one of `image`, `render`, `world`, `camera`, `media`, `materials`, `shapes`, `lights`, `gltf`, `groups`, `rules`
+    3: light: unknown field `light`; did you mean `lights`?
 x = 1
     3: x: unknown field `x`, expected one of `image`, `render`, `world`, `camera`, `media`, `materials`, `shapes`, `lights`, `gltf`, `groups`, `rules`
 x = 1 | x = 2

@@ -1,0 +1,123 @@
+//! What of a picture is shown, as colours.
+
+use super::heat;
+use beamfarm_image::error::ImageError;
+use beamfarm_image::film::Film;
+use beamfarm_image::layer::Layer;
+use beamfarm_image::merge::Average;
+use beamfarm_image::png::{encode_png, encode_rgb};
+
+/// False colours reach from 2^-8 to 2^8 of what would be white.
+const STOPS: f32 = 8.0;
+
+/// What to show of a picture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum View {
+    /// The radiance, brighter by so many hundredths of a stop.
+    Beauty { centistops: i32 },
+    /// Its luminance on a logarithmic scale, likewise.
+    FalseColour { centistops: i32 },
+    /// Where the error is.
+    Error,
+    /// A layer, by its place among the job's; radiance likewise.
+    Layer { place: usize, centistops: i32 },
+}
+
+/// The PNG. `layers`: those of the job.
+pub(crate) fn encode(average: &Average, layers: &[Layer], view: View) -> Result<Vec<u8>, ImageError> {
+    let stops = |centistops: i32| centistops as f32 / 100.0;
+    match view {
+        View::Beauty { centistops } => encode_png(&average.beauty, stops(centistops)),
+        View::FalseColour { centistops } => false_colour(&average.beauty, stops(centistops)),
+        View::Error => heat::encode(average),
+        View::Layer { place, centistops } => match (layers.get(place), average.layers.get(place)) {
+            (Some(layer), Some(film)) => encode_layer(layer, film, stops(centistops)),
+            // Nobody is led here.
+            _ => encode_png(&average.beauty, stops(centistops)),
+        },
+    }
+}
+
+fn encode_layer(layer: &Layer, film: &Film, stops: f32) -> Result<Vec<u8>, ImageError> {
+    match layer {
+        Layer::Normal => {
+            let byte = |v: f32| (127.5 + 127.5 * v).clamp(0.0, 255.0) as u8;
+            let data: Vec<u8> = film.pixels.as_flattened().iter().map(|v| byte(*v)).collect();
+            encode_rgb(film.width, film.height, &data)
+        }
+        Layer::Albedo => encode_png(film, 0.0),
+        // One number a pixel: against the largest.
+        Layer::Depth | Layer::BeamDensity | Layer::Targets => {
+            let most = film.pixels.iter().map(|[v, ..]| *v).fold(0.0, f32::max);
+            let scale = if most > 0.0 { 1.0 / most } else { 0.0 };
+            let mut grey = film.clone();
+            for pixel in &mut grey.pixels {
+                *pixel = [pixel[0] * scale; 3];
+            }
+            encode_png(&grey, 0.0)
+        }
+        Layer::Direct | Layer::Surface | Layer::Volume | Layer::Light(_) => encode_png(film, stops),
+    }
+}
+
+fn false_colour(film: &Film, stops: f32) -> Result<Vec<u8>, ImageError> {
+    let data: Vec<u8> = film
+        .pixels
+        .iter()
+        .flat_map(|[r, g, b]| {
+            // Rec. 709.
+            let luminance = 0.2126 * r + 0.7152 * g + 0.0722 * b;
+            let position = (libm::log2f(luminance.max(0.0)) + stops + STOPS) / (2.0 * STOPS);
+            heat::along(f64::from(position))
+        })
+        .collect();
+    encode_rgb(film.width, film.height, &data)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use beamfarm_image::merge::{Node, TreeSum};
+
+    fn average(pixels: &[[f32; 3]]) -> Average {
+        let film = |values: &[[f32; 3]]| {
+            let mut film = Film::new(values.len() as u32, 1);
+            film.pixels.copy_from_slice(values);
+            film
+        };
+        let mut sum = TreeSum::new(pixels.len() as u32, 1).with_layers(2);
+        let layers = vec![film(&[[2.0, 0.0, 0.0], [4.0, 0.0, 0.0]]), film(&[[1.0, 0.0, -1.0]; 2])];
+        sum.insert(Node::leaf(0, film(pixels)).with_layers(layers)).unwrap();
+        sum.average().unwrap()
+    }
+
+    fn colours(view: View) -> Vec<u8> {
+        let average = average(&[[1.0; 3], [0.0; 3]]);
+        let png = encode(&average, &[Layer::Depth, Layer::Normal], view).unwrap();
+        let mut reader = png::Decoder::new(std::io::Cursor::new(png)).read_info().unwrap();
+        let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
+        reader.next_frame(&mut bytes).unwrap();
+        bytes
+    }
+
+    #[test]
+    fn each_view_shows_what_it_says() {
+        let black = [0, 0, 0];
+        let beauty = colours(View::Beauty { centistops: 0 });
+        assert_eq!((&beauty[..3], &beauty[3..]), (&[255; 3][..], &black[..]));
+        let depth = colours(View::Layer {
+            place: 0,
+            centistops: 0,
+        });
+        // Half of the largest, as sRGB.
+        assert!((187..=189).contains(&depth[0]) && depth[3..] == [255; 3], "{depth:?}");
+        let normal = colours(View::Layer {
+            place: 1,
+            centistops: 0,
+        });
+        assert_eq!(normal[..3], [255, 127, 0]);
+        // White is in the middle of the scale, nothing at its lower end.
+        let lights = colours(View::FalseColour { centistops: 0 });
+        assert_eq!((&lights[..3], &lights[3..]), (&[125, 124, 120][..], &[0, 34, 78][..]));
+    }
+}

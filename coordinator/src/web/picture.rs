@@ -1,0 +1,112 @@
+//! The picture: to look at, to take away, and the values of its pixels.
+
+use super::{Asked, Web};
+use crate::watch::unix_time;
+use axum::extract::{Query, State};
+use axum::http::header::{CONTENT_DISPOSITION, CONTENT_TYPE};
+use axum::http::{HeaderName, StatusCode};
+use axum::response::{IntoResponse, Response};
+use beamfarm_image::exr::{ImageMeta, Maker, encode_image};
+use beamfarm_image::film::Film;
+use beamfarm_proto::VERSION;
+use serde_json::{Map, Value, json};
+use std::sync::Arc;
+use std::time::SystemTime;
+
+/// Names the passes of a picture.
+const PASSES: HeaderName = HeaderName::from_static("beamfarm-passes");
+
+fn none() -> Response {
+    (StatusCode::NOT_FOUND, "no pass is complete yet\n").into_response()
+}
+
+pub(super) async fn png(State(web): State<Arc<Web>>, Query(asked): Query<Asked>) -> Response {
+    let pictures = web.watch.pictures();
+    let Some(picture) = pictures.of(asked.passes).await else {
+        return none();
+    };
+    let passes = picture.average.passes.to_string();
+    match pictures.png(picture, asked.view(&web.watch)).await {
+        Ok(png) => ([(CONTENT_TYPE, "image/png".to_owned()), (PASSES, passes)], png).into_response(),
+        Err(error) => (StatusCode::INTERNAL_SERVER_ERROR, error.to_string()).into_response(),
+    }
+}
+
+/// The image as the job would write it now, with its standard error and layers.
+pub(super) async fn exr(State(web): State<Arc<Web>>, Query(asked): Query<Asked>) -> Response {
+    let Some(picture) = web.watch.pictures().of(asked.passes).await else {
+        return none();
+    };
+    let farm = web.watch.farm();
+    let meta = ImageMeta {
+        scene: farm.job().scene,
+        maker: Maker::Passes(farm.job().settings),
+        render_seconds: web.watch.elapsed_in_all().as_secs_f64(),
+        version: VERSION.into(),
+        layers: farm.job().layers.clone(),
+        standard_error: true,
+        drops_photons: web.watch.terms().drops_photons,
+    };
+    let passes = picture.average.passes.to_string();
+    let encoded = tokio::task::spawn_blocking(move || encode_image(&picture.average, &meta)).await;
+    let wrong = |error: String| (StatusCode::INTERNAL_SERVER_ERROR, error).into_response();
+    match encoded {
+        Ok(Ok(exr)) => {
+            let name = format!("{}-{passes}.exr", plain(&web.watch.terms().title));
+            let attachment = format!("attachment; filename=\"{name}\"");
+            let headers = [
+                (CONTENT_TYPE, "image/x-exr".to_owned()),
+                (CONTENT_DISPOSITION, attachment),
+                (PASSES, passes),
+            ];
+            (headers, exr).into_response()
+        }
+        Ok(Err(error)) => wrong(error.to_string()),
+        Err(error) => wrong(error.to_string()),
+    }
+}
+
+/// What is a character of a file's name everywhere.
+fn plain(title: &str) -> String {
+    let name: String = title
+        .chars()
+        .map(|c| {
+            if c.is_ascii_alphanumeric() || "-_".contains(c) {
+                c
+            } else {
+                '_'
+            }
+        })
+        .collect();
+    match name.is_empty() {
+        true => format!("beamfarm-{}", unix_time(SystemTime::now()).as_secs()),
+        false => name,
+    }
+}
+
+/// What a pixel holds, by layer.
+pub(super) async fn pixel(State(web): State<Arc<Web>>, Query(asked): Query<Asked>) -> Response {
+    let Some(picture) = web.watch.pictures().of(asked.passes).await else {
+        return none();
+    };
+    let average = &picture.average;
+    let film = &average.beauty;
+    if asked.x >= film.width || asked.y >= film.height {
+        let size = format!("expected x below {} and y below {}\n", film.width, film.height);
+        return (StatusCode::BAD_REQUEST, size).into_response();
+    }
+    let place = asked.y as usize * film.width as usize + asked.x as usize;
+    let values = |film: &Film| Value::from(film.pixels[place].map(f64::from).to_vec());
+    let mut layers = Map::new();
+    for (layer, film) in web.watch.farm().job().layers.iter().zip(&average.layers) {
+        layers.insert(layer.to_string(), values(film));
+    }
+    let text = json!({
+        "passes": average.passes,
+        "radiance": values(film),
+        // Null where nothing can be said of it.
+        "standard_error": values(&average.standard_error),
+        "layers": layers,
+    });
+    ([(CONTENT_TYPE, "application/json")], text.to_string()).into_response()
+}

@@ -202,10 +202,36 @@ at("steering").addEventListener("submit", async (event) => {
 });
 at("extend").addEventListener("click", () => tell(`/extend?passes=${Number(at("passes").value)}`));
 
+// The rate of each worker since the page was opened, as a line beside the number. A second apart, as the news come.
+const rates = new Map();
+function drawRates() {
+  const seen = new Map();
+  for (const row of document.querySelectorAll("#workers tbody tr")) {
+    const name = row.querySelector("th").textContent;
+    seen.set(name, (seen.get(name) ?? 0) + 1);
+    const key = `${name} ${seen.get(name)}`;
+    const cell = row.querySelector("td[data-label='Rate']");
+    const history = rates.get(key) ?? [];
+    history.push(Number.parseFloat(cell.textContent) || 0);
+    if (history.length > 120) history.shift();
+    rates.set(key, history);
+    if (history.length < 2) continue;
+    const most = Math.max(...history, 1e-9);
+    const points = history.map((rate, i) => `${(60 * i / (history.length - 1)).toFixed(1)},${(15 - 14 * rate / most).toFixed(1)}`);
+    const line = document.createElementNS("http://www.w3.org/2000/svg", "svg");
+    line.setAttribute("viewBox", "0 0 60 16");
+    line.setAttribute("class", "rates");
+    line.setAttribute("aria-hidden", "true");
+    line.innerHTML = `<polyline points="${points.join(" ")}"/>`;
+    cell.prepend(line);
+  }
+}
+
 const news = new EventSource("/live");
 for (const place of ["state", "curve", "workers", "failures", "log"]) {
   news.addEventListener(place, (event) => {
     at(place).innerHTML = event.data;
+    if (place === "workers") drawRates();
     const title = at(place).querySelector("[data-title]");
     if (title) document.title = `${title.dataset.title} – ${name}`;
   });

@@ -185,3 +185,21 @@ interior = \"smoke\"
     );
     line(said, "at  all of them: ");
 }
+
+#[test]
+fn all_that_is_wrong_is_told_in_order() {
+    let wrong = scene(SIZE, 2, 200)
+        .replace("fov = 50.0", "fovv = 50.0")
+        .replace("radius = 0.35", "radius = -0.35")
+        .replace("power = 100.0", "powr = 100.0");
+    let folder = folder_with(&wrong);
+    let (code, said) = fail(folder.path(), &["render", "scene.toml"]);
+    let lines: Vec<&str> = said.lines().collect();
+    assert_eq!((code, lines.len()), (2, 3), "{said}");
+    for (line, word) in lines
+        .iter()
+        .zip(["did you mean `fov`", "radius", "did you mean `power`"])
+    {
+        assert!(line.starts_with("scene.toml:") && line.contains(word), "{said}");
+    }
+}

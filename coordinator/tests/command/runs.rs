@@ -503,9 +503,9 @@ fn reference_writes_its_error_and_threads_do_not_change_a_bit() {
     let path = folder.path();
     let args = ["reference", "scene.toml", "--samples", "4"];
     let first = succeed(path, &args);
-    assert!(path.join("scene.png").exists());
+    assert!(path.join("scene-reference.png").exists());
     assert!(line(&first, "4 samples").contains("samples/s"));
-    let image = exr::image::read::read_first_flat_layer_from_file(path.join("scene.exr")).unwrap();
+    let image = exr::image::read::read_first_flat_layer_from_file(path.join("scene-reference.exr")).unwrap();
     let channels = &image.layer_data.channel_data.list;
     let names: Vec<String> = channels.iter().map(|c| c.name.to_string()).collect();
     assert_eq!(names, ["B", "G", "R", "stderr.B", "stderr.G", "stderr.R"]);

@@ -287,6 +287,8 @@ async fn the_image_changes_and_the_numbers_move() {
     page.evaluate("document.getElementById('brighter').click()");
     page.wait_for("document.getElementById('caption').innerText.includes('at -5.75 EV')");
 
+    page.wait_for("document.querySelectorAll('#workers .rates polyline').length === 1");
+
     // The wheel zooms to what is under it, and the pixel there says what it holds.
     page.mouse("mouseMoved", 0.0);
     page.wait_for("/Pixel [0-9]+, [0-9]+: .* ± /.test(document.getElementById('value').innerText)");

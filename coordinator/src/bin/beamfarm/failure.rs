@@ -60,6 +60,14 @@ impl Display for Failure {
     }
 }
 
+/// A line each.
+impl From<Vec<SceneError>> for Failure {
+    fn from(errors: Vec<SceneError>) -> Self {
+        let lines: Vec<String> = errors.iter().map(ToString::to_string).collect();
+        Self::new(exit::USAGE, lines.join("\n"))
+    }
+}
+
 /// As compilers do, file and line first, so that editors can jump there.
 impl From<SceneError> for Failure {
     fn from(error: SceneError) -> Self {

@@ -13,7 +13,7 @@ use beamfarm_render::balance::Choice;
 use beamfarm_render::budget::Pilot;
 use beamfarm_render::world::Scene;
 use beamfarm_render::world::{RenderDefaults, SceneDescription};
-use beamfarm_scene::{Edits, ImportOptions, SceneFile, is_mitsuba};
+use beamfarm_scene::{Edits, ImportOptions, SceneError, SceneFile, is_mitsuba};
 use beamfarm_worker::complain;
 use clap::{Args, ValueEnum};
 use std::path::{Path, PathBuf};
@@ -123,13 +123,27 @@ impl Aov {
 impl SettingsArgs {
     /// The scene's files, changed as was asked for.
     pub fn file(&self) -> Result<SceneFile, Failure> {
-        Ok(SceneFile::read(&self.scene, &self.import.options(&self.scene)?)?)
+        let options = self.import.options(&self.scene)?;
+        SceneFile::read(&self.scene, &options).map_err(|error| self.failure(error, &options))
+    }
+
+    /// With all else that is wrong with the scene file.
+    fn failure(&self, error: SceneError, options: &ImportOptions) -> Failure {
+        let errors = match is_mitsuba(&self.scene) || error.file != self.scene {
+            true => Vec::new(),
+            false => beamfarm_scene::errors(&self.scene, options),
+        };
+        match errors.is_empty() {
+            true => error.into(),
+            false => errors.into(),
+        }
     }
 
     /// Read the scene.
     pub fn load(&self) -> Result<Loaded, Failure> {
         let file = self.file()?;
-        let description = file.load()?;
+        let options = self.import.options(&self.scene)?;
+        let description = file.load().map_err(|error| self.failure(error, &options))?;
         let defaults = description.defaults;
         let settings = JobSettings {
             seed: self.seed.unwrap_or(defaults.seed),

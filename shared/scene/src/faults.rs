@@ -1,0 +1,248 @@
+//! All that is wrong with a scene file, and not only the first of it: what was found is blanked out, and the rest is
+//! read again.
+
+use crate::{ImportOptions, SceneError, load, read_file, source, text_of, with_assets};
+use beamfarm_image::bundle;
+use std::collections::BTreeSet;
+use std::ops::Range;
+use std::path::Path;
+use toml::Spanned;
+use toml::de::{DeTable, DeValue};
+
+/// Errors that are told.
+const MOST: usize = 20;
+/// Attempts at reading what is left.
+const ATTEMPTS: usize = 60;
+
+/// All errors of a native scene file, in the order of its lines; none where it is right. What only follows from another
+/// one is left out.
+pub fn errors(path: &Path, options: &ImportOptions) -> Vec<SceneError> {
+    let Some(text) = read(path, options) else {
+        return Vec::new();
+    };
+    let mut rest = Rest {
+        text,
+        blanked: BTreeSet::new(),
+        incomplete: BTreeSet::new(),
+    };
+    let mut found: Vec<SceneError> = Vec::new();
+    for _ in 0..ATTEMPTS {
+        let Err(error) = attempt(path, &rest.text) else {
+            break;
+        };
+        let line = error.line.filter(|_| error.file == path);
+        if !rest.follows(&error) {
+            rest.incomplete.insert(table_of(&error).to_owned());
+            found.push(error);
+        }
+        // A file that is named may be what is wrong, and where it is named is not known.
+        if found.len() == MOST || !line.is_some_and(|line| rest.blank(line)) {
+            break;
+        }
+    }
+    found.sort_by_key(|error| error.line);
+    found
+}
+
+fn read(path: &Path, options: &ImportOptions) -> Option<String> {
+    let bytes = read_file(path, bundle::MAX_BYTES).ok()?;
+    let text = text_of(path, &bytes).ok()?.to_owned();
+    match options.edits.apply(path, &text).ok()? {
+        Some(edited) => Some(edited),
+        None => Some(text),
+    }
+}
+
+fn attempt(path: &Path, text: &str) -> Result<(), SceneError> {
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let bundle = with_assets(name, text.as_bytes().to_vec(), path, folder)?;
+    load(&bundle).map(drop).map_err(|error| SceneError {
+        file: folder.join(&error.file),
+        ..error
+    })
+}
+
+/// What of a file is still read.
+struct Rest {
+    text: String,
+    /// Names of fields and of things that are blank.
+    blanked: BTreeSet<String>,
+    /// Tables of which something is.
+    incomplete: BTreeSet<String>,
+}
+
+/// The field that an error is about, as in `media.fog.sigma_a`.
+fn field_of(error: &SceneError) -> &str {
+    error.message.split(": ").next().unwrap_or_default()
+}
+
+/// The table that it is in.
+fn table_of(error: &SceneError) -> &str {
+    let field = field_of(error);
+    field.rsplit_once('.').map_or(field, |(table, _)| table)
+}
+
+impl Rest {
+    /// Something that was blanked out is missed.
+    fn follows(&self, error: &SceneError) -> bool {
+        // What is said of a value by itself is true all the same.
+        let of_value = ["unknown field", "found ", "does not take"];
+        let is_incomplete = [field_of(error), table_of(error)]
+            .iter()
+            .any(|name| self.incomplete.contains(*name));
+        if is_incomplete && !of_value.iter().any(|words| error.message.contains(words)) {
+            return true;
+        }
+        let says =
+            |words: &str, name: &str, quote: char| error.message.contains(&format!("{words}{quote}{name}{quote}"));
+        self.blanked.iter().any(|name| {
+            says("missing field ", name, '`')
+                || says("the field ", name, '`')
+                || error.message.contains("there is no") && says(" ", name, '"')
+        })
+    }
+
+    /// Take out what begins on this line: a field with its value, or a table with all that is in it.
+    fn blank(&mut self, line: usize) -> bool {
+        let Some(range) = self.table_at(line).or_else(|| self.field_at(line)) else {
+            return false;
+        };
+        let gone = &self.text[range.clone()];
+        let spaces: String = gone.chars().map(|c| if c == '\n' { '\n' } else { ' ' }).collect();
+        let is_news = spaces.trim() != gone.trim();
+        self.text.replace_range(range, &spaces);
+        is_news
+    }
+
+    /// From a header on this line to the next one.
+    fn table_at(&mut self, line: usize) -> Option<Range<usize>> {
+        let mut lines = Vec::new();
+        let mut start = 0;
+        for text in self.text.split_inclusive('\n') {
+            lines.push((start, text.trim()));
+            start += text.len();
+        }
+        let is_header = |text: &str| {
+            let bare = text.split('#').next().unwrap_or_default().trim_end();
+            bare.starts_with('[') && bare.ends_with(']') && !bare.contains(',')
+        };
+        let (start, header) = *lines.get(line.checked_sub(1)?)?;
+        if !is_header(header) {
+            return None;
+        }
+        let mut later = lines[line..].iter();
+        let end = later
+            .find(|(_, text)| is_header(text))
+            .map_or(self.text.len(), |next| next.0);
+        let name = header.trim_matches(['[', ']']).rsplit('.').next().unwrap_or_default();
+        self.blanked.insert(name.trim_matches('"').to_owned());
+        Some(start..end)
+    }
+
+    /// The first field whose name stands on this line, with its value.
+    fn field_at(&mut self, line: usize) -> Option<Range<usize>> {
+        let root = DeTable::parse(&self.text).ok()?;
+        let on_line = |byte: usize| source::line_of(self.text.as_bytes(), byte) == line;
+        let (name, range) = first_field(root.get_ref(), &on_line)?;
+        self.blanked.insert(name);
+        Some(range)
+    }
+}
+
+fn first_field(table: &DeTable<'_>, on_line: &impl Fn(usize) -> bool) -> Option<(String, Range<usize>)> {
+    for (key, value) in table {
+        let is_header = value.span().start <= key.span().start;
+        if on_line(key.span().start) && !is_header {
+            return Some((key.get_ref().to_string(), key.span().start..value.span().end));
+        }
+        let inner = first_in_value(value, on_line);
+        if inner.is_some() {
+            return inner;
+        }
+    }
+    None
+}
+
+fn first_in_value(value: &Spanned<DeValue<'_>>, on_line: &impl Fn(usize) -> bool) -> Option<(String, Range<usize>)> {
+    match value.get_ref() {
+        DeValue::Table(table) => first_field(table, on_line),
+        DeValue::Array(items) => items.iter().find_map(|item| first_in_value(item, on_line)),
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SCENE: &str = "\
+[image]
+width = 64
+height = 48
+[camera]
+origin = [0, 0, 3]
+target = [0, 0, 0]
+fov = 40
+[materials.red]
+type = \"diffuse\"
+reflectance = [0.8, 0.1, 0.1]
+[[shapes]]
+type = \"sphere\"
+center = [0, 0, 0]
+radius = 1
+material = \"red\"
+[[lights]]
+type = \"point\"
+position = [2, 2, 3]
+power = 100
+";
+
+    /// Lines and messages.
+    fn all(text: &str) -> Vec<(usize, String)> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("scene.toml");
+        std::fs::write(&path, text).unwrap();
+        let errors = errors(&path, &ImportOptions::default());
+        errors
+            .into_iter()
+            .map(|error| (error.line.unwrap_or_default(), error.message))
+            .collect()
+    }
+
+    #[test]
+    fn each_error_is_told_once_and_what_follows_is_not() {
+        assert_eq!(all(SCENE), []);
+        let wrong = SCENE
+            .replace("width = 64", "width = \"wide\"")
+            .replace("fov = 40", "fovv = 40")
+            .replace("reflectance = [0.8, 0.1, 0.1]", "reflectance = [0.8, 0.1]")
+            .replace("radius = 1", "radius = -1")
+            .replace("power = 100", "powr = 100");
+        let found = all(&wrong);
+        let lines: Vec<usize> = found.iter().map(|(line, _)| *line).collect();
+        assert_eq!(lines, [2, 7, 10, 14, 19], "{found:#?}");
+        for ((_, message), word) in found
+            .iter()
+            .zip(["whole number", "`fov`", "reflectance", "radius", "`power`"])
+        {
+            assert!(message.contains(word), "{message}");
+        }
+    }
+
+    #[test]
+    fn names_and_whole_tables() {
+        let wrong = SCENE
+            .replace("material = \"red\"", "material = \"rod\"")
+            .replace("type = \"point\"\n", "");
+        let found = all(&wrong);
+        assert_eq!(found.len(), 2, "{found:#?}");
+        assert!(
+            found[0].1.contains("there is no material \"rod\"") && found[0].0 == 15,
+            "{found:#?}"
+        );
+        assert_eq!(found[1].0, 16);
+        // A text that is no TOML has one error.
+        assert_eq!(all("[image\nwidth = 3\n").len(), 1);
+    }
+}

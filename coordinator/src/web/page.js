@@ -218,12 +218,8 @@ function drawRates() {
     if (history.length < 2) continue;
     const most = Math.max(...history, 1e-9);
     const points = history.map((rate, i) => `${(60 * i / (history.length - 1)).toFixed(1)},${(15 - 14 * rate / most).toFixed(1)}`);
-    const line = document.createElementNS("http://www.w3.org/2000/svg", "svg");
-    line.setAttribute("viewBox", "0 0 60 16");
-    line.setAttribute("class", "rates");
-    line.setAttribute("aria-hidden", "true");
-    line.innerHTML = `<polyline points="${points.join(" ")}"/>`;
-    cell.prepend(line);
+    const line = `<svg class="rates" viewBox="0 0 60 16" aria-hidden="true"><polyline points="${points.join(" ")}"/></svg>`;
+    cell.insertAdjacentHTML("afterbegin", line);
   }
 }
 

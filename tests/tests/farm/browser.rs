@@ -113,6 +113,13 @@ impl Browser {
     }
 
     fn call(&mut self, method: &str, params: Value) -> Value {
+        let mut answer = self.ask(method, params);
+        assert!(answer["error"].is_null(), "{method}: {answer}");
+        answer["result"].take()
+    }
+
+    /// What the browser answers, be it an error.
+    fn ask(&mut self, method: &str, params: Value) -> Value {
         self.calls += 1;
         let mut call = json!({"id": self.calls, "method": method, "params": params});
         if let Some(session) = &self.session {
@@ -127,10 +134,9 @@ impl Browser {
             let Message::Text(text) = message else {
                 continue;
             };
-            let mut answer: Value = serde_json::from_str(&text).unwrap();
+            let answer: Value = serde_json::from_str(&text).unwrap();
             if answer["id"] == json!(self.calls) {
-                assert!(answer["error"].is_null(), "{method}: {answer}");
-                return answer["result"].take();
+                return answer;
             }
         }
     }
@@ -145,7 +151,9 @@ impl Browser {
     /// Wait until this is true.
     fn wait_for(&mut self, condition: &str) {
         let begun = Instant::now();
-        while self.evaluate(condition) != json!(true) {
+        let params = json!({"expression": condition, "returnByValue": true, "awaitPromise": true});
+        // A page that gives way to another one has no answer.
+        while self.ask("Runtime.evaluate", params.clone())["result"]["result"]["value"] != json!(true) {
             if begun.elapsed() > PATIENCE {
                 let page = self.evaluate("document.body.innerText");
                 panic!("waited for {condition}; the page says {page}");

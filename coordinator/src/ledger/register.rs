@@ -8,7 +8,7 @@ use beamfarm_proto::WorkerId;
 use std::collections::BTreeSet;
 use std::time::Duration;
 
-/// Workers that are remembered.
+/// Workers that are remembered although nothing of theirs counts.
 const WORKERS: usize = 8192;
 
 impl Ledger {
@@ -25,7 +25,12 @@ impl Ledger {
             let matters = worker.canary.is_none() || worker.passes > 0 || holds.contains(id) || judges.contains(id);
             matters || worker.attending > 0 || worker.is_present(&rules, now)
         });
-        self.workers.len() < WORKERS
+        // A long job may have had any number of others.
+        let idle = self
+            .workers
+            .values()
+            .filter(|worker| worker.passes == 0 && worker.canary.is_some());
+        idle.count() < WORKERS
     }
 
     /// Whether a worker of this number is remembered.

@@ -296,6 +296,10 @@ impl RawWorker {
     }
 
     pub async fn named(coordinator: &Coordinator, name: &str) -> Self {
+        Self::try_named(coordinator, name).await.unwrap()
+    }
+
+    pub async fn try_named(coordinator: &Coordinator, name: &str) -> Result<Self, Status> {
         let mut farm = coordinator.connect().await;
         let request = wire::RegisterRequest {
             version: VERSION.into(),
@@ -304,16 +308,14 @@ impl RawWorker {
             canary: canary(),
             ..Default::default()
         };
-        let reply = within("an answer about a worker", farm.register(request))
-            .await
-            .unwrap()
-            .into_inner();
-        Self {
+        let reply = within("an answer about a worker", farm.register(request)).await?;
+        let reply = reply.into_inner();
+        Ok(Self {
             farm,
             id: reply.worker,
             number: reply.number,
             scene: coordinator.farm.job().scene,
-        }
+        })
     }
 
     pub async fn attend(&self) -> Attendance {

@@ -1,12 +1,12 @@
 //! Blocks that were accepted after the last checkpoint, and are rendered again when the job is resumed.
 
-use crate::harness::{Coordinator, LONG, RawWorker, canary, encode, free_port, node, spec};
+use crate::harness::{Coordinator, LONG, RawWorker, encode, free_port, node, spec};
 use beamfarm_coordinator::store::{Asked, Folder, Keeper, Looks, Resumed};
 use beamfarm_coordinator::{DoneBlock, End, Entry, EntryState, EventKind, Start, Timing};
 use beamfarm_image::exr::node_hash;
 use beamfarm_image::job::Block;
 use beamfarm_image::merge::TreeSum;
-use beamfarm_proto::{Grant, VERSION, wire};
+use beamfarm_proto::Grant;
 use std::path::Path;
 use std::time::Duration;
 use tokio::sync::mpsc::{UnboundedReceiver, unbounded_channel};
@@ -134,18 +134,6 @@ async fn start_in(folder: &Path) -> (Coordinator, Keeper) {
     (coordinator, keeper)
 }
 
-async fn may_register(coordinator: &Coordinator, name: &str) -> Result<(), Code> {
-    let request = wire::RegisterRequest {
-        version: VERSION.into(),
-        name: name.into(),
-        threads: 1,
-        canary: canary(),
-        ..Default::default()
-    };
-    let registered = coordinator.connect().await.register(request).await;
-    registered.map(drop).map_err(|status| status.code())
-}
-
 #[tokio::test]
 async fn a_liar_stays_out_after_a_restart() {
     let folder = tempfile::tempdir().unwrap();
@@ -171,8 +159,8 @@ async fn a_liar_stays_out_after_a_restart() {
         .unwrap();
     drop(coordinator);
     let (coordinator, keeper) = start_in(&path).await;
-    assert_eq!(may_register(&coordinator, "liar").await, Err(Code::PermissionDenied));
-    assert_eq!(may_register(&coordinator, "honest").await, Ok(()));
+    let refused = RawWorker::try_named(&coordinator, "liar").await.err();
+    assert_eq!(refused.map(|status| status.code()), Some(Code::PermissionDenied));
     let rest = work(&coordinator, "honest").await;
     assert!(rest.contains(&leased.1));
     assert_eq!(coordinator.ended().await, End::Complete);

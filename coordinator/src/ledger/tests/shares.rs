@@ -361,3 +361,19 @@ fn workers_that_did_nothing_are_forgotten_when_there_are_too_many() {
     // A status has so many at most.
     assert!(ledger.views(at(51)).len() < 5000);
 }
+
+/// Machines that come and go, each with a pass of its own, leave room for those after them.
+#[test]
+fn a_long_job_may_have_had_any_number_of_workers() {
+    let passes = 10_000;
+    let mut ledger = Ledger::new(rules(passes), 0);
+    for pass in 0..passes - 1 {
+        assert!(ledger.has_room(at(pass)), "{pass}");
+        let worker = ledger.register(&format!("{pass}"), 1, CANARY, at(pass)).unwrap();
+        let (lease, block) = block_of(ledger.lease(worker, at(pass)));
+        assert_eq!(block, Block::leaf(pass));
+        ledger.accept(worker, lease, block, pixels(block), at(pass)).unwrap();
+        ledger.lost(worker);
+    }
+    assert_eq!(ledger.done(), passes - 1);
+}

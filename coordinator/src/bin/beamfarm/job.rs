@@ -16,6 +16,7 @@ use beamfarm_render::world::{RenderDefaults, SceneDescription};
 use beamfarm_scene::{Edits, ImportOptions, SceneError, SceneFile, is_mitsuba};
 use beamfarm_worker::complain;
 use clap::{Args, ValueEnum};
+use std::num::ParseFloatError;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -287,12 +288,16 @@ fn parameter(text: &str) -> Result<(String, String), String> {
     }
 }
 
-fn scale(text: &str) -> Result<f64, String> {
-    let number = match text.strip_suffix('%') {
+/// A number, or one with a percent sign.
+fn share(text: &str) -> Result<f64, ParseFloatError> {
+    match text.strip_suffix('%') {
         Some(percent) => percent.trim_end().parse::<f64>().map(|n| n / 100.0),
         None => text.parse(),
-    };
-    match number {
+    }
+}
+
+fn scale(text: &str) -> Result<f64, String> {
+    match share(text) {
         Ok(number) if number > 0.0 && number <= 1000.0 => Ok(number),
         _ => Err("expected a percentage as in 50%, or a factor as in 0.5".into()),
     }
@@ -398,11 +403,7 @@ pub struct JobArgs {
 
 /// A share of one: with a percent sign, or below one.
 fn target_error(text: &str) -> Result<f64, String> {
-    let number = match text.strip_suffix('%') {
-        Some(percent) => percent.trim_end().parse::<f64>().map(|n| n / 100.0),
-        None => text.parse(),
-    };
-    match number {
+    match share(text) {
         Ok(number) if number > 0.0 && number < 1.0 => Ok(number),
         _ => Err("expected a percentage as in 1%, or a fraction as in 0.01".into()),
     }

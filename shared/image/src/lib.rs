@@ -18,6 +18,7 @@ pub mod error;
 pub mod exr;
 pub mod film;
 pub mod job;
+pub mod jpeg;
 pub mod layer;
 pub mod merge;
 pub mod metrics;

@@ -43,7 +43,7 @@ pub fn encode_rgb(width: u32, height: u32, data: &[u8]) -> Result<Vec<u8>, Image
 }
 
 /// The sRGB transfer function (IEC 61966-2-1) of a value clamped to [0, 1]; NaN is black.
-fn srgb(linear: f32) -> f32 {
+pub(crate) fn srgb(linear: f32) -> f32 {
     let v = linear.clamp(0.0, 1.0);
     if v <= 0.003_130_8 {
         12.92 * v

@@ -4,10 +4,10 @@ use crate::filter::PixelFilter;
 use crate::math::{Frame, Ray, Vec2, Vec3};
 use crate::warp;
 
-/// Perspective camera with a thin lens. Its position is the origin of render space up to rounding.
+/// Perspective camera with a thin lens.
 #[derive(Clone, Copy, Debug)]
 pub struct Camera {
-    /// Centre of the lens.
+    /// Centre of the lens: the origin of render space, if that is not made for several cameras.
     pub position: Vec3,
     /// `s` to the right of the image, `t` up, `n` forward (so left-handed, unless the image is mirrored).
     pub frame: Frame,

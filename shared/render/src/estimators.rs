@@ -1,7 +1,6 @@
 //! Which estimator counts which light path, as far as that depends on the scene. The table is in [`crate::transport`].
 
 use crate::bsdf::{Bsdf, Material};
-use crate::geometry::bounds;
 use crate::kernel::KernelRadii;
 use crate::light::environment::MOST_UNEVEN;
 use crate::light::{Light, LightKind};
@@ -40,8 +39,22 @@ pub struct Estimators {
 /// Length of a surface that is far away, in radii of what is seen.
 const FAR: f32 = 6.0;
 /// Points from which surfaces that emit are looked for, along a side of the picture, and directions from each.
-const LOOKS: usize = 4;
-const DIRECTIONS: usize = 512;
+const LOOKS: Looks = Looks {
+    side: 4,
+    directions: 512,
+};
+/// As many as tell it where it is to be quick.
+const FEW_LOOKS: Looks = Looks {
+    side: 2,
+    directions: 128,
+};
+
+#[derive(Clone, Copy)]
+struct Looks {
+    side: usize,
+    directions: usize,
+}
+
 /// Lights that camera paths meet less often would be fireflies behind specular surfaces: light comes in drops of one
 /// over this.
 const LEAST_MET: f32 = 1.0 / 512.0;
@@ -54,6 +67,16 @@ const LEAST_SIZE: f32 = 12.0;
 impl Estimators {
     /// By what is in the scene, how wide kernels are, of what radius is what the camera sees, and what is said of it.
     pub fn new(scene: &Scene, radii: &KernelRadii, extent: f32, finders: Finders) -> Self {
+        Self::by_looks(scene, radii, extent, finders, LOOKS)
+    }
+
+    /// The same but for lights that are hard to tell whether they are met.
+    pub(crate) fn roughly(scene: &Scene, radii: &KernelRadii, extent: f32, finders: Finders) -> Self {
+        Self::by_looks(scene, radii, extent, finders, FEW_LOOKS)
+    }
+
+    fn by_looks(scene: &Scene, radii: &KernelRadii, extent: f32, finders: Finders, looks: Looks) -> Self {
+        let lights_often_met = |scene, least| lights_often_met(scene, least, looks);
         let description = scene.description();
         let rules = description.rules.as_ref();
         let ends_at_second = rules.is_some_and(|rules| rules.touches_photons && !rules.paths_obey);
@@ -156,26 +179,27 @@ impl Estimators {
 }
 
 /// By light: a path that goes on by chance meets it wherever it is, with this probability or more.
-fn lights_often_met(scene: &Scene, least: f32) -> Vec<bool> {
+fn lights_often_met(scene: &Scene, least: f32, looks: Looks) -> Vec<bool> {
+    let Looks { side, directions } = looks;
     let camera = &scene.description().camera;
     let objects = scene.objects();
     let met_by =
         |ray: &Ray, hides: &dyn Fn(u32) -> bool| (scene.geometry).intersect(objects, ray, f32::INFINITY, hides);
     // What the camera sees that is no light, and itself.
     let mut points = vec![camera.position];
-    for i in 0..LOOKS * LOOKS {
-        let at = Vec2::new((i % LOOKS) as f32, (i / LOOKS) as f32) + 0.5;
-        let image = at / LOOKS as f32 * Vec2::new(camera.width as f32, camera.height as f32);
+    for i in 0..side * side {
+        let at = Vec2::new((i % side) as f32, (i / side) as f32) + 0.5;
+        let image = at / side as f32 * Vec2::new(camera.width as f32, camera.height as f32);
         let ray = camera.ray(image, Vec2::splat(0.5));
         let hit = met_by(&ray, &|o| objects[o as usize].light.is_some());
         points.extend(hit.map(|hit| hit.point));
     }
     let sees = |light: usize, object: u32| {
         let rays = points.iter().flat_map(|&origin| {
-            (0..DIRECTIONS).map(move |i| {
+            (0..directions).map(move |i| {
                 // Fibonacci's lattice.
                 let turns = i as f32 * 0.618_034;
-                let u = Vec2::new((i as f32 + 0.5) / DIRECTIONS as f32, turns.fract());
+                let u = Vec2::new((i as f32 + 0.5) / directions as f32, turns.fract());
                 let dir = uniform_sphere(u);
                 Ray { origin, dir }
             })
@@ -186,21 +210,24 @@ fn lights_often_met(scene: &Scene, least: f32) -> Vec<bool> {
         };
         rays.filter(is_lit).count()
     };
-    let enough = (points.len() * DIRECTIONS) as f32 * least;
+    let enough = (points.len() * directions) as f32 * least;
     // No more than the ball around it would be.
     let is_large = |object: u32| {
-        let (min, max) = bounds(&objects[object as usize].shape);
+        let (min, max) = scene.boxes[object as usize];
         let (center, radius) = (0.5 * (min + max), 0.5 * (max - min).length());
         let share = |point: &Vec3| {
             let sin = (radius / point.distance(center)).min(1.0);
             0.5 * (1.0 - (1.0 - sin * sin).sqrt())
         };
-        points.iter().map(share).sum::<f32>() * DIRECTIONS as f32 >= enough
+        points.iter().map(share).sum::<f32>() * directions as f32 >= enough
     };
     let is_met = |(light, kind): (usize, &LightKind)| match kind {
         LightKind::Environment(environment) => environment.unevenness() * least <= 1.0,
         LightKind::Area { object, .. } => {
-            !scene.only_sampled(light) && is_large(*object) && sees(light, *object) as f32 >= enough
+            !scene.only_sampled(light)
+                && !scene.is_interrupted()
+                && is_large(*object)
+                && sees(light, *object) as f32 >= enough
         }
         _ => false,
     };
@@ -235,12 +262,13 @@ fn widest_kernel_in(scene: &Scene, id: usize) -> f32 {
 /// The shortest side of the smallest object that the medium fills; infinite where it is around everything.
 fn size_of_medium(scene: &Scene, id: usize) -> f32 {
     let id = Some(id as u16);
-    let sides = scene.objects().iter().filter_map(|object| {
-        let boundary = object.boundary?;
-        (boundary.interior == id).then(|| {
-            let (min, max) = bounds(&object.shape);
-            (max - min).min_element()
-        })
-    });
+    let sides = scene
+        .objects()
+        .iter()
+        .zip(&scene.boxes)
+        .filter_map(|(object, (min, max))| {
+            let boundary = object.boundary?;
+            (boundary.interior == id).then(|| (*max - *min).min_element())
+        });
     sides.fold(f32::INFINITY, f32::min)
 }

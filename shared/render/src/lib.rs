@@ -16,6 +16,7 @@
 //! | which radii suit a known number of passes? | [`budget`]                                      |
 //! | what is the image compared with?           | [`reference`](mod@reference)                    |
 //! | does it converge as the theory says?       | [`convergence`]                                 |
+//! | how is a pass stopped that has begun?      | [`interrupt`]                                   |
 
 pub mod aov;
 pub mod balance;
@@ -28,6 +29,7 @@ pub mod estimators;
 pub mod filter;
 pub mod footprint;
 pub mod geometry;
+pub mod interrupt;
 pub mod kernel;
 pub mod light;
 pub mod math;

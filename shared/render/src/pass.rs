@@ -60,7 +60,8 @@ const TILE_PIXELS: usize = (TILE * TILE) as usize;
 /// Pixels of a square block of a tile, whose rays are gathered along side by side.
 const BLOCK_PIXELS: usize = 16;
 
-/// Render a pass on the current rayon pool. The bits do not depend on the pool.
+/// Render a pass on the current rayon pool. The bits do not depend on the pool. Of a scene that is interrupted
+/// meanwhile no pixel is a number.
 pub fn render_pass(scene: &Scene, plan: &RenderPlan, pass_index: u64) -> PassImage {
     PassPhotons::new(scene, plan, pass_index).render(scene, plan, pass_index)
 }
@@ -79,7 +80,11 @@ impl PassPhotons {
         let mut stats = PassStats::default();
         let photons = if plan.beams || plan.surface_photons {
             stats.paths = plan.surface_paths as u64;
-            trace_photons(scene, plan, pass_index)
+            let photons = trace_photons(scene, plan, pass_index);
+            match scene.is_interrupted() {
+                true => Photons::default(),
+                false => photons,
+            }
         } else {
             Photons::default()
         };
@@ -260,7 +265,11 @@ impl<V: Sight> CameraPass<'_, V> {
                 }
             }
         }
-        if let Some(offset) = self.offset() {
+        if self.tracer.scene.is_interrupted() {
+            // No sum takes it for a picture.
+            let films = layers.iter_mut().chain([&mut film]);
+            films.for_each(|film| film.pixels.fill([f32::NAN; 3]));
+        } else if let Some(offset) = self.offset() {
             camera.filter.reconstruct(layers.iter_mut().chain([&mut film]), offset);
         }
         Picture { film, layers, work }
@@ -283,8 +292,13 @@ impl<V: Sight> CameraPass<'_, V> {
         let offset = self.offset();
         let mut work = CameraWork::default();
         for (i, value) in radiance.iter_mut().enumerate() {
-            if self.beams.is_some() && i % BLOCK_PIXELS == 0 {
-                cell = of_tile.part(&mut cells);
+            if i % BLOCK_PIXELS == 0 {
+                if scene.is_interrupted() {
+                    break;
+                }
+                if self.beams.is_some() {
+                    cell = of_tile.part(&mut cells);
+                }
             }
             let (x, y) = tile_pixel(i as u32);
             let (x, y) = (x0 + x, y0 + y);
@@ -362,6 +376,9 @@ impl<V: Sight> CameraPass<'_, V> {
         // Stable: within a run, in the order of pixels.
         segments.sort_by_key(|s| (s.medium, s.way));
         for run in segments.chunk_by(|a, b| (a.medium, a.way) == (b.medium, b.way)) {
+            if self.tracer.scene.is_interrupted() {
+                break;
+            }
             let medium = run[0].medium;
             let sharp = Gather {
                 map: &beams.sharp,

@@ -11,7 +11,6 @@
 //!
 //! so that (n + (a / F) forward).p + a >= 0 for all of their points p.
 
-use crate::geometry::bounds;
 use crate::math::Vec3;
 use crate::world::Scene;
 
@@ -36,12 +35,12 @@ impl View {
     /// None: camera paths may be anywhere, since something that the camera may see turns them.
     pub fn of(scene: &Scene) -> Option<Self> {
         let view = Self::of_camera(scene);
-        let mut turning = scene.objects().iter().filter(|object| {
+        let objects = scene.objects().iter().zip(&scene.boxes);
+        let mut turning = objects.filter(|(object, _)| {
             let material = &scene.description().materials[object.material as usize];
             material.turns_paths()
         });
-        let is_seen = turning.any(|object| {
-            let (min, max) = bounds(&object.shape);
+        let is_seen = turning.any(|(_, &(min, max))| {
             // The ball around it.
             let (middle, radius) = (0.5 * (min + max), 0.5 * (max - min).length());
             view.meets([middle, middle], radius)

@@ -1,8 +1,9 @@
 //! Changes to a scene file that somebody asks for without opening it: fields by their paths, and the size of the image.
 
 use crate::SceneError;
+use crate::place::{Place, put};
 use std::path::Path;
-use toml_edit::{DocumentMut, InlineTable, Item, Key, TableLike, Value};
+use toml_edit::{DocumentMut, InlineTable, Item, TableLike, Value};
 
 /// What stands in place of what the file says.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -84,98 +85,11 @@ impl Edits {
     }
 }
 
-/// Put a value where there may be one, in whose place it looks as that did.
-fn put(table: &mut dyn TableLike, name: &str, mut value: Value) {
-    if let Some(before) = table.get(name).and_then(Item::as_value) {
-        *value.decor_mut() = before.decor().clone();
-    }
-    table.insert(name, Item::Value(value));
-}
-
+/// Set a field to a value as TOML; what is no TOML is text.
 fn set(root: &mut Item, path: &str, text: &str) -> Result<(), String> {
-    let keys = Key::parse(path).map_err(|_| "expected a path as in camera.fov or lights.0.power".to_owned())?;
     let value = text.parse::<Value>().unwrap_or_else(|_| Value::from(text));
-    let Some((last, parents)) = keys.split_last() else {
-        return Err("expected a path".to_owned());
-    };
-    let mut place = Place::Item(root);
-    let mut so_far = String::new();
-    for key in parents {
-        so_far += &format!("{}{}", if so_far.is_empty() { "" } else { "." }, key.get());
-        place = place.enter(key.get()).map_err(|why| format!("{so_far}: {why}"))?;
-    }
-    place.set(last.get(), value)
-}
-
-/// A part of the file that has others in it.
-enum Place<'a> {
-    Item(&'a mut Item),
-    Value(&'a mut Value),
-    Table(&'a mut toml_edit::Table),
-}
-
-impl<'a> Place<'a> {
-    fn enter(self, key: &str) -> Result<Self, String> {
-        let index = || {
-            key.parse::<usize>()
-                .map_err(|_| "expected the number of one of a list".to_owned())
-        };
-        let beyond = |count: usize| format!("there are {count}, numbered from 0");
-        match self {
-            Self::Item(Item::ArrayOfTables(list)) => {
-                let count = list.len();
-                list.get_mut(index()?).map(Self::Table).ok_or_else(|| beyond(count))
-            }
-            Self::Item(Item::Value(value)) | Self::Value(value) => match value {
-                Value::Array(list) => {
-                    let count = list.len();
-                    list.get_mut(index()?).map(Self::Value).ok_or_else(|| beyond(count))
-                }
-                Value::InlineTable(table) => {
-                    let inner = table.entry(key).or_insert_with(|| InlineTable::new().into());
-                    Ok(Self::Value(inner))
-                }
-                _ => Err("it is a value and no table".to_owned()),
-            },
-            Self::Item(item) => match item.as_table_mut() {
-                Some(table) => Ok(Self::Table(table)).and_then(|table| table.enter(key)),
-                None => Err("it is no table".to_owned()),
-            },
-            Self::Table(table) => Ok(Self::Item(table.entry(key).or_insert_with(toml_edit::table))),
-        }
-    }
-
-    fn set(self, key: &str, value: Value) -> Result<(), String> {
-        match self {
-            Self::Item(Item::Value(Value::Array(list))) | Self::Value(Value::Array(list)) => {
-                let count = list.len();
-                let index: usize = key
-                    .parse()
-                    .map_err(|_| "expected the number of one of a list".to_owned())?;
-                let place = list
-                    .get_mut(index)
-                    .ok_or_else(|| format!("there are {count}, numbered from 0"))?;
-                *place = value;
-                Ok(())
-            }
-            Self::Item(item) => match item.as_table_like_mut() {
-                Some(table) => {
-                    put(table, key, value);
-                    Ok(())
-                }
-                None => Err("it is no table".to_owned()),
-            },
-            Self::Value(Value::InlineTable(table)) => {
-                put(table, key, value);
-                Ok(())
-            }
-            Self::Value(_) => Err("it is a value and no table".to_owned()),
-            Self::Table(table) => {
-                put(table, key, value);
-                Ok(())
-            }
-        }
-    }
+    let (place, name) = Place::find(root, path)?;
+    place.set(&name, value)
 }
 
 #[cfg(test)]

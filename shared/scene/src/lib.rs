@@ -2,7 +2,7 @@
 //! validated into a [`SceneDescription`].
 //!
 //! `parse` turns text into records that know their places in the file, `assemble` turns records into what the renderer
-//! takes, `assets` reads what they name, and `mitsuba` turns XML into a native file.
+//! takes, `assets` reads what they name, and `mitsuba` turns XML into a native file. [`desk`] changes a file's text.
 //!
 //! # Example
 //!
@@ -47,30 +47,39 @@
 
 mod assemble;
 mod assets;
+pub mod desk;
 mod edits;
 mod error;
 mod faults;
+mod files;
 mod meaning;
 mod mitsuba;
 mod parse;
+mod place;
+mod revised;
 mod source;
+mod store;
 mod transform;
 mod values;
 
 pub use assemble::Extent;
-use assemble::{Assembled, Extents, Problem};
+use assemble::{Assembled, Extents, Kept, Problem};
 use assets::gltf;
 use beamfarm_image::bundle::{self, Bundle};
 use beamfarm_render::world::SceneDescription;
 pub use edits::Edits;
 pub use error::SceneError;
 pub use faults::errors;
+use files::Source;
+pub use files::{ContentHash, File, Files};
+use glam::DVec3;
 pub use meaning::differences;
 pub use mitsuba::{ImportOptions, Imported, Origin, import};
 use parse::{Fault, SceneRecord};
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
+pub use store::Store;
 
 /// Parse and validate the scene of a bundle. Errors name files as the bundle does: relative to the scene's folder.
 pub fn load(bundle: &Bundle) -> Result<SceneDescription, SceneError> {
@@ -78,22 +87,24 @@ pub fn load(bundle: &Bundle) -> Result<SceneDescription, SceneError> {
 }
 
 fn load_with_extents(bundle: &Bundle) -> Result<(SceneDescription, Extents), SceneError> {
-    let file = Path::new(&bundle.scene);
-    let bytes = bundle.files.get(&bundle.scene).ok_or_else(|| SceneError {
+    assembled(Source::Bundle(bundle), &mut Kept::default(), None)
+}
+
+/// For `origin` see [`assemble::assemble`].
+fn assembled(
+    source: Source<'_>,
+    kept: &mut Kept,
+    origin: Option<DVec3>,
+) -> Result<(SceneDescription, Extents), SceneError> {
+    let file = Path::new(source.scene());
+    let bytes = source.bytes(source.scene()).ok_or_else(|| SceneError {
         file: file.to_path_buf(),
         line: None,
         message: "the bundle lacks its scene file".to_string(),
     })?;
     let text = text_of(file, bytes)?;
     let record = SceneRecord::parse(text).map_err(|fault| source::locate(file, text, &fault))?;
-    let assembled = assemble::assemble(&record, bundle).map_err(|problem| match problem {
-        Problem::Scene(fault) => source::locate(file, text, &fault),
-        Problem::Asset { file, flaw } => SceneError {
-            file: PathBuf::from(file),
-            line: flaw.line,
-            message: flaw.message,
-        },
-    });
+    let assembled = assemble::assemble(&record, source, kept, origin).map_err(|problem| located(file, text, problem));
     let Assembled {
         mut description,
         notes,
@@ -105,6 +116,18 @@ fn load_with_extents(bundle: &Bundle) -> Result<(SceneDescription, Extents), Sce
     let rule = |place: &Range<usize>| note(&Fault::new(place.clone(), "photons obey this"));
     description.photon_rules = photon_places.iter().map(rule).collect();
     Ok((description, extents))
+}
+
+/// What keeps a scene from being built, with its place.
+fn located(file: &Path, text: &str, problem: Problem) -> SceneError {
+    match problem {
+        Problem::Scene(fault) => source::locate(file, text, &fault),
+        Problem::Asset { file, flaw } => SceneError {
+            file: PathBuf::from(file),
+            line: flaw.line,
+            message: flaw.message,
+        },
+    }
 }
 
 /// A scene file with every asset that it names, native or Mitsuba's XML.
@@ -229,12 +252,25 @@ pub fn read_bundle(path: &Path) -> Result<Bundle, SceneError> {
 
 /// A bundle of a native scene file and its assets, which lie in `folder`. Errors name `path`.
 fn with_assets(name: String, bytes: Vec<u8>, path: &Path, folder: &Path) -> Result<Bundle, SceneError> {
-    let text = text_of(path, &bytes)?;
-    let record = SceneRecord::parse(text).map_err(|fault| source::locate(path, text, &fault))?;
     let scene = bundle::key(&name);
-    let mut room = bundle::MAX_BYTES.saturating_sub(bytes.len() as u64);
-    let mut files = BTreeMap::from([(scene.clone(), bytes.clone())]);
-    let mut add = |files: &mut BTreeMap<String, Vec<u8>>, written: &str, span: std::ops::Range<usize>| {
+    let files = gather(&scene, bytes, path, folder, |_, path, room| read_file(path, room))?;
+    Ok(Bundle { scene, files })
+}
+
+/// A native scene file and its assets, which lie in `folder`, each as `read` gives it by its key, its path and the most
+/// bytes that it may have. Errors name `path`.
+fn gather<B: AsRef<[u8]> + Clone>(
+    scene: &str,
+    scene_file: B,
+    path: &Path,
+    folder: &Path,
+    read: impl Fn(&str, &Path, u64) -> Result<B, String>,
+) -> Result<BTreeMap<String, B>, SceneError> {
+    let text = text_of(path, scene_file.as_ref())?;
+    let record = SceneRecord::parse(text).map_err(|fault| source::locate(path, text, &fault))?;
+    let mut room = bundle::MAX_BYTES.saturating_sub(text.len() as u64);
+    let mut files = BTreeMap::from([(scene.to_owned(), scene_file.clone())]);
+    let mut add = |files: &mut BTreeMap<String, B>, written: &str, span: Range<usize>| {
         let fault = |reason: String| {
             let fault = Fault::new(span.clone(), reason);
             source::locate(path, text, &fault)
@@ -250,10 +286,10 @@ fn with_assets(name: String, bytes: Vec<u8>, path: &Path, folder: &Path) -> Resu
                 bundle::MAX_FILES
             )));
         }
-        let bytes = read_file(&folder.join(written), room)
+        let file = read(&key, &folder.join(written), room)
             .map_err(|reason| fault(format!("the file \"{written}\": {reason}")))?;
-        room -= bytes.len() as u64;
-        files.insert(key, bytes);
+        room = room.saturating_sub(file.as_ref().len() as u64);
+        files.insert(key, file);
         Ok(())
     };
     for asset in record.assets() {
@@ -261,17 +297,19 @@ fn with_assets(name: String, bytes: Vec<u8>, path: &Path, folder: &Path) -> Resu
     }
     for asset in record.gltf_files() {
         let name = asset.get_ref();
-        let bytes = files.get(&bundle::key(name)).map_or(&[][..], Vec::as_slice);
-        let named = gltf::files(bytes).map_err(|flaw| SceneError {
-            file: folder.join(name),
-            line: None,
-            message: flaw.message,
-        })?;
+        let named = {
+            let bytes = files.get(&bundle::key(name)).map_or(&[][..], AsRef::as_ref);
+            gltf::files(bytes).map_err(|flaw| SceneError {
+                file: folder.join(name),
+                line: None,
+                message: flaw.message,
+            })?
+        };
         for file in named {
             add(&mut files, &gltf::beside(name, &file), asset.span())?;
         }
     }
-    Ok(Bundle { scene, files })
+    Ok(files)
 }
 
 /// The JSON Schema (draft 7) of native scene files, for editors: a JSON document.

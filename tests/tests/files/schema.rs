@@ -123,15 +123,40 @@ fn wrong_scenes_are_not_valid() {
     }
 }
 
+/// Editors show every error: a wrong field or type is one.
+#[test]
+fn what_is_wrong_once_is_told_once() {
+    let validator = validator();
+    let view = "image = { width = 8, height = 8 }\ncamera = { origin = [0, 0, 5], target = [0, 0, 0], fov = 40 }\n";
+    for (wrong, place) in [
+        ("[[shapes]]\ntype = \"sphere\"\nradus = 1", "/shapes/0"),
+        ("[[shapes]]\ntype = \"rectangle\"\nradius = 1", "/shapes/0/radius"),
+        ("[[shapes]]\ntype = \"spere\"\nradius = 1", "/shapes/0/type"),
+        ("[[shapes]]\nradius = 1", "/shapes/0"),
+        ("[[shapes]]\ntype = \"sphere\"\nradius = -1", "/shapes/0/radius"),
+        ("[materials.x]\ntype = \"dielectric\"\nioor = 1.5", "/materials/x"),
+        ("[materials.x]\ntype = \"diffuse\"\nior = 1.5", "/materials/x/ior"),
+        ("[media.x]\ntype = \"homogeneous\"\nsigma = 1", "/media/x"),
+        ("[[lights]]\ntype = \"spot\"\npowr = 1", "/lights/0"),
+        ("[[lights]]\ntype = \"directional\"\npower = 1", "/lights/0/power"),
+    ] {
+        let scene = value(&format!("{view}{wrong}"));
+        let errors: Vec<_> = validator.iter_errors(&scene).collect();
+        let places: Vec<String> = errors.iter().map(|error| error.instance_path().to_string()).collect();
+        assert_eq!(places, [place], "{wrong}: {errors:?}");
+    }
+}
+
 /// Fields have descriptions.
 #[test]
 fn fields_are_described() {
     fn walk(schema: &Value, path: &str, missing: &mut Vec<String>) {
-        if let Some(fields) = schema["properties"].as_object() {
+        // What is said of the fields of one kind is beside what describes them.
+        if let Some(fields) = schema["properties"].as_object().filter(|_| !path.ends_with("/then")) {
             for (name, field) in fields {
                 let known = field["description"].is_string()
-                    || matches!(&**name, "type" | "radius" | "stddev" | "g" | "weight" | "phases")
-                    || ["checkerboard", "uv", "filter", "wrap", "free_flights"].contains(&&**name);
+                    || matches!(&**name, "type" | "phases")
+                    || ["checkerboard", "uv", "filter", "wrap"].contains(&&**name);
                 if !known {
                     missing.push(format!("{path}.{name}"));
                 }

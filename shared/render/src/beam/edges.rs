@@ -155,6 +155,7 @@ mod tests {
     use crate::camera::Camera;
     use crate::filter::PixelFilter;
     use crate::geometry::{Mesh, Object, Placement, Shape};
+    use crate::interrupt::Interrupt;
     use crate::light::SceneBounds;
     use crate::math::{Frame, Rgb, Vec2};
     use crate::photon_map::{Arrival, Odds, SeenBy, SurfacePhoton, SurfacePhotonMap};
@@ -246,6 +247,7 @@ mod tests {
             rules: None,
             notes: Vec::new(),
             photon_rules: Vec::new(),
+            interrupt: Interrupt::default(),
         })
     }
 

@@ -44,6 +44,8 @@ pub struct Photons {
 
 /// Paths that one task traces. Any number gives the same photons.
 const CHUNK: u32 = 256;
+/// Paths after which a task looks whether it is interrupted.
+const BETWEEN_LOOKS: u32 = 16;
 
 /// Trace the photon paths of a pass.
 pub fn trace_photons(scene: &Scene, plan: &RenderPlan, pass_index: u64) -> Photons {
@@ -79,6 +81,9 @@ fn trace_with(scene: &Scene, plan: &RenderPlan, pass_index: u64, sight: impl Sig
         .map(|chunk| {
             let mut photons = Photons::default();
             for path in chunk * CHUNK..((chunk + 1) * CHUNK).min(paths) {
+                if path % BETWEEN_LOOKS == 0 && scene.is_interrupted() {
+                    break;
+                }
                 let seed = plan.settings.seed;
                 let mut sampler = Sampler::new(seed, pass_index, Purpose::Photons, path as u64);
                 tracer.trace(&mut sampler, path < beam_paths, &mut photons);

@@ -1,76 +1,77 @@
 //! Ray queries: a tree over everything that lies in render space, and one for each mesh that is put somewhere.
 
 use super::Object;
-use super::mesh::Mesh;
+use super::mesh::MeshTree;
 use super::shape::{Placement, RawHit, Shape, SurfaceHit};
 use super::tree::{Item, ItemTree, TreeHit};
-use super::triangles::TriangleId;
 use crate::math::{Ray, Vec2, Vec3};
 use std::sync::Arc;
 
 /// The objects of a scene, ready for rays.
 pub struct Geometry {
-    /// The triangles of meshes that are where they are; the other objects by number.
-    tree: ItemTree,
-    /// By object: index into `placed`, when it is a mesh that has a placement.
-    placed_of: Vec<Option<usize>>,
-    /// In object space.
-    placed: Vec<ItemTree>,
+    hierarchy: Arc<Hierarchy>,
     /// By object: whether the UV of its hits matter.
     has_uv: Vec<bool>,
 }
 
-impl std::fmt::Debug for Geometry {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "Geometry({} objects)", self.placed_of.len())
-    }
+/// What depends on shapes alone, which scenes share that differ in other things.
+struct Hierarchy {
+    /// The triangles of meshes that are where they are; the other objects by number.
+    tree: ItemTree,
+    /// By object: that of its mesh, in object space, when it has a placement.
+    placed: Vec<Option<MeshTree>>,
 }
 
-fn triangles(mesh: &Mesh, object: u32) -> impl Iterator<Item = Item> {
-    (0..mesh.triangles.len() as u32).map(move |triangle| {
-        let id = TriangleId { object, triangle };
-        Item::Triangle(id, mesh.corners(triangle))
-    })
+impl std::fmt::Debug for Geometry {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "Geometry({} objects)", self.hierarchy.placed.len())
+    }
 }
 
 impl Geometry {
     /// Build the hierarchies. Deterministic: the same objects give the same trees.
     pub fn new(objects: &[Object]) -> Self {
+        let boxes: Vec<_> = objects.iter().map(|object| bounds(&object.shape)).collect();
+        Self::in_boxes(objects, &boxes)
+    }
+
+    /// As [`Self::new`]. `boxes`: the [`bounds`] of each object. A mesh that is put somewhere keeps its own hierarchy.
+    pub(crate) fn in_boxes(objects: &[Object], boxes: &[(Vec3, Vec3)]) -> Self {
         let mut items = Vec::new();
-        let mut meshes: Vec<&Arc<Mesh>> = Vec::new();
-        let mut placed_of = Vec::with_capacity(objects.len());
-        for (number, object) in objects.iter().enumerate() {
-            let number = number as u32;
-            let mut placed = None;
-            match &object.shape {
+        let mut placed = Vec::with_capacity(objects.len());
+        for ((number, object), (min, max)) in (0..).zip(objects).zip(boxes) {
+            placed.push(match &object.shape {
                 Shape::Mesh { mesh, placement } if *placement == Placement::IDENTITY => {
-                    items.extend(triangles(mesh, number));
+                    items.extend(mesh.items(number));
+                    None
                 }
                 shape => {
-                    if let Shape::Mesh { mesh, .. } = shape {
-                        let known = meshes.iter().position(|m| Arc::ptr_eq(m, mesh));
-                        placed = Some(known.unwrap_or_else(|| {
-                            meshes.push(mesh);
-                            meshes.len() - 1
-                        }));
+                    items.push(Item::Other(number, [*min, *max]));
+                    match shape {
+                        Shape::Mesh { mesh, .. } => Some(mesh.tree().clone()),
+                        _ => None,
                     }
-                    let (min, max) = bounds(shape);
-                    items.push(Item::Other(number, [min, max]));
                 }
-            }
-            placed_of.push(placed);
+            });
         }
-        let has_uv = vec![true; objects.len()];
-        let tree_of = |mesh: &&Arc<Mesh>| {
-            let items: Vec<Item> = triangles(mesh, 0).collect();
-            ItemTree::new(&items)
-        };
+        let tree = ItemTree::new(&items);
         Self {
-            tree: ItemTree::new(&items),
-            placed_of,
-            placed: meshes.iter().map(tree_of).collect(),
-            has_uv,
+            hierarchy: Arc::new(Hierarchy { tree, placed }),
+            has_uv: vec![true; objects.len()],
         }
+    }
+
+    /// The same for other objects of the same shapes.
+    pub(crate) fn shared(&self) -> Self {
+        Self {
+            hierarchy: self.hierarchy.clone(),
+            has_uv: vec![true; self.has_uv.len()],
+        }
+    }
+
+    /// Whether both have one hierarchy.
+    pub(crate) fn is_shared_with(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.hierarchy, &other.hierarchy)
     }
 
     /// Where `has_uv`, by object, says no, hits have no UV but zero, which saves finding them.
@@ -114,9 +115,7 @@ impl Geometry {
             };
             Some((t, hit))
         };
-        let hit = self
-            .tree
-            .nearest::<RawHit>(ray.origin, ray.dir, t_max, &ignore, other)?;
+        let hit = (self.hierarchy.tree).nearest::<RawHit>(ray.origin, ray.dir, t_max, &ignore, other)?;
         let raw = match hit {
             TreeHit::Triangle(hit) => RawHit {
                 t: hit.t,
@@ -127,7 +126,7 @@ impl Geometry {
             TreeHit::Other(hit) => hit,
         };
         let object = raw.object as usize;
-        let (is_placed, has_uv) = (self.placed_of[object].is_some(), self.has_uv[object]);
+        let (is_placed, has_uv) = (self.hierarchy.placed[object].is_some(), self.has_uv[object]);
         Some(objects[object].shape.finish(raw, ray, is_placed, has_uv))
     }
 
@@ -145,12 +144,12 @@ impl Geometry {
                 shape => intersect_shape(shape, ray, t_max).is_some(),
             }
         };
-        self.tree.any(ray.origin, ray.dir, t_max, &ignore, other)
+        self.hierarchy.tree.any(ray.origin, ray.dir, t_max, &ignore, other)
     }
 
     /// The tree of a mesh that has a placement.
     fn placed(&self, object: u32) -> Option<&ItemTree> {
-        self.placed_of[object as usize].map(|number| &self.placed[number])
+        self.hierarchy.placed[object as usize].as_ref().map(|tree| &*tree.0)
     }
 }
 
@@ -192,6 +191,10 @@ pub fn bounds(shape: &Shape) -> (Vec3, Vec3) {
             let (low, high) = extent(placement, &[Vec3::X, Vec3::Y]);
             let axis = placement.render_from_object.transform_vector3(Vec3::Z);
             (low + axis.min(Vec3::ZERO), high + axis.max(Vec3::ZERO))
+        }
+        Shape::Mesh { mesh, placement } if *placement == Placement::IDENTITY => {
+            let [min, max] = mesh.box_corners();
+            (min, max)
         }
         Shape::Mesh { mesh, placement } => {
             mesh.positions
@@ -261,7 +264,7 @@ fn intersect_disc(placement: &Placement, ray: &Ray, t_max: f32) -> ShapeHit {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::Object;
+    use crate::geometry::{Mesh, Object};
     use glam::Affine3A;
 
     /// A box whose walls a ray meets at once when it starts near them, of any size, in its place or put there.

@@ -1,7 +1,9 @@
 //! Triangle meshes.
 
+use super::tree::{Item, ItemTree};
+use super::triangles::TriangleId;
 use crate::math::{Vec2, Vec3};
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 /// Triangles with optional normals and UVs per vertex. Counter-clockwise seen from outside.
 #[derive(Clone, Debug, Default)]
@@ -18,6 +20,20 @@ pub struct Mesh {
     pub area_sums: OnceLock<Vec<f64>>,
     /// What hits ask for, made when first asked for.
     pub facets: OnceLock<Facets>,
+    /// Lowest and highest corner of the box around it, found when first asked for.
+    pub corners: OnceLock<[Vec3; 2]>,
+    /// Its hierarchy, built when it is first put somewhere.
+    pub tree: OnceLock<MeshTree>,
+}
+
+/// The hierarchy over a mesh's triangles.
+#[derive(Clone)]
+pub struct MeshTree(pub(super) Arc<ItemTree>);
+
+impl std::fmt::Debug for MeshTree {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("MeshTree")
+    }
 }
 
 /// What all hits of a mesh that is where it is have in common.
@@ -81,6 +97,33 @@ impl Mesh {
         Some(self.triangles[triangle as usize].map(|i| normals[i as usize]))
     }
 
+    /// The triangles as those of an object.
+    pub(super) fn items(&self, object: u32) -> impl Iterator<Item = Item> {
+        (0..self.triangles.len() as u32).map(move |triangle| {
+            let id = TriangleId { object, triangle };
+            Item::Triangle(id, self.corners(triangle))
+        })
+    }
+
+    /// The hierarchy over its triangles, in its own space.
+    pub(super) fn tree(&self) -> &MeshTree {
+        if let Some(tree) = self.tree.get() {
+            return tree;
+        }
+        // Not within the lock: a thread that waits for others there could be given what waits for the lock.
+        let items: Vec<Item> = self.items(0).collect();
+        let tree = MeshTree(Arc::new(ItemTree::new(&items)));
+        self.tree.get_or_init(|| tree)
+    }
+
+    /// Lowest and highest corner of the box around all vertices, in its own space; inside out when there are none.
+    pub fn box_corners(&self) -> [Vec3; 2] {
+        *self.corners.get_or_init(|| {
+            let nothing = [Vec3::INFINITY, Vec3::NEG_INFINITY];
+            (self.positions.iter()).fold(nothing, |[min, max], &p| [min.min(p), max.max(p)])
+        })
+    }
+
     fn facets(&self) -> &Facets {
         self.facets.get_or_init(|| {
             let normals: Vec<Vec3> = self.normals.iter().map(|n| n.normalize_or_zero()).collect();
@@ -107,20 +150,22 @@ impl Mesh {
     /// Whether all vertices lie on or behind the planes of all triangles. Large meshes are not looked at.
     pub fn is_convex(&self) -> bool {
         const MAX_TRIANGLES: usize = 256;
+        if self.triangles.len() > MAX_TRIANGLES {
+            return false;
+        }
         let extent = self
             .positions
             .iter()
             .fold(0.0, |max: f32, p| max.max(p.abs().max_element()));
         let tolerance = 1e-5 * extent;
-        self.triangles.len() <= MAX_TRIANGLES
-            && (0..self.triangles.len() as u32).all(|triangle| {
-                let normal = self.normal(triangle);
-                let [corner, _, _] = self.corners(triangle);
-                self.triangles
-                    .iter()
-                    .flatten()
-                    .all(|&i| (self.positions[i as usize] - corner).dot(normal) <= tolerance)
-            })
+        (0..self.triangles.len() as u32).all(|triangle| {
+            let normal = self.normal(triangle);
+            let [corner, _, _] = self.corners(triangle);
+            self.triangles
+                .iter()
+                .flatten()
+                .all(|&i| (self.positions[i as usize] - corner).dot(normal) <= tolerance)
+        })
     }
 
     /// Running sums of the triangles' areas, in order; the last one is the mesh's area, object space.

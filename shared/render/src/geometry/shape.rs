@@ -190,6 +190,41 @@ pub(super) struct RawHit {
 }
 
 impl Shape {
+    /// Whether it is the same for rays: of a mesh, the very same one.
+    pub fn is_same(&self, other: &Self) -> bool {
+        match (self, other) {
+            (
+                Self::Sphere { placement, flip },
+                Self::Sphere {
+                    placement: other,
+                    flip: flipped,
+                },
+            )
+            | (
+                Self::Disc { placement, flip },
+                Self::Disc {
+                    placement: other,
+                    flip: flipped,
+                },
+            )
+            | (
+                Self::Cylinder { placement, flip },
+                Self::Cylinder {
+                    placement: other,
+                    flip: flipped,
+                },
+            ) => placement == other && flip == flipped,
+            (
+                Self::Mesh { mesh, placement },
+                Self::Mesh {
+                    mesh: of_other,
+                    placement: other,
+                },
+            ) => Arc::ptr_eq(mesh, of_other) && placement == other,
+            _ => false,
+        }
+    }
+
     /// Area in render space. Exact for meshes, discs, round cylinders, and spheres under similar maps; the others by
     /// quadrature.
     pub fn area(&self) -> f32 {

@@ -4,15 +4,17 @@ use crate::math::{Ray, Vec2, Vec3};
 use crate::world::Scene;
 
 /// Rays along each side of the image.
-const SIDE: usize = 48;
+pub(super) const SIDE: usize = 48;
+/// Of them where it is to be quick.
+pub(super) const FEW: usize = 16;
 /// Share of the points that are left out at either end of each axis: rays to the horizon say nothing about what is
 /// near.
 const OUTLIERS: f32 = 0.25;
 /// By how much less than the whole of an even distribution the rest spans; nine tenths of the whole are meant.
 const NARROWED: f32 = MEANT / (1.0 - 2.0 * OUTLIERS);
 const MEANT: f32 = 0.9;
-/// Least share of rays that meet something, for only these to count.
-const ENOUGH: usize = SIDE * SIDE / 8;
+/// One in so many rays that meet something are enough for only these to count.
+const ENOUGH: usize = 8;
 
 /// A part of the scene is small below so much of the scene's radius.
 const SMALL: f32 = 0.25;
@@ -21,23 +23,23 @@ const SMALL: f32 = 0.25;
 const AROUND: f32 = 2.0;
 
 /// The radius that base radii of kernels are fractions of, where that is not the scene's, since the camera sees but a
-/// small part.
-pub(super) fn of_part_seen(scene: &Scene) -> Option<f32> {
-    let seen = seen(scene);
+/// small part. `side`: rays along each side of the image.
+pub(super) fn of_part_seen(scene: &Scene, side: usize) -> Option<f32> {
+    let seen = seen(scene, side);
     (seen < SMALL * scene.bounds().radius).then_some(AROUND * seen)
 }
 
 /// Radius of what the camera sees first, scene units: half the diagonal of the box around nine tenths of the points
 /// along each axis, if they were evenly spread; by the middle half of them. Where there is nothing to see, that is as
 /// far as the scene's bounds. What is black does not count. A function of the scene alone.
-fn seen(scene: &Scene) -> f32 {
+fn seen(scene: &Scene, side: usize) -> f32 {
     let camera = &scene.description().camera;
     let rules = scene.description().rules.as_ref();
     let is_passed = |object: u32| scene.passable[object as usize] || rules.is_some_and(|r| r.hides(r.camera, object));
     let (mut met, mut left) = (Vec::new(), Vec::new());
-    for i in 0..SIDE * SIDE {
-        let at = Vec2::new((i % SIDE) as f32, (i / SIDE) as f32) + 0.5;
-        let image = at / SIDE as f32 * Vec2::new(camera.width as f32, camera.height as f32);
+    for i in 0..side * side {
+        let at = Vec2::new((i % side) as f32, (i / side) as f32) + 0.5;
+        let image = at / side as f32 * Vec2::new(camera.width as f32, camera.height as f32);
         let ray = camera.ray(image, Vec2::splat(0.5));
         let hit = (scene.geometry).intersect(scene.objects(), &ray, f32::INFINITY, is_passed);
         match hit {
@@ -46,7 +48,7 @@ fn seen(scene: &Scene) -> f32 {
             None => left.extend(out_of_bounds(scene, &ray)),
         }
     }
-    if met.len() < ENOUGH {
+    if met.len() < side * side / ENOUGH {
         met.append(&mut left);
     }
     let size = [0, 1, 2].map(|axis| {

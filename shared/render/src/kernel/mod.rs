@@ -28,7 +28,16 @@ pub(crate) struct Extent {
 impl Extent {
     /// Of a scene.
     pub fn of(scene: &Scene) -> Self {
-        let part = extent::of_part_seen(scene);
+        Self::by_rays(scene, extent::SIDE)
+    }
+
+    /// By fewer rays.
+    pub fn roughly_of(scene: &Scene) -> Self {
+        Self::by_rays(scene, extent::FEW)
+    }
+
+    fn by_rays(scene: &Scene, side: usize) -> Self {
+        let part = extent::of_part_seen(scene, side);
         Self {
             radius: part.unwrap_or(scene.bounds().radius),
             is_of_part: part.is_some(),
@@ -62,6 +71,15 @@ impl KernelRadii {
             floor: extent * FLOOR,
             ceiling: extent * CEILING,
             smooth_ceiling: extent * SMOOTH_CEILING,
+        }
+    }
+
+    /// All so many times as wide.
+    pub fn times(self, factor: f32) -> Self {
+        Self {
+            floor: self.floor * factor,
+            ceiling: self.ceiling * factor,
+            smooth_ceiling: self.smooth_ceiling * factor,
         }
     }
 

@@ -22,9 +22,11 @@ pub struct Environment {
     /// Columns: the axes of the image's space in render space (a rotation, mirroring perhaps).
     render_from_env: Mat3,
     /// Where the image is bright; `None` for constants and black images, which are sampled uniformly.
-    table: Option<Table>,
+    table: Option<Arc<Table>>,
     /// Integral of the radiance over all directions, W/m^2.
     fluence: Rgb,
+    /// See [`Self::unevenness`].
+    unevenness: f32,
 }
 
 /// A direction and its density.
@@ -72,10 +74,11 @@ impl Environment {
             None => (None, scale * (4.0 * PI)),
         };
         Self {
+            unevenness: unevenness(image.as_deref(), scale, fluence),
             image,
             scale,
             render_from_env,
-            table,
+            table: table.map(Arc::new),
             fluence,
         }
     }
@@ -188,14 +191,7 @@ impl Environment {
 
     /// Radiance of the brightest direction over the mean of all, at least 1: by the mean channel.
     pub fn unevenness(&self) -> f32 {
-        let total = mean(self.fluence);
-        match &self.image {
-            Some(image) if total > 0.0 => {
-                let pixels = image.pixels.iter().map(|p| mean(*p * self.scale));
-                pixels.fold(0.0, f32::max) * (4.0 * PI) / total
-            }
-            _ => 1.0,
-        }
+        self.unevenness
     }
 
     /// Whether no direction is much brighter than the mean.
@@ -205,6 +201,17 @@ impl Environment {
 
     fn env_from_render(&self, dir: Vec3) -> Vec3 {
         self.render_from_env.transpose() * dir
+    }
+}
+
+fn unevenness(image: Option<&Image>, scale: Rgb, fluence: Rgb) -> f32 {
+    let total = mean(fluence);
+    match image {
+        Some(image) if total > 0.0 => {
+            let pixels = image.pixels.iter().map(|p| mean(*p * scale));
+            pixels.fold(0.0, f32::max) * (4.0 * PI) / total
+        }
+        _ => 1.0,
     }
 }
 

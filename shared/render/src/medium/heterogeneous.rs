@@ -30,6 +30,8 @@ pub struct Heterogeneous {
     /// The samples, which media of one file share.
     bricks: Arc<Bricks>,
     majorants: Arc<MajorantGrid>,
+    /// Mean free path where it is densest, in distances of samples, which the bounds are made for.
+    samples_free: f32,
     /// Render space to sample space.
     to_samples: Affine3A,
     /// The part of `sigma_s` that scatters, from place to place; the rest absorbs.
@@ -111,19 +113,37 @@ impl Heterogeneous {
         bricks: Arc<Bricks>,
         to_render: DAffine3,
     ) -> Self {
+        Self::new_like(None, [sigma_a, sigma_s], phase, estimator, bricks, to_render)
+    }
+
+    /// The very same, from another medium that may have the same density and be as dense: then the bounds of its
+    /// density are shared.
+    pub fn new_like(
+        other: Option<&Self>,
+        [sigma_a, sigma_s]: [Rgb; 2],
+        phase: Phase,
+        estimator: Estimator,
+        bricks: Arc<Bricks>,
+        to_render: DAffine3,
+    ) -> Self {
         let from_samples = to_render * bricks.to_object();
         let axes = [DVec3::X, DVec3::Y, DVec3::Z];
         let spacing = axes.map(|axis| from_samples.transform_vector3(axis).length());
         let densest = (sigma_a + sigma_s).max_element() * bricks.max();
         let free_path = 1.0 / (densest * spacing.into_iter().fold(0.0, f64::max) as f32);
-        let majorants = MajorantGrid::new(&bricks, free_path);
+        let other = other.filter(|other| Arc::ptr_eq(&other.bricks, &bricks) && other.samples_free == free_path);
+        let majorants = match other {
+            Some(other) => other.majorants.clone(),
+            None => Arc::new(MajorantGrid::new(&bricks, free_path)),
+        };
         Self {
             sigma_a,
             sigma_s,
             phase,
             estimator,
             bricks,
-            majorants: Arc::new(majorants),
+            majorants,
+            samples_free: free_path,
             to_samples: from_samples.inverse().as_affine3a(),
             albedo: None,
         }

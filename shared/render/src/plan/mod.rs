@@ -13,7 +13,7 @@ use crate::light::LightSelector;
 use crate::targeting::Targets;
 use crate::view::View;
 use crate::world::{Scene, SceneDescription};
-use beamfarm_image::job::{Budget, Finder, JobSettings, ScheduleKind};
+use beamfarm_image::job::{Budget, Finder, Finders, JobSettings, ScheduleKind};
 use beamfarm_image::layer::Layer;
 use stages::Stage;
 use std::fmt;
@@ -27,6 +27,16 @@ const MAX_SURFACE_PATHS: u32 = 8;
 /// Four gather rays where they end by photons at what they meet: more cost more than the noise that they take away,
 /// where pixels are many for each photon path. Where paths go on, the first ray is not most of their work.
 const GLOSS_RAYS_SIDE: u32 = 2;
+
+const SPLITS: u32 = 8;
+
+/// Of provisional plans: paths that ordinary kernels suit, by how much others are wider at most, paths that leave
+/// surface photons for each one that leaves beams, splits, and the factor on the probability that paths go on.
+const ENOUGH_PATHS: f32 = 4_000.0;
+const MOST_WIDER: f32 = 4.0;
+const FEW_SURFACE_PATHS: u32 = 4;
+const FEW_SPLITS: u32 = 2;
+const LITTLE_PATIENCE: f32 = 0.5;
 
 /// What every pass of a job does. `Display` is what `beamfarm explain` prints.
 #[derive(Clone, Debug)]
@@ -43,6 +53,12 @@ pub struct RenderPlan {
     pub emitters: Option<LightSelector>,
     /// Gather rays that gloss sends, at the surface that camera paths meet first: in a square, so many along each side.
     pub gloss_rays_side: u32,
+    /// Camera paths end at the first surface that is not glossy: photons there bring all that is not direct light.
+    pub ends_at_first: bool,
+    /// Splits of a camera path, all its branches together, at most.
+    pub splits: u32,
+    /// Factor on the probability that paths go on from vertex to vertex.
+    pub patience: f32,
     /// Photon paths that leave surface photons; the first of them, as many as the settings say, leave beams as well.
     pub surface_paths: u32,
     /// Kernel radii.
@@ -89,7 +105,7 @@ impl RenderPlan {
             (None, true) => aim(scene, &settings, &estimators),
             (None, false) => (None, "no photon paths".into()),
         };
-        let mut plan = Self {
+        let plan = Self {
             settings,
             beams,
             surface_photons,
@@ -98,6 +114,9 @@ impl RenderPlan {
                 true => GLOSS_RAYS_SIDE,
                 false => 1,
             },
+            ends_at_first: false,
+            splits: SPLITS,
+            patience: 1.0,
             estimators,
             surface_paths: match beams && surface_photons {
                 true => surface_paths_beside_beams(&description.camera, settings.paths_per_pass),
@@ -110,8 +129,66 @@ impl RenderPlan {
             layers: LayerPlan::default(),
             stages: Vec::new(),
         };
-        plan.stages = stages::all(scene, &plan, &contents, on_targets);
-        plan
+        plan.with_stages(scene, &contents, on_targets)
+    }
+
+    /// A plan for pictures that are looked at for a moment, made at once: nothing is tried before. It is meant for few
+    /// paths and few pixels, whose noise would be worse than blur: kernels are as wide as photons are few, and beams
+    /// bring the light of all media, whatever the settings say.
+    pub fn provisional(scene: &Scene, settings: JobSettings) -> Self {
+        let description = scene.description();
+        let contents = Contents::of(description);
+        let finders = Finders {
+            // Paths that are scattered again and again take too long, and their light comes in drops.
+            media: Some(Finder::Photons),
+            ..settings.finders
+        };
+        let extent = Extent::roughly_of(scene).radius;
+        let ordinary = KernelRadii::of_extent(extent);
+        let estimators = Estimators::roughly(scene, &ordinary, extent, finders);
+        let beams = contents.leave_beams(&estimators);
+        let surface_photons = contents.store_surface_photons(&estimators);
+        let paths = settings.paths_per_pass;
+        let wider = (ENOUGH_PATHS / paths as f32).sqrt().clamp(1.0, MOST_WIDER);
+        // Not beyond the media that they are in.
+        let radii = ordinary
+            .times(wider)
+            .at_most(widest_kernel(scene).max(ordinary.smooth_ceiling));
+        let plan = Self {
+            settings: JobSettings {
+                budget: None,
+                // Kernels of these paths alone.
+                reference_paths: paths,
+                finders,
+                ..settings
+            },
+            beams,
+            surface_photons,
+            emitters: emitters(description, &estimators),
+            gloss_rays_side: 1,
+            ends_at_first: estimators.ends && !estimators.ends_at_second && surface_photons,
+            splits: FEW_SPLITS,
+            patience: LITTLE_PATIENCE,
+            estimators,
+            surface_paths: match beams && surface_photons {
+                true => {
+                    surface_paths_beside_beams(&description.camera, paths).min(paths.saturating_mul(FEW_SURFACE_PATHS))
+                }
+                false => paths,
+            },
+            radii,
+            extent_seen: None,
+            view: View::of(scene),
+            targets: None,
+            layers: LayerPlan::default(),
+            stages: Vec::new(),
+        };
+        plan.with_stages(scene, &contents, "the plan is provisional".into())
+    }
+
+    fn with_stages(mut self, scene: &Scene, contents: &Contents, on_targets: String) -> Self {
+        self.stages = stages::all(scene, &self, contents, on_targets);
+        self
     }
 
     /// Whether a pass has any use for photons.

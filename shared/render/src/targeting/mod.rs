@@ -116,6 +116,9 @@ impl Targets {
         let mut found = Vec::with_capacity(kept.len());
         let (mut aimed, mut plain) = (Vec::new(), Vec::new());
         for (number, places) in kept.iter().enumerate() {
+            if scene.is_interrupted() {
+                return (None, "interrupted".into());
+            }
             let power = f64::from(emitters.pmf(number));
             if power == 0.0 || !estimators.brings_photons(number) {
                 lights.push(None);
@@ -266,7 +269,7 @@ impl Aim {
     fn hit_rates(&self, scene: &Scene, light: usize, seed: u64, sight: impl Sight) -> [f32; 2] {
         [false, true].map(|is_aimed| {
             let mut hits = 0;
-            for probe in 0..PROBES {
+            for probe in (0..PROBES).take_while(|_| !scene.is_interrupted()) {
                 let mut sampler = Sampler::new(seed, light as u64, Purpose::Probes, probe);
                 let source = &scene.lights()[light];
                 let uniforms = EmissionUniforms::draw(&mut sampler);

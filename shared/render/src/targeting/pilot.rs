@@ -50,6 +50,9 @@ pub(super) fn trace(
             .into_par_iter()
             .map(|path| {
                 let mut places = Vec::new();
+                if scene.is_interrupted() {
+                    return (places, 0);
+                }
                 let mut sampler = Sampler::new(seed, 0, Purpose::Pilot, path);
                 let tries = pilot.path(path % 2 == 1, &mut sampler, &mut places);
                 (places, tries)

@@ -87,8 +87,6 @@ pub struct CameraTracer<'a, V> {
 
 /// Share of a pixel's light below which a branch does not split any more, but goes one way by chance.
 const MIN_SHARE: f32 = 1e-3;
-/// Splits of a camera path, all its branches together.
-const MAX_SPLITS: u32 = 8;
 /// Share from which on branches surely look for everything. Looking more often costs more than the noise that it takes
 /// away.
 const FULL_SHARE: f32 = 0.3;
@@ -428,7 +426,7 @@ impl<V: Sight> CameraTracer<'_, V> {
         };
         let before = context.record.enter_volume();
         let mut radiance = self.scatter_in_medium(&mut walk, id, distance, context);
-        if walk.survives(&mut context.sampler) {
+        if walk.survives(self.plan.patience, &mut context.sampler) {
             radiance += self.walk(walk, context);
         }
         context.record.leave_volume(before);
@@ -449,7 +447,7 @@ impl<V: Sight> CameraTracer<'_, V> {
         if weak.pdf > strong.pdf {
             (strong, weak) = (weak, strong);
         }
-        if path.share * weak.pdf < MIN_SHARE || branches.splits == MAX_SPLITS {
+        if path.share * weak.pdf < MIN_SHARE || branches.splits == self.plan.splits {
             let is_weak = weak.pdf > 0.0 && sampler.next_1d() < weak.pdf;
             return Some(if is_weak { weak } else { strong });
         }

@@ -45,6 +45,12 @@ impl<V: Sight> CameraTracer<'_, V> {
         };
         let rays = (side * side) as f32;
         let lights = self.light_choice(x, Seen::First);
+        if self.ends_at(x) && self.scene.aimed_at.is_none() {
+            // Neither light nor surfaces are left to be met.
+            let of_light = (Seen::First, &lights);
+            let lit = self.lit_by_samples(x, of_light, (beta, Part::Direct), context, |_, _, _| 1.0);
+            return lit + self.photon_radiance(x, |_, _| 1.0, beta, context);
+        }
         let mut radiance = self.lit_directly(x, &lights, rays, beta, context);
         if side > 1 {
             let share = 1.0 / rays;
@@ -60,12 +66,13 @@ impl<V: Sight> CameraTracer<'_, V> {
         }
         let is_glossy = self.is_glossy(x);
         let gathers = is_glossy || self.sight.gathers(x.hit.object);
+        let ends = self.ends_at(x);
         let odds_scale = self.odds_scale(x);
         let weight = |photon: &SurfacePhoton, wi: Vec3| {
             if V::RULED && (photon.odds == Odds::UNSEEN || is_glossy && photon.arrival == Arrival::Surface) {
                 return 0.0;
             }
-            if photon.odds == Odds::PHOTONS_ONLY || !gathers {
+            if photon.odds == Odds::PHOTONS_ONLY || !gathers || ends {
                 return 1.0;
             }
             let cos = x.hit.ng.dot(photon.wi).abs();
@@ -73,6 +80,11 @@ impl<V: Sight> CameraTracer<'_, V> {
             photon.odds.photon_share(odds_scale, density)
         };
         radiance + self.photon_radiance(x, weight, beta, context)
+    }
+
+    /// Whether photons at x bring all that surfaces and media send there.
+    fn ends_at(&self, x: &Vertex) -> bool {
+        self.plan.ends_at_first && !V::RULED && !x.bsdf.is_glossy()
     }
 
     /// Factor on the odds of photons at x against gather rays from there.
@@ -169,7 +181,7 @@ impl<V: Sight> CameraTracer<'_, V> {
         if self.sight.one_ray(object) && !is_glossy {
             let wanted = Wanted {
                 direct: true,
-                indirect: gathers,
+                indirect: gathers && !self.ends_at(x),
             };
             return self.walk(walk(Start::Shadow(object), wanted), context);
         }

@@ -94,7 +94,7 @@ impl<V: Sight> CameraTracer<'_, V> {
                         return radiance;
                     }
                     radiance += self.scatter_in_medium(&mut walk, id, distance, context);
-                    if !walk.survives(&mut context.sampler) {
+                    if !walk.survives(self.plan.patience, &mut context.sampler) {
                         return radiance;
                     }
                     continue;
@@ -394,7 +394,7 @@ impl<V: Sight> CameraTracer<'_, V> {
         walk.hidden = self.sight.from(Start::Gather);
         walk.ray = hit.spawn_ray(wi);
         walk.depth += 1;
-        if !walk.survives(&mut context.sampler) {
+        if !walk.survives(self.plan.patience, &mut context.sampler) {
             walk.beta = Rgb::ZERO;
         }
         Some(radiance)
@@ -429,8 +429,8 @@ impl<H> Walk<'_, H> {
     }
 
     /// Russian roulette: the path goes on with a probability in proportion to its throughput.
-    pub(super) fn survives(&mut self, sampler: &mut Sampler) -> bool {
-        let mut q = ROULETTE_FACTOR * self.track.max_element();
+    pub(super) fn survives(&mut self, patience: f32, sampler: &mut Sampler) -> bool {
+        let mut q = ROULETTE_FACTOR * patience * self.track.max_element();
         if self.depth >= TRAPPED_DEPTH {
             q = q.min(MAX_SURVIVAL);
         }

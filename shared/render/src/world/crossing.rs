@@ -108,6 +108,9 @@ impl Scene {
 
     /// As [`Self::medium_at`], if some objects were not there.
     pub(crate) fn medium_without(&self, point: Vec3, hides: impl Fn(u32) -> bool) -> MediumId {
+        if !self.bounds_any {
+            return self.description().world_medium;
+        }
         // A direction that is parallel to nothing people model.
         let dir = Vec3::new(0.267_3, 0.872_9, 0.408_2).normalize();
         let bounds_nothing = |object: u32| self.objects()[object as usize].boundary.is_none() || hides(object);

@@ -3,13 +3,14 @@
 use crate::bsdf::Material;
 use crate::camera::Camera;
 use crate::geometry::Object;
+use crate::interrupt::Interrupt;
 use crate::light::{Light, SceneBounds};
 use crate::medium::{Medium, MediumId};
 use crate::rules::Rules;
 use beamfarm_image::job::{Finders, JobSettings, ScheduleKind, Targeting};
 
 /// Everything that a pass renders. Lengths in scene units; render space is world space moved so that the camera stands
-/// at the origin, which keeps single precision where it is needed.
+/// at the origin, which keeps single precision where it is needed, or near it, where a camera moves about.
 #[derive(Clone, Debug)]
 pub struct SceneDescription {
     /// The camera.
@@ -36,6 +37,8 @@ pub struct SceneDescription {
     pub notes: Vec<String>,
     /// File, line and field of each rule that photons obey.
     pub photon_rules: Vec<String>,
+    /// Stops what is done with the scene, and with clones of this description.
+    pub interrupt: Interrupt,
 }
 
 /// What the scene file says about rendering; the command line overrides it.

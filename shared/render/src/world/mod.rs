@@ -3,6 +3,7 @@
 mod crossing;
 mod description;
 mod interaction;
+mod pick;
 mod selectors;
 mod shadow;
 
@@ -15,6 +16,7 @@ use crate::sampler::Sampler;
 use crossing::LightMedium;
 pub use description::{RenderDefaults, SceneDescription};
 pub(crate) use interaction::SurfaceInteraction;
+pub use pick::Seen;
 pub use selectors::Selectors;
 
 /// A scene made ready for rays: acceleration structures built, media around the camera and the lights found.
@@ -38,6 +40,8 @@ pub struct Scene {
     pub(crate) environments: Vec<usize>,
     /// By object: rays may pass straight through it.
     pub(crate) passable: Vec<bool>,
+    /// By object: the lowest and highest corner of the box around it.
+    pub(crate) boxes: Vec<(Vec3, Vec3)>,
     /// By object: diagonal of its box, scene units.
     pub(crate) extents: Vec<f32>,
     /// By medium: the shortest mean free path of all channels, scene units.
@@ -46,15 +50,44 @@ pub struct Scene {
     pub(crate) shadow_rays_walk: bool,
     /// There are surfaces that are nothing but boundaries of media.
     pub(crate) has_boundaries: bool,
+    /// There are boundaries of media.
+    pub(crate) bounds_any: bool,
 }
 
 impl Scene {
     /// Build the acceleration structures. Deterministic.
     pub fn new(description: SceneDescription) -> Self {
+        Self::made(description, None)
+    }
+
+    /// The very same as [`Self::new`] makes, from another scene that it has much in common with: what depends only on
+    /// things that both share is not made again.
+    pub fn new_like(previous: &Self, description: SceneDescription) -> Self {
+        Self::made(description, Some(previous))
+    }
+
+    fn made(description: SceneDescription, previous: Option<&Self>) -> Self {
         let (selectors, aimed_at) = (Selectors::of_all(&description), Selectors::aimed_at(&description));
         let material = |o: &Object| &description.materials[o.material as usize];
         let has_uv = description.objects.iter().map(|o| material(o).reads_uv());
-        let geometry = Geometry::new(&description.objects).with_uv(has_uv.collect());
+        let known = |number: usize| {
+            let (object, known) = (&description.objects[number], previous?.objects().get(number)?);
+            object
+                .shape
+                .is_same(&known.shape)
+                .then(|| previous?.boxes.get(number))
+                .flatten()
+        };
+        let known: Vec<_> = (0..description.objects.len()).map(known).collect();
+        let boxes: Vec<_> = (known.iter().zip(&description.objects))
+            .map(|(known, object)| known.copied().unwrap_or_else(|| bounds(&object.shape)))
+            .collect();
+        let same = previous.filter(|previous| known.len() == previous.boxes.len() && known.iter().all(Option::is_some));
+        let geometry = match same {
+            Some(previous) => previous.geometry.shared(),
+            None => Geometry::in_boxes(&description.objects, &boxes),
+        };
+        let geometry = geometry.with_uv(has_uv.collect());
         let passable: Vec<bool> = description
             .objects
             .iter()
@@ -85,17 +118,12 @@ impl Scene {
                 .filter(|&i| is_environment(&description.lights[i]))
                 .collect(),
             passable,
-            extents: description
-                .objects
-                .iter()
-                .map(|object| {
-                    let (min, max) = bounds(&object.shape);
-                    (max - min).length()
-                })
-                .collect(),
+            extents: boxes.iter().map(|(min, max)| (*max - *min).length()).collect(),
+            boxes,
             free_paths: description.media.iter().map(Medium::free_path).collect(),
             shadow_rays_walk,
             has_boundaries,
+            bounds_any: description.objects.iter().any(|object| object.boundary.is_some()),
             description,
         };
         scene.camera_medium = match scene.description.camera_medium {
@@ -105,8 +133,53 @@ impl Scene {
                 scene.medium_seen(scene.description.camera.position, hidden)
             }
         };
-        scene.light_media = (0..scene.lights().len()).map(|i| scene.find_light_medium(i)).collect();
+        scene.light_media = match same.filter(|previous| scene.has_media_of(previous)) {
+            Some(previous) => previous.light_media.clone(),
+            None => (0..scene.lights().len()).map(|i| scene.find_light_medium(i)).collect(),
+        };
         scene
+    }
+
+    /// Whether the lights of another scene with the same shapes are in the same media.
+    fn has_media_of(&self, other: &Self) -> bool {
+        let has_rules = |scene: &Self| scene.description.rules.is_some();
+        let mut objects = self.objects().iter().zip(other.objects());
+        let mut lights = self.lights().iter().zip(other.lights());
+        let is_like = |(light, other): (&Light, &Light)| match (&light.kind, &other.kind) {
+            (LightKind::Area { object, .. }, LightKind::Area { object: other, .. }) => object == other,
+            (LightKind::Point { position, .. }, LightKind::Point { position: other, .. })
+            | (LightKind::Spot { position, .. }, LightKind::Spot { position: other, .. }) => position == other,
+            (LightKind::Directional { .. } | LightKind::Environment(_), other) => {
+                matches!(other, LightKind::Directional { .. } | LightKind::Environment(_))
+            }
+            _ => false,
+        };
+        !has_rules(self)
+            && !has_rules(other)
+            && self.description.world_medium == other.description.world_medium
+            && self.bounds().radius == other.bounds().radius
+            && self.lights().len() == other.lights().len()
+            && objects.all(|(object, other)| object.boundary == other.boundary)
+            && (0..self.boxes.len() as u32).all(|object| self.is_null(object) == other.is_null(object))
+            && lights.all(is_like)
+    }
+
+    /// Whether both have the same hierarchies, built once.
+    pub fn shares_hierarchies_with(&self, other: &Self) -> bool {
+        self.geometry.is_shared_with(&other.geometry)
+    }
+
+    /// The same picture with so many pixels: it shows as much from left to right, and in more rows more above and
+    /// below. Plans are made after it.
+    pub fn resize(&mut self, width: u32, height: u32) {
+        let camera = &mut self.description.camera;
+        (camera.width, camera.height) = (width, height);
+    }
+
+    /// Whether what is rendered is of no use any more.
+    #[inline]
+    pub(crate) fn is_interrupted(&self) -> bool {
+        self.description.interrupt.is_raised()
     }
 
     /// What was read.

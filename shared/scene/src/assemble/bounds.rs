@@ -105,8 +105,7 @@ fn hull<'a>(shape: &'a Shape, boxes: &'a BTreeMap<*const Mesh, [Vec3; 8]>) -> Hu
 }
 
 fn box_corners(mesh: &Mesh) -> [Vec3; 8] {
-    let low = mesh.positions.iter().fold(Vec3::INFINITY, |a, p| a.min(*p));
-    let high = mesh.positions.iter().fold(Vec3::NEG_INFINITY, |a, p| a.max(*p));
+    let [low, high] = mesh.box_corners();
     std::array::from_fn(|i| {
         let pick = |bit: usize, axis: usize| match i & bit {
             0 => low[axis],

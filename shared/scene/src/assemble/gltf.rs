@@ -1,22 +1,25 @@
 //! glTF files: read as pieces of a scene file, which are built as if they stood in it.
 
+use super::kept::{Decoded, Kept, KeptPiece, map_bits};
 use super::{Assets, Parts, Problem, asset_problem};
 use crate::assets::gltf::{self, Choice};
-use crate::assets::image::Encoding;
+use crate::assets::mesh::RawMesh;
+use crate::files::Source;
 use crate::parse::{CameraRecord, Eye, Fault, FovAxis, GltfCameraRecord, GltfRecord, PieceRecord, SceneRecord};
 use crate::values::Spanned;
 use crate::{source, transform};
-use beamfarm_image::bundle::{self, Bundle};
+use beamfarm_image::bundle;
+use beamfarm_render::texture::Image;
 use glam::DAffine3;
+use std::cell::RefCell;
 use std::path::Path;
+use std::sync::Arc;
 
-/// A file of the bundle by the path that the scene gives, and those beside it.
-fn bytes<'b>(bundle: &'b Bundle, path: &Spanned<String>) -> Result<&'b [u8], Fault> {
+/// A file by the path that the scene gives.
+fn bytes<'b>(source: Source<'b>, path: &Spanned<String>) -> Result<&'b [u8], Fault> {
     let name = path.get_ref();
-    let found = bundle.files.get(&bundle::key(name));
-    found
-        .map(Vec::as_slice)
-        .ok_or_else(|| Fault::new(path.span(), format!("the bundle lacks the file \"{name}\"")))
+    let found = source.bytes(&bundle::key(name));
+    found.ok_or_else(|| Fault::new(path.span(), format!("the bundle lacks the file \"{name}\"")))
 }
 
 fn place(record: &GltfRecord) -> Result<DAffine3, Fault> {
@@ -30,20 +33,9 @@ impl Parts<'_> {
     /// Add what a glTF file holds.
     pub fn add_gltf(&mut self, record: &GltfRecord) -> Result<(), Problem> {
         let path = &record.file;
-        let bundle = self.assets.bundle;
-        let beside = |file: &str| {
-            let file = gltf::beside(path.get_ref(), file);
-            bundle.files.get(&bundle::key(&file)).map(Vec::as_slice)
-        };
-        let choice = Choice {
-            materials: record.materials.unwrap_or(true),
-            lights: record.lights.unwrap_or(true),
-        };
-        let bytes = bytes(bundle, path)?;
-        let piece = gltf::read(path.get_ref(), bytes, &beside, &place(record)?, choice)
-            .map_err(|flaw| asset_problem(path, flaw))?;
+        let piece = self.assets.piece(record)?;
         let text = &piece.text;
-        self.assets.add(piece.meshes, piece.images);
+        self.assets.add(&piece);
         let parsed: PieceRecord = toml::from_str(text).map_err(|e| in_file(path, text, &e.into()))?;
         self.add_piece(&parsed).map_err(|problem| in_piece(path, text, problem))
     }
@@ -74,43 +66,97 @@ fn in_piece(path: &Spanned<String>, text: &str, problem: Problem) -> Problem {
 }
 
 impl Assets<'_> {
-    /// Files of the bundle's that other files hold.
-    fn add(
-        &mut self,
-        meshes: impl IntoIterator<Item = (String, std::sync::Arc<super::RawMesh>)>,
-        images: impl IntoIterator<Item = (String, std::sync::Arc<super::Image>)>,
-    ) {
-        let key = |name: String| bundle::key(&name);
-        let meshes = meshes.into_iter().map(|(name, mesh)| (key(name), mesh));
-        self.meshes.extend(meshes);
-        let images = images.into_iter();
-        let images = images.map(|(name, image)| ((key(name), Encoding::Srgb), image));
-        self.images.extend(images);
+    /// What a glTF file holds.
+    fn piece(&mut self, record: &GltfRecord) -> Result<Arc<KeptPiece>, Problem> {
+        let path = &record.file;
+        let choice = Choice {
+            materials: record.materials.unwrap_or(true),
+            lights: record.lights.unwrap_or(true),
+        };
+        let source = self.source;
+        let bytes = bytes(source, path)?;
+        let world_from_file = place(record)?;
+        let content = source.content(&bundle::key(path.get_ref()));
+        let key = (path.get_ref().clone(), content, [choice.materials, choice.lights]);
+        let Kept { pieces, clock, .. } = &mut *self.kept;
+        let is_right = |(_, piece): &(_, Arc<KeptPiece>)| {
+            let mut beside = piece.beside.iter();
+            beside.all(|(key, content)| source.content(key) == *content)
+        };
+        let map = map_bits(&world_from_file);
+        let known = pieces.get_if(clock, &key, is_right);
+        if let Some((_, piece)) = known.as_ref().filter(|(known, _)| *known == map) {
+            return Ok(piece.clone());
+        }
+        let read = RefCell::new(Vec::new());
+        let beside = |file: &str| {
+            let key = bundle::key(&gltf::beside(path.get_ref(), file));
+            let bytes = source.bytes(&key);
+            read.borrow_mut().push((key.clone(), source.content(&key)));
+            bytes
+        };
+        let piece = gltf::read(path.get_ref(), bytes, &beside, &world_from_file, choice)
+            .map_err(|flaw| asset_problem(path, flaw))?;
+        // What is in the file does not depend on where it is put.
+        let known = known.map(|(_, piece)| piece);
+        let mesh = |(name, raw): (String, RawMesh)| {
+            let known = known.as_ref().and_then(|piece| piece.meshes.get(&name));
+            let mesh = known.cloned().unwrap_or_else(|| Arc::new(Decoded::new(raw)));
+            (name, mesh)
+        };
+        let image = |(name, image): (String, Arc<Image>)| {
+            let known = known.as_ref().and_then(|piece| piece.images.get(&name));
+            let image = known.cloned().unwrap_or(image);
+            (name, image)
+        };
+        let piece = Arc::new(KeptPiece {
+            text: piece.text,
+            meshes: piece.meshes.into_iter().map(mesh).collect(),
+            images: piece.images.into_iter().map(image).collect(),
+            beside: read.take(),
+        });
+        pieces.put(clock, key, (map, piece.clone()));
+        Ok(piece)
     }
-}
 
-/// Where the scene's camera is: as the scene says, or as a glTF file does.
-pub fn eye(scene: &SceneRecord, bundle: &Bundle) -> Result<Eye, Problem> {
-    let camera: &CameraRecord = scene.camera.get_ref();
-    let Some(path) = &camera.gltf else {
-        return Ok(camera.eye(scene.camera.span())?);
-    };
-    // Where the scene puts the same file.
-    let same = |record: &&GltfRecord| record.file.get_ref() == path.get_ref();
-    let world_from_file = match scene.gltf.iter().find(same) {
-        Some(record) => place(record)?,
-        None => DAffine3::IDENTITY,
-    };
-    let wanted = camera.gltf_camera.as_ref().map(|name| &**name.get_ref());
-    let text =
-        gltf::camera(bytes(bundle, path)?, wanted, &world_from_file).map_err(|flaw| asset_problem(path, flaw))?;
-    let read: GltfCameraRecord = toml::from_str(&text).map_err(|e| in_file(path, &text, &e.into()))?;
-    let span = path.span();
-    Ok(Eye {
-        origin: read.origin,
-        target: Spanned::new(span.clone(), read.target),
-        up: Some(Spanned::new(span.clone(), read.up)),
-        fov: Spanned::new(span, read.fov),
-        fov_axis: FovAxis::Y,
-    })
+    /// Files that another one holds.
+    fn add(&mut self, piece: &KeptPiece) {
+        let meshes = piece.meshes.iter();
+        self.meshes
+            .extend(meshes.map(|(name, mesh)| (bundle::key(name), mesh.clone())));
+        let images = piece.images.iter();
+        self.images
+            .extend(images.map(|(name, image)| (bundle::key(name), image.clone())));
+    }
+
+    /// Where the scene's camera is: as the scene says, or as a glTF file does.
+    pub fn eye(&mut self, scene: &SceneRecord) -> Result<Eye, Problem> {
+        let camera: &CameraRecord = scene.camera.get_ref();
+        let Some(path) = &camera.gltf else {
+            return Ok(camera.eye(scene.camera.span())?);
+        };
+        // Where the scene puts the same file.
+        let same = |record: &&GltfRecord| record.file.get_ref() == path.get_ref();
+        let world_from_file = match scene.gltf.iter().find(same) {
+            Some(record) => place(record)?,
+            None => DAffine3::IDENTITY,
+        };
+        let wanted = camera.gltf_camera.as_ref().map(|name| name.get_ref().clone());
+        let content = self.source.content(&bundle::key(path.get_ref()));
+        let key = (content, wanted.clone(), map_bits(&world_from_file));
+        let bytes = bytes(self.source, path)?;
+        let Kept { cameras, clock, .. } = &mut *self.kept;
+        let text = cameras.get_or(clock, key, || {
+            gltf::camera(bytes, wanted.as_deref(), &world_from_file).map_err(|flaw| asset_problem(path, flaw))
+        })?;
+        let read: GltfCameraRecord = toml::from_str(&text).map_err(|e| in_file(path, &text, &e.into()))?;
+        let span = path.span();
+        Ok(Eye {
+            origin: read.origin,
+            target: Spanned::new(span.clone(), read.target),
+            up: Some(Spanned::new(span.clone(), read.up)),
+            fov: Spanned::new(span, read.fov),
+            fov_axis: FovAxis::Y,
+        })
+    }
 }

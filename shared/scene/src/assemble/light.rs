@@ -124,14 +124,10 @@ impl Parts<'_> {
                     return Err(asset_problem(path, flaw));
                 }
                 let scale = scale.as_ref().map_or(Rgb::ONE, |s| s.get_ref().rgb());
-                let brightest = image.pixels.iter().fold(Rgb::ZERO, |a, b| a.max(*b)) * scale;
-                if !brightest.is_finite() {
-                    return Err(asset_problem(
-                        path,
-                        "times `scale` it is too bright for single precision",
-                    ));
-                }
-                Environment::sky_and_suns(&image, scale, render_from_env)
+                let kept = &mut *self.assets.kept;
+                kept.environment(&image, scale, render_from_env, || {
+                    asset_problem(path, "times `scale` it is too bright for single precision")
+                })?
             }
             _ => {
                 let message = "an environment is given by `radiance`, or by `image` and perhaps `scale`";

@@ -6,7 +6,7 @@ use crate::parse::{DistributionName, Fault, ImageTextureRecord, MaterialRecord, 
 use crate::values::Spanned;
 use crate::values::{NonNegative, Number, Unit};
 use beamfarm_render::bsdf::{
-    Coat, Distribution, Material, MaterialKind, NormalPerturbation, RoughCoat, Tint, conductor_names, conductor_preset,
+    Coat, Distribution, Material, MaterialKind, NormalPerturbation, Tint, conductor_names, conductor_preset,
 };
 use beamfarm_render::math::Rgb;
 use beamfarm_render::texture::Texture;
@@ -160,11 +160,11 @@ fn kind(record: &MaterialRecord, assets: &mut Assets<'_>) -> Result<MaterialKind
         }
         MaterialType::RoughPlastic => {
             let eta = relative_ior(record, Some(POLYPROPYLENE))?;
-            let coat = RoughCoat::new(distribution(record), alpha(record)?, eta, nonlinear);
+            let alpha = alpha(record)?;
             MaterialKind::RoughPlastic {
                 reflectance: texture(&record.reflectance, 0.5)?,
                 specular_reflectance: texture(&record.specular_reflectance, 1.0)?,
-                coat: Box::new(coat),
+                coat: Box::new(assets.kept.coat(distribution(record), alpha, eta, nonlinear)),
             }
         }
         MaterialType::Principled => {

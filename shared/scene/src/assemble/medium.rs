@@ -1,5 +1,6 @@
 //! Media and their names.
 
+use super::kept::{Kept, Pinned};
 use super::{Assets, Problem, check_reach, required, unknown_name};
 use crate::parse::{AlbedoRecord, BlobRecord, DensityRecord, Fault, MediumKind, MediumRecord, PhaseRecord};
 use crate::transform;
@@ -154,15 +155,20 @@ fn heterogeneous(
             assets.density(path, grid.map(|name| name.get_ref().as_str()))?
         }
         None => {
-            let raw = recipe(place)?.sample().map_err(|error| recipe_fault(place, &error))?;
-            let bricks = Bricks::new(&raw).map_err(|error| {
-                let message = match error {
-                    DensityError::NotFinite(_) => "somewhere it is too large for single precision".to_string(),
-                    error => error.to_string(),
-                };
-                Fault::new(place.span(), message)
-            })?;
-            Arc::new(bricks)
+            let recipe = recipe(place)?;
+            let Kept { recipes, clock, .. } = &mut *assets.kept;
+            // What is printed of a number tells it from all others.
+            recipes.get_or(clock, format!("{recipe:?}"), || {
+                let raw = recipe.sample().map_err(|error| recipe_fault(place, &error))?;
+                let bricks = Bricks::new(&raw).map_err(|error| {
+                    let message = match error {
+                        DensityError::NotFinite(_) => "somewhere it is too large for single precision".to_string(),
+                        error => error.to_string(),
+                    };
+                    Fault::new(place.span(), message)
+                })?;
+                Ok::<_, Problem>(Arc::new(bricks))
+            })?
         }
     };
     let to_world = match &record.transform {
@@ -189,13 +195,19 @@ fn heterogeneous(
         None => Estimator::DEFAULT,
         Some(given) => given.get_ref().0,
     };
-    let medium = Heterogeneous::new(
-        coefficients(record, scale)?,
+    let Kept { media, clock, .. } = &mut *assets.kept;
+    let pinned = Pinned(density.clone());
+    let known = media.get_if(clock, &pinned, |_| true);
+    let coefficients = coefficients(record, scale)?;
+    let medium = Heterogeneous::new_like(
+        known.as_ref(),
+        coefficients,
         phase(record),
         estimator,
         density,
         to_render,
     );
+    media.put(clock, pinned, medium.clone());
     let medium = match record.albedo.as_ref().map(|a| a.get_ref()) {
         Some(AlbedoRecord::File { file, grid }) => {
             let grid = grid.as_ref().map(|name| name.get_ref().as_str());

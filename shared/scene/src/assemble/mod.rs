@@ -2,8 +2,10 @@
 //! the camera stands at the origin.
 
 mod bounds;
+mod enclosed;
 mod extents;
 mod gltf;
+mod kept;
 mod light;
 mod material;
 mod medium;
@@ -14,17 +16,21 @@ mod view;
 
 use super::assets::image::{self, Encoding};
 use super::assets::{Flaw, mesh::RawMesh, volume};
-use super::parse::{Fault, RenderRecord, SceneRecord};
+use super::parse::{Eye, Fault, RenderRecord, SceneRecord};
 use super::transform;
+use crate::files::{Content, Source};
 use crate::values::Spanned;
-use beamfarm_image::bundle::{self, Bundle};
+use beamfarm_image::bundle;
 use beamfarm_image::job::{Finders, MAX_PASSES};
+use beamfarm_render::interrupt::Interrupt;
 use beamfarm_render::medium::MediumId;
 use beamfarm_render::medium::bricks::{Bricks, RawDensity};
 use beamfarm_render::texture::Image;
 use beamfarm_render::world::{RenderDefaults, SceneDescription};
 pub use extents::{Extent, Extents};
 use glam::DVec3;
+use kept::Decoded;
+pub use kept::{Kept, Purpose};
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::sync::Arc;
@@ -60,21 +66,31 @@ pub struct Assembled {
     pub extents: Extents,
 }
 
-/// Assemble the scene of a record, with the assets of a bundle.
-pub fn assemble(record: &SceneRecord, bundle: &Bundle) -> Result<Assembled, Problem> {
-    let mut assets = Assets::new(bundle);
-    let eye = gltf::eye(record, bundle)?;
-    let render_origin = eye.origin.0;
+/// Assemble the scene of a record, with its files and what is kept of other scenes. `origin`: world position of the
+/// origin of render space of a scene that the camera moves about in, whose meshes are made for any place; without it
+/// the camera's position, for a scene that is rendered.
+pub fn assemble(
+    record: &SceneRecord,
+    source: Source<'_>,
+    kept: &mut Kept,
+    origin: Option<DVec3>,
+) -> Result<Assembled, Problem> {
+    let mut assets = Assets::new(source, kept);
+    let eye = assets.eye(record)?;
+    let render_origin = origin.unwrap_or(eye.origin.0);
+    let eye_point = eye.origin.0 - render_origin;
     let media = medium::Media::new(&record.media, render_origin, &mut assets)?;
     let world_medium = media.resolve_or(record.world.medium.as_ref(), None)?;
     let materials = material::Materials::new(&record.materials, &mut assets)?;
-    let camera = view::camera(&record.image, record.camera.get_ref(), &eye)?;
+    let mut camera = view::camera(&record.image, record.camera.get_ref(), &eye)?;
+    camera.position = eye_point.as_vec3();
     let camera_medium = match &record.camera.get_ref().medium {
         Some(name) => Some(media.resolve(name)?),
         None => None,
     };
     let mut parts = Parts {
         render_origin,
+        moves_about: origin.is_some(),
         world_medium,
         materials,
         assets,
@@ -82,7 +98,7 @@ pub fn assemble(record: &SceneRecord, bundle: &Bundle) -> Result<Assembled, Prob
         lights: Vec::new(),
         names: rules::Names::default(),
         // Light from far away has to be sent to all of the space that scatters it.
-        points: media.corners(world_medium).chain([DVec3::ZERO]).collect(),
+        points: media.corners(world_medium).chain([eye_point]).collect(),
         media,
     };
     parts.add_lights(&record.lights)?;
@@ -102,6 +118,14 @@ pub fn assemble(record: &SceneRecord, bundle: &Bundle) -> Result<Assembled, Prob
     notes.extend(extents.outside(record, &parts.objects));
     if parts.lights.is_empty() {
         notes.push(Fault::new(0..0, "there are no lights: the picture will be black"));
+    } else if rules.is_none()
+        && let Some(object) = enclosed::around_camera(&parts.objects, &parts.materials.list, &parts.lights)
+    {
+        let message = format!(
+            "it stands inside of {:?}, which lets no light through, and no light is in there: the picture will be black",
+            object.name
+        );
+        notes.push(Fault::new(record.camera.span(), message));
     }
     let description = SceneDescription {
         camera,
@@ -116,6 +140,7 @@ pub fn assemble(record: &SceneRecord, bundle: &Bundle) -> Result<Assembled, Prob
         rules,
         notes: Vec::new(),
         photon_rules: Vec::new(),
+        interrupt: Interrupt::default(),
     };
     Ok(Assembled {
         description,
@@ -125,10 +150,16 @@ pub fn assemble(record: &SceneRecord, bundle: &Bundle) -> Result<Assembled, Prob
     })
 }
 
+/// Where a scene's camera is: as the scene says, or as a glTF file does.
+pub fn eye(record: &SceneRecord, source: Source<'_>) -> Result<Eye, Problem> {
+    Assets::new(source, &mut Kept::default()).eye(record)
+}
+
 /// What is being built.
 struct Parts<'a> {
-    /// World position of the camera: the origin of render space.
+    /// World position of the origin of render space: the camera's, unless it moves about.
     render_origin: DVec3,
+    moves_about: bool,
     world_medium: MediumId,
     media: medium::Media,
     materials: material::Materials,
@@ -154,83 +185,99 @@ fn check_reach(reach: f64, place: Range<usize>) -> Result<(), Fault> {
     }
 }
 
-/// The bundle's files, each decoded once.
+/// The scene's files, each decoded once.
 struct Assets<'a> {
-    bundle: &'a Bundle,
-    images: BTreeMap<(String, Encoding), Arc<Image>>,
-    meshes: BTreeMap<String, Arc<RawMesh>>,
-    /// By file and grid.
-    densities: BTreeMap<(String, Option<String>), Arc<Bricks>>,
-    /// Likewise; one channel or three.
-    albedos: BTreeMap<(String, Option<String>), Arc<Vec<Bricks>>>,
+    source: Source<'a>,
+    kept: &'a mut Kept,
+    /// Meshes and images that other files hold, by key.
+    meshes: BTreeMap<String, Arc<Decoded>>,
+    images: BTreeMap<String, Arc<Image>>,
 }
 
 impl<'a> Assets<'a> {
-    fn new(bundle: &'a Bundle) -> Self {
+    fn new(source: Source<'a>, kept: &'a mut Kept) -> Self {
         Self {
-            bundle,
-            images: BTreeMap::new(),
+            source,
+            kept,
             meshes: BTreeMap::new(),
-            densities: BTreeMap::new(),
-            albedos: BTreeMap::new(),
+            images: BTreeMap::new(),
         }
     }
 
     fn image(&mut self, path: &Spanned<String>, encoding: Encoding) -> Result<Arc<Image>, Problem> {
-        let key = (bundle::key(path.get_ref()), encoding);
-        load(&mut self.images, key, self.bundle, path, |_, bytes| {
-            image::read(bytes, encoding)
+        let key = bundle::key(path.get_ref());
+        if encoding == Encoding::Srgb
+            && let Some(image) = self.images.get(&key)
+        {
+            return Ok(image.clone());
+        }
+        let (source, Kept { images, clock, .. }) = (self.source, &mut *self.kept);
+        images.get_or(clock, (source.content(&key), encoding), || {
+            decoded(source, path, |_, bytes| image::read(bytes, encoding))
         })
     }
 
     fn density(&mut self, path: &Spanned<String>, grid: Option<&str>) -> Result<Arc<Bricks>, Problem> {
-        let key = (bundle::key(path.get_ref()), grid.map(str::to_owned));
-        load(&mut self.densities, key, self.bundle, path, |name, bytes| {
-            let raw = volume::read(name, bytes, grid)?;
-            let bricks = Bricks::new(&raw).map_err(|e| e.to_string())?;
-            Ok(bricks)
+        let (source, Kept { densities, clock, .. }) = (self.source, &mut *self.kept);
+        densities.get_or(clock, key_of_grid(source, path, grid), || {
+            decoded(source, path, |name, bytes| {
+                let raw = volume::read(name, bytes, grid)?;
+                let bricks = Bricks::new(&raw).map_err(|e| e.to_string())?;
+                Ok(bricks)
+            })
         })
     }
 
     fn albedo(&mut self, path: &Spanned<String>, grid: Option<&str>) -> Result<Arc<Vec<Bricks>>, Problem> {
-        let key = (path.get_ref().clone(), grid.map(str::to_owned));
-        load(&mut self.albedos, key, self.bundle, path, |name, bytes| {
-            let bricks = |raw: &RawDensity| {
-                let bricks = Bricks::new(raw).map_err(|e| e.to_string())?;
-                match bricks.max() {
-                    ..=1.0 => Ok(bricks),
-                    max => Err(format!("a sample is {max}; expected albedos from 0 to 1")),
-                }
-            };
-            let raw = volume::read_albedo(name, bytes, grid)?;
-            Ok(raw.iter().map(bricks).collect::<Result<_, _>>()?)
+        let (source, Kept { albedos, clock, .. }) = (self.source, &mut *self.kept);
+        albedos.get_or(clock, key_of_grid(source, path, grid), || {
+            decoded(source, path, |name, bytes| {
+                let bricks = |raw: &RawDensity| {
+                    let bricks = Bricks::new(raw).map_err(|e| e.to_string())?;
+                    match bricks.max() {
+                        ..=1.0 => Ok(bricks),
+                        max => Err(format!("a sample is {max}; expected albedos from 0 to 1")),
+                    }
+                };
+                let raw = volume::read_albedo(name, bytes, grid)?;
+                Ok(raw.iter().map(bricks).collect::<Result<_, _>>()?)
+            })
         })
     }
 
-    fn mesh(&mut self, path: &Spanned<String>) -> Result<Arc<RawMesh>, Problem> {
+    fn mesh(&mut self, path: &Spanned<String>) -> Result<Arc<Decoded>, Problem> {
         let key = bundle::key(path.get_ref());
-        load(&mut self.meshes, key, self.bundle, path, RawMesh::read)
+        if let Some(mesh) = self.meshes.get(&key) {
+            return Ok(mesh.clone());
+        }
+        let (source, Kept { meshes, clock, .. }) = (self.source, &mut *self.kept);
+        meshes.get_or(clock, (source.content(&key), ending(path)), || {
+            decoded(source, path, |name, bytes| RawMesh::read(name, bytes).map(Decoded::new))
+        })
     }
 }
 
-fn load<K: Ord, T>(
-    loaded: &mut BTreeMap<K, Arc<T>>,
-    key: K,
-    bundle: &Bundle,
+/// What decoding goes by beside the bytes.
+fn ending(path: &Spanned<String>) -> String {
+    let name = path.get_ref();
+    name.rsplit_once('.').map_or("", |(_, ending)| ending).to_owned()
+}
+
+fn key_of_grid(source: Source<'_>, path: &Spanned<String>, grid: Option<&str>) -> (Content, String, Option<String>) {
+    let content = source.content(&bundle::key(path.get_ref()));
+    (content, ending(path), grid.map(str::to_owned))
+}
+
+fn decoded<T>(
+    source: Source<'_>,
     path: &Spanned<String>,
     read: impl Fn(&str, &[u8]) -> Result<T, Flaw>,
 ) -> Result<Arc<T>, Problem> {
-    if let Some(asset) = loaded.get(&key) {
-        return Ok(asset.clone());
-    }
     let name = path.get_ref();
-    let bytes = bundle
-        .files
-        .get(&bundle::key(name))
+    let bytes = source
+        .bytes(&bundle::key(name))
         .ok_or_else(|| Fault::new(path.span(), format!("the bundle lacks the file \"{name}\"")))?;
-    let asset = Arc::new(read(name, bytes).map_err(|flaw| asset_problem(path, flaw))?);
-    loaded.insert(key, asset.clone());
-    Ok(asset)
+    Ok(Arc::new(read(name, bytes).map_err(|flaw| asset_problem(path, flaw))?))
 }
 
 fn asset_problem(path: &Spanned<String>, flaw: impl Into<Flaw>) -> Problem {

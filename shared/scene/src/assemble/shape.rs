@@ -1,27 +1,26 @@
 //! Shapes: placed, flipped, made of their materials, bounding their media, emitting.
 
+use super::kept::{Baked, Decoded, Kept, Normals, Pinned, Shared, linear_bits, map_bits};
 use super::{Parts, Problem, asset_problem, check_reach, required};
-use crate::assets::mesh::RawMesh;
 use crate::parse::{Fault, ShapeRecord, ShapeType};
 use crate::transform;
 use crate::values::Spanned;
 use beamfarm_image::layer::LightGroup;
 use beamfarm_render::geometry::shape::Placement;
-use beamfarm_render::geometry::{Boundary, Mesh, Object, Shape, accel};
+use beamfarm_render::geometry::{Boundary, Object, Shape, accel};
 use beamfarm_render::light::{Light, LightKind};
 use beamfarm_render::math::Rgb;
-use glam::{DAffine3, DVec3};
-use std::borrow::Cow;
+use glam::{DAffine3, DMat3, DVec3};
 use std::f64::consts::PI;
 use std::ops::Range;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 /// A shape in its own space.
 enum Form {
     Sphere,
     Disc,
     Cylinder,
-    Mesh(Arc<RawMesh>),
+    Mesh(Arc<Decoded>),
 }
 
 /// Everything about a shape but where it stands.
@@ -53,7 +52,14 @@ impl Parts<'_> {
         let surface = self.surface(record)?;
         let own = own_map(record)?;
         let map = self.to_render_space(own, place(record))?;
-        let shape = self.placed(&surface, &map)?;
+        let shape = match self.shared_instead(&surface, &own) {
+            Some(shared) => {
+                let shape = put(&shared, &map).ok_or_else(|| no_area(record))?;
+                check_shape_reach(&shape, place(record))?;
+                shape
+            }
+            None => self.placed(&surface, &map)?,
+        };
         let light = self.area_light(&surface, &map, &shape, name)?;
         self.push(&surface, shape, name.to_string(), light)
     }
@@ -66,16 +72,16 @@ impl Parts<'_> {
         }
         let surface = self.surface(inner)?;
         let own = own_map(inner)?;
-        let mut shared = match &surface.form {
-            Form::Mesh(raw) => Some(SharedMesh::new(raw, inner, &own)),
+        let shared = match &surface.form {
+            Form::Mesh(decoded) => Some(self.shared(decoded, inner, &own)),
             _ => None,
         };
         for (i, steps) in transforms.get_ref().iter().enumerate() {
             let map = transform::compose(steps.get_ref())? * own;
             let map = self.to_render_space(map, steps.span())?;
-            let shape = match &mut shared {
+            let shape = match &shared {
                 Some(shared) => {
-                    let shape = shared.place(&map).ok_or_else(|| no_area(inner))?;
+                    let shape = put(shared, &map).ok_or_else(|| no_area(inner))?;
                     check_shape_reach(&shape, steps.span())?;
                     shape
                 }
@@ -106,8 +112,8 @@ impl Parts<'_> {
             ShapeType::Sphere => Form::Sphere,
             ShapeType::Disc => Form::Disc,
             ShapeType::Cylinder => Form::Cylinder,
-            ShapeType::Rectangle => Form::Mesh(Arc::new(RawMesh::rectangle())),
-            ShapeType::Cube => Form::Mesh(Arc::new(RawMesh::cube())),
+            ShapeType::Rectangle => Form::Mesh(self.assets.kept.rectangle.clone()),
+            ShapeType::Cube => Form::Mesh(self.assets.kept.cube.clone()),
             ShapeType::Mesh => Form::Mesh(self.assets.mesh(required(&record.file, &record.kind, "file")?)?),
             ShapeType::Instances => {
                 let message = "expected the type of one shape";
@@ -187,8 +193,59 @@ impl Parts<'_> {
         }
     }
 
+    /// Where the camera moves about: the mesh of a shape for whatever map, if that spares more than it costs.
+    fn shared_instead(&mut self, surface: &Surface<'_>, own: &DAffine3) -> Option<Arc<Shared>> {
+        match &surface.form {
+            // Points are drawn on meshes that emit, which are where they are.
+            Form::Mesh(decoded)
+                if self.moves_about
+                    && surface.record.emission.is_none()
+                    && decoded.raw.triangles.len() > FEW_TRIANGLES =>
+            {
+                Some(self.shared(decoded, surface.record, own))
+            }
+            _ => None,
+        }
+    }
+
+    /// A mesh for whatever map. `own`: from its own space to that in which its angles are measured.
+    fn shared(&mut self, decoded: &Arc<Decoded>, record: &ShapeRecord, own: &DAffine3) -> Arc<Shared> {
+        let (flip, normals) = (flips(record), normals(decoded, record));
+        // Angles are those of its own space under similarities: let it be turned.
+        let own = match self.moves_about && is_similarity(&own.matrix3) {
+            true => DAffine3::from_scale(DVec3::new(1.0, 1.0, own.matrix3.determinant().signum())),
+            false => *own,
+        };
+        let angles = match normals {
+            Normals::Smooth => linear_bits(&own.matrix3),
+            Normals::OfFile | Normals::OfFaces => [0; 9],
+        };
+        let Kept { shared, clock, .. } = &mut *self.assets.kept;
+        let key = (Pinned(decoded.clone()), flip, normals, angles);
+        shared.get_or_make(clock, key, || Arc::new(shared_mesh(decoded, flip, normals, &own)))
+    }
+
+    /// The mesh in render space.
+    fn baked(&mut self, decoded: &Arc<Decoded>, record: &ShapeRecord, map: &DAffine3) -> Baked {
+        let (flip, normals) = (flips(record), normals(decoded, record));
+        let Kept { baked, clock, .. } = &mut *self.assets.kept;
+        let key = (Pinned(decoded.clone()), map_bits(map), flip, normals);
+        baked.get_or_make(clock, key, || {
+            let raw = &decoded.raw;
+            let mesh = match normals {
+                Normals::OfFile => raw.to_mesh(map, flip, &raw.normals),
+                Normals::OfFaces => raw.to_mesh(map, flip, &[]),
+                Normals::Smooth => raw.to_mesh(map, flip, &raw.smooth_normals(map)),
+            };
+            Baked {
+                mesh: Arc::new(mesh),
+                area: Arc::default(),
+            }
+        })
+    }
+
     /// The shape at its place, as an object of its own.
-    fn placed(&self, surface: &Surface<'_>, map: &DAffine3) -> Result<Shape, Problem> {
+    fn placed(&mut self, surface: &Surface<'_>, map: &DAffine3) -> Result<Shape, Problem> {
         let flip = flips(surface.record);
         let shape = match &surface.form {
             Form::Sphere => Shape::Sphere {
@@ -203,9 +260,8 @@ impl Parts<'_> {
                 placement: placement(map),
                 flip,
             },
-            Form::Mesh(raw) => {
-                let normals = normals(raw, surface.record, map);
-                let mesh = Arc::new(raw.to_mesh(map, flip, &normals));
+            Form::Mesh(decoded) => {
+                let Baked { mesh, .. } = self.baked(decoded, surface.record, map);
                 if mesh.triangles.is_empty() {
                     return Err(no_area(surface.record));
                 }
@@ -217,6 +273,35 @@ impl Parts<'_> {
         };
         check_shape_reach(&shape, place(surface.record))?;
         Ok(shape)
+    }
+
+    /// Area in scene units squared.
+    fn area(&mut self, surface: &Surface<'_>, map: &DAffine3, shape: &Shape) -> f64 {
+        let m = map.matrix3;
+        match &surface.form {
+            Form::Sphere => match placement(map).uniform_scale() {
+                Some(_) => {
+                    let radius = libm::cbrt(m.determinant().abs());
+                    4.0 * PI * radius * radius
+                }
+                None => f64::from(shape.area()),
+            },
+            Form::Disc => PI * m.x_axis.cross(m.y_axis).length(),
+            Form::Cylinder => {
+                // The mean over the circle of a tangent's cross product with the axis.
+                let [x, y] = [m.x_axis, m.y_axis].map(|v| v.cross(m.z_axis));
+                const N: u32 = 4096;
+                let stretch = |i: u32| {
+                    let (sin, cos) = libm::sincos(2.0 * PI * f64::from(i) / f64::from(N));
+                    (y * cos - x * sin).length()
+                };
+                2.0 * PI * (0..N).map(stretch).sum::<f64>() / f64::from(N)
+            }
+            Form::Mesh(decoded) => {
+                let Baked { area, .. } = self.baked(decoded, surface.record, map);
+                *area.get_or_init(|| decoded.raw.area(map))
+            }
+        }
     }
 
     /// The light of an emitting shape, which the next object will be.
@@ -233,7 +318,7 @@ impl Parts<'_> {
         let radiance = match (&emission.get_ref().radiance, &emission.get_ref().power) {
             (Some(radiance), None) => radiance.rgb(),
             (None, Some(power)) => {
-                let area = area(&surface.form, map, shape);
+                let area = self.area(surface, map, shape);
                 Rgb::from_array(power.0.map(|watts| (watts / (PI * area)) as f32))
             }
             _ => {
@@ -260,55 +345,62 @@ impl Parts<'_> {
     }
 }
 
-/// One mesh for all instances, and its mirror image for those that mirror. Both lie in the unit ball, where single
-/// precision is finest.
-struct SharedMesh<'a> {
-    raw: &'a RawMesh,
-    flip: bool,
-    normals: Cow<'a, [DVec3]>,
-    unit_from_raw: DAffine3,
-    upright: Option<Arc<Mesh>>,
-    mirrored: Option<Arc<Mesh>>,
+/// Meshes of no more triangles are made for their place wherever the camera is: that takes no longer than to look for
+/// them there.
+const FEW_TRIANGLES: usize = 12;
+
+fn shared_mesh(decoded: &Arc<Decoded>, flip: bool, normals: Normals, own: &DAffine3) -> Shared {
+    let raw = &decoded.raw;
+    let low = raw.positions.iter().fold(DVec3::INFINITY, |a, p| a.min(*p));
+    let high = raw.positions.iter().fold(DVec3::NEG_INFINITY, |a, p| a.max(*p));
+    let center = 0.5 * low + 0.5 * high;
+    let radius = raw.positions.iter().map(|p| p.distance(center)).fold(0.0, f64::max);
+    let scale = if radius > 0.0 { 1.0 / radius } else { 1.0 };
+    Shared {
+        decoded: decoded.clone(),
+        flip,
+        smooth: match normals {
+            Normals::Smooth => raw.smooth_normals(own),
+            Normals::OfFile | Normals::OfFaces => Vec::new(),
+        },
+        normals,
+        unit_from_raw: DAffine3::from_scale(DVec3::splat(scale)) * DAffine3::from_translation(-center),
+        meshes: [OnceLock::new(), OnceLock::new()],
+    }
 }
 
-impl<'a> SharedMesh<'a> {
-    /// `own`: from the mesh's own space to that of what is copied.
-    fn new(raw: &'a RawMesh, record: &ShapeRecord, own: &DAffine3) -> Self {
-        let low = raw.positions.iter().fold(DVec3::INFINITY, |a, p| a.min(*p));
-        let high = raw.positions.iter().fold(DVec3::NEG_INFINITY, |a, p| a.max(*p));
-        let center = 0.5 * low + 0.5 * high;
-        let radius = raw.positions.iter().map(|p| p.distance(center)).fold(0.0, f64::max);
-        let scale = if radius > 0.0 { 1.0 / radius } else { 1.0 };
-        Self {
-            raw,
-            flip: flips(record),
-            normals: normals(raw, record, own),
-            unit_from_raw: DAffine3::from_scale(DVec3::splat(scale)) * DAffine3::from_translation(-center),
-            upright: None,
-            mirrored: None,
-        }
-    }
-
-    /// The mesh under a map; `None` when it has no area.
-    fn place(&mut self, map: &DAffine3) -> Option<Shape> {
-        let (slot, mirror) = match map.matrix3.determinant() < 0.0 {
-            true => (&mut self.mirrored, DVec3::new(-1.0, 1.0, 1.0)),
-            false => (&mut self.upright, DVec3::ONE),
+/// The mesh under a map; `None` when it has no area.
+fn put(shared: &Shared, map: &DAffine3) -> Option<Shape> {
+    let raw = &shared.decoded.raw;
+    let [upright, mirrored] = &shared.meshes;
+    let (slot, mirror) = match map.matrix3.determinant() < 0.0 {
+        true => (mirrored, DVec3::new(-1.0, 1.0, 1.0)),
+        false => (upright, DVec3::ONE),
+    };
+    let unit_from_raw = DAffine3::from_scale(mirror) * shared.unit_from_raw;
+    let mesh = slot.get_or_init(|| {
+        let normals = match shared.normals {
+            Normals::OfFile => &raw.normals,
+            Normals::OfFaces | Normals::Smooth => &shared.smooth,
         };
-        let unit_from_raw = DAffine3::from_scale(mirror) * self.unit_from_raw;
-        let mesh = slot.get_or_insert_with(|| {
-            let mesh = self.raw.to_mesh(&unit_from_raw, self.flip, &self.normals);
-            Arc::new(mesh)
-        });
-        let map = *map * unit_from_raw.inverse();
-        if mesh.triangles.is_empty() || !transform::is_invertible(&map) {
-            return None;
-        }
-        Some(Shape::Mesh {
-            mesh: mesh.clone(),
-            placement: placement(&map),
-        })
+        Arc::new(raw.to_mesh(&unit_from_raw, shared.flip, normals))
+    });
+    let map = *map * unit_from_raw.inverse();
+    if mesh.triangles.is_empty() || !transform::is_invertible(&map) {
+        return None;
     }
+    Some(Shape::Mesh {
+        mesh: mesh.clone(),
+        placement: placement(&map),
+    })
+}
+
+/// Whether all lengths change by one factor, up to rounding.
+fn is_similarity(m: &DMat3) -> bool {
+    let square = m.transpose() * *m;
+    let scale = square.x_axis.x;
+    let off = (square - DMat3::from_diagonal(DVec3::splat(scale))).to_cols_array();
+    off.iter().all(|x| x.abs() <= 1e-9 * scale)
 }
 
 /// Whether all of the shape is near enough to the camera.
@@ -382,15 +474,15 @@ fn flips(record: &ShapeRecord) -> bool {
     record.flip_normals.as_ref().is_some_and(|flip| *flip.get_ref())
 }
 
-/// The shading normals of a mesh: those of its file, or else, where the record asks for them, smooth ones under a map.
-fn normals<'a>(raw: &'a RawMesh, record: &ShapeRecord, map: &DAffine3) -> Cow<'a, [DVec3]> {
+/// The shading normals of a mesh: those of its file, or else, where the record asks for them, smooth ones.
+fn normals(decoded: &Decoded, record: &ShapeRecord) -> Normals {
     let asked = |field: &Option<Spanned<bool>>| field.as_ref().is_some_and(|f| *f.get_ref());
     if asked(&record.face_normals) {
-        Cow::Borrowed(&[])
-    } else if asked(&record.smooth) && raw.normals.is_empty() {
-        Cow::Owned(raw.smooth_normals(map))
+        Normals::OfFaces
+    } else if asked(&record.smooth) && decoded.raw.normals.is_empty() {
+        Normals::Smooth
     } else {
-        Cow::Borrowed(&raw.normals)
+        Normals::OfFile
     }
 }
 
@@ -419,32 +511,6 @@ fn opening(form: &Form) -> Option<String> {
         Form::Sphere => None,
         Form::Disc => Some("a disc has no inside".to_string()),
         Form::Cylinder => Some("a cylinder has no ends".to_string()),
-        Form::Mesh(raw) => raw.opening(),
-    }
-}
-
-/// Area in scene units squared.
-fn area(form: &Form, map: &DAffine3, shape: &Shape) -> f64 {
-    let m = map.matrix3;
-    match form {
-        Form::Sphere => match placement(map).uniform_scale() {
-            Some(_) => {
-                let radius = libm::cbrt(m.determinant().abs());
-                4.0 * PI * radius * radius
-            }
-            None => f64::from(shape.area()),
-        },
-        Form::Disc => PI * m.x_axis.cross(m.y_axis).length(),
-        Form::Cylinder => {
-            // The mean over the circle of a tangent's cross product with the axis.
-            let [x, y] = [m.x_axis, m.y_axis].map(|v| v.cross(m.z_axis));
-            const N: u32 = 4096;
-            let stretch = |i: u32| {
-                let (sin, cos) = libm::sincos(2.0 * PI * f64::from(i) / f64::from(N));
-                (y * cos - x * sin).length()
-            };
-            2.0 * PI * (0..N).map(stretch).sum::<f64>() / f64::from(N)
-        }
-        Form::Mesh(raw) => raw.area(map),
+        Form::Mesh(decoded) => decoded.opening(),
     }
 }

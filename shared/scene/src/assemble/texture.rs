@@ -1,5 +1,6 @@
 //! Textures.
 
+use super::kept::{Kept, Pinned};
 use super::{Assets, Problem, asset_problem};
 use crate::assets::image::Encoding;
 use crate::parse::{Fault, ImageTextureRecord, TextureRecord, UvSteps};
@@ -28,16 +29,20 @@ pub fn image<R: Range>(record: &ImageTextureRecord, assets: &mut Assets<'_>) -> 
         false => Encoding::Srgb,
     };
     let image = assets.image(&record.file, encoding)?;
-    let holds = |p: &beamfarm_render::math::Rgb| p.to_array().into_iter().all(R::holds);
-    if let Some(i) = image.pixels.iter().position(|p| !holds(p)) {
+    let Kept { in_range, clock, .. } = &mut *assets.kept;
+    in_range.get_or(clock, (Pinned(image.clone()), R::EXPECTED), || {
+        let holds = |p: &beamfarm_render::math::Rgb| p.to_array().into_iter().all(R::holds);
+        let Some(i) = image.pixels.iter().position(|p| !holds(p)) else {
+            return Ok(());
+        };
         let (x, y) = (i as u32 % image.width, i as u32 / image.width);
         let flaw = format!(
             "the pixel in column {x}, row {y} (from zero) is {}; expected {} in each channel",
             image.pixels[i],
             R::EXPECTED
         );
-        return Err(asset_problem(&record.file, flaw));
-    }
+        Err(asset_problem(&record.file, flaw))
+    })?;
     Ok(Texture::Image {
         image,
         filter: record.filter.into(),

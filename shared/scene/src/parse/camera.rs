@@ -1,6 +1,6 @@
 //! The image and the camera.
 
-use super::schema::table;
+use super::schema::{described, table};
 use super::{Fault, given};
 use crate::values::*;
 use beamfarm_render::filter::PixelFilter;
@@ -53,7 +53,7 @@ impl JsonSchema for FilterRecord {
         "FilterRecord".into()
     }
     fn json_schema(_: &mut SchemaGenerator) -> Schema {
-        let size = FilterSize::schema();
+        let size = described(FilterSize::schema(), "Its size, pixels.");
         json_schema!({
             "description": "A filter by name, or with its parameter in pixels.",
             "anyOf": [

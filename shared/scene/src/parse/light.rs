@@ -1,6 +1,6 @@
 //! Lights that are not surfaces.
 
-use super::schema::one_of;
+use super::schema::by_type;
 use super::transform::Steps;
 use super::words::RayType;
 use super::{Fault, given, only_takes};
@@ -20,9 +20,9 @@ pub struct LightRecord {
     /// Kind of light.
     #[serde(rename = "type")]
     pub kind: Spanned<LightType>,
-    /// Where it stands.
+    /// Where it stands, scene units.
     pub position: Option<Spanned<Vector>>,
-    /// A point on its axis.
+    /// A point on its axis, scene units.
     pub target: Option<Spanned<Vector>>,
     /// Direction of travel.
     pub direction: Option<Spanned<Vector>>,
@@ -76,7 +76,7 @@ pub enum LightType {
 impl LightType {
     /// The schema of each kind of light.
     fn narrow(schema: &mut Schema) {
-        one_of(schema, |kind: Self| {
+        by_type(schema, |kind: Self| {
             [&["name", "group", "visible"][..], kind.takes().1].concat()
         });
     }

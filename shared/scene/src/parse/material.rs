@@ -1,6 +1,6 @@
 //! Materials.
 
-use super::schema::one_of;
+use super::schema::{by_type, defaults};
 use super::words::{TextureFilter, Wrap};
 use super::{Fault, TextureRecord, UvSteps, given, only_takes};
 use crate::values::*;
@@ -19,7 +19,7 @@ pub struct MaterialRecord {
     pub reflectance: Option<Spanned<TextureRecord<Unit>>>,
     /// Reflects on both sides. Default: only metals and mirrors.
     pub two_sided: Option<Spanned<bool>>,
-    /// Index of refraction inside.
+    /// Index of refraction inside. Default: 1.49 of plastics; of others none.
     pub ior: Option<Spanned<Number<Positive>>>,
     /// Index of refraction outside. Default: 1.
     pub exterior_ior: Option<Spanned<Number<Positive>>>,
@@ -160,7 +160,18 @@ pub enum DistributionName {
 impl MaterialType {
     /// The schema of each kind of material.
     fn narrow(schema: &mut Schema) {
-        one_of(schema, |kind: Self| [kind.common(), kind.takes().1].concat());
+        by_type(schema, |kind: Self| [kind.common(), kind.takes().1].concat());
+        defaults(schema, Self::defaults);
+    }
+
+    /// Numbers that other kinds have not, or have others of, where the file does not say.
+    fn defaults(self) -> &'static [(&'static str, f64)] {
+        match self {
+            Self::Diffuse => &[("reflectance", 0.5)],
+            Self::Plastic | Self::RoughPlastic => &[("reflectance", 0.5), ("ior", 1.49)],
+            Self::Mirror | Self::Conductor | Self::RoughConductor => &[("reflectance", 1.0)],
+            _ => &[],
+        }
     }
 
     /// Fields that every material takes, but `null`.

@@ -1,6 +1,6 @@
 //! Media: coefficients, densities, phase functions.
 
-use super::schema::{one_of, table};
+use super::schema::{by_type, described, table};
 use super::transform::Steps;
 use super::{Fault, given, only_takes};
 use crate::values::*;
@@ -72,7 +72,7 @@ pub enum MediumKind {
 impl MediumKind {
     /// The schema of each kind of medium.
     fn narrow(schema: &mut Schema) {
-        one_of(schema, |kind: Self| [Self::ALL, kind.takes().1].concat());
+        by_type(schema, |kind: Self| [Self::ALL, kind.takes().1].concat());
     }
 
     /// Fields that every medium takes.
@@ -196,7 +196,7 @@ impl DensityRecord {
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct HeightRecord {
-    /// Height where the fall begins. Default: 0.
+    /// Height where the fall begins, scene units. Default: 0.
     pub base: Option<Number<Finite>>,
     /// Height over which it falls to 1/e, scene units.
     pub scale: Number<Positive>,
@@ -239,7 +239,7 @@ impl JsonSchema for EstimatorRecord {
         "EstimatorRecord".into()
     }
     fn json_schema(_: &mut SchemaGenerator) -> Schema {
-        let flights = json_schema!({ "type": "integer", "minimum": 1, "maximum": 65535 });
+        let flights = json_schema!({ "type": "integer", "minimum": 1, "maximum": 65535, "description": "Flights to take the mean of." });
         json_schema!({
             "description": "How transmittance is estimated.",
             "anyOf": [
@@ -312,10 +312,13 @@ impl JsonSchema for PhaseRecord {
         let phases = json_schema!({ "type": "array", "items": phase, "minItems": 2, "maxItems": 2 });
         let blend = json_schema!({
             "type": { "const": "blend" },
-            "weight": Unit::schema(),
+            "weight": described(Unit::schema(), "Share of the second, 0 to 1."),
             "phases": phases,
         });
-        let hg = json_schema!({ "type": { "const": "hg" }, "g": MeanCosine::schema() });
+        let hg = json_schema!({
+            "type": { "const": "hg" },
+            "g": described(MeanCosine::schema(), "Mean cosine, -1 to 1: positive is forward."),
+        });
         json_schema!({
             "description": "Isotropic, Henyey-Greenstein with the mean cosine g, or a blend: `weight` is that of the second.",
             "anyOf": [

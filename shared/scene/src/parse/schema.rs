@@ -29,34 +29,64 @@ pub(super) fn table(required: &[&str], fields: Schema) -> Schema {
     })
 }
 
-/// Split the schema of a record with a `type` by its kinds, each with the fields that it takes.
-pub(super) fn one_of<K: JsonSchema + DeserializeOwned>(schema: &mut Schema, takes: impl Fn(K) -> Vec<&'static str>) {
+/// With words for people.
+pub(super) fn described(mut schema: Schema, words: &str) -> Schema {
+    schema.insert("description".into(), words.into());
+    schema
+}
+
+/// Narrow the schema of a record with a `type` to the fields that each kind takes. A field that no kind has is refused
+/// once, by the record itself; one of another kind where that kind is.
+pub(super) fn by_type<K: JsonSchema + DeserializeOwned>(schema: &mut Schema, takes: impl Fn(K) -> Vec<&'static str>) {
     let Some(Value::Object(fields)) = schema.get("properties").cloned() else {
         return;
     };
-    let mut kinds = Vec::new();
-    for (name, description) in variants(&schemars::schema_for!(K).to_value()) {
-        let Ok(kind) = serde_json::from_value::<K>(name.clone()) else {
-            continue;
-        };
+    let kinds = kinds::<K>().into_iter().map(|(name, kind)| {
         let taken = takes(kind);
-        let own = fields.iter().filter(|(name, _)| taken.contains(&name.as_str()));
-        let mut own: Map<String, Value> = own.map(|(name, field)| (name.clone(), field.clone())).collect();
-        let kind = json!({ "const": name, "description": description });
-        own.insert("type".into(), kind.to_value());
-        kinds.push(table(&["type"], Schema::from(own)).to_value());
-    }
-    schema.remove("properties");
-    schema.remove("required");
-    schema.remove("additionalProperties");
-    schema.insert("oneOf".into(), kinds.into());
+        let refused = fields
+            .keys()
+            .filter(|field| *field != "type" && !taken.contains(&field.as_str()));
+        let refused: Map<String, Value> = refused.map(|field| (field.clone(), false.into())).collect();
+        of_kind(&name, refused)
+    });
+    schema.insert("allOf".into(), kinds.collect());
 }
 
-/// Names and descriptions of an enum's variants.
-fn variants(schema: &Value) -> Vec<(Value, Value)> {
-    let described = schema["oneOf"].as_array().into_iter().flatten();
-    described
-        .map(|variant| (variant["const"].clone(), variant["description"].clone()))
+/// Say what fields of some kinds are where they are left out.
+pub(super) fn defaults<K: JsonSchema + DeserializeOwned>(
+    schema: &mut Schema,
+    of: impl Fn(K) -> &'static [(&'static str, f64)],
+) {
+    let Some(Value::Array(rules)) = schema.get_mut("allOf") else {
+        return;
+    };
+    for (name, kind) in kinds::<K>() {
+        let fields = of(kind)
+            .iter()
+            .map(|(field, x)| ((*field).to_owned(), json!({ "default": x }).to_value()));
+        let fields: Map<String, Value> = fields.collect();
+        if !fields.is_empty() {
+            rules.push(of_kind(&name, fields));
+        }
+    }
+}
+
+/// What holds of the fields of one kind.
+fn of_kind(name: &Value, fields: Map<String, Value>) -> Value {
+    let is_kind = json!({ "properties": { "type": { "const": name } }, "required": ["type"] });
+    json!({ "if": is_kind, "then": { "properties": fields } }).to_value()
+}
+
+/// An enum's variants, as files write them.
+fn kinds<K: JsonSchema + DeserializeOwned>() -> Vec<(Value, K)> {
+    let schema = schemars::schema_for!(K).to_value();
+    let names = schema["oneOf"]
+        .as_array()
+        .into_iter()
+        .flatten()
+        .map(|variant| variant["const"].clone());
+    names
+        .filter_map(|name| serde_json::from_value(name.clone()).ok().map(|kind| (name, kind)))
         .collect()
 }
 

@@ -1,6 +1,6 @@
 //! Shapes.
 
-use super::schema::one_of;
+use super::schema::by_type;
 use super::transform::Steps;
 use super::words::RayType;
 use super::{Fault, given, only_takes};
@@ -111,7 +111,7 @@ pub enum ShapeType {
 impl ShapeType {
     /// The schema of each kind of shape.
     fn narrow(schema: &mut Schema) {
-        one_of(schema, |kind: Self| {
+        by_type(schema, |kind: Self| {
             let common = match kind {
                 Self::Instances => &[],
                 _ => Self::SURFACE,

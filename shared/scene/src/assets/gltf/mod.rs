@@ -22,7 +22,7 @@ pub struct Piece {
     /// Materials, shapes and lights, as TOML.
     pub text: String,
     /// Meshes by the names that `text` calls them.
-    pub meshes: BTreeMap<String, Arc<RawMesh>>,
+    pub meshes: BTreeMap<String, RawMesh>,
     /// Pictures by the names that `text` calls them.
     pub images: BTreeMap<String, Arc<Image>>,
 }
@@ -199,7 +199,7 @@ fn add_shapes<'a>(
             };
             let file = format!("{name}:mesh{}.{}", mesh.index(), primitive.index());
             let raw = raw.checked().map_err(in_mesh)?;
-            piece.meshes.insert(file.clone(), Arc::new(raw));
+            piece.meshes.insert(file.clone(), raw);
             let mut surface = format!("type = \"mesh\", file = {}", quoted(&file));
             let mut own = format!("type = \"mesh\"\nfile = {}\n", quoted(&file));
             let mut emits = false;

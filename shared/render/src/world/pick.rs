@@ -1,0 +1,34 @@
+//! What stands at a point of the picture, for people who point at it.
+
+use super::Scene;
+use crate::math::Vec2;
+
+/// What is seen first.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Seen {
+    /// Index of the object.
+    pub object: u32,
+    /// Where, render space.
+    pub point: [f32; 3],
+    /// Distance along the camera's axis, scene units: what would have to be in focus.
+    pub depth: f32,
+}
+
+impl Scene {
+    /// What is seen first at a point of the picture, from the upper left, 0 to 1, through boundaries of media and what
+    /// rules hide from the camera.
+    pub fn seen_at(&self, x: f32, y: f32) -> Option<Seen> {
+        let camera = &self.description().camera;
+        let rules = self.description().rules.as_ref();
+        let is_passed =
+            |object: u32| self.is_null(object) || rules.is_some_and(|rules| rules.hides(rules.camera, object));
+        let image = Vec2::new(x * camera.width as f32, y * camera.height as f32);
+        let ray = camera.ray(image, Vec2::splat(0.5));
+        let hit = (self.geometry).intersect(self.objects(), &ray, f32::INFINITY, is_passed)?;
+        Some(Seen {
+            object: hit.object,
+            point: hit.point.to_array(),
+            depth: (hit.point - camera.position).dot(camera.frame.n),
+        })
+    }
+}

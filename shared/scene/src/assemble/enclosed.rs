@@ -1,0 +1,161 @@
+//! A camera that no light comes to, since it stands inside of something opaque. A room is no such thing: it has a lamp,
+//! a window or an open side.
+
+use beamfarm_render::bsdf::Material;
+use beamfarm_render::geometry::{Mesh, Object, Shape, accel};
+use beamfarm_render::light::{Light, LightKind};
+use beamfarm_render::math::Vec3;
+use glam::DVec3;
+use std::collections::BTreeMap;
+
+/// Rays that have to agree on what is inside; along no axis or diagonal, where edges often lie.
+const RAYS: [DVec3; 5] = [
+    DVec3::new(0.31, 0.87, 0.38),
+    DVec3::new(-0.79, 0.21, 0.57),
+    DVec3::new(0.13, -0.67, -0.73),
+    DVec3::new(0.71, -0.11, -0.69),
+    DVec3::new(-0.43, 0.29, -0.85),
+];
+
+/// The object that keeps all light from a camera at the origin of render space, if there is one.
+pub fn around_camera<'o>(objects: &'o [Object], materials: &[Material], lights: &[Light]) -> Option<&'o Object> {
+    let is_opaque = |material: &Material| !(material.transmits() || material.may_be_passed() || material.is_null());
+    let opaque = objects
+        .iter()
+        .filter(|object| is_opaque(&materials[object.material as usize]));
+    let mut dark = opaque.filter(|object| object.light.is_none() && is_near(&object.shape));
+    dark.find(|object| is_inside(&object.shape) && !lights.iter().any(|light| may_shine_in(light, object, objects)))
+}
+
+/// The least that there is to be inside of it: the camera is in its own box.
+fn is_near(shape: &Shape) -> bool {
+    match shape {
+        Shape::Sphere { placement, .. } => placement.object_from_render.translation.length_squared() < 1.0,
+        // In its own space, so that copies share what their box is looked up by.
+        Shape::Mesh { mesh, placement } => {
+            let at: Vec3 = placement.object_from_render.translation.into();
+            let beyond = |side: fn(&Vec3, &Vec3) -> bool| mesh.positions.iter().any(|p| side(p, &at));
+            beyond(|p, at| p.x < at.x)
+                && beyond(|p, at| p.x > at.x)
+                && beyond(|p, at| p.y < at.y)
+                && beyond(|p, at| p.y > at.y)
+                && beyond(|p, at| p.z < at.z)
+                && beyond(|p, at| p.z > at.z)
+        }
+        Shape::Disc { .. } | Shape::Cylinder { .. } => false,
+    }
+}
+
+fn is_inside(shape: &Shape) -> bool {
+    match shape {
+        Shape::Sphere { .. } => true,
+        Shape::Mesh { mesh, placement } => {
+            let at: Vec3 = placement.object_from_render.translation.into();
+            let odd = |ray: &DVec3| crossings(mesh, at.as_dvec3(), *ray) % 2 == 1;
+            RAYS.iter().all(odd) && is_closed(mesh)
+        }
+        Shape::Disc { .. } | Shape::Cylinder { .. } => false,
+    }
+}
+
+/// How many triangles a ray meets.
+fn crossings(mesh: &Mesh, from: DVec3, along: DVec3) -> usize {
+    let meets = |triangle: &u32| {
+        let [a, b, c] = mesh.corners(*triangle).map(|p| p.as_dvec3() - from);
+        let normal = (b - a).cross(c - a);
+        // On which side of each edge the ray passes.
+        let sides = [a.cross(b), b.cross(c), c.cross(a)].map(|plane| plane.dot(along) > 0.0);
+        let is_ahead = (normal.dot(a) > 0.0) == (normal.dot(along) > 0.0);
+        sides[0] == sides[1] && sides[1] == sides[2] && is_ahead
+    };
+    (0..mesh.triangles.len() as u32).filter(meets).count()
+}
+
+/// Each edge is met as often one way as the other; vertices at one position count as one.
+fn is_closed(mesh: &Mesh) -> bool {
+    let key = |v: u32| (mesh.positions[v as usize] + 0.0).to_array().map(f32::to_bits);
+    let mut edges = BTreeMap::new();
+    for [a, b, c] in &mesh.triangles {
+        for (from, to) in [(a, b), (b, c), (c, a)] {
+            let [from, to] = [*from, *to].map(key);
+            *edges.entry((from.min(to), from.max(to))).or_insert(0) += if from < to { 1 } else { -1 };
+        }
+    }
+    edges.values().all(|balance| *balance == 0)
+}
+
+/// Whether a light, or part of it, may be within an object.
+fn may_shine_in(light: &Light, object: &Object, objects: &[Object]) -> bool {
+    let (low, high) = accel::bounds(&object.shape);
+    let meets = |from: Vec3, to: Vec3| from.cmple(high).all() && to.cmpge(low).all();
+    match &light.kind {
+        LightKind::Point { position, .. } | LightKind::Spot { position, .. } => meets(*position, *position),
+        LightKind::Area { object, .. } => {
+            let (from, to) = accel::bounds(&objects[*object as usize].shape);
+            meets(from, to)
+        }
+        LightKind::Directional { .. } | LightKind::Environment(_) => false,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use beamfarm_image::bundle::Bundle;
+
+    fn notes(camera: &str, more: &str) -> Vec<String> {
+        let text = format!(
+            "image = {{ width = 8, height = 6 }}\n\
+             camera = {{ origin = {camera}, target = [0, 0, -9], fov = 40 }}\n\
+             [materials.glass]\ntype = \"dielectric\"\nior = 1.5\n\
+             [materials.leaf]\ntype = \"diffuse\"\nopacity = 0.5\n\
+             [[lights]]\ntype = \"point\"\nposition = [0, 9, 0]\npower = 1\n{more}"
+        );
+        let mut bundle = Bundle {
+            scene: "room.toml".into(),
+            ..Bundle::default()
+        };
+        bundle.files.insert("room.toml".into(), text.into());
+        crate::load(&bundle).unwrap().notes
+    }
+
+    #[test]
+    fn a_camera_in_something_opaque_is_told_of() {
+        for shape in ["sphere", "cube"] {
+            let shape = format!("[[shapes]]\nname = \"stone\"\ntype = \"{shape}\"\n");
+            let said = notes("[0.1, 0.2, 0.3]", &shape);
+            let is_said =
+                matches!(&said[..], [only] if only.starts_with("room.toml:2: ") && only.contains("\"stone\""));
+            assert!(is_said, "{said:?}");
+            assert!(notes("[0, 0, 1.1]", &shape).is_empty());
+            assert!(notes("[0.1, 0.2, 0.3]", &(shape.clone() + "material = \"glass\"")).is_empty());
+            assert!(notes("[0.1, 0.2, 0.3]", &(shape.clone() + "material = \"leaf\"")).is_empty());
+            // In a corner of the sphere's box.
+            let is_sphere = shape.contains("sphere");
+            assert_eq!(notes("[0.7, 0.7, 0.7]", &shape).is_empty(), is_sphere, "{shape}");
+            let copies = "[[shapes]]\nname = \"row\"\ntype = \"instances\"\nshape = { type = \"cube\" }\n\
+                          transforms = [[{ translate = [5, 0, 0] }], [{ scale = 2 }]]\n";
+            let said = notes("[0, 0.2, 1.3]", copies);
+            assert!(said.len() == 1 && said[0].contains("row[1]"), "{said:?}");
+        }
+    }
+
+    #[test]
+    fn a_room_is_not() {
+        let room = "[[shapes]]\ntype = \"cube\"\ntransform = [{ scale = 3 }]\n";
+        let lamp = "[[lights]]\ntype = \"point\"\nposition = [0, 2, 0]\npower = 1\n";
+        let panel = "[[shapes]]\ntype = \"rectangle\"\nemission = { radiance = 1 }\n";
+        assert_eq!(notes("[0.1, 0.2, 0.3]", room).len(), 1);
+        assert!(notes("[0.1, 0.2, 0.3]", &format!("{room}{lamp}")).is_empty());
+        assert!(notes("[0.1, 0.2, 0.3]", &format!("{room}{panel}")).is_empty());
+        assert!(notes("[0.1, 0.2, 0.3]", &format!("{room}flip_normals = true\n{lamp}")).is_empty());
+        let glowing = format!("{room}emission = {{ radiance = 1 }}\nflip_normals = true\n");
+        assert!(notes("[0.1, 0.2, 0.3]", &glowing).is_empty());
+        // What the camera does not see is not around it.
+        let unseen = format!("{room}visible = [\"reflected\", \"shadow\"]\n");
+        assert!(
+            notes("[0.1, 0.2, 0.3]", &unseen)
+                .iter()
+                .all(|note| !note.contains("inside of"))
+        );
+    }
+}

@@ -1,0 +1,322 @@
+//! What was made for one scene and is good for the next: everything that takes time for each byte of a file, by what it
+//! was made from. Whatever is found here is what would be made again.
+
+use crate::assets::image::Encoding;
+use crate::assets::mesh::RawMesh;
+use crate::files::Content;
+use beamfarm_render::bsdf::{Distribution, RoughCoat};
+use beamfarm_render::geometry::Mesh;
+use beamfarm_render::light::Environment;
+use beamfarm_render::math::Rgb;
+use beamfarm_render::medium::Heterogeneous;
+use beamfarm_render::medium::bricks::Bricks;
+use beamfarm_render::texture::Image;
+use glam::{DAffine3, DMat3, DVec3, Mat3};
+use std::collections::BTreeMap;
+use std::sync::{Arc, OnceLock};
+
+/// Scenes of a kind after which is dropped what none of them used.
+const SCENES: u64 = 3;
+
+/// Kinds of scenes: those that move about do not age what is kept for those at rest.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Purpose {
+    /// Passes that are summed.
+    Exact,
+    /// A look around.
+    Sketch,
+}
+
+/// When a thing was used last, by purpose.
+type Used = [u64; 2];
+
+/// Things by what they are made from.
+pub struct Shelf<K, V>(BTreeMap<K, (Used, V)>);
+
+impl<K, V> Default for Shelf<K, V> {
+    fn default() -> Self {
+        Self(BTreeMap::new())
+    }
+}
+
+impl<K: Ord, V: Clone> Shelf<K, V> {
+    /// What there is, or what is made now. What cannot be made is not kept.
+    pub fn get_or<E>(&mut self, clock: &Clock, key: K, make: impl FnOnce() -> Result<V, E>) -> Result<V, E> {
+        if let Some((used, thing)) = self.0.get_mut(&key) {
+            clock.mark(used);
+            return Ok(thing.clone());
+        }
+        let thing = make()?;
+        let mut used = [0; 2];
+        clock.mark(&mut used);
+        self.0.insert(key, (used, thing.clone()));
+        Ok(thing)
+    }
+
+    /// The same of what can always be made.
+    pub fn get_or_make(&mut self, clock: &Clock, key: K, make: impl FnOnce() -> V) -> V {
+        let made: Result<V, std::convert::Infallible> = self.get_or(clock, key, || Ok(make()));
+        match made {
+            Ok(thing) => thing,
+            Err(never) => match never {},
+        }
+    }
+
+    /// What there is, if it is still right.
+    pub fn get_if(&mut self, clock: &Clock, key: &K, is_right: impl FnOnce(&V) -> bool) -> Option<V> {
+        let (used, thing) = self.0.get_mut(key).filter(|(_, thing)| is_right(thing))?;
+        clock.mark(used);
+        Some(thing.clone())
+    }
+
+    /// In place of what there was.
+    pub fn put(&mut self, clock: &Clock, key: K, thing: V) {
+        let mut used = [0; 2];
+        clock.mark(&mut used);
+        self.0.insert(key, (used, thing));
+    }
+
+    fn tidy(&mut self, clock: &Clock) {
+        self.0.retain(|_, (used, _)| clock.is_recent(used));
+    }
+}
+
+/// Counts scenes, by purpose.
+pub struct Clock {
+    purpose: Purpose,
+    /// Of the scene that is made now, from one.
+    scenes: Used,
+}
+
+impl Clock {
+    fn mark(&self, used: &mut Used) {
+        let purpose = self.purpose as usize;
+        used[purpose] = self.scenes[purpose];
+    }
+
+    fn is_recent(&self, used: &Used) -> bool {
+        (0..2).any(|purpose| used[purpose] > 0 && used[purpose] + SCENES > self.scenes[purpose])
+    }
+}
+
+/// A mesh as its file gives it, and what was found out about it.
+pub struct Decoded {
+    pub raw: RawMesh,
+    opening: OnceLock<Option<String>>,
+}
+
+impl Decoded {
+    pub fn new(raw: RawMesh) -> Self {
+        Self {
+            raw,
+            opening: OnceLock::new(),
+        }
+    }
+
+    /// Why it does not separate an inside from an outside, if it does not.
+    pub fn opening(&self) -> Option<String> {
+        self.opening.get_or_init(|| self.raw.opening()).clone()
+    }
+}
+
+/// Which shading normals a mesh has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Normals {
+    /// Those of its file, if there are any.
+    OfFile,
+    /// None.
+    OfFaces,
+    /// Smooth ones, under a map.
+    Smooth,
+}
+
+/// A mesh that stays alive as long as its address is a name for it.
+#[derive(Clone)]
+pub struct Pinned<T>(pub Arc<T>);
+
+impl<T> Pinned<T> {
+    fn address(&self) -> usize {
+        Arc::as_ptr(&self.0) as usize
+    }
+}
+
+impl<T> PartialEq for Pinned<T> {
+    fn eq(&self, other: &Self) -> bool {
+        self.address() == other.address()
+    }
+}
+
+impl<T> Eq for Pinned<T> {}
+
+impl<T> PartialOrd for Pinned<T> {
+    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl<T> Ord for Pinned<T> {
+    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
+        self.address().cmp(&other.address())
+    }
+}
+
+/// Bits of an affine map, and of its linear part.
+pub type MapBits = [u64; 12];
+pub type LinearBits = [u64; 9];
+
+pub fn map_bits(map: &DAffine3) -> MapBits {
+    map.to_cols_array().map(f64::to_bits)
+}
+
+pub fn linear_bits(map: &DMat3) -> LinearBits {
+    map.to_cols_array().map(f64::to_bits)
+}
+
+/// A mesh in render space.
+#[derive(Clone)]
+pub struct Baked {
+    pub mesh: Arc<Mesh>,
+    /// Its area in double precision, found when first asked for.
+    pub area: Arc<OnceLock<f64>>,
+}
+
+/// A mesh for whatever map, and its mirror image for those that mirror. Both lie in the unit ball, where single
+/// precision is finest.
+pub struct Shared {
+    pub decoded: Arc<Decoded>,
+    pub flip: bool,
+    /// In its own space; of those of its file none.
+    pub smooth: Vec<DVec3>,
+    pub normals: Normals,
+    pub unit_from_raw: DAffine3,
+    /// Upright, mirrored.
+    pub meshes: [OnceLock<Arc<Mesh>>; 2],
+}
+
+/// What a glTF file holds.
+pub struct KeptPiece {
+    pub text: String,
+    pub meshes: BTreeMap<String, Arc<Decoded>>,
+    pub images: BTreeMap<String, Arc<Image>>,
+    /// The files beside it that were read, by key.
+    pub beside: Vec<(String, Content)>,
+}
+
+/// An image that shines, the bits of its scale, and those of how it is turned.
+type ImageLight = (Pinned<Image>, [u32; 3], [u32; 9]);
+/// A glTF file's path and content, and what is taken of it.
+type PieceKey = (String, Content, [bool; 2]);
+
+/// All of it.
+pub struct Kept {
+    pub clock: Clock,
+    pub images: Shelf<(Content, Encoding), Arc<Image>>,
+    /// Images whose pixels are all within a range, by what the range expects.
+    pub in_range: Shelf<(Pinned<Image>, &'static str), ()>,
+    /// Sky and suns.
+    pub environments: Shelf<ImageLight, Vec<Environment>>,
+    /// By content and the ending of the file's name.
+    pub meshes: Shelf<(Content, String), Arc<Decoded>>,
+    /// Likewise, and by grid.
+    pub densities: Shelf<(Content, String, Option<String>), Arc<Bricks>>,
+    /// One channel or three.
+    pub albedos: Shelf<(Content, String, Option<String>), Arc<Vec<Bricks>>>,
+    /// By all numbers of a recipe.
+    pub recipes: Shelf<String, Arc<Bricks>>,
+    /// The last medium of a density.
+    pub media: Shelf<Pinned<Bricks>, Heterogeneous>,
+    pub coats: Shelf<(bool, [u32; 2], bool), RoughCoat>,
+    pub baked: Shelf<(Pinned<Decoded>, MapBits, bool, Normals), Baked>,
+    pub shared: Shelf<(Pinned<Decoded>, bool, Normals, LinearBits), Arc<Shared>>,
+    pub pieces: Shelf<PieceKey, (MapBits, Arc<KeptPiece>)>,
+    /// By the file's content, the camera's name, and where the file is put.
+    pub cameras: Shelf<(Content, Option<String>, MapBits), String>,
+    pub rectangle: Arc<Decoded>,
+    pub cube: Arc<Decoded>,
+}
+
+impl Default for Kept {
+    fn default() -> Self {
+        Self {
+            clock: Clock {
+                purpose: Purpose::Exact,
+                scenes: [0; 2],
+            },
+            images: Shelf::default(),
+            in_range: Shelf::default(),
+            environments: Shelf::default(),
+            meshes: Shelf::default(),
+            densities: Shelf::default(),
+            albedos: Shelf::default(),
+            recipes: Shelf::default(),
+            media: Shelf::default(),
+            coats: Shelf::default(),
+            baked: Shelf::default(),
+            shared: Shelf::default(),
+            pieces: Shelf::default(),
+            cameras: Shelf::default(),
+            rectangle: Arc::new(Decoded::new(RawMesh::rectangle())),
+            cube: Arc::new(Decoded::new(RawMesh::cube())),
+        }
+    }
+}
+
+impl Kept {
+    /// Another scene is about to be made.
+    pub fn begin(&mut self, purpose: Purpose) {
+        self.clock.purpose = purpose;
+        self.clock.scenes[purpose as usize] += 1;
+    }
+
+    /// The scene could not be made, and says nothing about what is still of use.
+    pub fn forget(&mut self) {
+        self.clock.scenes[self.clock.purpose as usize] -= 1;
+    }
+
+    /// The scene is made: drop what the last few had no use for.
+    pub fn tidy(&mut self) {
+        let clock = &self.clock;
+        self.images.tidy(clock);
+        self.in_range.tidy(clock);
+        self.environments.tidy(clock);
+        self.meshes.tidy(clock);
+        self.densities.tidy(clock);
+        self.albedos.tidy(clock);
+        self.recipes.tidy(clock);
+        self.media.tidy(clock);
+        self.coats.tidy(clock);
+        self.baked.tidy(clock);
+        self.shared.tidy(clock);
+        self.pieces.tidy(clock);
+        self.cameras.tidy(clock);
+    }
+
+    pub fn coat(&mut self, distribution: Distribution, alpha: f32, eta: f32, nonlinear: bool) -> RoughCoat {
+        let key = (
+            distribution == Distribution::Ggx,
+            [alpha, eta].map(f32::to_bits),
+            nonlinear,
+        );
+        let make = || RoughCoat::new(distribution, alpha, eta, nonlinear);
+        self.coats.get_or_make(&self.clock, key, make)
+    }
+
+    /// An image's light from infinitely far away, unless it is `too_bright`.
+    pub fn environment<E>(
+        &mut self,
+        image: &Arc<Image>,
+        scale: Rgb,
+        render_from_env: Mat3,
+        too_bright: impl FnOnce() -> E,
+    ) -> Result<Vec<Environment>, E> {
+        let bits = render_from_env.to_cols_array().map(f32::to_bits);
+        let key = (Pinned(image.clone()), scale.to_array().map(f32::to_bits), bits);
+        self.environments.get_or(&self.clock, key, || {
+            let brightest = image.pixels.iter().fold(Rgb::ZERO, |a, b| a.max(*b)) * scale;
+            match brightest.is_finite() {
+                true => Ok(Environment::sky_and_suns(image, scale, render_from_env)),
+                false => Err(too_bright()),
+            }
+        })
+    }
+}

@@ -1,0 +1,129 @@
+//! Where the camera is, and another place for it.
+
+use super::digits;
+use super::set::{document, put};
+use crate::SceneError;
+use crate::assemble;
+use crate::files::{Files, Source};
+use crate::parse::{FovAxis, SceneRecord};
+use crate::source;
+use glam::DVec3;
+use std::path::Path;
+use toml_edit::{Item, TableLike, Value};
+
+/// Where a camera goes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CameraMove {
+    /// Where it stands.
+    pub origin: [f64; 3],
+    /// A point in the middle of the image.
+    pub target: [f64; 3],
+    /// Direction towards the top of the image; `None`: as it was.
+    pub up: Option<[f64; 3]>,
+    /// Field of view, degrees, along its axis; `None`: as it was.
+    pub fov: Option<f64>,
+}
+
+/// Where a camera is and how much it sees, as the scene says or as a glTF file does.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Eye {
+    /// Where it stands, world space.
+    pub origin: [f64; 3],
+    /// A point in the middle of the image.
+    pub target: [f64; 3],
+    /// Direction towards the top of the image.
+    pub up: [f64; 3],
+    /// Field of view, degrees.
+    pub fov: f64,
+    /// The side of the image that it spans: `x`, `y`, `smaller` or `larger`.
+    pub fov_axis: &'static str,
+}
+
+/// Fields that a glTF file's camera comes from.
+const FROM_GLTF: [&str; 2] = ["gltf", "gltf_camera"];
+/// Decimal digits of the distance from origin to target that places are written with.
+const DIGITS: i32 = 6;
+
+/// The eye of a scene.
+pub fn eye(files: &Files) -> Result<Eye, SceneError> {
+    let file = Path::new(&files.scene);
+    let bytes = files.files.get(&files.scene).map_or(&[][..], |file| file.bytes());
+    let text = crate::text_of(file, bytes)?;
+    let record = SceneRecord::parse(text).map_err(|fault| source::locate(file, text, &fault))?;
+    let eye = assemble::eye(&record, Source::Files(files)).map_err(|problem| crate::located(file, text, problem))?;
+    Ok(Eye {
+        origin: eye.origin.0.to_array(),
+        target: eye.target.get_ref().0.to_array(),
+        up: eye.up.as_ref().map_or(DVec3::Y, |up| up.get_ref().0).to_array(),
+        fov: eye.fov.get_ref().0,
+        fov_axis: match eye.fov_axis {
+            FovAxis::X => "x",
+            FovAxis::Y => "y",
+            FovAxis::Smaller => "smaller",
+            FovAxis::Larger => "larger",
+        },
+    })
+}
+
+/// The text with the camera elsewhere. A camera of a glTF file becomes one of the scene's own; then the move has all
+/// that there is to it, with the field of view up and down.
+pub fn camera(text: &str, to: CameraMove) -> Result<String, String> {
+    let [origin, target] = [to.origin, to.target].map(DVec3::from);
+    let distance = (target - origin).length();
+    if !(origin.is_finite() && target.is_finite() && distance > 0.0) {
+        return Err("a camera looks at a point other than where it stands".to_owned());
+    }
+    let angles = to.up.into_iter().flatten().chain(to.fov);
+    if !angles.into_iter().all(f64::is_finite) {
+        return Err("expected finite numbers as `up` and `fov`".to_owned());
+    }
+    let mut document = document(text)?;
+    let camera = document.get_mut("camera").and_then(Item::as_table_like_mut);
+    let camera = camera.ok_or("the scene has no camera")?;
+    let is_gltf = FROM_GLTF.iter().any(|name| camera.contains_key(name));
+    if is_gltf {
+        if to.up.is_none() || to.fov.is_none() {
+            return Err(
+                "the camera is that of a glTF file: it goes elsewhere as a whole, with `up` and `fov`".to_owned(),
+            );
+        }
+        make_own(camera);
+    }
+    let place = |point: DVec3| digits::vector(digits::pointed(point, distance, DIGITS));
+    put(camera, "origin", place(origin));
+    put(camera, "target", place(target));
+    if let Some(up) = to.up {
+        let up = digits::direction(DVec3::from(up), DIGITS);
+        if is_gltf || up != DVec3::Y || camera.contains_key("up") {
+            put(camera, "up", digits::vector(up));
+        }
+    }
+    if let Some(fov) = to.fov {
+        put(camera, "fov", digits::value(digits::short(fov)));
+    }
+    if is_gltf {
+        put(camera, "fov_axis", Value::from("y"));
+    }
+    Ok(document.to_string())
+}
+
+/// Without the fields of a glTF file's camera, whose comments `origin` takes over.
+fn make_own(camera: &mut dyn TableLike) {
+    let mut comments = None;
+    for name in FROM_GLTF {
+        let key = camera.key(name).map(|key| key.leaf_decor().clone());
+        let value = camera.remove(name).and_then(|item| item.into_value().ok());
+        if let (Some(key), Some(value), None) = (key, value, &comments) {
+            comments = Some((key, value.decor().clone()));
+        }
+    }
+    let Some((above, beside)) = comments else {
+        return;
+    };
+    let mut placeholder = digits::vector(DVec3::ZERO);
+    *placeholder.decor_mut() = beside;
+    camera.insert("origin", Item::Value(placeholder));
+    if let Some(mut key) = camera.key_mut("origin") {
+        *key.leaf_decor_mut() = above;
+    }
+}

@@ -1,0 +1,295 @@
+//! The fields of a scene that a panel shows: numbers, colours, vectors, choices and switches, with their ranges and
+//! words from the JSON Schema.
+
+use super::digits;
+use super::part::{Part, below};
+use super::schema::{self, Form, Known};
+use glam::DVec3;
+use serde::Serialize;
+use serde_json::Value as Json;
+use toml_edit::DocumentMut;
+
+/// Fields that are shown though the file leaves them out, if it is known what they are then.
+const OFFERED: [&str; 11] = [
+    "fov",
+    "aperture",
+    "focus_distance",
+    "exposure",
+    "reflectance",
+    "base_color",
+    "roughness",
+    "alpha",
+    "ior",
+    "g",
+    "scale",
+];
+/// What the camera is moved by.
+const MOVES: [&str; 3] = ["origin", "target", "up"];
+/// Significant digits of a distance that nobody wrote.
+const DIGITS: i32 = 4;
+
+/// A field of a panel.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Field {
+    /// As in [`crate::Edits`].
+    pub path: String,
+    /// Name of the thing that has it.
+    pub group: String,
+    /// `camera`, `render`, `light`, `shape`, `medium` or `material`.
+    pub group_kind: &'static str,
+    /// The thing's id, if it stands somewhere.
+    pub thing: Option<String>,
+    /// Within the thing: `power`, `phase.g`.
+    pub name: String,
+    /// What may be put in.
+    pub kind: FieldKind,
+    /// What it is; null where neither the file says nor the field's description.
+    pub value: Json,
+    /// What it is where the file does not say, if that is known.
+    pub default: Option<Json>,
+    /// Whether the file says.
+    pub given: bool,
+    /// Of numbers, also those of colours.
+    pub min: Option<f64>,
+    /// Likewise.
+    pub max: Option<f64>,
+    /// It is more than `min`.
+    pub open_min: bool,
+    /// It is less than `max`.
+    pub open_max: bool,
+    /// Words to choose from.
+    pub choices: Vec<String>,
+    /// Such as `W/sr`; empty where there is none.
+    pub unit: String,
+    /// A sentence; empty where there is none.
+    pub help: String,
+}
+
+/// What may be put into a field.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum FieldKind {
+    /// One number.
+    Number,
+    /// One number or three.
+    Color,
+    /// Two numbers or three.
+    Vector,
+    /// True or false.
+    Bool,
+    /// A word of several.
+    Choice,
+}
+
+/// All fields of a scene file that a panel shows: the camera's, the exposure, those of lights, of shapes that emit, of
+/// media and of materials, each in the order of the text. None of a text that is no TOML.
+pub fn fields(text: &str) -> Vec<Field> {
+    let Ok(document) = text.parse::<DocumentMut>() else {
+        return Vec::new();
+    };
+    let root = Part::Table(document.as_table());
+    let mut panel = Panel {
+        found: Vec::new(),
+        root: &root,
+    };
+    panel.table("camera", "camera", &|name| !MOVES.contains(&name));
+    panel.table("render", "render", &|name| name == "exposure");
+    panel.list("lights", "light", |_| true);
+    // Of a shape only the light that it emits.
+    panel.list("shapes", "shape", |name| name == "emission");
+    panel.names("media", "medium");
+    panel.names("materials", "material");
+    panel.found
+}
+
+struct Panel<'a> {
+    found: Vec<Field>,
+    root: &'a Part<'a>,
+}
+
+/// What a field is found in.
+struct Group<'g> {
+    name: &'g str,
+    kind: &'static str,
+    thing: Option<String>,
+    path: String,
+    /// Which of the thing's own fields are shown.
+    shows: &'g dyn Fn(&str) -> bool,
+}
+
+impl Panel<'_> {
+    fn table(&mut self, name: &'static str, kind: &'static str, shows: &dyn Fn(&str) -> bool) {
+        let empty = toml_edit::Table::new();
+        let table = self.root.get(name).unwrap_or(Part::Table(&empty));
+        let group = Group {
+            name,
+            kind,
+            thing: None,
+            path: name.to_owned(),
+            shows,
+        };
+        self.walk(&group, schema::of(name), &table, "");
+    }
+
+    fn list(&mut self, name: &str, kind: &'static str, shows: fn(&str) -> bool) {
+        let Some(Part::List(parts)) = self.root.get(name) else {
+            return;
+        };
+        let Some(of) = schema::items(schema::of(name)) else {
+            return;
+        };
+        for (i, part) in parts.iter().enumerate() {
+            let unnamed = format!("{name}[{i}]");
+            let path = format!("{name}.{i}");
+            let group = Group {
+                name: part.get("name").and_then(|name| name.text()).unwrap_or(&unnamed),
+                kind,
+                thing: Some(path.clone()),
+                path,
+                shows: &shows,
+            };
+            self.walk(&group, of, part, "");
+        }
+    }
+
+    fn names(&mut self, name: &str, kind: &'static str) {
+        let Some(Part::Table(table)) = self.root.get(name) else {
+            return;
+        };
+        for (entry, item) in table.iter() {
+            let Some(part) = Part::of(item) else {
+                continue;
+            };
+            let group = Group {
+                name: entry,
+                kind,
+                thing: None,
+                path: below(name, entry),
+                shows: &|_| true,
+            };
+            self.walk(&group, schema::entries(schema::of(name)), &part, "");
+        }
+    }
+
+    /// `inner`: the path from the group's thing to this table.
+    fn walk(&mut self, group: &Group<'_>, of: &'static Json, part: &Part<'_>, inner: &str) {
+        let Part::Table(table) = part else {
+            return;
+        };
+        let shown = |name: &str| name != "type" && (!inner.is_empty() || (group.shows)(name));
+        let known: Vec<Known> = schema::fields(of, part)
+            .into_iter()
+            .filter(|field| shown(field.name))
+            .collect();
+        for (name, item) in table.iter() {
+            let field = known.iter().find(|field| field.name == name);
+            let (Some(field), Some(given)) = (field, Part::of(item)) else {
+                continue;
+            };
+            self.given(group, field, &given, &below(inner, name));
+        }
+        for field in &known {
+            if OFFERED.contains(&field.name) && part.get(field.name).is_none() && is_open(field.name, part) {
+                self.absent(group, field, part, &below(inner, field.name));
+            }
+        }
+    }
+
+    fn given(&mut self, group: &Group<'_>, field: &Known, given: &Part<'_>, name: &str) {
+        if let (Some(meaning), Some(value)) = (field.meaning(Some(given)), given.json()) {
+            let field = shown(group, field, name, meaning, value, true);
+            self.found.push(field);
+            return;
+        }
+        match given {
+            Part::Table(_) => self.walk(group, field.schema, given, name),
+            Part::List(parts) => {
+                let Some(of) = schema::items(field.schema) else {
+                    return;
+                };
+                for (i, part) in parts.iter().enumerate() {
+                    let of_list = Known::of_list(of);
+                    // Numbers of a matrix and words of a list have no meaning alone.
+                    let is_color = || {
+                        of_list
+                            .meaning(Some(part))
+                            .is_some_and(|meaning| meaning.form == Form::Color)
+                    };
+                    if !matches!(part, Part::Leaf(_)) || is_color() {
+                        self.given(group, &of_list, part, &below(name, &i.to_string()));
+                    }
+                }
+            }
+            Part::Leaf(_) => {}
+        }
+    }
+
+    fn absent(&mut self, group: &Group<'_>, field: &Known, part: &Part<'_>, name: &str) {
+        let default = match field.name {
+            "focus_distance" => distance(part),
+            _ => field.default(),
+        };
+        if let (Some(meaning), Some(default)) = (field.meaning(None), default) {
+            let mut field = shown(group, field, name, meaning, default.clone(), false);
+            field.default = Some(default);
+            self.found.push(field);
+        }
+    }
+}
+
+/// Whether a field that is left out can be put beside what is there.
+fn is_open(name: &str, part: &Part<'_>) -> bool {
+    let has = |other: &str| part.get(other).is_some();
+    match name {
+        "fov" => !has("gltf"),
+        "ior" => !has("specular"),
+        // Of what is in a file or a recipe.
+        "scale" => has("image") || has("density"),
+        _ => true,
+    }
+}
+
+/// From the camera to what it looks at.
+fn distance(camera: &Part<'_>) -> Option<Json> {
+    let point = |name: &str| {
+        let numbers = camera.get(name)?.numbers()?;
+        <[f64; 3]>::try_from(numbers).ok().map(DVec3::from)
+    };
+    let distance = (point("target")? - point("origin")?).length();
+    Some(digits::significant(distance, DIGITS).into())
+}
+
+fn shown(group: &Group<'_>, field: &Known, name: &str, meaning: schema::Meaning, value: Json, given: bool) -> Field {
+    let words = field.words();
+    let (kind, choices) = match meaning.form {
+        Form::Number => (FieldKind::Number, Vec::new()),
+        Form::Color => (FieldKind::Color, Vec::new()),
+        Form::Vector => (FieldKind::Vector, Vec::new()),
+        Form::Bool => (FieldKind::Bool, Vec::new()),
+        Form::Choice(choices) => (FieldKind::Choice, choices),
+    };
+    let default = field.default().filter(|default| match default {
+        Json::Number(_) => matches!(kind, FieldKind::Number | FieldKind::Color),
+        Json::Bool(_) => kind == FieldKind::Bool,
+        Json::String(word) => choices.contains(word),
+        _ => false,
+    });
+    Field {
+        path: format!("{}.{name}", group.path),
+        group: group.name.to_owned(),
+        group_kind: group.kind,
+        thing: group.thing.clone(),
+        name: name.to_owned(),
+        kind,
+        value,
+        default,
+        given,
+        min: meaning.min,
+        max: meaning.max,
+        open_min: meaning.open_min,
+        open_max: meaning.open_max,
+        choices,
+        unit: words.unit,
+        help: words.help,
+    }
+}

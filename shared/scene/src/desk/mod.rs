@@ -1,0 +1,28 @@
+//! A scene on a desk: what of its file's text can be changed, and the changes, as functions from text to text that
+//! leave comments and order as they are.
+//!
+//! [`fields`] are the numbers, colours, words and switches of a panel, [`set`] writes one. [`camera`] moves the camera,
+//! [`translate`] and [`turn`] move [`things`], which have ids: `lights.0`, `lights.0.target`, `shapes.2`, and
+//! `shapes.2.7` for a copy. What they say where they cannot is for people.
+
+mod camera;
+mod digits;
+mod fields;
+mod lights;
+mod moves;
+mod part;
+mod schema;
+mod set;
+mod shapes;
+mod steps;
+mod things;
+mod words;
+
+pub use camera::{CameraMove, Eye, camera, eye};
+pub use fields::{Field, FieldKind, fields};
+pub use moves::{translate, turn};
+pub use set::set;
+pub use things::{Thing, material_of, object_ids, things};
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,107 @@
+//! One field of a scene file changed.
+
+use super::digits;
+use super::part::{Part, number};
+use crate::place::{self, Place};
+use serde_json::Value as Json;
+use toml_edit::{Array, DocumentMut, Item, TableLike, Value};
+
+/// The text with a field set, or, without a value, taken out.
+///
+/// Paths are as in [`crate::Edits`]. A value stays written as it was where that says the same; one in its place has its
+/// comments. Numbers of many digits are rounded to six.
+pub fn set(text: &str, path: &str, value: Option<Json>) -> Result<String, String> {
+    let mut document = document(text)?;
+    let root = document.as_item_mut();
+    match value {
+        None | Some(Json::Null) => {
+            if is_there(root, path)? {
+                let (place, name) = Place::find(root, path)?;
+                place.table()?.remove(&name);
+            }
+        }
+        Some(value) => {
+            let value = toml(&value)?;
+            let (place, name) = Place::find(root, path)?;
+            match place.value(&name) {
+                Some(before) => replace(before, value),
+                None => {
+                    let (place, name) = Place::find(root, path)?;
+                    place.set(&name, value)?;
+                }
+            }
+        }
+    }
+    Ok(document.to_string())
+}
+
+/// A text, to be changed.
+pub fn document(text: &str) -> Result<DocumentMut, String> {
+    text.parse::<DocumentMut>()
+        .map_err(|error| format!("the scene is no TOML: {}", error.message().trim()))
+}
+
+fn is_there(root: &Item, path: &str) -> Result<bool, String> {
+    let names = place::names(path)?;
+    let found = names
+        .iter()
+        .try_fold(Part::of(root), |part, name| Some(part?.get(name)));
+    Ok(found.flatten().is_some())
+}
+
+fn toml(value: &Json) -> Result<Value, String> {
+    match value {
+        Json::Bool(is) => Ok(Value::from(*is)),
+        Json::String(text) => Ok(Value::from(text.as_str())),
+        Json::Number(number) => match (number.as_i64(), number.as_f64()) {
+            (Some(whole), _) => Ok(Value::from(whole)),
+            (None, Some(x)) => Ok(digits::value(digits::short(x))),
+            _ => Err(format!("{number} is too large")),
+        },
+        Json::Array(items) => Ok(Value::Array(items.iter().map(toml).collect::<Result<Array, _>>()?)),
+        Json::Null | Json::Object(_) => {
+            Err("expected a number, a word, true or false, or a list of numbers".to_owned())
+        }
+    }
+}
+
+/// Put a value in the place of another, written as that was.
+pub fn replace(before: &mut Value, mut after: Value) {
+    if let (Value::Array(old), Value::Array(new)) = (&mut *before, &after)
+        && old.len() == new.len()
+    {
+        for (old, new) in old.iter_mut().zip(new.iter()) {
+            replace(old, new.clone());
+        }
+        return;
+    }
+    match (number(before), number(&after)) {
+        (Some(old), Some(new)) if old == new => return,
+        (Some(_), None) if before.is_float() => {
+            for item in after.as_array_mut().into_iter().flat_map(Array::iter_mut) {
+                as_float(item);
+            }
+        }
+        (Some(_), Some(_)) if before.is_float() => as_float(&mut after),
+        _ => {}
+    }
+    *after.decor_mut() = before.decor().clone();
+    *before = after;
+}
+
+/// Floats stay floats.
+fn as_float(value: &mut Value) {
+    if let Value::Integer(number) = value {
+        *value = Value::from(*number.value() as f64);
+    }
+}
+
+/// Put a value under a name of a table, written as what was there, if anything was.
+pub fn put(table: &mut dyn TableLike, name: &str, value: Value) {
+    match table.get_mut(name).and_then(Item::as_value_mut) {
+        Some(before) => replace(before, value),
+        None => {
+            table.insert(name, Item::Value(value));
+        }
+    }
+}

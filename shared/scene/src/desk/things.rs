@@ -1,0 +1,149 @@
+//! What of a scene can be taken hold of, and where in the world it is.
+
+use crate::parse::{LightRecord, LightType, SceneRecord, ShapeRecord, ShapeType};
+use crate::values::{Spanned, Vector};
+use beamfarm_render::geometry::{Mesh, Object, Shape, accel};
+use beamfarm_render::world::SceneDescription;
+use glam::{DVec3, Vec3};
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// Things that are told of; of more of them the larger ones.
+const MOST: usize = 500;
+
+/// A light, a shape or a copy of one.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Thing {
+    /// As [`super::translate`] and [`super::turn`] take it.
+    pub id: String,
+    /// What the scene calls it.
+    pub name: String,
+    /// `point`, `spot`, `directional`, `environment`, a type of shape, or `instance`.
+    pub kind: &'static str,
+    /// Its middle, world space; `None` for what stands nowhere.
+    pub at: Option<[f64; 3]>,
+    /// The point that a spot shines at.
+    pub target: Option<[f64; 3]>,
+    /// Whether it can be moved.
+    pub moves: bool,
+    /// Whether it can be turned.
+    pub turns: bool,
+    /// Half the diagonal of its box; 0 for lights that are no shapes.
+    pub radius: f64,
+}
+
+/// The ids of the scene's objects, in their order. Those of glTF files come after these, and have none.
+pub fn object_ids(text: &str) -> Vec<String> {
+    match SceneRecord::parse(text) {
+        Ok(record) => objects(&record).map(|(_, id)| id).collect(),
+        Err(_) => Vec::new(),
+    }
+}
+
+/// Of each object: its shape, and its id.
+fn objects(record: &SceneRecord) -> impl Iterator<Item = (&ShapeRecord, String)> {
+    record.shapes.iter().enumerate().flat_map(|(i, shape)| {
+        let copies = match shape.kind.get_ref() {
+            ShapeType::Instances => shape
+                .transforms
+                .as_ref()
+                .map(|all| all.get_ref().len())
+                .unwrap_or_default(),
+            _ => 1,
+        };
+        let is_one = *shape.kind.get_ref() != ShapeType::Instances;
+        (0..copies).map(move |copy| match is_one {
+            true => (shape, format!("shapes.{i}")),
+            false => (shape, format!("shapes.{i}.{copy}")),
+        })
+    })
+}
+
+/// What an object is made of, as the scene calls it; `None` for the default, and for what comes from glTF files.
+pub fn material_of(text: &str, object: usize) -> Option<String> {
+    let record = SceneRecord::parse(text).ok()?;
+    let (shape, _) = objects(&record).nth(object)?;
+    let inner = shape.shape.as_ref().map_or(shape, |inner| inner.get_ref());
+    inner.material.as_ref().map(|name| name.get_ref().clone())
+}
+
+/// What can be taken hold of: lights, then shapes and copies. `text` is what `description` was made of, and `camera`
+/// where its camera stands, world space.
+pub fn things(text: &str, description: &SceneDescription, camera: [f64; 3]) -> Vec<Thing> {
+    let Ok(record) = SceneRecord::parse(text) else {
+        return Vec::new();
+    };
+    let lights = record.lights.iter().enumerate().map(|(i, light)| of_light(i, light));
+    let mut found: Vec<Thing> = lights.collect();
+    let mut boxes = Boxes::default();
+    let shapes = objects(&record).zip(&description.objects).map(|((shape, id), object)| {
+        let [low, high] = boxes.of(object);
+        Thing {
+            id,
+            name: object.name.clone(),
+            kind: match shape.kind.get_ref() {
+                ShapeType::Instances => "instance",
+                kind => kind.takes().0,
+            },
+            at: Some((0.5 * (low + high) + DVec3::from(camera)).to_array()),
+            target: None,
+            moves: true,
+            turns: true,
+            radius: 0.5 * (high - low).length(),
+        }
+    });
+    let mut shapes: Vec<Thing> = shapes.collect();
+    let room = MOST.saturating_sub(found.len());
+    if shapes.len() > room {
+        shapes.sort_by(|a, b| b.radius.total_cmp(&a.radius));
+        shapes.truncate(room);
+    }
+    found.extend(shapes);
+    found.truncate(MOST);
+    found
+}
+
+fn of_light(i: usize, light: &LightRecord) -> Thing {
+    let kind = *light.kind.get_ref();
+    let point = |given: &Option<Spanned<Vector>>| given.as_ref().map(|point| point.get_ref().0.to_array());
+    let stands = matches!(kind, LightType::Point | LightType::Spot);
+    Thing {
+        id: format!("lights.{i}"),
+        name: light.name.clone().unwrap_or_else(|| format!("lights[{i}]")),
+        kind: kind.takes().0,
+        at: point(&light.position),
+        target: point(&light.target),
+        moves: stands,
+        turns: kind != LightType::Point,
+        radius: 0.0,
+    }
+}
+
+/// Boxes of objects, render space. Those of copies are around the corners of the box of what is copied.
+#[derive(Default)]
+struct Boxes {
+    of_meshes: BTreeMap<*const Mesh, [Vec3; 2]>,
+}
+
+impl Boxes {
+    fn of(&mut self, object: &Object) -> [DVec3; 2] {
+        let (low, high) = match &object.shape {
+            Shape::Mesh { mesh, placement } if Arc::strong_count(mesh) > 1 => {
+                let own = self.of_meshes.entry(Arc::as_ptr(mesh)).or_insert_with(|| {
+                    let none = [Vec3::INFINITY, Vec3::NEG_INFINITY];
+                    mesh.positions
+                        .iter()
+                        .fold(none, |[low, high], p| [low.min(*p), high.max(*p)])
+                });
+                let corner = |i: usize| Vec3::from_array(std::array::from_fn(|axis| own[i >> axis & 1][axis]));
+                let corners = (0..8).map(|i| placement.render_from_object.transform_point3(corner(i)));
+                corners.fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), p| {
+                    (low.min(p), high.max(p))
+                })
+            }
+            shape => accel::bounds(shape),
+        };
+        [low.as_dvec3(), high.as_dvec3()]
+    }
+}

@@ -1,0 +1,90 @@
+//! The files of a scene whose text somebody is changing.
+
+use crate::edits::Edits;
+use crate::error::SceneError;
+use crate::files::{File, Files};
+use crate::{CANONICAL_NAME, gather, meaning, read_file};
+use std::path::Path;
+
+impl Files {
+    /// The same scene with another text of the scene file, which lies at `path`, and with the changes that somebody
+    /// asks for besides. Files that are here already are not read again. Errors name `path`.
+    pub fn revised(&self, path: &Path, text: &str, edits: &Edits) -> Result<Self, SceneError> {
+        let edited = edits.apply(path, text)?;
+        let text = edited.as_deref().unwrap_or(text);
+        let folder = path.parent().unwrap_or(Path::new(""));
+        let read = |key: &str, path: &Path, room: u64| match self.files.get(key).filter(|_| key != self.scene) {
+            Some(known) => Ok(known.clone()),
+            None => read_file(path, room).map(File::new),
+        };
+        Ok(Self {
+            scene: self.scene.clone(),
+            files: gather(&self.scene, File::new(text.as_bytes()), path, folder, read)?,
+        })
+    }
+
+    /// The files that all of the same meaning have, as [`SceneFile::canonical_bundle`](crate::SceneFile) says it.
+    pub fn canonical(mut self) -> Self {
+        let text = self.files.get(&self.scene);
+        let text = text.and_then(|file| std::str::from_utf8(file.bytes()).ok());
+        let text = text.and_then(meaning::canonical);
+        let free = self.scene == CANONICAL_NAME || !self.files.contains_key(CANONICAL_NAME);
+        if let Some(text) = text.filter(|_| free) {
+            self.files.remove(&self.scene);
+            self.scene = CANONICAL_NAME.into();
+            self.files.insert(CANONICAL_NAME.into(), File::new(text.as_bytes()));
+        }
+        self
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{ImportOptions, SceneFile};
+
+    const SCENE: &str = "\
+image = { width = 8, height = 6 }
+camera = { origin = [0, 0, 3], target = [0, 0, 0], fov = 40 }
+[[shapes]]
+type = \"mesh\"
+file = \"a.ply\"
+";
+    const PLY: &str = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
+        element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n";
+
+    /// The text changes, what it names is read once, and the meaning is that of a bundle of the same text.
+    #[test]
+    fn a_text_is_revised() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("s.toml");
+        std::fs::write(&path, SCENE).unwrap();
+        for name in ["a.ply", "b.ply"] {
+            std::fs::write(folder.path().join(name), PLY).unwrap();
+        }
+        let read = SceneFile::read(&path, &ImportOptions::default()).unwrap();
+        let files = Files::from(read.bundle.clone());
+        assert_eq!(files.scene, "s.toml");
+        let edits = Edits::default();
+        let known = files.files["a.ply"].bytes().clone();
+        std::fs::remove_file(folder.path().join("a.ply")).unwrap();
+        let same = files.revised(&path, SCENE, &edits).unwrap();
+        assert!(std::sync::Arc::ptr_eq(same.files["a.ply"].bytes(), &known));
+        let canonical = read.canonical_bundle();
+        let meant = same.canonical();
+        assert_eq!(meant.scene, canonical.scene);
+        assert_eq!(**meant.files[&meant.scene].bytes(), canonical.files[&canonical.scene]);
+
+        let other = files.revised(&path, &SCENE.replace("a.ply", "b.ply"), &edits).unwrap();
+        assert_eq!(other.files.keys().collect::<Vec<_>>(), ["b.ply", "s.toml"]);
+        let wider = Edits {
+            scale: Some(2.0),
+            ..Edits::default()
+        };
+        let wide = files.revised(&path, SCENE, &wider).unwrap();
+        let text = std::str::from_utf8(wide.files["s.toml"].bytes()).unwrap();
+        assert!(text.contains("width = 16"), "{text}");
+        let error = other.revised(&path, SCENE, &edits).unwrap_err();
+        assert_eq!((error.line, error.file), (Some(5), path));
+    }
+}

@@ -1,6 +1,6 @@
-//! Compiles farm.proto and control.proto with a protobuf compiler written in Rust, so that no protoc is needed.
+//! Compiles the protocol with a protobuf compiler written in Rust, so that no protoc is needed.
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let files = ["farm.proto", "control.proto"];
+    let files = ["farm.proto", "control.proto", "live.proto"];
     for file in files {
         println!("cargo:rerun-if-changed={file}");
     }

@@ -1,8 +1,9 @@
 //! The coordinator: hands passes out, checks what comes back, and adds it up.
 //!
 //! [`ledger`] decides who renders what and knows neither clock nor network; [`farm`] is the job as a whole, shared by
-//! all calls; [`server`] is the way in, for workers and those who [`watch`], as far as [`security`] lets them pass. The
-//! renderer is not needed here: a scene is bytes and a hash.
+//! all calls; [`server`] is the way in, for workers and those who [`watch`], as far as [`security`] lets them pass.
+//! [`revisions`] are for scenes that change while they are looked at. The renderer is not needed here: a scene is bytes
+//! and a hash.
 
 mod control;
 mod examine;
@@ -14,6 +15,7 @@ pub mod limits;
 pub mod listener;
 mod plausible;
 mod rarely;
+pub mod revisions;
 pub mod security;
 pub mod server;
 mod service;

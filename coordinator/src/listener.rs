@@ -32,8 +32,8 @@ const BROKEN_OFF: usize = 32;
 const FAREWELL: Duration = Duration::from_millis(50);
 /// Pause after the system refused a connection: it is out of file descriptors, say.
 const REFUSED_PAUSE: Duration = Duration::from_millis(100);
-/// The only call whose body stands still by design. It has a time limit of its own.
-const HEARTBEAT: &str = "/beamfarm.v1.Farm/Attend";
+/// The calls whose bodies stand still by design.
+const ATTEND: [&str; 2] = ["/beamfarm.v1.Farm/Attend", "/beamfarm.v1.Revisions/Attend"];
 
 /// A socket, and what is asked of those who connect to it.
 pub struct Entrance {
@@ -219,7 +219,7 @@ async fn requests(
         .max_concurrent_streams(limits.calls)
         .max_header_list_size(limits.header_bytes)
         .max_pending_accept_reset_streams(BROKEN_OFF);
-    let connection = builder.serve_connection(TokioIo::new(stream), service);
+    let connection = builder.serve_connection_with_upgrades(TokioIo::new(stream), service);
     let connection = watcher.watch(connection.into_owned());
     let stranger = async {
         loop {
@@ -262,10 +262,10 @@ impl Shared {
             newcomer.greeted.store(true, Ordering::Relaxed);
         }
         let room = (!is_grpc(request.headers())).then_some(self.limits.form_bytes);
-        let heartbeat = request.uri().path() == HEARTBEAT && room.is_none();
+        let attends = ATTEND.contains(&request.uri().path()) && room.is_none();
         let request = request.map(|body| {
             let body = Body::new(body);
-            match heartbeat {
+            match attends {
                 true => body,
                 false => Body::new(Steady::new(body, self.limits, room)),
             }

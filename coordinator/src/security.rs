@@ -24,6 +24,8 @@ pub(crate) const PAUSE: &str = "/pause";
 pub(crate) const RESUME: &str = "/resume";
 pub(crate) const EXTEND: &str = "/extend";
 pub(crate) const CANCEL: &str = "/cancel";
+/// What the page of a live view says and hears: it changes the scene.
+pub const LOOK: &str = "/look";
 /// What the paths of calls for people begin with, and the one that only looks.
 const CONTROL: &str = "/beamfarm.v1.Control/";
 const STATUS: &str = "/beamfarm.v1.Control/Status";
@@ -175,7 +177,7 @@ pub(crate) fn is_for_all<B>(request: &Request<B>) -> bool {
 /// Whether a request changes what becomes of the job, beside what workers do.
 fn steers<B>(request: &Request<B>) -> bool {
     let path = request.uri().path();
-    let buttons = [WRITE, PAUSE, RESUME, EXTEND, CANCEL];
+    let buttons = [WRITE, PAUSE, RESUME, EXTEND, CANCEL, LOOK];
     buttons.contains(&path) || path.starts_with(CONTROL) && path != STATUS
 }
 

@@ -4,6 +4,7 @@ use crate::control;
 use crate::farm::Farm;
 use crate::limits::Limits;
 use crate::listener::{self, Entrance};
+use crate::revisions::{self, Revisions};
 use crate::service::Service;
 use crate::watch::Watch;
 use crate::web;
@@ -13,6 +14,7 @@ use axum::middleware::{Next, from_fn};
 use beamfarm_proto::CHUNK_BYTES;
 use beamfarm_proto::wire::control_server::ControlServer;
 use beamfarm_proto::wire::farm_server::FarmServer;
+use beamfarm_proto::wire::revisions_server::RevisionsServer;
 use std::future::Future;
 use std::sync::Arc;
 use std::time::Duration;
@@ -26,6 +28,8 @@ pub const MESSAGE_BYTES: usize = CHUNK_BYTES + (64 << 10);
 const FAREWELL: Duration = Duration::from_secs(2);
 /// Longest time for pages that are open to fetch the last picture.
 const LAST_LOOK: Duration = Duration::from_secs(2);
+/// Time for the workers of a live view to hear of its end.
+const LAST_BREATH: Duration = Duration::from_millis(200);
 /// Longest time for replies that are under way.
 const LAST_WORDS: Duration = Duration::from_secs(2);
 
@@ -75,6 +79,21 @@ pub async fn router(watch: &Arc<Watch>, limits: Limits) -> Router {
         .add_service(health_service)
         .into_axum_router()
         .layer(name_job)
+}
+
+/// Serve a live view to its workers, and `page` to those who look, until `shutdown` resolves.
+pub async fn look(entrance: Entrance, page: Router, revisions: Arc<Revisions>, shutdown: impl Future<Output = ()>) {
+    let service = RevisionsServer::new(revisions::Service::new(revisions.clone()));
+    let routes = Routes::from(web::around(page)).add_service(service.max_decoding_message_size(MESSAGE_BYTES));
+    let server = listener::serve(entrance, routes.into_axum_router(), std::future::pending());
+    tokio::select! {
+        () = server => {}
+        () = shutdown => {
+            revisions.finish();
+            // For workers to hear of it.
+            sleep(LAST_BREATH).await;
+        }
+    }
 }
 
 async fn expire(farm: &Farm) {

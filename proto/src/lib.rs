@@ -1,13 +1,15 @@
-//! The wire of beamfarm: the generated code of `farm.proto`, the domain types that the farm exchanges, and the
-//! conversions between the two.
+//! The wire of beamfarm: the generated code of `farm.proto` and its kin, the domain types that the farm exchanges, and
+//! the conversions between the two.
 
 mod convert;
 mod domain;
+mod revision;
 mod token;
 
 pub use convert::{WireError, WireHash};
 pub use domain::{FileEntry, FileHash, Grant, Job, LeaseId, Manifest, WorkerId, WorkerKey};
 pub use prost::bytes;
+pub use revision::{Revision, RevisionNumber, Task, TaskNumber, Work};
 pub use token::{TOKEN_VARIABLE, Token};
 
 /// The generated code. Its comments are farm.proto's.

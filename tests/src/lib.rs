@@ -4,6 +4,7 @@
 //! A test states its significance: how often it would fail if all were right. Seeds are fixed, so that a test that
 //! passes goes on passing; when it is changed, the significance says what to expect of the new draw.
 
+pub mod browser;
 pub mod chi2;
 pub mod differential;
 pub mod furnace;

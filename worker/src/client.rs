@@ -5,6 +5,7 @@ use crate::security::{Link, describe};
 use beamfarm_image::job::{Block, PassStats, SceneHash};
 use beamfarm_proto::bytes::Bytes;
 use beamfarm_proto::wire::farm_client::FarmClient;
+use beamfarm_proto::wire::revisions_client::RevisionsClient;
 use beamfarm_proto::wire::submit_request::Part;
 use beamfarm_proto::{
     CHUNK_BYTES, FileEntry, FileHash, Grant, Job, LeaseId, VERSION, WireError, WireHash, WorkerId, WorkerKey, wire,
@@ -30,6 +31,8 @@ pub enum CallError {
     Unreachable(String),
     /// The coordinator does not know this worker: register again.
     Forgotten,
+    /// There is no farm, but perhaps a live view.
+    NoFarm,
     /// The coordinator wants none of it.
     Refused(String),
 }
@@ -76,24 +79,22 @@ pub struct Delivery {
 /// A connection to a coordinator. Clones share it.
 #[derive(Clone, Debug)]
 pub struct Client {
-    farm: FarmClient<Link>,
+    link: Link,
     patience: Duration,
 }
 
 impl Client {
     /// Calls over this connection.
     pub fn new(link: Link, patience: Duration) -> Self {
-        Self {
-            farm: FarmClient::new(link).max_decoding_message_size(MESSAGE_BYTES),
-            patience,
-        }
+        Self { link, patience }
     }
 
     /// The same, but with less patience.
     pub fn hasty(&self, patience: Duration) -> Self {
-        let farm = self.farm.clone();
-        let patience = patience.min(self.patience);
-        Self { farm, patience }
+        Self {
+            link: self.link.clone(),
+            patience: patience.min(self.patience),
+        }
     }
 
     /// Introduce the worker, which holds this scene already, if any, and these blocks of it.
@@ -139,18 +140,7 @@ impl Client {
         let fetch = |mut farm: FarmClient<Link>| async move {
             let hash = file.hash.to_wire();
             let request = wire::FetchFileRequest { hash };
-            let mut chunks = farm.fetch_file(request).await?.into_inner();
-            let mut bytes = Vec::new();
-            while let Some(chunk) = chunks.message().await? {
-                if (bytes.len() + chunk.data.len()) as u64 > file.size {
-                    return Err(Status::aborted(format!("{} is too long", file.path)));
-                }
-                bytes.extend_from_slice(&chunk.data);
-            }
-            if FileHash::of(&bytes) != file.hash {
-                return Err(Status::aborted(format!("{} arrived damaged", file.path)));
-            }
-            Ok(bytes)
+            whole(file, farm.fetch_file(request).await?.into_inner()).await
         };
         self.persist(fetch).await
     }
@@ -242,24 +232,65 @@ impl Client {
         .map(|_| ())
     }
 
+    /// Open the stream of a live view's orders.
+    pub async fn attend_revisions(
+        &self,
+        greeting: wire::Greeting,
+    ) -> Result<(mpsc::Sender<wire::Report>, Streaming<wire::Order>), CallError> {
+        self.persist_on(|link| {
+            let (sender, reports) = mpsc::channel(4);
+            let first = wire::Report {
+                part: Some(wire::report::Part::Greeting(greeting.clone())),
+            };
+            // There is room for it.
+            let _ = sender.try_send(first);
+            let mut revisions = RevisionsClient::new(link).max_decoding_message_size(MESSAGE_BYTES);
+            async move {
+                let orders = revisions.attend(ReceiverStream::new(reports)).await?;
+                Ok((sender, orders.into_inner()))
+            }
+        })
+        .await
+    }
+
+    /// A file of a live view's scene, whose content is checked.
+    pub async fn fetch_of_revision(&self, file: &FileEntry) -> Result<Vec<u8>, CallError> {
+        self.persist_on(|link| async {
+            let request = wire::FetchFileRequest {
+                hash: file.hash.to_wire(),
+            };
+            let chunks = RevisionsClient::new(link).fetch_file(request).await?;
+            whole(file, chunks.into_inner()).await
+        })
+        .await
+    }
+
     async fn persist<T, F>(&self, call: impl Fn(FarmClient<Link>) -> F) -> Result<T, CallError>
+    where
+        F: Future<Output = Result<T, Status>>,
+    {
+        self.persist_on(|link| call(FarmClient::new(link).max_decoding_message_size(MESSAGE_BYTES)))
+            .await
+    }
+
+    async fn persist_on<T, F>(&self, call: impl Fn(Link) -> F) -> Result<T, CallError>
     where
         F: Future<Output = Result<T, Status>>,
     {
         let mut begun = Instant::now();
         let mut pause = FIRST_PAUSE;
         loop {
-            let status = match call(self.farm.clone()).await {
+            let status = match call(self.link.clone()).await {
                 Ok(reply) => return Ok(reply),
                 Err(status) => status,
             };
             match status.code() {
                 Code::NotFound => return Err(CallError::Forgotten),
+                Code::Unimplemented => return Err(CallError::NoFarm),
                 Code::InvalidArgument
                 | Code::FailedPrecondition
                 | Code::PermissionDenied
                 | Code::Unauthenticated
-                | Code::Unimplemented
                 | Code::DataLoss
                 | Code::OutOfRange => return Err(CallError::Refused(status.message().into())),
                 // It is there, and has too much to do.
@@ -274,6 +305,21 @@ impl Client {
             sleep(wait).await;
             pause = (2 * pause).min(LONGEST_PAUSE);
         }
+    }
+}
+
+/// A file from its chunks, if it is what was asked for.
+async fn whole(file: &FileEntry, mut chunks: Streaming<wire::FileChunk>) -> Result<Vec<u8>, Status> {
+    let mut bytes = Vec::new();
+    while let Some(chunk) = chunks.message().await? {
+        if (bytes.len() + chunk.data.len()) as u64 > file.size {
+            return Err(Status::aborted(format!("{} is too long", file.path)));
+        }
+        bytes.extend_from_slice(&chunk.data);
+    }
+    match FileHash::of(&bytes) == file.hash {
+        true => Ok(bytes),
+        false => Err(Status::aborted(format!("{} arrived damaged", file.path))),
     }
 }
 

@@ -5,6 +5,9 @@
 //!                                             ├─ upload the pass before
 //!                                             └─ heartbeat
 //! ```
+//! A coordinator that has no farm but a scene that changes is attended to in `live`, for sketches and passes of its
+//! revisions.
+//!
 //! Rendering has threads of its own, so that it cannot starve the heartbeat, and neither leasing nor uploading makes it
 //! wait.
 
@@ -14,6 +17,7 @@ pub mod cli;
 mod client;
 mod error;
 pub mod exit;
+mod live;
 mod pulse;
 mod render;
 mod run;

@@ -132,7 +132,8 @@ impl Renderer {
         node.map(|node| (node, stats)).ok_or_else(missing)
     }
 
-    async fn run<T: Send + 'static>(&self, work: impl FnOnce() -> T + Send + 'static) -> Result<T, String> {
+    /// Do something on these threads. The error is a panic of it.
+    pub async fn run<T: Send + 'static>(&self, work: impl FnOnce() -> T + Send + 'static) -> Result<T, String> {
         let (sender, receiver) = oneshot::channel();
         self.pool.spawn(move || {
             let done = catch_unwind(AssertUnwindSafe(work));

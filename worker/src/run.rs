@@ -3,6 +3,7 @@
 use crate::cache::Cache;
 use crate::client::{CallError, Client, Introduction, Registration};
 use crate::error::WorkerError;
+use crate::live;
 use crate::render::{Prepared, Renderer};
 use crate::security::{Credentials, with_hint};
 use crate::session::{Session, SessionEnd, Summary};
@@ -49,7 +50,7 @@ async fn work(config: &Config, drain: &watch::Receiver<bool>, summary: &mut Summ
     };
     let link = config.credentials.link(&config.url).map_err(address)?;
     let client = Client::new(link, config.patience);
-    let renderer = Renderer::new(config.threads)?;
+    let renderer = Arc::new(Renderer::new(config.threads)?);
     let cache = Cache::new(config.cache.clone());
     let introduction = Introduction {
         name: config.name.clone(),
@@ -63,6 +64,7 @@ async fn work(config: &Config, drain: &watch::Receiver<bool>, summary: &mut Summ
         },
         CallError::Refused(message) => WorkerError::Refused(message),
         CallError::Forgotten => WorkerError::Refused("it forgets workers at once".into()),
+        CallError::NoFarm => WorkerError::Refused("it has neither a farm nor a live view".into()),
     };
     let mut loaded: Option<(Job, Arc<Prepared>)> = None;
     let mut known: Option<Registration> = None;
@@ -71,7 +73,10 @@ async fn work(config: &Config, drain: &watch::Receiver<bool>, summary: &mut Summ
         let get_ready = async {
             let registration = match known.take() {
                 Some(registration) => registration,
-                None => client.register(&introduction, scene, Vec::new()).await.map_err(fail)?,
+                None => match client.register(&introduction, scene, Vec::new()).await {
+                    Err(CallError::NoFarm) => return Ok(None),
+                    registered => registered.map_err(fail)?,
+                },
             };
             let job = &registration.job;
             let prepared = match &loaded {
@@ -81,11 +86,21 @@ async fn work(config: &Config, drain: &watch::Receiver<bool>, summary: &mut Summ
                     renderer.prepare(bundle, job).await?
                 }
             };
-            Ok::<_, WorkerError>((registration, prepared))
+            Ok::<_, WorkerError>(Some((registration, prepared)))
         };
-        let (registration, prepared) = tokio::select! {
+        let ready = tokio::select! {
             ready = get_ready => ready?,
             () = drained(drain.clone()) => return Ok(()),
+        };
+        let Some((registration, prepared)) = ready else {
+            let tools = live::Tools {
+                client: &client,
+                renderer: renderer.clone(),
+                cache: cache.clone(),
+                introduction: &introduction,
+            };
+            summary.passes += live::attend(tools, drain.clone()).await.map_err(fail)?;
+            return Ok(());
         };
         loaded = Some((registration.job.clone(), prepared.clone()));
         info!(

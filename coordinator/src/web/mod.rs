@@ -10,7 +10,7 @@ mod picture;
 
 use crate::security::{CANCEL, ENTER, ENTER_SCRIPT, EXTEND, HEALTH, PAUSE, RESUME, WRITE};
 use crate::watch::Watch;
-use crate::watch::views::View;
+use crate::watch::views::{Curve, View};
 use axum::Router;
 use axum::extract::{Query, State};
 use axum::http::header::{
@@ -43,7 +43,7 @@ pub(crate) fn routes(watch: Arc<Watch>) -> Router {
         live: Live::new(watch.clone()),
         watch,
     });
-    Router::new()
+    let page = Router::new()
         .route("/", get(show))
         .route("/image.png", get(picture::png))
         .route("/image.exr", get(picture::exr))
@@ -62,19 +62,25 @@ pub(crate) fn routes(watch: Arc<Watch>) -> Router {
             "/page.js",
             get(|| file("text/javascript; charset=utf-8", include_str!("page.js"))),
         )
-        .route(
-            ENTER,
-            get(|| file("text/html; charset=utf-8", include_str!("enter.html"))),
-        )
-        .route(
-            ENTER_SCRIPT,
-            get(|| file("text/javascript; charset=utf-8", include_str!("enter.js"))),
-        )
-        .route("/icon.svg", get(|| file("image/svg+xml", include_str!("icon.svg"))))
         .route("/metrics", get(metrics::serve))
-        .route(HEALTH, get(|| file("text/plain; charset=utf-8", "ok\n")))
-        .layer(from_fn(harden))
-        .with_state(web)
+        .with_state(web);
+    around(page)
+}
+
+/// A page with what every page here has: the way in by a link with the token, its icon, and what keeps browsers from
+/// doing more than it needs.
+pub(crate) fn around(page: Router) -> Router {
+    page.route(
+        ENTER,
+        get(|| file("text/html; charset=utf-8", include_str!("enter.html"))),
+    )
+    .route(
+        ENTER_SCRIPT,
+        get(|| file("text/javascript; charset=utf-8", include_str!("enter.js"))),
+    )
+    .route("/icon.svg", get(|| file("image/svg+xml", include_str!("icon.svg"))))
+    .route(HEALTH, get(|| file("text/plain; charset=utf-8", "ok\n")))
+    .layer(from_fn(harden))
 }
 
 async fn harden(request: Request<axum::body::Body>, next: Next) -> Response {
@@ -103,6 +109,8 @@ struct Asked {
     exposure: Option<String>,
     /// `error` for the map of the error, `false` for luminance in false colours, or the name of a layer.
     view: Option<String>,
+    /// `filmic`, or the standard one.
+    curve: Option<String>,
     passes: Option<u64>,
     /// What became of what a button asked for.
     done: Option<bool>,
@@ -121,7 +129,12 @@ impl Asked {
         exposure.clamp(*EXPOSURES.start(), *EXPOSURES.end())
     }
 
+    fn curve(&self) -> Curve {
+        self.curve.as_deref().and_then(Curve::named).unwrap_or_default()
+    }
+
     fn view(&self, watch: &Watch) -> View {
+        let curve = self.curve();
         let centistops = (100.0 * self.exposure(watch)).round() as i32;
         let asked = self.view.as_deref().unwrap_or_default();
         match asked {
@@ -130,7 +143,14 @@ impl Asked {
             _ => {
                 let mut layers = watch.farm().job().layers.iter();
                 let place = layers.position(|layer| layer.to_string() == asked);
-                place.map_or(View::Beauty { centistops }, |place| View::Layer { place, centistops })
+                match place {
+                    Some(place) => View::Layer {
+                        place,
+                        centistops,
+                        curve,
+                    },
+                    None => View::Beauty { centistops, curve },
+                }
             }
         }
     }

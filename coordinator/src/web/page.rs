@@ -5,6 +5,7 @@ use super::{Asked, EXPOSURES, Web, curve};
 use crate::farm::{End, Event, EventKind, Progress};
 use crate::ledger::{WorkerState, WorkerView};
 use crate::watch::picture::Picture;
+use crate::watch::views::Curve;
 use crate::watch::{Watch, heat, unix_time};
 use askama::Template;
 use axum::http::StatusCode;
@@ -98,6 +99,7 @@ struct Page {
     exposure: f32,
     lowest: f32,
     highest: f32,
+    is_filmic: bool,
     /// What is shown: the name of a view.
     view: String,
     /// Those that there are beside the image: name and words.
@@ -155,6 +157,7 @@ pub(super) async fn page(web: &Web, asked: &Asked) -> Response {
         exposure: asked.exposure(watch),
         lowest: *EXPOSURES.start(),
         highest: *EXPOSURES.end(),
+        is_filmic: asked.curve() == Curve::Filmic,
         view: asked.view.clone().unwrap_or_else(|| "image".into()),
         views: views(watch),
         scale: heat::scale(),

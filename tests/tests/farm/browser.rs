@@ -1,230 +1,15 @@
 //! The page in a browser that people have: Chromium without a window, over its DevTools protocol.
 
 use crate::harness::{Coordinator, RawWorker, film, free_port, leaf, spec};
-use base64::Engine;
 use beamfarm_coordinator::Timing;
 use beamfarm_coordinator::limits::Limits;
 use beamfarm_coordinator::security::Security;
 use beamfarm_image::exr::encode_block;
 use beamfarm_proto::Token;
-use serde_json::{Value, json};
-use std::ffi::OsString;
-use std::io::{BufRead, BufReader};
-use std::net::TcpStream;
+use beamfarm_tests::browser::Browser;
+use serde_json::json;
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
-use std::time::{Duration, Instant};
-use tempfile::TempDir;
-use tungstenite::stream::MaybeTlsStream;
-use tungstenite::{Message, WebSocket};
-
-/// Nothing here takes this long, even on a busy machine.
-const PATIENCE: Duration = Duration::from_secs(60);
-
-/// The browser: the one that is named, or one with a usual name. The build script looks for the same.
-fn chromium() -> Option<OsString> {
-    let named = std::env::var_os("BEAMFARM_CHROMIUM");
-    let mut programs = named.into_iter().chain(USUAL.map(OsString::from));
-    programs.find(|program| {
-        let version = Command::new(program)
-            .arg("--version")
-            .stdout(Stdio::null())
-            .stderr(Stdio::null())
-            .status();
-        version.is_ok_and(|status| status.success())
-    })
-}
-
-const USUAL: [&str; 3] = ["chromium", "chromium-browser", "google-chrome"];
-
-/// A browser with one page.
-struct Browser {
-    process: Child,
-    socket: WebSocket<MaybeTlsStream<TcpStream>>,
-    session: Option<String>,
-    calls: u64,
-    _profile: TempDir,
-}
-
-impl Drop for Browser {
-    fn drop(&mut self) {
-        let _ = self.process.kill();
-        let _ = self.process.wait();
-    }
-}
-
-impl Browser {
-    /// Start it and open a page.
-    fn open(url: &str) -> Self {
-        let program = chromium().expect("no Chromium (Debian: apt-get install chromium)");
-        let profile = tempfile::tempdir().unwrap();
-        let mut folder = OsString::from("--user-data-dir=");
-        folder.push(profile.path());
-        let mut process = Command::new(program)
-            .args(["--headless=new", "--no-sandbox", "--disable-gpu"])
-            .args(["--disable-dev-shm-usage", "--no-first-run", "--hide-scrollbars"])
-            .args(["--disable-background-networking", "--remote-debugging-port=0"])
-            .arg(folder)
-            .arg("about:blank")
-            .stdout(Stdio::null())
-            .stderr(Stdio::piped())
-            .spawn()
-            .unwrap();
-        let lines = BufReader::new(process.stderr.take().unwrap()).lines();
-        let (sender, said) = std::sync::mpsc::channel();
-        // Read to the end, whoever listens: the pipe must not fill up.
-        std::thread::spawn(move || lines.map_while(Result::ok).for_each(|l| drop(sender.send(l))));
-        let (begun, mut heard) = (Instant::now(), Vec::new());
-        let address = loop {
-            let Ok(line) = said.recv_timeout(PATIENCE.saturating_sub(begun.elapsed())) else {
-                let _ = process.kill();
-                panic!("the browser names no address; it said {heard:#?}");
-            };
-            if let Some(address) = line.strip_prefix("DevTools listening on ") {
-                break address.to_owned();
-            }
-            heard.push(line);
-        };
-        let (socket, _) = tungstenite::connect(address).unwrap();
-        if let MaybeTlsStream::Plain(stream) = socket.get_ref() {
-            stream.set_read_timeout(Some(PATIENCE)).unwrap();
-        }
-        let mut browser = Self {
-            process,
-            socket,
-            session: None,
-            calls: 0,
-            _profile: profile,
-        };
-        let target = browser.call("Target.createTarget", json!({"url": "about:blank"}));
-        let attach = json!({"targetId": target["targetId"], "flatten": true});
-        let attached = browser.call("Target.attachToTarget", attach);
-        browser.session = Some(attached["sessionId"].as_str().unwrap().to_owned());
-        browser.call("Page.enable", json!({}));
-        // What the page's policy forbids, and what its script does wrong.
-        let listen = "window.wrongs = [];
-            addEventListener('securitypolicyviolation', (e) => wrongs.push(`policy: ${e.violatedDirective}`));
-            addEventListener('error', (e) => wrongs.push(`error: ${e.message}`));
-            addEventListener('unhandledrejection', (e) => wrongs.push(`rejection: ${e.reason}`));";
-        let script = json!({"source": listen});
-        browser.call("Page.addScriptToEvaluateOnNewDocument", script);
-        browser.call("Page.navigate", json!({"url": url}));
-        browser
-    }
-
-    fn call(&mut self, method: &str, params: Value) -> Value {
-        let mut answer = self.ask(method, params);
-        assert!(answer["error"].is_null(), "{method}: {answer}");
-        answer["result"].take()
-    }
-
-    /// What the browser answers, be it an error.
-    fn ask(&mut self, method: &str, params: Value) -> Value {
-        self.calls += 1;
-        let mut call = json!({"id": self.calls, "method": method, "params": params});
-        if let Some(session) = &self.session {
-            call["sessionId"] = json!(session);
-        }
-        self.socket.send(Message::text(call.to_string())).unwrap();
-        let begun = Instant::now();
-        loop {
-            assert!(begun.elapsed() < PATIENCE, "no answer to {method}");
-            let message = self.socket.read();
-            let message = message.unwrap_or_else(|error| panic!("{method}: {error}"));
-            let Message::Text(text) = message else {
-                continue;
-            };
-            let answer: Value = serde_json::from_str(&text).unwrap();
-            if answer["id"] == json!(self.calls) {
-                return answer;
-            }
-        }
-    }
-
-    fn evaluate(&mut self, expression: &str) -> Value {
-        let params = json!({"expression": expression, "returnByValue": true, "awaitPromise": true});
-        let mut answer = self.call("Runtime.evaluate", params);
-        assert!(answer["exceptionDetails"].is_null(), "{expression}: {answer}");
-        answer["result"]["value"].take()
-    }
-
-    /// Wait until this is true.
-    fn wait_for(&mut self, condition: &str) {
-        let begun = Instant::now();
-        let params = json!({"expression": condition, "returnByValue": true, "awaitPromise": true});
-        // A page that gives way to another one has no answer.
-        while self.ask("Runtime.evaluate", params.clone())["result"]["result"]["value"] != json!(true) {
-            if begun.elapsed() > PATIENCE {
-                let page = self.evaluate("document.body.innerText");
-                panic!("waited for {condition}; the page says {page}");
-            }
-            std::thread::sleep(Duration::from_millis(50));
-        }
-    }
-
-    /// Mean of the picture's values, from 0 to 255, and a number that changes with any of them.
-    fn picture(&mut self) -> (f64, f64) {
-        let sums = self.evaluate(
-            "(() => {
-                const image = document.getElementById('shown');
-                const canvas = document.createElement('canvas');
-                canvas.width = image.naturalWidth;
-                canvas.height = image.naturalHeight;
-                const context = canvas.getContext('2d');
-                context.drawImage(image, 0, 0);
-                const data = context.getImageData(0, 0, canvas.width, canvas.height).data;
-                let sum = 0, hash = 0, count = 0;
-                for (let i = 0; i < data.length; i++) {
-                    if (i % 4 === 3) continue;
-                    sum += data[i];
-                    count += 1;
-                    hash = (hash * 31 + data[i]) % 1000000007;
-                }
-                return [sum / count, hash];
-            })()",
-        );
-        (sums[0].as_f64().unwrap(), sums[1].as_f64().unwrap())
-    }
-
-    /// The mouse over a place of the picture, and how far its wheel turns.
-    fn mouse(&mut self, kind: &str, wheel: f64) {
-        let place = self.evaluate(
-            "(() => {
-                const shown = document.getElementById('shown');
-                shown.scrollIntoView({ block: 'center', behavior: 'instant' });
-                const box = shown.getBoundingClientRect();
-                return [box.left + 0.5 * box.width, box.top + 0.5 * box.height];
-            })()",
-        );
-        let event = json!({"type": kind, "x": place[0], "y": place[1], "deltaX": 0, "deltaY": wheel});
-        self.call("Input.dispatchMouseEvent", event);
-    }
-
-    /// As in a window of this width; a narrow one is a phone's.
-    fn look(&mut self, width: u32, scheme: &str) -> Value {
-        let is_phone = width < 600;
-        let scheme = json!({"features": [{"name": "prefers-color-scheme", "value": scheme}]});
-        self.call("Emulation.setEmulatedMedia", scheme);
-        let touch = json!({"enabled": is_phone, "maxTouchPoints": 1 + u32::from(is_phone)});
-        self.call("Emulation.setTouchEmulationEnabled", touch);
-        let (height, scale) = if is_phone { (844, 2) } else { (800, 1) };
-        let size = json!({"width": width, "height": height, "deviceScaleFactor": scale, "mobile": is_phone});
-        self.call("Emulation.setDeviceMetricsOverride", size.clone());
-        size
-    }
-
-    /// The whole page in a window of this width, as PNG.
-    fn screenshot(&mut self, path: &Path, width: u32, scheme: &str) {
-        let mut size = self.look(width, scheme);
-        size["height"] = self.evaluate("document.documentElement.scrollHeight");
-        self.call("Emulation.setDeviceMetricsOverride", size);
-        let picture = self.call("Page.captureScreenshot", json!({"format": "png"}));
-        let bytes = base64::engine::general_purpose::STANDARD
-            .decode(picture["data"].as_str().unwrap())
-            .unwrap();
-        std::fs::write(path, bytes).unwrap();
-    }
-}
+use std::time::Duration;
 
 async fn deliver(worker: &RawWorker, passes: u64) {
     let mut delivered = 0;
@@ -328,7 +113,7 @@ async fn the_image_changes_and_the_numbers_move() {
         page.evaluate("document.querySelectorAll('#curve circle').length > 1"),
         json!(true)
     );
-    assert_eq!(page.evaluate("window.wrongs"), json!([]));
+    assert_eq!(page.wrongs(), json!([]));
 }
 
 /// The link that `render` prints: its token stands where no server and no log sees it.
@@ -352,7 +137,7 @@ async fn a_link_opens_the_page() {
     coordinator.farm.pause(true);
     page.wait_for("document.getElementById('state').innerText.includes('Paused')");
     assert_eq!(page.evaluate("location.href"), json!(format!("{url}/")));
-    assert_eq!(page.evaluate("window.wrongs"), json!([]));
+    assert_eq!(page.wrongs(), json!([]));
 }
 
 /// Text and what it stands on, and how far their brightness differs, where that is less than people need (WCAG 2.2,
@@ -420,7 +205,7 @@ async fn everybody_can_read_it() {
             }
         }
     }
-    assert_eq!(page.evaluate("window.wrongs"), json!([]));
+    assert_eq!(page.wrongs(), json!([]));
 }
 
 /// Pictures of the page of a job that runs at BEAMFARM_URL, for docs/manual.md and to be looked at: light, dark, as on

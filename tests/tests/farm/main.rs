@@ -10,6 +10,7 @@ mod harness;
 mod hostile;
 mod limits;
 mod resumed;
+mod revisions;
 mod security;
 mod stopping;
 mod submissions;

@@ -1,5 +1,7 @@
 //! Conversions between wire and domain, all of them. Inwards they check; outwards they cannot fail.
 
+mod live;
+
 use crate::domain::{FileEntry, FileHash, Grant, Job, LeaseId, Manifest};
 use crate::wire;
 use beamfarm_image::bundle::{MAX_BYTES, MAX_FILES, check_key};
@@ -302,7 +304,7 @@ mod tests {
     use super::*;
     use beamfarm_image::layer::LightGroup;
 
-    fn settings() -> JobSettings {
+    pub(super) fn settings() -> JobSettings {
         JobSettings {
             seed: u64::MAX,
             alpha: 0.7,

@@ -1,0 +1,297 @@
+use super::*;
+use proptest::prelude::*;
+use proptest::test_runner::RngSeed;
+
+const FULL: [u32; 2] = [320, 200];
+const SIZE: [u32; 2] = [3, 2];
+
+fn settings() -> JobSettings {
+    JobSettings {
+        seed: 1,
+        alpha: 0.5,
+        schedule: beamfarm_image::job::ScheduleKind::Pass,
+        budget: None,
+        paths_per_pass: 10,
+        reference_paths: 10,
+        finders: Default::default(),
+    }
+}
+
+fn style() -> Style {
+    Style {
+        settings: settings(),
+        origin: [0.0; 3],
+    }
+}
+
+fn job(limit: u64) -> Job {
+    let [width, height] = SIZE;
+    Job {
+        settings: settings(),
+        width,
+        height,
+        limit,
+    }
+}
+
+/// What a worker would render: a film that tells of what it is.
+fn rendered(task: &Task) -> Film {
+    let mut film = Film::new(task.width, task.height);
+    if let Work::Pass { pass_index, .. } = task.work {
+        film.pixels.fill([(100 * task.revision.0 + pass_index) as f32; 3]);
+    }
+    film
+}
+
+fn is_pass(task: &Task) -> bool {
+    matches!(task.work, Work::Pass { .. })
+}
+
+const SOON: Duration = Duration::from_millis(30);
+
+fn begun(workers: u64) -> Desk {
+    let mut desk = Desk::new(FULL, style());
+    (0..workers).for_each(|worker| desk.join(WorkerId(worker)));
+    desk.revise(RevisionNumber(1), FULL, style());
+    desk
+}
+
+#[test]
+fn sketches_come_first_and_then_passes() {
+    let mut desk = begun(1);
+    let worker = WorkerId(0);
+    desk.settle(RevisionNumber(1), job(2));
+    let mut widths = Vec::new();
+    let mut passes = Vec::new();
+    while let Some(task) = desk.next(worker) {
+        assert_eq!(desk.next(worker), None, "one at a time");
+        match task.work {
+            Work::Sketch { .. } => widths.push(task.width),
+            Work::Pass { pass_index, .. } => passes.push(pass_index),
+        }
+        let verdict = desk.finish(worker, task.number, &rendered(&task), SOON);
+        assert!(
+            matches!(verdict, Verdict::Sketch { .. } | Verdict::Pass { .. }),
+            "{verdict:?}"
+        );
+    }
+    assert!(widths.is_sorted() && widths.last() == Some(&FULL[0]), "{widths:?}");
+    assert_eq!(passes, [0, 1]);
+    desk.extend(3);
+    assert!(desk.next(worker).is_some_and(|task| is_pass(&task)));
+}
+
+#[test]
+fn a_change_drops_all_but_the_coarsest_sketch() {
+    let mut desk = begun(2);
+    let [a, b] = [0, 1].map(WorkerId);
+    let coarse = desk.next(a).unwrap();
+    let finer = desk.next(b).unwrap();
+    desk.revise(RevisionNumber(2), FULL, style());
+    assert_eq!(desk.drop_of(a), None);
+    assert_eq!(desk.drop_of(b), Some(finer.number));
+    assert_eq!(desk.drop_of(b), None, "told once");
+    // The one that goes on has something to do; the other begins with the new revision before it has let go.
+    assert_eq!(desk.next(a), None);
+    let newer = desk.next(b).unwrap();
+    assert_eq!(newer.revision, RevisionNumber(2));
+    let verdict = desk.finish(a, coarse.number, &rendered(&coarse), SOON);
+    assert!(
+        matches!(
+            verdict,
+            Verdict::Sketch {
+                revision: RevisionNumber(1),
+                ..
+            }
+        ),
+        "{verdict:?}"
+    );
+    // What was dropped arrives all the same.
+    assert_eq!(desk.finish(b, finer.number, &rendered(&finer), SOON), Verdict::Late);
+    let verdict = desk.finish(b, newer.number, &rendered(&newer), SOON);
+    assert!(
+        matches!(
+            verdict,
+            Verdict::Sketch {
+                revision: RevisionNumber(2),
+                ..
+            }
+        ),
+        "{verdict:?}"
+    );
+}
+
+#[test]
+fn older_pictures_never_follow_newer_ones() {
+    let mut desk = begun(2);
+    let [a, b] = [0, 1].map(WorkerId);
+    let old = desk.next(a).unwrap();
+    desk.revise(RevisionNumber(2), FULL, style());
+    let new = desk.next(b).unwrap();
+    assert!(matches!(
+        desk.finish(b, new.number, &rendered(&new), SOON),
+        Verdict::Sketch { .. }
+    ));
+    assert_eq!(desk.finish(a, old.number, &rendered(&old), SOON), Verdict::Late);
+}
+
+#[test]
+fn what_lost_workers_had_is_for_others() {
+    let mut desk = begun(2);
+    let [a, b] = [0, 1].map(WorkerId);
+    desk.settle(RevisionNumber(1), job(4));
+    let first = desk.next(a).unwrap();
+    desk.leave(a);
+    let again = desk.next(b).unwrap();
+    assert_eq!((first.width, first.work), (again.width, again.work));
+    // Its delivery comes by another stream that is gone: nobody is there to deliver it.
+    assert_eq!(desk.finish(a, first.number, &rendered(&first), SOON), Verdict::Late);
+    desk.finish(b, again.number, &rendered(&again), SOON);
+    let mut passes = Vec::new();
+    desk.join(WorkerId(2));
+    let mut lost = None;
+    for _ in 0..20 {
+        if let Some(task) = desk.next(WorkerId(2)) {
+            if is_pass(&task) && lost.is_none() {
+                lost = Some(task);
+                desk.leave(WorkerId(2));
+                desk.join(WorkerId(2));
+                continue;
+            }
+            if let Work::Pass { pass_index, .. } = task.work {
+                passes.push(pass_index);
+            }
+            desk.finish(WorkerId(2), task.number, &rendered(&task), SOON);
+        }
+    }
+    assert_eq!(passes, [0, 1, 2, 3]);
+    assert_eq!(desk.passes().unwrap().1.prefix(), 4);
+}
+
+#[test]
+fn wrong_pictures_count_for_nothing_and_end_a_revision() {
+    let mut desk = begun(1);
+    let worker = WorkerId(0);
+    desk.settle(RevisionNumber(1), job(4));
+    while let Some(task) = desk.next(worker) {
+        let mut film = rendered(&task);
+        if is_pass(&task) {
+            film.pixels[1][2] = f32::NAN;
+        }
+        let verdict = desk.finish(worker, task.number, &film, SOON);
+        assert_eq!(matches!(verdict, Verdict::Wrong(_)), is_pass(&task), "{verdict:?}");
+    }
+    assert!(desk.has_failed());
+    assert_eq!(desk.passes().unwrap().1.passes(), 0);
+    desk.revise(RevisionNumber(2), FULL, style());
+    assert!(desk.next(worker).is_some());
+    let task = TaskNumber(99);
+    assert_eq!(desk.finish(worker, task, &Film::new(1, 1), SOON), Verdict::Late);
+}
+
+/// What happens to a desk.
+#[derive(Clone, Debug)]
+enum Move {
+    Revise,
+    Settle,
+    Join(u64),
+    Leave(u64),
+    Take(u64),
+    /// The worker delivers what it has in hand, or the n-th task that anybody was ever given.
+    Deliver(u64, Option<usize>),
+    GiveBack(u64, bool),
+}
+
+fn moves() -> impl Strategy<Value = Vec<Move>> {
+    let worker = 0u64..4;
+    let one = prop_oneof![
+        1 => Just(Move::Revise),
+        2 => Just(Move::Settle),
+        2 => worker.clone().prop_map(Move::Join),
+        1 => worker.clone().prop_map(Move::Leave),
+        8 => worker.clone().prop_map(Move::Take),
+        8 => (worker.clone(), proptest::option::weighted(0.2, 0usize..60)).prop_map(|(w, n)| Move::Deliver(w, n)),
+        1 => (worker, any::<bool>()).prop_map(|(w, failed)| Move::GiveBack(w, failed)),
+    ];
+    proptest::collection::vec(one, 1..120)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 400, rng_seed: RngSeed::Fixed(22), ..ProptestConfig::default() })]
+
+    /// Whatever comes in whatever order: pictures never go back, the sum has each pass of the newest revision once and
+    /// nothing else, and when workers stay, all passes come together.
+    #[test]
+    fn nothing_of_an_older_revision_enters_a_sum(moves in moves()) {
+        let mut desk = begun(1);
+        let mut revision = 1;
+        let mut given: Vec<(WorkerId, Task)> = Vec::new();
+        let mut in_hand: BTreeMap<u64, Task> = BTreeMap::new();
+        let mut shown = None;
+        let mut look = |verdict: &Verdict| {
+            let now = match *verdict {
+                Verdict::Sketch { revision, step, .. } => (revision, Quality::Sketch(step)),
+                Verdict::Pass { revision, prefix } if prefix > 0 => (revision, Quality::Passes(prefix)),
+                _ => return true,
+            };
+            let passes = matches!(now.1, Quality::Passes(_));
+            let grows = shown.is_none_or(|shown| shown < now || passes && shown == now);
+            shown = Some(now);
+            grows
+        };
+        for step in moves {
+            match step {
+                Move::Revise => {
+                    revision += 1;
+                    desk.revise(RevisionNumber(revision), FULL, style());
+                }
+                Move::Settle => desk.settle(RevisionNumber(revision), job(5)),
+                Move::Join(worker) if !desk.seats.contains_key(&WorkerId(worker)) => {
+                    desk.join(WorkerId(worker));
+                    in_hand.remove(&worker);
+                }
+                Move::Join(_) => {}
+                Move::Leave(worker) => desk.leave(WorkerId(worker)),
+                Move::Take(worker) => {
+                    if let Some(task) = desk.next(WorkerId(worker)) {
+                        prop_assert_eq!(task.revision, RevisionNumber(revision));
+                        given.push((WorkerId(worker), task));
+                        in_hand.insert(worker, task);
+                    }
+                }
+                Move::Deliver(worker, old) => {
+                    let task = match old {
+                        None => in_hand.remove(&worker),
+                        Some(n) => given.get(n).map(|(_, task)| *task),
+                    };
+                    if let Some(task) = task {
+                        let verdict = desk.finish(WorkerId(worker), task.number, &rendered(&task), SOON);
+                        prop_assert!(look(&verdict), "{verdict:?}");
+                    }
+                }
+                Move::GiveBack(worker, failed) => {
+                    if let Some(task) = in_hand.remove(&worker) {
+                        desk.give_back(WorkerId(worker), task.number, failed);
+                    }
+                }
+            }
+        }
+        // A worker that stays, when all others have left.
+        (0..4).for_each(|worker| desk.leave(WorkerId(worker)));
+        if desk.has_failed() {
+            revision += 1;
+            desk.revise(RevisionNumber(revision), FULL, style());
+        }
+        desk.settle(RevisionNumber(revision), job(5));
+        desk.join(WorkerId(9));
+        while let Some(task) = desk.next(WorkerId(9)) {
+            let verdict = desk.finish(WorkerId(9), task.number, &rendered(&task), SOON);
+            prop_assert!(look(&verdict), "{verdict:?}");
+        }
+        let (_, sum) = desk.passes().unwrap();
+        prop_assert_eq!((sum.prefix(), sum.passes()), (5, 5));
+        let average = sum.average_of(5).unwrap();
+        let expected = 100.0 * revision as f32 + 2.0;
+        prop_assert!(average.beauty.pixels.iter().flatten().all(|value| (value - expected).abs() < 1e-3));
+    }
+}

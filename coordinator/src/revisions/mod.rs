@@ -1,0 +1,272 @@
+//! A scene that changes while it is looked at: workers render revisions of it, and whoever looks sees what there is of
+//! the newest. [`desk`] decides who renders what; `service` speaks with the workers.
+
+pub mod desk;
+pub mod ladder;
+mod service;
+
+pub use desk::{Job, Quality, Style};
+pub(crate) use service::Service;
+
+use beamfarm_image::film::Film;
+use beamfarm_image::job::PassStats;
+use beamfarm_image::merge::{Average, TreeSum};
+use beamfarm_proto::bytes::Bytes;
+use beamfarm_proto::{FileHash, Revision, RevisionNumber, Task, TaskNumber, WorkerId};
+use desk::{Desk, Verdict};
+use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+use tokio::sync::watch;
+
+/// What there is to see of a revision.
+#[derive(Clone, Debug)]
+pub struct Picture {
+    /// Of which.
+    pub revision: RevisionNumber,
+    /// How good it is.
+    pub quality: Quality,
+    /// Steps of its sketches.
+    pub steps: usize,
+    /// What is seen.
+    pub content: Content,
+}
+
+/// What is seen.
+#[derive(Clone, Debug)]
+pub enum Content {
+    /// A sketch.
+    Sketch(Arc<Film>),
+    /// The true average.
+    Average(Arc<Average>),
+}
+
+impl Content {
+    /// Radiance.
+    pub fn film(&self) -> &Film {
+        match self {
+            Self::Sketch(film) => film,
+            Self::Average(average) => &average.beauty,
+        }
+    }
+}
+
+/// What a worker says of a picture that it delivers.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Outcome {
+    pub task: TaskNumber,
+    /// From its order to its picture.
+    pub took: Duration,
+    pub stats: PassStats,
+}
+
+/// The newest revision for workers, and the files that it names.
+struct Published {
+    revision: Option<Arc<Revision>>,
+    files: BTreeMap<FileHash, Bytes>,
+}
+
+/// A live view's workers and pictures, shared by all calls.
+pub struct Revisions {
+    desk: Mutex<Desk>,
+    published: Mutex<Published>,
+    /// Hash of the test picture as this machine renders it.
+    canary: [u8; 32],
+    /// Wakes those who hand out.
+    news: watch::Sender<u64>,
+    pictures: watch::Sender<Option<Arc<Picture>>>,
+    /// What went wrong last with a task of the newest revision.
+    trouble: watch::Sender<Option<String>>,
+    over: watch::Sender<bool>,
+    delivered: AtomicU64,
+}
+
+impl Revisions {
+    /// With sketches of up to this size. `canary`: hash of the test picture that this machine renders, which workers
+    /// must render as well.
+    pub fn new(full: [u32; 2], style: Style, canary: [u8; 32]) -> Arc<Self> {
+        Arc::new(Self {
+            desk: Mutex::new(Desk::new(full, style)),
+            published: Mutex::new(Published {
+                revision: None,
+                files: BTreeMap::new(),
+            }),
+            canary,
+            news: watch::Sender::default(),
+            pictures: watch::Sender::default(),
+            trouble: watch::Sender::default(),
+            over: watch::Sender::default(),
+            delivered: AtomicU64::new(0),
+        })
+    }
+
+    /// The scene has changed. `files`: what the revision's manifest names beside the scene file.
+    pub fn revise(&self, revision: Revision, files: BTreeMap<FileHash, Bytes>, full: [u32; 2], style: Style) {
+        let number = revision.number;
+        {
+            let mut published = self.published();
+            let revision = Arc::new(revision);
+            published.files = files;
+            published.revision = Some(revision);
+            self.desk().revise(number, full, style);
+        }
+        self.trouble.send_replace(None);
+        self.wake();
+    }
+
+    /// What the passes of a revision are is known: they are rendered when its sketches are.
+    pub fn settle(&self, revision: RevisionNumber, job: Job) {
+        self.desk().settle(revision, job);
+        self.wake();
+    }
+
+    /// So many passes of the newest revision in all.
+    pub fn extend(&self, limit: u64) {
+        self.desk().extend(limit);
+        self.wake();
+    }
+
+    /// The best picture of the newest revision that has one.
+    pub fn pictures(&self) -> watch::Receiver<Option<Arc<Picture>>> {
+        self.pictures.subscribe()
+    }
+
+    /// What goes wrong.
+    pub fn trouble(&self) -> watch::Receiver<Option<String>> {
+        self.trouble.subscribe()
+    }
+
+    /// Workers that are there.
+    pub fn workers(&self) -> usize {
+        self.desk().workers()
+    }
+
+    /// Pictures that workers have delivered.
+    pub fn delivered(&self) -> u64 {
+        self.delivered.load(Ordering::Relaxed)
+    }
+
+    /// The job of the newest revision, if it is known.
+    pub fn job(&self) -> Option<Job> {
+        self.desk().passes().map(|(job, _)| job.clone())
+    }
+
+    /// Tell workers that there is nothing more to do.
+    pub fn finish(&self) {
+        self.over.send_replace(true);
+    }
+
+    pub(crate) fn canary(&self) -> [u8; 32] {
+        self.canary
+    }
+
+    pub(crate) fn is_over(&self) -> watch::Receiver<bool> {
+        self.over.subscribe()
+    }
+
+    pub(crate) fn news(&self) -> watch::Receiver<u64> {
+        self.news.subscribe()
+    }
+
+    pub(crate) fn join(&self, worker: WorkerId) {
+        self.desk().join(worker);
+    }
+
+    pub(crate) fn leave(&self, worker: WorkerId) {
+        self.desk().leave(worker);
+        self.wake();
+    }
+
+    /// What a worker has to drop, and what it is to do next, with the revision that this is about.
+    pub(crate) fn orders(&self, worker: WorkerId) -> (Option<TaskNumber>, Option<(Arc<Revision>, Task)>) {
+        // Together: a task is of the revision that is published.
+        let published = self.published();
+        let mut desk = self.desk();
+        let dropped = desk.drop_of(worker);
+        let revision = published.revision.clone();
+        let task = revision.and_then(|revision| Some((revision, desk.next(worker)?)));
+        (dropped, task)
+    }
+
+    pub(crate) fn size_of(&self, worker: WorkerId, task: TaskNumber) -> Option<[u32; 2]> {
+        self.desk().size_of(worker, task)
+    }
+
+    pub(crate) fn give_back(&self, worker: WorkerId, task: TaskNumber, failure: Option<String>) {
+        self.desk().give_back(worker, task, failure.is_some());
+        if failure.is_some() {
+            self.trouble.send_replace(failure);
+        }
+        self.wake();
+    }
+
+    /// Take a picture in, if it still counts. An error is the worker's fault.
+    pub(crate) async fn deliver(self: &Arc<Self>, worker: WorkerId, outcome: Outcome, film: Film) {
+        self.delivered.fetch_add(1, Ordering::Relaxed);
+        let verdict = match outcome.stats.non_finite {
+            0 => self.desk().finish(worker, outcome.task, &film, outcome.took),
+            count => {
+                self.desk().give_back(worker, outcome.task, true);
+                Verdict::Wrong(format!("{count} pixel values are not finite"))
+            }
+        };
+        self.wake();
+        match verdict {
+            Verdict::Late => {}
+            Verdict::Wrong(message) => {
+                self.trouble.send_replace(Some(message));
+            }
+            Verdict::Sketch { revision, step, steps } => self.show(Picture {
+                revision,
+                quality: Quality::Sketch(step),
+                steps,
+                content: Content::Sketch(Arc::new(film)),
+            }),
+            Verdict::Pass { prefix: 0, .. } => {}
+            Verdict::Pass { revision, prefix } => {
+                let sum = self.desk().passes().map(|(_, sum)| sum.clone());
+                let revisions = self.clone();
+                // Not waited for: the worker has its next task meanwhile.
+                tokio::task::spawn_blocking(move || {
+                    if let Some(average) = sum.and_then(|sum: TreeSum| sum.average_of(prefix)) {
+                        revisions.show(Picture {
+                            revision,
+                            quality: Quality::Passes(prefix),
+                            steps: 0,
+                            content: Content::Average(Arc::new(average)),
+                        });
+                    }
+                });
+            }
+        }
+    }
+
+    pub(crate) fn file(&self, hash: FileHash) -> Option<Bytes> {
+        self.published().files.get(&hash).cloned()
+    }
+
+    /// Show a picture, unless there is a newer or better one.
+    fn show(&self, picture: Picture) {
+        self.pictures.send_if_modified(|shown| {
+            let order = |picture: &Picture| (picture.revision, picture.quality);
+            let is_better = shown.as_deref().is_none_or(|shown| order(shown) < order(&picture));
+            if is_better {
+                *shown = Some(Arc::new(picture));
+            }
+            is_better
+        });
+    }
+
+    fn wake(&self) {
+        self.news.send_modify(|count| *count += 1);
+    }
+
+    fn desk(&self) -> MutexGuard<'_, Desk> {
+        self.desk.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn published(&self) -> MutexGuard<'_, Published> {
+        self.published.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}

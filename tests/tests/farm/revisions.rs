@@ -1,0 +1,355 @@
+//! Revisions of a scene over real connections: workers of the library, and workers that are slow, late or lost.
+
+use crate::harness::{LONG, SCENE, canary, free_port, leaf, settings, start_worker, within};
+use axum::Router;
+use beamfarm_coordinator::Entrance;
+use beamfarm_coordinator::revisions::{Content, Job, Picture, Quality, Revisions, Style};
+use beamfarm_coordinator::server;
+use beamfarm_image::film::Film;
+use beamfarm_image::merge::TreeSum;
+use beamfarm_proto::wire::order::Order as Kind;
+use beamfarm_proto::wire::report::Part;
+use beamfarm_proto::wire::revisions_client::RevisionsClient;
+use beamfarm_proto::{FileEntry, FileHash, Manifest, Revision, RevisionNumber, Task, VERSION, Work, wire};
+use beamfarm_render::pass::render_pass;
+use beamfarm_render::plan::RenderPlan;
+use beamfarm_render::world::Scene;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+use tokio::sync::{mpsc, oneshot};
+use tokio_stream::wrappers::ReceiverStream;
+use tonic::Code;
+use tonic::transport::Channel;
+
+/// A live view without a page.
+struct View {
+    revisions: Arc<Revisions>,
+    url: String,
+    _close: oneshot::Sender<()>,
+    full: [u32; 2],
+    number: u64,
+}
+
+fn style() -> Style {
+    Style {
+        settings: settings(),
+        origin: [0.0, 0.0, 0.0],
+    }
+}
+
+impl View {
+    async fn start() -> Self {
+        let listener = free_port();
+        listener.set_nonblocking(true).unwrap();
+        let listener = tokio::net::TcpListener::from_std(listener).unwrap();
+        let url = format!("http://{}", listener.local_addr().unwrap());
+        let description = description(SCENE);
+        let full = [description.camera.width, description.camera.height];
+        let canary: [u8; 32] = canary().as_ref().try_into().unwrap();
+        let revisions = Revisions::new(full, style(), canary);
+        let (close, closed) = oneshot::channel();
+        let closed = async {
+            let _ = closed.await;
+        };
+        tokio::spawn(server::look(
+            Entrance::from(listener),
+            Router::new(),
+            revisions.clone(),
+            closed,
+        ));
+        Self {
+            revisions,
+            url,
+            _close: close,
+            full,
+            number: 0,
+        }
+    }
+
+    fn revise(&mut self, text: &str) -> RevisionNumber {
+        self.number += 1;
+        let file = FileEntry {
+            path: "scene.toml".into(),
+            hash: FileHash::of(text.as_bytes()),
+            size: text.len() as u64,
+        };
+        let number = RevisionNumber(self.number);
+        let revision = Revision {
+            number,
+            manifest: Manifest {
+                scene: "scene.toml".into(),
+                files: vec![file],
+            },
+            text: text.as_bytes().to_vec().into(),
+        };
+        self.revisions.revise(revision, BTreeMap::new(), self.full, style());
+        number
+    }
+
+    fn settle(&self, number: RevisionNumber, limit: u64) {
+        let [width, height] = self.full;
+        let job = Job {
+            settings: settings(),
+            width,
+            height,
+            limit,
+        };
+        self.revisions.settle(number, job);
+    }
+
+    /// The first picture like this.
+    async fn shows(&self, what: &str, is_it: impl Fn(&Picture) -> bool) -> Arc<Picture> {
+        let mut pictures = self.revisions.pictures();
+        let seen = pictures.wait_for(|picture| picture.as_deref().is_some_and(&is_it));
+        within(what, seen).await.unwrap().clone().unwrap()
+    }
+
+    async fn worker(&self) -> RawWorker {
+        RawWorker::attend(&self.url, VERSION).await.unwrap()
+    }
+}
+
+fn description(text: &str) -> beamfarm_render::world::SceneDescription {
+    let bundle = beamfarm_image::bundle::Bundle {
+        scene: "scene.toml".into(),
+        files: [("scene.toml".into(), text.into())].into(),
+    };
+    beamfarm_scene::load(&bundle).unwrap()
+}
+
+/// The scene with another lamp.
+fn changed(power: &str) -> String {
+    let line = SCENE.lines().find(|line| line.starts_with("power")).unwrap();
+    SCENE.replace(line, &format!("power = {power}"))
+}
+
+/// A worker that does as it is told by the test.
+struct RawWorker {
+    reports: mpsc::Sender<wire::Report>,
+    orders: tonic::Streaming<wire::Order>,
+}
+
+impl RawWorker {
+    async fn attend(url: &str, version: &str) -> Result<Self, tonic::Status> {
+        let channel = Channel::from_shared(url.to_owned()).unwrap().connect().await.unwrap();
+        let (reports, stream) = mpsc::channel(16);
+        let greeting = wire::Greeting {
+            version: version.into(),
+            name: "raw".into(),
+            threads: 1,
+            canary: canary(),
+        };
+        let first = wire::Report {
+            part: Some(Part::Greeting(greeting)),
+        };
+        reports.send(first).await.unwrap();
+        let orders = RevisionsClient::new(channel)
+            .attend(ReceiverStream::new(stream))
+            .await?;
+        Ok(Self {
+            reports,
+            orders: orders.into_inner(),
+        })
+    }
+
+    async fn order(&mut self) -> Kind {
+        let order = within("an order", self.orders.message()).await;
+        order.unwrap().expect("the stream goes on").order.unwrap()
+    }
+
+    /// The next task, whatever comes before.
+    async fn task(&mut self) -> Task {
+        loop {
+            if let Kind::Task(task) = self.order().await {
+                return Task::try_from(task).unwrap();
+            }
+        }
+    }
+
+    async fn say(&self, part: Part) {
+        self.reports.send(wire::Report { part: Some(part) }).await.unwrap();
+    }
+
+    async fn begin(&self, task: &Task) {
+        let outcome = wire::Outcome {
+            task: task.number.0,
+            ..wire::Outcome::default()
+        };
+        self.say(Part::Outcome(outcome)).await;
+    }
+
+    /// All of a picture that has this value everywhere.
+    async fn deliver(&self, task: &Task, value: f32) {
+        self.begin(task).await;
+        self.say(Part::Data(pixels(task, value, 1.0).into())).await;
+    }
+
+    /// Deliver sketches until there is a pass to do.
+    async fn pass(&mut self) -> Task {
+        loop {
+            let task = self.task().await;
+            if matches!(task.work, Work::Pass { .. }) {
+                return task;
+            }
+            self.deliver(&task, 0.5).await;
+        }
+    }
+}
+
+/// So much of the bytes of a picture.
+fn pixels(task: &Task, value: f32, share: f64) -> Vec<u8> {
+    let values = 3 * task.width as usize * task.height as usize;
+    value.to_le_bytes().repeat((share * values as f64) as usize)
+}
+
+fn is_average(picture: &Picture, passes: u64) -> bool {
+    picture.quality == Quality::Passes(passes)
+}
+
+fn film(picture: &Picture) -> &Film {
+    picture.content.film()
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn passes_of_a_revision_have_the_bits_of_its_job() {
+    let mut view = View::start().await;
+    let _crew = [1, 2].map(|threads| start_worker(view.url.clone(), threads, LONG));
+    for power in ["30", "70"] {
+        let text = changed(power);
+        let number = view.revise(&text);
+        view.settle(number, 5);
+        let shown = view
+            .shows("five passes", |picture| {
+                picture.revision == number && is_average(picture, 5)
+            })
+            .await;
+        let scene = Scene::new(description(&text));
+        let plan = RenderPlan::new(&scene, settings());
+        let mut sum = TreeSum::new(view.full[0], view.full[1]);
+        for pass_index in 0..5 {
+            sum.insert(leaf(pass_index, render_pass(&scene, &plan, pass_index).film))
+                .unwrap();
+        }
+        let expected = sum.average().unwrap();
+        assert!(*film(&shown) == expected.beauty, "power {power}");
+        match &shown.content {
+            Content::Average(average) => assert_eq!(average.passes, 5),
+            Content::Sketch(_) => panic!("a sketch"),
+        }
+    }
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn what_arrives_late_enters_no_sum() {
+    let mut view = View::start().await;
+    let mut worker = view.worker().await;
+    let first = view.revise(SCENE);
+    view.settle(first, 3);
+    let old = worker.pass().await;
+    worker.begin(&old).await;
+    let half = pixels(&old, 1000.0, 0.5);
+    worker.say(Part::Data(half.clone().into())).await;
+
+    // In the middle of its way the scene changes.
+    let second = view.revise(&changed("30"));
+    view.settle(second, 3);
+    assert_eq!(worker.order().await, Kind::Drop(old.number.0));
+    worker.say(Part::Data(half.into())).await;
+    worker.deliver(&old, 1000.0).await;
+    worker.say(Part::Dropped(old.number.0)).await;
+    for _ in 0..3 {
+        let pass = worker.pass().await;
+        assert_eq!(pass.revision, second);
+        worker.deliver(&pass, 2.0).await;
+    }
+    let shown = view.shows("three passes", |picture| is_average(picture, 3)).await;
+    assert_eq!(shown.revision, second);
+    assert!(film(&shown).pixels.iter().flatten().all(|value| *value == 2.0));
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn what_a_lost_worker_had_in_hand_another_one_does() {
+    let mut view = View::start().await;
+    let mut lost = view.worker().await;
+    let number = view.revise(SCENE);
+    view.settle(number, 2);
+    let pass = lost.pass().await;
+    lost.begin(&pass).await;
+    lost.say(Part::Data(pixels(&pass, 9.0, 0.9).into())).await;
+    drop(lost);
+    let mut other = view.worker().await;
+    let mut seen = Vec::new();
+    for _ in 0..2 {
+        let pass = other.pass().await;
+        other.deliver(&pass, 3.0).await;
+        if let Work::Pass { pass_index, .. } = pass.work {
+            seen.push(pass_index);
+        }
+    }
+    assert_eq!(seen, [0, 1]);
+    let shown = view.shows("two passes", |picture| is_average(picture, 2)).await;
+    assert!(film(&shown).pixels.iter().flatten().all(|value| *value == 3.0));
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn work_is_dropped_in_the_middle_of_a_pass() {
+    let mut view = View::start().await;
+    let _worker = start_worker(view.url.clone(), 1, LONG);
+    let number = view.revise(SCENE);
+    // A pass of minutes.
+    let [width, height] = view.full;
+    let settings = beamfarm_image::job::JobSettings {
+        paths_per_pass: 200_000_000,
+        ..settings()
+    };
+    let job = Job {
+        settings,
+        width,
+        height,
+        limit: 1,
+    };
+    view.revisions.settle(number, job);
+    view.shows("a sketch of full size", |picture| film(picture).width == width)
+        .await;
+    tokio::time::sleep(Duration::from_millis(500)).await;
+    let begun = Instant::now();
+    let next = view.revise(&changed("30"));
+    view.shows("another revision", |picture| picture.revision == next).await;
+    let took = begun.elapsed();
+    assert!(took < Duration::from_secs(20), "it took {took:?}");
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn those_who_make_no_sense_are_sent_away() {
+    let mut view = View::start().await;
+    let refused = RawWorker::attend(&view.url, "another").await.err().unwrap();
+    assert_eq!(refused.code(), Code::FailedPrecondition);
+    view.revise(SCENE);
+    let many = |task: &Task| Part::Data(vec![0; pixels(task, 0.0, 1.0).len() + 4].into());
+    let wrongs: [fn(&Task) -> Part; 2] = [
+        |_| Part::Greeting(wire::Greeting::default()),
+        |task| Part::Data(vec![0; 12 * task.width as usize * task.height as usize + 4].into()),
+    ];
+    for wrong in wrongs {
+        let mut worker = view.worker().await;
+        let task = worker.task().await;
+        worker.begin(&task).await;
+        worker.say(wrong(&task)).await;
+        let end = within("the end", worker.orders.message()).await;
+        assert_eq!(end.unwrap_err().code(), Code::InvalidArgument);
+    }
+    // Data that nobody asked for.
+    let mut worker = view.worker().await;
+    let task = worker.task().await;
+    worker.say(many(&task)).await;
+    let end = within("the end", worker.orders.message()).await;
+    assert_eq!(end.unwrap_err().code(), Code::InvalidArgument);
+    // NaN is no picture, and is said.
+    let mut worker = view.worker().await;
+    let task = worker.task().await;
+    worker.deliver(&task, f32::NAN).await;
+    let mut trouble = view.revisions.trouble();
+    let said = within("trouble", trouble.wait_for(Option::is_some)).await;
+    assert!(said.unwrap().as_deref().unwrap().contains("not finite"));
+}

@@ -7,7 +7,9 @@ mod bench;
 #[cfg(unix)]
 mod chaos;
 mod edits;
+mod live;
 mod logs;
+mod look;
 mod runs;
 mod scenes;
 mod setup;

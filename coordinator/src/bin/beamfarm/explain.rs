@@ -18,7 +18,7 @@ pub struct ExplainArgs {
 
 pub fn main(args: ExplainArgs) -> Result<(), Failure> {
     let loaded = args.settings.load()?;
-    let extents = args.settings.file()?.extents()?;
+    let extents = args.settings.of.file()?.extents()?;
     loaded.announce();
     let hash = loaded.bundle.hash();
     let scene = Scene::new(loaded.description);

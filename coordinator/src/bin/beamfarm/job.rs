@@ -16,13 +16,14 @@ use beamfarm_render::world::{RenderDefaults, SceneDescription};
 use beamfarm_scene::{Edits, ImportOptions, SceneError, SceneFile, is_mitsuba};
 use beamfarm_worker::complain;
 use clap::{Args, ValueEnum};
+use std::ffi::OsString;
 use std::num::ParseFloatError;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// What passes depend on beside the scene.
+/// The scene, and what its passes depend on.
 #[derive(Args, Clone, Debug)]
-pub struct SettingsArgs {
+pub struct SceneArgs {
     /// Scene file: TOML, or Mitsuba 3's XML if its name ends in .xml
     pub scene: PathBuf,
 
@@ -41,6 +42,13 @@ pub struct SettingsArgs {
     /// scene's]
     #[arg(long, value_name = "A")]
     pub alpha: Option<f64>,
+}
+
+/// What passes depend on, and what is rendered beside the image.
+#[derive(Args, Clone, Debug)]
+pub struct SettingsArgs {
+    #[command(flatten)]
+    pub of: SceneArgs,
 
     /// Choose radii for the least error after N passes; those beyond shrink again. A pilot of seconds finds them. With
     /// `inf` radii shrink from the first pass on, which is right when passes may be added without end [default: inf]
@@ -121,11 +129,19 @@ impl Aov {
     }
 }
 
-impl SettingsArgs {
+impl SceneArgs {
     /// The scene's files, changed as was asked for.
     pub fn file(&self) -> Result<SceneFile, Failure> {
         let options = self.import.options(&self.scene)?;
         SceneFile::read(&self.scene, &options).map_err(|error| self.failure(error, &options))
+    }
+
+    /// Whether the scene can be rendered.
+    pub fn check(&self, file: &SceneFile) -> Result<(), Failure> {
+        let options = self.import.options(&self.scene)?;
+        let loaded = file.load().map_err(|error| self.failure(error, &options))?;
+        drop(loaded);
+        Ok(())
     }
 
     /// With all else that is wrong with the scene file.
@@ -140,11 +156,28 @@ impl SettingsArgs {
         }
     }
 
-    /// Read the scene.
-    pub fn load(&self) -> Result<Loaded, Failure> {
-        let file = self.file()?;
-        let options = self.import.options(&self.scene)?;
-        let description = file.load().map_err(|error| self.failure(error, &options))?;
+    /// The same options for the scene in its native form, which has the values of its parameters.
+    pub fn of_native(&self) -> Vec<OsString> {
+        let mut args: Vec<OsString> = Vec::new();
+        let mut add = |name: &str, value: Option<String>| {
+            args.extend(value.into_iter().flat_map(|value| [name.into(), value.into()]));
+        };
+        let import = &self.import;
+        for (name, value) in import.parameters.iter().filter(|_| !is_mitsuba(&self.scene)) {
+            add("-D", Some(format!("{name}={value}")));
+        }
+        add("--scale", import.scale.map(|scale| scale.to_string()));
+        add("--width", import.width.map(|width| width.to_string()));
+        add("--height", import.height.map(|height| height.to_string()));
+        add("--crop", import.crop.map(|[x, y, w, h]| format!("{x},{y},{w},{h}")));
+        add("--paths", self.paths.map(|paths| paths.to_string()));
+        add("--seed", self.seed.map(|seed| seed.to_string()));
+        add("--alpha", self.alpha.map(|alpha| alpha.to_string()));
+        args
+    }
+
+    /// The settings of a job of the scene, by a pilot what nobody says.
+    pub fn choose(&self, description: &SceneDescription) -> Result<Chosen, Failure> {
         let defaults = description.defaults;
         let settings = JobSettings {
             seed: self.seed.unwrap_or(defaults.seed),
@@ -152,15 +185,28 @@ impl SettingsArgs {
             ..defaults.job_settings()
         };
         settings.check().map_err(Failure::usage)?;
-        let mut notes = description.notes.clone();
         let paths = self.paths.or(defaults.paths_per_pass);
         let settings = JobSettings {
             paths_per_pass: paths.unwrap_or(settings.paths_per_pass),
             ..settings
         };
-        let choice = Choice::new(&description, settings, paths);
+        let choice = Choice::new(description, settings, paths);
         let settings = choice.as_ref().map_or(settings, Choice::settings);
+        Ok(Chosen { settings, choice })
+    }
+}
+
+impl SettingsArgs {
+    /// Read the scene.
+    pub fn load(&self) -> Result<Loaded, Failure> {
+        let file = self.of.file()?;
+        let options = self.of.import.options(&self.of.scene)?;
+        let description = file.load().map_err(|error| self.of.failure(error, &options))?;
+        let defaults = description.defaults;
+        let Chosen { settings, choice } = self.of.choose(&description)?;
+        let mut notes = description.notes.clone();
         if choice.is_some() {
+            let paths = self.of.paths.or(defaults.paths_per_pass);
             notes.extend(found_by_pilot(&settings, paths.is_none()));
         }
         // One in the world alone lies in the world.
@@ -214,6 +260,13 @@ fn found_by_pilot(settings: &JobSettings, chose_paths: bool) -> Option<String> {
     let paths = chose_paths.then(|| format!("{} photon paths a pass", settings.paths_per_pass));
     let chosen: Vec<String> = finders.into_iter().chain(paths).collect();
     (!chosen.is_empty()).then(|| format!("{}, found by a pilot", chosen.join(", ")))
+}
+
+/// The settings of a job.
+pub struct Chosen {
+    pub settings: JobSettings,
+    /// What a pilot chose among, if there was anything to choose.
+    pub choice: Option<Choice>,
 }
 
 /// A scene that was read and found good.
@@ -430,7 +483,7 @@ impl JobArgs {
         let output = self.output.as_deref();
         Ok(Output {
             drops_photons: loaded.defaults.targeting == Targeting::Reject,
-            ..Output::new(output, &self.settings.scene, "", loaded.standard_error)?
+            ..Output::new(output, &self.settings.of.scene, "", loaded.standard_error)?
         })
     }
 

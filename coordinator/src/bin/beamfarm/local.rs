@@ -1,6 +1,5 @@
 //! Worker processes on this machine.
 
-use beamfarm_coordinator::Farm;
 use beamfarm_proto::{TOKEN_VARIABLE, Token};
 use beamfarm_worker::cli::LogFormat;
 use std::path::PathBuf;
@@ -46,22 +45,29 @@ pub struct Crew {
     pub threads: usize,
     /// The coordinator's address, and what opens it.
     pub url: String,
-    pub token: Token,
+    pub token: Option<Token>,
     /// Filter of the workers' logs.
     pub log: String,
     /// Form of the workers' logs.
     pub log_format: LogFormat,
 }
 
-/// Keep the crew at work, replacing those that die, until the farm ends or workers keep dying; that is the error.
-/// Dropping the future kills the workers.
-pub async fn run(crew: Crew, farm: Arc<Farm>) -> Result<(), String> {
+/// Keep the crew at work, replacing those that die, until what it works for has `ended` or workers keep dying; that is
+/// the error. `delivered`: how much they have delivered so far. Dropping the future kills the workers.
+pub async fn run<E>(
+    crew: Crew,
+    ended: impl Fn() -> E + Clone + Send + 'static,
+    delivered: impl Fn() -> u64 + Clone + Send + 'static,
+) -> Result<(), String>
+where
+    E: Future<Output = ()> + Send + 'static,
+{
     let program = std::env::current_exe().map_err(|error| error.to_string())?;
     let deaths = Arc::new(Deaths::default());
     let mut places = JoinSet::new();
     for place in 0..crew.workers {
-        let (crew, farm) = (crew.clone(), farm.clone());
-        let keep = keep(place, crew, program.clone(), farm, deaths.clone());
+        let (ended, delivered) = (ended.clone(), delivered.clone());
+        let keep = keep(place, crew.clone(), program.clone(), ended, delivered, deaths.clone());
         places.spawn(keep.in_current_span());
     }
     while let Some(place) = places.join_next().await {
@@ -86,7 +92,14 @@ impl Deaths {
     }
 }
 
-async fn keep(place: usize, crew: Crew, program: PathBuf, farm: Arc<Farm>, deaths: Arc<Deaths>) -> Result<(), String> {
+async fn keep<E: Future<Output = ()>>(
+    place: usize,
+    crew: Crew,
+    program: PathBuf,
+    ended: impl Fn() -> E,
+    delivered: impl Fn() -> u64,
+    deaths: Arc<Deaths>,
+) -> Result<(), String> {
     loop {
         let mut child =
             start(place, &crew, &program).map_err(|error| format!("cannot start {}: {error}", program.display()))?;
@@ -102,17 +115,17 @@ async fn keep(place: usize, crew: Crew, program: PathBuf, farm: Arc<Farm>, death
         let status = tokio::select! {
             // First: at the end of a job both are true, and the worker was not lost.
             biased;
-            _ = farm.ended() => {
+            () = ended() => {
                 let _ = child.wait().await;
                 return Ok(());
             }
             status = child.wait() => status.map_err(|error| error.to_string())?,
         };
-        let in_a_row = deaths.count(farm.progress().passes);
+        let in_a_row = deaths.count(delivered());
         let how = describe(status);
         if in_a_row >= DEATHS_IN_A_ROW {
             return Err(format!(
-                "{in_a_row} workers died in a row without delivering a pass; the last one {how}"
+                "{in_a_row} workers died in a row without delivering anything; the last one {how}"
             ));
         }
         warn!(name, "a worker {how}; starting another one");
@@ -137,9 +150,12 @@ fn start(place: usize, crew: &Crew, program: &PathBuf) -> std::io::Result<Child>
     for variable in ELSEWHERE {
         command.env_remove(variable);
     }
-    command
+    match &crew.token {
         // Only this user can read the environment of a process.
-        .env(TOKEN_VARIABLE, crew.token.reveal())
+        Some(token) => command.env(TOKEN_VARIABLE, token.reveal()),
+        None => command.env_remove(TOKEN_VARIABLE),
+    };
+    command
         .args(["worker", "--connect", &crew.url])
         .args(["--threads", &crew.threads.to_string()])
         .args(["--name", &name(place)])

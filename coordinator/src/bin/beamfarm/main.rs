@@ -9,10 +9,12 @@ mod failure;
 mod history;
 mod image;
 mod job;
+mod live;
 mod local;
 mod measure;
 mod merge;
 mod onlookers;
+mod open_page;
 mod output;
 mod progress;
 mod remote;
@@ -40,6 +42,7 @@ Examples:
                                                   scene's own number of passes, scene.exr and scene.png here
   beamfarm render scene.toml --scale 25% -D camera.fov=40
   beamfarm render scene.toml --time 5m -o out/a.exr
+  beamfarm live scene.toml --open                 look around and change it in the browser
   beamfarm explain scene.toml                     what a pass will do, and why
   beamfarm reference scene.toml --time 10m -o reference.exr
   beamfarm compare scene.exr reference.exr
@@ -72,6 +75,9 @@ enum Command {
     /// Render a scene on this machine
     #[command(after_help = format!("{}\n\n{}", render::EXAMPLES, history::HELP))]
     Render(render::RenderArgs),
+    /// Look at a scene and change it in the browser, while it renders
+    #[command(after_help = live::EXAMPLES)]
+    Live(live::LiveArgs),
     /// Hand the passes of a scene out to workers on other machines
     #[command(after_help = format!("{}\n\n{}", serve::EXAMPLES, history::HELP))]
     Serve(serve::ServeArgs),
@@ -166,6 +172,7 @@ fn main() -> ExitCode {
     }
     let done = match options.command {
         Command::Render(args) => render::main(args, &options.log),
+        Command::Live(args) => live::main(args, &options.log),
         Command::Serve(args) => serve::main(args),
         Command::Worker(args) => return cli::main(args),
         Command::Merge(args) => merge::main(args),

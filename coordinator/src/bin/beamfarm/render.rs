@@ -5,13 +5,13 @@ use crate::directory::prepare;
 use crate::failure::Failure;
 use crate::job::JobArgs;
 use crate::local::{self, Crew};
-use beamfarm_coordinator::security::{ENTER, Security};
+use crate::open_page::{open_page, tell_page};
+use beamfarm_coordinator::security::Security;
 use beamfarm_coordinator::{Entrance, Farm, Timing};
 use beamfarm_proto::Token;
 use beamfarm_worker::cli::{LogArgs, LogFormat};
-use beamfarm_worker::{complain, say};
+use beamfarm_worker::say;
 use clap::Args;
-use std::io::{IsTerminal, Write};
 use std::net::Ipv4Addr;
 use tokio::net::TcpListener;
 
@@ -43,41 +43,6 @@ pub struct RenderArgs {
     open: bool,
 }
 
-/// Open the page. Its link holds the token, and what programs are started with is for all to see: the browser gets a
-/// file that leads there, and that nobody else can read. It is removed with the value.
-fn open_page(crew: &Crew) -> Option<tempfile::NamedTempFile> {
-    let Crew { url, token, .. } = crew;
-    let make = || {
-        let mut file = tempfile::Builder::new()
-            .prefix("beamfarm-")
-            .suffix(".html")
-            .tempfile()?;
-        let link = format!("{url}{ENTER}#{}", token.reveal());
-        writeln!(
-            file,
-            "<!doctype html><meta http-equiv=\"refresh\" content=\"0; url={link}\"><a href=\"{link}\">The job</a>"
-        )?;
-        open::that_detached(file.path())?;
-        Ok::<_, std::io::Error>(file)
-    };
-    match make() {
-        Ok(file) => Some(file),
-        Err(error) => {
-            complain!("warning: no browser can be opened: {error}");
-            None
-        }
-    }
-}
-
-/// Say where the job can be watched: to people with what opens it, but not where it would stay in a file.
-fn tell_page(crew: &Crew) {
-    let Crew { url, token, .. } = crew;
-    match std::io::stderr().is_terminal() {
-        true => complain!("page: {url}{ENTER}#{}", token.reveal()),
-        false => complain!("page: {url}/"),
-    }
-}
-
 pub fn main(args: RenderArgs, log: &LogArgs) -> Result<(), Failure> {
     let loaded = args.job.settings.load()?;
     let exposure = args.job.exposure(&loaded)?;
@@ -106,15 +71,26 @@ pub fn main(args: RenderArgs, log: &LogArgs) -> Result<(), Failure> {
             workers,
             threads,
             url: format!("http://{address}"),
-            token: token.clone(),
+            token: Some(token.clone()),
             log: log.log.as_deref().unwrap_or("warn").to_owned(),
             log_format: log.log_format,
         };
         if !args.job.quiet && log.log_format == LogFormat::Text {
-            tell_page(&crew);
+            tell_page(&crew.url, &token);
         }
-        let _page = args.open.then(|| open_page(&crew));
-        let crew = local::run(crew, farm.clone());
+        let _page = args.open.then(|| open_page(&crew.url, &token));
+        let ended = {
+            let farm = farm.clone();
+            move || {
+                let farm = farm.clone();
+                async move { drop(farm.ended().await) }
+            }
+        };
+        let delivered = {
+            let farm = farm.clone();
+            move || farm.progress().passes
+        };
+        let crew = local::run(crew, ended, delivered);
         let entrance = Entrance {
             security: Security {
                 token: Some(token),

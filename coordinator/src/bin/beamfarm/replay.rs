@@ -51,7 +51,7 @@ pub fn main(args: ReplayArgs) -> Result<(), Failure> {
     }
     loaded.announce();
     let output = match &args.output {
-        Some(path) => Some(Output::new(Some(path), &args.settings.scene, "", false)?),
+        Some(path) => Some(Output::new(Some(path), &args.settings.of.scene, "", false)?),
         None => None,
     };
     // Zero threads stand for one per core.

@@ -1,7 +1,7 @@
 //! `beamfarm reference`: the ground truth of a scene, rendered in this process.
 
 use crate::failure::Failure;
-use crate::job::{Aov, ImportArgs, SettingsArgs};
+use crate::job::{Aov, ImportArgs, SceneArgs, SettingsArgs};
 use crate::output::{Output, REFERENCE};
 use crate::progress::{self, BAR_LENGTH, ESTIMATE, LINE};
 use crate::summary::describe_error;
@@ -113,12 +113,14 @@ impl SampleAov {
 
 pub fn main(args: ReferenceArgs) -> Result<(), Failure> {
     let loaded = SettingsArgs {
-        scene: args.scene.clone(),
-        import: args.import.clone(),
-        // It has none, and needs no pilot.
-        paths: Some(1),
-        seed: args.seed,
-        alpha: None,
+        of: SceneArgs {
+            scene: args.scene.clone(),
+            import: args.import.clone(),
+            // It has none, and needs no pilot.
+            paths: Some(1),
+            seed: args.seed,
+            alpha: None,
+        },
         budget: None,
         aov: args.aov.iter().flat_map(|aov| aov.of_passes()).collect(),
     }

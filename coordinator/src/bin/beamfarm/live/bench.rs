@@ -1,0 +1,727 @@
+//! The scene on the bench: its text, how it came to be, and what follows from it.
+
+use super::messages::{Camera, FromPage, ToPage};
+use crate::failure::Failure;
+use crate::job::SceneArgs;
+use beamfarm_coordinator::revisions::Style;
+use beamfarm_image::atomic::write_file;
+use beamfarm_image::job::{Finders, JobSettings};
+use beamfarm_proto::bytes::Bytes;
+use beamfarm_proto::{FileEntry, FileHash, Manifest, Revision, RevisionNumber};
+use beamfarm_render::world::{RenderDefaults, Scene, SceneDescription, Seen};
+use beamfarm_scene::desk::{self, CameraMove, Thing};
+use beamfarm_scene::{Edits, Files, ImportOptions, SceneError, SceneFile, Store, is_mitsuba};
+use glam::DVec3;
+use serde_json::Value;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// Steps of undo that are kept, and bytes of texts.
+const UNDO_STEPS: usize = 1000;
+const UNDO_BYTES: usize = 64 << 20;
+
+/// The camera may be so many radii of the scene away from the origin of render space.
+const FAR: f32 = 0.5;
+/// Where in the picture lights are drawn that stand nowhere, to be turned there: at so much of the distance of the
+/// camera's target, and so much of that above it.
+const SKY: [f64; 2] = [1.0, 0.22];
+
+/// Why a change cannot be.
+#[derive(Debug)]
+pub struct Refusal {
+    pub path: Option<String>,
+    pub line: Option<usize>,
+    pub message: String,
+}
+
+impl From<String> for Refusal {
+    fn from(message: String) -> Self {
+        Self {
+            path: None,
+            line: None,
+            message,
+        }
+    }
+}
+
+impl Refusal {
+    /// Of the scene file by its line, of another file by its name.
+    fn of(error: SceneError, scene: &Path) -> Self {
+        let of_scene = error.file.file_name() == scene.file_name();
+        let SceneError { file, line, message } = error;
+        match of_scene {
+            true => Self {
+                path: None,
+                line,
+                message,
+            },
+            false => Self {
+                path: None,
+                line: None,
+                message: format!("{}: {message}", file.display()),
+            },
+        }
+    }
+}
+
+/// What became of a change.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Changed {
+    /// Other pixels.
+    Picture,
+    /// Nothing that a pixel depends on: the exposure, a comment.
+    Looks,
+    /// Nothing at all.
+    Nothing,
+}
+
+/// A text to go back to.
+struct Before {
+    text: String,
+    /// What changed it.
+    gesture: Option<String>,
+}
+
+/// What no pixel depends on, and what is no part of what the scene means.
+#[derive(Clone, Copy)]
+struct Looks {
+    /// Stops.
+    exposure: f32,
+    passes: u64,
+}
+
+impl Looks {
+    fn of(files: &Files) -> Self {
+        let table = files.files.get(&files.scene).and_then(|file| {
+            let text = std::str::from_utf8(file.bytes()).ok()?;
+            toml::from_str::<toml::Table>(text).ok()
+        });
+        let render = table.as_ref().and_then(|table| table.get("render"));
+        let field = |name: &str| render.and_then(|render| render.get(name));
+        let exposure = field("exposure").and_then(|value| match value {
+            toml::Value::Float(stops) => Some(*stops as f32),
+            toml::Value::Integer(stops) => Some(*stops as f32),
+            _ => None,
+        });
+        let passes = field("passes").and_then(toml::Value::as_integer);
+        let defaults = RenderDefaults::default();
+        Self {
+            exposure: exposure.unwrap_or(defaults.exposure),
+            passes: passes
+                .and_then(|passes| u64::try_from(passes).ok())
+                .unwrap_or(defaults.passes),
+        }
+    }
+}
+
+/// The scene, while it is changed.
+pub struct Bench {
+    args: SceneArgs,
+    options: ImportOptions,
+    /// Where "save" writes.
+    file: PathBuf,
+    /// The text as it is on the disk; `None`: not there yet, since the scene is in another form.
+    on_disk: Option<String>,
+    text: String,
+    undo: Vec<Before>,
+    redo: Vec<String>,
+    /// Files of the last text that could be rendered, as it is written and as it is meant.
+    files: Files,
+    meant: Files,
+    looks: Looks,
+    number: RevisionNumber,
+    store: Store,
+    description: SceneDescription,
+    /// The scene for rays, made when first asked for.
+    scene: Option<Scene>,
+    /// The world's point that sketches have as origin.
+    origin: [f64; 3],
+    /// What the last pilot chose.
+    finders: Option<Finders>,
+}
+
+impl Bench {
+    /// The scene of a file.
+    pub fn open(args: &SceneArgs) -> Result<Self, Failure> {
+        // All that is wrong at once, as `render` tells it.
+        args.check(&args.file()?)?;
+        let options = args.import.options(&args.scene)?;
+        let plain = ImportOptions {
+            edits: Edits::default(),
+            ..options.clone()
+        };
+        let read = SceneFile::read(&args.scene, &plain)?;
+        let is_native = !is_mitsuba(&args.scene);
+        let text = String::from_utf8_lossy(read.text()).into_owned();
+        let file = args.scene.with_extension("toml");
+        let file = if is_native { args.scene.clone() } else { file };
+        let files = Files::from(read.bundle).revised(&file, &text, &options.edits)?;
+        let meant = files.clone().canonical();
+        let eye = desk::eye(&meant)?;
+        let mut store = Store::default();
+        let description = store.sketch(&meant, eye.origin)?;
+        Ok(Self {
+            args: args.clone(),
+            options,
+            file,
+            on_disk: is_native.then(|| text.clone()),
+            text,
+            undo: Vec::new(),
+            redo: Vec::new(),
+            looks: Looks::of(&files),
+            files,
+            meant,
+            number: RevisionNumber(1),
+            store,
+            description,
+            scene: None,
+            origin: eye.origin,
+            finders: None,
+        })
+    }
+
+    /// Make a change that a page asks for.
+    pub fn change(&mut self, change: &FromPage) -> Result<Changed, Refusal> {
+        match change {
+            FromPage::Undo { .. } => Ok(self.step(false)?),
+            FromPage::Redo { .. } => Ok(self.step(true)?),
+            FromPage::Revert { .. } => match self.on_disk.clone() {
+                Some(text) => self.put(text, None),
+                None => Err("the scene is not on the disk in this form yet".to_owned().into()),
+            },
+            FromPage::Focus { x, y, .. } => {
+                let seen = self.seen_at(*x, *y).ok_or_else(|| "nothing is there".to_owned())?;
+                let depth = round(f64::from(seen.depth));
+                let text = desk::set(&self.text, "camera.focus_distance", Some(Value::from(depth)))?;
+                self.put(text, None)
+            }
+            FromPage::Camera {
+                gesture,
+                origin,
+                target,
+                up,
+                fov,
+                ..
+            } => {
+                let to = CameraMove {
+                    origin: *origin,
+                    target: *target,
+                    up: *up,
+                    fov: *fov,
+                };
+                let text = desk::camera(&self.text, to)?;
+                self.put(text, Some(gesture))
+            }
+            FromPage::Set {
+                gesture, path, value, ..
+            } => {
+                let value = (!value.is_null()).then(|| value.clone());
+                let at_path = |refusal: Refusal| Refusal {
+                    path: Some(path.clone()),
+                    ..refusal
+                };
+                let text = desk::set(&self.text, path, value).map_err(|message| at_path(message.into()))?;
+                self.put(text, Some(gesture)).map_err(at_path)
+            }
+            FromPage::Move { gesture, thing, by, .. } => {
+                let text = desk::translate(self.base(gesture), thing, *by)?;
+                self.put(text, Some(gesture))
+            }
+            FromPage::Turn {
+                gesture,
+                thing,
+                axis,
+                angle,
+                ..
+            } => {
+                let text = desk::turn(self.base(gesture), thing, *axis, *angle)?;
+                self.put(text, Some(gesture))
+            }
+            _ => Ok(Changed::Nothing),
+        }
+    }
+
+    /// The file has changed on the disk, or one that it names has.
+    pub fn read_again(&mut self) -> Result<Changed, Refusal> {
+        let text = match self.on_disk {
+            Some(_) => read_text(&self.file).map_err(|error| Refusal::of(error, &self.file))?,
+            None => return Ok(Changed::Nothing),
+        };
+        self.on_disk = Some(text.clone());
+        // What they are named may be the same, but not what is in them.
+        self.files = Files {
+            scene: self.files.scene.clone(),
+            files: BTreeMap::new(),
+        };
+        self.put(text, None)
+    }
+
+    /// Write the scene file. Returns what was done, for people.
+    pub fn save(&mut self) -> Result<String, String> {
+        let file = self.file.display();
+        if self.on_disk.is_none() && self.file.exists() {
+            return Err(format!(
+                "{file} is there already, and was not made from this scene: move it away"
+            ));
+        }
+        write_file(&self.file, self.text.as_bytes()).map_err(|error| error.to_string())?;
+        self.on_disk = Some(self.text.clone());
+        Ok(format!("saved {file}"))
+    }
+
+    /// Whether the disk has another text.
+    pub fn is_dirty(&self) -> bool {
+        self.on_disk.as_ref() != Some(&self.text)
+    }
+
+    /// What is written to, and what else the scene is made of.
+    pub fn paths(&self) -> Vec<PathBuf> {
+        let folder = self.folder();
+        let native = self.on_disk.is_some().then(|| self.file.clone());
+        let assets = self.files.files.keys().filter(|key| **key != self.files.scene);
+        native.into_iter().chain(assets.map(|key| folder.join(key))).collect()
+    }
+
+    /// The scene file that "save" writes.
+    pub fn file(&self) -> &Path {
+        &self.file
+    }
+
+    /// Which state of the scene this is.
+    pub fn number(&self) -> RevisionNumber {
+        self.number
+    }
+
+    /// The scene as it is meant.
+    pub fn meant(&self) -> &Files {
+        &self.meant
+    }
+
+    /// How a sketch of it looks like.
+    pub fn description(&self) -> &SceneDescription {
+        &self.description
+    }
+
+    /// What workers are told, with the files that they may ask for.
+    pub fn revision(&self) -> (Revision, BTreeMap<FileHash, Bytes>) {
+        let entry = |(path, file): (&String, &beamfarm_scene::File)| FileEntry {
+            path: path.clone(),
+            hash: FileHash(file.hash()),
+            size: file.bytes().len() as u64,
+        };
+        let named = self.meant.files.iter();
+        let files = named
+            .clone()
+            .map(|(_, file)| (FileHash(file.hash()), Bytes::from_owner(file.bytes().clone())));
+        let text = self.meant.files.get(&self.meant.scene);
+        let revision = Revision {
+            number: self.number,
+            manifest: Manifest {
+                scene: self.meant.scene.clone(),
+                files: named.map(entry).collect(),
+            },
+            text: text
+                .map(|file| Bytes::from_owner(file.bytes().clone()))
+                .unwrap_or_default(),
+        };
+        (revision, files.collect())
+    }
+
+    /// What sketches are made with.
+    pub fn style(&self) -> Style {
+        let settings = self.description.defaults.job_settings();
+        Style {
+            settings: JobSettings {
+                finders: self.finders.unwrap_or(settings.finders),
+                ..settings
+            },
+            origin: self.origin,
+        }
+    }
+
+    /// A pilot has chosen.
+    pub fn chose(&mut self, finders: Finders) {
+        self.finders = Some(finders);
+    }
+
+    /// Stops, of the picture.
+    pub fn exposure(&self) -> f32 {
+        self.looks.exposure
+    }
+
+    /// Passes that a job of the scene has.
+    pub fn passes(&self) -> u64 {
+        self.looks.passes
+    }
+
+    /// The same scene as another state.
+    pub fn begin_anew(&mut self) {
+        self.number.0 += 1;
+    }
+
+    /// What the page shows of the scene.
+    pub fn scene(&self, seq: u64) -> ToPage {
+        let title = self.args.scene.file_stem().unwrap_or_default();
+        let name = self.file.file_name().unwrap_or_default();
+        ToPage::Scene {
+            revision: self.number.0,
+            seq,
+            title: title.to_string_lossy().into_owned(),
+            file: name.to_string_lossy().into_owned(),
+            dirty: self.is_dirty(),
+            undo: !self.undo.is_empty(),
+            redo: !self.redo.is_empty(),
+            camera: self.camera(),
+            things: self.things(),
+            fields: desk::fields(&self.text),
+        }
+    }
+
+    /// What is seen at a point of the picture.
+    pub fn seen_at(&mut self, x: f64, y: f64) -> Option<Seen> {
+        let description = &self.description;
+        let scene = self.scene.get_or_insert_with(|| Scene::new(description.clone()));
+        scene.seen_at(x as f32, y as f32)
+    }
+
+    /// What was asked for by a click.
+    pub fn picked(&mut self, x: f64, y: f64) -> ToPage {
+        let seen = self.seen_at(x, y);
+        let object = seen.map(|seen| seen.object as usize);
+        let ids = desk::object_ids(&self.text);
+        let objects = &self.description.objects;
+        let world = |point: [f32; 3]| std::array::from_fn(|i| f64::from(point[i]) + self.origin[i]);
+        ToPage::Picked {
+            thing: object.and_then(|object| ids.get(object).cloned()),
+            name: object.and_then(|object| Some(objects.get(object)?.name.clone())),
+            point: seen.map(|seen| world(seen.point)),
+            distance: seen.map(|seen| f64::from(seen.depth)),
+            material: object.and_then(|object| desk::material_of(&self.text, object)),
+        }
+    }
+
+    fn camera(&self) -> Camera {
+        let camera = &self.description.camera;
+        let eye = desk::eye(&self.meant).ok();
+        let forward = camera.frame.n;
+        let origin: [f64; 3] = std::array::from_fn(|i| f64::from(camera.position[i]) + self.origin[i]);
+        let target = std::array::from_fn(|i| origin[i] + f64::from(forward[i]));
+        let sense = camera.frame.s.cross(camera.frame.t).dot(camera.frame.n);
+        Camera {
+            origin: eye.map_or(origin, |eye| eye.origin),
+            target: eye.map_or(target, |eye| eye.target),
+            up: eye.map_or([0.0, 1.0, 0.0], |eye| eye.up),
+            fov: eye.map_or(40.0, |eye| eye.fov),
+            fov_axis: eye.map_or("x", |eye| eye.fov_axis),
+            tan_x: f64::from(camera.tan_half_fov_x),
+            width: camera.width,
+            height: camera.height,
+            shift: [f64::from(camera.shift.x), f64::from(camera.shift.y)],
+            // Left-handed, unless the image is mirrored.
+            flip_x: sense > 0.0,
+            aperture: f64::from(camera.aperture),
+            focus_distance: f64::from(camera.focus_distance),
+            fixed: eye.is_none().then(|| "the scene's camera cannot be found".to_owned()),
+        }
+    }
+
+    /// What can be taken hold of. Light from far away gets a place in the picture, where it can be turned.
+    fn things(&self) -> Vec<Thing> {
+        let mut things = desk::things(&self.text, &self.description, self.origin);
+        let Ok(eye) = desk::eye(&self.meant) else {
+            return things;
+        };
+        let [origin, target] = [eye.origin, eye.target].map(DVec3::from);
+        let up = self.description.camera.frame.t.as_dvec3();
+        let distance = (target - origin).length();
+        let tan = f64::from(self.description.camera.tan_half_fov_x);
+        let place = origin + (target - origin) * SKY[0] + up * (distance * tan * SKY[1]);
+        for thing in things.iter_mut().filter(|thing| thing.kind == "directional") {
+            thing.at = Some(place.to_array());
+        }
+        things
+    }
+
+    fn folder(&self) -> &Path {
+        self.file.parent().unwrap_or(Path::new(""))
+    }
+
+    /// The text that totals of a gesture begin with.
+    fn base(&self, gesture: &str) -> &str {
+        match self.undo.last() {
+            Some(before) if before.gesture.as_deref() == Some(gesture) => &before.text,
+            _ => &self.text,
+        }
+    }
+
+    /// Take another text, if it makes a scene.
+    fn put(&mut self, text: String, gesture: Option<&str>) -> Result<Changed, Refusal> {
+        let changed = self.show(&text)?;
+        if text == self.text {
+            return Ok(changed);
+        }
+        let is_same_gesture = self
+            .undo
+            .last()
+            .is_some_and(|before| before.gesture.is_some() && before.gesture.as_deref() == gesture);
+        let text = std::mem::replace(&mut self.text, text);
+        if !is_same_gesture {
+            self.undo.push(Before {
+                text,
+                gesture: gesture.map(str::to_owned),
+            });
+        }
+        self.redo.clear();
+        let mut bytes: usize = self.undo.iter().map(|before| before.text.len()).sum();
+        while self.undo.len() > UNDO_STEPS || bytes > UNDO_BYTES && self.undo.len() > 1 {
+            bytes -= self.undo.remove(0).text.len();
+        }
+        Ok(match changed {
+            Changed::Nothing => Changed::Looks,
+            changed => changed,
+        })
+    }
+
+    /// One step back, or forth.
+    fn step(&mut self, forth: bool) -> Result<Changed, Refusal> {
+        let next = match forth {
+            true => self.redo.last().cloned(),
+            false => self.undo.last().map(|before| before.text.clone()),
+        };
+        let Some(next) = next else {
+            return Ok(Changed::Nothing);
+        };
+        let changed = self.show(&next)?;
+        let text = std::mem::replace(&mut self.text, next);
+        match forth {
+            true => {
+                self.redo.pop();
+                self.undo.push(Before { text, gesture: None });
+            }
+            false => {
+                self.undo.pop();
+                self.redo.push(text);
+                // What goes on of the gesture that was taken back is another one.
+                if let Some(before) = self.undo.last_mut() {
+                    before.gesture = None;
+                }
+            }
+        }
+        Ok(match changed {
+            Changed::Nothing => Changed::Looks,
+            changed => changed,
+        })
+    }
+
+    /// Find the scene of a text; of an error nothing is left.
+    fn show(&mut self, text: &str) -> Result<Changed, Refusal> {
+        let file = self.file.clone();
+        self.try_to_show(text).map_err(|error| Refusal::of(error, &file))
+    }
+
+    fn try_to_show(&mut self, text: &str) -> Result<Changed, SceneError> {
+        let files = self.files.revised(&self.file, text, &self.options.edits)?;
+        let meant = files.clone().canonical();
+        let is_same = meant.scene == self.meant.scene
+            && meant.files.len() == self.meant.files.len()
+            && (meant.files.iter().zip(&self.meant.files)).all(|(a, b)| a.0 == b.0 && a.1.hash() == b.1.hash());
+        if is_same {
+            self.looks = Looks::of(&files);
+            self.files = files;
+            return Ok(Changed::Nothing);
+        }
+        // As it is written: errors name its lines.
+        let mut description = self.store.sketch(&files, self.origin)?;
+        // Single precision is finest near the origin: one that the camera has left far behind gives way to another.
+        let mut origin = self.origin;
+        let strayed = description.camera.position.length();
+        if strayed > FAR * description.bounds.radius
+            && let Ok(eye) = desk::eye(&meant)
+        {
+            origin = eye.origin;
+            description = self.store.sketch(&files, origin)?;
+        }
+        self.origin = origin;
+        self.description = description;
+        self.looks = Looks::of(&files);
+        self.files = files;
+        self.meant = meant;
+        self.scene = None;
+        self.number.0 += 1;
+        Ok(Changed::Picture)
+    }
+}
+
+fn read_text(file: &Path) -> Result<String, SceneError> {
+    let wrong = |message: String| SceneError {
+        file: file.to_owned(),
+        line: None,
+        message,
+    };
+    let bytes = std::fs::read(file).map_err(|error| wrong(error.to_string()))?;
+    String::from_utf8(bytes).map_err(|_| wrong("the scene file is not UTF-8 text".into()))
+}
+
+/// Four digits are enough for where to focus.
+fn round(value: f64) -> f64 {
+    let scale = libm::pow(10.0, 3.0 - libm::floor(libm::log10(value.abs().max(1e-30))));
+    (value * scale).round() / scale
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::Parser;
+    use serde_json::json;
+
+    const SCENE: &str = "\
+# A ball.
+image = { width = 8, height = 6 } # small
+[camera]
+origin = [0, 0, 3]
+target = [0, 0, 0]
+fov = 40
+[[shapes]]
+name = \"ball\"
+type = \"sphere\"
+radius = 1 # round
+[[lights]]
+type = \"point\"
+position = [2, 2, 3]
+power = 100
+";
+
+    #[derive(Parser)]
+    struct Options {
+        #[command(flatten)]
+        scene: SceneArgs,
+    }
+
+    fn bench(more: &[&str]) -> (tempfile::TempDir, Bench) {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.toml");
+        std::fs::write(&path, SCENE).unwrap();
+        let args = [&["live", path.to_str().unwrap()], more].concat();
+        let options = Options::parse_from(args);
+        let bench = Bench::open(&options.scene);
+        (folder, bench.unwrap_or_else(|failure| panic!("{failure}")))
+    }
+
+    fn set(path: &str, value: Value, gesture: &str) -> FromPage {
+        FromPage::Set {
+            seq: 1,
+            gesture: gesture.into(),
+            path: path.into(),
+            value,
+        }
+    }
+
+    #[test]
+    fn a_gesture_is_one_step_of_undo() {
+        let (_folder, mut bench) = bench(&[]);
+        for fov in [41, 42, 43] {
+            assert_eq!(
+                bench.change(&set("camera.fov", json!(fov), "a")).unwrap(),
+                Changed::Picture
+            );
+        }
+        bench.change(&set("lights.0.power", json!(50), "b")).unwrap();
+        let drag = |x: f64| FromPage::Move {
+            seq: 1,
+            gesture: "c".into(),
+            thing: "lights.0".into(),
+            by: [x, 0.0, 0.0],
+        };
+        // Totals, not steps.
+        for x in [0.25, 0.5, 1.0] {
+            bench.change(&drag(x)).unwrap();
+        }
+        assert!(
+            bench.text.contains("[3, 2, 3]") || bench.text.contains("[3.0, 2"),
+            "{}",
+            bench.text
+        );
+        let number = bench.number();
+        for _ in 0..3 {
+            assert_eq!(bench.change(&FromPage::Undo { seq: 1 }).unwrap(), Changed::Picture);
+        }
+        assert_eq!(bench.text, SCENE);
+        assert!(bench.number() > number, "no state of the scene comes twice");
+        assert_eq!(bench.change(&FromPage::Undo { seq: 1 }).unwrap(), Changed::Nothing);
+        for _ in 0..3 {
+            bench.change(&FromPage::Redo { seq: 1 }).unwrap();
+        }
+        assert!(bench.text.contains("fov = 43") && bench.text.contains("power = 50"));
+        assert_eq!(bench.change(&FromPage::Redo { seq: 1 }).unwrap(), Changed::Nothing);
+    }
+
+    #[test]
+    fn looks_are_no_other_picture_and_what_is_wrong_leaves_nothing() {
+        let (_folder, mut bench) = bench(&[]);
+        let number = bench.number();
+        assert_eq!(
+            bench.change(&set("render.exposure", json!(2), "a")).unwrap(),
+            Changed::Looks
+        );
+        assert_eq!((bench.exposure(), bench.number()), (2.0, number));
+        let text = bench.text.clone();
+        for (path, value) in [
+            ("camera.fov", json!(200)),
+            ("camera.nothing", json!(1)),
+            ("lights.7.power", json!(1)),
+            ("shapes.0.material", json!("no such")),
+        ] {
+            let refusal = bench.change(&set(path, value, "b")).unwrap_err();
+            assert_eq!(refusal.path.as_deref(), Some(path), "{refusal:?}");
+            assert_eq!((&bench.text, bench.number()), (&text, number));
+        }
+    }
+
+    #[test]
+    fn only_what_was_changed_is_saved() {
+        let (_folder, mut bench) = bench(&["--scale", "200%", "-D", "camera.fov=50"]);
+        assert_eq!(bench.description().camera.width, 16);
+        assert!(!bench.is_dirty());
+        bench.change(&set("lights.0.power", json!(7.5), "a")).unwrap();
+        assert!(bench.is_dirty());
+        bench.save().unwrap();
+        assert!(!bench.is_dirty());
+        let saved = std::fs::read_to_string(bench.file()).unwrap();
+        assert_eq!(saved, SCENE.replace("power = 100", "power = 7.5"));
+        std::fs::write(bench.file(), SCENE.replace("radius = 1", "radius = -1")).unwrap();
+        let refusal = bench.read_again().unwrap_err();
+        assert_eq!(refusal.line, Some(10), "{refusal:?}");
+    }
+
+    #[test]
+    fn a_click_tells_what_is_there() {
+        let (_folder, mut bench) = bench(&[]);
+        let ToPage::Picked {
+            thing, name, distance, ..
+        } = bench.picked(0.5, 0.5)
+        else {
+            panic!("no answer");
+        };
+        assert_eq!((thing.as_deref(), name.as_deref()), (Some("shapes.0"), Some("ball")));
+        assert!((distance.unwrap() - 2.0).abs() < 1e-5);
+        let ToPage::Picked {
+            thing: None,
+            name: None,
+            ..
+        } = bench.picked(0.01, 0.01)
+        else {
+            panic!("something is there");
+        };
+        bench.change(&FromPage::Focus { seq: 1, x: 0.5, y: 0.5 }).unwrap();
+        assert!(bench.text.contains("focus_distance = 2"), "{}", bench.text);
+        assert!(
+            bench
+                .change(&FromPage::Focus {
+                    seq: 1,
+                    x: 0.01,
+                    y: 0.01
+                })
+                .is_err()
+        );
+    }
+}

@@ -1,0 +1,50 @@
+//! Looks for changes of the scene's files on the disk.
+
+use super::view::View;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::{Duration, SystemTime};
+use tokio::time::{MissedTickBehavior, interval};
+
+/// Time between looks.
+const LOOK: Duration = Duration::from_millis(250);
+
+/// When a file was written, and its size.
+type Mark = Option<(SystemTime, u64)>;
+
+fn mark(path: &Path) -> Mark {
+    let metadata = std::fs::metadata(path).ok()?;
+    Some((metadata.modified().ok()?, metadata.len()))
+}
+
+fn marks(paths: Vec<PathBuf>) -> Vec<(PathBuf, Mark)> {
+    let with_mark = |path: PathBuf| {
+        let mark = mark(&path);
+        (path, mark)
+    };
+    paths.into_iter().map(with_mark).collect()
+}
+
+/// Read the scene again whenever one of its files is another one.
+pub async fn watch(view: Arc<View>) {
+    let mut looks = interval(LOOK);
+    looks.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    let mut known = marks(view.bench().paths());
+    loop {
+        looks.tick().await;
+        let (of_view, before) = (view.clone(), known);
+        let looked = tokio::task::spawn_blocking(move || {
+            let now = marks(of_view.bench().paths());
+            let was = |path: &PathBuf| before.iter().find(|(known, _)| known == path).map(|(_, mark)| *mark);
+            // One that is named for the first time was read just now; one that is gone is being written, perhaps.
+            let is_new = now
+                .iter()
+                .any(|(path, mark)| mark.is_some() && was(path).is_some_and(|was| was != *mark));
+            if is_new {
+                of_view.read_again();
+            }
+            now
+        });
+        known = looked.await.unwrap_or_default();
+    }
+}

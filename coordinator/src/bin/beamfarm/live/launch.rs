@@ -1,0 +1,89 @@
+//! What the live view starts beside itself: a job of the scene, and an editor of its file.
+
+use super::messages::ToPage;
+use super::view::{View, error};
+use beamfarm_coordinator::security::ENTER;
+use beamfarm_proto::{TOKEN_VARIABLE, Token};
+use std::process::Stdio;
+use std::sync::Arc;
+use tokio::io::{AsyncBufReadExt, BufReader};
+use tokio::process::Command;
+
+/// What `render` says before the address of its page.
+const PAGE: &str = "page: ";
+
+/// Begin a job of the scene file, which is saved before, and tell all pages where it is to be seen.
+pub fn render(view: Arc<View>) {
+    tokio::spawn(async move {
+        if let Err(message) = begin(&view).await {
+            view.tell(error(0, message.into()));
+        }
+    });
+}
+
+async fn begin(view: &Arc<View>) -> Result<(), String> {
+    let (is_dirty, file) = {
+        let bench = view.bench();
+        (bench.is_dirty(), bench.file().to_owned())
+    };
+    if is_dirty {
+        let text = view.save()?;
+        view.tell(ToPage::Told { text });
+    }
+    let token = Token::random().map_err(|error| error.to_string())?;
+    let program = std::env::current_exe().map_err(|error| error.to_string())?;
+    let mut child = Command::new(program)
+        .arg("render")
+        .arg(&file)
+        .args(view.args.of_native())
+        .args(["--log", "warn"])
+        // Only this user can read the environment of a process.
+        .env(TOKEN_VARIABLE, token.reveal())
+        .env_remove("BEAMFARM_TOKEN_FILE")
+        .stdin(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .map_err(|error| format!("no job can be started: {error}"))?;
+    let Some(stderr) = child.stderr.take() else {
+        return Err("the job says nothing".into());
+    };
+    let mut lines = BufReader::new(stderr).lines();
+    let mut said = Vec::new();
+    let mut is_open = false;
+    while let Ok(Some(line)) = lines.next_line().await {
+        match line.strip_prefix(PAGE) {
+            Some(address) if !is_open => {
+                is_open = true;
+                // There are not cores enough for two.
+                view.give_way();
+                let url = format!("{}{ENTER}#{}", address.trim_end_matches('/'), token.reveal());
+                view.tell(ToPage::Open { url });
+            }
+            // People at the terminal see what the job says.
+            _ => {
+                eprintln!("{}", beamfarm_worker::visible(&line));
+                said.push(line);
+                said.drain(..said.len().saturating_sub(5));
+            }
+        }
+    }
+    let status = child.wait().await.map_err(|error| error.to_string())?;
+    match status.success() {
+        true => {
+            let text = format!("the job of {} is done", file.display());
+            view.tell(ToPage::Told { text });
+            Ok(())
+        }
+        false => Err(said.join("\n")),
+    }
+}
+
+/// Open the scene file in whatever opens such files.
+pub fn editor(view: &View) -> Result<String, String> {
+    let file = {
+        let bench = view.bench();
+        bench.file().to_owned()
+    };
+    open::that_detached(&file).map_err(|error| format!("{} cannot be opened: {error}", file.display()))?;
+    Ok(format!("{} is open; what is saved there is shown here", file.display()))
+}

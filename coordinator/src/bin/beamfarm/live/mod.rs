@@ -1,0 +1,188 @@
+//! `beamfarm live`: a scene to look at and to change while it renders, in the browser.
+//!
+//! `bench` holds the scene's text and what follows from it; `view` lets workers render it, coarse while it changes and
+//! as `render` does at rest; `page` and `socket` are for browsers.
+
+mod bench;
+mod disk;
+mod launch;
+mod messages;
+mod page;
+mod socket;
+mod view;
+
+use crate::failure::Failure;
+use crate::job::SceneArgs;
+use crate::local::{self, Crew};
+use crate::open_page::{open_page, tell_page};
+use crate::security::ListenArgs;
+use beamfarm_coordinator::security::Security;
+use beamfarm_coordinator::{Entrance, server};
+use beamfarm_proto::Token;
+use beamfarm_worker::cli::{LogArgs, LogFormat};
+use beamfarm_worker::{canary, say, signals};
+use bench::Bench;
+use clap::Args;
+use std::net::{IpAddr, Ipv4Addr, SocketAddr};
+use std::sync::Arc;
+use tokio::net::TcpListener;
+use view::View;
+
+pub const EXAMPLES: &str = "\
+Examples:
+  beamfarm live scene.toml --open                     look at it in the browser, and change it there
+  beamfarm live scene.toml --width 960                smaller, and quicker
+  beamfarm live scene.toml --listen 0.0.0.0:7325 --token-file token
+                                                      for browsers and workers on other machines, too
+  beamfarm worker --connect http://HOST:7325 --token-file token
+                                                      on each of them
+
+While something moves there are sketches, coarse at first; at rest the picture converges to the truth, with
+the bits of `beamfarm render` of the saved scene after as many passes. The scene file changes on \"Save\" alone,
+and only in the values that were changed. What an editor writes into it is shown at once. SIGINT (Ctrl-C) ends
+the view.";
+
+#[derive(Args)]
+pub struct LiveArgs {
+    #[command(flatten)]
+    scene: SceneArgs,
+
+    /// Worker processes on this machine; 0: only those that connect from elsewhere [default: 1]
+    #[arg(long, value_name = "W")]
+    workers: Option<u16>,
+
+    /// Threads of each of them [default: so that workers times threads is the number of cores]
+    #[arg(long, value_name = "T", value_parser = clap::value_parser!(u16).range(1..))]
+    threads: Option<u16>,
+
+    /// Address and port to listen on, for workers and browsers [default: a free port of 127.0.0.1, with a token of its
+    /// own]
+    #[arg(long, value_name = "ADDR:PORT")]
+    listen: Option<SocketAddr>,
+
+    #[command(flatten)]
+    security: ListenArgs,
+
+    /// Open the page in a browser
+    #[arg(long)]
+    open: bool,
+
+    /// Print nothing but errors, and where the page is
+    #[arg(short, long)]
+    quiet: bool,
+}
+
+pub fn main(args: LiveArgs, log: &LogArgs) -> Result<(), Failure> {
+    let address = args.listen.unwrap_or(SocketAddr::from((Ipv4Addr::LOCALHOST, 0)));
+    let mut security = args.security.read(address)?;
+    if security.token.is_none() && args.listen.is_none() {
+        // Other users of this machine reach the port as well.
+        security.token = Some(Token::random().map_err(Failure::io)?);
+    }
+    let bench = Bench::open(&args.scene)?;
+    let canary = canary().map_err(Failure::io)?;
+    let runtime = tokio::runtime::Runtime::new().map_err(Failure::io)?;
+    let done = runtime.block_on(run(args, log, address, security, bench, canary));
+    // A pilot that nobody wants any more may still be at work.
+    runtime.shutdown_background();
+    done
+}
+
+async fn run(
+    args: LiveArgs,
+    log: &LogArgs,
+    address: SocketAddr,
+    security: Security,
+    bench: Bench,
+    canary: [u8; 32],
+) -> Result<(), Failure> {
+    let listener = TcpListener::bind(address)
+        .await
+        .map_err(|error| Failure::io(format!("cannot listen on {address}: {error}")))?;
+    let address = listener.local_addr().map_err(Failure::io)?;
+    // Before there is anything that somebody could take for a sign that it listens.
+    let drain = signals::drain().map_err(Failure::io)?;
+    let view = View::new(args.scene.clone(), bench, canary);
+    let url = format!("{}://{}", security.scheme(), reached_here(address));
+    let token = security.token.clone();
+    match &token {
+        Some(token) if log.log_format == LogFormat::Text => tell_page(&url, token),
+        _ => beamfarm_worker::complain!("page: {url}/"),
+    }
+    if args.listen.is_some() && !args.quiet {
+        say!("listening on {}://{address}", security.scheme());
+    }
+    let _page = match (args.open, &token) {
+        (true, Some(token)) => open_page(&url, token),
+        (true, None) => {
+            if let Err(error) = open::that_detached(&url) {
+                beamfarm_worker::complain!("warning: no browser can be opened: {error}");
+            }
+            None
+        }
+        (false, _) => None,
+    };
+    let crew = crew(&args, log, &security, &url);
+    let entrance = Entrance {
+        security,
+        ..Entrance::from(listener)
+    };
+    let ended = |mut drain: tokio::sync::watch::Receiver<bool>| async move {
+        let _ = drain.wait_for(|drain| *drain).await;
+    };
+    let delivered = {
+        let view = view.clone();
+        move || view.revisions.delivered()
+    };
+    let crew = async {
+        match crew {
+            Some(crew) => local::run(crew, std::future::pending::<()>, delivered).await,
+            None => std::future::pending().await,
+        }
+    };
+    let served = server::look(
+        entrance,
+        page::routes(view.clone()),
+        view.revisions.clone(),
+        ended(drain),
+    );
+    tokio::select! {
+        () = served => Ok(()),
+        broken = crew => Err(Failure::job(broken.err().unwrap_or_default())),
+        () = Arc::clone(&view).rest_again_and_again() => Ok(()),
+        () = disk::watch(view.clone()) => Ok(()),
+    }
+}
+
+/// How this machine reaches what listens at an address.
+fn reached_here(address: SocketAddr) -> SocketAddr {
+    match address.ip() {
+        IpAddr::V4(ip) if ip.is_unspecified() => SocketAddr::from((Ipv4Addr::LOCALHOST, address.port())),
+        IpAddr::V6(ip) if ip.is_unspecified() => SocketAddr::from((std::net::Ipv6Addr::LOCALHOST, address.port())),
+        _ => address,
+    }
+}
+
+/// The workers on this machine; none where they would have to trust a certificate.
+fn crew(args: &LiveArgs, log: &LogArgs, security: &Security, url: &str) -> Option<Crew> {
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let workers = args.workers.map_or(1, usize::from);
+    if security.tls.is_some() && workers > 0 {
+        beamfarm_worker::complain!(
+            "note: with --tls-cert workers connect from outside: `beamfarm worker --connect {url}`"
+        );
+        return None;
+    }
+    let threads = args.threads.map(usize::from);
+    (workers > 0).then(|| {
+        let (workers, threads) = local::split(Some(workers), threads, cores);
+        Crew {
+            workers,
+            threads,
+            url: url.to_owned(),
+            token: security.token.clone(),
+            log: log.log.as_deref().unwrap_or("warn").to_owned(),
+            log_format: log.log_format,
+        }
+    })
+}

@@ -1,0 +1,178 @@
+//! What the live view's port answers to browsers: the page, its socket, and pictures to take away.
+
+use super::socket;
+use super::view::View;
+use axum::Router;
+use axum::extract::State;
+use axum::http::StatusCode;
+use axum::http::header::{CONTENT_DISPOSITION, CONTENT_TYPE};
+use axum::response::{IntoResponse, Response};
+use axum::routing::get;
+use beamfarm_coordinator::revisions::{Content, Picture};
+use beamfarm_coordinator::security::LOOK;
+use beamfarm_image::bundle::Bundle;
+use beamfarm_image::exr::{ImageMeta, Maker, encode_image};
+use beamfarm_image::png::encode_png;
+use beamfarm_proto::VERSION;
+use std::sync::Arc;
+
+/// The page's files.
+macro_rules! page {
+    ($($name:literal),*) => {
+        [$((concat!("/", $name), include_str!(concat!("page/", $name)))),*]
+    };
+}
+
+const FILES: [(&str, &str); 15] = page!(
+    "look.css",
+    "look.js",
+    "dom.js",
+    "eye.js",
+    "field.js",
+    "grip.js",
+    "handles.js",
+    "keys.js",
+    "numbers.js",
+    "panel.js",
+    "picture.js",
+    "scene.js",
+    "sight.js",
+    "steer.js",
+    "wire.js"
+);
+
+/// The routes.
+pub fn routes(view: Arc<View>) -> Router {
+    let mut routes = Router::new()
+        .route(
+            "/",
+            get(|| file("text/html; charset=utf-8", include_str!("page/look.html"))),
+        )
+        .route(LOOK, get(socket::open))
+        .route("/image.exr", get(exr))
+        .route("/image.png", get(png));
+    for (path, text) in FILES {
+        let kind = match path.ends_with(".css") {
+            true => "text/css; charset=utf-8",
+            false => "text/javascript; charset=utf-8",
+        };
+        routes = routes.route(path, get(move || file(kind, text)));
+    }
+    routes.with_state(view)
+}
+
+async fn file(kind: &'static str, text: &'static str) -> impl IntoResponse {
+    ([(CONTENT_TYPE, kind)], text)
+}
+
+fn none() -> Response {
+    (StatusCode::NOT_FOUND, "no pass is complete yet\n").into_response()
+}
+
+fn wrong(error: impl ToString) -> Response {
+    (StatusCode::INTERNAL_SERVER_ERROR, error.to_string()).into_response()
+}
+
+/// A file to keep, named after the scene.
+fn to_keep(view: &View, kind: &'static str, ending: &str, bytes: Vec<u8>) -> Response {
+    let stem = view.args.scene.file_stem().unwrap_or_default().to_string_lossy();
+    let name: String = stem
+        .chars()
+        .map(|c| {
+            if c.is_ascii_alphanumeric() || "-_".contains(c) {
+                c
+            } else {
+                '_'
+            }
+        })
+        .collect();
+    let attachment = format!("attachment; filename=\"{name}.{ending}\"");
+    (
+        [(CONTENT_TYPE, kind.to_owned()), (CONTENT_DISPOSITION, attachment)],
+        bytes,
+    )
+        .into_response()
+}
+
+fn picture(view: &View) -> Option<Arc<Picture>> {
+    view.revisions.pictures().borrow().clone()
+}
+
+/// The true average with what an EXR says of itself; nothing while there are only sketches.
+async fn exr(State(view): State<Arc<View>>) -> Response {
+    let (picture, job) = (picture(&view), view.revisions.job());
+    let (number, meant) = {
+        let bench = view.bench();
+        (bench.number(), bench.meant().clone())
+    };
+    let of_now = picture.filter(|picture| picture.revision == number);
+    let average = of_now.and_then(|picture| match &picture.content {
+        Content::Average(average) => Some(average.clone()),
+        Content::Sketch(_) => None,
+    });
+    let (Some(average), Some(job)) = (average, job) else {
+        return none();
+    };
+    let rest = view.rest().borrow().clone();
+    let encoded = tokio::task::spawn_blocking(move || {
+        let files = meant.files.into_iter();
+        let bundle = Bundle {
+            scene: meant.scene,
+            files: files.map(|(path, file)| (path, file.bytes().to_vec())).collect(),
+        };
+        let meta = ImageMeta {
+            scene: bundle.hash(),
+            maker: Maker::Passes(job.settings),
+            render_seconds: rest.since.map_or(0.0, |since| since.elapsed().as_secs_f64()),
+            version: VERSION.into(),
+            layers: Vec::new(),
+            standard_error: false,
+            drops_photons: rest.drops_photons,
+        };
+        encode_image(&average, &meta)
+    });
+    match encoded.await {
+        Ok(Ok(bytes)) => to_keep(&view, "image/x-exr", "exr", bytes),
+        Ok(Err(error)) => wrong(error),
+        Err(error) => wrong(error),
+    }
+}
+
+/// What is seen.
+async fn png(State(view): State<Arc<View>>) -> Response {
+    let Some(picture) = picture(&view) else {
+        return none();
+    };
+    let exposure = view.bench().exposure();
+    let encoded = tokio::task::spawn_blocking(move || encode_png(picture.content.film(), exposure));
+    match encoded.await {
+        Ok(Ok(bytes)) => to_keep(&view, "image/png", "png", bytes),
+        Ok(Err(error)) => wrong(error),
+        Err(error) => wrong(error),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What the page's modules import is there, and is all that there is.
+    #[test]
+    fn modules_find_each_other() {
+        let html = include_str!("page/look.html");
+        let named = |path: &str| {
+            let import = format!("from \".{path}\"");
+            html.contains(&format!("\"{path}\"")) || FILES.iter().any(|(_, text)| text.contains(&import))
+        };
+        for (path, text) in FILES {
+            assert!(named(path), "nothing names {path}");
+            for import in text.split("from \"./").skip(1) {
+                let name = import.split('"').next().unwrap();
+                assert!(
+                    FILES.iter().any(|(path, _)| path[1..] == *name),
+                    "{path} imports {name}"
+                );
+            }
+        }
+    }
+}

@@ -1,0 +1,138 @@
+// A thing in somebody's hand: how far it has been moved or turned since it was taken, by the pointer or by keys.
+
+import { add, alongAxis, axes, dot, length, onPlane, project, subtract, through, times, unit } from "./sight.js";
+
+const WORLD = { x: [1, 0, 0], y: [0, 1, 0], z: [0, 0, 1] };
+const SNAP = 15;
+
+export class Grip {
+  // `turns` or it is moved. `point` is where it is, of `thing`, the name that messages call it by. `said` hears what to
+  // show beside the pointer, `sent` the numbers of the changes.
+  constructor(wire, camera, { turns, thing, point }, { said, sent }) {
+    this.wire = wire;
+    this.camera = camera;
+    this.view = axes(camera);
+    this.turns = turns;
+    this.thing = thing;
+    this.point = point;
+    this.says = { said, sent };
+    this.gesture = wire.gesture();
+    this.axis = null;         // x, y, z; v is the axis of sight
+    this.by = [0, 0, 0];
+    this.angle = 0;
+    this.hasChanged = false;
+    this.from = null;         // where the pointer took it
+    this.pointer = null;      // where it is: { place, isLevel, snaps }
+    this.swept = 0;           // degrees around it on the screen, counterclockwise
+  }
+
+  // Where it is now.
+  get at() {
+    return this.turns ? this.point : add(this.point, this.by);
+  }
+
+  direction() {
+    if (this.axis === "v") return times(this.view.forward, -1);
+    return WORLD[this.axis] ?? (this.turns ? unit(this.camera.up) : null);
+  }
+
+  // The pointer is there; its first place is where it took the thing.
+  pull(pointer, time) {
+    if (this.turns) {
+      if (this.pointer !== null) this.swept += this.sweep(this.pointer.place, pointer.place);
+    } else if (this.from === null) {
+      this.from = pointer.place;
+    }
+    this.pointer = pointer;
+    this.follow(time);
+  }
+
+  // Degrees around the thing from a place to another.
+  sweep(from, to) {
+    const centre = project(this.camera, this.view, this.point);
+    if (centre === null) return 0;
+    const bearing = ([x, y]) => Math.atan2((centre.y - y) * this.camera.height, (x - centre.x) * this.camera.width);
+    const swept = (bearing(to) - bearing(from)) * 180 / Math.PI;
+    return swept - 360 * Math.round(swept / 360);
+  }
+
+  // Along this axis only, or not any more if it was this one.
+  constrain(axis, time) {
+    this.axis = this.axis === axis ? null : axis;
+    if (this.pointer !== null) this.follow(time);
+    else this.say();
+  }
+
+  follow(time) {
+    if (this.turns) {
+      const towards = dot(this.direction(), subtract(this.camera.origin, this.point)) >= 0 ? 1 : -1;
+      const angle = this.swept * towards * (this.camera.flip_x ? -1 : 1);
+      this.turnTo(this.pointer.snaps ? SNAP * Math.round(angle / SNAP) : angle, time);
+      return;
+    }
+    const ways = [this.from, this.pointer.place].map((place) => through(this.camera, this.view, place));
+    const axis = this.direction();
+    if (axis !== null) {
+      const [from, to] = ways.map((way) => alongAxis(this.camera, way, this.point, axis));
+      if (from !== null && to !== null) this.moveTo(times(axis, to - from), time);
+      return;
+    }
+    const normal = this.pointer.isLevel ? unit(this.camera.up) : this.view.forward;
+    const [from, to] = ways.map((way) => onPlane(this.camera, way, this.point, normal));
+    if (from !== null && to !== null) this.moveTo(subtract(to, from), time);
+  }
+
+  // By keys: to the right, up, and away, each in steps.
+  step([right, up, away], isFine, time) {
+    if (this.turns) {
+      this.turnTo(this.angle + (right + up + away) * (isFine ? 0.5 : 5), time);
+      return;
+    }
+    const size = (isFine ? 0.002 : 0.02) * length(subtract(this.point, this.camera.origin));
+    const axis = this.direction();
+    const sideways = add(times(this.view.right, right), times(this.view.up, up));
+    const way = axis === null ? add(sideways, times(this.view.forward, away)) : times(axis, right + up + away);
+    this.moveTo(add(this.by, times(way, size)), time);
+  }
+
+  moveTo(by, time) {
+    if (!by.every(Number.isFinite) || (!this.hasChanged && length(by) === 0)) return;
+    this.by = by;
+    this.send(time);
+  }
+
+  turnTo(angle, time) {
+    if (!this.hasChanged && angle === 0) return;
+    this.angle = angle;
+    this.send(time);
+  }
+
+  send(time) {
+    this.hasChanged = true;
+    const { gesture, thing } = this;
+    const make = () => this.turns
+      ? { type: "turn", gesture, thing, axis: this.direction(), angle: this.angle }
+      : { type: "move", gesture, thing, by: this.by };
+    // Before it is sent, which may be at once, and tells from which scene on the place is the server's to say.
+    this.say();
+    this.wire.change(this.turns ? "turn" : "move", time, make, this.says.sent);
+  }
+
+  say() {
+    const about = this.axis === null ? "" : ` ${this.axis === "v" ? "line of sight" : this.axis.toUpperCase()}`;
+    const number = (value) => (value < 0 ? "−" : "") + Math.abs(value).toFixed(3);
+    const way = `${this.by.map(number).join("  ")}  (${length(this.by).toFixed(3)})`;
+    this.says.said((this.turns ? `${this.angle.toFixed(1)}°`.replace("-", "−") : way) + about);
+  }
+
+  // As it was when it was taken.
+  cancel(time) {
+    [this.by, this.angle] = [[0, 0, 0], 0];
+    if (this.hasChanged) this.send(time);
+    this.end();
+  }
+
+  end() {
+    if (this.hasChanged) this.wire.rest();
+  }
+}

@@ -1,0 +1,330 @@
+//! A page's WebSocket: changes in, the scene and its pictures out, as fast as the page takes them.
+
+use super::launch;
+use super::messages::{FrameHeader, FromPage, ToPage};
+use super::view::{View, error};
+use axum::extract::State;
+use axum::extract::ws::{Message, WebSocket, WebSocketUpgrade};
+use axum::http::StatusCode;
+use axum::response::{IntoResponse, Response};
+use beamfarm_coordinator::revisions::{Content, Picture, Quality};
+use beamfarm_image::job::MAX_PASSES;
+use beamfarm_image::jpeg::encode_jpeg;
+use beamfarm_proto::RevisionNumber;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::{Duration, Instant};
+use tokio::sync::broadcast::error::RecvError;
+use tokio::time::{MissedTickBehavior, interval};
+use tracing::debug;
+
+/// Pages at a time.
+const PAGES: usize = 32;
+static OPEN: AtomicUsize = AtomicUsize::new(0);
+/// Bytes of a page's message.
+const MESSAGE_BYTES: usize = 1 << 20;
+/// Changes of one page that may wait for the scene to follow.
+const WAITING: usize = 256;
+/// Time between two tellings of the scene while it changes all the time.
+const SCENE_PAUSE: Duration = Duration::from_millis(150);
+/// Time between looks at what goes on.
+const LOOK: Duration = Duration::from_millis(250);
+/// A page that has not said for so long that it shows a picture is sent the next one all the same.
+const PATIENCE: Duration = Duration::from_secs(3);
+
+/// A page that is open; dropped, there is room for another one.
+struct Place;
+
+impl Place {
+    fn take() -> Option<Self> {
+        let taken = OPEN.fetch_update(Ordering::Relaxed, Ordering::Relaxed, |open| {
+            (open < PAGES).then_some(open + 1)
+        });
+        taken.is_ok().then_some(Self)
+    }
+}
+
+impl Drop for Place {
+    fn drop(&mut self) {
+        OPEN.fetch_sub(1, Ordering::Relaxed);
+    }
+}
+
+pub async fn open(State(view): State<Arc<View>>, upgrade: WebSocketUpgrade) -> Response {
+    let Some(place) = Place::take() else {
+        return (StatusCode::SERVICE_UNAVAILABLE, "too many pages are open\n").into_response();
+    };
+    let upgrade = upgrade.max_message_size(MESSAGE_BYTES);
+    upgrade.on_upgrade(move |socket| async move {
+        // Fails when the page is gone.
+        let _ = Page::new(view).attend(socket).await;
+        drop(place);
+    })
+}
+
+/// Why a page is let go.
+struct Gone;
+
+impl From<axum::Error> for Gone {
+    fn from(_: axum::Error) -> Self {
+        Self
+    }
+}
+
+/// What this page has been told and has asked for.
+struct Page {
+    view: Arc<View>,
+    /// Its changes, each with the state of the scene that it is in, the last ones.
+    changes: Vec<(u64, RevisionNumber)>,
+    /// Its last change.
+    seq: u64,
+    frames: u64,
+    /// The picture on its way, and since when.
+    under_way: Option<(u64, Instant)>,
+    /// What the last picture that was sent shows, by which exposure, with which change.
+    sent: Option<(RevisionNumber, Quality, f32, u64)>,
+    told_scene: Option<Instant>,
+    last_state: String,
+    /// Its last change was refused.
+    is_wrong: bool,
+}
+
+impl Page {
+    fn new(view: Arc<View>) -> Self {
+        Self {
+            view,
+            changes: Vec::new(),
+            seq: 0,
+            frames: 0,
+            under_way: None,
+            sent: None,
+            told_scene: None,
+            last_state: String::new(),
+            is_wrong: false,
+        }
+    }
+
+    async fn attend(mut self, mut socket: WebSocket) -> Result<(), Gone> {
+        let mut scene = self.view.scene_changes();
+        let mut pictures = self.view.revisions.pictures();
+        let mut told = self.view.told();
+        let mut trouble = self.view.revisions.trouble();
+        let mut looks = interval(LOOK);
+        looks.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        let mut waiting: Vec<FromPage> = Vec::new();
+        let mut owes_scene = true;
+        loop {
+            if owes_scene && self.told_scene.is_none_or(|told| told.elapsed() >= SCENE_PAUSE) {
+                owes_scene = false;
+                self.told_scene = Some(Instant::now());
+                let message = tokio::task::block_in_place(|| self.view.bench().scene(self.seq));
+                send(&mut socket, &message).await?;
+            }
+            let picture = pictures.borrow_and_update().clone();
+            self.show(&mut socket, picture).await?;
+            let scene_due = async {
+                match (owes_scene, self.told_scene) {
+                    (true, Some(told)) => tokio::time::sleep(SCENE_PAUSE.saturating_sub(told.elapsed())).await,
+                    _ => std::future::pending().await,
+                }
+            };
+            tokio::select! {
+                message = socket.recv() => {
+                    let Some(message) = message else {
+                        return Ok(());
+                    };
+                    take(&mut waiting, message?);
+                    // What has arrived meanwhile counts together: of a drag only the last place.
+                    while let Ok(Some(message)) = tokio::time::timeout(Duration::ZERO, socket.recv()).await {
+                        take(&mut waiting, message?);
+                    }
+                    for message in std::mem::take(&mut waiting) {
+                        self.hear(&mut socket, message).await?;
+                    }
+                }
+                _ = scene.changed() => owes_scene = true,
+                _ = pictures.changed() => {}
+                message = told.recv() => match message {
+                    Ok(message) => send(&mut socket, &message).await?,
+                    Err(RecvError::Lagged(_)) => {}
+                    Err(RecvError::Closed) => return Ok(()),
+                },
+                _ = trouble.changed() => {
+                    let message = trouble.borrow_and_update().clone();
+                    if let Some(message) = message {
+                        send(&mut socket, &error(0, message.into())).await?;
+                    }
+                }
+                _ = looks.tick() => self.tell_state(&mut socket).await?,
+                () = scene_due => {}
+            }
+        }
+    }
+
+    /// Send a picture, if this one is another than the last, and the page has that.
+    async fn show(&mut self, socket: &mut WebSocket, picture: Option<Arc<Picture>>) -> Result<(), Gone> {
+        let Some(picture) = picture else {
+            return Ok(());
+        };
+        if self.under_way.is_some_and(|(_, since)| since.elapsed() < PATIENCE) {
+            return Ok(());
+        }
+        let exposure = self.view.bench().exposure();
+        let in_it = self
+            .changes
+            .iter()
+            .filter(|(_, revision)| *revision <= picture.revision);
+        let seq = in_it.map(|(seq, _)| *seq).max().unwrap_or(0);
+        let shows = (picture.revision, picture.quality, exposure, seq);
+        if self.sent == Some(shows) {
+            return Ok(());
+        }
+        self.sent = Some(shows);
+        self.frames += 1;
+        self.under_way = Some((self.frames, Instant::now()));
+        let film = picture.content.film();
+        let (step, passes) = match picture.quality {
+            Quality::Sketch(step) => (step, 0),
+            Quality::Passes(passes) => (0, passes),
+        };
+        let header = FrameHeader {
+            frame: self.frames,
+            revision: picture.revision.0,
+            seq,
+            step,
+            steps: picture.steps,
+            passes,
+            of: self.view.revisions.job().map_or(0, |job| job.limit),
+            width: film.width,
+            height: film.height,
+        };
+        let encode = move || {
+            let jpeg = encode_jpeg(picture.content.film(), exposure).map_err(|error| error.to_string())?;
+            let header = serde_json::to_vec(&header).map_err(|error| error.to_string())?;
+            let mut bytes = Vec::with_capacity(4 + header.len() + jpeg.len());
+            bytes.extend((header.len() as u32).to_le_bytes());
+            bytes.extend(header);
+            bytes.extend(jpeg);
+            Ok::<_, String>(bytes)
+        };
+        match tokio::task::block_in_place(encode) {
+            Ok(bytes) => socket.send(Message::Binary(bytes.into())).await?,
+            Err(message) => send(socket, &error(0, message.into())).await?,
+        }
+        Ok(())
+    }
+
+    async fn hear(&mut self, socket: &mut WebSocket, message: FromPage) -> Result<(), Gone> {
+        if let Some((seq, _)) = message.change() {
+            self.seq = self.seq.max(seq);
+            match tokio::task::block_in_place(|| self.view.change(&message)) {
+                Ok(revision) => {
+                    self.changes.push((seq, revision));
+                    let surplus = self.changes.len().saturating_sub(WAITING);
+                    self.changes.drain(..surplus);
+                    if self.is_wrong {
+                        self.is_wrong = false;
+                        send(socket, &ToPage::Fine).await?;
+                    }
+                }
+                Err(refusal) => {
+                    self.is_wrong = true;
+                    send(socket, &error(seq, refusal)).await?;
+                }
+            }
+            return Ok(());
+        }
+        let told = match message {
+            FromPage::Rest => {
+                self.view.settle_down();
+                return Ok(());
+            }
+            FromPage::Drawn { frame } => {
+                self.under_way.take_if(|(under_way, _)| *under_way <= frame);
+                return Ok(());
+            }
+            FromPage::Size { width } => {
+                self.view.widen(width.clamp(64, 8192));
+                return Ok(());
+            }
+            FromPage::Passes { passes } => {
+                self.view.set_passes(passes.clamp(1, MAX_PASSES));
+                return Ok(());
+            }
+            FromPage::Pick { x, y } => {
+                let picked = tokio::task::block_in_place(|| self.view.bench().picked(x, y));
+                return send(socket, &picked).await;
+            }
+            FromPage::Save => self.view.save(),
+            FromPage::Editor => launch::editor(&self.view),
+            FromPage::Render => {
+                launch::render(self.view.clone());
+                return Ok(());
+            }
+            _ => return Ok(()),
+        };
+        match told {
+            Ok(text) => send(socket, &ToPage::Told { text }).await,
+            Err(message) => send(socket, &error(0, message.into())).await,
+        }
+    }
+
+    /// What goes on, if it is something else than before.
+    async fn tell_state(&mut self, socket: &mut WebSocket) -> Result<(), Gone> {
+        let rest = self.view.rest().borrow().clone();
+        let workers = self.view.revisions.workers();
+        let job = self.view.revisions.job();
+        let picture = self.view.revisions.pictures().borrow().clone();
+        let picture = picture.filter(|picture| picture.revision == rest.revision);
+        let (passes, error) = match picture.as_deref() {
+            Some(Picture {
+                quality: Quality::Passes(passes),
+                content: Content::Average(average),
+                ..
+            }) => (*passes, Some(average.relative_standard_error())),
+            _ => (0, None),
+        };
+        let of = job.as_ref().map_or(0, |job| job.limit);
+        let state = ToPage::State {
+            workers,
+            doing: match (&job, rest.is_trying) {
+                _ if workers == 0 => "no workers",
+                (_, true) => "pilot",
+                (None, _) => "sketch",
+                (Some(_), _) if passes < of => "passes",
+                _ => "done",
+            },
+            passes,
+            of,
+            error: error.filter(|error| error.is_finite() && passes > 1),
+            seconds: rest.since.map_or(0.0, |since| since.elapsed().as_secs_f64().round()),
+        };
+        let text = serde_json::to_string(&state).unwrap_or_default();
+        if text == self.last_state {
+            return Ok(());
+        }
+        self.last_state = text.clone();
+        socket.send(Message::Text(text.into())).await?;
+        Ok(())
+    }
+}
+
+async fn send(socket: &mut WebSocket, message: &ToPage) -> Result<(), Gone> {
+    let text = serde_json::to_string(message).map_err(|_| Gone)?;
+    socket.send(Message::Text(text.into())).await?;
+    Ok(())
+}
+
+/// Keep what a page says, but for what a later message says as well. What makes no sense is left out.
+fn take(waiting: &mut Vec<FromPage>, message: Message) {
+    let Message::Text(text) = message else {
+        return;
+    };
+    match serde_json::from_str::<FromPage>(&text) {
+        Ok(message) => {
+            waiting.pop_if(|before| before.is_outdone_by(&message));
+            waiting.push(message);
+        }
+        Err(error) => debug!("a page says what is no message: {error}"),
+    }
+}

@@ -1,0 +1,308 @@
+//! The live view: the scene on its bench, the workers that render it, and what pages are told.
+
+use super::bench::{Bench, Changed, Refusal};
+use super::messages::{FromPage, ToPage};
+use crate::job::SceneArgs;
+use beamfarm_coordinator::revisions::{Job, Revisions};
+use beamfarm_image::job::Targeting;
+use beamfarm_proto::RevisionNumber;
+use beamfarm_render::interrupt::Interrupt;
+use beamfarm_render::world::SceneDescription;
+use beamfarm_scene::Store;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+use tokio::sync::{Notify, broadcast, watch};
+use tokio::time::sleep;
+use tracing::warn;
+
+/// After so long without a change nothing moves, whoever still holds a mouse button.
+const STILL: Duration = Duration::from_millis(350);
+/// Device pixels that pictures are wide before any page has said.
+const WIDTH: u32 = 960;
+/// Messages that a slow page may be behind.
+const BEHIND: usize = 64;
+
+/// What pilots at rest find.
+#[derive(Clone, Debug, Default)]
+pub struct Rest {
+    /// Of which state of the scene.
+    pub revision: RevisionNumber,
+    /// A pilot is at work.
+    pub is_trying: bool,
+    /// When the passes began.
+    pub since: Option<Instant>,
+    /// Photons that miss all targets are dropped: the average is biased.
+    pub drops_photons: bool,
+}
+
+/// A live view.
+pub struct View {
+    pub args: SceneArgs,
+    pub revisions: Arc<Revisions>,
+    bench: Mutex<Bench>,
+    /// Grows with everything that pages show of the scene.
+    scene: watch::Sender<u64>,
+    rest: watch::Sender<Rest>,
+    /// For all pages.
+    told: broadcast::Sender<ToPage>,
+    /// Something changed, or nothing more comes for now.
+    changed: Notify,
+    at_rest: Notify,
+    /// Ends the pilot that is at work.
+    pilot: Mutex<Interrupt>,
+    /// Device pixels that pictures may be wide.
+    width: watch::Sender<u32>,
+    /// So many passes, whatever the scene says.
+    passes: Mutex<Option<u64>>,
+    /// What was wrong on the disk, and is still.
+    wrong: Mutex<bool>,
+}
+
+impl View {
+    pub fn new(args: SceneArgs, bench: Bench, canary: [u8; 32]) -> Arc<Self> {
+        let camera = bench.description().camera;
+        let full = fitting([camera.width, camera.height], WIDTH);
+        let revisions = Revisions::new(full, bench.style(), canary);
+        let view = Arc::new(Self {
+            args,
+            revisions,
+            bench: Mutex::new(bench),
+            scene: watch::Sender::new(1),
+            rest: watch::Sender::default(),
+            told: broadcast::Sender::new(BEHIND),
+            changed: Notify::new(),
+            at_rest: Notify::new(),
+            pilot: Mutex::default(),
+            width: watch::Sender::new(WIDTH),
+            passes: Mutex::new(None),
+            wrong: Mutex::new(false),
+        });
+        view.publish(&view.bench());
+        view.changed.notify_one();
+        view
+    }
+
+    pub fn bench(&self) -> MutexGuard<'_, Bench> {
+        self.bench.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Wakes those who show the scene.
+    pub fn scene_changes(&self) -> watch::Receiver<u64> {
+        self.scene.subscribe()
+    }
+
+    pub fn rest(&self) -> watch::Receiver<Rest> {
+        self.rest.subscribe()
+    }
+
+    /// What all pages are told.
+    pub fn told(&self) -> broadcast::Receiver<ToPage> {
+        self.told.subscribe()
+    }
+
+    /// Tell all pages.
+    pub fn tell(&self, message: ToPage) {
+        // Fails when there are none.
+        let _ = self.told.send(message);
+    }
+
+    /// Make a change that a page asks for. The state of the scene that it is in.
+    pub fn change(&self, change: &FromPage) -> Result<RevisionNumber, Refusal> {
+        let mut bench = self.bench();
+        let changed = bench.change(change)?;
+        self.follow(&bench, changed);
+        Ok(bench.number())
+    }
+
+    /// Nothing more comes for now.
+    pub fn settle_down(&self) {
+        self.at_rest.notify_one();
+    }
+
+    /// A file has changed on the disk.
+    pub fn read_again(&self) {
+        let mut bench = self.bench();
+        let mut wrong = self.wrong.lock().unwrap_or_else(PoisonError::into_inner);
+        match bench.read_again() {
+            Ok(changed) => {
+                self.follow(&bench, changed);
+                // Saved or not, for one.
+                self.scene.send_modify(|count| *count += 1);
+                if std::mem::take(&mut *wrong) {
+                    self.tell(ToPage::Fine);
+                }
+            }
+            Err(refusal) => {
+                *wrong = true;
+                self.tell(error(0, refusal));
+            }
+        }
+    }
+
+    /// Write the scene file.
+    pub fn save(&self) -> Result<String, String> {
+        let saved = self.bench().save();
+        self.scene.send_modify(|count| *count += 1);
+        saved
+    }
+
+    /// A page may show pictures of this width.
+    pub fn widen(&self, width: u32) {
+        let is_new = self.width.send_if_modified(|known| {
+            let is_new = *known != width;
+            *known = width;
+            is_new
+        });
+        if is_new {
+            // The same scene once more, at another size.
+            let mut bench = self.bench();
+            let is_sketch = self.revisions.job().is_none();
+            if is_sketch {
+                bench.begin_anew();
+                self.publish(&bench);
+                self.changed.notify_one();
+            }
+        }
+    }
+
+    /// So many passes in all from now on.
+    pub fn set_passes(&self, passes: u64) {
+        *self.passes.lock().unwrap_or_else(PoisonError::into_inner) = Some(passes);
+        self.revisions.extend(passes);
+    }
+
+    /// The view's own passes give way to a job.
+    pub fn give_way(&self) {
+        self.revisions.extend(0);
+    }
+
+    fn limit(&self, of_scene: u64) -> u64 {
+        let said = *self.passes.lock().unwrap_or_else(PoisonError::into_inner);
+        said.unwrap_or(of_scene)
+    }
+
+    fn follow(&self, bench: &Bench, changed: Changed) {
+        if changed == Changed::Picture {
+            self.publish(bench);
+            self.changed.notify_one();
+        }
+        if changed != Changed::Nothing {
+            self.scene.send_modify(|count| *count += 1);
+        }
+    }
+
+    fn publish(&self, bench: &Bench) {
+        self.pilot.lock().unwrap_or_else(PoisonError::into_inner).raise();
+        let camera = bench.description().camera;
+        let full = fitting([camera.width, camera.height], *self.width.borrow());
+        let (revision, files) = bench.revision();
+        self.rest.send_replace(Rest {
+            revision: revision.number,
+            ..Rest::default()
+        });
+        self.revisions.revise(revision, files, full, bench.style());
+    }
+
+    /// Find out at rest what the passes of the scene are, again and again.
+    pub async fn rest_again_and_again(self: Arc<Self>) {
+        let mut store = Store::default();
+        loop {
+            self.changed.notified().await;
+            // Of a rest before.
+            let _ = tokio::time::timeout(Duration::ZERO, self.at_rest.notified()).await;
+            // Until nothing changes any more.
+            loop {
+                tokio::select! {
+                    biased;
+                    () = self.changed.notified() => {}
+                    () = self.at_rest.notified() => break,
+                    () = sleep(STILL) => break,
+                }
+            }
+            let view = self.clone();
+            let tried = tokio::task::spawn_blocking(move || {
+                view.try_out(&mut store);
+                store
+            });
+            store = match tried.await {
+                Ok(store) => store,
+                Err(error) => {
+                    warn!("the pilot: {error}");
+                    Store::default()
+                }
+            };
+        }
+    }
+
+    /// As `render` does before its first pass.
+    fn try_out(&self, store: &mut Store) {
+        let interrupt = Interrupt::default();
+        *self.pilot.lock().unwrap_or_else(PoisonError::into_inner) = interrupt.clone();
+        let (number, files, passes) = {
+            let bench = self.bench();
+            (bench.number(), bench.meant().clone(), bench.passes())
+        };
+        if self.rest.borrow().since.is_some() {
+            return;
+        }
+        let of_this = |change: &dyn Fn(&mut Rest)| {
+            self.rest.send_if_modified(|rest| {
+                let is_this = rest.revision == number;
+                if is_this {
+                    change(rest);
+                }
+                is_this
+            });
+        };
+        of_this(&|rest| rest.is_trying = true);
+        let description = store.load(&files).map(|description| SceneDescription {
+            interrupt: interrupt.clone(),
+            ..description
+        });
+        let chosen = description.map_err(|error| error.to_string()).and_then(|description| {
+            match self.args.choose(&description) {
+                Ok(chosen) => Ok((chosen.settings, description)),
+                Err(failure) => Err(failure.to_string()),
+            }
+        });
+        of_this(&|rest| rest.is_trying = false);
+        if interrupt.is_raised() {
+            return;
+        }
+        match chosen {
+            Ok((settings, description)) => {
+                self.bench().chose(settings.finders);
+                let camera = &description.camera;
+                let job = Job {
+                    settings,
+                    width: camera.width,
+                    height: camera.height,
+                    limit: self.limit(passes),
+                };
+                of_this(&|rest| {
+                    rest.since = Some(Instant::now());
+                    rest.drops_photons = description.defaults.targeting == Targeting::Reject;
+                });
+                self.revisions.settle(number, job);
+            }
+            Err(message) => self.tell(error(0, message.into())),
+        }
+    }
+}
+
+/// What a page is told of a change that cannot be.
+pub fn error(seq: u64, refusal: Refusal) -> ToPage {
+    let Refusal { path, line, message } = refusal;
+    ToPage::Error {
+        seq,
+        path,
+        line,
+        message,
+    }
+}
+
+/// The picture's size, or less of it where it is wider than that.
+fn fitting([width, height]: [u32; 2], most: u32) -> [u32; 2] {
+    let share = (f64::from(most.max(16)) / f64::from(width.max(1))).min(1.0);
+    [width, height].map(|side| ((f64::from(side) * share).round() as u32).max(1))
+}

@@ -1,0 +1,303 @@
+//! The live view without a browser: its socket as the page uses it.
+
+use crate::setup::{LONG, Process, beamfarm, folder_with, scene, spawn, succeed};
+use beamfarm_image::exr::{pixel_hash, read_rgb};
+use serde_json::{Value, json};
+use std::io::{Read, Write};
+use std::net::TcpStream;
+use std::path::Path;
+use std::time::Instant;
+use tempfile::TempDir;
+use tungstenite::client::IntoClientRequest;
+use tungstenite::stream::MaybeTlsStream;
+use tungstenite::{Message, WebSocket};
+
+const TOKEN: &str = "the-token-of-this-view";
+
+/// A view of a scene, and a page of it.
+struct View {
+    _process: Process,
+    address: String,
+    socket: WebSocket<MaybeTlsStream<TcpStream>>,
+    /// The last of each kind of message, and the header of the last picture.
+    last: std::collections::BTreeMap<String, Value>,
+    pictures: Vec<Value>,
+    seq: u64,
+}
+
+impl View {
+    fn of(folder: &TempDir, args: &[&str]) -> Self {
+        let all = [&["live", "scene.toml", "--listen", "127.0.0.1:0"], args].concat();
+        let mut command = beamfarm(folder.path(), &all);
+        command.env("BEAMFARM_TOKEN", TOKEN);
+        let mut process = spawn(command);
+        let page = process.log.wait_for("page: http://");
+        let address = page.trim_end_matches('/').to_owned();
+        let mut view = Self {
+            socket: connect(&address, Some(TOKEN)).unwrap(),
+            _process: process,
+            address,
+            last: Default::default(),
+            pictures: Vec::new(),
+            seq: 0,
+        };
+        view.say(json!({"type": "size", "width": 64}));
+        view
+    }
+
+    fn say(&mut self, message: Value) {
+        self.socket.send(Message::text(message.to_string())).unwrap();
+    }
+
+    /// A change of its own.
+    fn change(&mut self, mut message: Value) -> u64 {
+        self.seq += 1;
+        message["seq"] = json!(self.seq);
+        self.say(message);
+        self.seq
+    }
+
+    fn set(&mut self, path: &str, value: Value) -> u64 {
+        let gesture = format!("g{}", self.seq);
+        self.change(json!({"type": "set", "gesture": gesture, "path": path, "value": value}))
+    }
+
+    fn hear(&mut self) {
+        match self.socket.read().unwrap() {
+            Message::Text(text) => {
+                let message: Value = serde_json::from_str(&text).unwrap();
+                let kind = message["type"].as_str().unwrap().to_owned();
+                self.last.insert(kind, message);
+            }
+            Message::Binary(bytes) => {
+                let size = u32::from_le_bytes(bytes[..4].try_into().unwrap()) as usize;
+                let header: Value = serde_json::from_slice(&bytes[4..4 + size]).unwrap();
+                assert_eq!(bytes[4 + size..4 + size + 2], [0xff, 0xd8], "a JPEG");
+                self.say(json!({"type": "drawn", "frame": header["frame"]}));
+                self.pictures.push(header);
+            }
+            _ => {}
+        }
+    }
+
+    /// Hear until this is there.
+    fn hear_until<T>(&mut self, what: &str, mut look: impl FnMut(&Self) -> Option<T>) -> T {
+        let until = Instant::now() + LONG;
+        loop {
+            if let Some(found) = look(self) {
+                return found;
+            }
+            assert!(
+                Instant::now() < until,
+                "waited for {what}: {:?}, {:?}",
+                self.last,
+                self.pictures.last()
+            );
+            self.hear();
+        }
+    }
+
+    fn hear_picture(&mut self, what: &str, is_it: impl Fn(&Value) -> bool) -> Value {
+        self.hear_until(what, |view| {
+            view.pictures.iter().rev().find(|picture| is_it(picture)).cloned()
+        })
+    }
+
+    fn field(&self, path: &str) -> Option<Value> {
+        let fields = self.last.get("scene")?["fields"].as_array()?;
+        fields.iter().find(|field| field["path"] == path).cloned()
+    }
+}
+
+fn connect(address: &str, token: Option<&str>) -> Result<WebSocket<MaybeTlsStream<TcpStream>>, String> {
+    let mut request = format!("ws://{address}/look").into_client_request().unwrap();
+    if let Some(token) = token {
+        let value = format!("Bearer {token}").parse().unwrap();
+        request.headers_mut().insert("authorization", value);
+    }
+    let (socket, _) = tungstenite::connect(request).map_err(|error| error.to_string())?;
+    if let MaybeTlsStream::Plain(stream) = socket.get_ref() {
+        stream.set_read_timeout(Some(LONG)).unwrap();
+    }
+    Ok(socket)
+}
+
+/// The body of what the view's port answers.
+fn get(address: &str, path: &str) -> Vec<u8> {
+    let mut stream = TcpStream::connect(address).unwrap();
+    write!(
+        stream,
+        "GET {path} HTTP/1.1\r\nHost: {address}\r\nAuthorization: Bearer {TOKEN}\r\nConnection: close\r\n\r\n"
+    )
+    .unwrap();
+    let mut bytes = Vec::new();
+    stream.read_to_end(&mut bytes).unwrap();
+    let end = bytes.windows(4).position(|four| four == b"\r\n\r\n").unwrap();
+    assert!(
+        bytes.starts_with(b"HTTP/1.1 200"),
+        "{}",
+        String::from_utf8_lossy(&bytes[..end])
+    );
+    bytes.split_off(end + 4)
+}
+
+const SCENE: [u32; 2] = [48, 32];
+
+#[test]
+fn at_rest_it_has_the_bits_of_render() {
+    let text = scene(SCENE, 4, 300);
+    let folder = folder_with(&format!("# A lamp in fog.\n{text}"));
+    let mut view = View::of(&folder, &[]);
+    view.hear_picture("a sketch", |_| true);
+    view.hear_until("the scene", |view| view.last.get("scene").map(|_| ()));
+    assert_eq!(view.field("lights.0.power").unwrap()["value"], json!(100.0));
+
+    // A drag in twenty steps, of which only the last place is in the file.
+    for step in 1..=20 {
+        let by = json!([0.02 * f64::from(step), 0.0, 0.0]);
+        view.change(json!({"type": "move", "gesture": "drag", "thing": "lights.0", "by": by}));
+    }
+    let seq = view.set("camera.fov", json!(45));
+    view.say(json!({"type": "rest"}));
+    view.hear_picture("a sketch with the change", |picture| picture["seq"] == seq);
+    view.hear_picture("all passes", |picture| picture["passes"] == 4);
+    // Nothing that came went back.
+    let order = |picture: &Value| ["revision", "passes", "step"].map(|name| picture[name].as_u64().unwrap());
+    let is_ordered = |pair: &[Value]| {
+        let [a, b] = [order(&pair[0]), order(&pair[1])];
+        a[0] < b[0] || a[0] == b[0] && (a[1] < b[1] || a[1] == b[1] && (a[2] <= b[2] || b[1] > 0))
+    };
+    assert!(view.pictures.windows(2).all(is_ordered), "{:?}", view.pictures);
+
+    view.hear_until("it is not saved", |view| {
+        (view.last.get("scene")?["dirty"] == true).then_some(())
+    });
+    view.say(json!({"type": "save"}));
+    view.hear_until("saved", |view| view.last.get("told").map(|_| ()));
+    let saved = std::fs::read_to_string(folder.path().join("scene.toml")).unwrap();
+    let expected = format!("# A lamp in fog.\n{text}")
+        .replace("[0.5, 2, 0.5]", "[0.9, 2, 0.5]")
+        .replace("fov = 50.0", "fov = 45.0");
+    assert_eq!(
+        saved
+            .replace("fov = 45\n", "fov = 45.0\n")
+            .replace("2.0, 0.5", "2, 0.5"),
+        expected
+    );
+
+    let seen = folder.path().join("seen.exr");
+    std::fs::write(&seen, get(&view.address, "/image.exr")).unwrap();
+    drop(view);
+    succeed(folder.path(), &["render", "scene.toml", "-o", "rendered.exr"]);
+    let hash = |path: &Path| pixel_hash(&read_rgb(path).unwrap());
+    assert_eq!(hash(&seen), hash(&folder.path().join("rendered.exr")));
+}
+
+#[test]
+fn what_cannot_be_is_told_and_taken_back() {
+    let folder = folder_with(&scene(SCENE, 2, 300));
+    let path = folder.path().join("scene.toml");
+    let before = std::fs::read_to_string(&path).unwrap();
+    let mut view = View::of(&folder, &[]);
+    view.hear_picture("a sketch", |_| true);
+
+    let seq = view.set("camera.fov", json!(-3));
+    let error = view.hear_until("an error", |view| view.last.get("error").cloned());
+    assert_eq!(error["path"], "camera.fov", "{error}");
+    assert_eq!(error["seq"], json!(seq), "{error}");
+    view.set("camera.fov", json!(60));
+    view.hear_until("all is well", |view| view.last.get("fine").map(|_| ()));
+    view.last.clear();
+
+    // A change on the disk is one as well.
+    std::fs::write(&path, before.replace("radius = 0.35", "radius = \"large\"")).unwrap();
+    let error = view.hear_until("an error", |view| view.last.get("error").cloned());
+    let line = before.lines().position(|line| line.contains("radius")).unwrap() + 1;
+    assert_eq!(error["line"], json!(line), "{error}");
+    std::fs::write(&path, before.replace("radius = 0.35", "radius = 0.45")).unwrap();
+    view.hear_until("all is well", |view| view.last.get("fine").map(|_| ()));
+    view.hear_until("the disk's field of view", |view| {
+        (view.field("camera.fov")?["value"].as_f64() == Some(50.0)).then_some(())
+    });
+
+    // One step back and forth.
+    let seq = view.change(json!({"type": "undo"}));
+    view.hear_picture("undone", |picture| picture["seq"] == seq);
+    view.hear_until("the page's field of view", |view| {
+        (view.field("camera.fov")?["value"].as_f64() == Some(60.0)).then_some(())
+    });
+    let seq = view.change(json!({"type": "redo"}));
+    view.hear_picture("redone", |picture| picture["seq"] == seq);
+
+    // Exposure makes no other picture.
+    let revision = view.pictures.last().unwrap()["revision"].clone();
+    let seq = view.set("render.exposure", json!(1.5));
+    let picture = view.hear_picture("exposed", |picture| picture["seq"] == seq);
+    assert_eq!(picture["revision"], revision);
+
+    // What is no message is not heard.
+    for wrong in ["", "[]", "{\"type\":\"set\"}", "{\"type\":\"size\",\"width\":-1}"] {
+        view.socket.send(Message::text(wrong)).unwrap();
+    }
+    view.socket.send(Message::binary(vec![0u8; 100])).unwrap();
+    let seq = view.set("camera.fov", json!(33));
+    view.hear_picture("another change", |picture| picture["seq"] == seq);
+}
+
+#[test]
+fn a_job_is_begun_of_what_is_seen() {
+    let folder = folder_with(&scene(SCENE, 2, 300));
+    let mut view = View::of(&folder, &["--scale", "200%"]);
+    view.hear_picture("a sketch", |_| true);
+    view.set("camera.fov", json!(45));
+    view.say(json!({"type": "render"}));
+    let open = view.hear_until("the job's page", |view| view.last.get("open").cloned());
+    let url = open["url"].as_str().unwrap();
+    assert!(url.starts_with("http://127.0.0.1:") && url.contains("/enter#"), "{url}");
+    view.hear_until("the job's end", |view| {
+        view.last.get("told")?["text"]
+            .as_str()?
+            .contains("is done")
+            .then_some(())
+    });
+    // Saved before, without what the view's own options change.
+    let saved = std::fs::read_to_string(folder.path().join("scene.toml")).unwrap();
+    assert!(saved.contains("fov = 45") && saved.contains("width = 48"), "{saved}");
+    let film = read_rgb(&folder.path().join("scene.exr")).unwrap();
+    assert_eq!((film.width, film.height), (96, 64));
+}
+
+#[test]
+fn strangers_see_nothing_and_workers_may_come_and_go() {
+    let folder = folder_with(&scene(SCENE, 3, 300));
+    let mut view = View::of(&folder, &["--workers", "0"]);
+    assert!(connect(&view.address, None).unwrap_err().contains("401"));
+    assert!(
+        connect(&view.address, Some("another-token-than-it"))
+            .unwrap_err()
+            .contains("401")
+    );
+    view.hear_until("no workers", |view| {
+        (view.last.get("state")?["doing"] == "no workers").then_some(())
+    });
+    let url = format!("http://{}", view.address);
+    let worker = || {
+        let args = ["worker", "--connect", &url, "--threads", "1", "--no-cache"];
+        let mut command = beamfarm(folder.path(), &args);
+        command.env("BEAMFARM_TOKEN", TOKEN);
+        spawn(command)
+    };
+    let mut first = worker();
+    view.hear_picture("a sketch", |_| true);
+    let _second = worker();
+    view.hear_until("two workers", |view| {
+        (view.last.get("state")?["workers"] == 2).then_some(())
+    });
+    first.kill();
+    view.set("camera.fov", json!(40));
+    view.say(json!({"type": "rest"}));
+    view.hear_picture("all passes", |picture| picture["passes"] == 3);
+    view.hear_until("one worker", |view| {
+        (view.last.get("state")?["workers"] == 1).then_some(())
+    });
+}

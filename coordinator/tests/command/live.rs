@@ -214,6 +214,7 @@ fn what_cannot_be_is_told_and_taken_back() {
     let error = view.hear_until("an error", |view| view.last.get("error").cloned());
     let line = before.lines().position(|line| line.contains("radius")).unwrap() + 1;
     assert_eq!(error["line"], json!(line), "{error}");
+    assert_eq!(error["path"], "shapes.0.radius", "{error}");
     std::fs::write(&path, before.replace("radius = 0.35", "radius = 0.45")).unwrap();
     view.hear_until("all is well", |view| view.last.get("fine").map(|_| ()));
     view.hear_until("the disk's field of view", |view| {

@@ -9,6 +9,7 @@ mod camera;
 mod digits;
 mod fields;
 mod lights;
+mod line;
 mod moves;
 mod part;
 mod schema;
@@ -20,6 +21,7 @@ mod words;
 
 pub use camera::{CameraMove, Eye, camera, eye};
 pub use fields::{Field, FieldKind, fields};
+pub use line::path_at;
 pub use moves::{translate, turn};
 pub use set::set;
 pub use things::{Thing, material_of, object_ids, things};

@@ -516,7 +516,13 @@ impl Bench {
     /// Find the scene of a text; of an error nothing is left.
     fn show(&mut self, text: &str) -> Result<Changed, Refusal> {
         let file = self.file.clone();
-        self.try_to_show(text).map_err(|error| Refusal::of(error, &file))
+        self.try_to_show(text).map_err(|error| {
+            let refusal = Refusal::of(error, &file);
+            Refusal {
+                path: refusal.line.and_then(|line| desk::path_at(text, line)),
+                ..refusal
+            }
+        })
     }
 
     fn try_to_show(&mut self, text: &str) -> Result<Changed, SceneError> {
@@ -691,6 +697,7 @@ power = 100
         std::fs::write(bench.file(), SCENE.replace("radius = 1", "radius = -1")).unwrap();
         let refusal = bench.read_again().unwrap_err();
         assert_eq!(refusal.line, Some(10), "{refusal:?}");
+        assert_eq!(refusal.path.as_deref(), Some("shapes.0.radius"));
     }
 
     #[test]

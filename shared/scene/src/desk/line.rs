@@ -5,8 +5,8 @@ use crate::source::line_of;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-/// The path of the first field whose name stands on a line of a text, from one; `None` where there is none, or where the
-/// text is no TOML.
+/// The path of the first field whose name stands on a line of a text, from one; `None` where there is none, or where
+/// the text is no TOML.
 pub fn path_at(text: &str, line: usize) -> Option<String> {
     let root = DeTable::parse(text).ok()?;
     let on_line = |byte: usize| line_of(text.as_bytes(), byte) == line;

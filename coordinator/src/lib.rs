@@ -5,6 +5,7 @@
 //! [`revisions`] are for scenes that change while they are looked at. The renderer is not needed here: a scene is bytes
 //! and a hash.
 
+mod chunks;
 mod control;
 mod examine;
 pub mod farm;

@@ -1,5 +1,6 @@
 //! The calls of farm.proto. Each unwraps its message, asks the [`Farm`], and wraps the answer.
 
+use crate::chunks::{FileStream, in_chunks};
 use crate::examine::{Claim, Flaw};
 use crate::farm::{Farm, Refusal, Unwelcome};
 use crate::intake::{Delivery, Intake};
@@ -11,7 +12,7 @@ use beamfarm_image::exr::encoded_size;
 use beamfarm_image::job::{Block, SceneHash};
 use beamfarm_proto::wire::farm_server::Farm as FarmService;
 use beamfarm_proto::wire::submit_request::Part;
-use beamfarm_proto::{CHUNK_BYTES, FileHash, LeaseId, VERSION, WireHash, WorkerId, wire};
+use beamfarm_proto::{FileHash, LeaseId, VERSION, WireHash, WorkerId, wire};
 use std::collections::BTreeSet;
 use std::sync::{Arc, Mutex, PoisonError};
 use tokio::sync::{Semaphore, mpsc};
@@ -216,28 +217,18 @@ impl FarmService for Service {
         }))
     }
 
-    type FetchFileStream = ReceiverStream<Result<wire::FileChunk, Status>>;
+    type FetchFileStream = FileStream;
 
     async fn fetch_file(
         &self,
         request: Request<wire::FetchFileRequest>,
     ) -> Result<Response<Self::FetchFileStream>, Status> {
         let hash = FileHash::from_wire(&request.into_inner().hash, "hash")?;
-        let Some(mut bytes) = self.farm.file(hash) else {
+        let Some(bytes) = self.farm.file(hash) else {
             let message = format!("no file of this scene has the hash {hash}");
             return Err(Status::invalid_argument(message));
         };
-        let (sender, receiver) = mpsc::channel(2);
-        tokio::spawn(async move {
-            while !bytes.is_empty() {
-                let data = bytes.split_to(bytes.len().min(CHUNK_BYTES));
-                // Fails when the worker has gone.
-                if sender.send(Ok(wire::FileChunk { data })).await.is_err() {
-                    break;
-                }
-            }
-        });
-        Ok(Response::new(ReceiverStream::new(receiver)))
+        Ok(Response::new(in_chunks(bytes)))
     }
 
     type AttendStream = ReceiverStream<Result<wire::Notice, Status>>;

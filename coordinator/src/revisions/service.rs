@@ -1,11 +1,12 @@
 //! The calls of live.proto.
 
 use super::{Outcome, Revisions};
+use crate::chunks::{FileStream, in_chunks};
 use beamfarm_image::film::Film;
 use beamfarm_proto::wire::order::Order as Kind;
 use beamfarm_proto::wire::report::Part;
 use beamfarm_proto::wire::revisions_server::Revisions as RevisionsService;
-use beamfarm_proto::{CHUNK_BYTES, FileHash, RevisionNumber, TaskNumber, VERSION, WireHash, WorkerId, wire};
+use beamfarm_proto::{FileHash, RevisionNumber, TaskNumber, VERSION, WireHash, WorkerId, wire};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
@@ -93,30 +94,20 @@ impl RevisionsService for Service {
         Ok(Response::new(ReceiverStream::new(receiver)))
     }
 
-    type FetchFileStream = ReceiverStream<Result<wire::FileChunk, Status>>;
+    type FetchFileStream = FileStream;
 
     async fn fetch_file(
         &self,
         request: Request<wire::FetchFileRequest>,
     ) -> Result<Response<Self::FetchFileStream>, Status> {
         let hash = FileHash::from_wire(&request.into_inner().hash, "hash")?;
-        let Some(mut bytes) = self.revisions.file(hash) else {
+        let Some(bytes) = self.revisions.file(hash) else {
             // The next revision may have come meanwhile: no reason to give up.
             return Err(Status::not_found(format!(
                 "no file of this revision has the hash {hash}"
             )));
         };
-        let (sender, receiver) = mpsc::channel(2);
-        tokio::spawn(async move {
-            while !bytes.is_empty() {
-                let data = bytes.split_to(bytes.len().min(CHUNK_BYTES));
-                // Fails when the worker has gone.
-                if sender.send(Ok(wire::FileChunk { data })).await.is_err() {
-                    break;
-                }
-            }
-        });
-        Ok(Response::new(ReceiverStream::new(receiver)))
+        Ok(Response::new(in_chunks(bytes)))
     }
 }
 

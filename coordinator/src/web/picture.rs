@@ -40,6 +40,7 @@ pub(super) async fn exr(State(web): State<Arc<Web>>, Query(asked): Query<Asked>)
     let farm = web.watch.farm();
     let meta = ImageMeta {
         scene: farm.job().scene,
+        scene_file: None,
         maker: Maker::Passes(farm.job().settings),
         render_seconds: web.watch.elapsed_in_all().as_secs_f64(),
         version: VERSION.into(),

@@ -40,6 +40,7 @@ pub async fn write(
         };
         let meta = ImageMeta {
             scene: farm.job().scene,
+            scene_file: output.scene_file.clone(),
             maker: Maker::Passes(farm.job().settings),
             render_seconds: farm.snapshot().seconds,
             version: VERSION.into(),

@@ -397,7 +397,7 @@ pub struct JobArgs {
     pub settings: SettingsArgs,
 
     /// Where to write the image: OUT.exr, with OUT.png and OUT.csv beside it [default: the scene's name, in the current
-    /// folder]
+    /// folder; FOLDER-NAME.exr where another folder's scene has that]
     #[arg(short, long, value_name = "OUT.exr")]
     pub output: Option<PathBuf>,
 

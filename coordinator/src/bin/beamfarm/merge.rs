@@ -191,6 +191,7 @@ fn write(args: &MergeArgs, merged: Merged) -> Result<(), Failure> {
     let settings = description.settings(&first)?;
     let meta = ImageMeta {
         scene,
+        scene_file: None,
         maker: Maker::Passes(settings),
         render_seconds: seconds,
         version: description.version.clone(),

@@ -21,6 +21,8 @@ use std::path::Path;
 pub struct ImageMeta {
     /// The scene.
     pub scene: SceneHash,
+    /// The scene's file as FOLDER/FILE, which tells files of equal names apart and no more of a machine.
+    pub scene_file: Option<String>,
     /// What made it.
     pub maker: Maker,
     /// Time since the job started. The one attribute that differs between runs.
@@ -128,6 +130,8 @@ fn channels(average: &Average, meta: &ImageMeta, size: Vec2<usize>) -> Result<An
     Ok(AnyChannels::sort(channels.into_iter().collect()))
 }
 
+const SCENE_FILE: &str = "beamfarmSceneFile";
+
 /// An attribute of the image, by its name.
 type Attribute = (&'static str, AttributeValue);
 
@@ -142,6 +146,9 @@ fn own_attributes(average: &Average, meta: &ImageMeta) -> Result<Vec<Attribute>,
         ("beamfarmRenderSeconds", AttributeValue::F64(meta.render_seconds)),
         ("beamfarmVersion", text("version", &meta.version)?),
     ];
+    if let Some(file) = &meta.scene_file {
+        own.push((SCENE_FILE, text("scene file", file)?));
+    }
     own.extend(match meta.maker {
         Maker::Passes(settings) => attributes_of_passes(&settings, average, meta)?,
         Maker::Reference(settings) => attributes_of_reference(&settings, average)?,
@@ -190,13 +197,31 @@ fn attributes_of_reference(settings: &ReferenceSettings, average: &Average) -> R
     Ok(own)
 }
 
-/// Whether an image that [`write_image`] wrote is made of samples of the reference integrator, and not of passes.
-/// `None` where there is none.
-pub fn made_of_samples(path: &Path) -> Option<bool> {
-    let meta = exr::meta::MetaData::read_from_file(path, false).ok()?;
-    let attributes = &meta.headers.first()?.own_attributes.other;
-    let has = |name: &str| attributes.contains_key(&exr::prelude::Text::from(name));
-    has("beamfarmScene").then(|| has("beamfarmSamples"))
+/// What an image that [`write_image`] wrote says of where it comes from.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Provenance {
+    /// Whether it is made of samples of the reference integrator, and not of passes.
+    pub of_samples: bool,
+    /// [`ImageMeta::scene_file`].
+    pub scene_file: Option<String>,
+}
+
+impl Provenance {
+    /// Of the image at `path`. `None` where there is none.
+    pub fn read(path: &Path) -> Option<Self> {
+        let meta = exr::meta::MetaData::read_from_file(path, false).ok()?;
+        let attributes = &meta.headers.first()?.own_attributes.other;
+        let find = |name: &str| attributes.get(&exr::prelude::Text::from(name));
+        find("beamfarmScene")?;
+        let scene_file = match find(SCENE_FILE) {
+            Some(AttributeValue::Text(file)) => Some(file.to_string()),
+            _ => None,
+        };
+        Some(Self {
+            of_samples: find("beamfarmSamples").is_some(),
+            scene_file,
+        })
+    }
 }
 
 fn number(n: u64) -> Result<AttributeValue, ImageError> {
@@ -375,6 +400,7 @@ mod tests {
     fn meta() -> ImageMeta {
         ImageMeta {
             scene: SceneHash([0xab; 32]),
+            scene_file: Some("fog/scene.toml".into()),
             maker: Maker::Passes(JobSettings {
                 seed: u64::MAX,
                 alpha: 2.0 / 3.0,
@@ -448,6 +474,7 @@ mod tests {
             ),
             ("beamfarmRenderSeconds", AttributeValue::F64(1.5)),
             ("beamfarmScene", AttributeValue::Text("ab".repeat(32).as_str().into())),
+            ("beamfarmSceneFile", AttributeValue::Text("fog/scene.toml".into())),
             ("beamfarmSchedule", AttributeValue::Text("beam".into())),
             ("beamfarmSeed", AttributeValue::Text("18446744073709551615".into())),
             ("beamfarmVersion", AttributeValue::Text("0.1.0".into())),
@@ -482,6 +509,15 @@ mod tests {
             assert_eq!(*attribute, AttributeValue::Text(value.into()), "{name}");
         }
         assert!(!attributes.contains_key(&exr::prelude::Text::from("beamfarmAlpha")));
+        let says = |of_samples: bool, scene_file: Option<String>| Provenance { of_samples, scene_file };
+        assert_eq!(Provenance::read(&path), Some(says(true, meta.scene_file.clone())));
+        let meta = ImageMeta {
+            scene_file: None,
+            ..self::meta()
+        };
+        write_image(&path, &average(), &meta).unwrap();
+        assert_eq!(Provenance::read(&path), Some(says(false, None)));
+        assert_eq!(Provenance::read(&folder.path().join("none.exr")), None);
     }
 
     #[test]

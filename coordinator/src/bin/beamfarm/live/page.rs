@@ -122,6 +122,7 @@ async fn exr(State(view): State<Arc<View>>) -> Response {
         };
         let meta = ImageMeta {
             scene: bundle.hash(),
+            scene_file: None,
             maker: Maker::Passes(job.settings),
             render_seconds: rest.since.map_or(0.0, |since| since.elapsed().as_secs_f64()),
             version: VERSION.into(),

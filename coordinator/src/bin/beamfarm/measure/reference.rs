@@ -180,6 +180,7 @@ pub fn main(args: ReferenceArgs) -> Result<(), Failure> {
     if let Some(average) = &average {
         let meta = ImageMeta {
             scene: hash,
+            scene_file: output.scene_file.clone(),
             maker: Maker::Reference(settings),
             render_seconds: seconds,
             version: VERSION.into(),

@@ -1,5 +1,6 @@
 //! Layers that a pass renders beside the beauty, when they are asked for.
 
+use crate::film::Film;
 use std::fmt;
 use std::str::FromStr;
 
@@ -10,8 +11,11 @@ const MAX_NAME: usize = 64;
 /// A layer: one image more of every pass, averaged as the beauty is.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Layer {
-    /// Distance of the first surface along the camera's axis, scene units; 0 where there is none. Boundaries of media
-    /// are no surfaces, here and for the next two.
+    /// Share of the pixel that surfaces and media cover: one less what of the light from all around gets through
+    /// straight. Glass covers.
+    Alpha,
+    /// Distance of the first surface along the camera's axis, scene units; infinite where there is none. Boundaries of
+    /// media are no surfaces, here and for the next two.
     Depth,
     /// Unit shading normal of the first surface in world space; 0 where there is none.
     Normal,
@@ -60,10 +64,12 @@ fn is_plain(c: char) -> bool {
 pub struct LayerError(String);
 
 impl Layer {
-    /// Names of its channels, without the layer's: their number is that of the values of a pixel that it uses.
+    /// Names of a block's channels, without the layer's: their number is that of the values of a pixel that it uses.
     pub fn channels(&self) -> &'static [&'static str] {
         match self {
-            Self::Depth => &["Z"],
+            Self::Alpha => &["A"],
+            // No sum may hold infinities: the distance counts as often as there is one.
+            Self::Depth => &["Z", "coverage"],
             Self::BeamDensity | Self::Targets => &["Y"],
             Self::Normal => &["X", "Y", "Z"],
             _ => &["R", "G", "B"],
@@ -71,9 +77,36 @@ impl Layer {
     }
 }
 
+impl Layer {
+    /// The channels of a final image, whole names, each with its values: of the layer's mean.
+    pub fn in_image(&self, mean: &Film) -> Vec<(String, Vec<f32>)> {
+        let values = |value: &dyn Fn(&[f32; 3]) -> f32| mean.pixels.iter().map(value).collect();
+        match self {
+            // Where viewers and compositors look for it.
+            Self::Alpha => vec![("A".into(), values(&|pixel| pixel[0].clamp(0.0, 1.0)))],
+            Self::Depth => vec![(format!("{self}.Z"), values(&distance))],
+            _ => {
+                let channels = self.channels().iter().enumerate();
+                channels
+                    .map(|(c, name)| (format!("{self}.{name}"), values(&|pixel| pixel[c])))
+                    .collect()
+            }
+        }
+    }
+}
+
+/// The mean distance of the share of a pixel that has one: infinite where there is none.
+pub fn distance([z, coverage, _]: &[f32; 3]) -> f32 {
+    match *coverage > 0.0 {
+        true => z / coverage,
+        false => f32::INFINITY,
+    }
+}
+
 impl fmt::Display for Layer {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
+            Self::Alpha => "alpha",
             Self::Depth => "depth",
             Self::Normal => "normal",
             Self::Albedo => "albedo",
@@ -92,6 +125,7 @@ impl FromStr for Layer {
 
     fn from_str(name: &str) -> Result<Self, LayerError> {
         Ok(match name {
+            "alpha" => Self::Alpha,
             "depth" => Self::Depth,
             "normal" => Self::Normal,
             "albedo" => Self::Albedo,
@@ -133,8 +167,19 @@ mod tests {
     use super::*;
 
     #[test]
+    fn distances_are_those_of_the_share_that_has_one() {
+        let mut mean = Film::new(3, 1);
+        mean.pixels = vec![[0.0; 3], [1.5, 0.25, 0.0], [3.0, 1.0, 0.0]];
+        let channels = Layer::Depth.in_image(&mean);
+        assert_eq!(channels, [("depth.Z".to_string(), vec![f32::INFINITY, 6.0, 3.0])]);
+        mean.pixels = vec![[-0.1, 0.0, 0.0], [0.5, 0.0, 0.0], [1.01, 0.0, 0.0]];
+        assert_eq!(Layer::Alpha.in_image(&mean), [("A".to_string(), vec![0.0, 0.5, 1.0])]);
+    }
+
+    #[test]
     fn names_are_read_as_they_are_written() {
         let layers = [
+            Layer::Alpha,
             Layer::Depth,
             Layer::Normal,
             Layer::Albedo,
@@ -148,7 +193,7 @@ mod tests {
             Layer::Light(LightGroup::named("a.b/ü")),
         ];
         let names = layers.each_ref().map(Layer::to_string);
-        assert_eq!(names[10], "light_a_b__");
+        assert_eq!(names[11], "light_a_b__");
         let read = parse_all(names.iter().map(String::as_str)).unwrap();
         assert_eq!(read, layers);
         for bad in ["", "beauty", "Depth", "light_", "light_a.b"] {

@@ -119,6 +119,8 @@ pub fn light_layers(description: &SceneDescription) -> Vec<Layer> {
 pub struct Parts {
     /// Distance of the first surface along the camera's axis, its shading normal, and its albedo.
     pub first: Option<(f32, Vec3, Rgb)>,
+    /// What of the light from all around gets through straight.
+    pub let_through: f32,
     /// See [`Layer::Direct`].
     pub direct: Rgb,
     /// See [`Layer::Surface`].
@@ -156,7 +158,8 @@ impl Parts {
     pub fn value(&self, layer: &Layer, group: Option<usize>) -> [f32; 3] {
         let first = |value: fn(&(f32, Vec3, Rgb)) -> Vec3| self.first.as_ref().map_or(Vec3::ZERO, value);
         let value = match layer {
-            Layer::Depth => first(|f| Vec3::new(f.0, 0.0, 0.0)),
+            Layer::Alpha => Vec3::new(1.0 - self.let_through, 0.0, 0.0),
+            Layer::Depth => first(|f| Vec3::new(f.0, 1.0, 0.0)),
             Layer::Normal => first(|f| f.1),
             Layer::Albedo => first(|f| f.2),
             Layer::Direct => self.direct,
@@ -237,6 +240,16 @@ impl<'a> Recorder<'a> {
             if let Some(sum) = group.and_then(|group| parts.groups.get_mut(group.index())) {
                 *sum += radiance;
             }
+        }
+    }
+
+    /// The path has met nothing: with what throughput, if there was no surface before.
+    #[inline]
+    pub fn meets_nothing(&mut self, throughput: Rgb) {
+        if let Some(parts) = &mut self.parts
+            && parts.first.is_none()
+        {
+            parts.let_through = throughput.element_sum() / 3.0;
         }
     }
 

@@ -276,12 +276,12 @@ power = 10
     let near = |a: [f32; 3], b: [f32; 3]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-5);
     // The right half meets the wall, whose distance along the axis is 5 everywhere.
     for i in (0..8 * 16).filter(|i| i % 16 >= 8) {
-        assert!(near(depth.pixels[i], [5.0, 0.0, 0.0]), "{:?}", depth.pixels[i]);
+        assert!(near(depth.pixels[i], [5.0, 1.0, 0.0]), "{:?}", depth.pixels[i]);
         assert!(near(normal.pixels[i], [0.0, 0.0, 1.0]));
         assert!(near(albedo.pixels[i], [0.7, 0.2, 0.1]));
     }
     for i in (0..8 * 16).filter(|i| i % 16 < 7) {
-        assert!(depth.pixels[i][0] > 3.0 && depth.pixels[i][0] < 5.0 && depth.pixels[i][1] == 0.0);
+        assert!(depth.pixels[i][0] > 3.0 && depth.pixels[i][0] < 5.0 && depth.pixels[i][1] == 1.0);
         assert!(
             near(normal.pixels[i], [0.5, 0.0, 0.75f32.sqrt()]),
             "{:?}",
@@ -308,6 +308,79 @@ fn nothing_is_there_where_a_ray_meets_nothing() {
         [1.0, 2.0, 3.0],
     ]) {
         assert!(film.pixels.iter().all(|p| *p == expected));
+    }
+}
+
+/// A slab of a medium lets exp(-sigma_t d) through, by channel; a cut-out of opacity 0.25 three quarters; glass covers.
+/// Both ways to gather light of media. Significance 1e-6, by the spread of the passes.
+#[test]
+fn alpha_is_what_covers() {
+    for finder in ["photons", "paths"] {
+        let text = format!(
+            r#"
+[image]
+width = 3
+height = 1
+[render]
+paths = 200
+media = "{finder}"
+[camera]
+origin = [0, 0, 100]
+target = [0, 0, 0]
+fov = 4
+[media.mist]
+type = "homogeneous"
+sigma_a = [0.1, 0.3, 0.0]
+sigma_s = 0.2
+[materials.boundary]
+type = "null"
+[materials.glass]
+type = "dielectric"
+ior = 1.5
+[materials.lace]
+type = "diffuse"
+opacity = 0.25
+[[shapes]]
+type = "cube"
+material = "boundary"
+interior = "mist"
+transform = [{{ scale = [1.1, 5, 1] }}, {{ translate = [-2.35, 0, 0] }}]
+[[shapes]]
+type = "rectangle"
+material = "lace"
+transform = [{{ scale = [1.1, 5, 1] }}]
+[[shapes]]
+type = "cube"
+material = "glass"
+transform = [{{ scale = [1.1, 5, 1] }}, {{ translate = [2.35, 0, 0] }}]
+[[lights]]
+type = "environment"
+radiance = 1.0
+"#
+        );
+        let scene = scene(&text);
+        let settings = scene.description().defaults.job_settings();
+        let plan = RenderPlan::new(&scene, settings)
+            .with_layers(&scene, &[Layer::Alpha])
+            .unwrap();
+        let passes: Vec<Film> = (0..400)
+            .map(|i| render_pass(&scene, &plan, i).layers[0].clone())
+            .collect();
+        let mist: f64 = [0.3, 0.5, 0.2]
+            .iter()
+            .map(|sigma: &f64| (1.0 - libm::exp(-2.0 * sigma)) / 3.0)
+            .sum();
+        for (i, expected) in [mist, 0.25, 1.0].into_iter().enumerate() {
+            let values = passes.iter().map(|film| f64::from(film.pixels[i][0]));
+            let (n, mean) = (passes.len() as f64, values.clone().sum::<f64>() / passes.len() as f64);
+            let error = (values.map(|v| (v - mean) * (v - mean)).sum::<f64>() / (n * (n - 1.0))).sqrt();
+            // Rays are up to two degrees off the axis: a way longer by 6e-4.
+            let (off, allowed) = ((mean - expected).abs(), 4.9 * error + 1e-3);
+            assert!(
+                off <= allowed,
+                "{finder}, pixel {i}: {mean} for {expected}, {allowed} allowed"
+            );
+        }
     }
 }
 

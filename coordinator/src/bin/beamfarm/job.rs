@@ -11,6 +11,7 @@ use beamfarm_image::layer::{Layer, MAX_LAYERS};
 use beamfarm_render::aov::light_layers;
 use beamfarm_render::balance::Choice;
 use beamfarm_render::budget::Pilot;
+use beamfarm_render::light::LightKind;
 use beamfarm_render::world::Scene;
 use beamfarm_render::world::{RenderDefaults, SceneDescription};
 use beamfarm_scene::{Edits, ImportOptions, SceneError, SceneFile, is_mitsuba};
@@ -81,7 +82,10 @@ fn budget(text: &str) -> Result<Budgeted, String> {
 #[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
 #[value(rename_all = "snake_case")]
 pub enum Aov {
-    /// Z: distance of the first surface along the camera's axis, scene units; 0 where there is none
+    /// A: share of the pixel that surfaces and media cover. R, G, B are premultiplied by nature; an environment that the
+    /// camera sees is in them as well
+    Alpha,
+    /// Z: distance of the first surface along the camera's axis, scene units; infinite where there is none
     Depth,
     /// X, Y, Z: its shading normal, world space
     Normal,
@@ -115,6 +119,7 @@ impl Aov {
 
     fn layers(self, description: &SceneDescription) -> Vec<Layer> {
         match self {
+            Self::Alpha => vec![Layer::Alpha],
             Self::Depth => vec![Layer::Depth],
             Self::Normal => vec![Layer::Normal],
             Self::Albedo => vec![Layer::Albedo],
@@ -240,6 +245,13 @@ impl SettingsArgs {
                 layers.len()
             )));
         }
+        if layers.contains(&Layer::Alpha) && shows_environment(&description) {
+            notes.push(
+                "--aov alpha: R, G and B hold what the camera sees of the environment as well, which a compositor would \
+                 add to what it puts behind; without \"camera\" in the light's `visible` they do not"
+                    .into(),
+            );
+        }
         Ok(Loaded {
             layers,
             standard_error: aovs.contains(&Aov::Stderr),
@@ -252,6 +264,14 @@ impl SettingsArgs {
             choice,
         })
     }
+}
+
+/// Whether the camera sees light from all around.
+fn shows_environment(description: &SceneDescription) -> bool {
+    let rules = description.rules.as_ref();
+    let hides = |light| rules.is_some_and(|rules| rules.hides_light(rules.camera, light));
+    let mut lights = description.lights.iter().enumerate();
+    lights.any(|(i, light)| matches!(light.kind, LightKind::Environment(_)) && !hides(i))
 }
 
 /// What a pilot chose, in words. `chose_paths`: their number as well.

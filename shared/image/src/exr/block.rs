@@ -339,14 +339,14 @@ mod tests {
     const RADIUS_SCALE_OF_TESTS: f64 = 0.1 + 0.2;
 
     fn layers() -> [Layer; 2] {
-        [Layer::Depth, Layer::Albedo]
+        [Layer::Targets, Layer::Albedo]
     }
 
     fn node(level: u32) -> Node {
         let leaf = |i: u64| {
-            let mut depth = film(5, 4, 100 + i as u32);
-            depth.pixels.iter_mut().for_each(|p| *p = [p[0], 0.0, 0.0]);
-            let layers = vec![depth, film(5, 4, 200 + i as u32)];
+            let mut targets = film(5, 4, 100 + i as u32);
+            targets.pixels.iter_mut().for_each(|p| *p = [p[0], 0.0, 0.0]);
+            let layers = vec![targets, film(5, 4, 200 + i as u32)];
             let leaf = Node::leaf(12 + i, film(5, 4, i as u32)).with_layers(layers);
             leaf.with_radius_scale(RADIUS_SCALE_OF_TESTS)
         };
@@ -417,7 +417,7 @@ mod tests {
             let film = match prefix {
                 "" => &node.sum,
                 "variance." => &node.squared_difference,
-                "depth." => &node.layers[0],
+                "targets." => &node.layers[0],
                 _ => &node.layers[1],
             };
             let c = "RGB".find(colour).unwrap_or(0);
@@ -426,7 +426,7 @@ mod tests {
             names.push(name);
         }
         #[rustfmt::skip]
-        let expected = ["B", "G", "R", "albedo.B", "albedo.G", "albedo.R", "depth.Z", "variance.B", "variance.G", "variance.R"];
+        let expected = ["B", "G", "R", "albedo.B", "albedo.G", "albedo.R", "targets.Y", "variance.B", "variance.G", "variance.R"];
         assert_eq!(names, expected);
         let seed = &image.layer_data.attributes.other[&exr::prelude::Text::from(SEED)];
         assert_eq!(*seed, AttributeValue::Text("18446744073709551614".into()));

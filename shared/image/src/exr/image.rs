@@ -104,27 +104,29 @@ pub fn encode_image(average: &Average, meta: &ImageMeta) -> Result<Vec<u8>, Imag
 
 /// The films of an average as channels, in EXR's order.
 fn channels(average: &Average, meta: &ImageMeta, size: Vec2<usize>) -> Result<AnyChannels<FlatSamples>, ImageError> {
-    const RGB: &[&str] = &["R", "G", "B"];
-    let mut films = vec![(String::new(), RGB, &average.beauty)];
+    let mut films = vec![("", &average.beauty)];
     if meta.standard_error {
-        films.push(("stderr.".into(), RGB, &average.standard_error));
+        films.push(("stderr.", &average.standard_error));
     }
-    for (layer, film) in meta.layers.iter().zip(&average.layers) {
-        films.push((format!("{layer}."), layer.channels(), film));
-    }
-    let bad_size = |(_, _, film): &(String, &[&str], &Film)| film.pixels.len() != size.area();
-    if size.area() == 0 || films.iter().any(bad_size) || meta.layers.len() != average.layers.len() {
+    let bad_size = |film: &Film| film.pixels.len() != size.area();
+    let mut all = average.layers.iter().chain(films.iter().map(|(_, film)| *film));
+    if size.area() == 0 || all.any(bad_size) || meta.layers.len() != average.layers.len() {
         return Err(ImageError::Encode {
             field: "size",
             message: format!("{} x {} pixels, {} layers", size.0, size.1, average.layers.len()),
         });
     }
     let mut channels = Vec::new();
-    for (prefix, names, film) in films {
-        for (c, name) in names.iter().enumerate() {
+    let mut add = |name: String, samples| channels.push(AnyChannel::new(name.as_str(), FlatSamples::F32(samples)));
+    for (prefix, film) in films {
+        for (c, name) in ["R", "G", "B"].iter().enumerate() {
             let samples = film.pixels.iter().map(|pixel| pixel[c]).collect();
-            let name = format!("{prefix}{name}");
-            channels.push(AnyChannel::new(name.as_str(), FlatSamples::F32(samples)));
+            add(format!("{prefix}{name}"), samples);
+        }
+    }
+    for (layer, film) in meta.layers.iter().zip(&average.layers) {
+        for (name, samples) in layer.in_image(film) {
+            add(name, samples);
         }
     }
     Ok(AnyChannels::sort(channels.into_iter().collect()))
@@ -445,7 +447,7 @@ mod tests {
         assert_eq!(names, expected);
         let red: Vec<f32> = average.standard_error.pixels.iter().map(|pixel| pixel[0]).collect();
         assert_eq!(channels[9].sample_data, FlatSamples::F32(red));
-        let depth = average.layers[0].pixels.iter().map(|pixel| pixel[0]);
+        let depth = average.layers[0].pixels.iter().map(layer::distance);
         assert_eq!(channels[3].sample_data, FlatSamples::F32(depth.collect()));
 
         let attributes = &image.layer_data.attributes;

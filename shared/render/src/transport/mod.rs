@@ -201,6 +201,7 @@ impl<V: Sight> CameraTracer<'_, V> {
             }
             self.add_met_light(&path, hit.as_ref(), &mut radiance, context);
             let Some(mut hit) = hit else {
+                context.record.meets_nothing(path.beta);
                 return radiance;
             };
             let material = scene.material(&hit);

@@ -106,6 +106,8 @@ fn encode_layer(layer: &Layer, film: &Film, stops: f32, curve: Curve) -> Result<
             encode_rgb(film.width, film.height, &data)
         }
         Layer::Albedo => encode_png(film, 0.0),
+        // Which have no film, and so none is shown.
+        Layer::Objects | Layer::Materials => encode_rgb(film.width, film.height, &vec![0; 3 * film.pixels.len()]),
         Layer::Alpha => encode_grey(film, |pixel| pixel[0]),
         Layer::Depth => {
             let most = film.pixels.iter().map(distance).filter(|z| z.is_finite());

@@ -34,6 +34,65 @@ pub enum Layer {
     BeamDensity,
     /// Photon targets before the first surface, or on it.
     Targets,
+    /// Which objects cover the pixel: a [`Matte`](crate::matte::Matte), not a film. Such layers come last in a job.
+    Objects,
+    /// Which materials do.
+    Materials,
+}
+
+/// What a matte tells apart.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MatteKind {
+    /// Objects.
+    Objects,
+    /// Materials.
+    Materials,
+}
+
+/// How many layers a job has, of both kinds.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct LayerCounts {
+    /// Images of numbers, which come first.
+    pub films: usize,
+    /// Mattes.
+    pub mattes: usize,
+}
+
+impl LayerCounts {
+    /// Of these.
+    pub fn of(layers: &[Layer]) -> Self {
+        let mattes = layers.iter().filter(|layer| layer.matte().is_some()).count();
+        Self {
+            films: layers.len() - mattes,
+            mattes,
+        }
+    }
+
+    /// Of these by their names.
+    pub fn of_names(names: &[String]) -> Self {
+        let layers: Vec<Layer> = names.iter().filter_map(|name| name.parse().ok()).collect();
+        Self {
+            films: names.len() - Self::of(&layers).mattes,
+            ..Self::of(&layers)
+        }
+    }
+}
+
+impl From<usize> for LayerCounts {
+    /// So many films.
+    fn from(films: usize) -> Self {
+        Self { films, mattes: 0 }
+    }
+}
+
+impl fmt::Display for LayerCounts {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} layers", self.films)?;
+        match self.mattes {
+            0 => Ok(()),
+            mattes => write!(f, " and {mattes} mattes"),
+        }
+    }
 }
 
 /// Name of a group of lights: 1 to 64 letters, digits, and `_`, `-`, `+`, `#`, `:`, `[`, `]`, `(`, `)` or space.
@@ -64,10 +123,20 @@ fn is_plain(c: char) -> bool {
 pub struct LayerError(String);
 
 impl Layer {
+    /// Whether it is a [`Matte`](crate::matte::Matte), and which.
+    pub fn matte(&self) -> Option<MatteKind> {
+        match self {
+            Self::Objects => Some(MatteKind::Objects),
+            Self::Materials => Some(MatteKind::Materials),
+            _ => None,
+        }
+    }
+
     /// Names of a block's channels, without the layer's: their number is that of the values of a pixel that it uses.
     pub fn channels(&self) -> &'static [&'static str] {
         match self {
             Self::Alpha => &["A"],
+            Self::Objects | Self::Materials => &[],
             // No sum may hold infinities: the distance counts as often as there is one.
             Self::Depth => &["Z", "coverage"],
             Self::BeamDensity | Self::Targets => &["Y"],
@@ -115,6 +184,8 @@ impl fmt::Display for Layer {
             Self::Volume => "volume",
             Self::BeamDensity => "beam_density",
             Self::Targets => "targets",
+            Self::Objects => "crypto_object",
+            Self::Materials => "crypto_material",
             Self::Light(group) => return write!(f, "light_{}", group.0),
         })
     }
@@ -134,6 +205,8 @@ impl FromStr for Layer {
             "volume" => Self::Volume,
             "beam_density" => Self::BeamDensity,
             "targets" => Self::Targets,
+            "crypto_object" => Self::Objects,
+            "crypto_material" => Self::Materials,
             _ => match name.strip_prefix("light_") {
                 Some(group) if LightGroup::named(group).0 == group => Self::Light(LightGroup(group.into())),
                 _ => {
@@ -145,7 +218,7 @@ impl FromStr for Layer {
     }
 }
 
-/// The layers of these names, each once.
+/// The layers of these names, each once, mattes last.
 pub fn parse_all<'a>(names: impl ExactSizeIterator<Item = &'a str>) -> Result<Vec<Layer>, LayerError> {
     let count = names.len();
     if count > MAX_LAYERS {
@@ -153,9 +226,12 @@ pub fn parse_all<'a>(names: impl ExactSizeIterator<Item = &'a str>) -> Result<Ve
     }
     let mut layers = Vec::with_capacity(count);
     for name in names {
-        let layer = name.parse()?;
+        let layer: Layer = name.parse()?;
         if layers.contains(&layer) {
             return Err(LayerError(format!("{layer}, a second time")));
+        }
+        if layer.matte().is_none() && layers.iter().any(|before| before.matte().is_some()) {
+            return Err(LayerError(format!("{layer}, after a matte")));
         }
         layers.push(layer);
     }
@@ -191,6 +267,8 @@ mod tests {
             Layer::Light(LightGroup::named("key light")),
             Layer::Light(LightGroup::named("")),
             Layer::Light(LightGroup::named("a.b/ü")),
+            Layer::Objects,
+            Layer::Materials,
         ];
         let names = layers.each_ref().map(Layer::to_string);
         assert_eq!(names[11], "light_a_b__");
@@ -202,5 +280,8 @@ mod tests {
         let long = format!("light_{}", "x".repeat(MAX_NAME + 1));
         assert!(long.parse::<Layer>().is_err());
         assert!(parse_all(["depth", "depth"].into_iter()).is_err());
+        assert!(parse_all(["crypto_object", "depth"].into_iter()).is_err());
+        let counts = LayerCounts::of(&layers);
+        assert_eq!(counts.to_string(), "12 layers and 2 mattes");
     }
 }

@@ -47,6 +47,7 @@ pub async fn write(
             layers: farm.job().layers.clone(),
             standard_error: output.standard_error,
             drops_photons: output.drops_photons,
+            names: output.names.clone(),
         };
         output.write(&average, &meta, exposure)?;
         if let Some(history) = history {

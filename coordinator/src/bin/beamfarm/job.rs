@@ -106,6 +106,10 @@ pub enum Aov {
     /// Y: photon targets before the first surface, or on it. Where the scene's targeting is "reject", photons that miss
     /// them are dropped, and the image is biased
     Targets,
+    /// CryptoObject00 to 02: which objects cover the pixel, by the convention of Cryptomatte
+    CryptoObject,
+    /// CryptoMaterial00 to 02: which materials do
+    CryptoMaterial,
     /// All of them
     All,
 }
@@ -129,6 +133,8 @@ impl Aov {
             Self::Lights => light_layers(description),
             Self::BeamDensity => vec![Layer::BeamDensity],
             Self::Targets => vec![Layer::Targets],
+            Self::CryptoObject => vec![Layer::Objects],
+            Self::CryptoMaterial => vec![Layer::Materials],
             Self::Stderr | Self::All => Vec::new(),
         }
     }
@@ -503,6 +509,7 @@ impl JobArgs {
         let output = self.output.as_deref();
         Ok(Output {
             drops_photons: loaded.defaults.targeting == Targeting::Reject,
+            names: loaded.description.names(),
             ..Output::new(output, &self.settings.of.scene, "", loaded.standard_error)?
         })
     }

@@ -3,7 +3,7 @@
 use crate::failure::Failure;
 use beamfarm_image::atomic::remove_leftovers;
 use beamfarm_image::error::ImageError;
-use beamfarm_image::exr::{ImageMeta, Provenance, write_image};
+use beamfarm_image::exr::{ImageMeta, Names, Provenance, write_image};
 use beamfarm_image::merge::Average;
 use beamfarm_image::png::write_png;
 use beamfarm_worker::visible;
@@ -33,6 +33,8 @@ pub struct Output {
     pub standard_error: bool,
     /// Whether the EXR is to say that photons which missed all targets were dropped.
     pub drops_photons: bool,
+    /// What its mattes tell apart.
+    pub names: Names,
 }
 
 impl Output {
@@ -70,6 +72,7 @@ impl Output {
             scene_file,
             standard_error,
             drops_photons: false,
+            names: Names::default(),
         })
     }
 

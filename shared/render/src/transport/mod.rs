@@ -213,7 +213,7 @@ impl<V: Sight> CameraTracer<'_, V> {
             }
             let at = scene.interaction(&mut hit, path.ray.dir);
             let mut vertex = Vertex::new(at, &hit, path.medium);
-            context.record.first_surface(|| {
+            context.record.first_surface(hit.object, || {
                 let camera = &scene.description().camera;
                 let depth = (hit.point - camera.position).dot(camera.frame.n);
                 (depth, hit.ns, vertex.bsdf.albedo())

@@ -16,6 +16,8 @@ use std::collections::BTreeMap;
 pub struct Materials {
     pub list: Vec<Material>,
     names: BTreeMap<String, u32>,
+    /// What each is called that has a name.
+    pub labels: BTreeMap<u32, String>,
     grey: Option<u32>,
     black: Option<u32>,
 }
@@ -25,6 +27,7 @@ impl Materials {
         let mut materials = Self {
             list: Vec::new(),
             names: BTreeMap::new(),
+            labels: BTreeMap::new(),
             grey: None,
             black: None,
         };
@@ -41,6 +44,7 @@ impl Materials {
         let mut names = BTreeMap::new();
         for (name, record) in records {
             names.insert(name.get_ref().clone(), self.list.len() as u32);
+            self.labels.insert(self.list.len() as u32, name.get_ref().clone());
             self.list.push(material(record, assets)?);
         }
         Ok(std::mem::replace(&mut self.names, names))

@@ -134,6 +134,7 @@ pub fn assemble(
         bounds: bounds::around(&parts.objects, &parts.points),
         objects: parts.objects,
         materials: parts.materials.list,
+        material_names: parts.materials.labels,
         media: parts.media.list,
         lights: parts.lights,
         defaults: defaults(&record.render)?,

@@ -11,7 +11,7 @@ use axum::routing::get;
 use beamfarm_coordinator::revisions::{Content, Picture};
 use beamfarm_coordinator::security::LOOK;
 use beamfarm_image::bundle::Bundle;
-use beamfarm_image::exr::{ImageMeta, Maker, encode_image};
+use beamfarm_image::exr::{ImageMeta, Maker, Names, encode_image};
 use beamfarm_image::png::encode_png;
 use beamfarm_proto::VERSION;
 use std::sync::Arc;
@@ -129,6 +129,7 @@ async fn exr(State(view): State<Arc<View>>) -> Response {
             layers: Vec::new(),
             standard_error: false,
             drops_photons: rest.drops_photons,
+            names: Names::default(),
         };
         encode_image(&average, &meta)
     });

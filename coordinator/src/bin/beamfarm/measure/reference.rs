@@ -5,7 +5,7 @@ use crate::job::{Aov, ImportArgs, SceneArgs, SettingsArgs};
 use crate::output::{Output, REFERENCE};
 use crate::progress::{self, BAR_LENGTH, ESTIMATE, LINE};
 use crate::summary::describe_error;
-use beamfarm_image::exr::{ImageMeta, Maker, pixel_hash};
+use beamfarm_image::exr::{ImageMeta, Maker, Names, pixel_hash};
 use beamfarm_image::job::{MAX_PASSES, ReferenceSettings};
 use beamfarm_image::merge::{Average, MergeError, Node, TreeSum};
 use beamfarm_proto::VERSION;
@@ -187,6 +187,7 @@ pub fn main(args: ReferenceArgs) -> Result<(), Failure> {
             layers: loaded.layers,
             standard_error: output.standard_error,
             drops_photons: false,
+            names: Names::default(),
         };
         output.write(average, &meta, exposure)?;
         if !args.quiet {

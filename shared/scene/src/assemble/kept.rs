@@ -1,6 +1,7 @@
 //! What was made for one scene and is good for the next: everything that takes time for each byte of a file, by what it
 //! was made from. Whatever is found here is what would be made again.
 
+use crate::assets::gltf::Choice;
 use crate::assets::image::Encoding;
 use crate::assets::mesh::RawMesh;
 use crate::files::Content;
@@ -198,6 +199,8 @@ pub struct KeptPiece {
     pub text: String,
     pub meshes: BTreeMap<String, Arc<Decoded>>,
     pub images: BTreeMap<String, Arc<Image>>,
+    /// What of it does not count, or counts otherwise.
+    pub notes: Vec<String>,
     /// The files beside it that were read, by key.
     pub beside: Vec<(String, Content)>,
 }
@@ -205,7 +208,7 @@ pub struct KeptPiece {
 /// An image that shines, the bits of its scale, and those of how it is turned.
 type ImageLight = (Pinned<Image>, [u32; 3], [u32; 9]);
 /// A glTF file's path and content, and what is taken of it.
-type PieceKey = (String, Content, [bool; 2]);
+type PieceKey = (String, Content, Choice);
 
 /// All of it.
 pub struct Kept {

@@ -27,11 +27,14 @@ pub enum Encoding {
     Srgb,
     /// Themselves, 1 the largest.
     Raw,
+    /// In place of its colours, an image's alpha, 1 the largest; 1 where it has none.
+    Alpha,
 }
 
 /// Read an image; its first bytes tell of which kind.
 pub fn read(bytes: &[u8], encoding: Encoding) -> Result<Image, Flaw> {
-    let image = if bytes.starts_with(b"\x89PNG") {
+    let is_png = bytes.starts_with(b"\x89PNG");
+    let mut image = if is_png {
         read_png(bytes, encoding)?
     } else if bytes.starts_with(b"\x76\x2f\x31\x01") {
         read_exr(bytes)?
@@ -42,6 +45,9 @@ pub fn read(bytes: &[u8], encoding: Encoding) -> Result<Image, Flaw> {
     } else {
         return Err("unsupported kind of image; expected PNG, JPEG, OpenEXR or Radiance HDR".into());
     };
+    if encoding == Encoding::Alpha && !is_png {
+        image.pixels.fill(Rgb::ONE);
+    }
     let width = image.width as usize;
     let bad = |p: &Rgb| !p.is_finite() || p.min_element() < 0.0;
     if let Some(i) = image.pixels.iter().position(bad) {
@@ -98,6 +104,8 @@ fn read_png(bytes: &[u8], encoding: Encoding) -> Result<Image, Flaw> {
     };
     let channels = info.color_type.samples();
     let pixel = |p: &[u8]| match channels {
+        2 | 4 if encoding == Encoding::Alpha => Rgb::splat(sample(p, channels - 1)),
+        _ if encoding == Encoding::Alpha => Rgb::ONE,
         1 | 2 => Rgb::splat(sample(p, 0)),
         _ => Rgb::new(sample(p, 0), sample(p, 1), sample(p, 2)),
     };
@@ -161,7 +169,7 @@ impl Encoding {
             let v = f64::from(v) / f64::from(levels);
             match self {
                 Self::Srgb => linear_from_srgb(v),
-                Self::Raw => v as f32,
+                Self::Raw | Self::Alpha => v as f32,
             }
         };
         (0..=levels).map(value).collect()

@@ -1,221 +1,384 @@
-//! Base materials of glTF as principled materials.
+//! Materials of glTF: principled ones, and glass.
 
-use super::accessor::{Buffers, Uv};
-use super::{Beside, Piece, bytes_of, quoted};
+use super::notes::Notes;
+use super::record::{AlphaMode, Material, Record, TextureUse, Volume};
+use super::texture::{Textures, mapped, mean, scaled_normals, times, uv_set};
+use super::write::{number, numbers};
 use crate::assets::Flaw;
-use crate::assets::image::{self, Encoding};
+use crate::assets::image::Encoding;
 use beamfarm_render::math::Rgb;
-use beamfarm_render::texture::Image;
-use glam::{DAffine2, DMat2, DVec2};
-use gltf::texture::{MagFilter, WrappingMode};
 use std::collections::BTreeMap;
 use std::fmt::Write;
-use std::sync::Arc;
 
-/// Texture coordinates of the base colour's texture.
-pub fn uv(material: &gltf::Material<'_>) -> Uv {
-    let Some(texture) = material.pbr_metallic_roughness().base_color_texture() else {
-        return Uv {
-            set: 0,
-            transform: DAffine2::IDENTITY,
-        };
-    };
-    match texture.texture_transform() {
-        None => Uv {
-            set: texture.tex_coord(),
-            transform: DAffine2::IDENTITY,
-        },
-        Some(transform) => {
-            // Counter-clockwise, where v runs downwards.
-            let (sin, cos) = libm::sincos(f64::from(transform.rotation()));
-            let vector = |v: [f32; 2]| DVec2::from(v.map(f64::from));
-            let rotation = DMat2::from_cols(DVec2::new(cos, -sin), DVec2::new(sin, cos));
-            Uv {
-                set: transform.tex_coord().unwrap_or(texture.tex_coord()),
-                transform: DAffine2::from_mat2_translation(
-                    rotation * DMat2::from_diagonal(vector(transform.scale())),
-                    vector(transform.offset()),
-                ),
-            }
-        }
-    }
+/// What shapes of a material say.
+#[derive(Clone, Debug)]
+pub struct Surface {
+    /// The material's name within the piece.
+    pub id: String,
+    /// For people.
+    pub name: String,
+    /// Which of a mesh's texture coordinates it takes.
+    pub uv_set: u32,
+    /// Radiance, as TOML.
+    pub emission: Option<String>,
+    /// Whether light goes through to the inside.
+    pub is_glass: bool,
+    /// What is inside.
+    pub interior: Option<String>,
 }
 
 /// The materials that shapes use.
 pub struct Materials<'a, 'b> {
-    file: &'a str,
-    buffers: &'a Buffers,
-    beside: &'a Beside<'b>,
-    used: BTreeMap<Option<usize>, gltf::Material<'a>>,
-    /// Decoded, by number and encoding.
-    images: BTreeMap<(usize, Encoding), Arc<Image>>,
+    record: &'a Record,
+    pub textures: Textures<'a, 'b>,
+    made: BTreeMap<Option<usize>, Surface>,
+    /// Materials and media, as TOML.
+    pub text: String,
+    /// Lengths in the world of a length of the file.
+    scale: f64,
 }
 
+/// A number, or a texture's.
+struct Mean(f64);
+
 impl<'a, 'b> Materials<'a, 'b> {
-    pub fn new(file: &'a str, buffers: &'a Buffers, beside: &'a Beside<'b>) -> Self {
+    /// `scale`: lengths in the world of a length of the file.
+    pub fn new(record: &'a Record, textures: Textures<'a, 'b>, scale: f64) -> Self {
         Self {
-            file,
-            buffers,
-            beside,
-            used: BTreeMap::new(),
-            images: BTreeMap::new(),
+            record,
+            textures,
+            made: BTreeMap::new(),
+            text: String::new(),
+            scale,
         }
     }
 
-    /// The name by which a shape calls it.
-    pub fn id(&mut self, material: &gltf::Material<'a>) -> String {
-        self.used.entry(material.index()).or_insert_with(|| material.clone());
-        id(material)
+    /// What shapes of a material are told, by its number; without one, the default material.
+    pub fn surface(&mut self, index: Option<usize>, notes: &mut Notes) -> Result<Surface, Flaw> {
+        if let Some(made) = self.made.get(&index) {
+            return Ok(made.clone());
+        }
+        let default = Material::default();
+        let record = self.record;
+        let material = index.map_or(Some(&default), |i| record.materials.get(i));
+        let material = material.ok_or("it names a material that is not there")?;
+        let (id, name) = match (index, &material.name) {
+            (Some(i), Some(name)) => (format!("material{i}"), format!("{name:?}")),
+            (Some(i), None) => (format!("material{i}"), i.to_string()),
+            (None, _) => ("default".to_string(), "that is the default".to_string()),
+        };
+        let in_material = |flaw: Flaw| Flaw::from(format!("the material {name}: {}", flaw.message));
+        let mut writer = Writer {
+            material,
+            id: &id,
+            name: &name,
+            textures: &mut self.textures,
+            notes,
+            uv_set: main_uv_set(material),
+        };
+        let emission = writer.emission().map_err(in_material)?;
+        let written = writer.write(self.scale).map_err(in_material)?;
+        self.text.push_str(&written.text);
+        let surface = Surface {
+            uv_set: main_uv_set(material),
+            emission,
+            is_glass: written.is_glass,
+            interior: written.has_medium.then(|| id.clone()),
+            id: id.clone(),
+            name: name.clone(),
+        };
+        self.made.insert(index, surface.clone());
+        Ok(surface)
+    }
+}
+
+/// The texture coordinates of the texture that matters most.
+fn main_uv_set(material: &Material) -> u32 {
+    let pbr = &material.pbr_metallic_roughness;
+    let x = &material.extensions;
+    let transmission = x.transmission.as_ref().and_then(|t| t.transmission_texture.as_ref());
+    let diffuse = x.specular_glossiness.as_ref().and_then(|s| s.diffuse_texture.as_ref());
+    let in_order = [
+        pbr.base_color_texture.as_ref(),
+        diffuse,
+        material.normal_texture.as_ref(),
+        pbr.metallic_roughness_texture.as_ref(),
+        material.emissive_texture.as_ref(),
+        transmission,
+    ];
+    in_order.into_iter().flatten().next().map_or(0, uv_set)
+}
+
+struct Written {
+    text: String,
+    is_glass: bool,
+    has_medium: bool,
+}
+
+/// One material on its way.
+struct Writer<'w, 'a, 'b> {
+    material: &'w Material,
+    id: &'w str,
+    name: &'w str,
+    textures: &'w mut Textures<'a, 'b>,
+    notes: &'w mut Notes,
+    uv_set: u32,
+}
+
+impl Writer<'_, '_, '_> {
+    fn note(&mut self, note: impl Into<String>) {
+        self.notes.add_of(note, self.name);
+    }
+
+    /// Whether a texture lies on the mesh as the others do; says so where it does not.
+    fn lies_with_others(&mut self, used: &TextureUse) -> bool {
+        if self.textures.wraps_in_two_ways(used) {
+            self.note("beyond their edges textures go on along v as they do along u: materials");
+        }
+        let is_so = uv_set(used) == self.uv_set;
+        if !is_so {
+            self.note(
+                "textures of one material have several sets of texture coordinates; those that are not in its main one \
+                 count by their mean, and normals not at all: materials",
+            );
+        }
+        is_so
+    }
+
+    /// A number times the mean of a texture's channel.
+    fn mean(&mut self, factor: f64, used: Option<&TextureUse>, channel: usize) -> Result<Mean, Flaw> {
+        let Some(used) = used else {
+            return Ok(Mean(factor));
+        };
+        let image = self.textures.picture(used, Encoding::Raw)?;
+        Ok(Mean(factor * mean(&image)[channel]))
+    }
+
+    /// A colour, or a picture of one, as TOML. `what` is what it is called.
+    fn color(&mut self, factor: [f64; 3], used: Option<&TextureUse>, what: &str) -> Result<String, Flaw> {
+        let Some(used) = used else {
+            return Ok(numbers(&factor));
+        };
+        let image = self.textures.picture(used, Encoding::Srgb)?;
+        if !self.lies_with_others(used) {
+            let mean = mean(&image);
+            return Ok(numbers(&std::array::from_fn::<_, 3, _>(|c| factor[c] * mean[c])));
+        }
+        let image = times(image, Rgb::from_array(factor.map(|x| x as f32)));
+        let name = format!("{}{what}", self.id);
+        self.textures.written(used, &name, image, "")
     }
 
     /// Radiance, if there is any. A texture counts by its mean.
-    pub fn emission(&mut self, material: &gltf::Material<'a>) -> Result<Option<[f64; 3]>, Flaw> {
-        let strength = material.emissive_strength().unwrap_or(1.0);
-        let factor = material.emissive_factor().map(|c| f64::from(c) * f64::from(strength));
+    fn emission(&mut self) -> Result<Option<String>, Flaw> {
+        let strength = self.material.extensions.emissive_strength.as_ref();
+        let strength = strength.map_or(1.0, |s| s.emissive_strength);
+        let factor = self.material.emissive_factor.map(|c| c * strength);
         if factor == [0.0; 3] {
             return Ok(None);
         }
-        let mean = match material.emissive_texture() {
+        let mean = match &self.material.emissive_texture {
             None => [1.0; 3],
-            Some(texture) => {
-                let image = self.image(material, &texture.texture(), Encoding::Srgb)?;
-                mean(&image)
+            Some(used) => {
+                self.note("textures of emission count by their mean: materials");
+                mean(&*self.textures.picture(used, Encoding::Srgb)?)
             }
         };
         let radiance: [f64; 3] = std::array::from_fn(|c| factor[c] * mean[c]);
-        Ok((radiance != [0.0; 3]).then_some(radiance))
-    }
-
-    /// Add the materials to the piece.
-    pub fn write(mut self, piece: &mut Piece) -> Result<(), Flaw> {
-        for material in std::mem::take(&mut self.used).into_values() {
-            self.write_one(&material, piece)?;
+        if radiance == [0.0; 3] {
+            return Ok(None);
         }
-        Ok(())
+        if self.material.double_sided {
+            self.note("surfaces with two sides give light from the front alone: materials");
+        }
+        Ok(Some(numbers(&radiance)))
     }
 
-    fn write_one(&mut self, material: &gltf::Material<'a>, piece: &mut Piece) -> Result<(), Flaw> {
-        let pbr = material.pbr_metallic_roughness();
-        let [r, g, b, _] = pbr.base_color_factor();
-        let base_color = match pbr.base_color_texture() {
-            None => format!("[{r:?}, {g:?}, {b:?}]"),
-            Some(info) => {
-                let texture = info.texture();
-                let file = format!("{}:{}", self.file, id(material));
-                let image = self.image(material, &texture, Encoding::Srgb)?;
-                piece.images.insert(file.clone(), times(image, Rgb::new(r, g, b)));
-                let sampler = texture.sampler();
-                let wrap = match sampler.wrap_s() {
-                    WrappingMode::Repeat => "repeat",
-                    WrappingMode::MirroredRepeat => "mirror",
-                    WrappingMode::ClampToEdge => "clamp",
-                };
-                let filter = match sampler.mag_filter() {
-                    Some(MagFilter::Nearest) => "nearest",
-                    _ => "bilinear",
-                };
-                format!(
-                    "{{ image = {}, wrap = \"{wrap}\", filter = \"{filter}\" }}",
-                    quoted(&file)
-                )
+    /// What of light does not go straight through, as TOML.
+    fn opacity(&mut self) -> Result<Option<String>, Flaw> {
+        let pbr = &self.material.pbr_metallic_roughness;
+        let mode = self.material.alpha_mode;
+        let factor = pbr.base_color_factor[3];
+        let cutoff = self.material.alpha_cutoff.unwrap_or(0.5);
+        let alpha = |a: f64| match mode {
+            AlphaMode::Opaque => 1.0,
+            AlphaMode::Blend => a.clamp(0.0, 1.0),
+            AlphaMode::Mask => f64::from(u8::from(a >= cutoff)),
+        };
+        if mode == AlphaMode::Opaque {
+            return Ok(None);
+        }
+        let Some(used) = &pbr.base_color_texture else {
+            return Ok(Some(number(alpha(factor))).filter(|_| alpha(factor) < 1.0));
+        };
+        let image = self.textures.picture(used, Encoding::Alpha)?;
+        let image = mapped(&image, |p| Rgb::splat(alpha(f64::from(p.x) * factor) as f32));
+        if image.pixels.iter().all(|p| *p == Rgb::ONE) {
+            return Ok(None);
+        }
+        if !self.lies_with_others(used) {
+            return Ok(Some(number(mean(&image)[0])));
+        }
+        let name = format!("{}.opacity", self.id);
+        self.textures.written(used, &name, image, "").map(Some)
+    }
+
+    /// The index of refraction whose reflectance at normal incidence is that of `ior` and KHR_materials_specular.
+    fn reflecting_ior(&mut self, ior: f64) -> Result<f64, Flaw> {
+        let Some(specular) = &self.material.extensions.specular else {
+            return Ok(ior);
+        };
+        let Mean(factor) = match &specular.specular_texture {
+            None => Mean(specular.specular_factor),
+            Some(used) => {
+                self.note("textures of KHR_materials_specular count by their mean: materials");
+                let alpha = self.textures.picture(used, Encoding::Alpha)?;
+                Mean(specular.specular_factor * mean(&alpha)[0])
             }
         };
-        let (mut metallic, mut roughness) = (f64::from(pbr.metallic_factor()), f64::from(pbr.roughness_factor()));
-        if let Some(info) = pbr.metallic_roughness_texture() {
-            let image = self.image(material, &info.texture(), Encoding::Raw)?;
-            let [_, g, b] = mean(&image);
-            roughness *= g;
-            metallic *= b;
+        let mut tint = specular.specular_color_factor;
+        if let Some(used) = &specular.specular_color_texture {
+            self.note("textures of KHR_materials_specular count by their mean: materials");
+            let mean = mean(&*self.textures.picture(used, Encoding::Srgb)?);
+            tint = std::array::from_fn(|c| tint[c] * mean[c]);
         }
-        if material.transmission().is_some_and(|t| t.transmission_factor() > 0.0) {
-            return Err(format!(
-                "the material {}: KHR_materials_transmission is not supported; read the file with `materials = false`, \
-                 or export it without",
-                name(material)
-            )
-            .into());
+        if tint[0] != tint[1] || tint[1] != tint[2] {
+            self.note("colours of KHR_materials_specular count by their luminance: materials");
         }
-        let text = &mut piece.text;
-        let _ = writeln!(
+        let tint = 0.2126 * tint[0] + 0.7152 * tint[1] + 0.0722 * tint[2];
+        if factor == 1.0 && tint == 1.0 {
+            return Ok(ior);
+        }
+        let plain = ((ior - 1.0) / (ior + 1.0)).powi(2);
+        let root = (plain * factor * tint).clamp(0.0, MOST_REFLECTANCE).sqrt();
+        Ok((1.0 + root) / (1.0 - root))
+    }
+
+    fn write(&mut self, scale: f64) -> Result<Written, Flaw> {
+        self.note_what_does_not_count();
+        let material = self.material;
+        let pbr = &material.pbr_metallic_roughness;
+        let x = &material.extensions;
+        let [r, g, b, _] = pbr.base_color_factor;
+        let base_color = self.color([r, g, b], pbr.base_color_texture.as_ref(), "")?;
+        let opacity = self.opacity()?;
+        let mut common = String::new();
+        if let Some(opacity) = &opacity {
+            let _ = writeln!(common, "opacity = {opacity}");
+        }
+        if let Some(used) = &material.normal_texture
+            && self.lies_with_others(used)
+        {
+            let image = self.textures.picture(used, Encoding::Raw)?;
+            let image = scaled_normals(image, used.scale.unwrap_or(1.0));
+            let name = format!("{}.normal", self.id);
+            let map = self.textures.written(used, &name, image, "")?;
+            let _ = writeln!(common, "normal_map = {map}");
+        }
+        let texture = pbr.metallic_roughness_texture.as_ref();
+        let Mean(metallic) = self.mean(pbr.metallic_factor, texture, 2)?;
+        let Mean(roughness) = self.mean(pbr.roughness_factor, texture, 1)?;
+        let ior = match x.ior.as_ref().map(|x| x.ior) {
+            // As if it reflected everything, which is for conversions of other models.
+            Some(0.0) => LARGEST_IOR,
+            ior => ior.unwrap_or(1.5),
+        };
+        let transmission = match &x.transmission {
+            None => 0.0,
+            Some(t) => {
+                let Mean(share) = self.mean(t.transmission_factor, t.transmission_texture.as_ref(), 0)?;
+                share * (1.0 - metallic)
+            }
+        };
+        let id = self.id;
+        let mut text = String::new();
+        if transmission >= 0.5 {
+            let volume = x.volume.clone().unwrap_or_default();
+            let _ = writeln!(text, "[materials.{id}]");
+            let is_solid = volume.thickness_factor > 0.0;
+            let alpha = roughness * roughness;
+            match (is_solid, alpha >= LEAST_ALPHA) {
+                (false, is_rough) => {
+                    if is_rough {
+                        self.note("panes (transmission without thickness) are smooth: materials");
+                    }
+                    let _ = writeln!(text, "type = \"thin_dielectric\"");
+                }
+                (true, false) => {
+                    let _ = writeln!(text, "type = \"dielectric\"");
+                }
+                (true, true) => {
+                    let _ = writeln!(text, "type = \"rough_dielectric\"\nalpha = {}", number(alpha));
+                }
+            }
+            let _ = write!(
+                text,
+                "ior = {}\nspecular_transmittance = {base_color}\n{common}",
+                number(ior)
+            );
+            let medium = attenuation(&volume, scale).filter(|_| is_solid && opacity.is_none());
+            let has_medium = medium.is_some();
+            if let Some(sigma_a) = medium {
+                let _ = writeln!(
+                    text,
+                    "[media.{id}]\ntype = \"homogeneous\"\nsigma_a = {}\nsigma_s = 0.0",
+                    numbers(&sigma_a)
+                );
+            }
+            return Ok(Written {
+                text,
+                is_glass: is_solid && opacity.is_none(),
+                has_medium,
+            });
+        }
+        let ior = self.reflecting_ior(ior)?;
+        let _ = write!(
             text,
-            "[materials.{}]\ntype = \"principled\"\nbase_color = {base_color}\nmetallic = {metallic:?}\n\
-             roughness = {roughness:?}\ntwo_sided = {}",
-            id(material),
-            material.double_sided()
+            "[materials.{id}]\ntype = \"principled\"\nbase_color = {base_color}\nmetallic = {}\nroughness = {}\n\
+             two_sided = {}\n{common}",
+            number(metallic),
+            number(roughness),
+            material.double_sided
         );
-        if let Some(ior) = material.ior() {
-            let _ = writeln!(text, "ior = {ior:?}");
+        if ior != 1.5 {
+            let _ = writeln!(text, "ior = {}", number(ior));
         }
-        Ok(())
+        Ok(Written {
+            text,
+            is_glass: false,
+            has_medium: false,
+        })
     }
 
-    fn image(
-        &mut self,
-        material: &gltf::Material<'a>,
-        texture: &gltf::Texture<'a>,
-        encoding: Encoding,
-    ) -> Result<Arc<Image>, Flaw> {
-        let source = texture.source();
-        let key = (source.index(), encoding);
-        if let Some(image) = self.images.get(&key) {
-            return Ok(image.clone());
+    /// Say what is left out or counts otherwise.
+    fn note_what_does_not_count(&mut self) {
+        let material = self.material;
+        let x = &material.extensions;
+        if material.occlusion_texture.is_some() {
+            self.note("textures of occlusion do not count, since shadows are found by light: materials");
         }
-        let in_image = |flaw: Flaw| {
-            format!(
-                "the material {}: image {}: {}",
-                name(material),
-                source.index(),
-                flaw.message
-            )
-        };
-        let image = match source.source() {
-            gltf::image::Source::View { view, .. } => {
-                self.buffers.view(&view).and_then(|bytes| image::read(bytes, encoding))
-            }
-            gltf::image::Source::Uri { uri, .. } => {
-                bytes_of(uri, self.beside).and_then(|bytes| image::read(&bytes, encoding))
-            }
-        };
-        let image = Arc::new(image.map_err(in_image)?);
-        self.images.insert(key, image.clone());
-        Ok(image)
-    }
-}
-
-/// Its name within the piece.
-fn id(material: &gltf::Material<'_>) -> String {
-    match material.index() {
-        Some(i) => format!("material{i}"),
-        None => "default".to_string(),
-    }
-}
-
-/// Its name for people.
-fn name(material: &gltf::Material<'_>) -> String {
-    match (material.name(), material.index()) {
-        (Some(name), _) => format!("{name:?}"),
-        (None, Some(i)) => i.to_string(),
-        (None, None) => "that is the default".to_string(),
-    }
-}
-
-fn times(image: Arc<Image>, factor: Rgb) -> Arc<Image> {
-    match factor == Rgb::ONE {
-        true => image,
-        false => Arc::new(Image {
-            width: image.width,
-            height: image.height,
-            pixels: image.pixels.iter().map(|p| *p * factor).collect(),
-        }),
-    }
-}
-
-fn mean(image: &Image) -> [f64; 3] {
-    let mut sum = [0.0; 3];
-    for pixel in &image.pixels {
-        for (sum, value) in sum.iter_mut().zip(pixel.to_array()) {
-            *sum += f64::from(value);
+        if x.unlit.is_some() {
+            self.note("KHR_materials_unlit does not count, they are lit as others are: materials");
+        }
+        for name in x.others.keys() {
+            self.note(format!("{name} is not supported and does not count: materials"));
         }
     }
-    sum.map(|sum| sum / image.pixels.len().max(1) as f64)
 }
+
+/// sigma_a of what is inside, per unit of the world. `scale`: such units of one of the file.
+fn attenuation(volume: &Volume, scale: f64) -> Option<[f64; 3]> {
+    let distance = volume.attenuation_distance.filter(|d| *d > 0.0)? * scale;
+    let sigma = |c: f64| -libm::log(c.clamp(LEAST_ATTENUATION, 1.0)) / distance;
+    let sigma = volume.attenuation_color.map(sigma);
+    sigma.iter().any(|s| *s > 0.0).then(|| sigma.map(f64::abs))
+}
+
+/// Roughness of microfacets from which on a surface is rough.
+const LEAST_ALPHA: f64 = 0.001;
+/// A channel of which less is left counts as this.
+const LEAST_ATTENUATION: f64 = 1e-6;
+/// Reflectance at normal incidence, at most: that of the largest index of refraction.
+const MOST_REFLECTANCE: f64 = 0.96;
+/// An index of refraction that is not too large.
+const LARGEST_IOR: f64 = 99.0;

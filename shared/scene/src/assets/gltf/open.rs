@@ -1,0 +1,96 @@
+//! The JSON of a glTF file, validated, and what it says that it needs.
+
+use super::record::Record;
+use crate::assets::Flaw;
+
+/// A file whose parts can be asked for.
+pub struct Opened {
+    pub document: gltf::Document,
+    pub blob: Option<Vec<u8>>,
+    pub record: Record,
+}
+
+/// Extensions that a file may say it cannot do without.
+const UNDERSTOOD: [&str; 15] = [
+    "KHR_animation_pointer",
+    "KHR_lights_punctual",
+    "KHR_materials_clearcoat",
+    "KHR_materials_emissive_strength",
+    "KHR_materials_ior",
+    "KHR_materials_pbrSpecularGlossiness",
+    "KHR_materials_sheen",
+    "KHR_materials_specular",
+    "KHR_materials_transmission",
+    "KHR_materials_unlit",
+    "KHR_materials_variants",
+    "KHR_materials_volume",
+    "KHR_mesh_quantization",
+    "KHR_texture_transform",
+    "KHR_xmp_json_ld",
+];
+
+/// Whether what an extension says is taken, or is nothing that a picture shows.
+pub fn is_understood(extension: &str) -> bool {
+    UNDERSTOOD.contains(&extension)
+}
+
+fn unusable(reason: &str) -> Flaw {
+    let reason: String = reason.trim_end_matches(';').chars().take(200).collect();
+    Flaw::from(format!("not a usable glTF file: {reason}"))
+}
+
+/// Read the JSON and validate it. What the `gltf` crate's validation and accessors take for granted is looked at
+/// before.
+pub fn open(bytes: &[u8]) -> Result<Opened, Flaw> {
+    // Magic number, version, and the length of all of it.
+    let length = bytes.get(8..).and_then(|rest| rest.first_chunk());
+    let is_binary = bytes.starts_with(b"glTF");
+    if is_binary && length.is_none_or(|length| u32::from_le_bytes(*length) < 20) {
+        return Err(unusable("its header is too short"));
+    }
+    let text = match is_binary {
+        true => gltf::Glb::from_slice(bytes).map_err(|e| unusable(&e.to_string()))?.json,
+        false => bytes.into(),
+    };
+    let record = serde_json::from_slice::<Record>(&text).map_err(|e| unusable(&e.to_string()))?;
+    let unknown = record.extensions_required.iter().find(|name| !is_understood(name));
+    if let Some(name) = unknown {
+        let hint = match &**name {
+            "KHR_draco_mesh_compression" | "EXT_meshopt_compression" | "KHR_meshopt_compression" => {
+                ", compressed meshes; export it without compression"
+            }
+            "KHR_texture_basisu" => ", textures in KTX2; export it with PNG or JPEG",
+            "EXT_texture_webp" | "EXT_texture_avif" => {
+                ", textures of a kind that is not read; export it with PNG or JPEG"
+            }
+            _ => "",
+        };
+        return Err(format!("it says that it cannot do without {name}, which is not supported{hint}").into());
+    }
+    let gltf = gltf::Gltf::from_slice_without_validation(bytes).map_err(|e| unusable(&e.to_string()))?;
+    let gltf::Gltf { document, blob } = gltf;
+    let mut json = document.into_json();
+    json.extensions_required.clear();
+    for (i, mesh) in json.meshes.iter().enumerate() {
+        let attributes = mesh.primitives.iter().flat_map(|p| p.attributes.values());
+        let targets = mesh.primitives.iter().flat_map(|p| p.targets.iter().flatten());
+        let moved = targets.flat_map(|t| t.positions.iter().chain(&t.normals).chain(&t.tangents));
+        let mut named = attributes.chain(moved).map(|a| a.value());
+        if let Some(accessor) = named.find(|a| *a >= json.accessors.len()) {
+            return Err(unusable(&format!(
+                "mesh {i} (from zero) names accessor {accessor}, but there are {}",
+                json.accessors.len()
+            )));
+        }
+    }
+    for (i, image) in json.images.iter().enumerate() {
+        let lacks = match (&image.buffer_view, &image.uri, &image.mime_type) {
+            (Some(_), _, None) => "mimeType",
+            (None, None, _) => "uri",
+            _ => continue,
+        };
+        return Err(unusable(&format!("image {i} (from zero) has no `{lacks}`")));
+    }
+    let document = gltf::Document::from_json(json).map_err(|e| unusable(&e.to_string()))?;
+    Ok(Opened { document, blob, record })
+}

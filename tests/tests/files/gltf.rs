@@ -228,7 +228,7 @@ fn base_materials_are_principled() {
                     image,
                     filter: TextureFilter::Nearest,
                     wrap: Wrap::Clamp,
-                    uv,
+                    image_from_uv,
                     ..
                 },
             metallic,
@@ -256,7 +256,7 @@ fn base_materials_are_principled() {
     // Times (2, 4), plus (0.25, 0.5), v from below.
     let textured = mesh(&description.objects[0]);
     for (corner, expected) in [(2, Vec2::new(2.25, 0.5)), (0, Vec2::new(0.25, 1.0 - 4.5))] {
-        assert!((uv.transform_point2(textured.uvs[corner]) - expected).length() < 1e-6);
+        assert!((image_from_uv.transform_point2(textured.uvs[corner]) - expected).length() < 1e-6);
     }
     let [light] = &description.lights[..] else {
         panic!("{:?}", description.lights);

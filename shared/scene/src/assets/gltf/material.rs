@@ -1,7 +1,8 @@
 //! Materials of glTF: principled ones, and glass.
 
+use super::gloss::{base_color, metallic};
 use super::notes::Notes;
-use super::record::{AlphaMode, Material, Record, TextureUse, Volume};
+use super::record::{AlphaMode, Material, Record, SpecularGlossiness, TextureUse, Volume};
 use super::texture::{Textures, mapped, mean, scaled_normals, times, uv_set};
 use super::write::{number, numbers};
 use crate::assets::Flaw;
@@ -109,6 +110,13 @@ fn main_uv_set(material: &Material) -> u32 {
     in_order.into_iter().flatten().next().map_or(0, uv_set)
 }
 
+/// What a material is without its extensions. The colour is TOML.
+struct Base {
+    color: String,
+    metallic: f64,
+    roughness: f64,
+}
+
 struct Written {
     text: String,
     is_glass: bool,
@@ -197,8 +205,11 @@ impl Writer<'_, '_, '_> {
     /// What of light does not go straight through, as TOML.
     fn opacity(&mut self) -> Result<Option<String>, Flaw> {
         let pbr = &self.material.pbr_metallic_roughness;
+        let (factor, texture) = match &self.material.extensions.specular_glossiness {
+            Some(gloss) => (gloss.diffuse_factor[3], &gloss.diffuse_texture),
+            None => (pbr.base_color_factor[3], &pbr.base_color_texture),
+        };
         let mode = self.material.alpha_mode;
-        let factor = pbr.base_color_factor[3];
         let cutoff = self.material.alpha_cutoff.unwrap_or(0.5);
         let alpha = |a: f64| match mode {
             AlphaMode::Opaque => 1.0,
@@ -208,7 +219,7 @@ impl Writer<'_, '_, '_> {
         if mode == AlphaMode::Opaque {
             return Ok(None);
         }
-        let Some(used) = &pbr.base_color_texture else {
+        let Some(used) = texture else {
             return Ok(Some(number(alpha(factor))).filter(|_| alpha(factor) < 1.0));
         };
         let image = self.textures.picture(used, Encoding::Alpha)?;
@@ -254,13 +265,76 @@ impl Writer<'_, '_, '_> {
         Ok((1.0 + root) / (1.0 - root))
     }
 
+    fn base(&mut self) -> Result<Base, Flaw> {
+        let material = self.material;
+        if let Some(gloss) = &material.extensions.specular_glossiness {
+            return self.base_of_gloss(gloss);
+        }
+        let pbr = &material.pbr_metallic_roughness;
+        let [r, g, b, _] = pbr.base_color_factor;
+        let texture = pbr.metallic_roughness_texture.as_ref();
+        if texture.is_some() {
+            self.note("textures of metallic and roughness count by their mean: materials");
+        }
+        Ok(Base {
+            color: self.color([r, g, b], pbr.base_color_texture.as_ref(), "")?,
+            metallic: self.mean(pbr.metallic_factor, texture, 2)?.0,
+            roughness: self.mean(pbr.roughness_factor, texture, 1)?.0,
+        })
+    }
+
+    /// Of KHR_materials_pbrSpecularGlossiness.
+    fn base_of_gloss(&mut self, gloss: &SpecularGlossiness) -> Result<Base, Flaw> {
+        self.note("KHR_materials_pbrSpecularGlossiness is converted, textures of it but the diffuse count by their mean: materials");
+        let (mut specular, mut glossiness) = (gloss.specular_factor, gloss.glossiness_factor);
+        if let Some(used) = &gloss.specular_glossiness_texture {
+            let by = mean(&*self.textures.picture(used, Encoding::Srgb)?);
+            specular = std::array::from_fn(|c| specular[c] * by[c]);
+            glossiness *= mean(&*self.textures.picture(used, Encoding::Alpha)?)[0];
+        }
+        let [r, g, b, _] = gloss.diffuse_factor;
+        let factor = [r, g, b];
+        let roughness = (1.0 - glossiness).clamp(0.0, 1.0);
+        let Some(used) = &gloss.diffuse_texture else {
+            let metallic = metallic(factor, specular);
+            let color = numbers(&base_color(factor, specular, metallic));
+            return Ok(Base {
+                color,
+                metallic,
+                roughness,
+            });
+        };
+        let image = times(
+            self.textures.picture(used, Encoding::Srgb)?,
+            Rgb::from_array(factor.map(|x| x as f32)),
+        );
+        let metallic = metallic(mean(&image), specular);
+        let of = |diffuse: [f64; 3]| base_color(diffuse, specular, metallic);
+        let color = match self.lies_with_others(used) {
+            false => numbers(&of(mean(&image))),
+            true => {
+                let image = mapped(&image, |p| {
+                    Rgb::from_array(of(p.to_array().map(f64::from)).map(|x| x as f32))
+                });
+                self.textures.written(used, self.id, image, "")?
+            }
+        };
+        Ok(Base {
+            color,
+            metallic,
+            roughness,
+        })
+    }
+
     fn write(&mut self, scale: f64) -> Result<Written, Flaw> {
         self.note_what_does_not_count();
         let material = self.material;
-        let pbr = &material.pbr_metallic_roughness;
         let x = &material.extensions;
-        let [r, g, b, _] = pbr.base_color_factor;
-        let base_color = self.color([r, g, b], pbr.base_color_texture.as_ref(), "")?;
+        let Base {
+            color: base_color,
+            metallic,
+            roughness,
+        } = self.base()?;
         let opacity = self.opacity()?;
         let mut common = String::new();
         if let Some(opacity) = &opacity {
@@ -275,9 +349,6 @@ impl Writer<'_, '_, '_> {
             let map = self.textures.written(used, &name, image, "")?;
             let _ = writeln!(common, "normal_map = {map}");
         }
-        let texture = pbr.metallic_roughness_texture.as_ref();
-        let Mean(metallic) = self.mean(pbr.metallic_factor, texture, 2)?;
-        let Mean(roughness) = self.mean(pbr.roughness_factor, texture, 1)?;
         let ior = match x.ior.as_ref().map(|x| x.ior) {
             // As if it reflected everything, which is for conversions of other models.
             Some(0.0) => LARGEST_IOR,
@@ -290,6 +361,9 @@ impl Writer<'_, '_, '_> {
                 share * (1.0 - metallic)
             }
         };
+        if transmission > 0.0 && transmission < 1.0 {
+            self.note("what transmits half of the light or more is glass, what transmits less is not: materials");
+        }
         let id = self.id;
         let mut text = String::new();
         if transmission >= 0.5 {
@@ -359,6 +433,15 @@ impl Writer<'_, '_, '_> {
         }
         if x.unlit.is_some() {
             self.note("KHR_materials_unlit does not count, they are lit as others are: materials");
+        }
+        if x.clearcoat.as_ref().is_some_and(|coat| coat.clearcoat_factor > 0.0) {
+            self.note("KHR_materials_clearcoat does not count: materials");
+        }
+        if x.sheen
+            .as_ref()
+            .is_some_and(|sheen| sheen.sheen_color_factor != [0.0; 3])
+        {
+            self.note("KHR_materials_sheen does not count: materials");
         }
         for name in x.others.keys() {
             self.note(format!("{name} is not supported and does not count: materials"));

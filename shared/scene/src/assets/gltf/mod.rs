@@ -3,6 +3,7 @@
 
 mod accessor;
 mod camera;
+mod gloss;
 mod light;
 mod material;
 mod mesh;
@@ -196,3 +197,6 @@ fn note_the_rest(record: &Record, document: &gltf::Document, notes: &mut Notes) 
         notes.add("Blender wrote it, whose exporter leaves out the world's light and area lights");
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -2,6 +2,8 @@
 
 use super::record::Record;
 use crate::assets::Flaw;
+use serde::Deserialize;
+use serde_json::{Map, Value};
 
 /// A file whose parts can be asked for.
 pub struct Opened {
@@ -48,11 +50,16 @@ pub fn open(bytes: &[u8]) -> Result<Opened, Flaw> {
     if is_binary && length.is_none_or(|length| u32::from_le_bytes(*length) < 20) {
         return Err(unusable("its header is too short"));
     }
-    let text = match is_binary {
-        true => gltf::Glb::from_slice(bytes).map_err(|e| unusable(&e.to_string()))?.json,
-        false => bytes.into(),
+    let (text, blob) = match is_binary {
+        true => {
+            let parts = gltf::Glb::from_slice(bytes).map_err(|e| unusable(&e.to_string()))?;
+            (parts.json, parts.bin.map(|bin| bin.into_owned()))
+        }
+        false => (bytes.into(), None),
     };
-    let record = serde_json::from_slice::<Record>(&text).map_err(|e| unusable(&e.to_string()))?;
+    let json = |e: serde_json::Error| unusable(&e.to_string());
+    let mut text = serde_json::from_slice::<Value>(&text).map_err(json)?;
+    let record = Record::deserialize(&text).map_err(json)?;
     let unknown = record.extensions_required.iter().find(|name| !is_understood(name));
     if let Some(name) = unknown {
         let hint = match &**name {
@@ -67,10 +74,8 @@ pub fn open(bytes: &[u8]) -> Result<Opened, Flaw> {
         };
         return Err(format!("it says that it cannot do without {name}, which is not supported{hint}").into());
     }
-    let gltf = gltf::Gltf::from_slice_without_validation(bytes).map_err(|e| unusable(&e.to_string()))?;
-    let gltf::Gltf { document, blob } = gltf;
-    let mut json = document.into_json();
-    json.extensions_required.clear();
+    leave_out_what_is_not_read(&mut text);
+    let json = gltf::json::Root::deserialize(text).map_err(json)?;
     for (i, mesh) in json.meshes.iter().enumerate() {
         let attributes = mesh.primitives.iter().flat_map(|p| p.attributes.values());
         let targets = mesh.primitives.iter().flat_map(|p| p.targets.iter().flatten());
@@ -93,4 +98,31 @@ pub fn open(bytes: &[u8]) -> Result<Opened, Flaw> {
     }
     let document = gltf::Document::from_json(json).map_err(|e| unusable(&e.to_string()))?;
     Ok(Opened { document, blob, record })
+}
+
+/// Take out what the `gltf` crate would stumble over, and give what it misses.
+fn leave_out_what_is_not_read(text: &mut Value) {
+    let Some(root) = text.as_object_mut() else { return };
+    // Pointers of KHR_animation_pointer have no node.
+    for name in ["animations", "extensionsRequired"] {
+        root.remove(name);
+    }
+    for scene in list(root, "scenes") {
+        scene.entry("nodes").or_insert_with(|| Value::Array(Vec::new()));
+    }
+    for texture in list(root, "textures") {
+        let others = texture.get("extensions").and_then(Value::as_object);
+        let instead = others
+            .into_iter()
+            .flat_map(|all| all.values())
+            .find_map(|one| one.get("source"));
+        if let Some(instead) = instead.cloned() {
+            texture.entry("source").or_insert(instead);
+        }
+    }
+}
+
+fn list<'v>(root: &'v mut Map<String, Value>, name: &str) -> impl Iterator<Item = &'v mut Map<String, Value>> {
+    let items = root.get_mut(name).and_then(Value::as_array_mut);
+    items.into_iter().flatten().filter_map(Value::as_object_mut)
 }

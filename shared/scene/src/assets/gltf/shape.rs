@@ -9,6 +9,7 @@ use super::write::{matrix, quoted};
 use crate::assets::Flaw;
 use crate::assets::mesh::RawMesh;
 use glam::DAffine3;
+use gltf::Semantic;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
@@ -92,6 +93,12 @@ impl<'a> Shapes<'_, 'a, '_> {
                     .add_of("points and lines are left out: of nodes", &format!("{:?}", first.name));
                 continue;
             };
+            if self.materials.is_some() && primitive.get(&Semantic::Colors(0)).is_some() {
+                self.notes.add_of(
+                    "colours of vertices do not count: of nodes",
+                    &format!("{:?}", first.name),
+                );
+            }
             let raw = raw.checked().map_err(in_mesh)?;
             self.add_primitive(users, &primitive, raw, surface.as_ref());
         }

@@ -97,7 +97,7 @@ impl Buffers {
                 .into());
             }
         };
-        let Some(sparse) = accessor.sparse() else {
+        let Some(sparse) = accessor.sparse().filter(|sparse| sparse.count() > 0) else {
             return Ok(numbers);
         };
         let indices = sparse.indices();

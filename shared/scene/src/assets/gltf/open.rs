@@ -3,7 +3,7 @@
 use super::record::Record;
 use crate::assets::Flaw;
 use serde::Deserialize;
-use serde_json::{Map, Value};
+use serde_json::{Map, Value, json};
 
 /// A file whose parts can be asked for.
 pub struct Opened {
@@ -30,6 +30,8 @@ const UNDERSTOOD: [&str; 15] = [
     "KHR_texture_transform",
     "KHR_xmp_json_ld",
 ];
+
+const DRACO: &str = "KHR_draco_mesh_compression";
 
 /// Whether what an extension says is taken, or is nothing that a picture shows.
 pub fn is_understood(extension: &str) -> bool {
@@ -63,7 +65,7 @@ pub fn open(bytes: &[u8]) -> Result<Opened, Flaw> {
     let unknown = record.extensions_required.iter().find(|name| !is_understood(name));
     if let Some(name) = unknown {
         let hint = match &**name {
-            "KHR_draco_mesh_compression" | "EXT_meshopt_compression" | "KHR_meshopt_compression" => {
+            DRACO | "EXT_meshopt_compression" | "KHR_meshopt_compression" => {
                 ", compressed meshes; export it without compression"
             }
             "KHR_texture_basisu" => ", textures in KTX2; export it with PNG or JPEG",
@@ -73,6 +75,11 @@ pub fn open(bytes: &[u8]) -> Result<Opened, Flaw> {
             _ => "",
         };
         return Err(format!("it says that it cannot do without {name}, which is not supported{hint}").into());
+    }
+    if record.extensions_used.iter().any(|name| name == DRACO) && has_bare_accessors(&mut text) {
+        return Err(
+            format!("it has meshes by {DRACO} alone, which is not supported; export it without compression").into(),
+        );
     }
     leave_out_what_is_not_read(&mut text);
     let json = gltf::json::Root::deserialize(text).map_err(json)?;
@@ -110,6 +117,15 @@ fn leave_out_what_is_not_read(text: &mut Value) {
     for scene in list(root, "scenes") {
         scene.entry("nodes").or_insert_with(|| Value::Array(Vec::new()));
     }
+    // Zeros: a view of which nothing is taken is what passes for one.
+    let none = json!({
+        "count": 0,
+        "indices": { "bufferView": 0, "componentType": 5121 },
+        "values": { "bufferView": 0 },
+    });
+    for accessor in list(root, "accessors").filter(|accessor| is_bare(accessor)) {
+        accessor.insert("sparse".into(), none.clone());
+    }
     for texture in list(root, "textures") {
         let others = texture.get("extensions").and_then(Value::as_object);
         let instead = others
@@ -120,6 +136,16 @@ fn leave_out_what_is_not_read(text: &mut Value) {
             texture.entry("source").or_insert(instead);
         }
     }
+}
+
+/// Whether an accessor has no bytes.
+fn is_bare(accessor: &Map<String, Value>) -> bool {
+    !accessor.contains_key("bufferView") && !accessor.contains_key("sparse")
+}
+
+fn has_bare_accessors(text: &mut Value) -> bool {
+    let root = text.as_object_mut();
+    root.is_some_and(|root| list(root, "accessors").any(|accessor| is_bare(accessor)))
 }
 
 fn list<'v>(root: &'v mut Map<String, Value>, name: &str) -> impl Iterator<Item = &'v mut Map<String, Value>> {

@@ -111,6 +111,33 @@ fn specular_scales_the_reflectance_at_normal_incidence() {
     }
 }
 
+/// A metal of the specular colour, or a dielectric of the diffuse one.
+#[test]
+fn specular_and_gloss_are_converted() {
+    let of_gloss = |diffuse: Value, specular: Value| {
+        let material = json!({ "extensions": { "KHR_materials_pbrSpecularGlossiness": {
+            "diffuseFactor": diffuse, "specularFactor": specular, "glossinessFactor": 0.75
+        } } });
+        let description = of_material(material, json!({}));
+        assert!(says(&description, "KHR_materials_pbrSpecularGlossiness is converted"));
+        match super::material(&description).kind {
+            MaterialKind::Principled {
+                base_color: Texture::Constant(color),
+                metallic,
+                roughness,
+                ..
+            } => (color, metallic, roughness),
+            ref other => panic!("{other:?}"),
+        }
+    };
+    let (color, metallic, roughness) = of_gloss(json!([0.5, 0.25, 0.125, 1]), json!([0.04, 0.04, 0.04]));
+    assert_near(color, [0.5, 0.25, 0.125]);
+    assert_eq!((metallic, roughness), (0.0, 0.25));
+    let (color, metallic, _) = of_gloss(json!([0, 0, 0, 1]), json!([1.0, 0.75, 0.5]));
+    assert_near(color, [1.0, 0.75, 0.5]);
+    assert!(metallic > 0.999);
+}
+
 #[test]
 fn alpha_is_opacity_by_its_mode() {
     let pictures = json!({

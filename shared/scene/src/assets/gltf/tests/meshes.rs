@@ -54,6 +54,15 @@ fn sparse_accessors_change_some_elements_of_a_view_or_of_zeros() {
         "{found:?}"
     );
 
+    // Without any of them there are zeros: of positions, no area.
+    let mut zeros = file(json!({}));
+    zeros["accessors"][0].as_object_mut().unwrap().remove("bufferView");
+    let error = load_with(&zeros, "").unwrap_err();
+    assert!(error.contains("no triangle of the mesh has an area"), "{error}");
+    zeros["extensionsUsed"] = json!(["KHR_draco_mesh_compression"]);
+    let error = load_with(&zeros, "").unwrap_err();
+    assert!(error.contains("meshes by KHR_draco_mesh_compression alone"), "{error}");
+
     changed["accessors"][0]["count"] = json!(100_000_000);
     let error = load_with(&changed, "").unwrap_err();
     assert!(
@@ -142,4 +151,32 @@ fn points_and_lines_are_said_to_be_left_out() {
     assert_eq!(description.objects.len(), 1);
     assert!(says(&description, "points and lines are left out: of nodes: \"thing\""));
     assert_eq!(bytes().len(), 92);
+}
+
+/// Whatever is in a file, it is read or refused.
+#[test]
+fn damaged_files_are_refused_or_read() {
+    let mut good = file(json!({
+        "nodes": [{ "mesh": 0, "skin": 0, "weights": [0.5] }],
+        "skins": [{ "joints": [0], "inverseBindMatrices": 0 }],
+        "materials": [{ "alphaMode": "MASK", "extensions": {
+            "KHR_materials_transmission": { "transmissionFactor": 1 },
+            "KHR_materials_volume": { "thicknessFactor": 1, "attenuationDistance": 2, "attenuationColor": [1, 0, 0] },
+        } }],
+    }));
+    let primitive = &mut good["meshes"][0]["primitives"][0];
+    primitive["attributes"]["JOINTS_0"] = json!(0);
+    primitive["attributes"]["WEIGHTS_0"] = json!(0);
+    primitive["targets"] = json!([{ "POSITION": 0 }]);
+    crate::assets::tests::damage(&[good.to_string().into()], |bytes| {
+        let choice = super::super::Choice {
+            materials: true,
+            lights: true,
+            light_unit: None,
+        };
+        let beside = |_: &str| None;
+        let _ = super::super::read("a.gltf", bytes, &beside, &glam::DAffine3::IDENTITY, choice);
+        let _ = super::super::scene("a.gltf", bytes, &beside);
+        let _ = super::super::files(bytes);
+    });
 }

@@ -1,13 +1,12 @@
 //! Materials of glTF: principled ones, and glass.
 
-use super::gloss::{base_color, metallic};
 use super::notes::Notes;
-use super::record::{AlphaMode, Material, Record, SpecularGlossiness, TextureUse, Volume};
-use super::texture::{Textures, mapped, mean, scaled_normals, times, uv_set};
+use super::record::{Material, Record, Volume};
+use super::texture::{Textures, mean, scaled_normals, uv_set};
 use super::write::{number, numbers};
+use super::writer::{Base, Mean, Writer};
 use crate::assets::Flaw;
 use crate::assets::image::Encoding;
-use beamfarm_render::math::Rgb;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
@@ -38,9 +37,6 @@ pub struct Materials<'a, 'b> {
     /// Lengths in the world of a length of the file.
     scale: f64,
 }
-
-/// A number, or a texture's.
-struct Mean(f64);
 
 impl<'a, 'b> Materials<'a, 'b> {
     /// `scale`: lengths in the world of a length of the file.
@@ -110,73 +106,13 @@ fn main_uv_set(material: &Material) -> u32 {
     in_order.into_iter().flatten().next().map_or(0, uv_set)
 }
 
-/// What a material is without its extensions. The colour is TOML.
-struct Base {
-    color: String,
-    metallic: f64,
-    roughness: f64,
-}
-
 struct Written {
     text: String,
     is_glass: bool,
     has_medium: bool,
 }
 
-/// One material on its way.
-struct Writer<'w, 'a, 'b> {
-    material: &'w Material,
-    id: &'w str,
-    name: &'w str,
-    textures: &'w mut Textures<'a, 'b>,
-    notes: &'w mut Notes,
-    uv_set: u32,
-}
-
 impl Writer<'_, '_, '_> {
-    fn note(&mut self, note: impl Into<String>) {
-        self.notes.add_of(note, self.name);
-    }
-
-    /// Whether a texture lies on the mesh as the others do; says so where it does not.
-    fn lies_with_others(&mut self, used: &TextureUse) -> bool {
-        if self.textures.wraps_in_two_ways(used) {
-            self.note("beyond their edges textures go on along v as they do along u: materials");
-        }
-        let is_so = uv_set(used) == self.uv_set;
-        if !is_so {
-            self.note(
-                "textures of one material have several sets of texture coordinates; those that are not in its main one \
-                 count by their mean, and normals not at all: materials",
-            );
-        }
-        is_so
-    }
-
-    /// A number times the mean of a texture's channel.
-    fn mean(&mut self, factor: f64, used: Option<&TextureUse>, channel: usize) -> Result<Mean, Flaw> {
-        let Some(used) = used else {
-            return Ok(Mean(factor));
-        };
-        let image = self.textures.picture(used, Encoding::Raw)?;
-        Ok(Mean(factor * mean(&image)[channel]))
-    }
-
-    /// A colour, or a picture of one, as TOML. `what` is what it is called.
-    fn color(&mut self, factor: [f64; 3], used: Option<&TextureUse>, what: &str) -> Result<String, Flaw> {
-        let Some(used) = used else {
-            return Ok(numbers(&factor));
-        };
-        let image = self.textures.picture(used, Encoding::Srgb)?;
-        if !self.lies_with_others(used) {
-            let mean = mean(&image);
-            return Ok(numbers(&std::array::from_fn::<_, 3, _>(|c| factor[c] * mean[c])));
-        }
-        let image = times(image, Rgb::from_array(factor.map(|x| x as f32)));
-        let name = format!("{}{what}", self.id);
-        self.textures.written(used, &name, image, "")
-    }
-
     /// Radiance, if there is any. A texture counts by its mean.
     fn emission(&mut self) -> Result<Option<String>, Flaw> {
         let strength = self.material.extensions.emissive_strength.as_ref();
@@ -200,38 +136,6 @@ impl Writer<'_, '_, '_> {
             self.note("surfaces with two sides give light from the front alone: materials");
         }
         Ok(Some(numbers(&radiance)))
-    }
-
-    /// What of light does not go straight through, as TOML.
-    fn opacity(&mut self) -> Result<Option<String>, Flaw> {
-        let pbr = &self.material.pbr_metallic_roughness;
-        let (factor, texture) = match &self.material.extensions.specular_glossiness {
-            Some(gloss) => (gloss.diffuse_factor[3], &gloss.diffuse_texture),
-            None => (pbr.base_color_factor[3], &pbr.base_color_texture),
-        };
-        let mode = self.material.alpha_mode;
-        let cutoff = self.material.alpha_cutoff.unwrap_or(0.5);
-        let alpha = |a: f64| match mode {
-            AlphaMode::Opaque => 1.0,
-            AlphaMode::Blend => a.clamp(0.0, 1.0),
-            AlphaMode::Mask => f64::from(u8::from(a >= cutoff)),
-        };
-        if mode == AlphaMode::Opaque {
-            return Ok(None);
-        }
-        let Some(used) = texture else {
-            return Ok(Some(number(alpha(factor))).filter(|_| alpha(factor) < 1.0));
-        };
-        let image = self.textures.picture(used, Encoding::Alpha)?;
-        let image = mapped(&image, |p| Rgb::splat(alpha(f64::from(p.x) * factor) as f32));
-        if image.pixels.iter().all(|p| *p == Rgb::ONE) {
-            return Ok(None);
-        }
-        if !self.lies_with_others(used) {
-            return Ok(Some(number(mean(&image)[0])));
-        }
-        let name = format!("{}.opacity", self.id);
-        self.textures.written(used, &name, image, "").map(Some)
     }
 
     /// The index of refraction whose reflectance at normal incidence is that of `ior` and KHR_materials_specular.
@@ -260,70 +164,11 @@ impl Writer<'_, '_, '_> {
         if factor == 1.0 && tint == 1.0 {
             return Ok(ior);
         }
-        let plain = ((ior - 1.0) / (ior + 1.0)).powi(2);
-        let root = (plain * factor * tint).clamp(0.0, MOST_REFLECTANCE).sqrt();
+        let amplitude = (ior - 1.0) / (ior + 1.0);
+        let root = (amplitude * amplitude * factor * tint)
+            .clamp(0.0, MOST_REFLECTANCE)
+            .sqrt();
         Ok((1.0 + root) / (1.0 - root))
-    }
-
-    fn base(&mut self) -> Result<Base, Flaw> {
-        let material = self.material;
-        if let Some(gloss) = &material.extensions.specular_glossiness {
-            return self.base_of_gloss(gloss);
-        }
-        let pbr = &material.pbr_metallic_roughness;
-        let [r, g, b, _] = pbr.base_color_factor;
-        let texture = pbr.metallic_roughness_texture.as_ref();
-        if texture.is_some() {
-            self.note("textures of metallic and roughness count by their mean: materials");
-        }
-        Ok(Base {
-            color: self.color([r, g, b], pbr.base_color_texture.as_ref(), "")?,
-            metallic: self.mean(pbr.metallic_factor, texture, 2)?.0,
-            roughness: self.mean(pbr.roughness_factor, texture, 1)?.0,
-        })
-    }
-
-    /// Of KHR_materials_pbrSpecularGlossiness.
-    fn base_of_gloss(&mut self, gloss: &SpecularGlossiness) -> Result<Base, Flaw> {
-        self.note("KHR_materials_pbrSpecularGlossiness is converted, textures of it but the diffuse count by their mean: materials");
-        let (mut specular, mut glossiness) = (gloss.specular_factor, gloss.glossiness_factor);
-        if let Some(used) = &gloss.specular_glossiness_texture {
-            let by = mean(&*self.textures.picture(used, Encoding::Srgb)?);
-            specular = std::array::from_fn(|c| specular[c] * by[c]);
-            glossiness *= mean(&*self.textures.picture(used, Encoding::Alpha)?)[0];
-        }
-        let [r, g, b, _] = gloss.diffuse_factor;
-        let factor = [r, g, b];
-        let roughness = (1.0 - glossiness).clamp(0.0, 1.0);
-        let Some(used) = &gloss.diffuse_texture else {
-            let metallic = metallic(factor, specular);
-            let color = numbers(&base_color(factor, specular, metallic));
-            return Ok(Base {
-                color,
-                metallic,
-                roughness,
-            });
-        };
-        let image = times(
-            self.textures.picture(used, Encoding::Srgb)?,
-            Rgb::from_array(factor.map(|x| x as f32)),
-        );
-        let metallic = metallic(mean(&image), specular);
-        let of = |diffuse: [f64; 3]| base_color(diffuse, specular, metallic);
-        let color = match self.lies_with_others(used) {
-            false => numbers(&of(mean(&image))),
-            true => {
-                let image = mapped(&image, |p| {
-                    Rgb::from_array(of(p.to_array().map(f64::from)).map(|x| x as f32))
-                });
-                self.textures.written(used, self.id, image, "")?
-            }
-        };
-        Ok(Base {
-            color,
-            metallic,
-            roughness,
-        })
     }
 
     fn write(&mut self, scale: f64) -> Result<Written, Flaw> {
@@ -367,6 +212,9 @@ impl Writer<'_, '_, '_> {
         let id = self.id;
         let mut text = String::new();
         if transmission >= 0.5 {
+            if x.specular.is_some() {
+                self.note("KHR_materials_specular of glass does not count: materials");
+            }
             let volume = x.volume.clone().unwrap_or_default();
             let _ = writeln!(text, "[materials.{id}]");
             let is_solid = volume.thickness_factor > 0.0;

@@ -15,6 +15,7 @@ mod scene;
 mod shape;
 mod texture;
 mod write;
+mod writer;
 
 use super::Flaw;
 use super::mesh::RawMesh;
@@ -162,6 +163,9 @@ pub fn read(
              lighting mode \"Unitless\", say `light_unit = \"watt\"` in [[gltf]]",
         );
     }
+    if choice.lights && LightUnit::of_generator(generator) == LightUnit::Lumen {
+        notes.add("Blender wrote it, whose exporter leaves out the world's light and area lights");
+    }
     note_the_rest(&opened.record, document, &mut notes);
     let mut images = BTreeMap::new();
     if let Some(materials) = materials {
@@ -192,9 +196,6 @@ fn note_the_rest(record: &Record, document: &gltf::Document, notes: &mut Notes) 
     }
     if !record.animations.is_empty() {
         notes.add("its animations do not count: everything stands as its nodes say");
-    }
-    if LightUnit::of_generator(&record.asset.generator) == LightUnit::Lumen {
-        notes.add("Blender wrote it, whose exporter leaves out the world's light and area lights");
     }
 }
 

@@ -1,12 +1,13 @@
 //! A whole scene of a glTF file: its camera, or one that looks at all of it, and light where it has none.
 
+use super::Beside;
 use super::accessor::Buffers;
 use super::camera::{cameras, fields};
 use super::mesh::{Pose, mesh};
 use super::node::{self, Placed};
+use super::notes::Notes;
 use super::open::{Opened, open};
 use super::write::{number, quoted, vector};
-use super::{Beside, Notes};
 use crate::assets::Flaw;
 use glam::{DAffine3, DVec3};
 use gltf::camera::Projection;

@@ -100,7 +100,10 @@ fn specular_scales_the_reflectance_at_normal_incidence() {
         } } });
         let description = of_material(material, json!({}));
         match super::material(&description).kind {
-            MaterialKind::Principled { eta, .. } => f64::from((eta - 1.0) / (eta + 1.0)).powi(2),
+            MaterialKind::Principled { eta, .. } => {
+                let amplitude = f64::from((eta - 1.0) / (eta + 1.0));
+                amplitude * amplitude
+            }
             ref other => panic!("{other:?}"),
         }
     };

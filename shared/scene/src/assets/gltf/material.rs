@@ -203,6 +203,7 @@ fn times(image: Arc<Image>, factor: Rgb) -> Arc<Image> {
     match factor == Rgb::ONE {
         true => image,
         false => Arc::new(Image {
+            alpha: Vec::new(),
             width: image.width,
             height: image.height,
             pixels: image.pixels.iter().map(|p| *p * factor).collect(),

@@ -5,7 +5,9 @@ use crate::setup::{fail, folder_with, line, run, scene, succeed, text};
 /// A triangle, of which nothing but its positions is said.
 const MODEL: &str = r#"{ "asset": { "version": "2.0" }, "scenes": [{ "nodes": [0] }],
 "nodes": [{ "name": "sail", "mesh": 0 }], "meshes": [{ "primitives": [{ "attributes": { "POSITION": 0 } }] }],
-"accessors": [{ "bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "min": [0, 0, 0], "max": [1, 1, 0] }],
+"accessors": [{
+    "bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "min": [0, 0, 0], "max": [1, 1, 0]
+}],
 "bufferViews": [{ "buffer": 0, "byteLength": 36 }], "buffers": [{ "byteLength": 36, "uri": "sail.bin" }] }"#;
 
 #[test]

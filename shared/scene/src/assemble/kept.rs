@@ -5,6 +5,7 @@ use crate::assets::gltf::Choice;
 use crate::assets::image::Encoding;
 use crate::assets::mesh::RawMesh;
 use crate::files::Content;
+use crate::parse::Channel;
 use beamfarm_render::bsdf::{Distribution, RoughCoat};
 use beamfarm_render::geometry::Mesh;
 use beamfarm_render::light::Environment;
@@ -216,6 +217,8 @@ pub struct Kept {
     pub images: Shelf<(Content, Encoding), Arc<Image>>,
     /// Images whose pixels are all within a range, by what the range expects.
     pub in_range: Shelf<(Pinned<Image>, &'static str), ()>,
+    /// One channel of an image, as grey.
+    pub channels: Shelf<(Pinned<Image>, Channel), Arc<Image>>,
     /// Sky and suns.
     pub environments: Shelf<ImageLight, Vec<Environment>>,
     /// By content and the ending of the file's name.
@@ -247,6 +250,7 @@ impl Default for Kept {
             },
             images: Shelf::default(),
             in_range: Shelf::default(),
+            channels: Shelf::default(),
             environments: Shelf::default(),
             meshes: Shelf::default(),
             densities: Shelf::default(),
@@ -281,6 +285,7 @@ impl Kept {
         let clock = &self.clock;
         self.images.tidy(clock);
         self.in_range.tidy(clock);
+        self.channels.tidy(clock);
         self.environments.tidy(clock);
         self.meshes.tidy(clock);
         self.densities.tidy(clock);

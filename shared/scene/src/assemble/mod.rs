@@ -1,6 +1,7 @@
 //! From records to the scene that is rendered: names resolved, numbers in single precision, everything moved so that
 //! the camera stands at the origin.
 
+mod blend;
 mod bounds;
 mod enclosed;
 mod extents;
@@ -9,6 +10,7 @@ mod kept;
 mod light;
 mod material;
 mod medium;
+mod principled;
 mod rules;
 mod shape;
 mod texture;

@@ -4,7 +4,7 @@ use super::notes::Notes;
 use super::record::{Material, Record, Volume};
 use super::texture::{Textures, mean, scaled_normals, uv_set};
 use super::write::{number, numbers};
-use super::writer::{Base, Mean, Writer};
+use super::writer::{Amount, Base, Writer};
 use crate::assets::Flaw;
 use crate::assets::image::Encoding;
 use std::collections::BTreeMap;
@@ -143,12 +143,12 @@ impl Writer<'_, '_, '_> {
         let Some(specular) = &self.material.extensions.specular else {
             return Ok(ior);
         };
-        let Mean(factor) = match &specular.specular_texture {
-            None => Mean(specular.specular_factor),
+        let factor = match &specular.specular_texture {
+            None => specular.specular_factor,
             Some(used) => {
                 self.note("textures of KHR_materials_specular count by their mean: materials");
                 let alpha = self.textures.picture(used, Encoding::Alpha)?;
-                Mean(specular.specular_factor * mean(&alpha)[0])
+                specular.specular_factor * mean(&alpha)[0]
             }
         };
         let mut tint = specular.specular_color_factor;
@@ -200,76 +200,113 @@ impl Writer<'_, '_, '_> {
             ior => ior.unwrap_or(1.5),
         };
         let transmission = match &x.transmission {
-            None => 0.0,
-            Some(t) => {
-                let Mean(share) = self.mean(t.transmission_factor, t.transmission_texture.as_ref(), 0)?;
-                share * (1.0 - metallic)
-            }
+            None => Amount::number(0.0),
+            Some(t) => self.amount(
+                t.transmission_factor,
+                t.transmission_texture.as_ref(),
+                0,
+                "transmission",
+            )?,
         };
-        if transmission > 0.0 && transmission < 1.0 {
-            self.note("what transmits half of the light or more is glass, what transmits less is not: materials");
-        }
         let id = self.id;
+        let share = transmission.mean * (1.0 - metallic.mean);
         let mut text = String::new();
-        if transmission >= 0.5 {
-            if x.specular.is_some() {
-                self.note("KHR_materials_specular of glass does not count: materials");
+        let mut glass = None;
+        if share > 0.0 {
+            if roughness.is_texture {
+                self.note("textures of the roughness of glass count by their mean: materials");
             }
-            let volume = x.volume.clone().unwrap_or_default();
-            let _ = writeln!(text, "[materials.{id}]");
-            let is_solid = volume.thickness_factor > 0.0;
-            let alpha = roughness * roughness;
-            match (is_solid, alpha >= LEAST_ALPHA) {
-                (false, is_rough) => {
-                    if is_rough {
-                        self.note("panes (transmission without thickness) are smooth: materials");
+            let base = Base {
+                color: base_color.clone(),
+                metallic: Amount::number(metallic.mean),
+                roughness: Amount::number(roughness.mean),
+            };
+            // All of it where nothing else is said.
+            let is_all = share == 1.0;
+            let (name, common) = match is_all {
+                true => (id.to_owned(), &common[..]),
+                false => (format!("{id}.glass"), ""),
+            };
+            let made = self.glass(&name, &base, ior, common, scale, opacity.is_some());
+            text.push_str(&made.text);
+            if is_all {
+                return Ok(Written { text, ..made });
+            }
+            let weight = match transmission.is_texture && metallic.mean == 0.0 {
+                true => transmission.text,
+                false => {
+                    if transmission.is_texture {
+                        self.note("textures of transmission count by their mean where there is metal: materials");
                     }
-                    let _ = writeln!(text, "type = \"thin_dielectric\"");
+                    number(share)
                 }
-                (true, false) => {
-                    let _ = writeln!(text, "type = \"dielectric\"");
-                }
-                (true, true) => {
-                    let _ = writeln!(text, "type = \"rough_dielectric\"\nalpha = {}", number(alpha));
-                }
-            }
+            };
             let _ = write!(
                 text,
-                "ior = {}\nspecular_transmittance = {base_color}\n{common}",
-                number(ior)
+                "[materials.{id}]\ntype = \"blend\"\nmaterials = [\"{id}.base\", \"{id}.glass\"]\n\
+                 weight = {weight}\n{common}"
             );
-            let medium = attenuation(&volume, scale).filter(|_| is_solid && opacity.is_none());
-            let has_medium = medium.is_some();
-            if let Some(sigma_a) = medium {
-                let _ = writeln!(
-                    text,
-                    "[media.{id}]\ntype = \"homogeneous\"\nsigma_a = {}\nsigma_s = 0.0",
-                    numbers(&sigma_a)
-                );
-            }
-            return Ok(Written {
-                text,
-                is_glass: is_solid && opacity.is_none(),
-                has_medium,
-            });
+            glass = Some(made);
         }
         let ior = self.reflecting_ior(ior)?;
+        let (name, own) = match &glass {
+            Some(_) => (format!("\"{id}.base\""), ""),
+            None => (id.to_owned(), &common[..]),
+        };
         let _ = write!(
             text,
-            "[materials.{id}]\ntype = \"principled\"\nbase_color = {base_color}\nmetallic = {}\nroughness = {}\n\
-             two_sided = {}\n{common}",
-            number(metallic),
-            number(roughness),
-            material.double_sided
+            "[materials.{name}]\ntype = \"principled\"\nbase_color = {base_color}\nmetallic = {}\nroughness = {}\n\
+             two_sided = {}\n{own}",
+            metallic.text, roughness.text, material.double_sided
         );
         if ior != 1.5 {
             let _ = writeln!(text, "ior = {}", number(ior));
         }
         Ok(Written {
             text,
-            is_glass: false,
-            has_medium: false,
+            is_glass: glass.as_ref().is_some_and(|glass| glass.is_glass),
+            has_medium: glass.is_some_and(|glass| glass.has_medium),
         })
+    }
+
+    /// Glass, with what is inside.
+    fn glass(&mut self, name: &str, base: &Base, ior: f64, common: &str, scale: f64, is_cut: bool) -> Written {
+        let x = &self.material.extensions;
+        if x.specular.is_some() {
+            self.note("KHR_materials_specular of glass does not count: materials");
+        }
+        let volume = x.volume.clone().unwrap_or_default();
+        let is_solid = volume.thickness_factor > 0.0;
+        let alpha = base.roughness.mean * base.roughness.mean;
+        let is_rough = alpha >= LEAST_ALPHA;
+        if is_rough && !is_solid {
+            self.note("panes (transmission without thickness) are smooth: materials");
+        }
+        let kind = match (is_solid, is_rough) {
+            (false, _) => "\"thin_dielectric\"".to_owned(),
+            (true, false) => "\"dielectric\"".to_owned(),
+            (true, true) => format!("\"rough_dielectric\"\nalpha = {}", number(alpha)),
+        };
+        let mut text = format!(
+            "[materials.\"{name}\"]\ntype = {kind}\nior = {}\nspecular_transmittance = {}\n{common}",
+            number(ior),
+            base.color
+        );
+        let medium = attenuation(&volume, scale).filter(|_| is_solid && !is_cut);
+        let has_medium = medium.is_some();
+        if let Some(sigma_a) = medium {
+            let _ = writeln!(
+                text,
+                "[media.{}]\ntype = \"homogeneous\"\nsigma_a = {}\nsigma_s = 0.0",
+                self.id,
+                numbers(&sigma_a)
+            );
+        }
+        Written {
+            text,
+            is_glass: is_solid && !is_cut,
+            has_medium,
+        }
     }
 
     /// Say what is left out or counts otherwise.

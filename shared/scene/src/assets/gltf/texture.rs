@@ -125,6 +125,7 @@ pub fn mapped(image: &Image, f: impl Fn(Rgb) -> Rgb) -> Arc<Image> {
         width: image.width,
         height: image.height,
         pixels: image.pixels.iter().map(|p| f(*p)).collect(),
+        alpha: Vec::new(),
     })
 }
 

@@ -9,14 +9,30 @@ use crate::assets::Flaw;
 use crate::assets::image::Encoding;
 use beamfarm_render::math::Rgb;
 
-/// A number, or a texture's.
-pub struct Mean(pub f64);
+/// A number, or a texture of numbers.
+pub struct Amount {
+    /// As TOML.
+    pub text: String,
+    /// Its mean.
+    pub mean: f64,
+    pub is_texture: bool,
+}
+
+impl Amount {
+    pub fn number(x: f64) -> Self {
+        Self {
+            text: number(x),
+            mean: x,
+            is_texture: false,
+        }
+    }
+}
 
 /// What a material is without its extensions. The colour is TOML.
 pub struct Base {
     pub color: String,
-    pub metallic: f64,
-    pub roughness: f64,
+    pub metallic: Amount,
+    pub roughness: Amount,
 }
 
 /// One material on its way.
@@ -49,13 +65,31 @@ impl Writer<'_, '_, '_> {
         is_so
     }
 
-    /// A number times the mean of a texture's channel.
-    pub fn mean(&mut self, factor: f64, used: Option<&TextureUse>, channel: usize) -> Result<Mean, Flaw> {
+    /// A number times a texture's channel. `what` is what it is called.
+    pub fn amount(
+        &mut self,
+        factor: f64,
+        used: Option<&TextureUse>,
+        channel: usize,
+        what: &str,
+    ) -> Result<Amount, Flaw> {
         let Some(used) = used else {
-            return Ok(Mean(factor));
+            return Ok(Amount::number(factor));
         };
         let image = self.textures.picture(used, Encoding::Raw)?;
-        Ok(Mean(factor * mean(&image)[channel]))
+        let mean = factor * mean(&image)[channel];
+        if !self.lies_with_others(used) || factor == 0.0 {
+            return Ok(Amount::number(mean));
+        }
+        let image = mapped(&image, |p| {
+            Rgb::splat((f64::from(p.to_array()[channel]) * factor).clamp(0.0, 1.0) as f32)
+        });
+        let name = format!("{}.{what}", self.id);
+        Ok(Amount {
+            text: self.textures.written(used, &name, image, "")?,
+            mean,
+            is_texture: true,
+        })
     }
 
     /// A colour, or a picture of one, as TOML. `what` is what it is called.
@@ -114,13 +148,10 @@ impl Writer<'_, '_, '_> {
         let pbr = &material.pbr_metallic_roughness;
         let [r, g, b, _] = pbr.base_color_factor;
         let texture = pbr.metallic_roughness_texture.as_ref();
-        if texture.is_some() {
-            self.note("textures of metallic and roughness count by their mean: materials");
-        }
         Ok(Base {
             color: self.color([r, g, b], pbr.base_color_texture.as_ref(), "")?,
-            metallic: self.mean(pbr.metallic_factor, texture, 2)?.0,
-            roughness: self.mean(pbr.roughness_factor, texture, 1)?.0,
+            metallic: self.amount(pbr.metallic_factor, texture, 2, "metallic")?,
+            roughness: self.amount(pbr.roughness_factor, texture, 1, "roughness")?,
         })
     }
 
@@ -144,8 +175,8 @@ impl Writer<'_, '_, '_> {
             let color = numbers(&base_color(factor, specular, metallic));
             return Ok(Base {
                 color,
-                metallic,
-                roughness,
+                metallic: Amount::number(metallic),
+                roughness: Amount::number(roughness),
             });
         };
         let image = times(
@@ -165,8 +196,8 @@ impl Writer<'_, '_, '_> {
         };
         Ok(Base {
             color,
-            metallic,
-            roughness,
+            metallic: Amount::number(metallic),
+            roughness: Amount::number(roughness),
         })
     }
 }

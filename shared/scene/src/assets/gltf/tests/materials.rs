@@ -1,7 +1,7 @@
 //! Materials and lights.
 
 use super::{file, load, load_with, material, of_material, png, says};
-use beamfarm_render::bsdf::{MaterialKind, NormalPerturbation};
+use beamfarm_render::bsdf::{Interface, MaterialKind, NormalPerturbation};
 use beamfarm_render::light::LightKind;
 use beamfarm_render::math::{Rgb, Vec2};
 use beamfarm_render::medium::Medium;
@@ -13,7 +13,9 @@ use serde_json::{Value, json};
 fn glass(roughness: f64, thickness: f64) -> Value {
     json!({
         "name": "glass",
-        "pbrMetallicRoughness": { "metallicFactor": 0, "roughnessFactor": roughness, "baseColorFactor": [0.5, 1, 1, 1] },
+        "pbrMetallicRoughness": {
+            "metallicFactor": 0, "roughnessFactor": roughness, "baseColorFactor": [0.5, 1, 1, 1]
+        },
         "extensions": {
             "KHR_materials_transmission": { "transmissionFactor": 1 },
             "KHR_materials_ior": { "ior": 1.75 },
@@ -53,7 +55,8 @@ fn transmission_is_glass_and_its_volume_absorbs() {
 
     let rough = of_material(glass(0.5, 1.0), json!({}));
     assert!(
-        matches!(material(&rough).kind, MaterialKind::RoughDielectric { alpha, eta, .. } if alpha == 0.25 && eta == 1.75)
+        matches!(&material(&rough).kind, MaterialKind::RoughDielectric { alpha, eta, .. }
+            if alpha.range() == [0.25; 2] && *eta == 1.75)
     );
     assert!(interior(&rough).is_some());
 
@@ -84,6 +87,33 @@ fn an_open_mesh_has_no_inside() {
     ));
 }
 
+/// By a number, or by a texture: glass in a share of what else the material is.
+#[test]
+fn partial_transmission_is_a_blend_with_glass() {
+    let mut half = glass(0.0, 1.0);
+    half["extensions"]["KHR_materials_transmission"]["transmissionFactor"] = json!(0.25);
+    let weight_of = |description: &SceneDescription| match &material(description).kind {
+        MaterialKind::Blend { parts, weight } => {
+            assert!(matches!(parts[0].kind, MaterialKind::Principled { .. }));
+            assert!(matches!(parts[1].kind, MaterialKind::Dielectric { .. }));
+            weight.clone()
+        }
+        other => panic!("{other:?}"),
+    };
+    let description = of_material(half.clone(), json!({}));
+    assert!(matches!(weight_of(&description), Texture::Constant(c) if c == Rgb::splat(0.25)));
+    assert!(interior(&description).is_some());
+    half["extensions"]["KHR_materials_transmission"]["transmissionTexture"] = json!({ "index": 0 });
+    let pictures = json!({
+        "textures": [{ "source": 0 }],
+        "images": [{ "uri": png([[0, 9, 9, 255], [255, 9, 9, 255]]) }],
+    });
+    let Texture::Image { image, .. } = weight_of(&of_material(half, pictures)) else {
+        panic!();
+    };
+    assert_eq!(image.pixels, [Rgb::ZERO, Rgb::splat(0.25)]);
+}
+
 #[test]
 fn metals_transmit_nothing() {
     let mut metal = glass(0.0, 1.0);
@@ -99,12 +129,17 @@ fn specular_scales_the_reflectance_at_normal_incidence() {
             "specularFactor": factor, "specularColorFactor": [color, color, color]
         } } });
         let description = of_material(material, json!({}));
-        match super::material(&description).kind {
-            MaterialKind::Principled { eta, .. } => {
+        match &super::material(&description).kind {
+            MaterialKind::Principled {
+                interface: Interface::Eta(eta),
+                ..
+            } => {
                 let amplitude = f64::from((eta - 1.0) / (eta + 1.0));
                 amplitude * amplitude
             }
-            ref other => panic!("{other:?}"),
+            // What it is where nothing is said.
+            MaterialKind::Principled { .. } => 0.04,
+            other => panic!("{other:?}"),
         }
     };
     for (factor, color) in [(1.0, 1.0), (0.5, 1.0), (0.5, 3.0), (0.0, 1.0)] {
@@ -123,14 +158,14 @@ fn specular_and_gloss_are_converted() {
         } } });
         let description = of_material(material, json!({}));
         assert!(says(&description, "KHR_materials_pbrSpecularGlossiness is converted"));
-        match super::material(&description).kind {
+        match &super::material(&description).kind {
             MaterialKind::Principled {
                 base_color: Texture::Constant(color),
                 metallic,
                 roughness,
                 ..
-            } => (color, metallic, roughness),
-            ref other => panic!("{other:?}"),
+            } => (*color, metallic.range()[0], roughness.range()[0]),
+            other => panic!("{other:?}"),
         }
     };
     let (color, metallic, roughness) = of_gloss(json!([0.5, 0.25, 0.125, 1]), json!([0.04, 0.04, 0.04]));

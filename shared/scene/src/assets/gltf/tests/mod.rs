@@ -31,7 +31,9 @@ fn file(with: Value) -> Value {
         "asset": { "version": "2.0" },
         "scenes": [{ "nodes": [0] }],
         "nodes": [{ "name": "thing", "mesh": 0 }],
-        "meshes": [{ "primitives": [{ "attributes": { "POSITION": 0, "TEXCOORD_0": 1 }, "indices": 2, "material": 0 }] }],
+        "meshes": [{ "primitives": [{
+            "attributes": { "POSITION": 0, "TEXCOORD_0": 1 }, "indices": 2, "material": 0
+        }] }],
         "materials": [{}],
         "buffers": [{ "byteLength": bytes().len(), "uri": uri("application/octet-stream", &bytes()) }],
         "bufferViews": [

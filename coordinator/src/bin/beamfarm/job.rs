@@ -14,7 +14,7 @@ use beamfarm_render::budget::Pilot;
 use beamfarm_render::light::LightKind;
 use beamfarm_render::world::Scene;
 use beamfarm_render::world::{RenderDefaults, SceneDescription};
-use beamfarm_scene::{Edits, ImportOptions, SceneError, SceneFile, is_mitsuba};
+use beamfarm_scene::{Edits, ImportOptions, SceneError, SceneFile, is_gltf, is_mitsuba};
 use beamfarm_worker::complain;
 use clap::{Args, ValueEnum};
 use std::ffi::OsString;
@@ -25,7 +25,7 @@ use std::time::Duration;
 /// The scene, and what its passes depend on.
 #[derive(Args, Clone, Debug)]
 pub struct SceneArgs {
-    /// Scene file: TOML, or Mitsuba 3's XML if its name ends in .xml
+    /// Scene file: TOML, Mitsuba 3's XML if its name ends in .xml, or glTF if in .glb or .gltf
     pub scene: PathBuf,
 
     #[command(flatten)]
@@ -157,7 +157,8 @@ impl SceneArgs {
 
     /// With all else that is wrong with the scene file.
     fn failure(&self, error: SceneError, options: &ImportOptions) -> Failure {
-        let errors = match is_mitsuba(&self.scene) || error.file != self.scene {
+        let is_native = !is_mitsuba(&self.scene) && !is_gltf(&self.scene);
+        let errors = match !is_native || error.file != self.scene {
             true => Vec::new(),
             false => beamfarm_scene::errors(&self.scene, options),
         };
@@ -307,7 +308,7 @@ pub struct Loaded {
     pub standard_error: bool,
     /// What a pilot chose among, if there was anything to choose.
     pub choice: Option<Choice>,
-    /// What was replaced of a Mitsuba scene, and what of a scene has no effect.
+    /// What was replaced of a scene in another form, and what of a scene has no effect.
     notes: Vec<String>,
     /// What was left out of a Mitsuba scene.
     left_out: Vec<String>,

@@ -22,6 +22,7 @@ Examples:
   beamfarm render scene.toml --passes 1000 -o a.exr
   beamfarm render scene.toml --workers 1 --threads 8
   beamfarm render scene.xml -D spp=256              a scene of Mitsuba 3, with a value for its $spp
+  beamfarm render model.glb -D camera.fov=40        a glTF file, with its camera and lights or made-up ones
 
 SIGINT (Ctrl-C) writes the passes that are complete; another one after a second kills.";
 

@@ -18,7 +18,7 @@ impl<V: Sight> CameraTracer<'_, V> {
     /// Radiance at the film of what leaves x towards the camera path, its own emission apart. `beta`: throughput from
     /// the film to x.
     pub(super) fn scattered(&self, x: &Vertex, beta: Rgb, context: &mut PathContext<'_>) -> Rgb {
-        if !self.sight.is_glossy(x.hit.object) {
+        if !self.sight.is_glossy(x.hit.object) || x.bsdf.is_matt() {
             return self.scattered_by(x, beta, context);
         }
         let is_gloss = true;

@@ -1,6 +1,7 @@
 //! From records to the scene that is rendered: names resolved, numbers in single precision, everything moved so that
 //! the camera stands at the origin.
 
+mod blend;
 mod bounds;
 mod enclosed;
 mod extents;
@@ -9,6 +10,7 @@ mod kept;
 mod light;
 mod material;
 mod medium;
+mod principled;
 mod rules;
 mod shape;
 mod texture;
@@ -58,8 +60,8 @@ impl From<Fault> for Problem {
 /// A scene, and what there is to say about it.
 pub struct Assembled {
     pub description: SceneDescription,
-    /// What has no effect.
-    pub notes: Vec<Fault>,
+    /// What has no effect, or another than its file says.
+    pub notes: Vec<Problem>,
     /// Where rules are written that photons obey.
     pub photon_places: Vec<Range<usize>>,
     /// Where things are.
@@ -97,6 +99,7 @@ pub fn assemble(
         objects: Vec::new(),
         lights: Vec::new(),
         names: rules::Names::default(),
+        notes: Vec::new(),
         // Light from far away has to be sent to all of the space that scatters it.
         points: media.corners(world_medium).chain([eye_point]).collect(),
         media,
@@ -111,13 +114,16 @@ pub fn assemble(
     }
     let rules::Resolved {
         rules,
-        mut notes,
+        notes: of_rules,
         photon_places,
     } = rules::resolve(record, &parts)?;
+    let mut notes = std::mem::take(&mut parts.notes);
+    notes.extend(of_rules.into_iter().map(Problem::Scene));
     let extents = Extents::new(render_origin, &parts.media);
-    notes.extend(extents.outside(record, &parts.objects));
+    let outside = extents.outside(record, &parts.objects).into_iter();
+    notes.extend(outside.map(Problem::Scene));
     if parts.lights.is_empty() {
-        notes.push(Fault::new(0..0, "there are no lights: the picture will be black"));
+        notes.push(Fault::new(0..0, "there are no lights: the picture will be black").into());
     } else if rules.is_none()
         && let Some(object) = enclosed::around_camera(&parts.objects, &parts.materials.list, &parts.lights)
     {
@@ -125,7 +131,7 @@ pub fn assemble(
             "it stands inside of {:?}, which lets no light through, and no light is in there: the picture will be black",
             object.name
         );
-        notes.push(Fault::new(record.camera.span(), message));
+        notes.push(Fault::new(record.camera.span(), message).into());
     }
     let description = SceneDescription {
         camera,
@@ -168,6 +174,8 @@ struct Parts<'a> {
     objects: Vec<beamfarm_render::geometry::Object>,
     lights: Vec<beamfarm_render::light::Light>,
     names: rules::Names,
+    /// What has no effect, or another than its file says.
+    notes: Vec<Problem>,
     /// The camera, the lights that stand somewhere, and the corners of what fills the world, render space.
     points: Vec<DVec3>,
 }
@@ -207,9 +215,8 @@ impl<'a> Assets<'a> {
 
     fn image(&mut self, path: &Spanned<String>, encoding: Encoding) -> Result<Arc<Image>, Problem> {
         let key = bundle::key(path.get_ref());
-        if encoding == Encoding::Srgb
-            && let Some(image) = self.images.get(&key)
-        {
+        // Those are decoded as they are meant.
+        if let Some(image) = self.images.get(&key) {
             return Ok(image.clone());
         }
         let (source, Kept { images, clock, .. }) = (self.source, &mut *self.kept);

@@ -141,7 +141,8 @@ impl Parts<'_> {
                 Some(name) => Err(Fault::new(
                     name.span(),
                     "this surface bounds no medium; expected a material of type \"dielectric\", \
-                     \"rough_dielectric\" or \"null\" without `opacity` on this shape",
+                     \"rough_dielectric\" or \"null\" without `opacity` on this shape, \"principled\" with \
+                     `spec_trans`, or a blend of one with what lets no light through",
                 )
                 .into()),
             };

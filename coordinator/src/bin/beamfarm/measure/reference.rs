@@ -39,7 +39,7 @@ const SAMPLES: u64 = 64;
 
 #[derive(Args)]
 pub struct ReferenceArgs {
-    /// Scene file: TOML, or Mitsuba 3's XML if its name ends in .xml
+    /// Scene file: TOML, Mitsuba 3's XML if its name ends in .xml, or glTF if in .glb or .gltf
     scene: PathBuf,
 
     #[command(flatten)]

@@ -54,6 +54,8 @@ struct Odds {
 const COAT_ALPHAS: [f32; 2] = [0.1, 1e-3];
 /// Roughness by which a coat masks.
 const COAT_MASKING: f32 = 0.25;
+/// Cosine at a coat's microfacet below which it is not sampled: densities there have no bound.
+const LEAST_COSINE: f32 = 1e-6;
 /// Least probability of what there is.
 const LEAST_ODDS: f32 = 0.1;
 
@@ -353,7 +355,7 @@ impl Layered {
         if odds.gloss > 0.0 {
             pdf += odds.gloss * self.reflected(cos_d) * self.base.facets().reflection_pdf(wo, m);
         }
-        if odds.coat > 0.0 && cos_d > 0.0 {
+        if odds.coat > 0.0 && cos_d > LEAST_COSINE {
             pdf += odds.coat * gtr1(self.coat_alpha, m) * m.z / (4.0 * cos_d);
         }
         pdf
@@ -401,6 +403,9 @@ impl Layered {
             }
         } else if u_lobe < odds.gloss + odds.coat {
             let m = sample_gtr1(self.coat_alpha, u);
+            if front.dot(m) <= LEAST_COSINE {
+                return None;
+            }
             (m * (2.0 * front.dot(m)) - front).normalize()
         } else if odds.base > 0.0 {
             warp::cosine_hemisphere(u)

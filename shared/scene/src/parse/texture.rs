@@ -1,6 +1,6 @@
 //! Colours that may be textures.
 
-use super::schema::table;
+use super::schema::{described, table};
 use super::transform::RotateRecord;
 use super::words::{Channel, TextureFilter, Wrap};
 use crate::values::*;
@@ -92,6 +92,8 @@ impl<'de, R: Range> Deserialize<'de> for ScalarRecord<R> {
     }
 }
 
+const CHANNEL: &str = "Only this one, as grey. Default: all of them; where a number is wanted, luminance.";
+
 /// The schemas of an image and of a checkerboard.
 fn tables<R: Range>(generator: &mut SchemaGenerator) -> [Schema; 2] {
     let uv = generator.subschema_for::<UvSteps>();
@@ -102,7 +104,7 @@ fn tables<R: Range>(generator: &mut SchemaGenerator) -> [Schema; 2] {
         "raw": { "type": "boolean", "description": "Take the numbers of a PNG as they are, not as sRGB." },
         "filter": generator.subschema_for::<TextureFilter>(),
         "wrap": generator.subschema_for::<Wrap>(),
-        "channel": generator.subschema_for::<Channel>(),
+        "channel": described(generator.subschema_for::<Channel>(), CHANNEL),
         "uv": uv,
     });
     [

@@ -141,7 +141,14 @@ fn a_finished_job_can_have_more_passes() {
 /// Jobs a, b and c that make a whole one of 12 passes, and d, which is part of another.
 fn render_parts(path: &Path) {
     let part = |job: &str, first: &str, passes: &str, more: &[&str]| {
-        let mut args = vec!["render", "scene.toml", "--job", job, "--aov", "depth,stderr,crypto_object"];
+        let mut args = vec![
+            "render",
+            "scene.toml",
+            "--job",
+            job,
+            "--aov",
+            "depth,stderr,crypto_object",
+        ];
         args.extend(["--first-pass", first, "--passes", passes]);
         args.extend(more);
         succeed(path, &args)

@@ -142,19 +142,33 @@ class Comparison:
         return np.hypot(self.ours.whole_error, self.theirs.whole_error) / np.maximum(mean, 1e-30)
 
     def worst_block(self):
-        """Block that is off by most standard errors: its place, difference in the mean brightness, standard errors."""
-        floor = 0.01 * self.theirs.mean.mean((0, 1))
-        error = np.hypot(self.ours.block_error, self.theirs.block_error)
-        off = (self.ours.blocks - self.theirs.blocks) / np.maximum(self.theirs.mean.mean((0, 1)), 1e-30)
-        score = np.abs(self.ours.blocks - self.theirs.blocks) / (error + 0.01 * self.theirs.blocks + floor)
-        row, column, channel = np.unravel_index(np.argmax(score), score.shape)
-        return (row, column, channel), off[row, column, channel], score[row, column, channel]
+        """Block and channel that is off by most of what is allowed: place, difference over the mean, share of allowed.
+
+        Allowed are 5 standard errors (the largest of some hundreds), 4 % of the block and 2 % of the picture's mean:
+        within a block edges of shapes fall on other pixels, and beams are as wide as their radius.
+        """
+        mean = np.maximum(self.theirs.mean.mean((0, 1)), 1e-30)
+        allowed = 5.0 * np.hypot(self.ours.block_error, self.theirs.block_error)
+        allowed = allowed + 0.04 * np.abs(self.theirs.blocks) + 0.02 * mean
+        off = self.ours.blocks - self.theirs.blocks
+        score = np.abs(off) / allowed
+        place = np.unravel_index(np.argmax(score), score.shape)
+        return place, (off / mean)[place], score[place]
 
     def line(self):
         ratios = " ".join(f"{value:.4f}" for value in self.ratio)
         errors = " ".join(f"{value:.4f}" for value in self.ratio_error)
         place, off, score = self.worst_block()
-        return f"{self.name:28} {ratios}  +- {errors}  block {place[0]},{place[1]}: {100 * off:+.1f} % of mean ({score:.1f})"
+        return f"{self.name:28} {ratios}  +- {errors}  block {place[0]},{place[1]}: {100 * off:+.1f} % of mean ({score:.2f} of allowed)"
+
+
+def check(test, name, tolerance=TOLERANCE, blocks=1.0, **how):
+    """Fails `test` if the pictures differ by more than `tolerance` and 3 standard errors, or a block by its own."""
+    found = compare(name, **how)
+    allowed = tolerance + 3.0 * found.ratio_error
+    test.assertTrue((np.abs(found.ratio - 1.0) <= allowed).all(), found.line())
+    test.assertLessEqual(found.worst_block()[2], blocks, found.line())
+    return found.result
 
 
 def compare(name, passes=16, arguments=(), keep=None, runs=RUNS):

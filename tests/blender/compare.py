@@ -107,10 +107,27 @@ def with_cycles(folder, runs=RUNS):
     return Estimate.of(images)
 
 
+@dataclass
+class Exported:
+    """What an export wrote and said."""
+
+    scene: pathlib.Path
+    text: str
+    left_out: list
+    notes: list
+
+
+def export_scene(folder=None):
+    """Exports bpy's scene at its own resolution."""
+    with tempfile.TemporaryDirectory() as temporary:
+        render = bpy.context.scene.render
+        settings = ExportSettings(render.resolution_x, render.resolution_y)
+        result = write_scene(bpy.context.evaluated_depsgraph_get(), pathlib.Path(folder or temporary), settings)
+        return Exported(result.scene, result.scene.read_text(encoding="utf-8"), result.left_out, result.notes)
+
+
 def with_beamfarm(folder, passes, runs=RUNS, arguments=()):
-    scene = bpy.context.scene
-    settings = ExportSettings(scene.render.resolution_x, scene.render.resolution_y)
-    result = write_scene(bpy.context.evaluated_depsgraph_get(), folder / "scene", settings)
+    result = export_scene(folder / "scene")
     images = []
     for seed in range(runs):
         output = folder / f"beamfarm-{seed}.exr"
@@ -118,7 +135,7 @@ def with_beamfarm(folder, passes, runs=RUNS, arguments=()):
         command += ["--passes", str(passes), "--quiet", "--workers", "1", "--threads", "2", *arguments]
         done = subprocess.run(command, capture_output=True, text=True)
         if done.returncode:
-            raise AssertionError(f"beamfarm refuses the scene:\n{done.stderr}\n{result.scene.read_text()}")
+            raise AssertionError(f"beamfarm refuses the scene:\n{done.stderr}\n{result.text}")
         images.append(read(output))
     return Estimate.of(images), result
 

@@ -14,6 +14,10 @@ def rays(object, context):
         context.report.note(
             f"object '{object.name}': rays of diffuse surfaces and of volumes see it alike, both or neither"
         )
+    if not flags["photon"]:
+        context.report.note(f"object '{object.name}': what is not seen by diffuse rays gets no light by way of others")
+    if not flags["shadow"] and flags["photon"]:
+        context.report.note(f"object '{object.name}': it casts no shadow, but is in the way of light that bounces")
     return None if all(flags.values()) else [name for name, sees in flags.items() if sees]
 
 

@@ -8,6 +8,7 @@ from .surfaces import BLACK, read_surface
 from .values import NotShown, Value, constant
 
 NUMBERS = {"alpha", "metallic", "roughness", "specular", "opacity", "weight"}
+NUMBERS |= {"spec_trans", "sheen", "clearcoat", "clearcoat_gloss"}
 BOUNDARIES = {"dielectric", "rough_dielectric", "null"}
 
 
@@ -27,7 +28,21 @@ class Slot:
 
     @property
     def is_boundary(self):
-        return self.table is not None and self.table["type"] in BOUNDARIES and "opacity" not in self.table
+        """True where the surface can have a medium behind it."""
+        return self.table is not None and _bounds(self.table, self.extra) is True
+
+
+def _bounds(table, others):
+    """Does a surface bound media? None for one that lets no light through."""
+    if "opacity" in table:
+        return False
+    if table["type"] == "blend":
+        parts = [_bounds(others[name], others) for name in table["materials"]]
+        told = [part for part in parts if part is not None]
+        return all(told) if told else None
+    if table["type"] in BOUNDARIES or "spec_trans" in table:
+        return True
+    return False if table["type"] == "thin_dielectric" else None
 
 
 # Cycles shows what has no material as 0.8 grey.
@@ -78,7 +93,7 @@ class _Writer:
         emission = None
         if surface.emission is not None:
             try:
-                emission = {"radiance": self.field("radiance", surface.emission)}
+                emission = {"radiance": self.field("radiance", self.even(surface.emission))}
             except NotShown as problem:
                 self.context.report.leave_out(f"emission of {self.owner}: {problem}")
         if len(self.uv_maps) > 1:
@@ -130,6 +145,15 @@ class _Writer:
         except NotShown as problem:
             self.context.report.leave_out(f"a texture of {self.owner}: {problem}")
             return records.color(constant(0.5, 0.5, 0.5), self.context, self.owner)
+
+    def even(self, emission):
+        """What shines does so alike all over: a texture counts by its mean."""
+        if emission.is_constant:
+            return emission
+        if emission.special is not None:
+            raise NotShown("a checker or a colour attribute that shines")
+        self.context.report.note(f"{self.owner}: what shines by texture '{emission.name}' counts by its mean")
+        return constant(*(float(number) for number in emission.as_color().data.mean(axis=(0, 1))))
 
     def seen(self, value):
         if value.lookup is not None and value.lookup.uv_map not in self.uv_maps:

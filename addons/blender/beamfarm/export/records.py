@@ -30,12 +30,15 @@ def texture(value, context, owner, most=1.0):
             table["checkerboard"] = [list(entry) for entry in table["checkerboard"]]
         return table | (value.lookup.record() if value.lookup else {})
     source = value.source
-    if source is not None and source.channel is None and not source.image.is_float:
+    if source is not None and not source.image.is_float:
         written = context.pictures.file(source.image, source.path, context.report)
         if written is None:
             raise NotShown(f"image '{source.image.name}' has no pixels")
         path, raw = written
-        return {"image": path} | ({"raw": True} if raw else {}) | value.lookup.record()
+        # Only a PNG keeps its opacity on the way.
+        if source.channel != "a" or path.endswith(".png"):
+            table = {"image": path} | ({"raw": True} if raw else {})
+            return table | ({"channel": source.channel} if source.channel else {}) | value.lookup.record()
     data = value.data
     if most is not None and float(data.max()) > most:
         context.report.note(f"texture '{value.name}' of {owner} has numbers above {most}: cut off there")

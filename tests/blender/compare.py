@@ -176,7 +176,8 @@ class Comparison:
         ratios = " ".join(f"{value:.4f}" for value in self.ratio)
         errors = " ".join(f"{value:.4f}" for value in self.ratio_error)
         place, off, score = self.worst_block()
-        return f"{self.name:28} {ratios}  +- {errors}  block {place[0]},{place[1]}: {100 * off:+.1f} % of mean ({score:.2f} of allowed)"
+        block = f"block {place[0]},{place[1]}: {100 * off:+.1f} % of mean ({score:.2f} of allowed)"
+        return f"{self.name:36} {ratios}  +- {errors}  {block}"
 
 
 def check(test, name, tolerance=TOLERANCE, blocks=1.0, **how):

@@ -239,8 +239,7 @@ class Textures(unittest.TestCase):
         made = room()
         tree = made.node_tree
         node, coordinates = tree.nodes.new("ShaderNodeTexChecker"), tree.nodes.new("ShaderNodeTexCoord")
-        node.inputs["Color1"].default_value, node.inputs["Color2"].default_value = (0.8, 0.1, 0.1, 1), (0.1, 0.8, 0.3, 1)
-        node.inputs["Scale"].default_value = 6.0
+        scenes.set_inputs(node, {"Color1": (0.8, 0.1, 0.1), "Color2": (0.1, 0.8, 0.3), "Scale": 6.0})
         tree.links.new(coordinates.outputs["UV"], node.inputs["Vector"])
         tree.links.new(node.outputs["Color"], shader(made).inputs["Color"])
         self.check("checker")

@@ -132,8 +132,9 @@ def _add_objects(context):
     if context.media or context.world_medium is not None:
         # Light that goes through a lamp stays in the medium that the lamp hangs in.
         for shape in context.shapes:
-            if "emission" in shape and "interior" not in shape and context.materials[shape["material"]]["type"] == "null":
-                shape["boundary"] = False
+            if "emission" in shape and "interior" not in shape:
+                if context.materials[shape["material"]]["type"] == "null":
+                    shape["boundary"] = False
 
 
 def _say_of_object(object, context):

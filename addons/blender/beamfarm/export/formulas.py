@@ -24,7 +24,7 @@ def _wrap(a, high, low):
 
 
 def _smooth_min(a, b, distance):
-    h = np.where(distance != 0.0, np.maximum(distance - np.abs(a - b), 0.0) / np.where(distance != 0.0, distance, 1), 0.0)
+    h = np.maximum(_divide(distance - np.abs(a - b), distance), 0.0)
     return np.minimum(a, b) - h * h * h * distance / 6.0
 
 

@@ -35,7 +35,11 @@ class Geometry:
         if self._slots is None:
             import numpy as np
 
-            self._slots = [int(slot) for slot in np.unique(self._read().slots)]
+            arrays = self._read()
+            # A mesh without area, as of edges that were extruded and not moved, is none.
+            corners = arrays.positions[arrays.vertex_of[arrays.corners]]
+            cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+            self._slots = [int(slot) for slot in np.unique(arrays.slots[np.any(cross != 0.0, axis=1)])]
         return self._slots
 
     def is_closed(self):

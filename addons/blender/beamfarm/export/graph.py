@@ -29,7 +29,7 @@ def find(sockets, name):
 
 
 def follow(place):
-    """Where the value of an input comes from: the output of a node that makes it, or an input that nothing is linked to.
+    """Where the value of an input comes from: an output of a node that makes it, or an input without a link.
 
     None where a loop or a group without inside is in the way.
     """

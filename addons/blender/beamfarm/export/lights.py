@@ -1,7 +1,8 @@
 """Light objects as `[[lights]]`, or as shapes that emit.
 
-Blender's watts are those of a source that shines to all sides: a point or spot of P watts has an intensity of P / (4 pi)
-W/sr, whatever the spot's cone cuts off; an area light of P watts has P / (pi A) W/(m^2 sr); a sun's strength is W/m^2.
+Blender's watts are those of a source that shines to all sides: a point or spot of P watts has an intensity of
+P / (4 pi) W/sr, whatever the spot's cone cuts off; an area light of P watts has P / (pi A) W/(m^2 sr); a sun's strength
+is in W/m^2.
 """
 
 import math
@@ -51,6 +52,8 @@ def _color(light, context):
         color = [a * float(b) for a, b in zip(color, light.temperature_color)]
     if light.use_nodes and light.node_tree is not None:
         color = [a * b for a, b in zip(color, _from_nodes(light, context))]
+    if min(color) < 0.0:
+        context.report.leave_out(f"what light '{light.name}' takes away: its strength is below 0")
     return [max(number, 0.0) for number in color]
 
 

@@ -53,8 +53,8 @@ def _read(collection, name, kind, width=1):
 def ply(arrays, slot, uv_name=None, color_name=None, offset=0.0):
     """Bytes of the PLY file of a slot's triangles (of all for None), or None where it has none.
 
-    Vertices are split where corners differ. `color_name` is that of an attribute ("" for the active one), None for none.
-    `offset` moves every vertex along its corner's normal.
+    Vertices are split where corners differ. `color_name` is that of an attribute, "" for the active one, None for
+    none. `offset` moves every vertex along its corner's normal.
     """
     corners = arrays.corners if slot is None else arrays.corners[arrays.slots == slot]
     if len(corners) == 0:

@@ -86,7 +86,7 @@ class Pictures:
         self._kept = {}
 
     def file(self, image, path, report):
-        """(path in the scene's folder, raw) of an image as it is, `path` being its file; None where it has no pixels."""
+        """(path in the scene's folder, raw) of an image as it is, `path` being its file; None without pixels."""
         state = _state(image, path)
         kept = self._kept.get((image.original.session_uid, path))
         if kept is not None and kept[0] == state and state is not None:

@@ -49,7 +49,8 @@ def principled(reader, place):
     if not is_white(tint):
         reader.context.report.leave_out(f"specular tint of node '{place.node.name}' of {reader.owner}")
     if normal > 0.08:
-        reader.context.report.note(f"{reader.owner}: reflects 8 % at normal incidence at most, not {100 * normal:.1f} %")
+        percent = f"{100.0 * normal:.1f} %"
+        reader.context.report.note(f"{reader.owner}: reflects 8 % at normal incidence at most, not {percent}")
     bsdf = {
         "type": "principled",
         "base_color": base,

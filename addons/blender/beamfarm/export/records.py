@@ -9,9 +9,9 @@ def color(value, context, owner, most=1.0):
     """A colour or a texture; above `most` it is cut off, which is said. None for no limit."""
     if value.is_constant:
         numbers = value.color()
-        limited = [min(max(number, 0.0), most if most is not None else number) for number in numbers]
+        limited = [max(number if most is None else min(number, most), 0.0) for number in numbers]
         if limited != numbers:
-            context.report.note(f"a colour of {owner} lies outside of 0 to {most or 'infinity'}: cut off there")
+            context.report.note(f"a colour of {owner} lies below 0 or above {most or 'all bounds'}: cut off there")
         return limited[0] if limited[0] == limited[1] == limited[2] else limited
     return texture(value, context, owner, most)
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from .geometry import Geometry
 from .interiors import Interiors
 from .materials import slot
-from .transforms import matrix_step, steps
+from .transforms import matrix_step, solid, steps
 from .visibility import rays
 
 # How far the two sides of a sheet that shines lie apart, in sizes of the mesh: what shines does so to one side.
@@ -33,6 +33,9 @@ class Shapes:
     def add(self, placed):
         """Takes a mesh object, or what can be made one, at its place."""
         context, object = self.context, placed.object
+        placed.matrix = solid(placed.matrix)
+        if placed.matrix is None:
+            return
         key = _key(placed)
         if key in self.groups:
             self.groups[key].placed.append(placed)

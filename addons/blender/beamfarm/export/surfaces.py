@@ -299,10 +299,14 @@ def _opacity(factor, rest, a, b):
 
 
 def _one_turned(reader, a, b):
-    if a.turned and b.turned and a.turned is not b.turned:
-        if {key: repr(value) for key, value in a.turned.items()} != {key: repr(value) for key, value in b.turned.items()}:
-            reader.context.report.note(f"{reader.owner}: of two bumps or normal maps in a mix the first counts")
+    if a.turned and b.turned and _shown(a.turned) != _shown(b.turned):
+        reader.context.report.note(f"{reader.owner}: of two bumps or normal maps in a mix the first counts")
     return a.turned or b.turned
+
+
+def _shown(turned):
+    """What tells one bump or normal map from another."""
+    return [(name, (value.name, value.lookup) if isinstance(value, Value) else value) for name, value in turned.items()]
 
 
 def _add(reader, place):

@@ -48,7 +48,7 @@ class Value:
     """A constant, the pixels of an image, or what else the scene file knows as a texture."""
 
     load: object
-    """Function that gives the array: one number or three along its last axis, before it height and width of an image."""
+    """Function that gives the array: one number or three along its last axis, before it an image's height and width."""
     width: int
     """1 or 3."""
     lookup: Lookup | None = None

@@ -21,6 +21,7 @@ def add_volume(placed, context):
     owner = f"material '{material.name}'"
     medium = read_volume(context, material.node_tree, "ShaderNodeOutputMaterial", owner)
     if medium is None:
+        report.leave_out(f"volume '{object.name}', whose material has no volume")
         return
     volume.grids.load()
     path = pathlib.Path(volume.grids.frame_filepath or "")

@@ -79,7 +79,7 @@ def ply(arrays, slot, uv_name=None, color_name=None, offset=0.0):
             columns.append(("r", "g", "b"))
             values.append(np.maximum(colors[loops], 0.0))
     records = np.ascontiguousarray(np.concatenate(values, axis=1), dtype="<f4")
-    vertices, indices = _weld(records)
+    vertices, indices = _weld(records, arrays.vertex_of[loops])
     return _encode([name for group in columns for name in group], vertices, indices.reshape(-1, 3))
 
 
@@ -90,21 +90,39 @@ def face_normals(points):
     return cross / np.maximum(np.linalg.norm(cross, axis=1, keepdims=True), 1e-30)
 
 
-def _weld(records):
-    """Different rows of `records` in the order in which they come first, and for each row which of these it is."""
-    bits = records.view(np.uint32).astype(np.uint64)
-    mixed = np.zeros(len(records), dtype=np.uint64)
+def _weld(records, vertex_of):
+    """Rows of `records` that differ, and for each row which of these it is. `vertex_of`: the mesh's vertex of each row.
+
+    Most corners of a vertex are alike: only those unlike its first corner are sorted.
+    """
+    count = len(records)
+    first = np.full(int(vertex_of.max()) + 1, -1, dtype=np.int64)
+    first[vertex_of[::-1]] = np.arange(count - 1, -1, -1)
+    bits = records.view(np.uint32)
+    unlike = np.flatnonzero((bits != bits[first[vertex_of]]).any(axis=1))
+    used = np.flatnonzero(first >= 0)
+    rank = np.empty(len(first), dtype=np.int64)
+    rank[used] = np.arange(len(used))
+    indices = rank[vertex_of]
+    rows = first[used]
+    if len(unlike):
+        kept, which = _different(bits[unlike])
+        indices[unlike] = len(used) + which
+        rows = np.concatenate([rows, unlike[kept]])
+    return records[rows], indices.astype("<i4")
+
+
+def _different(bits):
+    """(one row of each kind, the kind of each row) of an array of 32-bit words."""
+    mixed = np.zeros(len(bits), dtype=np.uint64)
     for column in range(bits.shape[1]):
         mixed = (mixed ^ bits[:, column]) * np.uint64(0x9E3779B97F4A7C15)
         mixed ^= mixed >> np.uint64(29)
-    _, first, inverse = np.unique(mixed, return_index=True, return_inverse=True)
-    if not np.array_equal(records[first][inverse].view(np.uint32), records.view(np.uint32)):
-        # Two rows of one hash: all but impossible, and then every corner stays a vertex.
-        return records, np.arange(len(records), dtype="<i4")
-    order = np.argsort(first, kind="stable")
-    rank = np.empty_like(order)
-    rank[order] = np.arange(len(order))
-    return records[first[order]], rank[inverse].astype("<i4")
+    _, kept, which = np.unique(mixed, return_index=True, return_inverse=True)
+    if np.array_equal(bits[kept][which], bits):
+        return kept, which
+    # Two rows of one hash, all but impossible: then each stays by itself.
+    return np.arange(len(bits)), np.arange(len(bits))
 
 
 def _encode(names, vertices, triangles):

@@ -129,9 +129,11 @@ class _Writer:
 
     def turned(self, turned):
         kind = "normal_map" if "normal_map" in turned else "bump"
-        texture = records.texture(self.seen(turned[kind]), self.context, self.owner, None)
+        value = self.seen(turned[kind])
         if kind == "bump":
+            texture = records.number_texture(value, self.context, self.owner, None)
             return {"bump": texture | {"scale": turned["scale"]}}
+        texture = records.texture(value, self.context, self.owner, None)
         texture.pop("raw", None)
         return {"normal_map": texture}
 

@@ -20,7 +20,15 @@ def number(value, context, owner, low=0.0, high=1.0):
     """A number or a texture of one channel."""
     if value.is_constant:
         return min(max(value.number(), low), high)
-    return texture(value, context, owner, high)
+    return number_texture(value, context, owner, high)
+
+
+def number_texture(value, context, owner, most=1.0):
+    """A texture where one number is wanted: of colours their luminance."""
+    table = texture(value, context, owner, most)
+    if table.get("channel") == "luminance":
+        del table["channel"]
+    return table
 
 
 def texture(value, context, owner, most=1.0):

@@ -47,7 +47,6 @@ class BeamfarmRenderEngine(bpy.types.RenderEngine):
                 self._render(depsgraph, folder)
         except (Failed, program.ProgramError) as error:
             self.report({"ERROR"}, str(error))
-            self.error_set(str(error))
 
     def _render(self, depsgraph: bpy.types.Depsgraph, folder: Path) -> None:
         scene, view_layer = depsgraph.scene, depsgraph.view_layer
@@ -61,7 +60,7 @@ class BeamfarmRenderEngine(bpy.types.RenderEngine):
         self.update_stats("", "Writing the scene")
         shape = frame.of_scene(scene)
         exported = self._export(depsgraph, folder, shape)
-        if self.test_break():
+        if self.is_stopped():
             return
         wanted = list(passes.of_layer(view_layer))
         output = folder / "frame.exr"
@@ -92,6 +91,10 @@ class BeamfarmRenderEngine(bpy.types.RenderEngine):
             self.report({"WARNING"}, "Film > Transparent is left out: the background is opaque")
         self.update_progress(1.0)
 
+    def is_stopped(self) -> bool:
+        """Whether somebody has pressed Escape."""
+        return self.test_break()
+
     def _export(self, depsgraph: bpy.types.Depsgraph, folder: Path, shape: frame.Frame) -> Path:
         try:
             result = write_scene(depsgraph, folder, frame.export_settings(depsgraph.scene, shape))
@@ -108,7 +111,7 @@ class BeamfarmRenderEngine(bpy.types.RenderEngine):
         next_status = next_picture = 0.0
         shown = 0
         while running.is_running:
-            if self.test_break():
+            if self.is_stopped():
                 self.update_stats("", "Cancelling")
                 running.cancel()
                 return True

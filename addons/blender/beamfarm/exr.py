@@ -82,7 +82,7 @@ def read(data: bytes, wanted: Collection[str] | None = None) -> dict[str, np.nda
     """
     try:
         return _read(data, wanted)
-    except (struct.error, zlib.error, IndexError, ValueError) as error:
+    except (struct.error, zlib.error, IndexError, ValueError, OverflowError) as error:
         raise error if isinstance(error, ExrError) else ExrError(f"damaged: {error}") from error
 
 

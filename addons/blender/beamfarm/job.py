@@ -114,7 +114,7 @@ class Job:
             reader.join(timeout=1.0)
         said = [line for line in self._said if line.strip()]
         wrong = [line for line in said if line.startswith("error")]
-        return "\n".join(wrong or said[-3:])
+        return "\n".join(line.removeprefix("error: ") for line in wrong or said[-3:])
 
     def _get(self, path: str, patience: float, method: str = "GET") -> tuple[bytes, dict[str, str]] | None:
         if self._address is None:

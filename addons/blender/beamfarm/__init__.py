@@ -5,9 +5,12 @@
 
 from __future__ import annotations
 
+import atexit
+
 import bpy
 
 from . import engine, operators, panels, preferences, properties, told
+from .viewport import session
 
 
 @bpy.app.handlers.persistent
@@ -22,9 +25,12 @@ def register() -> None:
     bpy.utils.register_class(engine.BeamfarmRenderEngine)
     panels.register()
     bpy.app.handlers.load_post.append(_forget)
+    atexit.register(session.close_all)
 
 
 def unregister() -> None:
+    atexit.unregister(session.close_all)
+    session.close_all()
     bpy.app.handlers.load_post.remove(_forget)
     panels.unregister()
     bpy.utils.unregister_class(engine.BeamfarmRenderEngine)

@@ -1,4 +1,4 @@
-"""The render engine: F12 and animations, by the command."""
+"""The render engine: F12 and animations by the command, and the viewport by its live view."""
 
 from __future__ import annotations
 
@@ -14,6 +14,8 @@ import numpy as np
 
 from . import exr, frame, job, passes, preferences, program, told
 from .export import write_scene
+from .viewport import sight
+from .viewport.session import Session
 
 # Seconds between looks at the job: for a cancel and the status line, and for a picture.
 _LOOK = 0.1
@@ -35,6 +37,11 @@ class BeamfarmRenderEngine(bpy.types.RenderEngine):
     # Shader nodes are those of Cycles, and the material preview is EEVEE's.
     bl_use_shading_nodes_custom = False
     bl_use_eevee_viewport = True
+
+    # Of a viewport; Blender makes an engine for each, and one for each render. Set late: `__init__` is Blender's.
+    _session: Session | None = None
+    _canvas = None
+    _wrong: str | None = None
 
     def update_render_passes(self, scene=None, renderlayer=None) -> None:
         self.register_pass(scene, renderlayer, "Combined", 4, "RGBA", "COLOR")
@@ -90,6 +97,54 @@ class BeamfarmRenderEngine(bpy.types.RenderEngine):
         if scene.render.film_transparent and not picture.has_alpha:
             self.report({"WARNING"}, "Film > Transparent is left out: the background is opaque")
         self.update_progress(1.0)
+
+    def view_update(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
+        session = self._viewport()
+        if session is not None:
+            session.update(depsgraph, sight.of_context(context))
+            self.tag_redraw()
+
+    def view_draw(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
+        session = self._session
+        if session is None:
+            self.update_stats("beamfarm", self._wrong or "")
+            return
+        session.look(depsgraph, sight.of_context(context))
+        self.update_stats("beamfarm", session.words)
+        shown = session.frame
+        if shown is None:
+            return
+        if self._canvas is None:
+            # There is no GPU without a window.
+            from .viewport.draw import Canvas
+
+            self._canvas = Canvas()
+        self._canvas.draw(self, depsgraph.scene, context.region, shown)
+
+    def _viewport(self) -> Session | None:
+        if self._session is None:
+            settings = preferences.get()
+            try:
+                path = program.usable(settings.program)
+            except program.ProgramError as error:
+                self._wrong = str(error)
+                return None
+            threads = ["--threads", str(settings.threads)] if settings.threads else []
+            self._session = Session(path, threads, self._redraw)
+        return self._session
+
+    def _redraw(self) -> None:
+        # Comes from another thread, perhaps when the viewport is gone.
+        with contextlib.suppress(ReferenceError):
+            self.tag_redraw()
+
+    def __del__(self) -> None:
+        if self._session is not None:
+            self._session.close()
+        # Blender 4.4 and later have one.
+        above = getattr(super(), "__del__", None)
+        if above is not None:
+            above()
 
     def is_stopped(self) -> bool:
         """Whether somebody has pressed Escape."""

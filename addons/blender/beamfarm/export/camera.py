@@ -52,7 +52,7 @@ def _orthographic(span, axis):
 def _shift(shift, axis, settings):
     """Blender's shift is in lengths of the side that the lens spans, the scene file's in the picture's own."""
     fitted = settings.width if axis == "x" else settings.height
-    x, y = -shift[0] * fitted / settings.width, shift[1] * fitted / settings.height
+    x, y = +shift[0] * fitted / settings.width, -shift[1] * fitted / settings.height
     return {} if x == 0.0 and y == 0.0 else {"principal_point": [float(x), float(y)]}
 
 

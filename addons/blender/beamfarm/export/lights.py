@@ -15,7 +15,7 @@ from .transforms import matrix_step
 from .visibility import light_rays
 
 # Lights of the scene file fall off linearly in angle: so many stand for the smooth edge of one of Blender's spots.
-SPOT_STEPS = 6
+SPOT_STEPS = 10
 
 
 def add_light(placed, context):
@@ -112,7 +112,9 @@ def _point(placed, light, color, fields, context):
         context.lights.append(fields | {"type": "point", "position": _list(position), "intensity": intensity})
         return
     if not _is_normalized(light):
-        color = [number * math.pi * radius * radius for number in color]
+        color = [number * 4.0 * math.pi * radius * radius for number in color]
+    if light.use_soft_falloff:
+        context.report.note("point lights with a radius shine as balls, as they do in Blender without soft falloff")
     _lamp(fields, {"type": "sphere", "center": _list(position), "radius": float(radius)}, color, context)
 
 
@@ -121,7 +123,7 @@ def _spot(placed, light, color, fields, context):
     if light.shadow_soft_size > 0.0:
         context.report.note(f"light '{light.name}': its radius counts as 0, its shadows are sharp")
         if not _is_normalized(light):
-            color = [number * math.pi * light.shadow_soft_size**2 for number in color]
+            color = [number * 4.0 * math.pi * light.shadow_soft_size**2 for number in color]
     scale = placed.matrix.to_scale()
     if abs(scale.x - scale.y) > 1e-4 * abs(scale.x) or abs(scale.x - scale.z) > 1e-4 * abs(scale.x):
         context.report.note(f"light '{light.name}': its cone is round, whatever its scale")

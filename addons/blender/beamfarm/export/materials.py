@@ -36,7 +36,7 @@ PLAIN = {"type": "diffuse", "reflectance": 0.8, "two_sided": True}
 
 def slot(context, material):
     """`Slot` of a Blender material, or of none."""
-    key = ("material", material.session_uid if material is not None else None)
+    key = ("material", material.original.session_uid if material is not None else None)
     if key not in context.slots:
         context.slots[key] = _read(context, material)
     found = context.slots[key]
@@ -52,7 +52,7 @@ def _read(context, material):
     owner = f"material '{material.name}'"
     surface = read_surface(context, material, owner)
     medium = read_volume(context, material.node_tree, "ShaderNodeOutputMaterial", owner) if material.use_nodes else None
-    writer = _Writer(context, owner, context.material_names.get(material.session_uid, material.name))
+    writer = _Writer(context, owner, context.material_names.get(material.original.session_uid, material.name))
     return writer.slot(surface, medium)
 
 

@@ -80,13 +80,13 @@ class Pictures:
     def file(self, image, path, report):
         """(path in the scene's folder, raw) of an image as it is, `path` being its file; None where it has no pixels."""
         state = _state(image, path)
-        kept = self._kept.get((image.session_uid, path))
+        kept = self._kept.get((image.original.session_uid, path))
         if kept is not None and kept[0] == state and state is not None:
             self.files.use(kept[1][0])
             return kept[1]
         written = self._write(image, path, report)
         if written is not None:
-            self._kept[image.session_uid, path] = state, written
+            self._kept[image.original.session_uid, path] = state, written
         return written
 
     def _write(self, image, path, report):

@@ -3,6 +3,8 @@
 import math
 import re
 
+import numpy as np
+
 BARE_KEY = re.compile(r"[A-Za-z0-9_-]+\Z")
 ESCAPES = {"\\": "\\\\", '"': '\\"', "\n": "\\n", "\r": "\\r", "\t": "\\t", "\b": "\\b", "\f": "\\f"}
 LINE = 110
@@ -67,4 +69,6 @@ def inline(value):
 def number(value):
     if not math.isfinite(value):
         raise ValueError(f"{value} is no number for a scene")
-    return repr(value)
+    # Most numbers of Blender have 24 bits: the shortest text that gives these back.
+    short = np.float32(value) if abs(value) < 3e38 else value
+    return repr(float(str(short))) if float(short) == value else repr(value)

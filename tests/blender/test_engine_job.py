@@ -196,6 +196,22 @@ class Farm(unittest.TestCase):
         np.testing.assert_array_equal(result_of(self.scene), together)
 
 
+class Life(unittest.TestCase):
+    def test_a_render_ends_with_blender(self) -> None:
+        harness.lit_floor()
+        folder = harness.folder()
+        bpy.ops.export_scene.beamfarm(directory=str(folder))
+        line = [str(harness.PROGRAM), "render", str(folder / "scene.toml")]
+        running = harness.module("job").Job([*line, "-o", str(folder / "a.exr"), "--passes", "1000000"])
+        while running.url is None:
+            self.assertTrue(running.is_running, running.words())
+            time.sleep(0.01)
+        # As when the process dies that holds the other end.
+        running.process.stdin.close()
+        running.process.wait(20.0)
+        running.close()
+
+
 class Words(unittest.TestCase):
     def test_numbers_of_a_job(self) -> None:
         job = harness.module("job")
@@ -207,7 +223,7 @@ class Words(unittest.TestCase):
 
     def test_a_cancel_before_there_is_a_page(self) -> None:
         job = harness.module("job")
-        running = job.Job([str(script("exec sleep 60"))])
+        running = job.Job([str(script("exec cat"))])
         begin = time.monotonic()
         running.cancel()
         running.wait()

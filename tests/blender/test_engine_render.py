@@ -174,5 +174,30 @@ class Render(unittest.TestCase):
         self.assertGreater(columns[1], 16)
 
 
+    def test_what_moves_the_camera_counts(self) -> None:
+        scene = harness.lit_floor((32, 24))
+        bpy.context.view_layer.use_pass_z = True
+        bpy.ops.object.empty_add()
+        scene.camera.parent = bpy.context.object
+        bpy.context.object.keyframe_insert("location", frame=1)
+        bpy.context.object.location.z = 3.0
+        bpy.context.object.keyframe_insert("location", frame=2)
+        scene.beamfarm.keyframe_insert("passes", frame=1)
+        scene.beamfarm.passes = 2
+        scene.beamfarm.keyframe_insert("passes", frame=2)
+        scene.frame_start, scene.frame_end = 1, 2
+        folder = harness.folder()
+        scene.render.filepath = str(folder / "frame_")
+        bpy.ops.render.render(animation=True)
+        for number, depth in ((1, 6.0), (2, 9.0)):
+            data = (folder / f"frame_{number:04}.exr").read_bytes()
+            np.testing.assert_allclose(harness.module("exr").read(data)["ViewLayer.Depth.Z"], depth, rtol=1e-5)
+
+    def test_stereoscopy_is_refused(self) -> None:
+        harness.lit_floor().render.use_multiview = True
+        with self.assertRaisesRegex(RuntimeError, "Stereoscopy"):
+            bpy.ops.render.render()
+
+
 if __name__ == "__main__":
     unittest.main()

@@ -56,14 +56,17 @@ class BeamfarmRenderEngine(bpy.types.RenderEngine):
             self.report({"ERROR"}, str(error))
 
     def _render(self, depsgraph: bpy.types.Depsgraph, folder: Path) -> None:
-        scene, view_layer = depsgraph.scene, depsgraph.view_layer
+        # As it is in this frame: settings can be animated.
+        scene, view_layer = depsgraph.scene_eval, depsgraph.view_layer_eval
         settings = preferences.get()
-        path = program.usable(settings.program)
+        path = settings.path()
         ends = frame.ends(scene.beamfarm)
         if not ends:
             raise Failed("The render would never end: give passes, time or error in Render Properties > Sampling")
         if settings.use_farm and not settings.token:
             raise Failed("Other machines may only work with a token: set one in Preferences > Add-ons > beamfarm")
+        if scene.render.use_multiview:
+            raise Failed("Stereoscopy is not rendered: turn it off in Output Properties")
         self.update_stats("", "Writing the scene")
         shape = frame.of_scene(scene)
         exported = self._export(depsgraph, folder, shape)
@@ -125,7 +128,7 @@ class BeamfarmRenderEngine(bpy.types.RenderEngine):
         if self._session is None:
             settings = preferences.get()
             try:
-                path = program.usable(settings.program)
+                path = settings.path()
             except program.ProgramError as error:
                 self._wrong = str(error)
                 return None
@@ -151,8 +154,11 @@ class BeamfarmRenderEngine(bpy.types.RenderEngine):
         return self.test_break()
 
     def _export(self, depsgraph: bpy.types.Depsgraph, folder: Path, shape: frame.Frame) -> Path:
+        settings = frame.export_settings(depsgraph.scene_eval, shape)
+        if self.camera_override is not None:
+            settings.camera = self.camera_override.evaluated_get(depsgraph)
         try:
-            result = write_scene(depsgraph, folder, frame.export_settings(depsgraph.scene, shape))
+            result = write_scene(depsgraph, folder, settings)
         except (ValueError, OSError) as error:
             raise Failed(f"The scene cannot be written: {error}") from error
         told.remember(depsgraph.scene.name, result.left_out, result.notes)

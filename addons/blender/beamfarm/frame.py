@@ -58,7 +58,6 @@ def export_settings(scene, frame: Frame) -> ExportSettings:
         width=frame.width,
         height=frame.height,
         crop=frame.crop,
-        camera=scene.camera,
         pixel_aspect=aspect,
         render=render,
     )

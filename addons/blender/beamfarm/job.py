@@ -70,8 +70,9 @@ class Job:
         environment["BEAMFARM_TOKEN"] = self.token
         self.environment = environment
         self.process = subprocess.Popen(
-            command,
-            stdin=subprocess.DEVNULL,
+            # It ends when the other end of its standard input closes: when this process dies, in whatever way.
+            [*command, "--with-parent"],
+            stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
@@ -168,6 +169,8 @@ class Job:
         """Nothing of it is left."""
         self.cancel()
         self.wait()
+        if self.process.stdin is not None:
+            self.process.stdin.close()
         for reader in self._readers:
             reader.join(timeout=1.0)
 
@@ -216,8 +219,8 @@ def _time(seconds: float) -> str:
 
 def start_workers(job: Job, program: Path, count: int, threads: int) -> list[subprocess.Popen]:
     """Workers on this machine for a job of `serve`; they end with it."""
-    command = [str(program), "worker", "--connect", str(job.url), "--no-cache"]
+    command = [str(program), "worker", "--connect", str(job.url), "--no-cache", "--with-parent"]
     if threads:
         command += ["--threads", str(threads)]
-    streams = {"stdin": subprocess.DEVNULL, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    streams = {"stdin": subprocess.PIPE, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
     return [subprocess.Popen(command, env=job.environment, **streams, **hidden()) for _ in range(count)]

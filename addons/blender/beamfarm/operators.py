@@ -5,26 +5,29 @@ from __future__ import annotations
 from pathlib import Path
 
 import bpy
-from bpy.props import StringProperty
-from bpy_extras.io_utils import ExportHelper
+from bpy.props import BoolProperty, StringProperty
 
 from . import frame, told
 from .export import write_scene
 
 
-class BEAMFARM_OT_export(bpy.types.Operator, ExportHelper):
-    """Write the scene of this frame as scene.toml, with its meshes and images beside it"""
+class BEAMFARM_OT_export(bpy.types.Operator):
+    """Write the scene of this frame as scene.toml into a folder, with its meshes and images beside it"""
 
     bl_idname = "export_scene.beamfarm"
     bl_label = "Export beamfarm scene"
-    filename_ext = ""
-    directory: StringProperty(subtype="DIR_PATH")
-    filter_folder: bpy.props.BoolProperty(default=True, options={"HIDDEN"})
+
+    directory: StringProperty(name="Folder", subtype="DIR_PATH")
+    filter_folder: BoolProperty(default=True, options={"HIDDEN"})
+
+    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        folder = Path(bpy.path.abspath(self.directory or self.filepath))
+        folder = Path(bpy.path.abspath(self.directory))
         depsgraph = context.evaluated_depsgraph_get()
-        scene = context.scene
+        scene = depsgraph.scene_eval
         try:
             result = write_scene(depsgraph, folder, frame.export_settings(scene, frame.of_scene(scene)))
         except (ValueError, OSError) as error:

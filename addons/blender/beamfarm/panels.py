@@ -11,36 +11,18 @@ from . import told
 
 ENGINE = "BEAMFARM"
 
-# Panels for every engine that mean nothing here.
-_NOT_OURS = {
-    "RENDER_PT_simplify",
-    "RENDER_PT_stamp_burnin",
-    "VIEWLAYER_PT_filter",
-    "VIEWLAYER_PT_layer_passes",
-    "RENDER_PT_freestyle",
-    "VIEWLAYER_PT_freestyle_lineset",
-}
-
-# Materials, lights, the world, lenses, visibility, light groups: what they set is what the export reads.
-_OF_CYCLES = re.compile(
-    r"CYCLES_(PT_context_material"
-    r"|MATERIAL_PT_(preview|surface|volume|displacement)"
-    r"|LIGHT_PT_(preview|light|nodes|beam_shape)"
-    r"|WORLD_PT_(preview|surface|volume|ray_visibility|settings_light_group)"
-    r"|CAMERA_PT_dof(_aperture)?"
-    r"|OBJECT_PT_(lightgroup|visibility|visibility_ray_visibility|light_linking|shadow_linking)"
-    r"|RENDER_PT_passes_lightgroups)"
+# Panels for every engine that mean nothing here, and those of which Cycles has its own.
+_NOT_OURS = re.compile(
+    r"VIEWLAYER_PT_(filter|layer_passes|freestyle.*)"
+    r"|RENDER_PT_(freestyle|simplify.*|stereoscopy|output_views|motion_blur.*)"
+    r"|MATERIAL_PT_freestyle_line"
+    r"|DATA_PT_camera_stereoscopy"
 )
+_TWICE = re.compile(r"(NODE_)?DATA_PT_(light|spot|area|preview)|OBJECT_PT_visibility")
 
-
-def _shared() -> Iterator[type]:
-    """Panels of others that are shown for this engine as well."""
-    for panel in _all_of(bpy.types.Panel):
-        engines = getattr(panel, "COMPAT_ENGINES", None)
-        if engines is None or panel.__name__ in _NOT_OURS:
-            continue
-        if "BLENDER_RENDER" in engines or _OF_CYCLES.fullmatch(panel.__name__):
-            yield panel
+# Those of Cycles for materials, lights, the world, lenses, objects and light groups are what the export reads; those of
+# its integrator are not.
+_OF_ITS_INTEGRATOR = re.compile(r"CYCLES_(RENDER|VIEW3D)_PT_(?!passes_lightgroups).*|CYCLES_PT_(?!context_material).*")
 
 
 def _all_of(cls: type) -> Iterator[type]:
@@ -49,14 +31,51 @@ def _all_of(cls: type) -> Iterator[type]:
         yield from _all_of(derived)
 
 
+def _of_cycles() -> type | None:
+    """What all panels of Cycles are derived from; None where that add-on is off.
+
+    Most of them ask whether this one is for the engine, and not they themselves.
+    """
+    for panel in _all_of(bpy.types.Panel):
+        for base in panel.__mro__:
+            if base.__name__ == "CyclesButtonsPanel":
+                return base
+    return None
+
+
+def _share() -> None:
+    """Show panels of others for this engine."""
+    cycles = _of_cycles()
+    for panel in _all_of(bpy.types.Panel):
+        engines = getattr(panel, "COMPAT_ENGINES", set())
+        name = panel.__name__
+        if cycles is not None and issubclass(panel, cycles):
+            if _OF_ITS_INTEGRATOR.fullmatch(name) and engines is cycles.COMPAT_ENGINES:
+                panel.COMPAT_ENGINES = engines - {ENGINE}
+        elif "BLENDER_RENDER" in engines and not _NOT_OURS.fullmatch(name):
+            if cycles is None or not _TWICE.fullmatch(name):
+                engines.add(ENGINE)
+    if cycles is not None:
+        cycles.COMPAT_ENGINES.add(ENGINE)
+
+
+def _keep_out() -> None:
+    """As it was before."""
+    cycles = _of_cycles()
+    for panel in _all_of(bpy.types.Panel):
+        if cycles is not None and issubclass(panel, cycles) and _OF_ITS_INTEGRATOR.fullmatch(panel.__name__):
+            if "COMPAT_ENGINES" in vars(panel):
+                del panel.COMPAT_ENGINES
+        getattr(panel, "COMPAT_ENGINES", set()).discard(ENGINE)
+
+
 class _Panel:
     bl_space_type = "PROPERTIES"
     bl_region_type = "WINDOW"
-    COMPAT_ENGINES = {ENGINE}
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return context.engine in cls.COMPAT_ENGINES
+        return context.engine == ENGINE
 
 
 class BEAMFARM_RENDER_PT_sampling(_Panel, bpy.types.Panel):
@@ -145,12 +164,10 @@ CLASSES = (
 def register() -> None:
     for cls in CLASSES:
         bpy.utils.register_class(cls)
-    for panel in _shared():
-        panel.COMPAT_ENGINES.add(ENGINE)
+    _share()
 
 
 def unregister() -> None:
-    for panel in _shared():
-        panel.COMPAT_ENGINES.discard(ENGINE)
+    _keep_out()
     for cls in reversed(CLASSES):
         bpy.utils.unregister_class(cls)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import bpy
 from bpy.props import BoolProperty, IntProperty, StringProperty
 
@@ -45,13 +47,17 @@ class BeamfarmPreferences(bpy.types.AddonPreferences):
         subtype="PASSWORD",
     )
 
+    def path(self) -> Path:
+        """The command, or a `program.ProgramError`."""
+        return program.usable(bpy.path.abspath(self.program))
+
     def draw(self, _context: bpy.types.Context) -> None:
         layout = self.layout
         layout.use_property_split = True
         layout.prop(self, "program")
         row = layout.row()
         try:
-            path = program.usable(self.program)
+            path = self.path()
             row.label(text=f"{path}, version {program.version(path)}", icon="CHECKMARK")
         except program.ProgramError as error:
             lines = layout.column(align=True)

@@ -63,7 +63,7 @@ def spot() -> None:
     """Straight above the ball, and hardly wider than that."""
     bpy.ops.object.light_add(type="SPOT", location=(0.0, 0.0, 5.0))
     light = bpy.context.object.data
-    light.energy = 3000.0
+    light.energy = 9000.0
     light.spot_size = 0.42
     light.spot_blend = 0.2
     light.shadow_soft_size = 0.0

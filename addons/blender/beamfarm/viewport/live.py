@@ -13,6 +13,7 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from queue import Queue
 
 import numpy as np
 
@@ -90,7 +91,11 @@ class Live:
             env={**environment, "BEAMFARM_TOKEN": token},
             **hidden(),
         )
+        self._said: deque[str] = deque(maxlen=5)
+        self._address: Queue[tuple[str, int] | None] = Queue()
+        self._listener = threading.Thread(target=self._listen, name="beamfarm live: log", daemon=True)
         self._thread = threading.Thread(target=self._run, args=(token,), name="beamfarm live", daemon=True)
+        self._listener.start()
         self._thread.start()
 
     @property
@@ -153,33 +158,32 @@ class Live:
             self._process.kill()
             self._process.wait()
         self._thread.join(_GRACE)
+        self._listener.join(_GRACE)
 
     def _run(self, token: str) -> None:
-        said: deque[str] = deque(maxlen=5)
+        wrong = []
         try:
-            address = self._address(said)
+            address = self._address.get()
             if address is not None:
-                # Nobody else reads what it says from now on, and it is not to wait for that.
-                threading.Thread(target=self._listen, args=(said,), daemon=True).start()
                 self._receive(WebSocket(*address, _LOOK, token))
         except Closed as error:
-            said.append(str(error))
+            wrong.append(str(error))
         finally:
             if not self._closing:
-                lines = [line.removeprefix("error: ") for line in said if line.strip()]
-                self._be_in_trouble("\n".join(lines) or "beamfarm live has ended")
+                lines = [line.removeprefix("error: ") for line in self._said if line.strip()]
+                self._be_in_trouble("\n".join(lines or wrong) or "beamfarm live has ended")
 
-    def _address(self, said: deque[str]) -> tuple[str, int] | None:
-        for line in self._process.stderr:
-            page = _PAGE.match(line)
-            if page:
-                return page[1], int(page[2])
-            said.append(line.rstrip())
-        return None
-
-    def _listen(self, said: deque[str]) -> None:
-        for line in self._process.stderr:
-            said.append(line.rstrip())
+    def _listen(self) -> None:
+        """Takes what it says on standard error, to its end, or it would have to wait for that."""
+        with self._process.stderr as stream:
+            for line in stream:
+                page = _PAGE.match(line)
+                if page:
+                    self._address.put((page[1], int(page[2])))
+                else:
+                    self._said.append(line.rstrip())
+        # Where it never came to a page.
+        self._address.put(None)
 
     def _receive(self, socket: WebSocket) -> None:
         with self._lock:

@@ -96,10 +96,10 @@ class Session:
             return str(wrong)
         if self._live is None:
             return ""
-        state = self._live.state
-        if state.passes == 0:
+        frame, state = self._live.frame, self._live.state
+        if frame is None or frame.passes == 0:
             return {"pilot": "Finding radii", "no workers": "Starting"}.get(state.doing, "Sketch")
-        parts = [f"Pass {state.passes}/{state.of}"]
+        parts = [f"Pass {frame.passes}/{frame.of}"]
         if state.error is not None:
             parts.append(f"error {100.0 * state.error:.2g} %")
         return " | ".join(parts)

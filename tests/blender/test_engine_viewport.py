@@ -160,9 +160,9 @@ class Wire(unittest.TestCase):
         self.assertEqual(self.heard[6] ^ mask[0], ord("p"))
 
     def test_nonsense_is_an_end(self) -> None:
-        for frame in (b"\xf1\x00", b"\x83\x00", b"\x81\x82abcdef", b"\x80\x01a", b"\x82\x7f" + b"\x7f" * 8, b"\x81\x05a"):
+        too_long, too_short = b"\x82\x7f" + b"\x7f" * 8, b"\x81\x05a"
+        for frame in (b"\xf1\x00", b"\x83\x00", b"\x81\x82abcdef", b"\x80\x01a", too_long, too_short):
             with self.subTest(frame=frame):
-                # The last is too short: the server waits for more, and then it is gone.
                 client = self.client_of(frame)
                 with self.assertRaises(websocket.Closed):
                     client.receive()
@@ -266,7 +266,7 @@ class Live(unittest.TestCase):
         """Not a test of speed: what it takes is printed."""
         self.picture("all passes", self.update(), passes=4)
         edits, moves = [], []
-        for step in range(1, 11):
+        for _ in range(10):
             begin = time.monotonic()
             bpy.data.objects["lamp"].location.x += 0.02
             self.picture("an edit", self.update())
@@ -277,7 +277,8 @@ class Live(unittest.TestCase):
             self.picture("a move", seq)
             moves.append(time.monotonic() - begin)
         for what, times in (("edit", edits), ("move", moves)):
-            print(f"{what} to picture: median {1000 * statistics.median(times):.0f} ms, most {1000 * max(times):.0f} ms")
+            middle, most = 1000.0 * statistics.median(times), 1000.0 * max(times)
+            print(f"{what} to picture: median {middle:.0f} ms, most {most:.0f} ms")
 
 
 if __name__ == "__main__":

@@ -1,7 +1,5 @@
 """Menu entries: a scene for use without Blender, and the list of what a picture lacks as a text."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import bpy

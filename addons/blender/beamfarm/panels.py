@@ -52,9 +52,8 @@ def _share() -> None:
         if cycles is not None and issubclass(panel, cycles):
             if _OF_ITS_INTEGRATOR.fullmatch(name) and engines is cycles.COMPAT_ENGINES:
                 panel.COMPAT_ENGINES = engines - {ENGINE}
-        elif "BLENDER_RENDER" in engines and not _NOT_OURS.fullmatch(name):
-            if cycles is None or not _TWICE.fullmatch(name):
-                engines.add(ENGINE)
+        elif "BLENDER_RENDER" in engines and not (_NOT_OURS.fullmatch(name) or cycles and _TWICE.fullmatch(name)):
+            engines.add(ENGINE)
     if cycles is not None:
         cycles.COMPAT_ENGINES.add(ENGINE)
 
@@ -63,9 +62,9 @@ def _keep_out() -> None:
     """As it was before."""
     cycles = _of_cycles()
     for panel in _all_of(bpy.types.Panel):
-        if cycles is not None and issubclass(panel, cycles) and _OF_ITS_INTEGRATOR.fullmatch(panel.__name__):
-            if "COMPAT_ENGINES" in vars(panel):
-                del panel.COMPAT_ENGINES
+        is_of_cycles = cycles is not None and panel is not cycles and issubclass(panel, cycles)
+        if is_of_cycles and _OF_ITS_INTEGRATOR.fullmatch(panel.__name__) and "COMPAT_ENGINES" in vars(panel):
+            del panel.COMPAT_ENGINES
         getattr(panel, "COMPAT_ENGINES", set()).discard(ENGINE)
 
 

@@ -1,7 +1,5 @@
 """What is set for this machine, and not for a file: the program, and who renders."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import bpy

@@ -1,6 +1,7 @@
-"""What is set for a scene and for its view layers, and is kept in the file."""
+"""What is set for a scene and for its view layers, and is kept in the file.
 
-from __future__ import annotations
+Not with postponed annotations: those of these classes are Blender's properties.
+"""
 
 import bpy
 from bpy.props import BoolProperty, FloatProperty, IntProperty, PointerProperty

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import re
@@ -137,11 +138,9 @@ class Live:
                 self._unsent.append(text)
                 return
             socket = self._socket
-        try:
+        # Where it is closed the thread that receives finds out as well.
+        with contextlib.suppress(Closed):
             socket.send(text)
-        except Closed:
-            # The thread that receives finds out as well.
-            pass
 
     def close(self) -> None:
         """End the process."""

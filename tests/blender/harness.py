@@ -70,6 +70,10 @@ def lit_floor(size: tuple[int, int] = (64, 48)) -> bpy.types.Scene:
     scene.render.resolution_percentage = 100
     scene.render.filepath = str(folder() / "out.exr")
     settings = scene.render.image_settings
+    if hasattr(settings, "media_type"):
+        # Blender 5.0 and later.
+        settings.media_type = "MULTI_LAYER_IMAGE"
+        settings.use_exr_interleave = True
     settings.file_format = "OPEN_EXR_MULTILAYER"
     settings.color_depth = "32"
     settings.exr_codec = "ZIP"
@@ -78,8 +82,9 @@ def lit_floor(size: tuple[int, int] = (64, 48)) -> bpy.types.Scene:
     return scene
 
 
-def command(*arguments: object) -> None:
-    """Run the command by itself."""
+def command(*arguments: object) -> str:
+    """Run the command by itself. Returns what it says."""
     line = [str(PROGRAM), *(str(argument) for argument in arguments)]
     done = subprocess.run(line, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
+    return done.stdout

@@ -82,8 +82,13 @@ class Render(unittest.TestCase):
     def test_passes_have_sockets_in_the_compositor(self) -> None:
         scene = harness.lit_floor()
         bpy.context.view_layer.beamfarm.use_volume = True
-        scene.use_nodes = True
-        node = scene.node_tree.nodes.new("CompositorNodeRLayers")
+        if hasattr(scene, "compositing_node_group"):
+            # Blender 5.0 and later.
+            tree = scene.compositing_node_group = bpy.data.node_groups.new("tree", "CompositorNodeTree")
+        else:
+            scene.use_nodes = True
+            tree = scene.node_tree
+        node = tree.nodes.new("CompositorNodeRLayers")
         rendered(scene)
         enabled = {socket.name for socket in node.outputs if socket.enabled}
         self.assertLessEqual({"Image", "Volume"}, enabled)

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import gc
 import socket
 import statistics
 import threading
 import time
 import unittest
+import weakref
 from collections.abc import Callable
+from unittest import mock
 
 import harness
 import bpy
@@ -183,6 +186,11 @@ class Wire(unittest.TestCase):
                 live.parse_frame(wrong)
 
 
+def column(frame) -> int:
+    """Where the lamp's light is."""
+    return int(frame.pixels[..., 1].sum(axis=0).argmax())
+
+
 class Live(unittest.TestCase):
     def setUp(self) -> None:
         self.scene = harness.lit_floor((96, 64))
@@ -227,13 +235,23 @@ class Live(unittest.TestCase):
         seq = self.session.look(bpy.context.evaluated_depsgraph_get(), self.sight(1.0))
         moved = self.picture("a move", seq, passes=4)
         self.assertEqual(written.stat().st_mtime_ns, before)
-
-        def column(frame) -> int:
-            return int(frame.pixels[..., 1].sum(axis=0).argmax())
-
         self.assertLess(column(moved), column(first))
         # Nothing changes: nothing is sent.
         self.assertIsNone(self.session.look(bpy.context.evaluated_depsgraph_get(), self.sight(1.0)))
+
+    def test_an_orthographic_view_moves_and_zooms(self) -> None:
+        if '"orthographic"' not in harness.command("schema"):
+            self.skipTest("the command knows no orthographic cameras")
+        self.scene.camera.data.type, self.scene.camera.data.ortho_scale = "ORTHO", 6.0
+        first = self.picture("the first passes", self.update(), passes=4)
+        seq = self.session.look(bpy.context.evaluated_depsgraph_get(), self.sight(1.0))
+        moved = self.picture("a move", seq, passes=4)
+        # One of six units, of 96 pixels: up to the kernels' blur.
+        self.assertAlmostEqual(column(first) - column(moved), 16, delta=4)
+        self.scene.camera.data.ortho_scale = 60.0
+        bpy.context.view_layer.update()
+        seq = self.session.look(bpy.context.evaluated_depsgraph_get(), self.sight())
+        self.assertLess(self.picture("a zoom", seq, passes=4).pixels.mean(), 0.1 * first.pixels.mean())
 
     def test_at_rest_it_is_the_render(self) -> None:
         frame = self.picture("all passes", self.update(), passes=4)
@@ -261,6 +279,23 @@ class Live(unittest.TestCase):
         process = self.session._live._process
         self.session.close()
         self.assertIsNotNone(process.poll())
+
+    def test_the_session_of_an_engine_ends_with_it(self) -> None:
+        engine = harness.module("engine").BeamfarmRenderEngine
+        sessions = []
+
+        def render(this, depsgraph: bpy.types.Depsgraph, _folder) -> None:
+            made = this._viewport()
+            made.update(depsgraph, self.sight())
+            wait_for("a picture", lambda: made.frame)
+            sessions.append((made._live._process, weakref.ref(this)))
+
+        with mock.patch.object(engine, "_render", render):
+            bpy.ops.render.render()
+        gc.collect()
+        (process, this), *_ = sessions
+        self.assertIsNone(this())
+        wait_for("its end", lambda: process.poll() is not None)
 
     def test_from_event_to_picture(self) -> None:
         """Not a test of speed: what it takes is printed."""

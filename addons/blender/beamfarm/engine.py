@@ -6,7 +6,8 @@ import contextlib
 import shutil
 import tempfile
 import time
-from collections.abc import Iterator
+import weakref
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import bpy
@@ -87,8 +88,7 @@ class BeamfarmRenderEngine(bpy.types.RenderEngine):
             code = running.wait()
         finally:
             running.close()
-            for worker in workers:
-                worker.terminate()
+            job.stop_workers(workers)
         if output.is_file():
             picture.show(output.read_bytes())
         if cancelled:
@@ -133,13 +133,8 @@ class BeamfarmRenderEngine(bpy.types.RenderEngine):
                 self._wrong = str(error)
                 return None
             threads = ["--threads", str(settings.threads)] if settings.threads else []
-            self._session = Session(path, threads, self._redraw)
+            self._session = Session(path, threads, _redraws(self))
         return self._session
-
-    def _redraw(self) -> None:
-        # Comes from another thread, perhaps when the viewport is gone.
-        with contextlib.suppress(ReferenceError):
-            self.tag_redraw()
 
     def __del__(self) -> None:
         if self._session is not None:
@@ -192,6 +187,23 @@ class BeamfarmRenderEngine(bpy.types.RenderEngine):
                     next_picture = now + max(_PICTURE, (time.monotonic() - now) / _SHARE)
             time.sleep(_LOOK)
         return False
+
+
+def _redraws(engine: BeamfarmRenderEngine) -> Callable[[], None]:
+    """Lets a viewport be drawn again, from another thread.
+
+    Blender lets an engine go when its viewport is gone; whoever else held it would keep it from ending its session.
+    """
+    known = weakref.ref(engine)
+
+    def redraw() -> None:
+        engine = known()
+        if engine is not None:
+            # It may be gone all the same.
+            with contextlib.suppress(ReferenceError):
+                engine.tag_redraw()
+
+    return redraw
 
 
 class Picture:

@@ -224,3 +224,16 @@ def start_workers(job: Job, program: Path, count: int, threads: int) -> list[sub
         command += ["--threads", str(threads)]
     streams = {"stdin": subprocess.PIPE, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
     return [subprocess.Popen(command, env=job.environment, **streams, **hidden()) for _ in range(count)]
+
+
+def stop_workers(workers: list[subprocess.Popen]) -> None:
+    """End them, where they have not ended with their job."""
+    for worker in workers:
+        if worker.stdin is not None:
+            worker.stdin.close()
+    for worker in workers:
+        try:
+            worker.wait(_GRACE)
+        except subprocess.TimeoutExpired:
+            worker.kill()
+            worker.wait()

@@ -131,6 +131,11 @@ def _add_objects(context):
         else:
             context.report.leave_out(f"object '{object.name}' of the kind {object.type.lower()}")
     shapes.finish()
+    if context.media or context.world_medium is not None:
+        # Light that goes through a lamp stays in the medium that the lamp hangs in.
+        for shape in context.shapes:
+            if "emission" in shape and "interior" not in shape and context.materials[shape["material"]]["type"] == "null":
+                shape["boundary"] = False
 
 
 def _say_of_object(object, context):

@@ -98,8 +98,6 @@ def _lamp(fields, shape, color, context):
     material = context.material_names.get(("lamp",), LAMP)
     context.materials[material] = {"type": "null"}
     shape = {"name": fields["name"]} | shape | {"material": material, "emission": {"power": color}}
-    if context.world_medium is not None or context.media:
-        shape["boundary"] = False
     if "visible" in fields:
         shape["visible"] = fields["visible"]
     context.shapes.append(shape)

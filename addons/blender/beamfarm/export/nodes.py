@@ -107,6 +107,9 @@ def _image(reader, place):
     if place.socket.name == "Alpha":
         source = Source(image, path, "a")
         return Value(lambda: pixels(image)[..., 3:], 1, lookup, source, name=f"{image.name}-alpha")
+    alpha = node.outputs.get("Alpha")
+    if not alpha.is_linked and reader.context.pictures.is_see_through(image, path):
+        return Value(lambda: pixels(image, times_alpha=True)[..., :3], 3, lookup, name=image.name)
     return Value(lambda: pixels(image)[..., :3], 3, lookup, Source(image, path), name=image.name)
 
 
@@ -190,7 +193,7 @@ def _checker(reader, place):
     matrix = np.diag([scale.number() / 2, scale.number() / 2, 1.0]) @ matrix
     lookup = Lookup(tuple(tuple(float(number) for number in row) for row in matrix[:2]), uv_map)
     # Blender's first colour is that of odd cells: floor(x) + floor(y) + floor(z) even gives the second at (0, 0).
-    colors = [first.color(), second.color()]
+    colors = [second.color(), first.color()]
     return Value(None, 3, lookup, special={"checkerboard": colors})
 
 

@@ -1,16 +1,22 @@
 """Images of Blender as files beside the scene: copies where a file can be copied, else OpenEXR."""
 
+import os
 import struct
 
 import numpy as np
+
+from .names import file_name
 
 SIGNATURES = [(b"\x89PNG\r\n\x1a\n", ".png"), (b"\xff\xd8\xff", ".jpg"), (b"\x76\x2f\x31\x01", ".exr"), (b"#?", ".hdr")]
 LINEAR = {"Linear", "Linear Rec.709", "Linear BT.709 I-D65", "scene_linear", "Raw", "Non-Color", "Generic Data"}
 SRGB = {"sRGB", "sRGB OETF"}
 
 
-def pixels(image):
-    """Linear RGBA of an image, bottom row first, (height, width, 4) of floats; None where it has no pixels."""
+def pixels(image, times_alpha=False):
+    """Linear RGBA of an image, bottom row first, (height, width, 4) of floats; None where it has no pixels.
+
+    `times_alpha`: colours are first multiplied by alpha, as they stand in the file.
+    """
     width, height = image.size
     if width == 0 or height == 0:
         return None
@@ -24,6 +30,8 @@ def pixels(image):
         values = np.concatenate([np.repeat(values[..., :1], 3, axis=2), values[..., 1:]], axis=2)
     if values.shape[2] == 3:
         values = np.concatenate([values, np.ones((height, width, 1), dtype=np.float32)], axis=2)
+    if times_alpha:
+        values = np.concatenate([values[..., :3] * values[..., 3:], values[..., 3:]], axis=2)
     if not image.is_float and image.colorspace_settings.name not in LINEAR:
         values = np.concatenate([to_linear(values[..., :3]), values[..., 3:]], axis=2)
     return values
@@ -90,8 +98,6 @@ class Pictures:
         return written
 
     def _write(self, image, path, report):
-        from .names import file_name
-
         stem = file_name(image.name.rsplit(".", 1)[0])
         space = image.colorspace_settings.name
         content = None if image.is_dirty else _bytes(image, path)
@@ -107,14 +113,23 @@ class Pictures:
         if not np.isfinite(colors).all() or (colors < 0.0).any():
             report.note(f"image '{image.name}': numbers below 0 or not finite are taken as 0")
             colors = np.maximum(np.nan_to_num(colors, nan=0.0, posinf=0.0, neginf=0.0), 0.0)
-        elif ending in (".exr", ".hdr") and space in LINEAR and image.source != "GENERATED" and ending == ".hdr":
+        elif ending == ".hdr" and space in LINEAR:
             return self.files.put("textures", stem, ending, content), False
         return self.files.put("textures", stem, ".exr", exr(colors)), False
 
+    def is_see_through(self, image, path):
+        """True for an image whose colours Cycles multiplies by alpha, unless alpha is made use of as well."""
+        if image.alpha_mode != "STRAIGHT" or image.channels != 4 or image.is_float:
+            return False
+        if image.colorspace_settings.name in LINEAR:
+            return False
+        state, key = _state(image, path), (image.original.session_uid, path, "alpha")
+        if state is None or self._kept.get(key, (None,))[0] != state:
+            self._kept[key] = state, bool((pixels(image)[..., 3] < 1.0).any())
+        return self._kept[key][1]
+
     def baked(self, name, values):
         """Path of an EXR of numbers that no image of Blender has."""
-        from .names import file_name
-
         return self.files.put("textures", file_name(name), ".exr", exr(np.maximum(np.nan_to_num(values), 0.0)))
 
 
@@ -132,8 +147,6 @@ def _bytes(image, path):
 
 def _state(image, path):
     """What changes with an image; None for one that may change at any time."""
-    import os
-
     if image.is_dirty:
         return None
     space = image.colorspace_settings.name

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import importlib
 import socket
 import statistics
 import threading
@@ -10,6 +11,7 @@ import time
 import unittest
 import weakref
 from collections.abc import Callable
+from types import SimpleNamespace
 from unittest import mock
 
 import harness
@@ -280,22 +282,53 @@ class Live(unittest.TestCase):
         self.session.close()
         self.assertIsNotNone(process.poll())
 
-    def test_the_session_of_an_engine_ends_with_it(self) -> None:
+    def test_an_engine_draws_what_comes_and_ends_its_session(self) -> None:
         engine = harness.module("engine").BeamfarmRenderEngine
-        sessions = []
+        camera = self.scene.camera
+        window = camera.calc_matrix_camera(bpy.context.evaluated_depsgraph_get(), x=96, y=64)
+        place = camera.matrix_world.inverted()
+        context = SimpleNamespace(
+            scene=self.scene,
+            region=SimpleNamespace(width=96, height=64),
+            region_data=SimpleNamespace(view_perspective="CAMERA", view_matrix=place, window_matrix=window),
+        )
+        drawn, known = [], []
 
+        class Canvas:
+            def draw(self, _engine, _scene, _region, frame) -> None:
+                drawn.append(frame)
+
+        # There is no engine but in a render, and no window to draw into.
         def render(this, depsgraph: bpy.types.Depsgraph, _folder) -> None:
-            made = this._viewport()
-            made.update(depsgraph, self.sight())
-            wait_for("a picture", lambda: made.frame)
-            sessions.append((made._live._process, weakref.ref(this)))
+            this._canvas = Canvas()
+            this.view_update(context, depsgraph)
+            known.append((this._session._live._process, weakref.ref(this)))
+
+            def is_drawn() -> bool:
+                this.view_draw(context, depsgraph)
+                return bool(drawn) and drawn[-1].passes == 4
+
+            wait_for("all passes", is_drawn)
 
         with mock.patch.object(engine, "_render", render):
             bpy.ops.render.render()
+        self.assertEqual(drawn[-1].pixels.shape, (64, 96, 3))
         gc.collect()
-        (process, this), *_ = sessions
+        (process, this), *_ = known
         self.assertIsNone(this())
         wait_for("its end", lambda: process.poll() is not None)
+
+    def test_a_texture_begins_at_the_bottom(self) -> None:
+        draw = importlib.import_module(f"{harness.MODULE}.viewport.draw")
+        pixels = np.arange(18, dtype=np.float32).reshape(2, 3, 3)
+        with mock.patch.object(draw, "gpu") as gpu:
+            draw._texture(pixels)
+        _, size, data = gpu.types.Buffer.call_args.args
+        self.assertEqual(size, 24)
+        given = data.reshape(2, 3, 4)
+        np.testing.assert_array_equal(given[0, :, :3], pixels[1])
+        np.testing.assert_array_equal(given[1, :, :3], pixels[0])
+        self.assertTrue((given[..., 3] == 1.0).all())
 
     def test_from_event_to_picture(self) -> None:
         """Not a test of speed: what it takes is printed."""

@@ -7,6 +7,7 @@ from . import toml
 from .camera import camera_table
 from .context import Context, Placed
 from .files import Files
+from .groups import add_light_groups
 from .lights import add_light
 from .links import add_rules
 from .pictures import Pictures
@@ -69,6 +70,7 @@ class Exporter:
         )
         read_world(context)
         _add_objects(context)
+        add_light_groups(context)
         add_rules(context)
         _say_of_scene(context)
         path = self.folder / "scene.toml"

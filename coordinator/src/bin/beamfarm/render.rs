@@ -9,7 +9,7 @@ use crate::open_page::{open_page, tell_page};
 use beamfarm_coordinator::security::Security;
 use beamfarm_coordinator::{Entrance, Farm, Timing};
 use beamfarm_proto::Token;
-use beamfarm_worker::cli::{LogArgs, LogFormat};
+use beamfarm_worker::cli::{LogArgs, LogFormat, end_with_parent};
 use beamfarm_worker::say;
 use clap::Args;
 use std::net::Ipv4Addr;
@@ -42,9 +42,16 @@ pub struct RenderArgs {
     /// Open the page that shows the job in a browser
     #[arg(long)]
     open: bool,
+
+    /// End when standard input does, for programs that start this one
+    #[arg(long, hide = true)]
+    with_parent: bool,
 }
 
 pub fn main(args: RenderArgs, log: &LogArgs) -> Result<(), Failure> {
+    if args.with_parent {
+        end_with_parent().map_err(Failure::io)?;
+    }
     let loaded = args.job.settings.load()?;
     let exposure = args.job.exposure(&loaded)?;
     let output = args.job.image(&loaded)?;

@@ -189,6 +189,7 @@ impl Bench {
                 Some(text) => self.put(text, None),
                 None => Err("the scene is not on the disk in this form yet".to_owned().into()),
             },
+            FromPage::Written { .. } => self.read_again(),
             FromPage::Focus { x, y, .. } => {
                 let seen = self.seen_at(*x, *y).ok_or_else(|| "nothing is there".to_owned())?;
                 let depth = round(f64::from(seen.depth));

@@ -224,7 +224,10 @@ fn programs_get_radiance_and_say_when_files_are_written() {
     let folder = folder_with(&text);
     let mut view = View::as_asked(&folder, &[], "/look?pixels=linear");
     view.hear_picture("a sketch", |_| true);
-    replace(&folder.path().join("scene.toml"), &text.replace("fov = 50.0", "fov = 40.0"));
+    replace(
+        &folder.path().join("scene.toml"),
+        &text.replace("fov = 50.0", "fov = 40.0"),
+    );
     let seq = view.change(json!({"type": "written"}));
     view.hear_picture("all passes", |picture| picture["seq"] == seq && picture["passes"] == 3);
     succeed(folder.path(), &["render", "scene.toml", "-o", "out.exr", "--quiet"]);

@@ -333,7 +333,7 @@ impl<V: Sight> CameraTracer<'_, V> {
         };
         let scene = self.scene;
         let shadow = self.sight.from(Start::Shadow(lobe.object));
-        if scene.only_sampled(light) || self.sight.links_shadows(light) || self.sight.hides_light(shadow, light) {
+        if self.sight.links_shadows(light) || self.sight.hides_light(shadow, light) {
             return 0.0;
         }
         let hit = normal.map(|normal| LightHit {

@@ -114,7 +114,11 @@ impl Parts<'_> {
             ShapeType::Cylinder => Form::Cylinder,
             ShapeType::Rectangle => Form::Mesh(self.assets.kept.rectangle.clone()),
             ShapeType::Cube => Form::Mesh(self.assets.kept.cube.clone()),
-            ShapeType::Mesh => Form::Mesh(self.assets.mesh(required(&record.file, &record.kind, "file")?)?),
+            ShapeType::Mesh => {
+                let file = required(&record.file, &record.kind, "file")?;
+                let index = record.shape_index.as_ref().map_or(0, |index| *index.get_ref());
+                Form::Mesh(self.assets.mesh(file, index)?)
+            }
             ShapeType::Instances => {
                 let message = "expected the type of one shape";
                 return Err(Fault::new(record.kind.span(), message).into());

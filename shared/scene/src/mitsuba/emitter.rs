@@ -21,8 +21,8 @@ impl Converter<'_> {
             "directional" => "directional",
             "constant" | "envmap" => "environment",
             "area" => {
-                let message = "an emitter \"area\" belongs within a <shape>";
-                self.log.invalid(Some(place), message);
+                let message = "an emitter \"area\" that no shape has does not shine";
+                self.log.note(place, message);
                 return None;
             }
             _ => {

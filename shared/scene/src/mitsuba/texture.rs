@@ -43,18 +43,20 @@ impl Converter<'_> {
             "bitmap" => {
                 let image = self.asset(id, "filename");
                 let mut fields = vec![("image", image?.0)];
-                if self.boolean(id, "raw") == Some(true) {
+                let linear = self.gamma(id);
+                if self.boolean(id, "raw").unwrap_or(linear) {
                     fields.push(("raw", Toml::Boolean(true)));
                 }
-                if self.word(id, "filter_type", &["bilinear", "nearest"]) == Some("nearest") {
+                // Filters over larger areas only spare noise.
+                let filters = ["bilinear", "nearest", "trilinear", "ewa"];
+                if self.word(id, "filter_type", &filters) == Some("nearest") {
                     fields.push(("filter", Toml::string("nearest")));
                 }
-                match self.word(id, "wrap_mode", &["repeat", "mirror", "clamp"]) {
-                    Some("repeat") | None => {}
-                    Some(wrap) => fields.push(("wrap", Toml::string(wrap))),
+                if let Some(wrap) = self.wrap(id) {
+                    fields.push(("wrap", Toml::string(wrap)));
                 }
                 // How the image is kept, not what is in it.
-                self.ignore(id, &["accel", "format"]);
+                self.ignore(id, &["accel", "format", "max_anisotropy", "cache"]);
                 // Images have v downwards in Mitsuba and upwards here.
                 self.uv_map(id, turned, true, &mut fields);
                 self.finish(id);
@@ -76,6 +78,41 @@ impl Converter<'_> {
                 None
             }
         }
+    }
+
+    /// Whether versions before 2 say that the image's numbers are light as they are.
+    fn gamma(&mut self, id: Id) -> bool {
+        let Some(member) = self.member(id, "gamma") else {
+            return false;
+        };
+        let gamma = self.float(id, "gamma").unwrap_or(-1.0);
+        if gamma != 1.0 && gamma != -1.0 {
+            let message = format!("texture \"bitmap\": a gamma of {gamma} is taken as sRGB's");
+            self.log.note(member.place, message);
+        }
+        gamma == 1.0
+    }
+
+    /// What lies outside of the unit square, unless it repeats.
+    fn wrap(&mut self, id: Id) -> Option<&'static str> {
+        let modes = ["repeat", "mirror", "clamp", "zero", "one", "black", "white"];
+        let mut wrap = None;
+        for name in ["wrap_mode", "wrap_mode_u", "wrap_mode_v"] {
+            let given = self.word(id, name, &modes);
+            if let (Some(mode @ ("zero" | "one" | "black" | "white")), Some(member)) = (given, self.member(id, name)) {
+                let message = format!("texture \"bitmap\": {name}: \"{mode}\" is taken as \"clamp\"");
+                self.log.note(member.place, message);
+                wrap = Some("clamp");
+            } else if let (Some(one), Some(other), Some(member)) = (given, wrap, self.member(id, name))
+                && one != other
+            {
+                let message = format!("texture \"bitmap\": {name}: \"{one}\" is taken as \"{other}\", as the other is");
+                self.log.note(member.place, message);
+            } else {
+                wrap = given.or(wrap);
+            }
+        }
+        wrap.filter(|wrap| *wrap != "repeat")
     }
 
     /// The map of UVs: first around for the shape's sake, then `to_uv`, then around for the image's sake.

@@ -243,12 +243,23 @@ impl<'a> Converter<'a> {
         }
     }
 
-    /// Refuse what a colour of this kind cannot be.
+    /// Refuse what a colour of this kind cannot be. Versions before 2 made factors darker until they reflected no more
+    /// than all.
     pub fn in_range(&mut self, object: Id, member: &Member, color: [f64; 3], kind: cie::Kind) -> Option<[f64; 3]> {
-        let expected = match kind {
-            cie::Kind::Factor if color.iter().any(|c| !(0.0..=1.0).contains(c)) => "from 0 to 1",
-            _ if color.iter().any(|c| *c < 0.0) => "that are not negative",
-            _ => return Some(color),
+        let most = color.into_iter().fold(0.0, f64::max);
+        let negative = color.iter().any(|c| *c < 0.0);
+        let factor = kind == cie::Kind::Factor;
+        let expected = match factor {
+            _ if !negative && (!factor || most <= 1.0) => return Some(color),
+            true if !negative && self.objects.list[object].old => {
+                let darker = color.map(|c| c / most);
+                let name = member.name.as_deref().unwrap_or_default();
+                let message = format!("{}: {name}: {color:?} becomes {darker:?}", self.title(object));
+                self.log.note(member.place, message);
+                return Some(darker);
+            }
+            true => "from 0 to 1",
+            false => "that are not negative",
         };
         let message = format!("expected numbers {expected}, found {color:?}");
         self.wrong(object, member, &message);

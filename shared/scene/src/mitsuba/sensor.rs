@@ -225,7 +225,14 @@ impl Converter<'_> {
             return;
         }
         let map = transform::compose(steps);
-        let m = map.matrix3;
+        let mut m = map.matrix3;
+        let scale = m.x_axis.length();
+        if scale > 0.0 && (scale - 1.0).abs() > 1e-4 {
+            // A camera is as large as its lens, which has a size of its own. What is left is looked at below.
+            m *= 1.0 / scale;
+            let message = format!("{}: to_world: its scale of {scale} is left out", self.title(id));
+            self.log.note(place, message);
+        }
         let gram = m.transpose() * m;
         let apart = (gram - glam::DMat3::IDENTITY).to_cols_array();
         // As strict as Mitsuba about lengths, and about angles as well.

@@ -2,7 +2,8 @@
 
 use super::transform::{self, Step};
 use super::write::Toml;
-use super::xml::{Content, Id, Member};
+use super::value::Value;
+use super::xml::{Content, Id, Kind, Member};
 use super::{Converter, cie, property};
 
 /// The step that turns v around, where images and native UVs run in opposite directions.
@@ -73,9 +74,48 @@ impl Converter<'_> {
                 self.finish(id);
                 Some(fields)
             }
+            "scale" => self.scaled(id, turned),
             _ => {
                 self.unsupported_plugin(id);
                 None
+            }
+        }
+    }
+
+    /// A texture of format 0.x times a number. Images are taken by what can take the number itself, see
+    /// [`Self::scale_of`].
+    fn scaled(&mut self, id: Id, turned: bool) -> Option<Vec<(&'static str, Toml)>> {
+        let (factor, inner) = self.scale_of(id)?;
+        let mut fields = self.texture(inner, turned)?;
+        match &mut fields[..] {
+            [("checkerboard", Toml::Array(colors)), ..] => {
+                for color in colors {
+                    times(color, factor);
+                }
+            }
+            _ if factor == 1.0 => {}
+            _ => {
+                let message = "texture \"scale\": an image times a number is not supported here";
+                self.log.unsupported(self.objects.list[id].place, message);
+            }
+        }
+        Some(fields)
+    }
+
+    /// The factor and the texture of a `scale`.
+    pub fn scale_of(&mut self, id: Id) -> Option<(f64, Id)> {
+        let factor = match self.member(id, "scale").map(|member| &member.content) {
+            Some(Content::Value(Value::Float(_) | Value::Integer(_))) => self.float(id, "scale"),
+            // A factor by colour; that of what has none of its own.
+            _ => self.color(id, "scale", cie::Kind::Unbounded).map(|c| c.iter().sum::<f64>() / 3.0),
+        };
+        let nested = self.nested(id, Kind::Texture);
+        self.finish(id);
+        match nested[..] {
+            [(_, inner)] => Some((factor.unwrap_or(1.0), inner)),
+            _ => {
+                let message = "texture \"scale\": expected one nested texture";
+                self.log.fatal(Some(self.objects.list[id].place), message)
             }
         }
     }
@@ -146,6 +186,15 @@ impl Converter<'_> {
             uv.extend(written(&TURN));
         }
         fields.push(("uv", Toml::Array(uv)));
+    }
+}
+
+/// A colour times a number, within what a reflectance can be.
+fn times(color: &mut Toml, factor: f64) {
+    match color {
+        Toml::Float(x) => *x = (*x * factor).clamp(0.0, 1.0),
+        Toml::Array(channels) => channels.iter_mut().for_each(|channel| times(channel, factor)),
+        _ => {}
     }
 }
 

@@ -151,8 +151,15 @@ impl Converter<'_> {
                 self.only_inside(id, around, turned, section)
             }
             "bumpmap" => {
-                let textures = self.nested(id, Kind::Texture);
-                let scale = self.float(id, "scale").unwrap_or(1.0);
+                let mut textures = self.nested(id, Kind::Texture);
+                let mut scale = self.float(id, "scale").unwrap_or(1.0);
+                if let [(_, texture)] = &mut textures[..]
+                    && self.objects.list[*texture].plugin == "scale"
+                    && let Some((factor, inner)) = self.scale_of(*texture)
+                {
+                    scale *= factor;
+                    *texture = inner;
+                }
                 if let [(_, texture)] = textures[..]
                     && self.objects.list[texture].plugin == "checkerboard"
                 {

@@ -72,7 +72,13 @@ impl Converter<'_> {
             Some(_) => self.ior(id, "ext_eta", "air").unwrap_or(1.0),
             None => 1.0,
         };
-        let (eta, k) = self.conductor_in_vacuum(id)?;
+        let (eta, mut k) = self.conductor_in_vacuum(id)?;
+        for (k, eta) in k.iter_mut().zip(eta) {
+            if *k == 0.0 && eta == 0.0 {
+                // All is reflected, as it is with any k.
+                *k = 1.0;
+            }
+        }
         Some((eta.map(|c| c / outside), k.map(|c| c / outside)))
     }
 

@@ -398,7 +398,11 @@ impl Reader<'_> {
             && !self.names.insert((owner, name.to_string()))
         {
             let message = format!("\"{name}\" is given twice");
-            self.log.invalid(Some(place), message);
+            match self.old[place.file] {
+                // Versions before 2 warned, and took the last.
+                true => self.log.note(place, message),
+                false => self.log.invalid(Some(place), message),
+            }
         }
         let members = &mut self.objects.list[owner].members;
         members.push(Member {

@@ -186,9 +186,14 @@ mod tests {
                 ones += projector.pdf(dir) * 4.0 * crate::math::PI;
             }
             let n = N as f32;
-            let error = ((squares / n - (sum / n) * (sum / n)) / n).to_array().map(|v| v.max(0.0).sqrt());
+            let error = ((squares / n - (sum / n) * (sum / n)) / n)
+                .to_array()
+                .map(|v| v.max(0.0).sqrt());
             for ((mean, power), error) in (sum / n).to_array().into_iter().zip(power.to_array()).zip(error) {
-                assert!((mean - power).abs() < 4.0 * error + 2e-3 * power, "{mean} {power} {error}");
+                assert!(
+                    (mean - power).abs() < 4.0 * error + 2e-3 * power,
+                    "{mean} {power} {error}"
+                );
             }
             // About a tenth of all directions: a standard error of 3 / sqrt(N).
             assert!((ones / n - 1.0).abs() < 4.0 * 4.0 / n.sqrt(), "{}", ones / n);

@@ -181,7 +181,10 @@ impl Parts<'_> {
         }
         match image.pixels.iter().all(|p| p.is_finite() && p.min_element() >= 0.0) {
             true => Ok(image),
-            false => Err(asset_problem(path, "a pixel is negative, infinite or NaN; expected numbers from 0")),
+            false => Err(asset_problem(
+                path,
+                "a pixel is negative, infinite or NaN; expected numbers from 0",
+            )),
         }
     }
 

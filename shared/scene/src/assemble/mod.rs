@@ -47,6 +47,8 @@ pub enum Problem {
         /// What is wrong with it.
         flaw: Flaw,
     },
+    /// A mesh from a file, named here, has no area: its shape can be left out.
+    NoArea(Range<usize>),
 }
 
 impl From<Fault> for Problem {
@@ -97,6 +99,7 @@ pub fn assemble(
         objects: Vec::new(),
         lights: Vec::new(),
         names: rules::Names::default(),
+        notes: Vec::new(),
         // Light from far away has to be sent to all of the space that scatters it.
         points: media.corners(world_medium).chain([eye_point]).collect(),
         media,
@@ -114,6 +117,7 @@ pub fn assemble(
         mut notes,
         photon_places,
     } = rules::resolve(record, &parts)?;
+    notes.append(&mut parts.notes);
     let extents = Extents::new(render_origin, &parts.media);
     notes.extend(extents.outside(record, &parts.objects));
     if parts.lights.is_empty() {
@@ -167,6 +171,8 @@ struct Parts<'a> {
     objects: Vec<beamfarm_render::geometry::Object>,
     lights: Vec<beamfarm_render::light::Light>,
     names: rules::Names,
+    /// What there is to say of shapes.
+    notes: Vec<Fault>,
     /// The camera, the lights that stand somewhere, and the corners of what fills the world, render space.
     points: Vec<DVec3>,
 }

@@ -284,6 +284,11 @@ impl Converter<'_> {
             geometry.set("material", Toml::String(name), own);
         }
         let shape = if sheet { &mut geometry } else { shape };
+        let plugin = self.objects.list[id].plugin.as_str();
+        if through != Through::No && !matches!(plugin, "sphere" | "cube") {
+            // Mitsuba does not ask whether there is an inside.
+            shape.set("open", Toml::Boolean(true), own);
+        }
         let world = self.world.and_then(|world| self.medium(world, None));
         for (i, field) in ["interior", "exterior"].into_iter().enumerate() {
             let (name, place) = match members[i] {

@@ -1,8 +1,8 @@
 //! Textures: an image, a chequerboard, or one colour.
 
 use super::transform::{self, Step};
-use super::write::Toml;
 use super::value::Value;
+use super::write::Toml;
 use super::xml::{Content, Id, Kind, Member};
 use super::{Converter, cie, property};
 
@@ -107,7 +107,9 @@ impl Converter<'_> {
         let factor = match self.member(id, "scale").map(|member| &member.content) {
             Some(Content::Value(Value::Float(_) | Value::Integer(_))) => self.float(id, "scale"),
             // A factor by colour; that of what has none of its own.
-            _ => self.color(id, "scale", cie::Kind::Unbounded).map(|c| c.iter().sum::<f64>() / 3.0),
+            _ => self
+                .color(id, "scale", cie::Kind::Unbounded)
+                .map(|c| c.iter().sum::<f64>() / 3.0),
         };
         let nested = self.nested(id, Kind::Texture);
         self.finish(id);

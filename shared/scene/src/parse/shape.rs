@@ -44,6 +44,8 @@ pub struct ShapeRecord {
     pub exterior: Option<Spanned<String>>,
     /// False: light that goes through keeps its medium. Default: true.
     pub boundary: Option<Spanned<bool>>,
+    /// The shape may be open and bound a medium all the same: each crossing decides. Default: false.
+    pub open: Option<Spanned<bool>>,
     /// Light that it emits, on its outside.
     pub emission: Option<Spanned<EmissionRecord>>,
     /// Where it stands.
@@ -65,7 +67,7 @@ impl ShapeRecord {
         };
         #[rustfmt::skip]
         let given = given!(self, center, p0, p1, radius, file, shape_index, face_normals, smooth, flip_normals, material, interior,
-            exterior, boundary, emission, transform, shape, transforms);
+            exterior, boundary, open, emission, transform, shape, transforms);
         only_takes(name, takes, common, &given)?;
         if let (Some(faces), Some(smooth)) = (&self.face_normals, &self.smooth)
             && *faces.get_ref()
@@ -128,6 +130,7 @@ impl ShapeType {
         "interior",
         "exterior",
         "boundary",
+        "open",
         "emission",
         "transform",
         "flip_normals",

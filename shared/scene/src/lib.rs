@@ -128,6 +128,7 @@ fn assembled(
 fn located(file: &Path, text: &str, problem: Problem) -> SceneError {
     match problem {
         Problem::Scene(fault) => source::locate(file, text, &fault),
+        Problem::NoArea(place) => source::locate(file, text, &Fault::new(place, "the mesh has no area")),
         Problem::Asset { file, flaw } => SceneError {
             file: PathBuf::from(file),
             line: flaw.line,

@@ -533,7 +533,7 @@ fn bad_files_say_why() {
         (
             r#""indices": 3"#,
             r#""indices": 3, "material": 0 }] }], "materials": [{ "name": "wood", "pbrMetallicRoughness": { "baseColorTexture": { "index": 0 } } }], "textures": [{ "source": 0 }], "images": [{ "bufferView": 0, "mimeType": "image/png" }], "extras": [{ "a": [{ "#,
-            "a.glb: the material \"wood\": image 0: unsupported kind of image; expected PNG, JPEG, OpenEXR or Radiance HDR".into(),
+            "a.glb: the material \"wood\": image 0: unsupported kind of image; expected PNG, JPEG, BMP, OpenEXR or Radiance HDR".into(),
         ),
     ] {
         assert!(all.contains(from), "{from}");

@@ -297,7 +297,11 @@ transform = [{ scale = 0.5 }, { rotate = { axis = [1, 0, 0], angle = 90 } }, { t
 "#;
     let mut suite = Suite::new(1e-2);
     let lace = "type = \"diffuse\"\nreflectance = 0.0\nopacity = 0.3";
-    for (name, surface) in [("null", "type = \"null\""), ("lace", lace), ("black", "type = \"diffuse\"\nreflectance = 0.0")] {
+    for (name, surface) in [
+        ("null", "type = \"null\""),
+        ("lace", lace),
+        ("black", "type = \"diffuse\"\nreflectance = 0.0"),
+    ] {
         let scene = scene(&LAMP.replace("MATERIAL", name).replace("SURFACE", surface));
         let settings = ReferenceSettings {
             seed: 5,

@@ -16,8 +16,8 @@ Examples:
   beamfarm convert scene.xml scene.toml --skip-unsupported
   beamfarm convert model.glb model.toml
 
-Reads scenes of Mitsuba 3. Names come from ids; meshes, images and volumes stay where they are, and the
-new file names them relative to its own folder. An existing file is replaced. What Mitsuba decides and
+Reads scenes of Mitsuba 3 and of older versions of its format. Names come from ids; meshes, images and volumes stay where they are, and the
+new file names them relative to its own folder, which is made. An existing file is replaced. What Mitsuba decides and
 this program does not (the integrator, the sampler) is noted on stderr. What is not supported is an
 error that names plugin, parameter, file and line, all of them at once; --skip-unsupported leaves it out.
 
@@ -51,10 +51,11 @@ pub fn main(args: ConvertArgs) -> Result<(), Failure> {
         return Err(Failure::usage(message));
     }
     let folder = args.output.parent().unwrap_or(Path::new(""));
-    if !folder.as_os_str().is_empty() && !folder.is_dir() {
-        return Err(Failure::usage(format!("{}: no such folder", folder.display())));
-    }
     let options = args.import.options(&args.scene)?;
+    // Before the scene is read: paths from a folder that there is not lead nowhere.
+    if !folder.as_os_str().is_empty() {
+        std::fs::create_dir_all(folder).map_err(|e| Failure::usage(format!("{}: {e}", folder.display())))?;
+    }
     let file = SceneFile::read_for(&args.scene, folder, &options)?;
     // A file that cannot be rendered is of no use.
     let description = file.load()?;

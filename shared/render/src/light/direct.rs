@@ -35,6 +35,10 @@ impl Light {
                 let falloff = spot::falloff(angle, *beam_width, *cutoff);
                 from_point(*position - from, *intensity * falloff).filter(|_| falloff > 0.0)
             }
+            LightKind::Projector(projector) => {
+                let intensity = projector.intensity(from - projector.position);
+                from_point(projector.position - from, intensity).filter(|_| intensity != Rgb::ZERO)
+            }
             LightKind::Directional { direction, irradiance } => Some(DirectSample {
                 wi: -*direction,
                 normal: *direction,
@@ -130,6 +134,7 @@ impl Light {
                 let falloff = spot::falloff(angle, *beam_width, *cutoff);
                 falloff / (spot::effective_solid_angle(*beam_width, *cutoff) * distance2)
             }
+            LightKind::Projector(projector) => projector.pdf(-wi) / distance2,
             LightKind::Directional { .. } | LightKind::Environment(_) => 1.0 / bounds.disc_area(),
             LightKind::Area { object, .. } => {
                 let shape = &objects[*object as usize].shape;
@@ -148,7 +153,10 @@ impl Light {
         match &self.kind {
             LightKind::Area { object, .. } => objects[*object as usize].shape.pdf_area(normal) / PI,
             LightKind::Environment(environment) => environment.pdf(-dir) / bounds.disc_area(),
-            LightKind::Point { .. } | LightKind::Spot { .. } | LightKind::Directional { .. } => 0.0,
+            LightKind::Point { .. }
+            | LightKind::Spot { .. }
+            | LightKind::Projector(_)
+            | LightKind::Directional { .. } => 0.0,
         }
     }
 }

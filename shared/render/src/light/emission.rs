@@ -36,6 +36,17 @@ impl Light {
                     pdf_pos: f32::INFINITY,
                 }
             }
+            LightKind::Projector(projector) => {
+                let (dir, pdf_dir) = projector.sample(u.direction);
+                EmissionSample {
+                    origin: projector.position,
+                    dir,
+                    normal: None,
+                    power: projector.intensity(dir) / pdf_dir,
+                    pdf_dir,
+                    pdf_pos: f32::INFINITY,
+                }
+            }
             LightKind::Directional { direction, irradiance } => EmissionSample {
                 pdf_dir: f32::INFINITY,
                 ..from_afar(bounds, *direction, *irradiance, u.position)

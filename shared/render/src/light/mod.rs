@@ -5,6 +5,7 @@ mod direct;
 pub(crate) mod emission;
 pub(crate) mod environment;
 mod local;
+mod projector;
 mod segment;
 mod selector;
 mod source;
@@ -12,6 +13,7 @@ pub(crate) mod spot;
 
 pub use environment::{Environment, EnvironmentSample, Place};
 pub use local::LocalChoice;
+pub use projector::Projector;
 pub use segment::{FogSegment, SegmentSample};
 pub use selector::{LightChoice, LightSelector};
 pub use source::LightSources;
@@ -56,6 +58,8 @@ pub enum LightKind {
         /// Half angle of the plateau in radians, below `cutoff`.
         beam_width: f32,
     },
+    /// A lamp that throws a picture.
+    Projector(Projector),
     /// Parallel light from infinitely far away.
     Directional {
         /// Unit direction of travel.
@@ -78,7 +82,7 @@ impl LightKind {
     /// No ray can meet it by chance.
     pub fn is_delta(&self) -> bool {
         match self {
-            Self::Point { .. } | Self::Spot { .. } | Self::Directional { .. } => true,
+            Self::Point { .. } | Self::Spot { .. } | Self::Projector(_) | Self::Directional { .. } => true,
             Self::Area { .. } | Self::Environment(_) => false,
         }
     }
@@ -159,6 +163,7 @@ impl Light {
                 beam_width,
                 ..
             } => *intensity * spot::effective_solid_angle(*beam_width, *cutoff),
+            LightKind::Projector(projector) => projector.power(),
             LightKind::Directional { irradiance, .. } => *irradiance * bounds.disc_area(),
             LightKind::Area { object, radiance } => *radiance * (PI * objects[*object as usize].shape.area()),
             LightKind::Environment(environment) => environment.fluence() * bounds.disc_area(),

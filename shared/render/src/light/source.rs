@@ -91,6 +91,16 @@ impl Source {
                     },
                 }
             }
+            LightKind::Projector(projector) => Self::Near {
+                center: projector.position,
+                softening: 0.0,
+                intensity: projector.typical_intensity(),
+                region: Region::Cone {
+                    apex: projector.position,
+                    axis: projector.axes[2],
+                    cos: projector.least_cosine(),
+                },
+            },
             LightKind::Directional { direction, irradiance } => Self::Far {
                 irradiance: mean(*irradiance),
                 direction: Some(*direction),

@@ -161,6 +161,7 @@ impl Light {
                 let angle = spot::angle_from_axis(frame, start.dir);
                 *intensity * spot::falloff(angle, *beam_width, *cutoff)
             }
+            LightKind::Projector(projector) => projector.intensity(start.dir),
             LightKind::Directional { irradiance, .. } => *irradiance,
             LightKind::Area { radiance, .. } => *radiance * (cos_at(start).max(0.0) / start.pdf_pos),
             LightKind::Environment(environment) => environment.radiance(-start.dir),
@@ -181,6 +182,7 @@ impl Light {
                 let angle = spot::angle_from_axis(frame, start.dir);
                 spot::pdf(angle, *beam_width, *cutoff)
             }
+            LightKind::Projector(projector) => projector.pdf(start.dir),
             LightKind::Directional { .. } => of_point,
             LightKind::Area { .. } => cos_at(start).max(0.0) / PI,
             LightKind::Environment(environment) => environment.pdf(-start.dir) * of_point,

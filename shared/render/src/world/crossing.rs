@@ -174,6 +174,7 @@ impl Scene {
         let hidden = self.hidden_from_light(light);
         let medium = match &self.lights()[light].kind {
             LightKind::Point { position, .. } | LightKind::Spot { position, .. } => self.medium_seen(*position, hidden),
+            LightKind::Projector(projector) => self.medium_seen(projector.position, hidden),
             LightKind::Area { object, .. } => {
                 let object = &self.objects()[*object as usize];
                 if let Some(boundary) = object.boundary {

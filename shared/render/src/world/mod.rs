@@ -149,6 +149,7 @@ impl Scene {
             (LightKind::Area { object, .. }, LightKind::Area { object: other, .. }) => object == other,
             (LightKind::Point { position, .. }, LightKind::Point { position: other, .. })
             | (LightKind::Spot { position, .. }, LightKind::Spot { position: other, .. }) => position == other,
+            (LightKind::Projector(projector), LightKind::Projector(other)) => projector.position == other.position,
             (LightKind::Directional { .. } | LightKind::Environment(_), other) => {
                 matches!(other, LightKind::Directional { .. } | LightKind::Environment(_))
             }

@@ -90,6 +90,7 @@ fn may_shine_in(light: &Light, object: &Object, objects: &[Object]) -> bool {
     let meets = |from: Vec3, to: Vec3| from.cmple(high).all() && to.cmpge(low).all();
     match &light.kind {
         LightKind::Point { position, .. } | LightKind::Spot { position, .. } => meets(*position, *position),
+        LightKind::Projector(projector) => meets(projector.position, projector.position),
         LightKind::Area { object, .. } => {
             let (from, to) = accel::bounds(&objects[*object as usize].shape);
             meets(from, to)

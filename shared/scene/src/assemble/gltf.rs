@@ -67,6 +67,7 @@ fn in_file(path: &Spanned<String>, text: &str, fault: &Fault) -> Problem {
 fn in_piece(path: &Spanned<String>, text: &str, problem: Problem) -> Problem {
     match problem {
         Problem::Scene(fault) => in_file(path, text, &fault),
+        Problem::NoArea(_) => asset_problem(path, "a mesh has no area"),
         Problem::Asset { flaw, .. } => asset_problem(path, flaw),
     }
 }

@@ -6,11 +6,13 @@ use crate::parse::{Fault, LightRecord, LightType};
 use crate::transform;
 use crate::values::Spanned;
 use beamfarm_image::layer::LightGroup;
-use beamfarm_render::light::{Environment, Light, LightKind};
+use beamfarm_render::light::{Environment, Light, LightKind, Projector};
 use beamfarm_render::math::{Frame, Rgb};
 use beamfarm_render::medium::Medium;
+use beamfarm_render::texture::{Image, TextureFilter};
 use glam::{DMat3, DVec3};
 use std::f64::consts::PI;
+use std::sync::Arc;
 
 impl Parts<'_> {
     pub fn add_lights(&mut self, records: &[LightRecord]) -> Result<(), Problem> {
@@ -58,6 +60,7 @@ impl Parts<'_> {
                 (intensity != Rgb::ZERO).then_some(LightKind::Point { position, intensity })
             }
             LightType::Spot => self.spot(record)?,
+            LightType::Projector => self.projector(record)?,
             LightType::Directional => {
                 let direction = required(&record.direction, kind, "direction")?;
                 let irradiance = required(&record.irradiance, kind, "irradiance")?.get_ref().rgb();
@@ -101,6 +104,27 @@ impl Parts<'_> {
             return Err(Fault::new(place, "expected `beam_width` below `cutoff_angle` (default 20)").into());
         }
         let intensity = intensity(record, spot_solid_angle(plateau, cutoff))?;
+        if let Some(path) = &record.image {
+            if let Some(power) = &record.power {
+                let message = "the power of a spot with an `image` depends on the image; expected `intensity`";
+                return Err(Fault::new(power.span(), message).into());
+            }
+            let half = libm::tan(cutoff) as f32;
+            if !(cutoff < 0.5 * PI && half < FLATTEST) {
+                let place = record.cutoff_angle.as_ref().map_or(record.kind.span(), |a| a.span());
+                return Err(Fault::new(place, "with an `image`, expected less than 89 degrees").into());
+            }
+            let image = self.thrown(record, path)?;
+            return Ok((intensity != Rgb::ZERO).then_some(LightKind::Projector(Projector {
+                position,
+                axes: axes(record, axis)?,
+                half: glam::Vec2::splat(half),
+                image,
+                filter: filter(record),
+                intensity,
+                cone: Some([cutoff as f32, plateau as f32]),
+            })));
+        }
         Ok((intensity != Rgb::ZERO).then_some(LightKind::Spot {
             position,
             frame: Frame::from_normal(axis.as_vec3()),
@@ -108,6 +132,61 @@ impl Parts<'_> {
             cutoff: cutoff as f32,
             beam_width: plateau as f32,
         }))
+    }
+
+    fn projector(&mut self, record: &LightRecord) -> Result<Option<LightKind>, Problem> {
+        let position = self.position(record)?;
+        let target = required(&record.target, &record.kind, "target")?;
+        let from = record.position.as_ref().map_or(DVec3::ZERO, |p| p.get_ref().0);
+        let axis = unit(
+            target.get_ref().0 - from,
+            target,
+            "expected a point other than `position`",
+        )?;
+        let intensity = required(&record.intensity, &record.kind, "intensity")?.get_ref().rgb();
+        let image = match &record.image {
+            Some(path) => self.thrown(record, path)?,
+            None => Arc::new(Image {
+                alpha: Vec::new(),
+                width: 1,
+                height: 1,
+                pixels: vec![Rgb::ONE],
+            }),
+        };
+        let fov = record.fov.as_ref().map_or(45.0, |fov| fov.get_ref().0);
+        let width = libm::tan(0.5 * fov.to_radians()) as f32;
+        if width >= FLATTEST {
+            let place = record.fov.as_ref().map_or(record.kind.span(), |fov| fov.span());
+            return Err(Fault::new(place, "expected less than 178 degrees").into());
+        }
+        Ok((intensity != Rgb::ZERO).then_some(LightKind::Projector(Projector {
+            position,
+            axes: axes(record, axis)?,
+            half: glam::Vec2::new(width, width * image.height as f32 / image.width as f32),
+            image,
+            filter: filter(record),
+            intensity,
+            cone: None,
+        })))
+    }
+
+    /// The picture that a lamp throws.
+    fn thrown(&mut self, record: &LightRecord, path: &Spanned<String>) -> Result<Arc<Image>, Problem> {
+        let encoding = match record.raw.as_ref().is_some_and(|raw| *raw.get_ref()) {
+            true => Encoding::Raw,
+            false => Encoding::Srgb,
+        };
+        let image = self.assets.image(path, encoding)?;
+        if image.width == 0 || image.height == 0 {
+            return Err(asset_problem(path, "the image is empty"));
+        }
+        match image.pixels.iter().all(|p| p.is_finite() && p.min_element() >= 0.0) {
+            true => Ok(image),
+            false => Err(asset_problem(
+                path,
+                "a pixel is negative, infinite or NaN; expected numbers from 0",
+            )),
+        }
     }
 
     fn environment(&mut self, record: &LightRecord) -> Result<Vec<LightKind>, Problem> {
@@ -194,6 +273,27 @@ fn spot_solid_angle(plateau: f64, cutoff: f64) -> f64 {
     };
     let sine = libm::sin(0.5 * mean);
     2.0 * PI * (2.0 * sine * sine + libm::cos(mean) * sinc_defect)
+}
+
+fn filter(record: &LightRecord) -> TextureFilter {
+    let filter = record.filter.as_ref().map(|filter| *filter.get_ref());
+    filter.unwrap_or_default().into()
+}
+
+/// The tangent of the widest half angle that a picture is thrown to.
+const FLATTEST: f32 = 57.0;
+
+/// Right, up and away from the lamp, as one who looks from it sees the picture.
+fn axes(record: &LightRecord, axis: DVec3) -> Result<[glam::Vec3; 3], Fault> {
+    let up = record.up.as_ref().map_or(DVec3::Y, |up| up.get_ref().0);
+    let place = record.up.as_ref().map_or(record.kind.span(), |up| up.span());
+    let right = axis.cross(up.normalize_or_zero());
+    if right.length() < 1e-9 {
+        let message = "expected an `up` that does not run along the lamp's axis (default [0, 1, 0])";
+        return Err(Fault::new(place, message));
+    }
+    let right = right.normalize();
+    Ok([right, right.cross(axis), axis].map(|v| v.as_vec3()))
 }
 
 fn unit<T>(direction: DVec3, place: &Spanned<T>, expected: &str) -> Result<DVec3, Fault> {

@@ -49,6 +49,8 @@ pub enum Problem {
         /// What is wrong with it.
         flaw: Flaw,
     },
+    /// A mesh from a file, named here, has no area: its shape can be left out.
+    NoArea(Range<usize>),
 }
 
 impl From<Fault> for Problem {
@@ -253,14 +255,17 @@ impl<'a> Assets<'a> {
         })
     }
 
-    fn mesh(&mut self, path: &Spanned<String>) -> Result<Arc<Decoded>, Problem> {
+    /// `index`: which of the meshes of a file that has several.
+    fn mesh(&mut self, path: &Spanned<String>, index: u32) -> Result<Arc<Decoded>, Problem> {
         let key = bundle::key(path.get_ref());
         if let Some(mesh) = self.meshes.get(&key) {
             return Ok(mesh.clone());
         }
         let (source, Kept { meshes, clock, .. }) = (self.source, &mut *self.kept);
-        meshes.get_or(clock, (source.content(&key), ending(path)), || {
-            decoded(source, path, |name, bytes| RawMesh::read(name, bytes).map(Decoded::new))
+        meshes.get_or(clock, (source.content(&key), ending(path), index), || {
+            decoded(source, path, |name, bytes| {
+                RawMesh::read_nth(name, bytes, index).map(Decoded::new)
+            })
         })
     }
 }

@@ -1,7 +1,7 @@
 //! Shapes: placed, flipped, made of their materials, bounding their media, emitting.
 
 use super::kept::{Baked, Decoded, Kept, Normals, Pinned, Shared, linear_bits, map_bits};
-use super::{Parts, Problem, asset_problem, check_reach, required};
+use super::{Parts, Problem, check_reach, required};
 use crate::parse::{Fault, ShapeRecord, ShapeType};
 use crate::transform;
 use crate::values::Spanned;
@@ -35,7 +35,15 @@ impl Parts<'_> {
     /// Add the objects of a shape: one, or one for each instance.
     pub fn add_shape(&mut self, record: &ShapeRecord, name: &str) -> Result<(), Problem> {
         let before = [self.objects.len(), self.lights.len()];
-        self.add_objects(record, name)?;
+        match self.add_objects(record, name) {
+            Err(Problem::NoArea(place)) => {
+                self.objects.truncate(before[0]);
+                self.lights.truncate(before[1]);
+                self.notes
+                    .push(Fault::new(place, format!("{NO_AREA}; the shape is left out")).into());
+            }
+            done => done?,
+        }
         let objects = before[0]..self.objects.len();
         let lights = before[1]..self.lights.len();
         let emission = record.emission.as_ref().map(Spanned::get_ref);
@@ -114,7 +122,11 @@ impl Parts<'_> {
             ShapeType::Cylinder => Form::Cylinder,
             ShapeType::Rectangle => Form::Mesh(self.assets.kept.rectangle.clone()),
             ShapeType::Cube => Form::Mesh(self.assets.kept.cube.clone()),
-            ShapeType::Mesh => Form::Mesh(self.assets.mesh(required(&record.file, &record.kind, "file")?)?),
+            ShapeType::Mesh => {
+                let file = required(&record.file, &record.kind, "file")?;
+                let index = record.shape_index.as_ref().map_or(0, |index| *index.get_ref());
+                Form::Mesh(self.assets.mesh(file, index)?)
+            }
             ShapeType::Instances => {
                 let message = "expected the type of one shape";
                 return Err(Fault::new(record.kind.span(), message).into());
@@ -133,7 +145,7 @@ impl Parts<'_> {
         })
     }
 
-    fn boundary(&self, record: &ShapeRecord, form: &Form, material: u32) -> Result<Option<Boundary>, Problem> {
+    fn boundary(&mut self, record: &ShapeRecord, form: &Form, material: u32) -> Result<Option<Boundary>, Problem> {
         let transmits = self.materials.list[material as usize].bounds_media();
         if !transmits {
             return match record.interior.as_ref().or(record.exterior.as_ref()) {
@@ -169,12 +181,18 @@ impl Parts<'_> {
                 .into_iter()
                 .flatten()
                 .next();
-            let message = format!(
-                "an open surface cannot be the boundary between the media \"{}\" (inside) and \"{}\" (outside): {reason}",
+            let place = place.map_or(record.kind.span(), Spanned::span);
+            let media = format!(
+                "the media \"{}\" (inside) and \"{}\" (outside)",
                 self.media.name(boundary.interior),
                 self.media.name(boundary.exterior),
             );
-            return Err(Fault::new(place.map_or(record.kind.span(), Spanned::span), message).into());
+            if !record.open.as_ref().is_some_and(|open| *open.get_ref()) {
+                let message = format!("an open surface cannot be the boundary between {media}: {reason}");
+                return Err(Fault::new(place, message).into());
+            }
+            let message = format!("an open surface is the boundary between {media}: light takes what it crossed last");
+            self.notes.push(Fault::new(place, message).into());
         }
         Ok(Some(boundary))
     }
@@ -499,12 +517,13 @@ fn placement(map: &DAffine3) -> Placement {
 }
 
 fn no_area(record: &ShapeRecord) -> Problem {
-    let message = "no triangle of the mesh has an area that single precision can tell from 0";
     match &record.file {
-        Some(path) => asset_problem(path, message),
-        None => Fault::new(place(record), message).into(),
+        Some(path) => Problem::NoArea(path.span()),
+        None => Fault::new(place(record), NO_AREA).into(),
     }
 }
+
+const NO_AREA: &str = "no triangle of the mesh has an area that single precision can tell from 0";
 
 /// Why a form does not separate an inside from an outside, if it does not.
 fn opening(form: &Form) -> Option<String> {

@@ -1,7 +1,8 @@
-//! Images: PNG and JPEG (sRGB or as they are), OpenEXR and Radiance's HDR (linear), decoded to linear RGB.
+//! Images: PNG, JPEG and BMP (sRGB or as they are), OpenEXR and Radiance's HDR (linear), decoded to linear RGB.
 
 use super::Flaw;
 use ::exr::prelude::{self as exr, ReadChannels, ReadLayers};
+use ::image::codecs::bmp::BmpDecoder;
 use ::image::codecs::hdr::HdrDecoder;
 use ::image::{DynamicImage, ImageDecoder, ImageError};
 use beamfarm_image::exr::{check_claims, without_panic};
@@ -20,7 +21,7 @@ const MAX_PIXELS: usize = 1 << 27;
 /// Decoded bytes per byte of the file at most. Deflate reaches 1032; the other methods of EXR stay below it.
 const MAX_EXPANSION: usize = 2048;
 
-/// What the numbers of a PNG or a JPEG mean. Those of the other kinds are linear.
+/// What the numbers of a PNG, a JPEG or a BMP mean. Those of the other kinds are linear.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Encoding {
     /// sRGB (IEC 61966-2-1), whatever the file says of its gamma.
@@ -42,8 +43,10 @@ pub fn read(bytes: &[u8], encoding: Encoding) -> Result<Image, Flaw> {
         read_jpeg(bytes, encoding)?
     } else if bytes.starts_with(b"#?RADIANCE") || bytes.starts_with(b"#?RGBE") {
         read_hdr(bytes)?
+    } else if bytes.starts_with(b"BM") {
+        read_bmp(bytes, encoding)?
     } else {
-        return Err("unsupported kind of image; expected PNG, JPEG, OpenEXR or Radiance HDR".into());
+        return Err("unsupported kind of image; expected PNG, JPEG, BMP, OpenEXR or Radiance HDR".into());
     };
     if encoding == Encoding::Alpha && !is_png {
         image.pixels.fill(Rgb::ONE);
@@ -167,6 +170,28 @@ fn read_hdr(bytes: &[u8]) -> Result<Image, Flaw> {
     let decoded = without_panic(|| DynamicImage::from_decoder(decoder).map_err(sound));
     let decoded = decoded.map_err(message)?.into_rgb32f();
     let pixels = decoded.pixels().map(|p| Rgb::from_array(p.0));
+    Ok(Image {
+        alpha: Vec::new(),
+        width,
+        height,
+        pixels: pixels.collect(),
+    })
+}
+
+/// Windows' bitmaps, alpha ignored.
+fn read_bmp(bytes: &[u8], encoding: Encoding) -> Result<Image, Flaw> {
+    let message = |e: String| Flaw::from(format!("not a sound BMP: {e}"));
+    let sound = |e: ImageError| e.to_string();
+    let decoder = without_panic(|| BmpDecoder::new(Cursor::new(bytes)).map_err(sound)).map_err(message)?;
+    let (width, height) = decoder.dimensions();
+    let count = pixel_count(width as usize, height as usize)?;
+    check_claim(count, bytes)?;
+    let decoded = without_panic(|| DynamicImage::from_decoder(decoder).map_err(sound));
+    let decoded = decoded.map_err(message)?.into_rgb8();
+    let linear = encoding.table(255);
+    let pixels = decoded
+        .pixels()
+        .map(|p| Rgb::from_array(p.0.map(|v| linear[usize::from(v)])));
     Ok(Image {
         alpha: Vec::new(),
         width,

@@ -42,10 +42,10 @@ pub fn translate(root: &mut Item, record: &SceneRecord, i: usize, by: DVec3, of_
         Ok(())
     };
     match record.kind.get_ref() {
-        LightType::Spot if of_target => moved(&record.target, "target"),
-        _ if of_target => Err("only a spot shines at a point".to_owned()),
+        LightType::Spot | LightType::Projector if of_target => moved(&record.target, "target"),
+        _ if of_target => Err("only spots and projectors shine at a point".to_owned()),
         LightType::Point => moved(&record.position, "position"),
-        LightType::Spot => {
+        LightType::Spot | LightType::Projector => {
             moved(&record.position, "position")?;
             moved(&record.target, "target")
         }
@@ -60,7 +60,7 @@ pub fn turn(root: &mut Item, record: &SceneRecord, i: usize, axis: DVec3, degree
     let rotation = transform::rotation(axis.normalize_or_zero(), degrees);
     match record.kind.get_ref() {
         LightType::Point => Err("it shines the same to all sides".to_owned()),
-        LightType::Spot => {
+        LightType::Spot | LightType::Projector => {
             let position = point(&record.position, "position")?;
             let ray = point(&record.target, "target")? - position;
             let decimals = digits::decimals(ray.length(), DIGITS);

@@ -2,7 +2,7 @@
 
 use super::transform::{self, Step};
 use super::write::{Section, Toml};
-use super::xml::{Id, Kind};
+use super::xml::{Content, Id, Kind};
 use super::{Converter, cie};
 use glam::DVec3;
 
@@ -18,11 +18,12 @@ impl Converter<'_> {
         let kind = match object.plugin.as_str() {
             "point" => "point",
             "spot" => "spot",
+            "projector" => "projector",
             "directional" => "directional",
             "constant" | "envmap" => "environment",
             "area" => {
-                let message = "an emitter \"area\" belongs within a <shape>";
-                self.log.invalid(Some(place), message);
+                let message = "an emitter \"area\" that no shape has does not shine";
+                self.log.note(place, message);
                 return None;
             }
             _ => {
@@ -41,6 +42,7 @@ impl Converter<'_> {
                 self.emission(id, "intensity", &mut light);
             }
             "spot" => self.spot(id, &mut light),
+            "projector" => self.projector(id, &mut light),
             "directional" => {
                 let direction = match self.position(id, "direction") {
                     Some(direction) => direction,
@@ -114,6 +116,85 @@ impl Converter<'_> {
                 light.set(name, Toml::Float(angle), member.place);
             }
         }
+        if let Some(member) = self.member(id, "texture")
+            && let Content::Object(texture) = member.content
+            && self.picture(texture, light)
+        {
+            // Mitsuba's picture is upside down there.
+            let up = -self.up(steps);
+            light.set("up", Toml::numbers(&up.to_array()), place);
+        }
+    }
+
+    /// Light on a plane at distance 1 from a pinhole.
+    fn projector(&mut self, id: Id, light: &mut Section) {
+        let steps = self.transform(id, "to_world");
+        let place = self
+            .member(id, "to_world")
+            .map_or(self.objects.list[id].place, |m| m.place);
+        let map = transform::compose(steps);
+        light.set("position", Toml::numbers(&map.translation.to_array()), place);
+        let target = map.translation + map.matrix3 * DVec3::Z;
+        light.set("target", Toml::numbers(&target.to_array()), place);
+        let up = self.up(steps);
+        light.set("up", Toml::numbers(&up.to_array()), place);
+        if map.matrix3.determinant() < 0.0 {
+            let message = "emitter \"projector\": to_world mirrors; the picture is not mirrored";
+            self.log.note(place, message);
+        }
+        let mut color = [1.0; 3];
+        if let Some(member) = self.member(id, "irradiance") {
+            let picture = match member.content {
+                Content::Object(texture) if self.objects.list[texture].plugin == "bitmap" => Some(texture),
+                _ => None,
+            };
+            match picture {
+                Some(texture) => {
+                    self.picture(texture, light);
+                }
+                None => color = self.color(id, "irradiance", cie::Kind::Emission).unwrap_or(color),
+            }
+        }
+        // What Mitsuba 3.9 makes of it: pi times the number, in the picture's middle.
+        let scale = std::f64::consts::PI * self.float(id, "scale").unwrap_or(1.0);
+        light.set("intensity", Toml::color(color.map(|c| c * scale)), place);
+        if let Some(member) = self.member(id, "fov")
+            && let Some(fov) = self.float(id, "fov")
+        {
+            light.set("fov", Toml::Float(fov), member.place);
+            if self.word(id, "fov_axis", &["x", "y", "diagonal", "smaller", "larger"]) != Some("x")
+                && let Some(member) = self.member(id, "fov_axis")
+            {
+                self.unsupported(id, member, "expected x");
+            }
+        }
+    }
+
+    /// Where y points to.
+    fn up(&self, steps: &[Step]) -> DVec3 {
+        transform::compose(steps).matrix3.y_axis.normalize_or(DVec3::Y)
+    }
+
+    /// The picture of a lamp; false when it is not supported.
+    fn picture(&mut self, texture: Id, light: &mut Section) -> bool {
+        let place = self.objects.list[texture].place;
+        if self.objects.list[texture].plugin != "bitmap" {
+            self.unsupported_plugin(texture);
+            return false;
+        }
+        let fields = self.texture(texture, true).unwrap_or_default();
+        for (name, value) in fields {
+            match name {
+                "image" | "raw" | "filter" => light.set(name, value, place),
+                // An edge beyond which nothing is.
+                "wrap" => {}
+                _ => {
+                    let message = "texture \"bitmap\": to_uv is not supported in a lamp";
+                    self.log.unsupported(place, message);
+                }
+            }
+        }
+        true
     }
 
     fn envmap(&mut self, id: Id, light: &mut Section) {

@@ -145,6 +145,17 @@ impl Converter<'_> {
         albedo: Placed<Option<Coefficient>>,
         section: &mut Section,
     ) {
+        if let Some(Coefficient::Grid(grid)) = albedo.value {
+            return self.constant_with_grid(
+                id,
+                sigma_t,
+                Placed {
+                    place: albedo.place,
+                    value: grid,
+                },
+                section,
+            );
+        }
         let confined = self.objects.list[id].plugin == "heterogeneous";
         let kind = match confined {
             true => "heterogeneous",
@@ -159,15 +170,33 @@ impl Converter<'_> {
             Some(Coefficient::Constant(value)) => {
                 section.set("albedo", Toml::color(value), albedo.place);
             }
-            Some(Coefficient::Grid(_)) => {
-                let message = format!(
-                    "{}: an albedo that varies in space where the extinction does not is not supported",
-                    self.title(id)
-                );
-                self.log.unsupported(albedo.place, message);
-            }
-            None => {}
+            Some(Coefficient::Grid(_)) | None => {}
         }
+    }
+
+    /// An extinction that is the same everywhere, and an albedo in a grid: a density of 1 in the albedo's box.
+    fn constant_with_grid(&mut self, id: Id, sigma_t: Placed<[f64; 3]>, albedo: Placed<Id>, section: &mut Section) {
+        let place = self.objects.list[id].place;
+        section.set("type", Toml::string("heterogeneous"), place);
+        section.set("sigma_t", Toml::color(sigma_t.value), sigma_t.place);
+        let cube = Toml::table([
+            ("min", Toml::numbers(&[0.0; 3])),
+            ("max", Toml::numbers(&[1.0; 3])),
+            ("voxel", Toml::Float(1.0)),
+        ]);
+        section.set("density", cube, sigma_t.place);
+        let Some((file, steps)) = self.grid(albedo.value) else {
+            return;
+        };
+        section.set("albedo", file, albedo.place);
+        if !steps.is_empty() {
+            section.set("transform", transform::write(&steps), albedo.place);
+        }
+        let message = format!(
+            "{}: with an albedo in a grid the medium ends where the grid does, however large its shape is",
+            self.title(id)
+        );
+        self.log.note(albedo.place, message);
     }
 
     /// An extinction in a grid, which becomes the density.

@@ -136,6 +136,8 @@ struct Converter<'a> {
     media_sections: Vec<Section>,
     /// The medium outside of all shapes.
     world: Option<Id>,
+    /// Boundaries of media on surfaces that are none, of the shape that is being converted.
+    skins: Vec<Section>,
     /// Where an integrator says that the camera does not see emitters.
     hides_emitters: Option<Place>,
     /// Objects whose members have all been asked for.
@@ -157,6 +159,7 @@ impl<'a> Converter<'a> {
             media_names: ids(Kind::Medium).chain(["none".to_string()]).collect(),
             media_sections: Vec::new(),
             world: None,
+            skins: Vec::new(),
             hides_emitters: None,
             finished: BTreeSet::new(),
         }
@@ -167,6 +170,7 @@ impl<'a> Converter<'a> {
         let scene = &self.objects.list[SCENE];
         self.world = self.world_medium(SCENE);
         self.hides_emitters = self.hides_emitters(SCENE);
+        let referred = self.emitters_of_shapes();
         let mut view = None;
         let mut shapes = Vec::new();
         let mut lights = Vec::new();
@@ -192,6 +196,8 @@ impl<'a> Converter<'a> {
                 }
                 Kind::Sampler => passes = self.sampler(id).or(passes),
                 Kind::Shape => self.shape(id, &mut shapes),
+                // Of a shape that refers to it.
+                Kind::Emitter if object.plugin == "area" && referred.contains(&id) => {}
                 Kind::Emitter => lights.extend(self.emitter(id)),
                 Kind::Bsdf => {
                     self.material(id, None, false);
@@ -201,8 +207,12 @@ impl<'a> Converter<'a> {
                 }
                 // Used where somebody refers to them.
                 Kind::Texture | Kind::Phase | Kind::Volume => {}
-                Kind::Scene | Kind::Film | Kind::Filter => {
-                    let message = format!("<{}> cannot stand directly within <scene>", object.kind.tag());
+                Kind::Film | Kind::Filter => {
+                    let message = format!("a <{}> outside of the sensor has no effect", object.kind.tag());
+                    self.log.note(object.place, message);
+                }
+                Kind::Scene => {
+                    let message = "<scene> cannot stand directly within <scene>";
                     self.log.invalid(Some(object.place), message);
                 }
             }
@@ -242,6 +252,17 @@ impl<'a> Converter<'a> {
 }
 
 impl Converter<'_> {
+    fn emitters_of_shapes(&self) -> BTreeSet<Id> {
+        let objects = &self.objects.list;
+        let shapes = objects.iter().filter(|object| object.kind == Kind::Shape);
+        let members = shapes.flat_map(|shape| &shape.members);
+        let emitters = members.filter_map(|member| match member.content {
+            Content::Object(id) if objects[id].kind == Kind::Emitter => Some(id),
+            _ => None,
+        });
+        emitters.collect()
+    }
+
     /// Where an integrator, or one within it, hides emitters from the camera.
     fn hides_emitters(&mut self, id: Id) -> Option<Place> {
         let mut hides = None;

@@ -1,9 +1,10 @@
 //! Asking objects for their properties. What nobody asks for is not supported.
 
 use super::Converter;
+use super::attributes;
 use super::cie;
 use super::transform::Step;
-use super::value::Value;
+use super::value::{self, Value};
 use super::write::Toml;
 use super::xml::{Content, Id, Kind, Member};
 use crate::paths;
@@ -25,6 +26,17 @@ impl<'a> Converter<'a> {
     pub fn ignore(&self, object: Id, names: &[&str]) {
         for name in names {
             self.member(object, name);
+        }
+    }
+
+    /// Note what nobody asked for of an object that decides little about the picture, and ask for it.
+    pub fn pass_over(&mut self, object: Id) {
+        let objects = self.objects;
+        for member in objects.list[object].members.iter().filter(|m| !m.used.get()) {
+            member.used.set(true);
+            let name = member.name.as_deref().unwrap_or_default();
+            let message = format!("{}: the parameter \"{name}\" is passed over", self.title(object));
+            self.log.note(member.place, message);
         }
     }
 
@@ -64,6 +76,12 @@ impl<'a> Converter<'a> {
                     )
                 }
             };
+            // Versions before 2 warned of what nobody asks for, and rendered.
+            if owner.old && matches!(member.content, Content::Value(_)) {
+                let message = format!("{}: {what} is passed over", self.title(object));
+                self.log.note(member.place, message);
+                continue;
+            }
             let message = format!("{}: {what} is not supported", self.title(object));
             self.log.unsupported(member.place, message);
         }
@@ -202,31 +220,47 @@ impl<'a> Converter<'a> {
     /// A colour that must be the same everywhere.
     pub fn color(&mut self, object: Id, name: &str, kind: cie::Kind) -> Option<[f64; 3]> {
         let member = self.member(object, name)?;
-        let color = match &member.content {
-            Content::Value(value) => match color(value, kind) {
-                Some(color) => color,
-                None => {
-                    self.mismatch(object, member, "a colour");
-                    return None;
-                }
-            },
-            Content::Object(id) => match self.spectrum(*id, kind) {
-                Some(color) => color?,
-                None => {
-                    self.mismatch(object, member, "a colour that is the same everywhere");
-                    return None;
-                }
-            },
-        };
+        let color = self.color_as_it_is(object, member, kind)?;
         self.in_range(object, member, color, kind)
     }
 
-    /// Refuse what a colour of this kind cannot be.
+    /// A colour that must be the same everywhere, whether or not it can be one of its kind.
+    pub fn color_as_it_is(&mut self, object: Id, member: &'a Member, kind: cie::Kind) -> Option<[f64; 3]> {
+        match &member.content {
+            Content::Value(value) => {
+                let color = color(value, kind);
+                if color.is_none() {
+                    self.mismatch(object, member, "a colour");
+                }
+                color
+            }
+            Content::Object(id) => match self.spectrum(*id, kind) {
+                Some(color) => color,
+                None => {
+                    self.mismatch(object, member, "a colour that is the same everywhere");
+                    None
+                }
+            },
+        }
+    }
+
+    /// Refuse what a colour of this kind cannot be. Versions before 2 made factors darker until they reflected no more
+    /// than all.
     pub fn in_range(&mut self, object: Id, member: &Member, color: [f64; 3], kind: cie::Kind) -> Option<[f64; 3]> {
-        let expected = match kind {
-            cie::Kind::Factor if color.iter().any(|c| !(0.0..=1.0).contains(c)) => "from 0 to 1",
-            _ if color.iter().any(|c| *c < 0.0) => "that are not negative",
-            _ => return Some(color),
+        let most = color.into_iter().fold(0.0, f64::max);
+        let negative = color.iter().any(|c| *c < 0.0);
+        let factor = kind == cie::Kind::Factor;
+        let expected = match factor {
+            _ if !negative && (!factor || most <= 1.0) => return Some(color),
+            true if !negative && self.objects.list[object].old => {
+                let darker = color.map(|c| c / most);
+                let name = member.name.as_deref().unwrap_or_default();
+                let message = format!("{}: {name}: {color:?} becomes {darker:?}", self.title(object));
+                self.log.note(member.place, message);
+                return Some(darker);
+            }
+            true => "from 0 to 1",
+            false => "that are not negative",
         };
         let message = format!("expected numbers {expected}, found {color:?}");
         self.wrong(object, member, &message);
@@ -242,6 +276,14 @@ impl<'a> Converter<'a> {
                 Some([value; 3])
             }
             "srgb" => self.color(id, "color", cie::Kind::Factor),
+            "rawconstant" => self.raw_constant(id),
+            "regular" | "irregular" => self.tabulated(id).map(|samples| cie::to_rgb(&samples, kind)),
+            "blackbody" => {
+                let kelvin = self.float(id, "temperature");
+                let scale = self.float(id, "scale").unwrap_or(1.0);
+                self.ignore(id, &["wavelength_min", "wavelength_max"]);
+                kelvin.map(|kelvin| cie::to_rgb(&value::planck(kelvin, scale), kind))
+            }
             // In RGB mode white light: Mitsuba's white is D65.
             "d65" if kind == cie::Kind::Emission => {
                 let scale = self.float(id, "scale").unwrap_or(1.0);
@@ -255,6 +297,51 @@ impl<'a> Converter<'a> {
         };
         self.finish(id);
         Some(color)
+    }
+
+    /// Three numbers or one, as they are.
+    fn raw_constant(&mut self, id: Id) -> Option<[f64; 3]> {
+        match self.member(id, "value").map(|member| &member.content) {
+            Some(Content::Value(Value::Vector(v))) => Some(*v),
+            _ => self.float(id, "value").map(|x| [x; 3]),
+        }
+    }
+
+    /// Numbers in a string.
+    fn number_list(&mut self, id: Id, name: &str) -> Option<Vec<f64>> {
+        let member = self.member(id, name)?;
+        match attributes::numbers(self.string(id, name)?) {
+            Ok(numbers) => Some(numbers),
+            Err(message) => {
+                self.wrong(id, member, &message);
+                None
+            }
+        }
+    }
+
+    /// The samples of a `regular` or `irregular` spectrum.
+    fn tabulated(&mut self, id: Id) -> Option<Vec<(f64, f64)>> {
+        let values = self.number_list(id, "values")?;
+        let wavelengths = match self.objects.list[id].plugin.as_str() {
+            "irregular" => self.number_list(id, "wavelengths")?,
+            _ => {
+                let ends = ["wavelength_min", "wavelength_max"].map(|name| self.float(id, name));
+                let (first, last) = (ends[0]?, ends[1]?);
+                let steps = values.len().saturating_sub(1).max(1) as f64;
+                (0..values.len())
+                    .map(|i| first + (last - first) * i as f64 / steps)
+                    .collect()
+            }
+        };
+        let rising = wavelengths.windows(2).all(|pair| pair[0] < pair[1]);
+        if values.len() < 2 || wavelengths.len() != values.len() || !rising {
+            let message = format!(
+                "{}: expected as many wavelengths, rising, as values, at least two",
+                self.title(id)
+            );
+            return self.log.fatal(Some(self.objects.list[id].place), message);
+        }
+        Some(wavelengths.into_iter().zip(values).collect())
     }
 
     /// The path of the file that a parameter names, relative to the native scene file's folder.

@@ -94,8 +94,14 @@ impl Converter<'_> {
     /// The image's size in pixels, which is written together with the film.
     fn film(&mut self, id: Id, image: &mut Section) -> (i64, i64) {
         let object = &self.objects.list[id];
-        if object.plugin != "hdrfilm" {
-            self.unsupported_plugin(id);
+        match object.plugin.as_str() {
+            "hdrfilm" | "mfilm" => {}
+            "ldrfilm" => {
+                let message =
+                    "film \"ldrfilm\": images are linear here; exposure and gamma are left to what shows them";
+                self.log.note(object.place, message);
+            }
+            _ => self.unsupported_plugin(id),
         }
         let size = self.film_size(Some(id), image, object.place);
         let filters = self.nested(id, Kind::Filter);
@@ -106,7 +112,9 @@ impl Converter<'_> {
         if self.boolean(id, "sample_border") == Some(true)
             && let Some(member) = self.member(id, "sample_border")
         {
-            self.unsupported(id, member, "samples beyond the image's border are not supported");
+            let message =
+                "film: sample_border: no samples are taken beyond the image's border; pixels there are noisier";
+            self.log.note(member.place, message);
         }
         // How the image is kept.
         self.ignore(
@@ -117,8 +125,16 @@ impl Converter<'_> {
                 "component_format",
                 "banner",
                 "compensate",
+                "gamma",
+                "exposure",
+                "tonemap_method",
+                "attach_log",
+                "high_quality_edges",
+                "variable",
+                "digits",
             ],
         );
+        self.pass_over(id);
         self.finish(id);
         size
     }
@@ -178,13 +194,20 @@ impl Converter<'_> {
             }
             "tent" => ("tent", "radius"),
             "gaussian" => ("gaussian", "stddev"),
-            _ => return self.unsupported_plugin(id),
+            other => {
+                let message =
+                    format!("the filter \"{other}\" is replaced by a gaussian one: pixels are a little softer");
+                self.log.note(object.place, message);
+                self.pass_over(id);
+                return image.set("filter", Toml::string("gaussian"), object.place);
+            }
         };
         let filter = match self.float(id, parameter) {
             None => Toml::string(name),
             Some(size) => Toml::table([("type", Toml::string(name)), (parameter, Toml::Float(size))]),
         };
         image.set("filter", filter, object.place);
+        self.pass_over(id);
         self.finish(id);
     }
 
@@ -202,7 +225,14 @@ impl Converter<'_> {
             return;
         }
         let map = transform::compose(steps);
-        let m = map.matrix3;
+        let mut m = map.matrix3;
+        let scale = m.x_axis.length();
+        if scale > 0.0 && (scale - 1.0).abs() > 1e-4 {
+            // A camera is as large as its lens, which has a size of its own. What is left is looked at below.
+            m *= 1.0 / scale;
+            let message = format!("{}: to_world: its scale of {scale} is left out", self.title(id));
+            self.log.note(place, message);
+        }
         let gram = m.transpose() * m;
         let apart = (gram - glam::DMat3::IDENTITY).to_cols_array();
         // As strict as Mitsuba about lengths, and about angles as well.

@@ -21,6 +21,7 @@ impl Converter<'_> {
                     self.hide(shape);
                 }
                 shapes.extend(shape);
+                shapes.append(&mut self.skins);
             }
         }
     }
@@ -79,6 +80,14 @@ impl Converter<'_> {
                 }
                 // Said even where nobody needs the shape.
                 let shape = self.surface(member, Section::item("shape", inner.place), false);
+                if !std::mem::take(&mut self.skins).is_empty() {
+                    let message = format!(
+                        "{}: different media on both sides of a surface with an opacity, or of a thin dielectric, are not \
+                         supported in groups",
+                        self.title(member)
+                    );
+                    self.log.unsupported(inner.place, message);
+                }
                 let Some(transforms) = instances.get(&group) else {
                     continue;
                 };
@@ -110,7 +119,17 @@ impl Converter<'_> {
             "cube" => "cube",
             "disk" => "disc",
             "cylinder" => "cylinder",
-            "ply" | "obj" => "mesh",
+            "ply" | "obj" | "serialized" => "mesh",
+            "bsplinecurve" | "linearcurve" | "sdfgrid" => {
+                let message = format!(
+                    "{}: neither curves nor grids of distances are supported; expected a mesh, a sphere, a rectangle, a \
+                     cube, a disk or a cylinder",
+                    self.title(id)
+                );
+                self.log.unsupported(place, message);
+                self.finished.insert(id);
+                return None;
+            }
             _ => {
                 self.unsupported_plugin(id);
                 // What is within may have its own mistakes.
@@ -140,6 +159,19 @@ impl Converter<'_> {
                 if let Some((asset, _)) = self.asset(id, "filename") {
                     shape.set("file", asset, file);
                 }
+                if let Some(member) = self.member(id, "shape_index")
+                    && let Some(index) = self.integer(id, "shape_index")
+                    && index != 0
+                {
+                    shape.set("shape_index", Toml::Integer(index), member.place);
+                }
+                if let Some(member) = self.member(id, "max_smooth_angle") {
+                    let message =
+                        "max_smooth_angle is passed over: edges are as the file's normals have them, else smooth";
+                    self.log.note(member.place, message);
+                }
+                // How it is kept.
+                self.ignore(id, &["collapse", "srgb"]);
                 let faceted = self.boolean(id, "face_normals").unwrap_or(false);
                 let normals = if faceted { "face_normals" } else { "smooth" };
                 let normals_place = self.member(id, "face_normals").map_or(place, |m| m.place);
@@ -185,6 +217,7 @@ impl Converter<'_> {
 
     fn bounds_and_material(&mut self, id: Id, shape: &mut Section, turned: bool) {
         let object = &self.objects.list[id];
+        let geometry = shape.without("name");
         let bsdfs = self.nested(id, Kind::Bsdf);
         if let Some((member, _)) = bsdfs.get(1) {
             let message = format!("{}: expected one BSDF", self.title(id));
@@ -200,7 +233,7 @@ impl Converter<'_> {
         for (member, emitter) in self.nested(id, Kind::Emitter) {
             self.area_light(emitter, shape, member.place);
         }
-        self.boundary(id, through, shape);
+        self.boundary(id, through, geometry, shape);
         // Only Mitsuba's differentiable integrators ask for it.
         self.ignore(id, &["silhouette_sampling_weight"]);
         self.finish(id);
@@ -220,7 +253,8 @@ impl Converter<'_> {
     }
 
     /// The media on both sides, said for every surface that light goes through: Mitsuba's defaults are others.
-    fn boundary(&mut self, id: Id, through: Through, shape: &mut Section) {
+    /// `geometry`: the shape without a name and a material.
+    fn boundary(&mut self, id: Id, through: Through, mut geometry: Section, shape: &mut Section) {
         let own = self.objects.list[id].place;
         let members = ["interior", "exterior"].map(|name| {
             let member = self.member(id, name)?;
@@ -239,19 +273,21 @@ impl Converter<'_> {
             }
             return;
         }
-        if through == Through::Sheet {
+        // Such a surface bounds no medium here; a boundary without a surface at the same place does.
+        let sheet = through == Through::Sheet;
+        if sheet {
             let sides = members.map(|member| member.map(|(_, medium)| medium));
-            if let [Some((member, _)), _] | [_, Some((member, _))] = members
-                && sides[0] != sides[1]
-            {
-                let message = format!(
-                    "{}: different media on both sides of a surface with an opacity, or of a thin dielectric, are not \
-                     supported",
-                    self.title(id)
-                );
-                self.log.unsupported(member.place, message);
+            if sides[0] == sides[1] {
+                return;
             }
-            return;
+            let name = self.materials.boundary(own);
+            geometry.set("material", Toml::String(name), own);
+        }
+        let shape = if sheet { &mut geometry } else { shape };
+        let plugin = self.objects.list[id].plugin.as_str();
+        if through != Through::No && !matches!(plugin, "sphere" | "cube") {
+            // Mitsuba does not ask whether there is an inside.
+            shape.set("open", Toml::Boolean(true), own);
         }
         let world = self.world.and_then(|world| self.medium(world, None));
         for (i, field) in ["interior", "exterior"].into_iter().enumerate() {
@@ -274,6 +310,9 @@ impl Converter<'_> {
             if name != default {
                 shape.set(field, Toml::String(name.unwrap_or_else(|| "none".to_string())), place);
             }
+        }
+        if sheet {
+            self.skins.push(geometry);
         }
     }
 }

@@ -1,8 +1,9 @@
 //! Textures: an image, a chequerboard, or one colour.
 
 use super::transform::{self, Step};
+use super::value::Value;
 use super::write::Toml;
-use super::xml::{Content, Id, Member};
+use super::xml::{Content, Id, Kind, Member};
 use super::{Converter, cie, property};
 
 /// The step that turns v around, where images and native UVs run in opposite directions.
@@ -43,18 +44,20 @@ impl Converter<'_> {
             "bitmap" => {
                 let image = self.asset(id, "filename");
                 let mut fields = vec![("image", image?.0)];
-                if self.boolean(id, "raw") == Some(true) {
+                let linear = self.gamma(id);
+                if self.boolean(id, "raw").unwrap_or(linear) {
                     fields.push(("raw", Toml::Boolean(true)));
                 }
-                if self.word(id, "filter_type", &["bilinear", "nearest"]) == Some("nearest") {
+                // Filters over larger areas only spare noise.
+                let filters = ["bilinear", "nearest", "trilinear", "ewa"];
+                if self.word(id, "filter_type", &filters) == Some("nearest") {
                     fields.push(("filter", Toml::string("nearest")));
                 }
-                match self.word(id, "wrap_mode", &["repeat", "mirror", "clamp"]) {
-                    Some("repeat") | None => {}
-                    Some(wrap) => fields.push(("wrap", Toml::string(wrap))),
+                if let Some(wrap) = self.wrap(id) {
+                    fields.push(("wrap", Toml::string(wrap)));
                 }
                 // How the image is kept, not what is in it.
-                self.ignore(id, &["accel", "format"]);
+                self.ignore(id, &["accel", "format", "max_anisotropy", "cache"]);
                 // Images have v downwards in Mitsuba and upwards here.
                 self.uv_map(id, turned, true, &mut fields);
                 self.finish(id);
@@ -71,11 +74,87 @@ impl Converter<'_> {
                 self.finish(id);
                 Some(fields)
             }
+            "scale" => self.scaled(id, turned),
             _ => {
                 self.unsupported_plugin(id);
                 None
             }
         }
+    }
+
+    /// A texture of format 0.x times a number. Images are taken by what can take the number itself, see
+    /// [`Self::scale_of`].
+    fn scaled(&mut self, id: Id, turned: bool) -> Option<Vec<(&'static str, Toml)>> {
+        let (factor, inner) = self.scale_of(id)?;
+        let mut fields = self.texture(inner, turned)?;
+        match &mut fields[..] {
+            [("checkerboard", Toml::Array(colors)), ..] => {
+                for color in colors {
+                    times(color, factor);
+                }
+            }
+            _ if factor == 1.0 => {}
+            _ => {
+                let message = "texture \"scale\": an image times a number is not supported here";
+                self.log.unsupported(self.objects.list[id].place, message);
+            }
+        }
+        Some(fields)
+    }
+
+    /// The factor and the texture of a `scale`.
+    pub fn scale_of(&mut self, id: Id) -> Option<(f64, Id)> {
+        let factor = match self.member(id, "scale").map(|member| &member.content) {
+            Some(Content::Value(Value::Float(_) | Value::Integer(_))) => self.float(id, "scale"),
+            // A factor by colour; that of what has none of its own.
+            _ => self
+                .color(id, "scale", cie::Kind::Unbounded)
+                .map(|c| c.iter().sum::<f64>() / 3.0),
+        };
+        let nested = self.nested(id, Kind::Texture);
+        self.finish(id);
+        match nested[..] {
+            [(_, inner)] => Some((factor.unwrap_or(1.0), inner)),
+            _ => {
+                let message = "texture \"scale\": expected one nested texture";
+                self.log.fatal(Some(self.objects.list[id].place), message)
+            }
+        }
+    }
+
+    /// Whether versions before 2 say that the image's numbers are light as they are.
+    fn gamma(&mut self, id: Id) -> bool {
+        let Some(member) = self.member(id, "gamma") else {
+            return false;
+        };
+        let gamma = self.float(id, "gamma").unwrap_or(-1.0);
+        if gamma != 1.0 && gamma != -1.0 {
+            let message = format!("texture \"bitmap\": a gamma of {gamma} is taken as sRGB's");
+            self.log.note(member.place, message);
+        }
+        gamma == 1.0
+    }
+
+    /// What lies outside of the unit square, unless it repeats.
+    fn wrap(&mut self, id: Id) -> Option<&'static str> {
+        let modes = ["repeat", "mirror", "clamp", "zero", "one", "black", "white"];
+        let mut wrap = None;
+        for name in ["wrap_mode", "wrap_mode_u", "wrap_mode_v"] {
+            let given = self.word(id, name, &modes);
+            if let (Some(mode @ ("zero" | "one" | "black" | "white")), Some(member)) = (given, self.member(id, name)) {
+                let message = format!("texture \"bitmap\": {name}: \"{mode}\" is taken as \"clamp\"");
+                self.log.note(member.place, message);
+                wrap = Some("clamp");
+            } else if let (Some(one), Some(other), Some(member)) = (given, wrap, self.member(id, name))
+                && one != other
+            {
+                let message = format!("texture \"bitmap\": {name}: \"{one}\" is taken as \"{other}\", as the other is");
+                self.log.note(member.place, message);
+            } else {
+                wrap = given.or(wrap);
+            }
+        }
+        wrap.filter(|wrap| *wrap != "repeat")
     }
 
     /// The map of UVs: first around for the shape's sake, then `to_uv`, then around for the image's sake.
@@ -109,6 +188,15 @@ impl Converter<'_> {
             uv.extend(written(&TURN));
         }
         fields.push(("uv", Toml::Array(uv)));
+    }
+}
+
+/// A colour times a number, within what a reflectance can be.
+fn times(color: &mut Toml, factor: f64) {
+    match color {
+        Toml::Float(x) => *x = (*x * factor).clamp(0.0, 1.0),
+        Toml::Array(channels) => channels.iter_mut().for_each(|channel| times(channel, factor)),
+        _ => {}
     }
 }
 

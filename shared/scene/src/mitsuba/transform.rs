@@ -23,9 +23,10 @@ pub enum Step {
     Matrix([[f64; 4]; 3]),
 }
 
-/// The operation of an element.
-pub fn step(tag: &str, attributes: &Attributes) -> Result<Step, String> {
+/// The operation of an element; `old`: in a file of a version before 2, whose turns take axes of any length.
+pub fn step(tag: &str, attributes: &Attributes, old: bool) -> Result<Step, String> {
     let within = |message: String| format!("<{tag}>: {message}");
+    let tag = if old && tag == "lookAt" { "lookat" } else { tag };
     let known: &[&str] = match tag {
         "translate" | "scale" => &["value", "x", "y", "z"],
         "rotate" => &["value", "x", "y", "z", "angle"],
@@ -52,7 +53,10 @@ pub fn step(tag: &str, attributes: &Attributes) -> Result<Step, String> {
                 return Err("<rotate>: the axis must not be 0, 0, 0".to_string());
             }
             let degrees = number(required("angle")?).map_err(within)?;
-            Ok(rotation(axis, degrees))
+            match old {
+                true => Ok(Step::Rotate { axis, degrees }),
+                false => Ok(rotation(axis, degrees)),
+            }
         }
         "lookat" => look_at(
             point(required("origin")?).map_err(within)?,

@@ -155,6 +155,13 @@ impl Section {
         });
     }
 
+    /// The same without a field.
+    pub fn without(&self, key: &str) -> Self {
+        let mut section = self.clone();
+        section.entries.retain(|entry| entry.key != key);
+        section
+    }
+
     /// Whether there is nothing in it.
     pub fn is_empty(&self) -> bool {
         self.entries.is_empty()

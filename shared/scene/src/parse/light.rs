@@ -2,7 +2,7 @@
 
 use super::schema::by_type;
 use super::transform::Steps;
-use super::words::RayType;
+use super::words::{RayType, TextureFilter};
 use super::{Fault, given, only_takes};
 use crate::values::*;
 use schemars::{JsonSchema, Schema};
@@ -34,11 +34,19 @@ pub struct LightRecord {
     pub irradiance: Option<Spanned<Color<NonNegative>>>,
     /// W/(m^2 sr).
     pub radiance: Option<Spanned<Color<NonNegative>>>,
+    /// The picture's width, degrees. Default: 45.
+    pub fov: Option<Spanned<Number<Degrees>>>,
+    /// Up in the picture of a spot or a projector. Default: [0, 1, 0].
+    pub up: Option<Spanned<Vector>>,
+    /// How the picture of a spot or a projector is interpolated. Default: bilinear.
+    pub filter: Option<Spanned<TextureFilter>>,
+    /// Whether the numbers of a PNG or a JPEG are taken as they are, not as sRGB. Default: false.
+    pub raw: Option<Spanned<bool>>,
     /// Half angle of the cone, degrees. Default: 20.
     pub cutoff_angle: Option<Spanned<Number<Degrees>>>,
     /// Half angle of full intensity, degrees, below `cutoff_angle`. Default: 3/4 of it.
     pub beam_width: Option<Spanned<Number<NonNegative>>>,
-    /// Picture of the sky in latitude and longitude, .exr or .png.
+    /// Picture of the sky in latitude and longitude, or what a spot or a projector throws; .exr, .hdr, .png or .jpg.
     pub image: Option<Spanned<String>>,
     /// Factor on the picture. Default: 1.
     pub scale: Option<Spanned<Color<NonNegative>>>,
@@ -54,8 +62,8 @@ impl LightRecord {
     pub fn check(&self) -> Result<(), Fault> {
         let (name, takes) = self.kind.get_ref().takes();
         #[rustfmt::skip]
-        let given = given!(self, position, target, direction, intensity, power, irradiance, radiance, cutoff_angle,
-            beam_width, image, scale, rotate_y, transform);
+        let given = given!(self, position, target, direction, intensity, power, irradiance, radiance, fov, up, filter, raw,
+            cutoff_angle, beam_width, image, scale, rotate_y, transform);
         only_takes(name, takes, &[], &given)
     }
 }
@@ -67,6 +75,8 @@ pub enum LightType {
     Point,
     /// A cone.
     Spot,
+    /// A lamp that throws a picture on a screen.
+    Projector,
     /// Parallel light from infinitely far away.
     Directional,
     /// Light from all around; at most one.
@@ -87,7 +97,22 @@ impl LightType {
             Self::Point => ("point", &["position", "intensity", "power"]),
             Self::Spot => (
                 "spot",
-                &["position", "target", "intensity", "power", "cutoff_angle", "beam_width"],
+                &[
+                    "position",
+                    "target",
+                    "intensity",
+                    "power",
+                    "cutoff_angle",
+                    "beam_width",
+                    "image",
+                    "up",
+                    "filter",
+                    "raw",
+                ],
+            ),
+            Self::Projector => (
+                "projector",
+                &["position", "target", "intensity", "fov", "image", "up", "filter", "raw"],
             ),
             Self::Directional => ("directional", &["direction", "irradiance"]),
             Self::Environment => ("environment", &["radiance", "image", "scale", "rotate_y", "transform"]),

@@ -26,8 +26,10 @@ pub struct ShapeRecord {
     pub p1: Option<Spanned<Vector>>,
     /// Scene units. Default: 1.
     pub radius: Option<Spanned<Number<Positive>>>,
-    /// .ply or .obj, relative to the scene file.
+    /// .ply, .obj or Mitsuba's .serialized, relative to the scene file.
     pub file: Option<Spanned<String>>,
+    /// Which mesh of a .serialized file, from zero. Default: 0.
+    pub shape_index: Option<Spanned<u32>>,
     /// Ignore the normals of the file. Default: false.
     pub face_normals: Option<Spanned<bool>>,
     /// Make normals where the file has none. Default: false.
@@ -42,6 +44,8 @@ pub struct ShapeRecord {
     pub exterior: Option<Spanned<String>>,
     /// False: light that goes through keeps its medium. Default: true.
     pub boundary: Option<Spanned<bool>>,
+    /// The shape may be open and bound a medium all the same: each crossing decides. Default: false.
+    pub open: Option<Spanned<bool>>,
     /// Light that it emits, on its outside.
     pub emission: Option<Spanned<EmissionRecord>>,
     /// Where it stands.
@@ -62,8 +66,8 @@ impl ShapeRecord {
             _ => ShapeType::SURFACE,
         };
         #[rustfmt::skip]
-        let given = given!(self, center, p0, p1, radius, file, face_normals, smooth, flip_normals, material, interior,
-            exterior, boundary, emission, transform, shape, transforms);
+        let given = given!(self, center, p0, p1, radius, file, shape_index, face_normals, smooth, flip_normals, material, interior,
+            exterior, boundary, open, emission, transform, shape, transforms);
         only_takes(name, takes, common, &given)?;
         if let (Some(faces), Some(smooth)) = (&self.face_normals, &self.smooth)
             && *faces.get_ref()
@@ -126,6 +130,7 @@ impl ShapeType {
         "interior",
         "exterior",
         "boundary",
+        "open",
         "emission",
         "transform",
         "flip_normals",
@@ -139,7 +144,7 @@ impl ShapeType {
             Self::Cube => ("cube", &[]),
             Self::Disc => ("disc", &[]),
             Self::Cylinder => ("cylinder", &["p0", "p1", "radius"]),
-            Self::Mesh => ("mesh", &["file", "face_normals", "smooth"]),
+            Self::Mesh => ("mesh", &["file", "shape_index", "face_normals", "smooth"]),
             Self::Instances => ("instances", &["shape", "transforms"]),
         }
     }

@@ -2,6 +2,7 @@
 
 mod obj;
 mod ply;
+mod serialized;
 
 use super::Flaw;
 use beamfarm_render::geometry::Mesh;
@@ -21,13 +22,20 @@ pub struct RawMesh {
 }
 
 impl RawMesh {
-    /// Read a PLY or OBJ file; its name's ending tells which.
+    /// [`Self::read_nth`] of a file that has one.
+    #[cfg(test)]
     pub fn read(name: &str, bytes: &[u8]) -> Result<Self, Flaw> {
+        Self::read_nth(name, bytes, 0)
+    }
+
+    /// Read a PLY, OBJ or .serialized file; its name's ending tells which. Of the latter the mesh of this index, from zero.
+    pub fn read_nth(name: &str, bytes: &[u8], index: u32) -> Result<Self, Flaw> {
         let ending = name.rsplit_once('.').map(|(_, ending)| ending.to_ascii_lowercase());
         let mesh = match ending.as_deref() {
             Some("ply") => ply::read(bytes)?,
             Some("obj") => obj::read(bytes)?,
-            _ => return Err("unsupported kind of mesh file; expected .ply or .obj".into()),
+            Some("serialized") => serialized::read(bytes, index)?,
+            _ => return Err("unsupported kind of mesh file; expected .ply, .obj or .serialized".into()),
         };
         mesh.checked()
     }

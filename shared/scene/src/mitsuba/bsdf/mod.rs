@@ -1,5 +1,6 @@
 //! BSDFs.
 
+mod nearest;
 mod parameters;
 mod plain;
 
@@ -17,15 +18,31 @@ pub struct Materials {
     done: BTreeMap<(Id, bool), Option<Material>>,
     /// Whether there is a texture within a BSDF.
     textured: BTreeMap<Id, bool>,
+    /// The name of the material of boundaries that are no surfaces, where there are any.
+    boundary: Option<String>,
 }
 
 impl Materials {
+    /// The name of a material that is nothing but a boundary of media.
+    pub fn boundary(&mut self, place: Place) -> String {
+        if let Some(name) = &self.boundary {
+            return name.clone();
+        }
+        let name = unique(&mut self.names, "boundary");
+        let mut section = Section::named("materials", &name, place);
+        section.set("type", Toml::string("null"), place);
+        self.sections.push(section);
+        self.boundary = Some(name.clone());
+        name
+    }
+
     pub fn new(ids: impl Iterator<Item = String>) -> Self {
         Self {
             sections: Vec::new(),
             names: ids.collect(),
             done: BTreeMap::new(),
             textured: BTreeMap::new(),
+            boundary: None,
         }
     }
 }
@@ -118,9 +135,15 @@ impl Converter<'_> {
                     Some(_) => self.textured(id, "opacity", cie::Kind::Factor, turned),
                     None => Some(Toml::Float(0.5)),
                 };
-                if let Some(Toml::Array(_)) = opacity {
-                    let message = "bsdf \"mask\": an opacity that differs by colour is not supported";
-                    self.log.unsupported(place, message);
+                if let Some(Toml::Array(channels)) = &opacity
+                    && let [Toml::Float(r), Toml::Float(g), Toml::Float(b)] = channels[..]
+                {
+                    let message = "bsdf \"mask\": an opacity that differs by colour counts by its luminance";
+                    self.log.note(place, message);
+                    let luminance = 0.212671 * r + 0.715160 * g + 0.072169 * b;
+                    around
+                        .fields
+                        .push(("opacity", Toml::Float(luminance.clamp(0.0, 1.0)), place));
                 } else if let Some(mut opacity) = opacity {
                     swap_checkers(&mut opacity);
                     around.fields.push(("opacity", opacity, place));
@@ -128,8 +151,15 @@ impl Converter<'_> {
                 self.only_inside(id, around, turned, section)
             }
             "bumpmap" => {
-                let textures = self.nested(id, Kind::Texture);
-                let scale = self.float(id, "scale").unwrap_or(1.0);
+                let mut textures = self.nested(id, Kind::Texture);
+                let mut scale = self.float(id, "scale").unwrap_or(1.0);
+                if let [(_, texture)] = &mut textures[..]
+                    && self.objects.list[*texture].plugin == "scale"
+                    && let Some((factor, inner)) = self.scale_of(*texture)
+                {
+                    scale *= factor;
+                    *texture = inner;
+                }
                 if let [(_, texture)] = textures[..]
                     && self.objects.list[texture].plugin == "checkerboard"
                 {
@@ -160,6 +190,10 @@ impl Converter<'_> {
                     }
                 }
                 self.only_inside(id, around, turned, section)
+            }
+            "coating" | "roughcoating" => {
+                let inner = self.uncoated(id);
+                self.inside(id, inner, around, turned, section)
             }
             _ => {
                 let kind = self.plain(id, turned, section)?;

@@ -5,6 +5,9 @@ use crate::mitsuba::write::{Section, Toml};
 use crate::mitsuba::xml::{Content, Id};
 use crate::mitsuba::{Converter, cie, named};
 
+/// The roughness that the native format takes.
+pub(super) const ALPHA: [f64; 2] = [0.001, 1.0];
+
 impl Converter<'_> {
     /// A colour or texture between 0 and 1.
     pub(super) fn field(&mut self, id: Id, name: &str, field: &'static str, turned: bool, section: &mut Section) {
@@ -63,15 +66,30 @@ impl Converter<'_> {
         ior
     }
 
-    /// eta and k; `None` for a perfect mirror.
+    /// eta and k, both over the index of refraction outside, which versions before 2 give; `None` for a perfect mirror.
     pub(super) fn conductor(&mut self, id: Id) -> Option<([f64; 3], [f64; 3])> {
+        let outside = match self.member(id, "ext_eta") {
+            Some(_) => self.ior(id, "ext_eta", "air").unwrap_or(1.0),
+            None => 1.0,
+        };
+        let (eta, mut k) = self.conductor_in_vacuum(id)?;
+        for (k, eta) in k.iter_mut().zip(eta) {
+            if *k == 0.0 && eta == 0.0 {
+                // All is reflected, as it is with any k.
+                *k = 1.0;
+            }
+        }
+        Some((eta.map(|c| c / outside), k.map(|c| c / outside)))
+    }
+
+    fn conductor_in_vacuum(&mut self, id: Id) -> Option<([f64; 3], [f64; 3])> {
         let material = self.string(id, "material");
         let given = ["eta", "k"].map(|name| self.member(id, name));
         match (material, given) {
             (None | Some("none"), [None, None]) => None,
             (None | Some("none"), _) => {
-                let eta = self.color(id, "eta", cie::Kind::Unbounded);
-                let k = self.color(id, "k", cie::Kind::Unbounded);
+                let eta = self.index(id, "eta");
+                let k = self.index(id, "k");
                 if let [Some(one), None] | [None, Some(one)] = given {
                     self.wrong(id, one, "expected both of eta and k");
                 }
@@ -102,22 +120,68 @@ impl Converter<'_> {
             },
             (Some(member), Some(_)) => {
                 let (u, v) = (self.float(id, "alpha_u"), self.float(id, "alpha_v"));
-                if u != v {
-                    self.unsupported(id, member, "a roughness that differs by direction is not supported");
+                match (u, v) {
+                    (Some(u), Some(v)) if u != v && u > 0.0 && v > 0.0 => {
+                        let mean = (u * v).sqrt();
+                        let message = format!(
+                            "{}: a roughness that differs by direction becomes its geometric mean, {mean:.4}",
+                            self.title(id)
+                        );
+                        self.log.note(member.place, message);
+                        Some(mean)
+                    }
+                    _ => u,
                 }
-                u
             }
             (Some(member), None) | (None, Some(member)) => {
                 self.wrong(id, member, "expected both of alpha_u and alpha_v");
                 None
             }
         };
-        section.set("alpha", Toml::Float(alpha.unwrap_or(0.1)), place);
-        if self.word(id, "distribution", &["beckmann", "ggx"]) != Some("ggx") {
+        let alpha = alpha.unwrap_or(0.1);
+        let within = alpha.clamp(ALPHA[0], ALPHA[1]);
+        if alpha != within {
+            let message = format!("{}: the roughness {alpha} becomes {within}", self.title(id));
+            self.log.note(place, message);
+        }
+        section.set("alpha", Toml::Float(within), place);
+        if self.distribution(id) == "beckmann" {
             section.set("distribution", Toml::string("beckmann"), place);
         }
         // How directions are drawn, not how many.
         self.ignore(id, &["sample_visible"]);
+    }
+
+    /// The distribution of a rough BSDF's microfacets.
+    fn distribution(&mut self, id: Id) -> &'static str {
+        let object = &self.objects.list[id];
+        if object.plugin.ends_with("GGX") {
+            self.ignore(id, &["distribution"]);
+            return "ggx";
+        }
+        match self.word(id, "distribution", &["beckmann", "ggx", "as", "phong"]) {
+            Some("ggx") => "ggx",
+            Some(old @ ("as" | "phong")) => {
+                let message = format!(
+                    "{}: the distribution \"{old}\" is taken as \"beckmann\"",
+                    self.title(id)
+                );
+                self.log.note(object.place, message);
+                "beckmann"
+            }
+            _ => "beckmann",
+        }
+    }
+
+    /// eta or k of a conductor; Mitsuba takes what is a little negative, as tables are.
+    fn index(&mut self, id: Id, name: &str) -> Option<[f64; 3]> {
+        let member = self.member(id, name)?;
+        let color = self.color_as_it_is(id, member, cie::Kind::Unbounded)?;
+        if color.iter().any(|c| *c < 0.0) {
+            let message = format!("{}: {name}: negative channels of {color:?} become 0", self.title(id));
+            self.log.note(member.place, message);
+        }
+        Some(color.map(|c| c.max(0.0)))
     }
 
     /// The lobes of `principled` that are not supported, unless they are turned off.
@@ -132,7 +196,16 @@ impl Converter<'_> {
             "clearcoat",
             "clearcoat_gloss",
         ] {
+            // What colours or shapes a lobe that is not there changes nothing.
+            let off = match name {
+                "sheen_tint" => self.number_or(id, "sheen", 1.0) == 0.0 || self.member(id, "sheen").is_none(),
+                "clearcoat_gloss" => {
+                    self.number_or(id, "clearcoat", 1.0) == 0.0 || self.member(id, "clearcoat").is_none()
+                }
+                _ => false,
+            };
             if let Some(member) = self.member(id, name)
+                && !off
                 && let Some(value) = self.float(id, name)
                 && value != 0.0
             {

@@ -3,7 +3,7 @@
 use super::Through;
 use crate::mitsuba::write::{Section, Toml};
 use crate::mitsuba::xml::Id;
-use crate::mitsuba::{Converter, Place};
+use crate::mitsuba::{Converter, Place, cie};
 
 /// A BSDF that contains no other, once it is written.
 #[derive(Clone, Copy)]
@@ -16,7 +16,7 @@ pub(super) struct Plain {
 }
 
 impl Plain {
-    fn opaque(place: Place, two_sided: bool) -> Self {
+    pub(super) fn opaque(place: Place, two_sided: bool) -> Self {
         Self {
             place,
             through: Through::No,
@@ -44,7 +44,11 @@ impl Converter<'_> {
     pub(super) fn plain(&mut self, id: Id, turned: bool, section: &mut Section) -> Option<Plain> {
         let object = &self.objects.list[id];
         let place = object.place;
-        Some(match object.plugin.as_str() {
+        let plugin = match self.stand_in(id) {
+            "" => object.plugin.as_str(),
+            other => other,
+        };
+        Some(match plugin {
             "diffuse" => {
                 set_type(section, "diffuse", place);
                 self.field(id, "reflectance", "reflectance", turned, section);
@@ -57,6 +61,8 @@ impl Converter<'_> {
             "roughconductor" => self.metal(id, true, turned, section),
             "plastic" => self.plastic(id, false, turned, section),
             "roughplastic" => self.plastic(id, true, turned, section),
+            "phong" | "ward" => self.glossy(id, turned, section),
+            "polarizer" => self.polarizer(id, section),
             "principled" => self.principled(id, turned, section),
             "null" => {
                 set_type(section, "null", place);
@@ -70,6 +76,23 @@ impl Converter<'_> {
                 return None;
             }
         })
+    }
+
+    /// Light that is not polarised: half of it goes through, wherever the axis points.
+    fn polarizer(&mut self, id: Id, section: &mut Section) -> Plain {
+        let place = self.objects.list[id].place;
+        set_type(section, "thin_dielectric", place);
+        section.set("ior", Toml::Float(1.0), place);
+        section.set("exterior_ior", Toml::Float(1.0), place);
+        let color = match self.member(id, "transmittance") {
+            Some(_) => self.color(id, "transmittance", cie::Kind::Factor).unwrap_or([1.0; 3]),
+            None => [1.0; 3],
+        };
+        section.set("specular_transmittance", Toml::color(color.map(|c| 0.5 * c)), place);
+        let message = "bsdf \"polarizer\": light has no polarisation here; half of it goes through";
+        self.log.note(place, message);
+        self.ignore(id, &["theta", "polarizing"]);
+        Plain::transmitting(place, Through::Sheet)
     }
 
     fn dielectric(&mut self, id: Id, kind: &str, turned: bool, section: &mut Section) -> Plain {

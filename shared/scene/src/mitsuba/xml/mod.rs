@@ -3,6 +3,7 @@
 mod cycles;
 mod parameters;
 mod read;
+mod upgrade;
 
 pub use read::read;
 
@@ -81,6 +82,8 @@ pub struct Object {
     pub id: Option<String>,
     pub place: Place,
     pub members: Vec<Member>,
+    /// Whether its file is of a version before 2, when some defaults were others.
+    pub old: bool,
 }
 
 /// A property or a nested object.

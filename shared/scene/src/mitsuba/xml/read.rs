@@ -1,6 +1,7 @@
 //! The reading of files: includes, ids, aliases, references.
 
 use super::parameters::{MAX_ATTRIBUTE, Parameter, Substitution, substitute};
+use super::upgrade;
 use super::{Content, Id, Kind, Member, Object, Objects};
 use crate::mitsuba::Place;
 use crate::mitsuba::attributes::Attributes;
@@ -40,6 +41,8 @@ struct Reader<'a> {
     elements: usize,
     /// The files that are being read, each included by the one before.
     open: Vec<PathBuf>,
+    /// By file: whether it is of a version before 2.
+    old: Vec<bool>,
 }
 
 /// Read a scene. `None` when it is so broken that nothing else can be said; the log says why.
@@ -66,6 +69,7 @@ pub fn read(path: &Path, given: &[(String, String)], log: &mut Log) -> Option<Ob
         parameters,
         elements: 0,
         open: Vec::new(),
+        old: Vec::new(),
     };
     let done = reader.file(path, None);
     for parameter in reader.parameters.iter().filter(|p| !p.used) {
@@ -77,6 +81,7 @@ pub fn read(path: &Path, given: &[(String, String)], log: &mut Log) -> Option<Ob
     }
     done?;
     reader.resolve_references()?;
+    reader.objects.upgrade();
     Some(reader.objects)
 }
 
@@ -165,7 +170,8 @@ impl Reader<'_> {
             file,
             line: lines.line(root.range().start),
         };
-        check_version(root, place, self.log);
+        let old = is_old(root, place, self.log);
+        self.old.push(old);
         self.open.push(canonical);
         let context = File { file, lines: &lines };
         let done = match (parent, root.tag_name().name()) {
@@ -207,6 +213,9 @@ impl Reader<'_> {
         // A spectrum with a type is an object.
         let kind = match element.tag {
             "spectrum" if element.attribute("type").is_some() => Some(Kind::Texture),
+            // As versions before 0.5 call them.
+            "camera" if self.old[place.file] => Some(Kind::Sensor),
+            "luminaire" if self.old[place.file] => Some(Kind::Emitter),
             tag => Kind::of_tag(tag),
         };
         match (kind, parent.object) {
@@ -243,6 +252,7 @@ impl Reader<'_> {
             id: element.attribute("id").map(str::to_string),
             place,
             members: Vec::new(),
+            old: self.old[place.file],
         });
         if let Some(id) = element.attribute("id") {
             self.define(id, object, place);
@@ -336,7 +346,11 @@ impl Reader<'_> {
                 self.known(element, &["name"]);
                 self.transform(node, depth + 1, file)?
             }
-            _ => value::parse(tag, element.attributes),
+            "spectrum" if element.attributes.contains_key("filename") => {
+                self.known(element, &["name", "filename"]);
+                self.spectrum_file(element)
+            }
+            _ => value::parse(tag, element.attributes, self.old[place.file]),
         };
         let value = match (value, name) {
             (Ok(value), Some(_)) => value,
@@ -365,12 +379,30 @@ impl Reader<'_> {
         Some(())
     }
 
+    /// A spectrum from a file: a wavelength and a value on each line.
+    fn spectrum_file(&self, element: &Element<'_, '_>) -> Result<Value, String> {
+        let written = element.attribute("filename").unwrap_or_default();
+        let path = self.objects.resolve(element.place, written);
+        let within = |reason: String| format!("the file \"{written}\": {reason}");
+        let bytes = crate::read_file(&path, beamfarm_image::bundle::MAX_BYTES).map_err(within)?;
+        value::spectrum_table(&String::from_utf8_lossy(&bytes)).map_err(within)
+    }
+
     fn add(&mut self, owner: Id, name: Option<&str>, place: Place, content: Content) {
+        let name = name.map(|name| match self.old[place.file] {
+            true => upgrade::name(&self.objects.list[owner].plugin, name),
+            false => name.to_string(),
+        });
+        let name = name.as_deref();
         if let Some(name) = name
             && !self.names.insert((owner, name.to_string()))
         {
             let message = format!("\"{name}\" is given twice");
-            self.log.invalid(Some(place), message);
+            match self.old[place.file] {
+                // Versions before 2 warned, and took the last.
+                true => self.log.note(place, message),
+                false => self.log.invalid(Some(place), message),
+            }
         }
         let members = &mut self.objects.list[owner].members;
         members.push(Member {
@@ -389,9 +421,9 @@ impl Reader<'_> {
             self.count(depth, place)?;
             let attributes = self.attributes(child, place)?;
             let tag = child.tag_name().name();
-            match transform::step(tag, &attributes) {
+            match transform::step(tag, &attributes, self.old[place.file]) {
                 Ok(step) => {
-                    if tag == "rotate" && matches!(step, Step::Matrix(_)) {
+                    if tag == "rotate" && matches!(step, Step::Matrix(_)) && !self.old[place.file] {
                         let message = "<rotate>: its axis is not of unit length, so that it scales and shears, as it does in \
                             Mitsuba 3";
                         self.log.note(place, message);
@@ -497,23 +529,21 @@ impl Reader<'_> {
     }
 }
 
-fn check_version(root: Node<'_, '_>, place: Place, log: &mut Log) {
-    match root.attribute("version") {
-        None => log.invalid(
+/// Whether a file is of a version before 2, whose names are others.
+fn is_old(root: Node<'_, '_>, place: Place, log: &mut Log) -> bool {
+    let Some(version) = root.attribute("version") else {
+        log.invalid(
             Some(place),
-            "the attribute \"version\" is missing; expected version=\"3.0.0\" or another of Mitsuba 3",
-        ),
-        Some(version) => {
-            let major = version.split('.').next().and_then(|n| n.trim().parse::<u32>().ok());
-            if !matches!(major, Some(2 | 3)) {
-                let message = format!(
-                    "version \"{version}\" of the format is not supported; expected 2 or 3 (of older ones the parameters have \
-                     other names)"
-                );
-                log.invalid(Some(place), message);
-            }
-        }
+            "the attribute \"version\" is missing; expected version=\"3.0.0\" or another of Mitsuba's",
+        );
+        return false;
+    };
+    let major = version.split('.').next().and_then(|n| n.trim().parse::<u32>().ok());
+    if !matches!(major, Some(0..=3)) {
+        let message = format!("version \"{version}\" of the format is not supported; expected 0 to 3");
+        log.invalid(Some(place), message);
     }
+    matches!(major, Some(0 | 1))
 }
 
 struct File<'a> {

@@ -22,7 +22,11 @@ if [[ -z $python ]]; then
 fi
 
 tests=("$@")
-((${#tests[@]})) || tests=(test_*.py)
+if ((!${#tests[@]})); then
+    tests=(test_engine_*.py test_export_text.py test_export_lights.py)
+    # Materials and whole scenes beside Cycles take minutes.
+    [[ -z ${BEAMFARM_LONG:-} ]] || tests=(test_*.py)
+fi
 export BEAMFARM=$program
 code=0
 for test in "${tests[@]}"; do

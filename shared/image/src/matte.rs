@@ -1,9 +1,9 @@
 //! What covers each pixel, by name: sums over passes that have the same bits whoever adds them up, and the ranks that
 //! compositors mask by.
 //!
-//! Of a pass, a pixel holds what its one camera ray meets first; of many, how often each name was met. The convention of
-//! the final image is Cryptomatte's (Friedman and Jones 2015; specification 1.2.0): pairs of id and coverage, the largest
-//! coverage first, in channels NAME00.R, .G, .B, .A, NAME01.R, ..., with a manifest of names in the header.
+//! Of a pass, a pixel holds what its one camera ray meets first; of many, how often each name was met. The convention
+//! of the final image is Cryptomatte's (Friedman and Jones 2015; specification 1.2.0): pairs of id and coverage, the
+//! largest coverage first, in channels NAME00.R, .G, .B, .A, NAME01.R, ..., with a manifest of names in the header.
 
 use std::cmp::Ordering;
 
@@ -143,8 +143,8 @@ impl Matte {
         Some((matte, 4 * pixels + 8 * end as usize))
     }
 
-    /// Pairs of id and coverage of each pixel in the mean of so many passes: the largest coverage first, by id where two
-    /// are equal. What is beyond [`RANKS`] is left out; where there are less, both are zero.
+    /// Pairs of id and coverage of each pixel in the mean of so many passes: the largest coverage first, by id where
+    /// two are equal. What is beyond [`RANKS`] is left out; where there are less, both are zero.
     pub fn ranks(&self, passes: u64) -> impl Iterator<Item = [(u32, f32); RANKS]> {
         self.by_pixel().map(move |entries| {
             let mut sorted = entries.to_vec();

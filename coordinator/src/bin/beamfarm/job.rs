@@ -82,8 +82,8 @@ fn budget(text: &str) -> Result<Budgeted, String> {
 #[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
 #[value(rename_all = "snake_case")]
 pub enum Aov {
-    /// A: share of the pixel that surfaces and media cover. R, G, B are premultiplied by nature; an environment that the
-    /// camera sees is in them as well
+    /// A: share of the pixel that surfaces and media cover. R, G, B are premultiplied by nature; an environment that
+    /// the camera sees is in them as well
     Alpha,
     /// Z: distance of the first surface along the camera's axis, scene units; infinite where there is none
     Depth,

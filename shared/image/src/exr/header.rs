@@ -5,8 +5,8 @@ use exr::meta::attribute::{AttributeValue, ChannelDescription, ChannelList, Samp
 use exr::meta::header::Header;
 use std::collections::HashMap;
 
-/// Longest header of a block that is looked at, in bytes. Those written here take about one kilobyte, and up to three hundred
-/// bytes a layer.
+/// Longest header of a block that is looked at, in bytes. Those written here take about one kilobyte, and up to three
+/// hundred bytes a layer.
 const MAX_HEADER: usize = 128 * 1024;
 /// Magic number and version field.
 const PREAMBLE: usize = 8;

@@ -12,7 +12,8 @@ use crate::math::Rgb;
 use crate::texture::TexturePoint;
 
 impl Material {
-    /// The scattering at a hit with these texture coordinates. Black for a blend: one of its parts is met, see [`Self::met`].
+    /// The scattering at a hit with these texture coordinates. Black for a blend: one of its parts is met, see
+    /// [`Self::met`].
     #[inline]
     pub fn bsdf(&self, at: &TexturePoint) -> Bsdf<'_> {
         let two_sided = self.two_sided;

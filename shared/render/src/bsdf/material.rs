@@ -218,7 +218,7 @@ impl Material {
         }
     }
 
-    /// Whether [`Bsdf::is_glossy`] may hold.
+    /// Whether [`Bsdf::is_glossy`](super::Bsdf::is_glossy) may hold.
     pub fn is_glossy(&self) -> bool {
         let has_gloss = |[low, high]: [f32; 2]| low <= *GLOSS.end() && high >= *GLOSS.start();
         match &self.kind {
@@ -286,7 +286,8 @@ impl Material {
             | MaterialKind::Principled { .. } => false,
         }
     }
-    /// Whether paths follow what it scatters, see [`Bsdf::is_followed`], somewhere; of a blend, what some part does.
+    /// Whether paths follow what it scatters, see [`Bsdf::is_followed`](super::Bsdf::is_followed), somewhere; of a blend,
+    /// what some part does.
     #[inline]
     pub fn is_followed(&self) -> bool {
         match &self.kind {
@@ -308,7 +309,8 @@ impl Material {
             _ => !self.is_specular(),
         }
     }
-    /// Whether it has a lobe that is followed beside a wide one, see [`Bsdf::narrow_and_wide`], somewhere.
+    /// Whether it has a lobe that is followed beside a wide one, see
+    /// [`Bsdf::narrow_and_wide`](super::Bsdf::narrow_and_wide), somewhere.
     pub fn has_narrow_lobe(&self) -> bool {
         match &self.kind {
             MaterialKind::RoughPlastic { coat, .. } => coat.alpha() < FOLLOWED_BELOW,

@@ -1,7 +1,7 @@
-//! Materials and their names.
+//! What the fields of one material say.
 
-use super::blend::Making;
-use super::{Assets, Problem, required, unknown_name};
+use super::ior::relative_ior;
+use super::{Assets, Problem, required};
 use super::{principled, texture};
 use crate::parse::{
     DistributionName, Fault, ImageTextureRecord, MaterialRecord, MaterialType, ScalarRecord, TextureRecord,
@@ -14,75 +14,6 @@ use beamfarm_render::bsdf::{
 use beamfarm_render::math::Rgb;
 use beamfarm_render::scalar::Scalar;
 use beamfarm_render::texture::Texture;
-use std::collections::BTreeMap;
-
-/// The scene's materials in the order of their names, then those for shapes that name none.
-pub struct Materials {
-    pub list: Vec<Material>,
-    names: BTreeMap<String, u32>,
-    /// What each is called that has a name.
-    pub labels: BTreeMap<u32, String>,
-    grey: Option<u32>,
-    black: Option<u32>,
-}
-
-impl Materials {
-    pub fn new(records: &BTreeMap<Spanned<String>, MaterialRecord>, assets: &mut Assets<'_>) -> Result<Self, Problem> {
-        let mut materials = Self {
-            list: Vec::new(),
-            names: BTreeMap::new(),
-            labels: BTreeMap::new(),
-            grey: None,
-            black: None,
-        };
-        materials.enter(records, assets)?;
-        Ok(materials)
-    }
-
-    /// Add materials whose names are the only ones until [`Self::leave`].
-    pub fn enter(
-        &mut self,
-        records: &BTreeMap<Spanned<String>, MaterialRecord>,
-        assets: &mut Assets<'_>,
-    ) -> Result<BTreeMap<String, u32>, Problem> {
-        let mut names = BTreeMap::new();
-        let mut making = Making::new(records);
-        for name in records.keys() {
-            let material = making.material(name, &mut Vec::new(), assets)?;
-            names.insert(name.get_ref().clone(), self.list.len() as u32);
-            self.labels.insert(self.list.len() as u32, name.get_ref().clone());
-            self.list.push(material);
-        }
-        Ok(std::mem::replace(&mut self.names, names))
-    }
-
-    /// Back to the names that held before.
-    pub fn leave(&mut self, names: BTreeMap<String, u32>) {
-        self.names = names;
-    }
-
-    /// The material of a name.
-    pub fn resolve(&self, name: &Spanned<String>) -> Result<u32, Fault> {
-        match self.names.get(name.get_ref()) {
-            Some(index) => Ok(*index),
-            None => Err(unknown_name("material", name, self.names.keys().map(String::as_str))),
-        }
-    }
-
-    /// The material of shapes that name none: black for those that emit, else grey.
-    pub fn default(&mut self, emits: bool) -> u32 {
-        let (slot, reflectance) = match emits {
-            true => (&mut self.black, 0.0),
-            false => (&mut self.grey, 0.5),
-        };
-        *slot.get_or_insert_with(|| {
-            let reflectance = Texture::Constant(Rgb::splat(reflectance));
-            let kind = MaterialKind::Diffuse { reflectance };
-            self.list.push(Material::new(kind, false));
-            (self.list.len() - 1) as u32
-        })
-    }
-}
 
 pub(super) fn opacity(record: &MaterialRecord, assets: &mut Assets<'_>) -> Result<Option<Texture>, Problem> {
     let Some(opacity) = &record.opacity else {
@@ -256,25 +187,6 @@ fn alpha(record: &MaterialRecord, assets: &mut Assets<'_>) -> Result<Scalar, Pro
 
 /// Index of refraction of plastics where the scene names none: polypropylene's.
 const POLYPROPYLENE: f64 = 1.49;
-
-pub(super) fn relative_ior(record: &MaterialRecord, default: Option<f64>) -> Result<f32, Fault> {
-    let (ior, span) = match (&record.ior, default) {
-        (None, Some(ior)) => (ior, record.kind.span()),
-        (ior, _) => {
-            let ior = required(ior, &record.kind, "ior")?;
-            (ior.get_ref().0, ior.span())
-        }
-    };
-    let exterior = record.exterior_ior.as_ref().map_or(1.0, |ior| ior.get_ref().0);
-    let eta = (ior / exterior) as f32;
-    if !(1e-2..=1e2).contains(&eta) {
-        return Err(Fault::new(
-            span,
-            format!("expected `ior` / `exterior_ior` from 0.01 to 100, found {eta}"),
-        ));
-    }
-    Ok(eta)
-}
 
 fn metal(record: &MaterialRecord) -> Result<(Rgb, Rgb), Fault> {
     match (&record.preset, &record.eta, &record.k) {

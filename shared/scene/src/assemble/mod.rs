@@ -6,9 +6,11 @@ mod bounds;
 mod enclosed;
 mod extents;
 mod gltf;
+mod ior;
 mod kept;
 mod light;
 mod material;
+mod materials;
 mod medium;
 mod principled;
 mod rules;
@@ -85,7 +87,7 @@ pub fn assemble(
     let eye_point = eye.origin.0 - render_origin;
     let media = medium::Media::new(&record.media, render_origin, &mut assets)?;
     let world_medium = media.resolve_or(record.world.medium.as_ref(), None)?;
-    let materials = material::Materials::new(&record.materials, &mut assets)?;
+    let materials = materials::Materials::new(&record.materials, &mut assets)?;
     let mut camera = view::camera(&record.image, record.camera.get_ref(), &eye)?;
     camera.position = eye_point.as_vec3();
     let camera_medium = match &record.camera.get_ref().medium {
@@ -171,7 +173,7 @@ struct Parts<'a> {
     moves_about: bool,
     world_medium: MediumId,
     media: medium::Media,
-    materials: material::Materials,
+    materials: materials::Materials,
     assets: Assets<'a>,
     objects: Vec<beamfarm_render::geometry::Object>,
     lights: Vec<beamfarm_render::light::Light>,

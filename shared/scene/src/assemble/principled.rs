@@ -1,6 +1,6 @@
 //! Principled materials.
 
-use super::material::relative_ior;
+use super::ior::relative_ior;
 use super::texture::scalar;
 use super::{Assets, Problem};
 use crate::parse::{Fault, MaterialRecord, ScalarRecord};

@@ -73,7 +73,15 @@ fn old_names_are_those_of_now() {
     assert_has(&notes, &["the parameter \"unknown\" is passed over"]);
     // What a file of now may not say, it still may not.
     let error = refused("3.0.0", old);
-    assert_has(&error, &["<srgb> is no element", "#804020", "lookAt", "\"toWorld\" is not supported"]);
+    assert_has(
+        &error,
+        &[
+            "<srgb> is no element",
+            "#804020",
+            "lookAt",
+            "\"toWorld\" is not supported",
+        ],
+    );
 }
 
 #[test]
@@ -102,7 +110,12 @@ fn what_changes_nothing_refuses_nothing() {
     assert_has(&imported.text, &["filter = \"gaussian\""]);
     assert_has(
         &notes,
-        &["\"mitchell\" is replaced", "\"else\" is passed over", "outside of the sensor", "ldrfilm"],
+        &[
+            "\"mitchell\" is replaced",
+            "\"else\" is passed over",
+            "outside of the sensor",
+            "ldrfilm",
+        ],
     );
     assert!(imported.left_out.is_empty());
 }
@@ -114,7 +127,13 @@ fn conductors_take_what_tables_have() {
         r#"<bsdf type="conductor" id="a"><rgb name="eta" value="0.2 -0.01 3"/><rgb name="k" value="3 -0.1 6"/>
             <float name="extEta" value="1.5"/></bsdf>"#,
     );
-    assert_has(&text, &["eta = [0.13333333333333333, 0.0, 2.0]", "k = [2.0, 0.6666666666666666, 4.0]"]);
+    assert_has(
+        &text,
+        &[
+            "eta = [0.13333333333333333, 0.0, 2.0]",
+            "k = [2.0, 0.6666666666666666, 4.0]",
+        ],
+    );
     assert_has(&notes, &["negative channels"]);
     let (text, notes) = read(
         "3.0.0",
@@ -141,7 +160,11 @@ fn spectra_by_file_and_plugin() {
         .map(emitter)
         .concat(),
     );
-    std::fs::write(folder.path().join("light.spd"), "# a light\n400 0.1\n\n500 0.5 # middle\n600 0.9\n").unwrap();
+    std::fs::write(
+        folder.path().join("light.spd"),
+        "# a light\n400 0.1\n\n500 0.5 # middle\n600 0.9\n",
+    )
+    .unwrap();
     let text = convert(folder.path(), false).unwrap().text;
     let lines: Vec<_> = text.lines().filter(|line| line.starts_with("intensity")).collect();
     assert_eq!(lines.len(), 4);
@@ -161,7 +184,10 @@ fn spectra_by_file_and_plugin() {
     // The radiance of 6504 K under the standard observer: Y = 25 860 W/(m^2 sr nm) a unit of the observer's y, which is
     // what the midpoint rule of Planck's law over the CIE's table gives; and nearly white.
     let y = 0.212671 * numbers[0] + 0.715160 * numbers[1] + 0.072169 * numbers[2];
-    assert!((numbers[0] / y - 1.0).abs() < 0.06 && (numbers[2] / y - 1.0).abs() < 0.06, "{line}");
+    assert!(
+        (numbers[0] / y - 1.0).abs() < 0.06 && (numbers[2] / y - 1.0).abs() < 0.06,
+        "{line}"
+    );
     let planck = |nm: f64| {
         let m = nm * 1e-9;
         1.191_042_972e-16 / (m.powi(5) * ((1.438_776_877e-2 / (m * 6504.0)).exp() - 1.0)) * 1e-9
@@ -192,9 +218,16 @@ fn thin_dielectrics_around_media() {
     );
     assert_has(
         &text,
-        &["material = \"boundary\"", "interior = \"fog\"", "[materials.boundary]\ntype = \"null\""],
+        &[
+            "material = \"boundary\"",
+            "interior = \"fog\"",
+            "[materials.boundary]\ntype = \"null\"",
+        ],
     );
-    assert_has(&text, &["type = \"thin_dielectric\"\nior = 1.0\nexterior_ior = 1.0\nspecular_transmittance = 0.5"]);
+    assert_has(
+        &text,
+        &["type = \"thin_dielectric\"\nior = 1.0\nexterior_ior = 1.0\nspecular_transmittance = 0.5"],
+    );
     assert_eq!(text.matches("file = \"mesh.obj\"").count(), 2);
 }
 
@@ -228,7 +261,13 @@ fn what_is_taken_as_the_nearest_is_said() {
             <bsdf type="mask" id="leaf"><rgb name="opacity" value="1 0 0"/><bsdf type="diffuse"/></bsdf>"#,
     );
     // sqrt(2 / (198 + 2)); (1 + sqrt(0.04)) / (1 - sqrt(0.04)).
-    assert_has(&text, &["[materials.phong]\ntype = \"rough_plastic\"\nior = 1.4999999999999998", "alpha = 0.1\n"]);
+    assert_has(
+        &text,
+        &[
+            "[materials.phong]\ntype = \"rough_plastic\"\nior = 1.4999999999999998",
+            "alpha = 0.1\n",
+        ],
+    );
     assert_has(&text, &["[materials.ward]", "alpha = 0.2\n", "opacity = 0.212671"]);
     for name in ["phong", "ward", "roughdiffuse", "coat", "\"as\"", "luminance"] {
         assert_has(&notes, &[name]);
@@ -258,7 +297,13 @@ fn lamps_with_pictures() {
     let text = String::from_utf8(file.text().to_vec()).unwrap();
     assert_has(
         &text,
-        &["type = \"projector\"", "up = [0.0, 1.0, 0.0]", "fov = 30.0", "intensity = 6.283185307179586", "raw = true"],
+        &[
+            "type = \"projector\"",
+            "up = [0.0, 1.0, 0.0]",
+            "fov = 30.0",
+            "intensity = 6.283185307179586",
+            "raw = true",
+        ],
     );
     assert_has(&text, &["up = [-0.0, -1.0, -0.0]"]);
     assert_eq!(file.load().unwrap().lights.len(), 2);

@@ -6,7 +6,7 @@ const MANY: &str = r#"<shape type="teapot"/>
 <shape type="sphere"><float name="colour" value="1"/><bsdf type="hair"/></shape>
 <bsdf type="dielectric">
 <float name="abbe" value="30"/></bsdf>
-<emitter type="projector"/>
+<emitter type="sunsky"/>
 <medium type="homogeneous"><phase type="sggx"/></medium>
 <bsdf type="diffuse"><texture type="volume" name="reflectance"/></bsdf>"#;
 
@@ -18,7 +18,7 @@ fn everything_that_is_not_supported_is_named_at_once() {
         "scene.xml:3: bsdf \"hair\" is not supported",
         "scene.xml:3: shape \"sphere\": the parameter \"colour\" is not supported",
         "scene.xml:5: bsdf \"dielectric\": the parameter \"abbe\" is not supported",
-        "scene.xml:6: emitter \"projector\" is not supported",
+        "scene.xml:6: emitter \"sunsky\" is not supported",
         "scene.xml:7: phase \"sggx\" is not supported",
         "scene.xml:8: texture \"volume\" is not supported",
     ];
@@ -71,14 +71,10 @@ fn what_is_replaced_is_noted() {
 /// Errors that the native scene's reader finds, at the XML's lines.
 #[test]
 fn later_errors_are_those_of_the_xml() {
-    let open = "<medium type=\"homogeneous\" id=\"fog\"/>\n\n<shape type=\"rectangle\"><bsdf type=\"null\"/>\n<ref name=\"interior\" id=\"fog\"/></shape>";
+    let dark = "<medium type=\"homogeneous\" id=\"fog\">\n\n<phase type=\"hg\">\n<float name=\"g\" value=\"2\"/></phase></medium>";
     let missing = "\n<shape type=\"ply\">\n<string name=\"filename\" value=\"none.ply\"/></shape>";
     let flat = "<shape type=\"cube\">\n\n<transform name=\"to_world\"><scale x=\"0\"/></transform></shape>";
-    for (elements, line, words) in [
-        (open, 5, "open surface"),
-        (missing, 4, "none.ply"),
-        (flat, 4, "inverted"),
-    ] {
+    for (elements, line, words) in [(dark, 4, "g"), (missing, 4, "none.ply"), (flat, 4, "inverted")] {
         let folder = folder(&[("scene.xml", &with_sensor(elements))]);
         let path = folder.path().join("scene.xml");
         let file = SceneFile::read(&path, &ImportOptions::default());

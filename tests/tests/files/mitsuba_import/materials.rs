@@ -99,9 +99,6 @@ fn conductors_by_name_and_by_numbers() {
     assert_error(&with_sensor(unknown), "scene.xml:2: ", &["\"au\"", "Au"]);
     let both = r#"<bsdf type="conductor"><string name="material" value="Au"/><float name="eta" value="1"/></bsdf>"#;
     assert_error(&with_sensor(both), "scene.xml:2: ", &["eta", "not both"]);
-    let skewed =
-        r#"<bsdf type="roughconductor"><float name="alpha_u" value="0.1"/><float name="alpha_v" value="0.2"/></bsdf>"#;
-    assert_error(&with_sensor(skewed), "scene.xml:2: ", &["alpha_u", "not supported"]);
 }
 
 #[test]
@@ -171,10 +168,6 @@ fn wrappers_become_fields() {
         (
             "<bsdf type=\"mask\"><bsdf type=\"mask\"><bsdf type=\"diffuse\"/></bsdf></bsdf>",
             "second",
-        ),
-        (
-            "<bsdf type=\"mask\"><rgb name=\"opacity\" value=\"1 0 0\"/><bsdf type=\"diffuse\"/></bsdf>",
-            "opacity",
         ),
     ] {
         assert_error(&with_sensor(bad), "scene.xml:2: ", &[words]);

@@ -28,7 +28,8 @@ impl RawMesh {
         Self::read_nth(name, bytes, 0)
     }
 
-    /// Read a PLY, OBJ or .serialized file; its name's ending tells which. Of the latter the mesh of this index, from zero.
+    /// Read a PLY, OBJ or .serialized file; its name's ending tells which. Of the latter the mesh of this index, from
+    /// zero.
     pub fn read_nth(name: &str, bytes: &[u8], index: u32) -> Result<Self, Flaw> {
         let ending = name.rsplit_once('.').map(|(_, ending)| ending.to_ascii_lowercase());
         let mesh = match ending.as_deref() {

@@ -47,6 +47,13 @@ MATERIALS = {
         "type": "plastic", **COATED, "nonlinear": True, "specular_reflectance": TINTS["specular_reflectance"],
     },
     "principled": {"type": "principled", "base_color": PAINT, "roughness": 0.6},
+    "principled_coated": {
+        "type": "principled", "base_color": PAINT, "roughness": 0.5, "spec_tint": 0.6, "sheen": 0.5, "sheen_tint": 0.4,
+        "clearcoat": 0.8, "clearcoat_gloss": 0.3, "flatness": 0.3,
+    },
+    "principled_glass": {
+        "type": "principled", "base_color": PAINT, "metallic": 0.2, "roughness": 0.6, "spec_trans": 0.7, "eta": 1.5,
+    },
     "principled_ior": {"type": "principled", "base_color": PAINT, "roughness": 0.4, "eta": 1.8},
     "rough_plastic": {"type": "roughplastic", **COATED, "distribution": "ggx", "alpha": 0.1},
     "rough_plastic_beckmann": {

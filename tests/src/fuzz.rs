@@ -135,6 +135,8 @@ pub fn gltf(data: &[u8]) {
             .and_then(|()| std::fs::write(folder.path().join("a.glb"), data));
         if written.is_ok() {
             let _ = read_bundle(&scene);
+            let file = SceneFile::read(&folder.path().join("a.glb"), &ImportOptions::default());
+            let _ = file.and_then(|file| file.load());
         }
     }
 }

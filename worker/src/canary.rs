@@ -21,7 +21,11 @@ pub fn canary() -> Result<[u8; 32], SceneError> {
     let scene = Scene::new(description);
     let plan = RenderPlan::new(&scene, settings);
     let image = render_pass(&scene, &plan, 0);
-    Ok(node_hash(&Node::leaf(0, image.film).with_layers(image.layers)))
+    Ok(node_hash(
+        &Node::leaf(0, image.film)
+            .with_layers(image.layers)
+            .with_mattes(image.mattes),
+    ))
 }
 
 #[cfg(test)]

@@ -170,10 +170,7 @@ async fn work(args: WorkerArgs) -> Result<(Summary, bool), WorkerError> {
     let internal = |error: std::io::Error| WorkerError::Internal(error.to_string());
     let drain = if args.with_parent {
         signals::ignore_interrupt().map_err(internal)?;
-        std::thread::Builder::new()
-            .name("parent".into())
-            .spawn(exit_with_parent)
-            .map_err(internal)?;
+        end_with_parent().map_err(internal)?;
         watch::channel(false).1
     } else {
         signals::drain().map_err(internal)?
@@ -200,10 +197,15 @@ async fn work(args: WorkerArgs) -> Result<(Summary, bool), WorkerError> {
     Ok((summary, stopped))
 }
 
-/// The parent holds the other end of standard input: it closes when the parent dies, in whatever way.
-fn exit_with_parent() {
-    let _ = std::io::copy(&mut std::io::stdin().lock(), &mut std::io::sink());
-    std::process::exit(exit::DONE.into());
+/// End this process when its parent does. The parent holds the other end of standard input: it closes when the parent
+/// dies, in whatever way.
+pub fn end_with_parent() -> std::io::Result<()> {
+    let wait = || {
+        let _ = std::io::copy(&mut std::io::stdin().lock(), &mut std::io::sink());
+        std::process::exit(exit::DONE.into());
+    };
+    std::thread::Builder::new().name("parent".into()).spawn(wait)?;
+    Ok(())
 }
 
 fn machine_name() -> String {

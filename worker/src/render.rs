@@ -29,12 +29,14 @@ impl Prepared {
         if bad > 0 {
             return Err(format!("{bad} pixel values are not finite"));
         }
-        let count = image.layers.len();
-        let leaf = Node::leaf(pass_index, image.film).with_layers(image.layers);
+        let leaf = Node::leaf(pass_index, image.film)
+            .with_layers(image.layers)
+            .with_mattes(image.mattes);
         let mut node = leaf.with_radius_scale(image.radius_scale);
         let (width, height) = (node.sum.width, node.sum.height);
         // Looked at here, so that the pass can be named and not only the block.
-        node.check(width, height, count).map_err(|error| error.to_string())?;
+        node.check(width, height, node.layer_counts())
+            .map_err(|error| error.to_string())?;
         while nodes.last().is_some_and(|left| left.block == node.block.sibling())
             && node.block.index % 2 == 1
             && let Some(left) = nodes.pop()

@@ -25,7 +25,7 @@ use crate::plausible::Plausible;
 use crate::rarely::Rarely;
 use beamfarm_image::bundle::Bundle;
 use beamfarm_image::job::{Block, JobSettings, MAX_PASSES};
-use beamfarm_image::layer::Layer;
+use beamfarm_image::layer::{Layer, LayerCounts};
 use beamfarm_image::merge::TreeSum;
 use beamfarm_image::radius::Schedule;
 use beamfarm_proto::bytes::Bytes;
@@ -171,7 +171,7 @@ impl Farm {
         let mut ledger = Ledger::new(rules, 1);
         let empty = || {
             TreeSum::new(job.width, job.height)
-                .with_layers(job.layers.len())
+                .with_layers(LayerCounts::of(&job.layers))
                 .with_first_pass(spec.first_pass)
                 .with_fence(0)
         };

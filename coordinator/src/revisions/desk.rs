@@ -8,6 +8,7 @@
 use super::ladder::{Ladder, Step};
 use beamfarm_image::film::Film;
 use beamfarm_image::job::JobSettings;
+use beamfarm_image::layer::LayerCounts;
 use beamfarm_image::merge::{Node, TreeSum};
 use beamfarm_image::radius::Schedule;
 use beamfarm_proto::{RevisionNumber, Task, TaskNumber, Work, WorkerId};
@@ -308,7 +309,7 @@ impl Desk {
                 let scale = Schedule::new(&passes.job.settings).scale(pass_index);
                 let node = Node::leaf(pass_index, film.clone());
                 let inserted = node
-                    .check(passes.job.width, passes.job.height, 0)
+                    .check(passes.job.width, passes.job.height, LayerCounts::default())
                     .and_then(|()| passes.sum.insert(node.with_radius_scale(scale)));
                 if let Err(error) = inserted {
                     passes.returned.insert(pass_index);

@@ -7,6 +7,8 @@ use crate::farm::Snapshot;
 use beamfarm_image::bias::RadiusSums;
 use beamfarm_image::film::Film;
 use beamfarm_image::job::{Block, PassStats};
+use beamfarm_image::layer::LayerCounts;
+use beamfarm_image::matte::Matte;
 use beamfarm_image::merge::{Errors, Node, PERCENTILES, TreeSum};
 use std::io::{self, Read, Seek, SeekFrom, Write};
 
@@ -44,8 +46,8 @@ pub struct Shape {
     pub width: u32,
     /// Rows.
     pub height: u32,
-    /// Number of layers.
-    pub layers: usize,
+    /// Numbers of layers.
+    pub layers: LayerCounts,
     /// First pass.
     pub first_pass: u64,
     /// Of the job's description.
@@ -58,7 +60,7 @@ impl Shape {
         Self {
             width: description.width,
             height: description.height,
-            layers: description.layers.len(),
+            layers: LayerCounts::of_names(&description.layers),
             first_pass: description.first_pass,
             digest: description.digest(),
         }
@@ -196,6 +198,13 @@ impl Checkpoint {
             }
             for layer in &node.layers {
                 write_film(layer, out)?;
+            }
+            for matte in &node.mattes {
+                let bytes = matte
+                    .to_bytes()
+                    .ok_or_else(|| io::Error::other("too many objects or materials in its pixels"))?;
+                out.write_all(&(bytes.len() as u64).to_le_bytes())?;
+                out.write_all(&bytes)?;
             }
             match &node.radius_sums {
                 None => out.write_all(&[0])?,
@@ -352,6 +361,20 @@ impl<R: Read> Input<R> {
         Ok(film)
     }
 
+    fn matte(&mut self, shape: &Shape) -> Result<Matte, Damage> {
+        let pixels = shape.width as usize * shape.height as usize;
+        let length = self.u64()?;
+        if length > Matte::max_bytes(pixels) as u64 {
+            return damaged(format!("a matte of {length} bytes"));
+        }
+        let mut bytes = vec![0; length as usize];
+        self.0.read_exact(&mut bytes)?;
+        match Matte::from_bytes(&bytes, pixels) {
+            Some((matte, read)) if read == bytes.len() => Ok(matte),
+            _ => damaged("a matte that says more than it holds"),
+        }
+    }
+
     fn node(&mut self, shape: &Shape) -> Result<Node, Damage> {
         let (level, index) = (self.u32()?, self.u64()?);
         let Some(block) = Block::new(level, index) else {
@@ -362,8 +385,10 @@ impl<R: Read> Input<R> {
             0 => Film::new(shape.width, shape.height),
             _ => self.film(shape)?,
         };
-        let layers = (0..shape.layers).map(|_| self.film(shape));
+        let layers = (0..shape.layers.films).map(|_| self.film(shape));
         let layers = layers.collect::<io::Result<_>>()?;
+        let mattes = (0..shape.layers.mattes).map(|_| self.matte(shape));
+        let mattes = mattes.collect::<Result<_, _>>()?;
         let radius_sums = match self.array()? {
             [0] => None,
             _ => {
@@ -377,6 +402,7 @@ impl<R: Read> Input<R> {
             sum,
             squared_difference,
             layers,
+            mattes,
             radius_sums,
         })
     }

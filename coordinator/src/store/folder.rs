@@ -348,6 +348,22 @@ pub(super) fn lock(path: &Path) -> Result<File, StoreError> {
     }
 }
 
+impl Folder {
+    /// The scene of a job that somebody else may write to.
+    pub fn bundle(path: &Path, description: &Description) -> Result<Bundle, StoreError> {
+        let mut bundle = Bundle {
+            scene: description.scene_file.clone(),
+            ..Bundle::default()
+        };
+        for part in &description.files {
+            let file = path.join(SCENE).join(&part.hash);
+            let bytes = fs::read(&file).map_err(StoreError::io(&file))?;
+            bundle.files.insert(part.path.clone(), bytes);
+        }
+        Ok(bundle)
+    }
+}
+
 /// The text of the scene file that a directory holds.
 fn read_scene(path: &Path, description: &Description) -> Option<String> {
     let file = path.join(SCENE).join(description.scene_hash()?);

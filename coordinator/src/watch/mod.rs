@@ -11,6 +11,7 @@ pub(crate) mod views;
 pub use meter::{Meter, Rates};
 
 use crate::farm::{Farm, Progress};
+use beamfarm_image::exr::Names;
 use beamfarm_image::job::MAX_PASSES;
 use beamfarm_proto::Job;
 use beamfarm_proto::wire;
@@ -45,6 +46,8 @@ pub struct Terms {
     pub exposure: f32,
     /// Whether the scene has photons dropped that miss all targets: the image is biased, and says so.
     pub drops_photons: bool,
+    /// What its mattes tell apart.
+    pub names: Names,
 }
 
 /// The estimated error when so many passes were complete.

@@ -3,7 +3,7 @@
 use super::heat;
 use beamfarm_image::error::ImageError;
 use beamfarm_image::film::Film;
-use beamfarm_image::layer::Layer;
+use beamfarm_image::layer::{Layer, distance};
 use beamfarm_image::merge::Average;
 use beamfarm_image::png::{encode_png, encode_rgb};
 
@@ -106,18 +106,30 @@ fn encode_layer(layer: &Layer, film: &Film, stops: f32, curve: Curve) -> Result<
             encode_rgb(film.width, film.height, &data)
         }
         Layer::Albedo => encode_png(film, 0.0),
+        // Which have no film, and so none is shown.
+        Layer::Objects | Layer::Materials => encode_rgb(film.width, film.height, &vec![0; 3 * film.pixels.len()]),
+        Layer::Alpha => encode_grey(film, |pixel| pixel[0]),
+        Layer::Depth => {
+            let most = film.pixels.iter().map(distance).filter(|z| z.is_finite());
+            let most = most.fold(0.0, f32::max);
+            encode_grey(film, |pixel| distance(pixel) / most)
+        }
         // One number a pixel: against the largest.
-        Layer::Depth | Layer::BeamDensity | Layer::Targets => {
+        Layer::BeamDensity | Layer::Targets => {
             let most = film.pixels.iter().map(|[v, ..]| *v).fold(0.0, f32::max);
             let scale = if most > 0.0 { 1.0 / most } else { 0.0 };
-            let mut grey = film.clone();
-            for pixel in &mut grey.pixels {
-                *pixel = [pixel[0] * scale; 3];
-            }
-            encode_png(&grey, 0.0)
+            encode_grey(film, |pixel| pixel[0] * scale)
         }
         Layer::Direct | Layer::Surface | Layer::Volume | Layer::Light(_) => encode_radiance(film, stops, curve),
     }
+}
+
+fn encode_grey(film: &Film, value: impl Fn(&[f32; 3]) -> f32) -> Result<Vec<u8>, ImageError> {
+    let mut grey = film.clone();
+    for pixel in &mut grey.pixels {
+        *pixel = [value(pixel).min(1.0); 3];
+    }
+    encode_png(&grey, 0.0)
 }
 
 fn false_colour(film: &Film, stops: f32) -> Result<Vec<u8>, ImageError> {

@@ -40,12 +40,14 @@ pub(super) async fn exr(State(web): State<Arc<Web>>, Query(asked): Query<Asked>)
     let farm = web.watch.farm();
     let meta = ImageMeta {
         scene: farm.job().scene,
+        scene_file: None,
         maker: Maker::Passes(farm.job().settings),
         render_seconds: web.watch.elapsed_in_all().as_secs_f64(),
         version: VERSION.into(),
         layers: farm.job().layers.clone(),
         standard_error: true,
         drops_photons: web.watch.terms().drops_photons,
+        names: web.watch.terms().names.clone(),
     };
     let passes = picture.average.passes.to_string();
     let encoded = tokio::task::spawn_blocking(move || encode_image(&picture.average, &meta)).await;

@@ -119,6 +119,53 @@ fn commands_do_not_write_over_each_others_images() {
     succeed(folder, &["render", "scene.toml"]);
 }
 
+/// Mitsuba's scenes are all called scene.xml.
+#[test]
+fn scenes_of_one_name_in_two_folders_have_two_images() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    for name in ["fog", "smoke"] {
+        std::fs::create_dir(folder.join(name)).unwrap();
+    }
+    std::fs::write(folder.join("fog/scene.toml"), scene(SIZE, 2, 200)).unwrap();
+    std::fs::write(folder.join("smoke/scene.toml"), scene(SIZE, 2, 300)).unwrap();
+    let fog = pixels(&succeed(folder, &["render", "fog/scene.toml"]));
+    let image = |name: &str| std::fs::read(folder.join(name)).unwrap();
+    let of_fog = image("scene.exr");
+    let smoke = pixels(&succeed(folder, &["render", "smoke/scene.toml"]));
+    assert_ne!(fog, smoke);
+    assert_eq!(image("scene.exr"), of_fog);
+    assert!(folder.join("smoke-scene.png").exists());
+    // By whichever way, and although the plain name is free again.
+    std::fs::remove_file(folder.join("scene.exr")).unwrap();
+    let above = folder.join("fog/../smoke/scene.toml");
+    succeed(folder, &["render", above.to_str().unwrap()]);
+    assert!(!folder.join("scene.exr").exists());
+    succeed(folder, &["render", "fog/scene.toml"]);
+    assert_eq!(
+        attribute(&folder.join("scene.exr"), "beamfarmSceneFile"),
+        "fog/scene.toml"
+    );
+    // The job's folder goes with the image.
+    succeed(
+        folder,
+        &[
+            "render",
+            "smoke/scene.toml",
+            "--passes",
+            "1",
+            "--job",
+            "smoke-scene.job",
+        ],
+    );
+    let said = succeed(folder, &["render", "smoke/scene.toml", "--passes", "3"]);
+    assert_eq!(
+        attribute(&folder.join("smoke-scene.exr"), "beamfarmPasses"),
+        "3",
+        "{said}"
+    );
+}
+
 #[test]
 fn shells_and_man_know_the_command() {
     let folder = tempfile::tempdir().unwrap();

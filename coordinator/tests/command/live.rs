@@ -22,11 +22,18 @@ struct View {
     /// The last of each kind of message, and the header of the last picture.
     last: std::collections::BTreeMap<String, Value>,
     pictures: Vec<Value>,
+    /// Radiance of the last picture, where it is asked for.
+    linear: Option<Vec<f32>>,
     seq: u64,
 }
 
 impl View {
     fn of(folder: &TempDir, args: &[&str]) -> Self {
+        Self::as_asked(folder, args, "/look")
+    }
+
+    /// `path`: of the socket, with how pictures are wanted.
+    fn as_asked(folder: &TempDir, args: &[&str], path: &str) -> Self {
         let all = [&["live", "scene.toml", "--listen", "127.0.0.1:0"], args].concat();
         let mut command = beamfarm(folder.path(), &all);
         command.env("BEAMFARM_TOKEN", TOKEN);
@@ -34,11 +41,12 @@ impl View {
         let page = process.log.wait_for("page: http://");
         let address = page.trim_end_matches('/').to_owned();
         let mut view = Self {
-            socket: connect(&address, Some(TOKEN)).unwrap(),
+            socket: connect(&address, path, Some(TOKEN)).unwrap(),
             _process: process,
             address,
             last: Default::default(),
             pictures: Vec::new(),
+            linear: path.ends_with("linear").then(Vec::new),
             seq: 0,
         };
         view.say(json!({"type": "size", "width": 64}));
@@ -72,7 +80,16 @@ impl View {
             Message::Binary(bytes) => {
                 let size = u32::from_le_bytes(bytes[..4].try_into().unwrap()) as usize;
                 let header: Value = serde_json::from_slice(&bytes[4..4 + size]).unwrap();
-                assert_eq!(bytes[4 + size..4 + size + 2], [0xff, 0xd8], "a JPEG");
+                let pixels = &bytes[4 + size..];
+                match &mut self.linear {
+                    Some(linear) => {
+                        let values = pixels.as_chunks::<4>().0.iter();
+                        *linear = values.map(|value| f32::from_le_bytes(*value)).collect();
+                        let area = header["width"].as_u64().unwrap() * header["height"].as_u64().unwrap();
+                        assert_eq!(pixels.len() as u64, 12 * area, "three floats a pixel");
+                    }
+                    None => assert_eq!(pixels[..2], [0xff, 0xd8], "a JPEG"),
+                }
                 self.say(json!({"type": "drawn", "frame": header["frame"]}));
                 self.pictures.push(header);
             }
@@ -109,8 +126,8 @@ impl View {
     }
 }
 
-fn connect(address: &str, token: Option<&str>) -> Result<WebSocket<MaybeTlsStream<TcpStream>>, String> {
-    let mut request = format!("ws://{address}/look").into_client_request().unwrap();
+fn connect(address: &str, path: &str, token: Option<&str>) -> Result<WebSocket<MaybeTlsStream<TcpStream>>, String> {
+    let mut request = format!("ws://{address}{path}").into_client_request().unwrap();
     if let Some(token) = token {
         let value = format!("Bearer {token}").parse().unwrap();
         request.headers_mut().insert("authorization", value);
@@ -200,6 +217,34 @@ fn at_rest_it_has_the_bits_of_render() {
     assert_eq!(hash(&seen), hash(&folder.path().join("rendered.exr")));
 }
 
+/// Programs with a tone curve of their own get what `render` writes, and say themselves when they have written files.
+#[test]
+fn programs_get_radiance_and_say_when_files_are_written() {
+    let text = scene(SCENE, 3, 300);
+    let folder = folder_with(&text);
+    let mut view = View::as_asked(&folder, &[], "/look?pixels=linear");
+    view.hear_picture("a sketch", |_| true);
+    replace(
+        &folder.path().join("scene.toml"),
+        &text.replace("fov = 50.0", "fov = 40.0"),
+    );
+    let seq = view.change(json!({"type": "written"}));
+    view.hear_picture("all passes", |picture| picture["seq"] == seq && picture["passes"] == 3);
+    succeed(folder.path(), &["render", "scene.toml", "-o", "out.exr", "--quiet"]);
+    let film = read_rgb(&folder.path().join("out.exr")).unwrap();
+    assert_eq!(view.linear.as_deref(), Some(film.pixels.as_flattened()));
+
+    // An error is told with the number of who wrote it.
+    replace(
+        &folder.path().join("scene.toml"),
+        &text.replace("fov = 50.0", "fov = true"),
+    );
+    let seq = view.change(json!({"type": "written"}));
+    view.hear_until("an error", |view| (view.last.get("error")?["seq"] == seq).then_some(()));
+    let nonsense = connect(&view.address, "/look?pixels=none", Some(TOKEN));
+    assert!(nonsense.unwrap_err().contains("400"));
+}
+
 #[test]
 fn what_cannot_be_is_told_and_taken_back() {
     let folder = folder_with(&scene(SCENE, 2, 300));
@@ -279,9 +324,9 @@ fn a_job_is_begun_of_what_is_seen() {
 fn strangers_see_nothing_and_workers_may_come_and_go() {
     let folder = folder_with(&scene(SCENE, 3, 300));
     let mut view = View::of(&folder, &["--workers", "0"]);
-    assert!(connect(&view.address, None).unwrap_err().contains("401"));
+    assert!(connect(&view.address, "/look", None).unwrap_err().contains("401"));
     assert!(
-        connect(&view.address, Some("another-token-than-it"))
+        connect(&view.address, "/look", Some("another-token-than-it"))
             .unwrap_err()
             .contains("401")
     );

@@ -9,6 +9,7 @@ mod chaos;
 mod edits;
 mod live;
 mod logs;
+mod lone_gltf;
 mod look;
 mod runs;
 mod scenes;

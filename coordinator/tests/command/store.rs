@@ -141,7 +141,14 @@ fn a_finished_job_can_have_more_passes() {
 /// Jobs a, b and c that make a whole one of 12 passes, and d, which is part of another.
 fn render_parts(path: &Path) {
     let part = |job: &str, first: &str, passes: &str, more: &[&str]| {
-        let mut args = vec!["render", "scene.toml", "--job", job, "--aov", "depth,stderr"];
+        let mut args = vec![
+            "render",
+            "scene.toml",
+            "--job",
+            job,
+            "--aov",
+            "depth,stderr,crypto_object",
+        ];
         args.extend(["--first-pass", first, "--passes", passes]);
         args.extend(more);
         succeed(path, &args)
@@ -172,7 +179,7 @@ fn jobs_of_disjoint_passes_make_one_image() {
             "-o",
             "whole.exr",
             "--aov",
-            "depth,stderr",
+            "depth,stderr,crypto_object",
         ],
     );
     render_parts(path);
@@ -201,7 +208,7 @@ fn merge_into_a_job_that_goes_on(path: &Path, whole: &str) {
     let (code, stderr) = fail(path, &merge);
     assert_eq!(code, 2);
     assert!(stderr.contains("all.job: there is a job already"), "{stderr}");
-    let aov = ["render", "scene.toml", "--aov", "depth,stderr"];
+    let aov = ["render", "scene.toml", "--aov", "depth,stderr,crypto_object"];
     let again = ["--resume", "--job", "all.job", "-o", "again.exr"];
     let again = succeed(path, &[&aov[..], &again].concat());
     assert!(again.contains("resuming all.job with 12 passes"), "{again}");

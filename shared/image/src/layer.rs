@@ -1,5 +1,6 @@
 //! Layers that a pass renders beside the beauty, when they are asked for.
 
+use crate::film::Film;
 use std::fmt;
 use std::str::FromStr;
 
@@ -10,8 +11,11 @@ const MAX_NAME: usize = 64;
 /// A layer: one image more of every pass, averaged as the beauty is.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Layer {
-    /// Distance of the first surface along the camera's axis, scene units; 0 where there is none. Boundaries of media
-    /// are no surfaces, here and for the next two.
+    /// Share of the pixel that surfaces and media cover: one less what of the light from all around gets through
+    /// straight. Glass covers.
+    Alpha,
+    /// Distance of the first surface along the camera's axis, scene units; infinite where there is none. Boundaries of
+    /// media are no surfaces, here and for the next two.
     Depth,
     /// Unit shading normal of the first surface in world space; 0 where there is none.
     Normal,
@@ -30,6 +34,65 @@ pub enum Layer {
     BeamDensity,
     /// Photon targets before the first surface, or on it.
     Targets,
+    /// Which objects cover the pixel: a [`Matte`](crate::matte::Matte), not a film. Such layers come last in a job.
+    Objects,
+    /// Which materials do.
+    Materials,
+}
+
+/// What a matte tells apart.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MatteKind {
+    /// Objects.
+    Objects,
+    /// Materials.
+    Materials,
+}
+
+/// How many layers a job has, of both kinds.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct LayerCounts {
+    /// Images of numbers, which come first.
+    pub films: usize,
+    /// Mattes.
+    pub mattes: usize,
+}
+
+impl LayerCounts {
+    /// Of these.
+    pub fn of(layers: &[Layer]) -> Self {
+        let mattes = layers.iter().filter(|layer| layer.matte().is_some()).count();
+        Self {
+            films: layers.len() - mattes,
+            mattes,
+        }
+    }
+
+    /// Of these by their names.
+    pub fn of_names(names: &[String]) -> Self {
+        let layers: Vec<Layer> = names.iter().filter_map(|name| name.parse().ok()).collect();
+        Self {
+            films: names.len() - Self::of(&layers).mattes,
+            ..Self::of(&layers)
+        }
+    }
+}
+
+impl From<usize> for LayerCounts {
+    /// So many films.
+    fn from(films: usize) -> Self {
+        Self { films, mattes: 0 }
+    }
+}
+
+impl fmt::Display for LayerCounts {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} layers", self.films)?;
+        match self.mattes {
+            0 => Ok(()),
+            mattes => write!(f, " and {mattes} mattes"),
+        }
+    }
 }
 
 /// Name of a group of lights: 1 to 64 letters, digits, and `_`, `-`, `+`, `#`, `:`, `[`, `]`, `(`, `)` or space.
@@ -60,10 +123,22 @@ fn is_plain(c: char) -> bool {
 pub struct LayerError(String);
 
 impl Layer {
-    /// Names of its channels, without the layer's: their number is that of the values of a pixel that it uses.
+    /// Whether it is a [`Matte`](crate::matte::Matte), and which.
+    pub fn matte(&self) -> Option<MatteKind> {
+        match self {
+            Self::Objects => Some(MatteKind::Objects),
+            Self::Materials => Some(MatteKind::Materials),
+            _ => None,
+        }
+    }
+
+    /// Names of a block's channels, without the layer's: their number is that of the values of a pixel that it uses.
     pub fn channels(&self) -> &'static [&'static str] {
         match self {
-            Self::Depth => &["Z"],
+            Self::Alpha => &["A"],
+            Self::Objects | Self::Materials => &[],
+            // No sum may hold infinities: the distance counts as often as there is one.
+            Self::Depth => &["Z", "coverage"],
             Self::BeamDensity | Self::Targets => &["Y"],
             Self::Normal => &["X", "Y", "Z"],
             _ => &["R", "G", "B"],
@@ -71,9 +146,36 @@ impl Layer {
     }
 }
 
+impl Layer {
+    /// The channels of a final image, whole names, each with its values: of the layer's mean.
+    pub fn in_image(&self, mean: &Film) -> Vec<(String, Vec<f32>)> {
+        let values = |value: &dyn Fn(&[f32; 3]) -> f32| mean.pixels.iter().map(value).collect();
+        match self {
+            // Where viewers and compositors look for it.
+            Self::Alpha => vec![("A".into(), values(&|pixel| pixel[0].clamp(0.0, 1.0)))],
+            Self::Depth => vec![(format!("{self}.Z"), values(&distance))],
+            _ => {
+                let channels = self.channels().iter().enumerate();
+                channels
+                    .map(|(c, name)| (format!("{self}.{name}"), values(&|pixel| pixel[c])))
+                    .collect()
+            }
+        }
+    }
+}
+
+/// The mean distance of the share of a pixel that has one: infinite where there is none.
+pub fn distance([z, coverage, _]: &[f32; 3]) -> f32 {
+    match *coverage > 0.0 {
+        true => z / coverage,
+        false => f32::INFINITY,
+    }
+}
+
 impl fmt::Display for Layer {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
+            Self::Alpha => "alpha",
             Self::Depth => "depth",
             Self::Normal => "normal",
             Self::Albedo => "albedo",
@@ -82,6 +184,8 @@ impl fmt::Display for Layer {
             Self::Volume => "volume",
             Self::BeamDensity => "beam_density",
             Self::Targets => "targets",
+            Self::Objects => "crypto_object",
+            Self::Materials => "crypto_material",
             Self::Light(group) => return write!(f, "light_{}", group.0),
         })
     }
@@ -92,6 +196,7 @@ impl FromStr for Layer {
 
     fn from_str(name: &str) -> Result<Self, LayerError> {
         Ok(match name {
+            "alpha" => Self::Alpha,
             "depth" => Self::Depth,
             "normal" => Self::Normal,
             "albedo" => Self::Albedo,
@@ -100,6 +205,8 @@ impl FromStr for Layer {
             "volume" => Self::Volume,
             "beam_density" => Self::BeamDensity,
             "targets" => Self::Targets,
+            "crypto_object" => Self::Objects,
+            "crypto_material" => Self::Materials,
             _ => match name.strip_prefix("light_") {
                 Some(group) if LightGroup::named(group).0 == group => Self::Light(LightGroup(group.into())),
                 _ => {
@@ -111,7 +218,7 @@ impl FromStr for Layer {
     }
 }
 
-/// The layers of these names, each once.
+/// The layers of these names, each once, mattes last.
 pub fn parse_all<'a>(names: impl ExactSizeIterator<Item = &'a str>) -> Result<Vec<Layer>, LayerError> {
     let count = names.len();
     if count > MAX_LAYERS {
@@ -119,9 +226,12 @@ pub fn parse_all<'a>(names: impl ExactSizeIterator<Item = &'a str>) -> Result<Ve
     }
     let mut layers = Vec::with_capacity(count);
     for name in names {
-        let layer = name.parse()?;
+        let layer: Layer = name.parse()?;
         if layers.contains(&layer) {
             return Err(LayerError(format!("{layer}, a second time")));
+        }
+        if layer.matte().is_none() && layers.iter().any(|before| before.matte().is_some()) {
+            return Err(LayerError(format!("{layer}, after a matte")));
         }
         layers.push(layer);
     }
@@ -133,8 +243,19 @@ mod tests {
     use super::*;
 
     #[test]
+    fn distances_are_those_of_the_share_that_has_one() {
+        let mut mean = Film::new(3, 1);
+        mean.pixels = vec![[0.0; 3], [1.5, 0.25, 0.0], [3.0, 1.0, 0.0]];
+        let channels = Layer::Depth.in_image(&mean);
+        assert_eq!(channels, [("depth.Z".to_string(), vec![f32::INFINITY, 6.0, 3.0])]);
+        mean.pixels = vec![[-0.1, 0.0, 0.0], [0.5, 0.0, 0.0], [1.01, 0.0, 0.0]];
+        assert_eq!(Layer::Alpha.in_image(&mean), [("A".to_string(), vec![0.0, 0.5, 1.0])]);
+    }
+
+    #[test]
     fn names_are_read_as_they_are_written() {
         let layers = [
+            Layer::Alpha,
             Layer::Depth,
             Layer::Normal,
             Layer::Albedo,
@@ -146,9 +267,11 @@ mod tests {
             Layer::Light(LightGroup::named("key light")),
             Layer::Light(LightGroup::named("")),
             Layer::Light(LightGroup::named("a.b/ü")),
+            Layer::Objects,
+            Layer::Materials,
         ];
         let names = layers.each_ref().map(Layer::to_string);
-        assert_eq!(names[10], "light_a_b__");
+        assert_eq!(names[11], "light_a_b__");
         let read = parse_all(names.iter().map(String::as_str)).unwrap();
         assert_eq!(read, layers);
         for bad in ["", "beauty", "Depth", "light_", "light_a.b"] {
@@ -157,5 +280,8 @@ mod tests {
         let long = format!("light_{}", "x".repeat(MAX_NAME + 1));
         assert!(long.parse::<Layer>().is_err());
         assert!(parse_all(["depth", "depth"].into_iter()).is_err());
+        assert!(parse_all(["crypto_object", "depth"].into_iter()).is_err());
+        let counts = LayerCounts::of(&layers);
+        assert_eq!(counts.to_string(), "12 layers and 2 mattes");
     }
 }

@@ -20,6 +20,7 @@ pub mod film;
 pub mod job;
 pub mod jpeg;
 pub mod layer;
+pub mod matte;
 pub mod merge;
 pub mod metrics;
 pub mod png;

@@ -4,6 +4,7 @@
 
 use beamfarm_image::film::Film;
 use beamfarm_image::job::{Block, MAX_PASSES};
+use beamfarm_image::layer::LayerCounts;
 use beamfarm_image::merge::{Average, MAX_RADIANCE, MergeError, Node, REPLICATION, TreeSum, next_boundary};
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
@@ -482,7 +483,7 @@ fn bad_values_are_counted_named_and_refused() {
 fn the_brightest_passes_stay_finite() {
     let sum = sum_of(4, |pass| if pass % 2 == 0 { MAX_RADIANCE } else { -MAX_RADIANCE });
     let node = sum.nodes().next().unwrap();
-    node.check(1, 1, 0).unwrap();
+    node.check(1, 1, LayerCounts::default()).unwrap();
     assert_eq!(node.squared_difference.pixels[0], [f32::MAX; 3]);
     let sum = sum_of(7, |_| MAX_RADIANCE);
     assert_eq!(sum.average().unwrap().beauty.pixels[0], [MAX_RADIANCE; 3]);

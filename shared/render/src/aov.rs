@@ -1,10 +1,12 @@
 //! The layers that were asked for: which lights belong to which, and what a camera path adds to them.
 
+use crate::geometry::Object;
 use crate::light::Light;
 use crate::math::{Rgb, Vec3};
 use crate::world::Scene;
 use crate::world::SceneDescription;
-use beamfarm_image::layer::Layer;
+use beamfarm_image::layer::{Layer, MatteKind};
+use beamfarm_image::matte::{NOTHING, id_of_name};
 use std::num::NonZeroU16;
 
 /// Layers, and which lights belong to which.
@@ -16,6 +18,8 @@ pub struct LayerPlan {
     groups: Vec<usize>,
     /// By light, when there are groups: the number of its group.
     group_of_light: Vec<Option<GroupNumber>>,
+    /// Of each matte among the layers, by object: what its pixels hold.
+    ids: Vec<Vec<u32>>,
 }
 
 /// Number of a group of lights among those that have a layer.
@@ -58,6 +62,18 @@ impl LayerPlan {
                 plan.groups.push(i);
             }
         }
+        let (objects, description) = (scene.objects().iter(), scene.description());
+        plan.ids = layers
+            .iter()
+            .filter_map(Layer::matte)
+            .map(|kind| {
+                let id = |object: &Object| match kind {
+                    MatteKind::Objects => id_of_name(&object.name),
+                    MatteKind::Materials => id_of_name(description.material_name(object.material)),
+                };
+                objects.clone().map(id).collect()
+            })
+            .collect();
         if plan.groups.is_empty() {
             return Ok(plan);
         }
@@ -68,6 +84,21 @@ impl LayerPlan {
         };
         plan.group_of_light = scene.lights().iter().map(number).collect();
         Ok(plan)
+    }
+
+    /// The layers that are images of numbers.
+    pub fn films(&self) -> &[Layer] {
+        &self.layers[..self.layers.len() - self.ids.len()]
+    }
+
+    /// Number of mattes.
+    pub fn mattes(&self) -> usize {
+        self.ids.len()
+    }
+
+    /// What a matte holds where this object is met.
+    pub(crate) fn id(&self, matte: usize, object: Option<u32>) -> u32 {
+        object.map_or(NOTHING, |object| self.ids[matte][object as usize])
     }
 
     /// Number of the group that a light belongs to, if that has a layer.
@@ -119,6 +150,10 @@ pub fn light_layers(description: &SceneDescription) -> Vec<Layer> {
 pub struct Parts {
     /// Distance of the first surface along the camera's axis, its shading normal, and its albedo.
     pub first: Option<(f32, Vec3, Rgb)>,
+    /// The object that it belongs to.
+    pub object: Option<u32>,
+    /// What of the light from all around gets through straight.
+    pub let_through: f32,
     /// See [`Layer::Direct`].
     pub direct: Rgb,
     /// See [`Layer::Surface`].
@@ -156,7 +191,9 @@ impl Parts {
     pub fn value(&self, layer: &Layer, group: Option<usize>) -> [f32; 3] {
         let first = |value: fn(&(f32, Vec3, Rgb)) -> Vec3| self.first.as_ref().map_or(Vec3::ZERO, value);
         let value = match layer {
-            Layer::Depth => first(|f| Vec3::new(f.0, 0.0, 0.0)),
+            Layer::Alpha => Vec3::new(1.0 - self.let_through, 0.0, 0.0),
+            Layer::Objects | Layer::Materials => Vec3::ZERO,
+            Layer::Depth => first(|f| Vec3::new(f.0, 1.0, 0.0)),
             Layer::Normal => first(|f| f.1),
             Layer::Albedo => first(|f| f.2),
             Layer::Direct => self.direct,
@@ -240,11 +277,22 @@ impl<'a> Recorder<'a> {
         }
     }
 
+    /// The path has met nothing: with what throughput, if there was no surface before.
+    #[inline]
+    pub fn meets_nothing(&mut self, throughput: Rgb) {
+        if let Some(parts) = &mut self.parts
+            && parts.first.is_none()
+        {
+            parts.let_through = throughput.element_sum() / 3.0;
+        }
+    }
+
     /// The first surface that the path meets: later ones do not count.
     #[inline]
-    pub fn first_surface(&mut self, surface: impl FnOnce() -> (f32, Vec3, Rgb)) {
+    pub fn first_surface(&mut self, object: u32, surface: impl FnOnce() -> (f32, Vec3, Rgb)) {
         if let Some(parts) = &mut self.parts {
             parts.first.get_or_insert_with(surface);
+            parts.object.get_or_insert(object);
         }
     }
 }

@@ -42,6 +42,7 @@ pub mod plan;
 pub mod reference;
 pub mod rules;
 pub mod sampler;
+pub mod scalar;
 pub mod sight;
 pub mod targeting;
 pub mod texture;

@@ -14,6 +14,7 @@ use crate::transport::{CameraTracer, PathContext};
 use crate::world::Scene;
 use beamfarm_image::film::Film;
 use beamfarm_image::job::PassStats;
+use beamfarm_image::matte::{Matte, NOTHING};
 use beamfarm_image::radius::Schedule;
 use rayon::prelude::*;
 use std::ops::AddAssign;
@@ -25,6 +26,8 @@ pub struct PassImage {
     pub film: Film,
     /// What the plan has beside it, in its order.
     pub layers: Vec<Film>,
+    /// The mattes among them.
+    pub mattes: Vec<Matte>,
     /// What kernel radii of the pass were scaled by.
     pub radius_scale: f64,
     /// Counters.
@@ -119,13 +122,19 @@ impl PassPhotons {
     }
 
     fn picture<V: Sight>(&self, pass: &CameraPass<'_, V>) -> PassImage {
-        let Picture { film, layers, work } = pass.render();
+        let Picture {
+            film,
+            layers,
+            mattes,
+            work,
+        } = pass.render();
         let mut stats = self.stats;
         stats.beam_evaluations = work.evaluations;
         stats.non_finite = layers.iter().chain([&film]).map(Film::non_finite).sum();
         PassImage {
             film,
             layers,
+            mattes,
             radius_scale: Schedule::new(&pass.tracer.plan.settings).scale(pass.pass_index),
             stats,
             photon_rays: self.rays,
@@ -225,6 +234,7 @@ struct Scratch {
 struct Tile {
     radiance: [Rgb; TILE_PIXELS],
     layers: Vec<[[f32; 3]; TILE_PIXELS]>,
+    mattes: Vec<[u32; TILE_PIXELS]>,
     work: CameraWork,
 }
 
@@ -232,6 +242,7 @@ struct Tile {
 struct Picture {
     film: Film,
     layers: Vec<Film>,
+    mattes: Vec<Matte>,
     work: CameraWork,
 }
 
@@ -239,7 +250,8 @@ impl<V: Sight> CameraPass<'_, V> {
     fn render(&self) -> Picture {
         let camera = &self.tracer.scene.description().camera;
         let mut film = Film::new(camera.width, camera.height);
-        let mut layers = vec![film.clone(); self.tracer.plan.layers.layers.len()];
+        let mut layers = vec![film.clone(); self.tracer.plan.layers.films().len()];
+        let mut ids = vec![vec![NOTHING; film.pixels.len()]; self.tracer.plan.layers.mattes()];
         let columns = camera.width.div_ceil(TILE);
         let rows = camera.height.div_ceil(TILE);
         let tiles: Vec<Tile> = (0..columns * rows)
@@ -262,6 +274,9 @@ impl<V: Sight> CameraPass<'_, V> {
                     for (layer, pixels) in layers.iter_mut().zip(&tile.layers) {
                         layer.pixels[at] = pixels[i];
                     }
+                    for (ids, pixels) in ids.iter_mut().zip(&tile.mattes) {
+                        ids[at] = pixels[i];
+                    }
                 }
             }
         }
@@ -272,7 +287,12 @@ impl<V: Sight> CameraPass<'_, V> {
         } else if let Some(offset) = self.offset() {
             camera.filter.reconstruct(layers.iter_mut().chain([&mut film]), offset);
         }
-        Picture { film, layers, work }
+        Picture {
+            film,
+            layers,
+            mattes: ids.iter().map(|ids| Matte::leaf(ids)).collect(),
+            work,
+        }
     }
 
     fn tile(&self, x0: u32, y0: u32, scratch: &mut Scratch) -> Tile {
@@ -334,7 +354,10 @@ impl<V: Sight> CameraPass<'_, V> {
         };
         Tile {
             radiance,
-            layers: plan.layers.iter().enumerate().map(values).collect(),
+            layers: plan.films().iter().enumerate().map(values).collect(),
+            mattes: (0..plan.mattes())
+                .map(|matte| std::array::from_fn(|i| plan.id(matte, parts[i].object)))
+                .collect(),
             work,
         }
     }

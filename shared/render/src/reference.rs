@@ -19,7 +19,7 @@
 //! missing from the picture). What it finds only by chance: caustics of small lights.
 
 use crate::aov::{LayerPlan, NoSuchGroup, Part, Parts, Recorder};
-use crate::bsdf::{Bsdf, BumpShadowing, TransportMode};
+use crate::bsdf::{Bsdf, BumpShadowing, Material, TransportMode};
 use crate::geometry::SurfaceHit;
 use crate::light::{LightChoice, LightHit, LightKind, LightSelector, LocalChoice};
 use crate::math::{Frame, Ray, Rgb, Vec3};
@@ -339,15 +339,15 @@ impl PathTracer<'_> {
                 break;
             };
             self.add_emitted(&mut path, &hit);
-            if scene.material(&hit).is_passed(hit.uv, || sampler.next_1d()) {
+            let Some(material) = scene.material(&hit).met(&hit.at, || sampler.next_1d()) else {
                 path.medium = scene.medium_beyond(&hit, path.ray.dir, path.medium);
                 path.ray = hit.spawn_ray(path.ray.dir);
                 if let Some(vertex) = &mut path.drawn_at {
                     vertex.distance += hit.t;
                 }
                 continue;
-            }
-            if !self.scatter_at_surface(&mut path, &mut hit, sampler) {
+            };
+            if !self.scatter_at_surface(&mut path, material, &mut hit, sampler) {
                 break;
             }
         }
@@ -432,16 +432,21 @@ impl PathTracer<'_> {
     }
 
     /// Scatter at a surface. False: the path ends here.
-    fn scatter_at_surface(&self, path: &mut Path, hit: &mut SurfaceHit, sampler: &mut Sampler) -> bool {
+    fn scatter_at_surface(
+        &self,
+        path: &mut Path,
+        material: &Material,
+        hit: &mut SurfaceHit,
+        sampler: &mut Sampler,
+    ) -> bool {
         let scene = self.scene;
         if path.depth >= self.max_depth {
             return false;
         }
-        let material = scene.material(hit);
         let wo = -path.ray.dir;
-        let bump_shadowing = scene.perturb_normal(hit, wo);
+        let bump_shadowing = scene.perturb_normal(material, hit, wo);
         let hit = &*hit;
-        let mut bsdf = material.bsdf(hit.uv);
+        let mut bsdf = material.bsdf(&hit.at);
         if bsdf.is_black() {
             return false;
         }
@@ -449,6 +454,11 @@ impl PathTracer<'_> {
         let local_wo = frame.to_local(wo);
         let rules = self.rules().filter(|_| path.is_seen);
         let mut sets = rules.map(|rules| rules.of_object[hit.object as usize]);
+        if let Some(sets) = &mut sets
+            && bsdf.is_matt()
+        {
+            sets.is_glossy = false;
+        }
         if let Some(sets) = &mut sets
             && sets.is_glossy
             && let Some(lobes) = bsdf.gloss_and_base()

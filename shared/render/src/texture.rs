@@ -29,6 +29,20 @@ pub enum Texture {
     },
 }
 
+/// Where a texture is looked up: what a surface says of one of its points.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct TexturePoint {
+    /// Texture coordinates.
+    pub uv: Vec2,
+}
+
+impl TexturePoint {
+    /// A point with these texture coordinates alone.
+    pub const fn of_uv(uv: Vec2) -> Self {
+        Self { uv }
+    }
+}
+
 /// How an image is interpolated.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum TextureFilter {
@@ -60,12 +74,15 @@ pub struct Image {
     pub height: u32,
     /// `width * height` pixels.
     pub pixels: Vec<Rgb>,
+    /// Opacities of the pixels, in [0, 1]; empty where all are 1.
+    pub alpha: Vec<f32>,
 }
 
 impl Texture {
-    /// The value at `uv`. Finite colours and pixels give finite values for any finite `uv`.
+    /// The value at a point. Finite colours and pixels give finite values for any finite coordinates.
     #[inline]
-    pub fn eval(&self, uv: Vec2) -> Rgb {
+    pub fn eval(&self, at: &TexturePoint) -> Rgb {
+        let uv = at.uv;
         match self {
             Self::Constant(c) => *c,
             Self::Image {
@@ -87,6 +104,19 @@ impl Texture {
 }
 
 impl Texture {
+    /// The least and the largest value of the first channel.
+    pub fn range_of_red(&self) -> [f32; 2] {
+        let over = |values: &mut dyn Iterator<Item = Rgb>| {
+            let start = [f32::INFINITY, f32::NEG_INFINITY];
+            values.fold(start, |[low, high], value| [low.min(value.x), high.max(value.x)])
+        };
+        match self {
+            Self::Constant(value) => [value.x; 2],
+            Self::Image { image, .. } => over(&mut image.pixels.iter().copied()),
+            Self::Checkerboard { colors, .. } => over(&mut colors.iter().copied()),
+        }
+    }
+
     /// Derivatives of the luminance by u and v. Zero where steps are all there is: in checkerboards, and in images that
     /// are not interpolated.
     pub fn gradient(&self, uv: Vec2) -> Vec2 {
@@ -220,6 +250,7 @@ mod tests {
     /// 3 x 2 pixels, numbered row by row from the top left.
     fn image() -> Image {
         Image {
+            alpha: Vec::new(),
             width: 3,
             height: 2,
             pixels: (0..6).map(|i| Rgb::splat(i as f32)).collect(),
@@ -274,7 +305,7 @@ mod tests {
                 for (u, v) in POINTS {
                     let uv = Vec2::new(u, v);
                     let slope = |axis: Vec2, d: f32| {
-                        let value = |t: f32| texture.eval(uv + axis * t).x;
+                        let value = |t: f32| texture.eval(&TexturePoint::of_uv(uv + axis * t)).x;
                         (value(d) - value(0.0)) / d
                     };
                     let gradient = texture.gradient(uv);
@@ -295,6 +326,7 @@ mod tests {
     #[test]
     fn any_finite_coordinate_is_finite() {
         let single = Image {
+            alpha: Vec::new(),
             width: 1,
             height: 1,
             pixels: vec![Rgb::ONE],
@@ -327,9 +359,9 @@ mod tests {
                                 wrap,
                                 image_from_uv,
                             };
-                            let value = texture(&image()).eval(Vec2::new(u, v)).x;
+                            let value = texture(&image()).eval(&TexturePoint::of_uv(Vec2::new(u, v))).x;
                             assert!((0.0..=5.0).contains(&value));
-                            assert_eq!(texture(&single).eval(Vec2::new(u, v)), Rgb::ONE);
+                            assert_eq!(texture(&single).eval(&TexturePoint::of_uv(Vec2::new(u, v))), Rgb::ONE);
                         }
                     }
                 }
@@ -399,7 +431,7 @@ mod tests {
                 image_from_uv,
             };
             for ((u, v), expected) in POINTS.into_iter().zip(values) {
-                let value = texture.eval(Vec2::new(u, v)).x / 8.0;
+                let value = texture.eval(&TexturePoint::of_uv(Vec2::new(u, v))).x / 8.0;
                 assert!(
                     (value - expected).abs() < 2e-6,
                     "{filter:?} {wrap:?} at {u} {v}: {value}, not {expected}"
@@ -412,7 +444,11 @@ mod tests {
                 squares_from_uv: map,
             };
             for ((u, v), expected) in POINTS.into_iter().zip(values) {
-                assert_eq!(texture.eval(Vec2::new(u, v)).x, expected, "{u} {v}");
+                assert_eq!(
+                    texture.eval(&TexturePoint::of_uv(Vec2::new(u, v))).x,
+                    expected,
+                    "{u} {v}"
+                );
             }
         }
     }

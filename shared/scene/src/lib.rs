@@ -1,5 +1,5 @@
-//! Scene files: native ones (TOML) and Mitsuba's (XML) with the meshes, images and volumes that they name, read and
-//! validated into a [`SceneDescription`].
+//! Scene files: native ones (TOML), Mitsuba's (XML) and glTF, with the meshes, images and volumes that they name, read
+//! and validated into a [`SceneDescription`].
 //!
 //! `parse` turns text into records that know their places in the file, `assemble` turns records into what the renderer
 //! takes, `assets` reads what they name, and `mitsuba` turns XML into a native file. [`desk`] changes a file's text.
@@ -52,9 +52,11 @@ mod edits;
 mod error;
 mod faults;
 mod files;
+mod lone;
 mod meaning;
 mod mitsuba;
 mod parse;
+mod paths;
 mod place;
 mod revised;
 mod source;
@@ -73,6 +75,7 @@ pub use faults::errors;
 use files::Source;
 pub use files::{ContentHash, File, Files};
 use glam::DVec3;
+pub use lone::is_gltf;
 pub use meaning::differences;
 pub use mitsuba::{ImportOptions, Imported, Origin, import};
 use parse::{Fault, SceneRecord};
@@ -112,7 +115,10 @@ fn assembled(
         extents,
     } = assembled?;
     let note = |fault: &Fault| source::locate(file, text, fault).to_string();
-    description.notes = notes.iter().map(note).collect();
+    let notes = notes
+        .into_iter()
+        .map(|problem| located(file, text, problem).to_string());
+    description.notes = notes.collect();
     let rule = |place: &Range<usize>| note(&Fault::new(place.clone(), "photons obey this"));
     description.photon_rules = photon_places.iter().map(rule).collect();
     Ok((description, extents))
@@ -131,12 +137,12 @@ fn located(file: &Path, text: &str, problem: Problem) -> SceneError {
     }
 }
 
-/// A scene file with every asset that it names, native or Mitsuba's XML.
+/// A scene file with every asset that it names: native, Mitsuba's XML, or glTF.
 #[derive(Clone, Debug)]
 pub struct SceneFile {
     /// The native scene and its assets.
     pub bundle: Bundle,
-    /// What was replaced of an XML scene, each with its file and line.
+    /// What was replaced of an XML scene, each with its file and line, or what was made up to show a glTF file.
     pub notes: Vec<String>,
     /// What is not supported of an XML scene and was left out, each with its file and line.
     pub left_out: Vec<String>,
@@ -145,12 +151,12 @@ pub struct SceneFile {
 }
 
 impl SceneFile {
-    /// Read a scene; Mitsuba's if the file's name ends in `.xml`.
+    /// Read a scene; Mitsuba's if the file's name ends in `.xml`, glTF if in `.glb` or `.gltf`.
     pub fn read(path: &Path, options: &ImportOptions) -> Result<Self, SceneError> {
         Self::read_for(path, path.parent().unwrap_or(Path::new("")), options)
     }
 
-    /// As [`Self::read`]. An XML scene becomes a native one that names its assets relative to `folder`.
+    /// As [`Self::read`]. Other scenes become native ones that name their assets relative to `folder`.
     pub fn read_for(path: &Path, folder: &Path, options: &ImportOptions) -> Result<Self, SceneError> {
         let unreadable = |reason: String| SceneError {
             file: path.to_path_buf(),
@@ -163,7 +169,7 @@ impl SceneFile {
         let name = name
             .to_str()
             .ok_or_else(|| unreadable("the file's name is not UTF-8".to_string()))?;
-        if !is_mitsuba(path) {
+        if !is_mitsuba(path) && !is_gltf(path) {
             let folder = path.parent().unwrap_or(Path::new(""));
             let mut bytes = read_file(path, bundle::MAX_BYTES).map_err(unreadable)?;
             if let Some(edited) = options.edits.apply(path, text_of(path, &bytes)?)? {
@@ -178,19 +184,26 @@ impl SceneFile {
                 origin: None,
             });
         }
-        let mut imported = import(path, folder, options)?;
-        if let Some(edited) = options.edits.apply(path, &imported.text)? {
-            imported.text = edited;
+        let (mut text, notes, left_out, origin) = if is_gltf(path) {
+            let gltf::Whole { text, notes } = lone::scene(path, folder)?;
+            let note = |note: String| unreadable(note).to_string();
+            let notes = notes.into_iter().map(note).collect();
+            (text, notes, Vec::new(), Origin::whole(path))
+        } else {
+            let imported = import(path, folder, options)?;
+            let origin = imported.origin().clone();
+            (imported.text, imported.notes, imported.left_out, origin)
+        };
+        if let Some(edited) = options.edits.apply(path, &text)? {
+            text = edited;
         }
-        let origin = imported.origin().clone();
         let native = Path::new(name).with_extension("toml");
         let native = native.to_string_lossy().into_owned();
-        let bundle =
-            with_assets(native, imported.text.into_bytes(), path, folder).map_err(|error| origin.relocate(error))?;
+        let bundle = with_assets(native, text.into_bytes(), path, folder).map_err(|error| origin.relocate(error))?;
         Ok(Self {
             bundle,
-            notes: imported.notes,
-            left_out: imported.left_out,
+            notes,
+            left_out,
             folder: folder.to_path_buf(),
             origin: Some(origin),
         })

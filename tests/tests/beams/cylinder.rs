@@ -56,7 +56,7 @@ fn hits_are_those_of_mitsuba() {
         let found = hit(&loaded(fields), origin.into(), dir.into()).unwrap();
         assert!((found.t - t).abs() < 1e-5, "{fields}: {found:?}");
         assert!((found.ng - Vec3::from(normal)).length() < 3e-5, "{fields}: {found:?}");
-        assert!((found.uv - Vec2::from(uv)).length() < 3e-5, "{fields}: {found:?}");
+        assert!((found.at.uv - Vec2::from(uv)).length() < 3e-5, "{fields}: {found:?}");
     }
 }
 

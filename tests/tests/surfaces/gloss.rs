@@ -257,3 +257,142 @@ fn lights_of_no_size_are_seen_once_in_polish() {
     }
     suite.finish();
 }
+
+/// A lamp that rays pass, over a ball of polished metal: light sampling alone would hardly ever meet the lobe.
+#[test]
+fn lamps_that_rays_pass_are_seen_in_polish() {
+    const LAMP: &str = r#"
+[image]
+width = 24
+height = 24
+[render]
+passes = 256
+paths = 2000
+radius = 0.02
+[camera]
+origin = [0, 0, 4]
+target = [0, 0, 0]
+fov = 24
+[materials.MATERIAL]
+SURFACE
+[materials.polish]
+type = "rough_conductor"
+alpha = 0.01
+preset = "gold"
+[materials.floor]
+type = "diffuse"
+[[shapes]]
+type = "sphere"
+radius = 0.8
+material = "polish"
+[[shapes]]
+type = "rectangle"
+material = "floor"
+transform = [{ scale = 3.0 }, { rotate = { axis = [1, 0, 0], angle = -90 } }, { translate = [0, -0.8, 0] }]
+[[shapes]]
+type = "rectangle"
+material = "MATERIAL"
+emission = { radiance = 5.0 }
+transform = [{ scale = 0.5 }, { rotate = { axis = [1, 0, 0], angle = 90 } }, { translate = [0, 2.5, 0.8] }]
+"#;
+    let mut suite = Suite::new(1e-2);
+    let lace = "type = \"diffuse\"\nreflectance = 0.0\nopacity = 0.3";
+    for (name, surface) in [
+        ("null", "type = \"null\""),
+        ("lace", lace),
+        ("black", "type = \"diffuse\"\nreflectance = 0.0"),
+    ] {
+        let scene = scene(&LAMP.replace("MATERIAL", name).replace("SURFACE", surface));
+        let settings = ReferenceSettings {
+            seed: 5,
+            max_depth: None,
+        };
+        let truth = Blocks::new(reference_images(&scene, settings, 512, 8), 8);
+        let passes = blocks(&scene, 8);
+        let noise = passes.noise(&truth);
+        assert!(noise < 0.05, "{name}: {noise}");
+        suite.same_blocks(name, &passes, &truth, 1e-2);
+    }
+    suite.finish();
+}
+
+/// Materials that are mixed, of all kinds, lit by a lamp, with its caustics: what the path tracer finds
+/// which follows no photon.
+#[test]
+fn blends_are_what_the_path_tracer_shows() {
+    const BLENDS: &str = r#"
+[image]
+width = 24
+height = 24
+[render]
+passes = 400
+paths = 4000
+radius = 0.03
+[camera]
+origin = [0, 0.6, 3.4]
+target = [0, 0.1, 0]
+fov = 40
+[materials.glass]
+type = "dielectric"
+ior = 1.5
+[materials.frosted]
+type = "rough_dielectric"
+alpha = 0.3
+ior = 1.5
+[materials.steel]
+type = "rough_conductor"
+alpha = 0.05
+preset = "iridium"
+[materials.lacquer]
+type = "plastic"
+reflectance = [0.2, 0.4, 0.6]
+[materials.clay]
+type = "diffuse"
+reflectance = [0.7, 0.4, 0.3]
+[materials.mixed]
+type = "blend"
+materials = MATERIALS
+weight = WEIGHT
+[materials.wall]
+type = "diffuse"
+reflectance = 0.6
+[[shapes]]
+type = "sphere"
+center = [0, 0.1, 0]
+radius = 0.6
+material = "mixed"
+[[shapes]]
+type = "cube"
+flip_normals = true
+material = "wall"
+transform = [{ scale = [2, 2, 4] }, { translate = [0, 1.5, 0] }]
+[[shapes]]
+type = "sphere"
+center = [0.8, 2.2, 0.7]
+radius = 0.3
+emission = { radiance = 8.0 }
+"#;
+    let mut suite = Suite::new(1e-2);
+    let cases = [
+        ("[\"glass\", \"clay\"]", "0.4"),
+        ("[\"frosted\", \"steel\"]", "0.5"),
+        (
+            "[\"clay\", \"lacquer\"]",
+            "{ checkerboard = [0.2, 0.9], uv = [{ scale = [8, 4, 1] }] }",
+        ),
+        ("[\"steel\", \"glass\"]", "0.5"),
+    ];
+    for (materials, weight) in cases {
+        let scene = scene(&BLENDS.replace("MATERIALS", materials).replace("WEIGHT", weight));
+        let settings = ReferenceSettings {
+            seed: 5,
+            max_depth: None,
+        };
+        let truth = Blocks::new(reference_images(&scene, settings, 1500, 8), 8);
+        let passes = blocks(&scene, 8);
+        let noise = passes.noise(&truth);
+        assert!(noise < 0.08, "{materials}: {noise}");
+        suite.same_blocks(materials, &passes, &truth, 1e-2);
+    }
+    suite.finish();
+}

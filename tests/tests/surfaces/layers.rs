@@ -2,7 +2,9 @@
 
 use beamfarm_image::film::Film;
 use beamfarm_image::job::ReferenceSettings;
-use beamfarm_image::layer::{Layer, LightGroup};
+use beamfarm_image::layer::{Layer, LayerCounts, LightGroup};
+use beamfarm_image::matte::{Entry, id_of_name};
+use beamfarm_image::merge::{Node, TreeSum};
 use beamfarm_render::aov::light_layers;
 use beamfarm_render::pass::{PassImage, render_pass};
 use beamfarm_render::plan::RenderPlan;
@@ -276,12 +278,12 @@ power = 10
     let near = |a: [f32; 3], b: [f32; 3]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-5);
     // The right half meets the wall, whose distance along the axis is 5 everywhere.
     for i in (0..8 * 16).filter(|i| i % 16 >= 8) {
-        assert!(near(depth.pixels[i], [5.0, 0.0, 0.0]), "{:?}", depth.pixels[i]);
+        assert!(near(depth.pixels[i], [5.0, 1.0, 0.0]), "{:?}", depth.pixels[i]);
         assert!(near(normal.pixels[i], [0.0, 0.0, 1.0]));
         assert!(near(albedo.pixels[i], [0.7, 0.2, 0.1]));
     }
     for i in (0..8 * 16).filter(|i| i % 16 < 7) {
-        assert!(depth.pixels[i][0] > 3.0 && depth.pixels[i][0] < 5.0 && depth.pixels[i][1] == 0.0);
+        assert!(depth.pixels[i][0] > 3.0 && depth.pixels[i][0] < 5.0 && depth.pixels[i][1] == 1.0);
         assert!(
             near(normal.pixels[i], [0.5, 0.0, 0.75f32.sqrt()]),
             "{:?}",
@@ -308,6 +310,167 @@ fn nothing_is_there_where_a_ray_meets_nothing() {
         [1.0, 2.0, 3.0],
     ]) {
         assert!(film.pixels.iter().all(|p| *p == expected));
+    }
+}
+
+/// Every pass says what its rays meet: boundaries of media are passed, what is cut out as often as it is there.
+#[test]
+fn mattes_are_of_the_first_surface() {
+    let text = r#"
+[image]
+width = 12
+height = 4
+[camera]
+origin = [0, 0, 5]
+target = [0, 0, 0]
+fov = 40
+[materials.red]
+type = "diffuse"
+[materials.lace]
+type = "diffuse"
+opacity = 0.25
+[materials.boundary]
+type = "null"
+[[shapes]]
+name = "air"
+type = "cube"
+material = "boundary"
+transform = [{ translate = [0, 0, 3] }]
+[[shapes]]
+name = "wall"
+type = "rectangle"
+material = "red"
+transform = [{ scale = [10, 10, 1] }, { translate = [10, 0, 0] }]
+[[shapes]]
+name = "curtain"
+type = "rectangle"
+material = "lace"
+transform = [{ scale = [10, 10, 1] }, { translate = [10, 0, 1] }]
+[[shapes]]
+name = "pole"
+type = "instances"
+shape = { type = "cylinder", radius = 0.1, p0 = [0, -9, 0], p1 = [0, 9, 0] }
+transforms = [[{ translate = [-1, 0, 0] }]]
+[[lights]]
+type = "point"
+position = [3, 0, 4]
+power = 10
+"#;
+    let scene = scene(text);
+    let settings = scene.description().defaults.job_settings();
+    let layers = [Layer::Depth, Layer::Objects, Layer::Materials];
+    let plan = RenderPlan::new(&scene, settings).with_layers(&scene, &layers).unwrap();
+    let mut sum = TreeSum::new(12, 4).with_layers(LayerCounts::of(&layers));
+    let passes = 512;
+    for i in 0..passes {
+        let pass = render_pass(&scene, &plan, i);
+        sum.insert(
+            Node::leaf(i, pass.film)
+                .with_layers(pass.layers)
+                .with_mattes(pass.mattes),
+        )
+        .unwrap();
+    }
+    let average = sum.average().unwrap();
+    let names = scene.description().names();
+    assert_eq!(names.objects, ["air", "wall", "curtain", "pole[0]"]);
+    for (matte, [wall, curtain, pole]) in average
+        .mattes
+        .iter()
+        .zip([["wall", "curtain", "pole[0]"], ["red", "lace", "default"]])
+    {
+        let pixels: Vec<&[Entry]> = matte.by_pixel().collect();
+        let share = |pixel: usize, name: &str| {
+            let found = pixels[pixel].iter().find(|entry| entry.id == id_of_name(name));
+            found.map_or(0.0, |entry| f64::from(entry.passes) / passes as f64)
+        };
+        // Binomial, 512 draws at 1/4: five standard deviations.
+        let spread = 5.0 * (0.25 * 0.75 / passes as f64).sqrt();
+        for pixel in [7, 11, 12 + 8, 36 + 10] {
+            assert!((share(pixel, curtain) - 0.25).abs() < spread, "{pixel}");
+            assert!(
+                (share(pixel, curtain) + share(pixel, wall) - 1.0).abs() < 1e-12,
+                "{pixel}"
+            );
+        }
+        let of_pole: f64 = (0..6).map(|pixel| share(pixel, pole)).sum();
+        let width = 2.0 * 0.1 * 12.0 / (2.0 * 5.0 * libm::tan(20f64.to_radians()));
+        // Rays in a pixel are stratified; the pole is met by half a pixel.
+        assert!((of_pole - width).abs() < 0.05, "{of_pole} for {width}");
+        assert!(pixels[0].is_empty());
+    }
+}
+
+/// A slab of a medium lets exp(-sigma_t d) through, by channel; a cut-out of opacity 0.25 three quarters; glass covers.
+/// Both ways to gather light of media. Significance 1e-6, by the spread of the passes.
+#[test]
+fn alpha_is_what_covers() {
+    for finder in ["photons", "paths"] {
+        let text = format!(
+            r#"
+[image]
+width = 3
+height = 1
+[render]
+paths = 200
+media = "{finder}"
+[camera]
+origin = [0, 0, 100]
+target = [0, 0, 0]
+fov = 4
+[media.mist]
+type = "homogeneous"
+sigma_a = [0.1, 0.3, 0.0]
+sigma_s = 0.2
+[materials.boundary]
+type = "null"
+[materials.glass]
+type = "dielectric"
+ior = 1.5
+[materials.lace]
+type = "diffuse"
+opacity = 0.25
+[[shapes]]
+type = "cube"
+material = "boundary"
+interior = "mist"
+transform = [{{ scale = [1.1, 5, 1] }}, {{ translate = [-2.35, 0, 0] }}]
+[[shapes]]
+type = "rectangle"
+material = "lace"
+transform = [{{ scale = [1.1, 5, 1] }}]
+[[shapes]]
+type = "cube"
+material = "glass"
+transform = [{{ scale = [1.1, 5, 1] }}, {{ translate = [2.35, 0, 0] }}]
+[[lights]]
+type = "environment"
+radiance = 1.0
+"#
+        );
+        let scene = scene(&text);
+        let settings = scene.description().defaults.job_settings();
+        let plan = RenderPlan::new(&scene, settings)
+            .with_layers(&scene, &[Layer::Alpha])
+            .unwrap();
+        let passes: Vec<Film> = (0..400)
+            .map(|i| render_pass(&scene, &plan, i).layers[0].clone())
+            .collect();
+        let mist: f64 = [0.3, 0.5, 0.2]
+            .iter()
+            .map(|sigma: &f64| (1.0 - libm::exp(-2.0 * sigma)) / 3.0)
+            .sum();
+        for (i, expected) in [mist, 0.25, 1.0].into_iter().enumerate() {
+            let values = passes.iter().map(|film| f64::from(film.pixels[i][0]));
+            let (n, mean) = (passes.len() as f64, values.clone().sum::<f64>() / passes.len() as f64);
+            let error = (values.map(|v| (v - mean) * (v - mean)).sum::<f64>() / (n * (n - 1.0))).sqrt();
+            // Rays are up to two degrees off the axis: a way longer by 6e-4.
+            let (off, allowed) = ((mean - expected).abs(), 4.9 * error + 1e-3);
+            assert!(
+                off <= allowed,
+                "{finder}, pixel {i}: {mean} for {expected}, {allowed} allowed"
+            );
+        }
     }
 }
 

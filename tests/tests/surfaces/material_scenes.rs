@@ -116,6 +116,76 @@ material = "veil"
     is_that_of_mitsuba(objects, expected, 0.005);
 }
 
+/// Light that a blend alone scatters is that of its parts by their weights: a floor of
+/// three materials under a lamp.
+#[test]
+fn blends_are_the_mean_of_their_parts() {
+    let image = |floor: &str, seed: u32| {
+        let scene = format!(
+            r#"
+[image]
+width = 32
+height = 32
+[render]
+passes = 128
+paths = 10000
+radius = 0.03
+seed = {seed}
+[camera]
+origin = [0.3, 1.6, 4.0]
+target = [0.0, 0.5, 0.0]
+fov = 45.0
+[materials.floor]
+{floor}
+[materials.grey]
+type = "diffuse"
+[materials.rough]
+type = "rough_plastic"
+reflectance = [0.2, 0.3, 0.4]
+ior = 1.5
+alpha = 0.2
+[materials.smooth]
+type = "plastic"
+reflectance = [0.6, 0.3, 0.1]
+ior = 1.5
+[materials.inner]
+type = "blend"
+materials = ["rough", "smooth"]
+weight = 0.5
+[[shapes]]
+type = "rectangle"
+material = "floor"
+transform = [{{ scale = 2.0 }}, {{ rotate = {{ axis = [1, 0, 0], angle = -90 }} }}]
+[[shapes]]
+type = "rectangle"
+emission = {{ radiance = [8, 7, 6] }}
+transform = [{{ scale = 0.5 }}, {{ rotate = {{ axis = [1, 0, 0], angle = 90 }} }}, {{ translate = [0, 2.2, -0.6] }}]
+"#
+        );
+        blocks(&self::scene(&scene), 8)
+    };
+    let blend = |materials: &str, weight: f32| format!("type = \"blend\"\nmaterials = {materials}\nweight = {weight}");
+    let whole = image(&blend("[\"grey\", \"inner\"]", 0.6), 1);
+    let parts = [
+        (0.4, image("type = \"diffuse\"", 2)),
+        (0.3, image(&blend("[\"rough\", \"grey\"]", 0.0), 3)),
+        (0.3, image(&blend("[\"grey\", \"smooth\"]", 1.0), 4)),
+    ];
+    for (i, block) in whole.blocks.iter().enumerate() {
+        for (c, ours) in block.iter().enumerate() {
+            let expected: f64 = parts.iter().map(|(w, part)| w * part.blocks[i][c].mean()).sum();
+            let errors = parts.iter().map(|(w, part)| w * part.blocks[i][c].std_error());
+            let error = errors.fold(ours.std_error(), f64::hypot);
+            // 48 tests: 4.5 standard errors are less than 1e-3 for all of them.
+            assert!(
+                (ours.mean() - expected).abs() <= 4.5 * error,
+                "block {i}, channel {c}: {} is not {expected} +- {error}",
+                ours.mean()
+            );
+        }
+    }
+}
+
 #[test]
 fn bump_and_normal_maps() {
     let objects = r#"

@@ -3,6 +3,7 @@
 use beamfarm_render::bsdf::{Bsdf, Material, TransportMode};
 use beamfarm_render::math::{Rgb, Vec2, Vec3};
 use beamfarm_render::sampler::{Purpose, Sampler};
+use beamfarm_render::texture::TexturePoint;
 use beamfarm_render::warp;
 use beamfarm_render::world::Scene;
 use beamfarm_tests::render::scene;
@@ -69,6 +70,23 @@ specular_reflectance = [0.9, 0.7, 0.5]
 type = "principled"
 base_color = [0.8, 0.4, 0.1]
 roughness = 0.6
+[materials.principled_coated]
+type = "principled"
+base_color = [0.8, 0.4, 0.1]
+roughness = 0.5
+spec_tint = 0.6
+sheen = 0.5
+sheen_tint = 0.4
+clearcoat = 0.8
+clearcoat_gloss = 0.3
+flatness = 0.3
+[materials.principled_glass]
+type = "principled"
+base_color = [0.8, 0.4, 0.1]
+metallic = 0.2
+roughness = 0.6
+spec_trans = 0.7
+ior = 1.5
 [materials.principled_ior]
 type = "principled"
 base_color = [0.8, 0.4, 0.1]
@@ -118,7 +136,7 @@ impl Named {
 
     fn bsdf(&self, name: &str) -> Bsdf<'_> {
         let (_, material) = self.all().find(|(n, _)| *n == name).expect(name);
-        material.bsdf(Vec2::ZERO)
+        material.bsdf(&TexturePoint::default())
     }
 }
 
@@ -173,7 +191,7 @@ fn samples_follow_their_densities() {
     let named = Named::new();
     let mut suite = Suite::new(SIGNIFICANCE);
     for (name, material) in named.all() {
-        let bsdf = material.bsdf(Vec2::ZERO);
+        let bsdf = material.bsdf(&TexturePoint::default());
         if material.is_specular() {
             continue;
         }
@@ -199,7 +217,7 @@ fn samples_follow_their_densities() {
                     suite.chi2(format!("{name} at {degrees}, reflected {reflected}"), &result);
                 }
             }
-            let black = wo.z < 0.0 && !name.contains("dielectric");
+            let black = wo.z < 0.0 && !material.transmits();
             let range = if black { 0.0..=0.0 } else { 0.75..=1.001 };
             assert!(range.contains(&integral), "{name} at {degrees}: {integral}");
         }
@@ -212,7 +230,7 @@ fn weights_are_value_times_cosine_over_density() {
     let named = Named::new();
     let mut rng = Sampler::new(7, 0, Purpose::Test, 0);
     for (name, material) in named.all() {
-        let bsdf = material.bsdf(Vec2::ZERO);
+        let bsdf = material.bsdf(&TexturePoint::default());
         for degrees in INCIDENCES {
             for mode in [TransportMode::Radiance, TransportMode::Flux] {
                 for _ in 0..500 {
@@ -251,7 +269,7 @@ fn albedos_agree_and_never_gain() {
             let wo = direction(degrees);
             let mut rng = Sampler::new(3, 0, Purpose::Test, chunk as u64);
             let mode = TransportMode::Flux;
-            let bsdf = material.bsdf(Vec2::ZERO);
+            let bsdf = material.bsdf(&TexturePoint::default());
             let smooth = bsdf.without_delta();
             let (mut whole, mut sampled, mut integrated) =
                 (MeanEstimate::new(), MeanEstimate::new(), MeanEstimate::new());
@@ -272,8 +290,13 @@ fn albedos_agree_and_never_gain() {
                 }
             }
             let name = format!("{name} at {degrees} degrees");
-            // Burley's lobes are not balanced against each other: there is a little too much at grazing angles.
-            let bound = if name.contains("principled") { 1.05 } else { 1.0 };
+            // Burley's lobes are not balanced against each other: there is a little too much at grazing angles, and a
+            // coat and sheen add to it.
+            let bound = match &name {
+                name if name.contains("principled_coated") => 1.1,
+                name if name.contains("principled") => 1.05,
+                _ => 1.0,
+            };
             let mean = whole.mean();
             assert!(mean <= bound + 4.0 * whole.std_error(), "{name}: {mean}");
             suite.same_mean(name, &sampled, &integrated);
@@ -289,7 +312,7 @@ fn values_are_reciprocal() {
     let named = Named::new();
     let mut rng = Sampler::new(5, 0, Purpose::Test, 0);
     for (name, material) in named.all() {
-        let bsdf = material.bsdf(Vec2::ZERO);
+        let bsdf = material.bsdf(&TexturePoint::default());
         for _ in 0..2000 {
             let a = warp::uniform_sphere(rng.next_2d());
             let b = warp::uniform_sphere(rng.next_2d());
@@ -315,7 +338,11 @@ fn furnace_of_a_coated_white_base() {
     let scene = scene(&white);
     let mut rng = Sampler::new(9, 0, Purpose::Test, 0);
     let mut suite = Suite::new(SIGNIFICANCE);
-    let mut bsdfs = scene.description().materials.iter().map(|m| m.bsdf(Vec2::ZERO));
+    let mut bsdfs = scene
+        .description()
+        .materials
+        .iter()
+        .map(|m| m.bsdf(&TexturePoint::default()));
     let plastic = bsdfs.find(|bsdf| matches!(bsdf, Bsdf::Plastic(_)));
     let plastic = plastic.expect("a smooth coat");
     for degrees in [1.0, 35.0, 70.0, 86.0] {

@@ -44,6 +44,7 @@ pub async fn conduct(
         first_pass: args.first_pass,
         exposure,
         drops_photons: output.drops_photons,
+        names: output.names.clone(),
     };
     let watch = Watch::new(farm, terms);
     let span = error_span!("job", job = watch.id());

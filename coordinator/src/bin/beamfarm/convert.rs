@@ -1,9 +1,9 @@
-//! `beamfarm convert`: Mitsuba's scenes in the native form.
+//! `beamfarm convert`: Mitsuba's scenes and glTF files in the native form.
 
 use crate::failure::Failure;
 use crate::job::{ImportArgs, announce};
 use beamfarm_image::atomic;
-use beamfarm_scene::{SceneFile, is_mitsuba};
+use beamfarm_scene::{SceneFile, is_gltf, is_mitsuba};
 use beamfarm_worker::say;
 use clap::Args;
 use std::ffi::OsStr;
@@ -14,17 +14,21 @@ Examples:
   beamfarm convert scene.xml scene.toml
   beamfarm convert scene.xml scene.toml -D spp=256 -D resx=1920
   beamfarm convert scene.xml scene.toml --skip-unsupported
+  beamfarm convert model.glb model.toml
 
 Reads scenes of Mitsuba 3 and of older versions of its format. Names come from ids; meshes, images and volumes stay where they are, and the
 new file names them relative to its own folder, which is made. An existing file is replaced. What Mitsuba decides and
 this program does not (the integrator, the sampler) is noted on stderr. What is not supported is an
 error that names plugin, parameter, file and line, all of them at once; --skip-unsupported leaves it out.
 
-`render`, `serve`, `replay` and `explain` read the XML directly and give the same pixels.";
+Of a glTF file comes a scene that names the file, with its first camera, or one that looks at all of it,
+and light where it has none.
+
+`render`, `serve`, `replay` and `explain` read either directly and give the same pixels.";
 
 #[derive(Args)]
 pub struct ConvertArgs {
-    /// Mitsuba scene (.xml)
+    /// Mitsuba scene (.xml) or glTF file (.glb, .gltf)
     scene: PathBuf,
 
     /// Where to write the native scene (.toml)
@@ -35,9 +39,9 @@ pub struct ConvertArgs {
 }
 
 pub fn main(args: ConvertArgs) -> Result<(), Failure> {
-    if !is_mitsuba(&args.scene) {
+    if !is_mitsuba(&args.scene) && !is_gltf(&args.scene) {
         let message = format!(
-            "{}: expected a Mitsuba scene, whose name ends in .xml",
+            "{}: expected a Mitsuba scene, whose name ends in .xml, or a glTF file, whose name ends in .glb or .gltf",
             args.scene.display()
         );
         return Err(Failure::usage(message));
@@ -54,9 +58,12 @@ pub fn main(args: ConvertArgs) -> Result<(), Failure> {
     }
     let file = SceneFile::read_for(&args.scene, folder, &options)?;
     // A file that cannot be rendered is of no use.
-    file.load()?;
+    let description = file.load()?;
     atomic::write_file(&args.output, file.text())?;
     announce(&file.notes, &file.left_out);
+    if is_gltf(&args.scene) {
+        announce(&description.notes, &[]);
+    }
     say!("wrote {}", args.output.display());
     Ok(())
 }

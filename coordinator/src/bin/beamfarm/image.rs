@@ -40,12 +40,14 @@ pub async fn write(
         };
         let meta = ImageMeta {
             scene: farm.job().scene,
+            scene_file: output.scene_file.clone(),
             maker: Maker::Passes(farm.job().settings),
             render_seconds: farm.snapshot().seconds,
             version: VERSION.into(),
             layers: farm.job().layers.clone(),
             standard_error: output.standard_error,
             drops_photons: output.drops_photons,
+            names: output.names.clone(),
         };
         output.write(&average, &meta, exposure)?;
         if let Some(history) = history {

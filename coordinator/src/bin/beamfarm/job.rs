@@ -11,9 +11,10 @@ use beamfarm_image::layer::{Layer, MAX_LAYERS};
 use beamfarm_render::aov::light_layers;
 use beamfarm_render::balance::Choice;
 use beamfarm_render::budget::Pilot;
+use beamfarm_render::light::LightKind;
 use beamfarm_render::world::Scene;
 use beamfarm_render::world::{RenderDefaults, SceneDescription};
-use beamfarm_scene::{Edits, ImportOptions, SceneError, SceneFile, is_mitsuba};
+use beamfarm_scene::{Edits, ImportOptions, SceneError, SceneFile, is_gltf, is_mitsuba};
 use beamfarm_worker::complain;
 use clap::{Args, ValueEnum};
 use std::ffi::OsString;
@@ -24,7 +25,7 @@ use std::time::Duration;
 /// The scene, and what its passes depend on.
 #[derive(Args, Clone, Debug)]
 pub struct SceneArgs {
-    /// Scene file: TOML, or Mitsuba 3's XML if its name ends in .xml
+    /// Scene file: TOML, Mitsuba 3's XML if its name ends in .xml, or glTF if in .glb or .gltf
     pub scene: PathBuf,
 
     #[command(flatten)]
@@ -81,7 +82,10 @@ fn budget(text: &str) -> Result<Budgeted, String> {
 #[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
 #[value(rename_all = "snake_case")]
 pub enum Aov {
-    /// Z: distance of the first surface along the camera's axis, scene units; 0 where there is none
+    /// A: share of the pixel that surfaces and media cover. R, G, B are premultiplied by nature; an environment that
+    /// the camera sees is in them as well
+    Alpha,
+    /// Z: distance of the first surface along the camera's axis, scene units; infinite where there is none
     Depth,
     /// X, Y, Z: its shading normal, world space
     Normal,
@@ -102,6 +106,10 @@ pub enum Aov {
     /// Y: photon targets before the first surface, or on it. Where the scene's targeting is "reject", photons that miss
     /// them are dropped, and the image is biased
     Targets,
+    /// CryptoObject00 to 02: which objects cover the pixel, by the convention of Cryptomatte
+    CryptoObject,
+    /// CryptoMaterial00 to 02: which materials do
+    CryptoMaterial,
     /// All of them
     All,
 }
@@ -115,6 +123,7 @@ impl Aov {
 
     fn layers(self, description: &SceneDescription) -> Vec<Layer> {
         match self {
+            Self::Alpha => vec![Layer::Alpha],
             Self::Depth => vec![Layer::Depth],
             Self::Normal => vec![Layer::Normal],
             Self::Albedo => vec![Layer::Albedo],
@@ -124,6 +133,8 @@ impl Aov {
             Self::Lights => light_layers(description),
             Self::BeamDensity => vec![Layer::BeamDensity],
             Self::Targets => vec![Layer::Targets],
+            Self::CryptoObject => vec![Layer::Objects],
+            Self::CryptoMaterial => vec![Layer::Materials],
             Self::Stderr | Self::All => Vec::new(),
         }
     }
@@ -146,7 +157,8 @@ impl SceneArgs {
 
     /// With all else that is wrong with the scene file.
     fn failure(&self, error: SceneError, options: &ImportOptions) -> Failure {
-        let errors = match is_mitsuba(&self.scene) || error.file != self.scene {
+        let is_native = !is_mitsuba(&self.scene) && !is_gltf(&self.scene);
+        let errors = match !is_native || error.file != self.scene {
             true => Vec::new(),
             false => beamfarm_scene::errors(&self.scene, options),
         };
@@ -240,6 +252,13 @@ impl SettingsArgs {
                 layers.len()
             )));
         }
+        if layers.contains(&Layer::Alpha) && shows_environment(&description) {
+            notes.push(
+                "--aov alpha: R, G and B hold what the camera sees of the environment as well, which a compositor would \
+                 add to what it puts behind; without \"camera\" in the light's `visible` they do not"
+                    .into(),
+            );
+        }
         Ok(Loaded {
             layers,
             standard_error: aovs.contains(&Aov::Stderr),
@@ -252,6 +271,14 @@ impl SettingsArgs {
             choice,
         })
     }
+}
+
+/// Whether the camera sees light from all around.
+fn shows_environment(description: &SceneDescription) -> bool {
+    let rules = description.rules.as_ref();
+    let hides = |light| rules.is_some_and(|rules| rules.hides_light(rules.camera, light));
+    let mut lights = description.lights.iter().enumerate();
+    lights.any(|(i, light)| matches!(light.kind, LightKind::Environment(_)) && !hides(i))
 }
 
 /// What a pilot chose, in words. `chose_paths`: their number as well.
@@ -281,7 +308,7 @@ pub struct Loaded {
     pub standard_error: bool,
     /// What a pilot chose among, if there was anything to choose.
     pub choice: Option<Choice>,
-    /// What was replaced of a Mitsuba scene, and what of a scene has no effect.
+    /// What was replaced of a scene in another form, and what of a scene has no effect.
     notes: Vec<String>,
     /// What was left out of a Mitsuba scene.
     left_out: Vec<String>,
@@ -397,7 +424,7 @@ pub struct JobArgs {
     pub settings: SettingsArgs,
 
     /// Where to write the image: OUT.exr, with OUT.png and OUT.csv beside it [default: the scene's name, in the current
-    /// folder]
+    /// folder; FOLDER-NAME.exr where another folder's scene has that]
     #[arg(short, long, value_name = "OUT.exr")]
     pub output: Option<PathBuf>,
 
@@ -483,6 +510,7 @@ impl JobArgs {
         let output = self.output.as_deref();
         Ok(Output {
             drops_photons: loaded.defaults.targeting == Targeting::Reject,
+            names: loaded.description.names(),
             ..Output::new(output, &self.settings.of.scene, "", loaded.standard_error)?
         })
     }

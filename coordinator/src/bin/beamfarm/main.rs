@@ -149,7 +149,7 @@ nothing: its pass is handed out again.";
 
 /// `beamfarm scene.toml` is `beamfarm render scene.toml`.
 fn with_render(mut args: Vec<OsString>) -> Vec<OsString> {
-    let endings = ["toml", "xml"];
+    let endings = ["toml", "xml", "glb", "gltf"];
     let is_scene = |arg: &OsString| {
         let ending = Path::new(arg).extension().and_then(|ending| ending.to_str());
         ending.is_some_and(|ending| endings.iter().any(|known| ending.eq_ignore_ascii_case(known)))

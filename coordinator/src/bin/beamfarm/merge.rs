@@ -4,9 +4,9 @@ use crate::failure::Failure;
 use crate::output::Output;
 use crate::summary::describe;
 use beamfarm_coordinator::store::{Checkpoint, Description, Folder};
-use beamfarm_image::exr::{ImageMeta, Maker};
+use beamfarm_image::exr::{ImageMeta, Maker, Names};
 use beamfarm_image::job::{Block, PassStats, SceneHash};
-use beamfarm_image::layer::Layer;
+use beamfarm_image::layer::{Layer, LayerCounts};
 use beamfarm_image::merge::{Errors, MergeError, TreeSum};
 use beamfarm_worker::say;
 use clap::Args;
@@ -69,7 +69,8 @@ pub fn main(args: MergeArgs) -> Result<(), Failure> {
         };
         let merged = merged.get_or_insert_with(|| Merged {
             first: path.clone(),
-            sum: TreeSum::new(description.width, description.height).with_layers(description.layers.len()),
+            sum: TreeSum::new(description.width, description.height)
+                .with_layers(LayerCounts::of_names(&description.layers)),
             description: description.clone(),
             seconds: 0.0,
             stats: PassStats::default(),
@@ -137,7 +138,7 @@ fn keep(job: &Path, merged: &Merged) -> Result<(), Failure> {
     let Merged { description, sum, .. } = merged;
     // As in a job that has got there by itself: the next prefix to be tested lies ahead.
     let mut kept = TreeSum::new(description.width, description.height)
-        .with_layers(description.layers.len())
+        .with_layers(LayerCounts::of_names(&description.layers))
         .with_fence(sum.prefix() + 1);
     for node in sum.nodes() {
         kept.insert_shared(node.clone()).map_err(Failure::io)?;
@@ -189,14 +190,20 @@ fn write(args: &MergeArgs, merged: Merged) -> Result<(), Failure> {
         .map(|name| name.parse().map_err(|_| bad("layer", name)))
         .collect();
     let settings = description.settings(&first)?;
+    let names = match LayerCounts::of_names(&description.layers).mattes {
+        0 => Names::default(),
+        _ => names_of(&first, &description)?,
+    };
     let meta = ImageMeta {
         scene,
+        scene_file: None,
         maker: Maker::Passes(settings),
         render_seconds: seconds,
         version: description.version.clone(),
         layers: layers?,
         standard_error: description.standard_error,
         drops_photons: description.drops_photons,
+        names,
     };
     output.write(&average, &meta, exposure)?;
     if !args.quiet {
@@ -207,4 +214,11 @@ fn write(args: &MergeArgs, merged: Merged) -> Result<(), Failure> {
         describe(&average, &meta.pass_set(&settings, &average));
     }
     Ok(())
+}
+
+/// What the mattes of a job tell apart: its folder has the scene.
+fn names_of(job: &Path, description: &Description) -> Result<Names, Failure> {
+    let bundle = Folder::bundle(job, description)?;
+    let scene = beamfarm_scene::load(&bundle).map_err(|error| Failure::usage(format!("{}: {error}", job.display())))?;
+    Ok(scene.names())
 }

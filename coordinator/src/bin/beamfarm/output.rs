@@ -3,7 +3,7 @@
 use crate::failure::Failure;
 use beamfarm_image::atomic::remove_leftovers;
 use beamfarm_image::error::ImageError;
-use beamfarm_image::exr::{ImageMeta, made_of_samples, write_image};
+use beamfarm_image::exr::{ImageMeta, Names, Provenance, write_image};
 use beamfarm_image::merge::Average;
 use beamfarm_image::png::write_png;
 use beamfarm_worker::visible;
@@ -27,10 +27,14 @@ pub const REFERENCE: &str = "-reference";
 pub struct Output {
     pub exr: PathBuf,
     pub png: PathBuf,
+    /// The scene's file as the EXR names it.
+    pub scene_file: Option<String>,
     /// Whether the EXR gets the standard error.
     pub standard_error: bool,
     /// Whether the EXR is to say that photons which missed all targets were dropped.
     pub drops_photons: bool,
+    /// What its mattes tell apart.
+    pub names: Names,
 }
 
 impl Output {
@@ -39,16 +43,10 @@ impl Output {
     ///
     /// `ending`: of the default's stem. An image that another kind of command made is only overwritten by name.
     pub fn new(asked: Option<&Path>, scene: &Path, ending: &str, standard_error: bool) -> Result<Self, Failure> {
+        let scene_file = name_of(scene);
         let exr = match asked {
             Some(path) => path.to_owned(),
-            None => {
-                let stem = scene.file_stem().unwrap_or(OsStr::new("image"));
-                let mut name = stem.to_owned();
-                name.push(ending);
-                let path = Path::new(&name).with_added_extension("exr");
-                refuse_others_work(&path, ending)?;
-                path
-            }
+            None => default_name(scene, ending, scene_file.as_deref())?,
         };
         if exr.extension() != Some(OsStr::new("exr")) {
             let message = format!("{}: expected a name that ends in .exr", exr.display());
@@ -71,8 +69,10 @@ impl Output {
         Ok(Self {
             exr,
             png,
+            scene_file,
             standard_error,
             drops_photons: false,
+            names: Names::default(),
         })
     }
 
@@ -89,18 +89,63 @@ impl Output {
     }
 }
 
+/// A scene's file as FOLDER/FILE; nothing for one that is not there.
+fn name_of(scene: &Path) -> Option<String> {
+    let scene = scene.canonicalize().ok()?;
+    let file = scene.file_name()?.to_string_lossy();
+    let name = match scene.parent().and_then(Path::file_name) {
+        Some(folder) => format!("{}/{file}", folder.to_string_lossy()),
+        None => file.into_owned(),
+    };
+    // What an attribute of EXR can hold.
+    let name: Vec<char> = name.escape_default().collect();
+    let beyond = name.len().saturating_sub(255);
+    Some(name[beyond..].iter().collect())
+}
+
+/// STEM.exr in the current folder; FOLDER-STEM.exr where another scene of that name has its image there. With `ending`
+/// after the stem.
+///
 /// What this command did not make itself stays, unless somebody names it.
-fn refuse_others_work(path: &Path, ending: &str) -> Result<(), Failure> {
-    let Some(samples) = made_of_samples(path) else {
-        return Ok(());
+fn default_name(scene: &Path, ending: &str, scene_file: Option<&str>) -> Result<PathBuf, Failure> {
+    let stem = scene.file_stem().unwrap_or(OsStr::new("image"));
+    let named = |before: Option<&OsStr>| {
+        let mut name = before.map(OsStr::to_owned).unwrap_or_default();
+        name.push(if before.is_some() { "-" } else { "" });
+        name.push(stem);
+        name.push(ending);
+        Path::new(&name).with_added_extension("exr")
+    };
+    let scene = scene.canonicalize().ok();
+    let folder = scene.as_deref().and_then(Path::parent).and_then(Path::file_name);
+    let names = [Some(named(None)), folder.map(|folder| named(Some(folder)))];
+    let names: Vec<(PathBuf, Option<Provenance>)> = names
+        .into_iter()
+        .flatten()
+        .map(|path| {
+            let made = Provenance::read(&path);
+            (path, made)
+        })
+        .collect();
+    let file_of = |made: &Option<Provenance>| made.as_ref().and_then(|made| made.scene_file.clone());
+    let own = |(_, made): &&(PathBuf, Option<Provenance>)| file_of(made).is_some_and(|file| Some(&*file) == scene_file);
+    let free = |(_, made): &&(PathBuf, Option<Provenance>)| file_of(made).is_none_or(|file| Some(&*file) == scene_file);
+    let Some((path, made)) = names.iter().find(own).or_else(|| names.iter().find(free)) else {
+        let taken: Vec<String> = names.iter().map(|(path, _)| path.display().to_string()).collect();
+        return Err(Failure::usage(format!(
+            "{}: images of other scenes; name another with -o",
+            taken.join(", ")
+        )));
     };
     let of_reference = ending == REFERENCE;
-    if samples == of_reference {
-        return Ok(());
+    match made {
+        Some(made) if made.of_samples != of_reference => {
+            let path = path.display();
+            let command = if made.of_samples { "reference" } else { "render" };
+            Err(Failure::usage(format!(
+                "{path} was made by `beamfarm {command}`: -o {path} writes over it, another name keeps it"
+            )))
+        }
+        _ => Ok(path.clone()),
     }
-    let path = path.display();
-    let command = if samples { "reference" } else { "render" };
-    Err(Failure::usage(format!(
-        "{path} was made by `beamfarm {command}`: -o {path} writes over it, another name keeps it"
-    )))
 }

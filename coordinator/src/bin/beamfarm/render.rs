@@ -9,7 +9,7 @@ use crate::open_page::{open_page, tell_page};
 use beamfarm_coordinator::security::Security;
 use beamfarm_coordinator::{Entrance, Farm, Timing};
 use beamfarm_proto::Token;
-use beamfarm_worker::cli::{LogArgs, LogFormat};
+use beamfarm_worker::cli::{LogArgs, LogFormat, end_with_parent};
 use beamfarm_worker::say;
 use clap::Args;
 use std::net::Ipv4Addr;
@@ -22,6 +22,7 @@ Examples:
   beamfarm render scene.toml --passes 1000 -o a.exr
   beamfarm render scene.toml --workers 1 --threads 8
   beamfarm render scene.xml -D spp=256              a scene of Mitsuba 3, with a value for its $spp
+  beamfarm render model.glb -D camera.fov=40        a glTF file, with its camera and lights or made-up ones
 
 SIGINT (Ctrl-C) writes the passes that are complete; another one after a second kills.";
 
@@ -41,9 +42,16 @@ pub struct RenderArgs {
     /// Open the page that shows the job in a browser
     #[arg(long)]
     open: bool,
+
+    /// End when standard input does, for programs that start this one
+    #[arg(long, hide = true)]
+    with_parent: bool,
 }
 
 pub fn main(args: RenderArgs, log: &LogArgs) -> Result<(), Failure> {
+    if args.with_parent {
+        end_with_parent().map_err(Failure::io)?;
+    }
     let loaded = args.job.settings.load()?;
     let exposure = args.job.exposure(&loaded)?;
     let output = args.job.image(&loaded)?;

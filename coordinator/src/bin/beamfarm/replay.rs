@@ -92,7 +92,9 @@ pub fn main(args: ReplayArgs) -> Result<(), Failure> {
             radius_scale: image.radius_scale,
             version: VERSION.into(),
         };
-        let node = Node::leaf(args.pass, image.film).with_layers(image.layers);
+        let node = Node::leaf(args.pass, image.film)
+            .with_layers(image.layers)
+            .with_mattes(image.mattes);
         let bytes = encode_block(&node, &meta, &layers)?;
         write_file(&output.exr, &bytes)?;
     }

@@ -6,6 +6,7 @@ use crate::failure::Failure;
 use crate::job::JobArgs;
 use crate::security::ListenArgs;
 use beamfarm_coordinator::{Entrance, Farm, Timing};
+use beamfarm_worker::cli::end_with_parent;
 use beamfarm_worker::say;
 use clap::Args;
 use std::net::SocketAddr;
@@ -41,9 +42,16 @@ pub struct ServeArgs {
     /// confirmed of it is rendered again
     #[arg(long, value_name = "N", default_value_t = 64)]
     audit_share: u64,
+
+    /// End when standard input does, for programs that start this one
+    #[arg(long, hide = true)]
+    with_parent: bool,
 }
 
 pub fn main(args: ServeArgs) -> Result<(), Failure> {
+    if args.with_parent {
+        end_with_parent().map_err(Failure::io)?;
+    }
     let security = args.security.read(args.listen)?;
     let loaded = args.job.settings.load()?;
     let exposure = args.job.exposure(&loaded)?;

@@ -6,7 +6,7 @@ use std::io::Cursor;
 const SHAPE: Shape = Shape {
     width: 5,
     height: 3,
-    layers: 2,
+    layers: LayerCounts { films: 2, mattes: 1 },
     first_pass: 0,
     digest: [7; 32],
 };
@@ -22,7 +22,9 @@ fn film(salt: u64) -> Film {
 pub fn checkpoint(passes: impl IntoIterator<Item = u64>) -> Checkpoint {
     let mut sum = SHAPE.empty_sum();
     for pass in passes {
-        let leaf = Node::leaf(pass, film(pass)).with_layers(vec![film(100 + pass), film(200 + pass)]);
+        let leaf = Node::leaf(pass, film(pass))
+            .with_layers(vec![film(100 + pass), film(200 + pass)])
+            .with_mattes(vec![Matte::leaf(&[3, 0, 7 + pass as u32, 0, 1].repeat(3))]);
         sum.insert(leaf.with_radius_scale(1.0 / (pass + 1) as f64)).unwrap();
         while sum.fence().is_some_and(|fence| fence <= sum.prefix()) {
             sum.lift_fence();

@@ -4,14 +4,15 @@
 //! Blocks come from machines that are not trusted, by the thousand. The reader therefore accepts nothing but the very
 //! bytes that [`encode_block`] writes: it picks the few attributes that vary out of the header, writes the header that
 //! they call for, and compares. No decoder ever follows a size or an offset that came over the network. Any EXR reader
-//! can open the files: what they hold of a block's bias stands behind the last row, where no reader looks.
+//! can open the files: mattes, and what they hold of a block's bias, stand behind the last row, where no reader looks.
 
 use super::header::{self, attributes, float_channels, text};
 use crate::bias::RadiusSums;
 use crate::error::ImageError;
 use crate::film::Film;
 use crate::job::{Block, SceneHash};
-use crate::layer::Layer;
+use crate::layer::{Layer, LayerCounts};
+use crate::matte::Matte;
 use crate::merge::Node;
 use exr::meta::BlockDescription;
 use exr::meta::attribute::{AttributeValue, Compression, LineOrder};
@@ -101,6 +102,7 @@ pub fn encoded_size(width: u32, height: u32, layers: &[Layer]) -> usize {
         .saturating_mul(row)
         .saturating_add(2048 + names)
         .saturating_add(radius_sum_bytes(width, height, block))
+        .saturating_add(LayerCounts::of(layers).mattes * Matte::max_bytes(width as usize * height as usize))
 }
 
 /// A block as an OpenEXR file: float32, uncompressed, the bits as they are.
@@ -116,7 +118,7 @@ pub fn encode_block(node: &Node, meta: &BlockMeta, layers: &[Layer]) -> Result<V
         });
     }
     let (width, height) = (node.sum.width, node.sum.height);
-    node.check(width, height, layers.len())?;
+    node.check(width, height, LayerCounts::of(layers))?;
     let channels = channels(meta.block, layers);
     let mut bytes = encode_header(width, height, meta, &channels)?;
     let row_bytes = row_bytes(width, &channels);
@@ -134,6 +136,12 @@ pub fn encode_block(node: &Node, meta: &BlockMeta, layers: &[Layer]) -> Result<V
             let samples = pixels.iter().map(|pixel| pixel[channel.component]);
             bytes.extend(samples.flat_map(f32::to_le_bytes));
         }
+    }
+    for matte in &node.mattes {
+        bytes.extend(matte.to_bytes().ok_or(ImageError::Encode {
+            field: "block",
+            message: "more objects or materials in its pixels than a block can hold".into(),
+        })?);
     }
     if meta.block.level > 0 {
         let sums = node.radius_sums.as_ref().ok_or(ImageError::Encode {
@@ -218,16 +226,30 @@ pub fn decode_block(bytes: &[u8], width: u32, height: u32, layers: &[Layer]) -> 
     let row_bytes = row_bytes(width, &channels);
     let stride = ROW_PREFIX + row_bytes;
     let row_total = height as usize * stride;
-    let expected = row_total + radius_sum_bytes(width, height, meta.block);
-    if rest.len() != expected {
-        return Err(ImageError::Block {
-            field: "size",
-            message: format!("{} bytes behind the header; expected {expected}", rest.len()),
-        });
+    let wrong_size = |expected: usize| ImageError::Block {
+        field: "size",
+        message: format!("{} bytes behind the header; expected {expected}", rest.len()),
+    };
+    let counts = LayerCounts::of(layers);
+    let sum_bytes = radius_sum_bytes(width, height, meta.block);
+    let Some((rows, mut sums)) = rest.split_at_checked(row_total) else {
+        return Err(wrong_size(row_total + sum_bytes));
+    };
+    let mut mattes = Vec::new();
+    for _ in 0..counts.mattes {
+        let read = Matte::from_bytes(sums, width as usize * height as usize);
+        let (matte, length) = read.ok_or(ImageError::Block {
+            field: "mattes",
+            message: "shorter than their numbers of entries say, or too many of these".into(),
+        })?;
+        mattes.push(matte);
+        sums = &sums[length..];
     }
-    let (rows, sums) = rest.split_at(row_total);
+    if sums.len() != sum_bytes {
+        return Err(wrong_size(rest.len() - sums.len() + sum_bytes));
+    }
 
-    let mut films = vec![Film::new(width, height); 2 + layers.len()];
+    let mut films = vec![Film::new(width, height); 2 + counts.films];
     for (y, row) in rows.chunks_exact(stride).enumerate() {
         let (prefix, samples) = row.split_at(ROW_PREFIX);
         if prefix[..4] != (y as u32).to_le_bytes() || prefix[4..] != (row_bytes as u32).to_le_bytes() {
@@ -258,15 +280,16 @@ pub fn decode_block(bytes: &[u8], width: u32, height: u32, layers: &[Layer]) -> 
         sum,
         squared_difference,
         layers,
+        mattes,
         radius_sums,
     };
-    node.check(width, height, node.layers.len())?;
+    node.check(width, height, counts)?;
     Ok((node, meta))
 }
 
 /// The attributes that vary. What they leave out, the comparison with the expected header finds.
 fn decode_meta(bytes: &[u8]) -> Result<BlockMeta, ImageError> {
-    let attributes = header::walk(bytes).map_err(|message| ImageError::Block {
+    let attributes = header::walk_block(bytes).map_err(|message| ImageError::Block {
         field: "header",
         message,
     })?;
@@ -339,14 +362,14 @@ mod tests {
     const RADIUS_SCALE_OF_TESTS: f64 = 0.1 + 0.2;
 
     fn layers() -> [Layer; 2] {
-        [Layer::Depth, Layer::Albedo]
+        [Layer::Targets, Layer::Albedo]
     }
 
     fn node(level: u32) -> Node {
         let leaf = |i: u64| {
-            let mut depth = film(5, 4, 100 + i as u32);
-            depth.pixels.iter_mut().for_each(|p| *p = [p[0], 0.0, 0.0]);
-            let layers = vec![depth, film(5, 4, 200 + i as u32)];
+            let mut targets = film(5, 4, 100 + i as u32);
+            targets.pixels.iter_mut().for_each(|p| *p = [p[0], 0.0, 0.0]);
+            let layers = vec![targets, film(5, 4, 200 + i as u32)];
             let leaf = Node::leaf(12 + i, film(5, 4, i as u32)).with_layers(layers);
             leaf.with_radius_scale(RADIUS_SCALE_OF_TESTS)
         };
@@ -417,7 +440,7 @@ mod tests {
             let film = match prefix {
                 "" => &node.sum,
                 "variance." => &node.squared_difference,
-                "depth." => &node.layers[0],
+                "targets." => &node.layers[0],
                 _ => &node.layers[1],
             };
             let c = "RGB".find(colour).unwrap_or(0);
@@ -426,7 +449,7 @@ mod tests {
             names.push(name);
         }
         #[rustfmt::skip]
-        let expected = ["B", "G", "R", "albedo.B", "albedo.G", "albedo.R", "depth.Z", "variance.B", "variance.G", "variance.R"];
+        let expected = ["B", "G", "R", "albedo.B", "albedo.G", "albedo.R", "targets.Y", "variance.B", "variance.G", "variance.R"];
         assert_eq!(names, expected);
         let seed = &image.layer_data.attributes.other[&exr::prelude::Text::from(SEED)];
         assert_eq!(*seed, AttributeValue::Text("18446744073709551614".into()));

@@ -5,8 +5,8 @@ use exr::meta::attribute::{AttributeValue, ChannelDescription, ChannelList, Samp
 use exr::meta::header::Header;
 use std::collections::HashMap;
 
-/// Longest header that is looked at, in bytes. Those written here take about one kilobyte, and up to three hundred
-/// bytes a layer.
+/// Longest header of a block that is looked at, in bytes. Those written here take about one kilobyte, and up to three
+/// hundred bytes a layer.
 const MAX_HEADER: usize = 128 * 1024;
 /// Magic number and version field.
 const PREAMBLE: usize = 8;
@@ -27,8 +27,8 @@ pub(super) fn text(field: &'static str, value: &str) -> Result<AttributeValue, I
 }
 
 /// Attributes by name, as the `exr` crate wants them.
-pub(super) fn attributes(list: Vec<(&'static str, AttributeValue)>) -> HashMap<Text, AttributeValue> {
-    let entry = |(name, value): (&str, AttributeValue)| (Text::from(name), value);
+pub(super) fn attributes<N: AsRef<str>>(list: Vec<(N, AttributeValue)>) -> HashMap<Text, AttributeValue> {
+    let entry = |(name, value): (N, AttributeValue)| (Text::from(name.as_ref()), value);
     list.into_iter().map(entry).collect()
 }
 
@@ -75,9 +75,12 @@ pub(super) struct Attribute<'a> {
     bytes: &'a [u8],
 }
 
-/// The attributes of a single-part file. Checks lengths and the end mark, not what the attributes say.
-pub(super) fn walk(file: &[u8]) -> Result<Vec<Attribute<'_>>, String> {
-    let file = &file[..file.len().min(MAX_HEADER)];
+/// The attributes of a block's file. Checks lengths and the end mark, not what the attributes say.
+pub(super) fn walk_block(file: &[u8]) -> Result<Vec<Attribute<'_>>, String> {
+    walk(&file[..file.len().min(MAX_HEADER)])
+}
+
+fn walk(file: &[u8]) -> Result<Vec<Attribute<'_>>, String> {
     if !file.starts_with(&exr::meta::magic_number::BYTES) {
         return Err("not an OpenEXR file".into());
     }

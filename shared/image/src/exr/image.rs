@@ -5,13 +5,16 @@ use crate::atomic;
 use crate::error::ImageError;
 use crate::film::Film;
 use crate::job::{Finders, JobSettings, ReferenceSettings, SceneHash};
-use crate::layer;
+use crate::layer::{self, LayerCounts, MatteKind};
+use crate::matte::{self, RANKS};
 use crate::merge::{Average, Node};
 use exr::image::write::WritableImage;
 use exr::image::{AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer};
 use exr::meta::attribute::{AttributeValue, Compression, LineOrder};
 use exr::meta::header::LayerAttributes;
 use exr::prelude::{ReadChannels, ReadLayers, ReadSpecificChannel, Vec2};
+use std::borrow::Cow;
+use std::collections::BTreeMap;
 use std::io::Cursor;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
@@ -21,6 +24,8 @@ use std::path::Path;
 pub struct ImageMeta {
     /// The scene.
     pub scene: SceneHash,
+    /// The scene's file as FOLDER/FILE, which tells files of equal names apart and no more of a machine.
+    pub scene_file: Option<String>,
     /// What made it.
     pub maker: Maker,
     /// Time since the job started. The one attribute that differs between runs.
@@ -33,6 +38,17 @@ pub struct ImageMeta {
     pub standard_error: bool,
     /// Whether photons that missed all targets were dropped: the image is biased, and says so.
     pub drops_photons: bool,
+    /// What mattes may have met.
+    pub names: Names,
+}
+
+/// Names of all that mattes tell apart.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Names {
+    /// Of objects.
+    pub objects: Vec<String>,
+    /// Of materials.
+    pub materials: Vec<String>,
 }
 
 impl ImageMeta {
@@ -102,53 +118,129 @@ pub fn encode_image(average: &Average, meta: &ImageMeta) -> Result<Vec<u8>, Imag
 
 /// The films of an average as channels, in EXR's order.
 fn channels(average: &Average, meta: &ImageMeta, size: Vec2<usize>) -> Result<AnyChannels<FlatSamples>, ImageError> {
-    const RGB: &[&str] = &["R", "G", "B"];
-    let mut films = vec![(String::new(), RGB, &average.beauty)];
+    let mut films = vec![("", &average.beauty)];
     if meta.standard_error {
-        films.push(("stderr.".into(), RGB, &average.standard_error));
+        films.push(("stderr.", &average.standard_error));
     }
-    for (layer, film) in meta.layers.iter().zip(&average.layers) {
-        films.push((format!("{layer}."), layer.channels(), film));
-    }
-    let bad_size = |(_, _, film): &(String, &[&str], &Film)| film.pixels.len() != size.area();
-    if size.area() == 0 || films.iter().any(bad_size) || meta.layers.len() != average.layers.len() {
+    let counts = LayerCounts {
+        films: average.layers.len(),
+        mattes: average.mattes.len(),
+    };
+    let bad_size = |film: &Film| film.pixels.len() != size.area();
+    let mut all = average.layers.iter().chain(films.iter().map(|(_, film)| *film));
+    if size.area() == 0 || all.any(bad_size) || LayerCounts::of(&meta.layers) != counts {
         return Err(ImageError::Encode {
             field: "size",
-            message: format!("{} x {} pixels, {} layers", size.0, size.1, average.layers.len()),
+            message: format!("{} x {} pixels, {counts}", size.0, size.1),
         });
     }
     let mut channels = Vec::new();
-    for (prefix, names, film) in films {
-        for (c, name) in names.iter().enumerate() {
+    let mut add = |name: String, samples| channels.push(AnyChannel::new(name.as_str(), FlatSamples::F32(samples)));
+    for (prefix, film) in films {
+        for (c, name) in ["R", "G", "B"].iter().enumerate() {
             let samples = film.pixels.iter().map(|pixel| pixel[c]).collect();
-            let name = format!("{prefix}{name}");
-            channels.push(AnyChannel::new(name.as_str(), FlatSamples::F32(samples)));
+            add(format!("{prefix}{name}"), samples);
+        }
+    }
+    for (layer, film) in meta.layers.iter().zip(&average.layers) {
+        for (name, samples) in layer.in_image(film) {
+            add(name, samples);
+        }
+    }
+    for (kind, matte) in mattes(average, meta) {
+        let ranks: Vec<_> = matte.ranks(average.passes).collect();
+        for rank in 0..RANKS {
+            let name = |channel: usize| format!("{}{:02}.{}", type_name(kind), rank / 2, ["R", "G", "B", "A"][channel]);
+            let values = |value: &dyn Fn(&(u32, f32)) -> f32| ranks.iter().map(|of| value(&of[rank])).collect();
+            add(name(rank % 2 * 2), values(&|(id, _)| f32::from_bits(*id)));
+            add(name(rank % 2 * 2 + 1), values(&|(_, coverage)| *coverage));
         }
     }
     Ok(AnyChannels::sort(channels.into_iter().collect()))
 }
 
+const SCENE_FILE: &str = "beamfarmSceneFile";
+
+/// The mattes of an average, and what they tell apart.
+fn mattes<'a>(average: &'a Average, meta: &ImageMeta) -> impl Iterator<Item = (MatteKind, &'a matte::Matte)> {
+    let kinds = meta.layers.iter().filter_map(layer::Layer::matte);
+    kinds.zip(&average.mattes)
+}
+
+/// What Cryptomatte calls it.
+fn type_name(kind: MatteKind) -> &'static str {
+    match kind {
+        MatteKind::Objects => "CryptoObject",
+        MatteKind::Materials => "CryptoMaterial",
+    }
+}
+
+/// The attributes of a matte: its name, how ids are made, and those names that are met somewhere.
+fn attributes_of_matte(kind: MatteKind, matte: &matte::Matte, names: &Names) -> Result<Vec<Attribute>, ImageError> {
+    let list = match kind {
+        MatteKind::Objects => &names.objects,
+        MatteKind::Materials => &names.materials,
+    };
+    let met = matte.ids();
+    let names: BTreeMap<&str, String> = list
+        .iter()
+        .map(|name| (&**name, matte::id_of_name(name)))
+        .filter(|(_, id)| met.binary_search(id).is_ok())
+        .map(|(name, id)| (name, format!("{id:08x}")))
+        .collect();
+    let failed = |error: serde_json::Error| ImageError::Encode {
+        field: "manifest",
+        message: error.to_string(),
+    };
+    let manifest = serde_json::to_string(&names).map_err(failed)?;
+    // EXR's text is bytes; JSON can say any character by ASCII.
+    let mut plain = String::new();
+    for c in manifest.chars() {
+        match c.is_ascii() {
+            true => plain.push(c),
+            false => plain.extend(c.encode_utf16(&mut [0; 2]).iter().map(|unit| format!("\\u{unit:04x}"))),
+        }
+    }
+    let key = matte::key_of_layer(type_name(kind));
+    let attribute = |name: &str, value: &str| {
+        let value = AttributeValue::Text(exr::prelude::Text::from(value));
+        (format!("cryptomatte/{key}/{name}").into(), value)
+    };
+    Ok(vec![
+        attribute("name", type_name(kind)),
+        attribute("hash", "MurmurHash3_32"),
+        attribute("conversion", "uint32_to_float32"),
+        attribute("manifest", &plain),
+    ])
+}
+
 /// An attribute of the image, by its name.
-type Attribute = (&'static str, AttributeValue);
+type Attribute = (Cow<'static, str>, AttributeValue);
 
 /// What the image says about itself.
 fn own_attributes(average: &Average, meta: &ImageMeta) -> Result<Vec<Attribute>, ImageError> {
     let mut own = vec![
-        ("beamfarmScene", text("scene", &meta.scene.to_string())?),
+        ("beamfarmScene".into(), text("scene", &meta.scene.to_string())?),
         (
-            "beamfarmRelativeError",
+            "beamfarmRelativeError".into(),
             AttributeValue::F64(average.relative_standard_error()),
         ),
-        ("beamfarmRenderSeconds", AttributeValue::F64(meta.render_seconds)),
-        ("beamfarmVersion", text("version", &meta.version)?),
+        ("beamfarmRenderSeconds".into(), AttributeValue::F64(meta.render_seconds)),
+        ("beamfarmVersion".into(), text("version", &meta.version)?),
     ];
+    if let Some(file) = &meta.scene_file {
+        own.push((SCENE_FILE.into(), text("scene file", file)?));
+    }
     own.extend(match meta.maker {
         Maker::Passes(settings) => attributes_of_passes(&settings, average, meta)?,
         Maker::Reference(settings) => attributes_of_reference(&settings, average)?,
     });
     if meta.drops_photons {
         let what = "photons that missed all targets were dropped: targeting = \"reject\"";
-        own.push(("beamfarmBiased", text("bias", what)?));
+        own.push(("beamfarmBiased".into(), text("bias", what)?));
+    }
+    for (kind, matte) in mattes(average, meta) {
+        own.extend(attributes_of_matte(kind, matte, &meta.names)?);
     }
     Ok(own)
 }
@@ -159,44 +251,71 @@ fn attributes_of_passes(
     meta: &ImageMeta,
 ) -> Result<Vec<Attribute>, ImageError> {
     let mut own = vec![
-        ("beamfarmPasses", number(average.passes)?),
-        ("beamfarmFirstPass", number(0)?),
-        ("beamfarmLastPass", number(average.passes.saturating_sub(1))?),
-        ("beamfarmPassSet", text("pass set", &meta.pass_set(settings, average))?),
-        ("beamfarmSeed", number(settings.seed)?),
-        ("beamfarmAlpha", AttributeValue::F64(settings.alpha)),
-        ("beamfarmSchedule", text("schedule", &settings.schedule.to_string())?),
-        ("beamfarmPathsPerPass", number(settings.paths_per_pass.into())?),
-        ("beamfarmReferencePaths", number(settings.reference_paths.into())?),
+        ("beamfarmPasses".into(), number(average.passes)?),
+        ("beamfarmFirstPass".into(), number(0)?),
+        ("beamfarmLastPass".into(), number(average.passes.saturating_sub(1))?),
+        (
+            "beamfarmPassSet".into(),
+            text("pass set", &meta.pass_set(settings, average))?,
+        ),
+        ("beamfarmSeed".into(), number(settings.seed)?),
+        ("beamfarmAlpha".into(), AttributeValue::F64(settings.alpha)),
+        (
+            "beamfarmSchedule".into(),
+            text("schedule", &settings.schedule.to_string())?,
+        ),
+        ("beamfarmPathsPerPass".into(), number(settings.paths_per_pass.into())?),
+        (
+            "beamfarmReferencePaths".into(),
+            number(settings.reference_paths.into())?,
+        ),
     ];
     if let Some(budget) = settings.budget {
-        own.push(("beamfarmBudget", text("budget", &budget.to_string())?));
+        own.push(("beamfarmBudget".into(), text("budget", &budget.to_string())?));
     }
     let finders = settings.finders.to_string();
     if !finders.is_empty() {
-        own.push(("beamfarmFinders", text("finders", &finders)?));
+        own.push(("beamfarmFinders".into(), text("finders", &finders)?));
     }
     Ok(own)
 }
 
 fn attributes_of_reference(settings: &ReferenceSettings, average: &Average) -> Result<Vec<Attribute>, ImageError> {
     let mut own = vec![
-        ("beamfarmSamples", number(average.passes)?),
-        ("beamfarmSeed", number(settings.seed)?),
+        ("beamfarmSamples".into(), number(average.passes)?),
+        ("beamfarmSeed".into(), number(settings.seed)?),
     ];
     if let Some(depth) = settings.max_depth {
-        own.push(("beamfarmMaxDepth", number(depth.into())?));
+        own.push(("beamfarmMaxDepth".into(), number(depth.into())?));
     }
     Ok(own)
 }
 
-/// Whether an image that [`write_image`] wrote is made of samples of the reference integrator, and not of passes.
-/// `None` where there is none.
-pub fn made_of_samples(path: &Path) -> Option<bool> {
-    let meta = exr::meta::MetaData::read_from_file(path, false).ok()?;
-    let attributes = &meta.headers.first()?.own_attributes.other;
-    let has = |name: &str| attributes.contains_key(&exr::prelude::Text::from(name));
-    has("beamfarmScene").then(|| has("beamfarmSamples"))
+/// What an image that [`write_image`] wrote says of where it comes from.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Provenance {
+    /// Whether it is made of samples of the reference integrator, and not of passes.
+    pub of_samples: bool,
+    /// [`ImageMeta::scene_file`].
+    pub scene_file: Option<String>,
+}
+
+impl Provenance {
+    /// Of the image at `path`. `None` where there is none.
+    pub fn read(path: &Path) -> Option<Self> {
+        let meta = exr::meta::MetaData::read_from_file(path, false).ok()?;
+        let attributes = &meta.headers.first()?.own_attributes.other;
+        let find = |name: &str| attributes.get(&exr::prelude::Text::from(name));
+        find("beamfarmScene")?;
+        let scene_file = match find(SCENE_FILE) {
+            Some(AttributeValue::Text(file)) => Some(file.to_string()),
+            _ => None,
+        };
+        Some(Self {
+            of_samples: find("beamfarmSamples").is_some(),
+            scene_file,
+        })
+    }
 }
 
 fn number(n: u64) -> Result<AttributeValue, ImageError> {
@@ -329,6 +448,15 @@ pub fn node_hashes(node: &Node) -> (String, [u8; 32]) {
     for layer in &node.layers {
         add_to_hash(layer, &mut hasher);
     }
+    for matte in &node.mattes {
+        for entries in matte.by_pixel() {
+            hasher.update(&(entries.len() as u32).to_le_bytes());
+            for entry in entries {
+                hasher.update(&entry.id.to_le_bytes());
+                hasher.update(&entry.passes.to_le_bytes());
+            }
+        }
+    }
     if node.block.level > 0 {
         add_to_hash(&node.squared_difference, &mut hasher);
         if let Some(sums) = &node.radius_sums {
@@ -375,6 +503,7 @@ mod tests {
     fn meta() -> ImageMeta {
         ImageMeta {
             scene: SceneHash([0xab; 32]),
+            scene_file: Some("fog/scene.toml".into()),
             maker: Maker::Passes(JobSettings {
                 seed: u64::MAX,
                 alpha: 2.0 / 3.0,
@@ -389,6 +518,7 @@ mod tests {
             layers: vec![layer::Layer::Depth, layer::Layer::Normal],
             standard_error: true,
             drops_photons: false,
+            names: Names::default(),
         }
     }
 
@@ -419,7 +549,7 @@ mod tests {
         assert_eq!(names, expected);
         let red: Vec<f32> = average.standard_error.pixels.iter().map(|pixel| pixel[0]).collect();
         assert_eq!(channels[9].sample_data, FlatSamples::F32(red));
-        let depth = average.layers[0].pixels.iter().map(|pixel| pixel[0]);
+        let depth = average.layers[0].pixels.iter().map(layer::distance);
         assert_eq!(channels[3].sample_data, FlatSamples::F32(depth.collect()));
 
         let attributes = &image.layer_data.attributes;
@@ -448,6 +578,7 @@ mod tests {
             ),
             ("beamfarmRenderSeconds", AttributeValue::F64(1.5)),
             ("beamfarmScene", AttributeValue::Text("ab".repeat(32).as_str().into())),
+            ("beamfarmSceneFile", AttributeValue::Text("fog/scene.toml".into())),
             ("beamfarmSchedule", AttributeValue::Text("beam".into())),
             ("beamfarmSeed", AttributeValue::Text("18446744073709551615".into())),
             ("beamfarmVersion", AttributeValue::Text("0.1.0".into())),
@@ -482,6 +613,15 @@ mod tests {
             assert_eq!(*attribute, AttributeValue::Text(value.into()), "{name}");
         }
         assert!(!attributes.contains_key(&exr::prelude::Text::from("beamfarmAlpha")));
+        let says = |of_samples: bool, scene_file: Option<String>| Provenance { of_samples, scene_file };
+        assert_eq!(Provenance::read(&path), Some(says(true, meta.scene_file.clone())));
+        let meta = ImageMeta {
+            scene_file: None,
+            ..self::meta()
+        };
+        write_image(&path, &average(), &meta).unwrap();
+        assert_eq!(Provenance::read(&path), Some(says(false, None)));
+        assert_eq!(Provenance::read(&folder.path().join("none.exr")), None);
     }
 
     #[test]
@@ -501,6 +641,76 @@ mod tests {
             AttributeValue::Text(text) => assert!(text.to_string().contains("\"reject\"")),
             other => panic!("{other:?}"),
         }
+    }
+
+    /// As a compositor reads them: pairs of id and coverage by rank, and what the ids are called.
+    #[test]
+    fn mattes_are_those_of_the_convention() {
+        let names = Names {
+            objects: ["ball", "wall \"b\"", "Würfel", "unseen"].map(String::from).to_vec(),
+            materials: Vec::new(),
+        };
+        let [ball, wall, cube] = [0, 1, 2].map(|i| matte::id_of_name(&names.objects[i]));
+        let mut sum = TreeSum::new(3, 1).with_layers(LayerCounts { films: 0, mattes: 1 });
+        for (pass, ids) in [[ball, wall, 0], [wall, wall, 0], [wall, cube, 0], [cube, cube, ball]]
+            .iter()
+            .enumerate()
+        {
+            let leaf = Node::leaf(pass as u64, Film::new(3, 1));
+            sum.insert(leaf.with_mattes(vec![matte::Matte::leaf(ids)])).unwrap();
+        }
+        let meta = ImageMeta {
+            layers: vec![layer::Layer::Objects],
+            standard_error: false,
+            names,
+            ..meta()
+        };
+        let bytes = encode_image(&sum.average().unwrap(), &meta).unwrap();
+        assert!(encode_image(&sum.average().unwrap(), &meta).unwrap() == bytes);
+        let reader = exr::image::read::read()
+            .no_deep_data()
+            .largest_resolution_level()
+            .all_channels();
+        let image = reader
+            .first_valid_layer()
+            .all_attributes()
+            .from_buffered(Cursor::new(&bytes))
+            .unwrap();
+        let channel = |name: &str| {
+            let mut list = image.layer_data.channel_data.list.iter();
+            let found = list.find(|channel| channel.name.to_string() == name).unwrap();
+            found.sample_data.values_as_f32().collect::<Vec<f32>>()
+        };
+        let ids = |name: &str| channel(name).iter().map(|v| v.to_bits()).collect::<Vec<u32>>();
+        let first = if wall < cube { wall } else { cube };
+        assert_eq!(ids("CryptoObject00.R"), [wall, first, ball]);
+        assert_eq!(channel("CryptoObject00.G"), [0.5, 0.5, 0.25]);
+        let second = if ball < cube { ball } else { cube };
+        assert_eq!(
+            ids("CryptoObject00.B"),
+            [second, if first == wall { cube } else { wall }, 0]
+        );
+        assert_eq!(channel("CryptoObject00.A"), [0.25, 0.5, 0.0]);
+        assert_eq!(channel("CryptoObject01.G"), [0.25, 0.0, 0.0]);
+        assert_eq!(channel("CryptoObject02.A"), [0.0; 3]);
+        let attributes = &image.layer_data.attributes.other;
+        let says = |name: &str| match &attributes[&exr::prelude::Text::from(&*format!("cryptomatte/3ae39a5/{name}"))] {
+            AttributeValue::Text(text) => text.to_string(),
+            other => panic!("{other:?}"),
+        };
+        assert_eq!(says("name"), "CryptoObject");
+        assert_eq!(
+            (says("hash"), says("conversion")),
+            ("MurmurHash3_32".into(), "uint32_to_float32".into())
+        );
+        let manifest = says("manifest");
+        assert!(manifest.is_ascii(), "{manifest}");
+        let manifest: BTreeMap<String, String> = serde_json::from_str(&manifest).unwrap();
+        let id = |name: &str| u32::from_str_radix(&manifest[name], 16).unwrap();
+        assert_eq!(
+            (manifest.len(), id("ball"), id("Würfel"), id("wall \"b\"")),
+            (3, ball, cube, wall)
+        );
     }
 
     /// The `exr` crate keeps attributes in a hash map, whose order differs each time.

@@ -6,6 +6,6 @@ mod image;
 
 pub use block::{BlockMeta, decode_block, encode_block, encoded_size};
 pub use image::{
-    ImageMeta, Maker, check_claims, decode_rgb, encode_image, made_of_samples, node_hash, node_hashes, pixel_hash,
+    ImageMeta, Maker, Names, Provenance, check_claims, decode_rgb, encode_image, node_hash, node_hashes, pixel_hash,
     read_rgb, read_standard_error, without_panic, write_image,
 };

@@ -3,6 +3,7 @@
 use super::{Node, REPLICATION};
 use crate::bias::Bias;
 use crate::film::Film;
+use crate::matte::Matte;
 
 /// Pixels along the side of the blocks whose radiance errors are compared with.
 pub(super) const BLOCK: usize = 8;
@@ -21,6 +22,8 @@ pub struct Average {
     pub standard_error: Film,
     /// Means of the layers, in the job's order.
     pub layers: Vec<Film>,
+    /// Sums of the mattes.
+    pub mattes: Vec<Matte>,
     /// Estimated bias, when the passes' radius scales are known.
     pub bias: Option<Bias>,
 }
@@ -43,6 +46,7 @@ impl Average {
             mut sum,
             squared_difference: mut difference,
             mut layers,
+            mattes,
             radius_sums,
             ..
         } = total;
@@ -65,6 +69,7 @@ impl Average {
             beauty: sum,
             standard_error: difference,
             layers,
+            mattes,
             bias,
         }
     }

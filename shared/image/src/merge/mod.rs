@@ -15,6 +15,8 @@ pub use sum::{TreeSum, next_boundary};
 use crate::bias::RadiusSums;
 use crate::film::Film;
 use crate::job::{Block, MAX_PASSES};
+use crate::layer::LayerCounts;
+use crate::matte::Matte;
 
 /// Largest magnitude of one pass's radiance that is accepted, per channel. Sums of [`MAX_PASSES`] such values stay
 /// finite.
@@ -71,14 +73,14 @@ pub enum MergeError {
         found: [u32; 2],
     },
     /// The image has another number of layers than the job's.
-    #[error("{block}: expected {expected} layers, found {found}")]
+    #[error("{block}: expected {expected}, found {found}")]
     Layers {
         /// The block that was refused.
         block: Block,
         /// Layers of the job.
-        expected: usize,
+        expected: LayerCounts,
         /// Layers of the block.
-        found: usize,
+        found: LayerCounts,
     },
     /// The image holds values that no average may see.
     #[error(
@@ -122,6 +124,8 @@ pub struct Node {
     pub squared_difference: Film,
     /// Sums of the layers that the job has beside radiance, in the job's order.
     pub layers: Vec<Film>,
+    /// What covers each pixel, likewise.
+    pub mattes: Vec<Matte>,
     /// What an estimate of the bias is made of, when the passes' radius scales are known.
     pub radius_sums: Option<RadiusSums>,
 }
@@ -134,6 +138,7 @@ impl Node {
             squared_difference: Film::new(film.width, film.height),
             sum: film,
             layers: Vec::new(),
+            mattes: Vec::new(),
             radius_sums: None,
         }
     }
@@ -150,6 +155,19 @@ impl Node {
     /// The same node with these layers.
     pub fn with_layers(self, layers: Vec<Film>) -> Self {
         Self { layers, ..self }
+    }
+
+    /// The same node with these mattes.
+    pub fn with_mattes(self, mattes: Vec<Matte>) -> Self {
+        Self { mattes, ..self }
+    }
+
+    /// How many layers it has.
+    pub fn layer_counts(&self) -> LayerCounts {
+        LayerCounts {
+            films: self.layers.len(),
+            mattes: self.mattes.len(),
+        }
     }
 
     /// The parent of two siblings, given in the order of their passes.
@@ -169,9 +187,9 @@ impl Node {
                 right: right.block,
             });
         }
-        let count = left.layers.len();
-        left.check_shape(left.sum.width, left.sum.height, count)?;
-        right.check_shape(left.sum.width, left.sum.height, count)?;
+        let counts = left.layer_counts();
+        left.check_shape(left.sum.width, left.sum.height, counts)?;
+        right.check_shape(left.sum.width, left.sum.height, counts)?;
         Ok(Self::joined(left, &right))
     }
 
@@ -182,6 +200,7 @@ impl Node {
             mut sum,
             mut squared_difference,
             mut layers,
+            mut mattes,
             radius_sums,
             ..
         } = left;
@@ -201,17 +220,19 @@ impl Node {
         for (layer, right) in layers.iter_mut().zip(&right.layers) {
             add(layer, right);
         }
+        add_mattes(&mut mattes, &right.mattes);
         Self {
             block,
             sum,
             squared_difference,
             layers,
+            mattes,
             radius_sums: join_radius_sums(radius_sums, right.radius_sums.as_ref(), block.level == 1),
         }
     }
 
     /// Refuse another size or number of layers, NaN, infinities and magnitudes beyond [`MAX_RADIANCE`] a pass.
-    pub fn check(&self, width: u32, height: u32, layers: usize) -> Result<(), MergeError> {
+    pub fn check(&self, width: u32, height: u32, layers: LayerCounts) -> Result<(), MergeError> {
         if !self.block.is_valid() {
             return Err(MergeError::OutOfRange { block: self.block });
         }
@@ -231,6 +252,15 @@ impl Node {
         }
         let sums = self.radius_sums.as_ref();
         if count == 0 && sums.is_some_and(|sums| !sums.is_sound(width, height)) {
+            (count, first) = (1, Some([0, 0]));
+        }
+        let passes = self.block.len();
+        if count == 0
+            && !self
+                .mattes
+                .iter()
+                .all(|matte| matte.is_sound(self.sum.pixels.len(), passes))
+        {
             (count, first) = (1, Some([0, 0]));
         }
         match first {
@@ -264,12 +294,13 @@ impl Node {
         (count, first)
     }
 
-    fn check_shape(&self, width: u32, height: u32, layers: usize) -> Result<(), MergeError> {
-        if self.layers.len() != layers {
+    fn check_shape(&self, width: u32, height: u32, layers: LayerCounts) -> Result<(), MergeError> {
+        let found = self.layer_counts();
+        if found != layers {
             return Err(MergeError::Layers {
                 block: self.block,
                 expected: layers,
-                found: self.layers.len(),
+                found,
             });
         }
         for film in [&self.sum, &self.squared_difference].into_iter().chain(&self.layers) {
@@ -290,6 +321,12 @@ fn join_radius_sums(left: Option<RadiusSums>, right: Option<&RadiusSums>, are_le
     let (mut sums, right) = (left?, right?);
     sums.join(right, are_leaves);
     Some(sums)
+}
+
+fn add_mattes(into: &mut [Matte], other: &[Matte]) {
+    for (matte, other) in into.iter_mut().zip(other) {
+        *matte = matte.joined(other);
+    }
 }
 
 fn add(into: &mut Film, other: &Film) {

@@ -175,6 +175,7 @@ mod tests {
             beauty,
             standard_error,
             layers: Vec::new(),
+            mattes: Vec::new(),
             bias: None,
         }
     }

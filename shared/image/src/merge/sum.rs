@@ -1,7 +1,8 @@
 //! Nodes that have arrived, joined as far as they may be.
 
-use super::{Average, MergeError, Node, add, add_saturating, join_radius_sums};
+use super::{Average, MergeError, Node, add, add_mattes, add_saturating, join_radius_sums};
 use crate::job::{Block, MAX_PASSES};
+use crate::layer::LayerCounts;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -27,7 +28,7 @@ pub fn next_boundary(passes: u64) -> u64 {
 pub struct TreeSum {
     width: u32,
     height: u32,
-    layers: usize,
+    layers: LayerCounts,
     first_pass: u64,
     fence: Option<u64>,
     /// By first pass. Disjoint; no two are siblings, but for a boundary between them.
@@ -40,7 +41,7 @@ impl TreeSum {
         Self {
             width,
             height,
-            layers: 0,
+            layers: LayerCounts::default(),
             first_pass: 0,
             fence: None,
             nodes: BTreeMap::new(),
@@ -48,7 +49,8 @@ impl TreeSum {
     }
 
     /// The same, of passes that have so many layers beside their radiance.
-    pub fn with_layers(self, layers: usize) -> Self {
+    pub fn with_layers(self, layers: impl Into<LayerCounts>) -> Self {
+        let layers = layers.into();
         Self { layers, ..self }
     }
 
@@ -233,6 +235,7 @@ impl TreeSum {
                 for (layer, right) in node.layers.iter_mut().zip(&right.layers) {
                     add(layer, right);
                 }
+                add_mattes(&mut node.mattes, &right.mattes);
                 node.radius_sums = join_radius_sums(node.radius_sums, right.radius_sums.as_ref(), false);
             }
             total = Some(node);

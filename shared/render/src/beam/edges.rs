@@ -236,6 +236,7 @@ mod tests {
             camera_medium: None,
             world_medium: None,
             objects: shapes.into_iter().zip([0, 1]).map(object).collect(),
+            material_names: Default::default(),
             materials: vec![of_kind(MaterialKind::Diffuse { reflectance: white() }), of_kind(pane)],
             media: Vec::new(),
             lights: Vec::new(),

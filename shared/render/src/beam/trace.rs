@@ -453,12 +453,12 @@ impl<V: Sight> Tracer<'_, V> {
     ) {
         let dir = photon.ray.dir;
         let material = self.scene.material(hit);
-        if material.is_passed(hit.uv, || sampler.next_1d()) {
+        let Some(part) = material.met(&hit.at, || sampler.next_1d()) else {
             photon.ray = hit.spawn_ray(dir);
             photon.starts_on = Some(hit.ng);
             photon.medium = self.scene.medium_beyond(hit, dir, photon.medium);
             return;
-        }
+        };
         let SurfaceInteraction {
             mut bsdf,
             bump_shadowing,
@@ -466,13 +466,13 @@ impl<V: Sight> Tracer<'_, V> {
             wo,
             local_wo,
             ..
-        } = self.scene.interaction(hit, dir);
+        } = self.scene.interaction(part, hit, dir);
         if let Some(lobes) = self.seen_by(photon, material) {
             self.leave_surface_photon(photon, hit, lobes, sampler, out);
         }
         let before = mean(photon.power);
         let mut u_lobe = sampler.next_1d();
-        let mut is_narrow = material.is_followed();
+        let mut is_narrow = bsdf.is_followed();
         if let Some((p, [narrow, wide])) = bsdf.narrow_and_wide(local_wo) {
             is_narrow = u_lobe < p;
             let q;
@@ -505,7 +505,7 @@ impl<V: Sight> Tracer<'_, V> {
             let footprint = &photon.footprint;
             footprint.scattered(wi, sample.pdf, self.kernel_paths, !is_followed)
         } else if sample.transmitted {
-            let eta = material.eta_of_crossing(hit.ng.dot(dir) > 0.0);
+            let eta = part.eta_of_crossing(hit.ng.dot(dir) > 0.0);
             photon.footprint.refracted(dir, wi, n, hit.curvature, eta)
         } else {
             photon.footprint.reflected(dir, n, hit.curvature)
@@ -538,10 +538,10 @@ impl<V: Sight> Tracer<'_, V> {
         photon.starts_on = Some(hit.ng);
     }
 
-    /// By which lobes of a surface a photon that lands there is to be seen; none if it is not to be left.
+    /// By which lobes of a surface a photon that lands there is to be seen; none if it is not to be left. Of a blend,
+    /// camera paths choose the part that sees it.
     fn seen_by(&self, photon: &Photon<V::Hidden>, material: &Material) -> Option<SeenBy> {
-        let followed = material.is_followed();
-        let by_wide = !followed
+        let by_wide = material.is_wide()
             && match photon.arrival {
                 Arrival::Direct => false,
                 Arrival::Caustic => self.brings_caustics(photon),
@@ -552,9 +552,8 @@ impl<V: Sight> Tracer<'_, V> {
         let by_followed = photon.arrival == Arrival::Caustic
             && photon.is_sharp
             && self.scene.lights()[photon.light].kind.is_delta()
-            && (followed || material.has_narrow_lobe());
+            && (material.is_followed() || material.has_narrow_lobe());
         match (by_wide, by_followed) {
-            _ if material.is_specular() => None,
             (true, true) => Some(SeenBy::All),
             (true, false) => Some(SeenBy::Wide),
             (false, true) => Some(SeenBy::Followed),

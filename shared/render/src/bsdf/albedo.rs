@@ -21,6 +21,7 @@ impl Bsdf<'_> {
             Self::Plastic(b) => b.albedo(),
             Self::RoughPlastic(b) => b.albedo(),
             Self::Principled(b) => b.albedo(),
+            Self::Layered(b) => b.albedo(),
             Self::Null => Rgb::ONE,
         }
     }

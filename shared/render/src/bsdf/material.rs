@@ -1,16 +1,16 @@
 //! Materials as the scene says them.
 
-use super::dielectric::Dielectric;
 use super::microfacet::MIN_ALPHA;
-use super::plastic::{Coat, Plastic, RoughCoat, RoughPlastic};
-use super::principled::Principled;
-use super::rough_dielectric::{MIN_CONTRAST, RoughDielectric};
-use super::{Bsdf, Distribution, FOLLOWED_BELOW, NormalPerturbation};
-use crate::math::{Rgb, Vec2, Vec3, luminance};
+use super::plastic::{Coat, RoughCoat};
+use super::principled::{Extras, Interface};
+use super::rough_dielectric::MIN_CONTRAST;
+use super::{Distribution, FOLLOWED_BELOW, GLOSS, NormalPerturbation};
+use crate::math::Rgb;
+use crate::scalar::Scalar;
 use crate::texture::Texture;
 
 /// Largest part of a complex index of refraction; from here on a conductor is a mirror, and squares stay finite.
-const MAX_INDEX: Rgb = Rgb::splat(1e6);
+pub(super) const MAX_INDEX: Rgb = Rgb::splat(1e6);
 
 /// What a surface is made of, as the scene says it.
 #[derive(Clone, Debug)]
@@ -66,7 +66,7 @@ pub enum MaterialKind {
         /// Distribution of its microfacets.
         distribution: Distribution,
         /// Roughness (not squared again), at least 1e-3 (less counts as that).
-        alpha: f32,
+        alpha: Scalar,
         /// Real part of the index of refraction.
         eta: Rgb,
         /// Imaginary part.
@@ -79,7 +79,7 @@ pub enum MaterialKind {
         /// Distribution of its microfacets.
         distribution: Distribution,
         /// Roughness (not squared again), at least 1e-3 (less counts as that).
-        alpha: f32,
+        alpha: Scalar,
         /// Index of refraction inside over the one outside.
         eta: f32,
         /// Factors on what is reflected and transmitted.
@@ -108,14 +108,23 @@ pub enum MaterialKind {
         /// Albedo of the base, and of metals at normal incidence, in [0, 1].
         base_color: Texture,
         /// From dielectric 0 to metal 1.
-        metallic: f32,
+        metallic: Scalar,
         /// From 0 to 1; its square is the roughness of the microfacets.
-        roughness: f32,
-        /// Index of refraction inside over the one outside.
-        eta: f32,
+        roughness: Scalar,
+        /// What the interface reflects.
+        interface: Interface,
+        /// Other lobes, where there are some.
+        extras: Option<Box<Extras>>,
     },
     /// Nothing: the boundary of a medium, index-matched.
     Null,
+    /// One of two materials, by chance: light meets the second as often as the weight says, the first otherwise.
+    Blend {
+        /// Both of them.
+        parts: Box<[Material; 2]>,
+        /// Its luminance is the share of the second, in [0, 1].
+        weight: Texture,
+    },
 }
 
 /// Factors on the light that a dielectric reflects and transmits, each in [0, 1]; 1 where nature is to be followed.
@@ -128,6 +137,11 @@ pub struct Tint {
 }
 
 impl Tint {
+    fn varies(&self) -> bool {
+        let varies = |texture: &Texture| !matches!(texture, Texture::Constant(_));
+        varies(&self.reflectance) || varies(&self.transmittance)
+    }
+
     /// Changes nothing.
     pub const NONE: Self = Self {
         reflectance: Texture::Constant(Rgb::ONE),
@@ -146,38 +160,20 @@ impl Material {
         }
     }
 
-    /// Whether a ray goes on as if nothing were there: at boundaries of media, and by chance where the surface is not
-    /// opaque. `draw`: a uniform number.
-    #[inline]
-    pub fn is_passed(&self, uv: Vec2, draw: impl FnOnce() -> f32) -> bool {
-        match &self.opacity {
-            None => self.is_null(),
-            Some(opacity) => draw() >= opacity_at(opacity, uv),
-        }
-    }
-    /// The share of light that goes straight through, on average over [`Self::is_passed`].
-    #[inline]
-    pub fn transparency(&self, uv: Vec2) -> f32 {
-        match &self.opacity {
-            None => f32::from(self.is_null()),
-            Some(opacity) => 1.0 - opacity_at(opacity, uv),
-        }
-    }
     /// Whether rays may pass.
     pub fn may_be_passed(&self) -> bool {
-        self.is_null() || self.opacity.is_some()
+        self.is_null() || self.opacity.is_some() || self.is_part(&Self::may_be_passed)
     }
     /// Whether it varies with texture coordinates.
     pub fn reads_uv(&self) -> bool {
         let varies = |texture: &Texture| !matches!(texture, Texture::Constant(_));
         let by_kind = match &self.kind {
-            MaterialKind::Dielectric { tint, .. }
-            | MaterialKind::ThinDielectric { tint, .. }
-            | MaterialKind::RoughDielectric { tint, .. } => varies(&tint.reflectance) || varies(&tint.transmittance),
+            MaterialKind::Dielectric { tint, .. } | MaterialKind::ThinDielectric { tint, .. } => tint.varies(),
+            MaterialKind::RoughDielectric { tint, alpha, .. } => tint.varies() || alpha.varies(),
             MaterialKind::Diffuse { reflectance }
             | MaterialKind::Conductor { reflectance, .. }
-            | MaterialKind::Mirror { reflectance }
-            | MaterialKind::RoughConductor { reflectance, .. } => varies(reflectance),
+            | MaterialKind::Mirror { reflectance } => varies(reflectance),
+            MaterialKind::RoughConductor { reflectance, alpha, .. } => varies(reflectance) || alpha.varies(),
             MaterialKind::Plastic {
                 reflectance,
                 specular_reflectance,
@@ -188,121 +184,54 @@ impl Material {
                 specular_reflectance,
                 ..
             } => varies(reflectance) || varies(specular_reflectance),
-            MaterialKind::Principled { base_color, .. } => varies(base_color),
+            MaterialKind::Principled {
+                base_color,
+                metallic,
+                roughness,
+                interface,
+                extras,
+            } => {
+                varies(base_color)
+                    || metallic.varies()
+                    || roughness.varies()
+                    || interface.varies()
+                    || extras.as_ref().is_some_and(|extras| extras.vary())
+            }
             MaterialKind::Null => false,
+            MaterialKind::Blend { weight, .. } => varies(weight) || self.is_part(&Self::reads_uv),
         };
         by_kind || self.opacity.as_ref().is_some_and(varies) || self.normal_perturbation.is_some()
     }
     /// Whether light comes out on the other side, bent or not.
     pub fn transmits(&self) -> bool {
-        let is_glass = matches!(
-            self.kind,
-            MaterialKind::Dielectric { .. }
-                | MaterialKind::ThinDielectric { .. }
-                | MaterialKind::RoughDielectric { .. }
-        );
-        is_glass || self.may_be_passed()
+        self.refracts() || self.may_be_passed() || self.is_part(&Self::transmits)
     }
 
-    /// The scattering at a hit with these texture coordinates.
-    #[inline]
-    pub fn bsdf(&self, uv: Vec2) -> Bsdf<'_> {
-        let two_sided = self.two_sided;
+    /// Whether light may be reflected and refracted by it, or go through a pane.
+    pub fn refracts(&self) -> bool {
         match &self.kind {
-            MaterialKind::Diffuse { reflectance } => {
-                let reflectance = reflectance.eval(uv);
-                if reflectance == Rgb::ZERO {
-                    return Bsdf::Black;
-                }
-                Bsdf::Diffuse { reflectance, two_sided }
-            }
-            MaterialKind::Dielectric { eta, tint } => Bsdf::Dielectric(Dielectric {
-                eta: *eta,
-                reflectance: tint.reflectance.eval(uv),
-                transmittance: tint.transmittance.eval(uv),
-            }),
-            MaterialKind::ThinDielectric { eta, tint } => Bsdf::ThinDielectric(Dielectric {
-                eta: *eta,
-                reflectance: tint.reflectance.eval(uv),
-                transmittance: tint.transmittance.eval(uv),
-            }),
-            MaterialKind::Conductor { eta, k, reflectance } => Bsdf::Conductor {
-                eta: eta.min(MAX_INDEX),
-                k: k.min(MAX_INDEX),
-                reflectance: reflectance.eval(uv),
-                two_sided,
-            },
-            MaterialKind::Mirror { reflectance } => Bsdf::Mirror {
-                reflectance: reflectance.eval(uv),
-                two_sided,
-            },
-            MaterialKind::RoughConductor {
-                distribution,
-                alpha,
-                eta,
-                k,
-                reflectance,
-            } => Bsdf::RoughConductor {
-                distribution: *distribution,
-                alpha: alpha.max(MIN_ALPHA),
-                eta: eta.min(MAX_INDEX),
-                k: k.min(MAX_INDEX),
-                reflectance: reflectance.eval(uv),
-                two_sided,
-            },
-            MaterialKind::RoughDielectric { eta, .. } if index_matched(*eta) => Bsdf::Null,
-            MaterialKind::RoughDielectric {
-                distribution,
-                alpha,
-                eta,
-                tint,
-            } => Bsdf::RoughDielectric(RoughDielectric {
-                distribution: *distribution,
-                alpha: alpha.max(MIN_ALPHA),
-                eta: *eta,
-                reflectance: tint.reflectance.eval(uv),
-                transmittance: tint.transmittance.eval(uv),
-            }),
-            MaterialKind::Plastic {
-                reflectance,
-                specular_reflectance,
-                coat,
-            } => Bsdf::Plastic(Plastic::new(
-                coat,
-                reflectance.eval(uv),
-                specular_reflectance.eval(uv),
-                two_sided,
-            )),
-            MaterialKind::RoughPlastic {
-                reflectance,
-                specular_reflectance,
-                coat,
-            } => Bsdf::RoughPlastic(RoughPlastic::new(
-                coat,
-                reflectance.eval(uv),
-                specular_reflectance.eval(uv),
-                two_sided,
-            )),
-            MaterialKind::Principled {
-                base_color,
-                metallic,
-                roughness,
-                eta,
-            } => Bsdf::Principled(Principled {
-                base_color: base_color.eval(uv),
-                metallic: *metallic,
-                roughness: *roughness,
-                eta: *eta,
-                two_sided,
-                lobes: [1.0; 2],
-            }),
-            MaterialKind::Null => Bsdf::Null,
+            MaterialKind::Dielectric { .. }
+            | MaterialKind::ThinDielectric { .. }
+            | MaterialKind::RoughDielectric { .. } => true,
+            MaterialKind::Principled { extras, .. } => extras.as_ref().is_some_and(|extras| extras.transmits()),
+            _ => self.is_part(&Self::refracts),
         }
     }
 
-    /// Whether [`Bsdf::is_glossy`] holds.
+    /// Whether [`Bsdf::is_glossy`](super::Bsdf::is_glossy) may hold.
     pub fn is_glossy(&self) -> bool {
-        self.bsdf(Vec2::ZERO).is_glossy()
+        let has_gloss = |[low, high]: [f32; 2]| low <= *GLOSS.end() && high >= *GLOSS.start();
+        match &self.kind {
+            MaterialKind::RoughDielectric { eta, .. } if index_matched(*eta) => false,
+            MaterialKind::RoughConductor { alpha, .. } | MaterialKind::RoughDielectric { alpha, .. } => {
+                has_gloss(alpha.range())
+            }
+            MaterialKind::RoughPlastic { coat, .. } => has_gloss([coat.alpha(); 2]),
+            MaterialKind::Principled { roughness, extras, .. } => {
+                has_gloss(principled_alphas(roughness)) || extras.as_ref().is_some_and(|extras| extras.is_coated())
+            }
+            _ => self.is_part(&Self::is_glossy),
+        }
     }
 
     /// Nothing but the boundary of a medium.
@@ -313,39 +242,43 @@ impl Material {
     /// beside it.
     pub fn bounds_media(&self) -> bool {
         self.opacity.is_none()
-            && matches!(
-                self.kind,
-                MaterialKind::Dielectric { .. } | MaterialKind::RoughDielectric { .. } | MaterialKind::Null
-            )
-    }
-    /// Index of refraction on the side that a ray comes from over the one that it goes to. 1 for anything but
-    /// dielectrics.
-    pub fn eta_of_crossing(&self, from_inside: bool) -> f32 {
-        match self.kind {
-            MaterialKind::Dielectric { eta, .. } | MaterialKind::RoughDielectric { eta, .. } => {
-                if from_inside {
-                    eta
-                } else {
-                    1.0 / eta
+            && match &self.kind {
+                MaterialKind::Dielectric { .. } | MaterialKind::RoughDielectric { .. } | MaterialKind::Null => true,
+                MaterialKind::Principled { .. } => self.refracts(),
+                // All parts that let light through do.
+                MaterialKind::Blend { parts, .. } => {
+                    let mut bounding = parts.iter().map(|part| part.bounds_media());
+                    let mut others = parts.iter().filter(|part| !part.bounds_media());
+                    bounding.any(|bounds| bounds) && !others.any(|part| part.transmits())
                 }
+                _ => false,
             }
-            _ => 1.0,
-        }
+    }
+    /// Index of refraction on the side that a ray comes from over the one that it goes to. 1 for anything that does not
+    /// bend light.
+    pub fn eta_of_crossing(&self, from_inside: bool) -> f32 {
+        let eta = match &self.kind {
+            MaterialKind::Dielectric { eta, .. } | MaterialKind::RoughDielectric { eta, .. } => *eta,
+            MaterialKind::Principled { interface, .. } if self.refracts() => interface.eta_of_glass(),
+            _ => return 1.0,
+        };
+        if from_inside { eta } else { 1.0 / eta }
     }
     /// True where some light is scattered in discrete directions.
     pub fn has_delta(&self) -> bool {
-        self.is_specular() || matches!(self.kind, MaterialKind::Plastic { .. })
+        self.is_specular() || matches!(self.kind, MaterialKind::Plastic { .. }) || self.is_part(&Self::has_delta)
     }
     /// True where no light is scattered except in discrete directions: camera paths go on through such a surface.
     #[inline]
     pub fn is_specular(&self) -> bool {
-        match self.kind {
+        match &self.kind {
             MaterialKind::Dielectric { .. }
             | MaterialKind::ThinDielectric { .. }
             | MaterialKind::Conductor { .. }
             | MaterialKind::Mirror { .. }
             | MaterialKind::Null => true,
-            MaterialKind::RoughDielectric { eta, .. } => index_matched(eta),
+            MaterialKind::RoughDielectric { eta, .. } => index_matched(*eta),
+            MaterialKind::Blend { parts, .. } => parts.iter().all(Self::is_specular),
             MaterialKind::Diffuse { .. }
             | MaterialKind::RoughConductor { .. }
             | MaterialKind::Plastic { .. }
@@ -353,18 +286,40 @@ impl Material {
             | MaterialKind::Principled { .. } => false,
         }
     }
-    /// Whether paths follow what it scatters, see [`Bsdf::is_followed`].
+    /// Whether paths follow what it scatters, see [`Bsdf::is_followed`](super::Bsdf::is_followed), somewhere; of a blend,
+    /// what some part does.
     #[inline]
     pub fn is_followed(&self) -> bool {
-        match self.kind {
-            MaterialKind::RoughConductor { alpha, .. } => alpha < FOLLOWED_BELOW,
-            MaterialKind::RoughDielectric { alpha, eta, .. } => alpha < FOLLOWED_BELOW && !index_matched(eta),
-            _ => false,
+        match &self.kind {
+            MaterialKind::RoughConductor { alpha, .. } => alpha.range()[0] < FOLLOWED_BELOW,
+            MaterialKind::RoughDielectric { alpha, eta, .. } => {
+                alpha.range()[0] < FOLLOWED_BELOW && !index_matched(*eta)
+            }
+            _ => self.is_part(&Self::is_followed),
         }
     }
-    /// Whether it has a lobe that is followed beside a wide one, see [`Bsdf::narrow_and_wide`].
+    /// Whether it scatters light that paths do not follow, somewhere; of a blend, what some part does.
+    pub fn is_wide(&self) -> bool {
+        match &self.kind {
+            MaterialKind::RoughConductor { alpha, .. } => alpha.range()[1] >= FOLLOWED_BELOW,
+            MaterialKind::RoughDielectric { alpha, eta, .. } => {
+                alpha.range()[1] >= FOLLOWED_BELOW && !index_matched(*eta)
+            }
+            MaterialKind::Blend { parts, .. } => parts.iter().any(Self::is_wide),
+            _ => !self.is_specular(),
+        }
+    }
+    /// Whether it has a lobe that is followed beside a wide one, see
+    /// [`Bsdf::narrow_and_wide`](super::Bsdf::narrow_and_wide), somewhere.
     pub fn has_narrow_lobe(&self) -> bool {
-        self.bsdf(Vec2::ZERO).narrow_and_wide(Vec3::Z).is_some()
+        match &self.kind {
+            MaterialKind::RoughPlastic { coat, .. } => coat.alpha() < FOLLOWED_BELOW,
+            MaterialKind::Principled { roughness, extras, .. } => {
+                principled_alphas(roughness)[0] < FOLLOWED_BELOW
+                    || extras.as_ref().is_some_and(|extras| extras.is_coated())
+            }
+            _ => self.is_part(&Self::has_narrow_lobe),
+        }
     }
     /// Whether camera paths may go on from it in another direction, before their first vertex.
     pub fn turns_paths(&self) -> bool {
@@ -372,15 +327,15 @@ impl Material {
     }
 }
 
-/// Luminance, exact for greys, so that what is opaque lets nothing through.
-#[inline]
-fn opacity_at(texture: &Texture, uv: Vec2) -> f32 {
-    let c = texture.eval(uv);
-    (c.x + luminance(c - c.x)).clamp(0.0, 1.0)
+/// Least and largest roughness of the microfacets of a principled surface.
+fn principled_alphas(roughness: &Scalar) -> [f32; 2] {
+    roughness
+        .range()
+        .map(|roughness| (roughness * roughness).max(MIN_ALPHA))
 }
 
 /// A rough boundary that does not scatter, for want of a difference between its sides.
 #[inline]
-fn index_matched(eta: f32) -> bool {
+pub(super) fn index_matched(eta: f32) -> bool {
     (eta - 1.0).abs() < MIN_CONTRAST
 }

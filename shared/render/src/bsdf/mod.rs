@@ -5,9 +5,12 @@
 
 mod albedo;
 mod beckmann;
+mod blend;
 mod dielectric;
 mod fresnel;
 mod ggx;
+mod layered;
+mod lookup;
 mod material;
 mod microfacet;
 mod perturbation;
@@ -18,12 +21,13 @@ mod rough_dielectric;
 
 pub use dielectric::Dielectric;
 pub use fresnel::{fresnel_conductor, fresnel_dielectric};
+pub use layered::Layered;
 pub use material::{Material, MaterialKind, Tint};
 pub use microfacet::Distribution;
 pub use perturbation::{BumpShadowing, NormalPerturbation};
 pub use plastic::{Coat, Plastic, RoughCoat, RoughPlastic};
 pub use presets::{conductor_names, conductor_preset};
-pub use principled::Principled;
+pub use principled::{Extras, Interface, Principled};
 pub use rough_dielectric::RoughDielectric;
 
 use crate::math::{Rgb, Vec2, Vec3};
@@ -81,8 +85,10 @@ pub enum Bsdf<'a> {
     Plastic(Plastic),
     /// Rough coat over a diffuse base.
     RoughPlastic(RoughPlastic<'a>),
-    /// Burley's model.
+    /// Burley's model, of one reflection and a diffuse base.
     Principled(Principled),
+    /// All of it.
+    Layered(Layered),
     /// Lets everything through.
     Null,
 }
@@ -130,6 +136,7 @@ impl Bsdf<'_> {
         match self {
             Self::RoughPlastic(b) => Some(b.lobes().map(Self::RoughPlastic)),
             Self::Principled(b) => Some(b.lobes().map(Self::Principled)),
+            Self::Layered(b) => Some(b.gloss_and_base().map(Self::Layered)),
             _ => None,
         }
     }
@@ -153,6 +160,7 @@ impl Bsdf<'_> {
             Self::Principled(b) if b.alpha() < FOLLOWED_BELOW => {
                 Some((b.specular_probability(wo), b.lobes().map(Self::Principled)))
             }
+            Self::Layered(b) => b.narrow_and_wide(wo).map(|(p, lobes)| (p, lobes.map(Self::Layered))),
             _ => None,
         }
     }
@@ -174,9 +182,15 @@ impl Bsdf<'_> {
             Self::RoughDielectric(b) => b.alpha,
             Self::RoughPlastic(b) => b.alpha(),
             Self::Principled(b) => b.alpha(),
+            Self::Layered(b) => return b.has_roughness(&GLOSS),
             _ => return false,
         };
         GLOSS.contains(&alpha)
+    }
+    /// Has no lobe but diffuse and delta ones.
+    #[inline]
+    pub fn is_matt(&self) -> bool {
+        matches!(self, Self::Black | Self::Diffuse { .. } | Self::Plastic(_))
     }
     /// Scatters nothing.
     pub fn is_black(&self) -> bool {
@@ -215,6 +229,7 @@ impl Bsdf<'_> {
             Self::Plastic(b) => b.eval(wo, wi),
             Self::RoughPlastic(b) => b.eval(wo, wi),
             Self::Principled(b) => b.eval(wo, wi),
+            Self::Layered(b) => b.eval(wo, wi, mode),
             Self::Black
             | Self::Dielectric(_)
             | Self::ThinDielectric(_)
@@ -252,6 +267,7 @@ impl Bsdf<'_> {
             Self::Plastic(b) => b.pdf(wo, wi),
             Self::RoughPlastic(b) => b.pdf(wo, wi),
             Self::Principled(b) => b.pdf(wo, wi),
+            Self::Layered(b) => b.pdf(wo, wi),
             Self::Black
             | Self::Dielectric(_)
             | Self::ThinDielectric(_)
@@ -268,7 +284,11 @@ impl Bsdf<'_> {
             Self::Black | Self::Conductor { .. } | Self::Mirror { .. } | Self::Null => [false, false],
             Self::Diffuse { .. } | Self::RoughConductor { .. } => [false, true],
             Self::Dielectric(_) | Self::ThinDielectric(_) => [true, false],
-            Self::RoughDielectric(_) | Self::Plastic(_) | Self::RoughPlastic(_) | Self::Principled(_) => [true, true],
+            Self::RoughDielectric(_)
+            | Self::Plastic(_)
+            | Self::RoughPlastic(_)
+            | Self::Principled(_)
+            | Self::Layered(_) => [true, true],
         }
     }
 
@@ -332,6 +352,7 @@ impl Bsdf<'_> {
             Self::Plastic(b) => b.sample(wo, u_lobe, u),
             Self::RoughPlastic(b) => b.sample(wo, u_lobe, u),
             Self::Principled(b) => b.sample(wo, u_lobe, u),
+            Self::Layered(b) => b.sample(wo, u_lobe, u, mode),
             Self::Null => Some(BsdfSample {
                 wi: -wo,
                 weight: Rgb::ONE,

@@ -40,13 +40,13 @@ impl NormalPerturbation {
         let to_local = |v: Vec3| Vec3::new(v.dot(s), v.dot(t), v.dot(ns));
         let n = match self {
             Self::BumpMap { height, scale } => {
-                let slope: Vec2 = height.gradient(hit.uv) * *scale;
+                let slope: Vec2 = height.gradient(hit.at.uv) * *scale;
                 let du = du + ns * (slope.x - ns.dot(du));
                 let dv = dv + ns * (slope.y - ns.dot(dv));
                 let n = du.cross(dv);
                 to_local(if n.dot(hit.ng) < 0.0 { -n } else { n })
             }
-            Self::NormalMap(map) => map.eval(hit.uv) * 2.0 - 1.0,
+            Self::NormalMap(map) => map.eval(&hit.at) * 2.0 - 1.0,
         };
         let n = n.normalize_or(Vec3::Z);
         let mut n = Vec3::new(n.x, n.y, n.z.max(MIN_COSINE));

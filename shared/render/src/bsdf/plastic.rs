@@ -165,6 +165,11 @@ impl RoughCoat {
         }
     }
 
+    /// Roughness of its microfacets.
+    pub(super) fn alpha(&self) -> f32 {
+        self.facets.alpha
+    }
+
     fn transmittance(&self, cos: f32) -> f32 {
         let x = cos * (COSINES - 1) as f32;
         let i = (x as usize).min(COSINES - 2);
@@ -262,7 +267,7 @@ impl<'a> RoughPlastic<'a> {
     }
 
     pub(super) fn alpha(&self) -> f32 {
-        self.coat.facets.alpha
+        self.coat.alpha()
     }
 
     /// The coat's reflection, and the base under the coat.

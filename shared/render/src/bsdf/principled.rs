@@ -5,7 +5,120 @@ use super::fresnel::fresnel_dielectric;
 use super::microfacet::{Facets, MIN_ALPHA};
 use super::{BsdfSample, Distribution, half_vector, lit_side, reflects};
 use crate::math::{Rgb, Vec2, Vec3, mean};
+use crate::scalar::Scalar;
+use crate::texture::TexturePoint;
 use crate::warp;
+
+/// What the interface of a principled surface reflects.
+#[derive(Clone, Debug)]
+pub enum Interface {
+    /// By the index of refraction inside over the one outside.
+    Eta(f32),
+    /// By the reflectance at normal incidence over 0.08, from 0 to 1.
+    Specular(Scalar),
+}
+
+impl Interface {
+    /// The index of refraction inside over the one outside.
+    #[inline]
+    pub fn eta(&self, at: &TexturePoint) -> f32 {
+        match self {
+            Self::Eta(eta) => *eta,
+            Self::Specular(specular) => 2.0 / (1.0 - (0.08 * specular.eval(at)).max(0.0).sqrt()) - 1.0,
+        }
+    }
+
+    /// The same of a surface that light goes through, whose sides differ: half vectors have lost their digits where
+    /// they hardly do.
+    pub(super) fn eta_of_glass(&self) -> f32 {
+        let eta = self.eta(&TexturePoint::default());
+        match eta >= 1.0 {
+            true => eta.max(1.0 + LEAST_CONTRAST),
+            false => eta.min(1.0 - LEAST_CONTRAST),
+        }
+    }
+
+    pub(super) fn varies(&self) -> bool {
+        match self {
+            Self::Eta(_) => false,
+            Self::Specular(specular) => specular.varies(),
+        }
+    }
+}
+
+/// Least difference from one of the relative index of refraction of a principled surface that light goes through.
+const LEAST_CONTRAST: f32 = 1e-3;
+
+/// Lobes of a principled surface beside its diffuse one and its reflection, each weight from 0 to 1.
+#[derive(Clone, Debug)]
+pub struct Extras {
+    /// How far the reflection at normal incidence takes on the base's hue.
+    pub spec_tint: Scalar,
+    /// Share of the light that enters which goes through in place of being scattered diffusely.
+    pub spec_trans: Scalar,
+    /// Light at grazing angles, as cloth has it.
+    pub sheen: Scalar,
+    /// How far the sheen takes on the base's hue.
+    pub sheen_tint: Scalar,
+    /// A second reflection, of a coat.
+    pub clearcoat: Scalar,
+    /// From rough to smooth coats.
+    pub clearcoat_gloss: Scalar,
+    /// From diffuse scattering to that of what looks flat by light from below.
+    pub flatness: Scalar,
+}
+
+impl Extras {
+    /// None of them.
+    pub const NONE: Self = Self {
+        spec_tint: Scalar::constant(0.0),
+        spec_trans: Scalar::constant(0.0),
+        sheen: Scalar::constant(0.0),
+        sheen_tint: Scalar::constant(0.0),
+        clearcoat: Scalar::constant(0.0),
+        clearcoat_gloss: Scalar::constant(0.0),
+        flatness: Scalar::constant(0.0),
+    };
+
+    fn all(&self) -> [&Scalar; 7] {
+        [
+            &self.spec_tint,
+            &self.spec_trans,
+            &self.sheen,
+            &self.sheen_tint,
+            &self.clearcoat,
+            &self.clearcoat_gloss,
+            &self.flatness,
+        ]
+    }
+
+    /// Whether any of them varies over the surface.
+    pub(super) fn vary(&self) -> bool {
+        self.all().iter().any(|scalar| scalar.varies())
+    }
+
+    /// Whether light may go through.
+    pub fn transmits(&self) -> bool {
+        !self.spec_trans.is_zero()
+    }
+
+    pub(super) fn is_coated(&self) -> bool {
+        !self.clearcoat.is_zero()
+    }
+
+    /// Whether there is any of them.
+    pub fn are_some(&self) -> bool {
+        [
+            &self.spec_tint,
+            &self.spec_trans,
+            &self.sheen,
+            &self.clearcoat,
+            &self.flatness,
+        ]
+        .iter()
+        .any(|scalar| !scalar.is_zero())
+    }
+}
 
 /// A principled surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -25,7 +138,7 @@ pub struct Principled {
 }
 
 impl Principled {
-    fn facets(&self) -> Facets {
+    pub(super) fn facets(&self) -> Facets {
         Facets {
             distribution: Distribution::Ggx,
             alpha: (self.roughness * self.roughness).max(MIN_ALPHA),
@@ -43,7 +156,7 @@ impl Principled {
 
     /// Fresnel's reflectance for the dielectric share, Schlick's approximation for the metallic one. `cos` to the
     /// microfacet.
-    fn fresnel(&self, cos: f32) -> Rgb {
+    pub(super) fn fresnel(&self, cos: f32) -> Rgb {
         // An index of 1 turns off the dielectric share alone: Mitsuba's metal would go with it, but has no index.
         let (dielectric, cos_t) = fresnel_dielectric(cos.min(1.0), self.eta);
         let schlick = schlick_weight(if self.eta < 1.0 { cos_t } else { cos });
@@ -118,7 +231,7 @@ impl Principled {
 
 /// `(1 - cos)^5`.
 #[inline]
-fn schlick_weight(cos: f32) -> f32 {
+pub(super) fn schlick_weight(cos: f32) -> f32 {
     let x = (1.0 - cos).clamp(0.0, 1.0);
     let x2 = x * x;
     x2 * x2 * x

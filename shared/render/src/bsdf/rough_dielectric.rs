@@ -99,6 +99,11 @@ impl RoughDielectric {
         })
     }
 
+    /// Cosine of incidence at the microfacet that takes one direction to the other.
+    pub(super) fn cos_of_facet(&self, wo: Vec3, wi: Vec3) -> Option<f32> {
+        self.facet(wo, wi).map(|facet| facet.cos_o)
+    }
+
     /// Walter et al. 2007, eq. 20 and 21, with the cosines of G and of the denominators cancelled.
     #[inline]
     pub(super) fn eval(&self, wo: Vec3, wi: Vec3, mode: TransportMode) -> Rgb {

@@ -1,5 +1,6 @@
 use super::*;
-use crate::texture::Texture;
+use crate::scalar::Scalar;
+use crate::texture::{Texture, TexturePoint};
 
 const DISTRIBUTIONS: [Distribution; 2] = [Distribution::Ggx, Distribution::Beckmann];
 const MODES: [TransportMode; 2] = [TransportMode::Radiance, TransportMode::Flux];
@@ -34,7 +35,7 @@ fn materials() -> Vec<Material> {
                     materials.push(material(
                         MaterialKind::RoughConductor {
                             distribution,
-                            alpha,
+                            alpha: Scalar::constant(alpha),
                             eta,
                             k,
                             reflectance: grey(1.0),
@@ -77,7 +78,7 @@ fn materials() -> Vec<Material> {
                 materials.push(material(
                     MaterialKind::RoughDielectric {
                         distribution,
-                        alpha,
+                        alpha: Scalar::constant(alpha),
                         eta,
                         tint: tint.clone(),
                     },
@@ -108,12 +109,34 @@ fn coated(eta: f32, two_sided: bool) -> Vec<Material> {
             materials.push(material(
                 MaterialKind::Principled {
                     base_color: grey(reflectance),
-                    metallic: 0.5,
-                    roughness,
-                    eta,
+                    metallic: Scalar::constant(0.5),
+                    roughness: Scalar::constant(roughness),
+                    interface: Interface::Eta(eta),
+                    extras: None,
                 },
                 two_sided,
             ));
+            for spec_trans in [0.0, 0.7] {
+                let extras = Extras {
+                    spec_tint: Scalar::constant(0.5),
+                    spec_trans: Scalar::constant(spec_trans),
+                    sheen: Scalar::constant(1.0),
+                    sheen_tint: Scalar::constant(0.5),
+                    clearcoat: Scalar::constant(1.0),
+                    clearcoat_gloss: Scalar::constant(1.0 - roughness),
+                    flatness: Scalar::constant(0.5),
+                };
+                materials.push(material(
+                    MaterialKind::Principled {
+                        base_color: grey(reflectance),
+                        metallic: Scalar::constant(0.25),
+                        roughness: Scalar::constant(roughness),
+                        interface: Interface::Eta(eta),
+                        extras: Some(Box::new(extras)),
+                    },
+                    two_sided,
+                ));
+            }
         }
     }
     for (distribution, alpha) in [(DISTRIBUTIONS[0], 1e-3), (DISTRIBUTIONS[1], 0.5)] {
@@ -146,7 +169,7 @@ fn directions() -> Vec<Vec3> {
 #[test]
 fn everything_is_finite_for_any_directions() {
     for material in materials() {
-        let bsdf = material.bsdf(Vec2::ZERO);
+        let bsdf = material.bsdf(&TexturePoint::default());
         for wo in directions() {
             for wi in directions() {
                 for mode in MODES {
@@ -168,7 +191,7 @@ fn samples_are_unit_finite_and_never_gain_energy() {
     let top = 1.0 - 1.0 / (1u32 << 24) as f32;
     let uniforms = [0.0, 1e-7, 0.04, 0.25, 0.5, 0.75, 0.999, top];
     for material in materials() {
-        let bsdf = material.bsdf(Vec2::ZERO);
+        let bsdf = material.bsdf(&TexturePoint::default());
         for wo in directions() {
             for u in uniforms {
                 for v in uniforms {
@@ -180,7 +203,10 @@ fn samples_are_unit_finite_and_never_gain_energy() {
                         let name = format!("{bsdf:?} {wo} {lobe} {u}: {s:?}");
                         assert!((s.wi.length() - 1.0).abs() < 1e-6, "{name}");
                         assert!(s.weight.min_element() >= 0.0, "{name}");
-                        let mixed = matches!(bsdf, Bsdf::Plastic(_) | Bsdf::RoughPlastic(_) | Bsdf::Principled(_));
+                        let mixed = matches!(
+                            bsdf,
+                            Bsdf::Plastic(_) | Bsdf::RoughPlastic(_) | Bsdf::Principled(_) | Bsdf::Layered(_)
+                        );
                         assert!(mixed || s.weight.max_element() <= 1.000_001, "{name}");
                         assert!(s.weight.is_finite(), "{name}");
                         assert!(s.pdf > 0.0 && s.pdf.is_finite(), "{name}");
@@ -197,14 +223,10 @@ fn samples_are_unit_finite_and_never_gain_energy() {
 #[test]
 fn backs_of_one_sided_surfaces_are_black() {
     for material in materials() {
-        let bsdf = material.bsdf(Vec2::ZERO);
+        let bsdf = material.bsdf(&TexturePoint::default());
         let (front, back) = (Vec3::new(0.6, 0.0, 0.8), Vec3::new(0.6, 0.0, -0.8));
         let sample = |wo| bsdf.sample(wo, 0.9, Vec2::new(0.3, 0.4), TransportMode::Flux);
-        let transmits = matches!(
-            bsdf,
-            Bsdf::Null | Bsdf::Dielectric(_) | Bsdf::ThinDielectric(_) | Bsdf::RoughDielectric(_)
-        );
-        if transmits {
+        if material.transmits() {
             continue;
         }
         // What the front does, a lit back does too.
@@ -224,7 +246,7 @@ fn backs_of_one_sided_surfaces_are_black() {
 #[test]
 fn specular_materials_are_those_of_delta_lobes() {
     for material in materials() {
-        let bsdf = material.bsdf(Vec2::ZERO);
+        let bsdf = material.bsdf(&TexturePoint::default());
         let wo = Vec3::new(0.0, 0.6, 0.8);
         let bsdf = bsdf.without_delta();
         if let Some(sample) = bsdf.sample(wo, 0.9, Vec2::new(0.3, 0.4), TransportMode::Flux) {
@@ -232,7 +254,7 @@ fn specular_materials_are_those_of_delta_lobes() {
         }
     }
     let black = material(MaterialKind::Diffuse { reflectance: grey(0.0) }, true);
-    assert_eq!(black.bsdf(Vec2::ZERO), Bsdf::Black);
+    assert_eq!(black.bsdf(&TexturePoint::default()), Bsdf::Black);
     assert!(!black.is_specular());
 }
 
@@ -243,7 +265,7 @@ fn refraction_obeys_snell_and_scales_radiance() {
         tint: Tint::NONE,
     };
     let material = material(kind, false);
-    let bsdf = material.bsdf(Vec2::ZERO);
+    let bsdf = material.bsdf(&TexturePoint::default());
     let sample = |wo, mode| bsdf.sample(wo, 0.999, Vec2::ZERO, mode).unwrap();
     let wo = Vec3::new(0.6, 0.0, 0.8);
     let into = sample(wo, TransportMode::Radiance);
@@ -277,14 +299,14 @@ fn index_matched_boundaries_let_light_straight_through() {
         },
         MaterialKind::RoughDielectric {
             distribution: Distribution::Ggx,
-            alpha: 0.3,
+            alpha: Scalar::constant(0.3),
             eta: 1.0,
             tint: Tint::NONE,
         },
         MaterialKind::Null,
     ] {
         let material = material(kind, false);
-        let bsdf = material.bsdf(Vec2::ZERO);
+        let bsdf = material.bsdf(&TexturePoint::default());
         for wo in directions() {
             for mode in MODES {
                 for lobe in [0.0, 0.999] {

@@ -2,6 +2,7 @@
 
 use super::mesh::{self, Mesh};
 use crate::math::{PI, Ray, Vec2, Vec3, acos, atan2, sin_cos};
+use crate::texture::TexturePoint;
 use crate::warp;
 use glam::Affine3A;
 use std::sync::Arc;
@@ -118,8 +119,8 @@ pub struct SurfaceHit {
     pub ng: Vec3,
     /// Unit shading normal, in the hemisphere of `ng`.
     pub ns: Vec3,
-    /// Surface parameters.
-    pub uv: Vec2,
+    /// What textures are looked up by.
+    pub at: TexturePoint,
     /// Index into the scene's objects.
     pub object: u32,
     /// Triangle within a mesh.
@@ -391,7 +392,7 @@ impl Shape {
             point,
             ng,
             ns,
-            uv: uv.unwrap_or_default(),
+            at: TexturePoint::of_uv(uv.unwrap_or_default()),
             object: hit.object,
             primitive: hit.primitive,
             curvature,

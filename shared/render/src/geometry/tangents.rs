@@ -114,7 +114,7 @@ mod tests {
             let [du, dv] = objects[0].shape.tangents(&here);
             for (x, y) in [(2e-3, 0.0), (0.0, 2e-3)] {
                 let there = hit(x, y).expect("a hit");
-                let uv = there.uv - here.uv;
+                let uv = there.at.uv - here.at.uv;
                 let object = placement.object_from_render.transform_point3(here.point);
                 let arc = match disc {
                     true => 2.0 * PI * object.truncate().length(),

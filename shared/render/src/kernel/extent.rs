@@ -43,7 +43,7 @@ fn seen(scene: &Scene, side: usize) -> f32 {
         let ray = camera.ray(image, Vec2::splat(0.5));
         let hit = (scene.geometry).intersect(scene.objects(), &ray, f32::INFINITY, is_passed);
         match hit {
-            Some(hit) if !scene.material(&hit).bsdf(hit.uv).is_black() => met.push(hit.point),
+            Some(hit) if !scene.material(&hit).is_black_at(&hit.at) => met.push(hit.point),
             Some(_) => {}
             None => left.extend(out_of_bounds(scene, &ray)),
         }

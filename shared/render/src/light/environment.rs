@@ -103,7 +103,12 @@ impl Environment {
             });
             let pixels = pixels.collect();
             let [width, height] = [image.width, image.height];
-            new(Arc::new(Image { width, height, pixels }))
+            new(Arc::new(Image {
+                width,
+                height,
+                pixels,
+                alpha: Vec::new(),
+            }))
         };
         vec![part(|_, sky| sky), part(|all, sky| all - sky)]
     }

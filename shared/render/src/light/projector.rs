@@ -129,6 +129,7 @@ mod tests {
                 None => Vec2::new(0.8, 0.4),
             },
             image: Arc::new(Image {
+                alpha: Vec::new(),
                 width: 4,
                 height: 2,
                 pixels: pixels.collect(),

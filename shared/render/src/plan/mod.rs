@@ -233,7 +233,7 @@ impl Contents {
             specular: used(&Material::turns_paths),
             surfaces: used(&|m| !m.is_specular()),
             boundaries: used(&|m| m.is_null()),
-            cut_out: used(&|m| m.opacity.is_some()),
+            cut_out: used(&|m| m.may_be_passed() && !m.is_null()),
             lit: !description.lights.is_empty(),
         }
     }

@@ -274,7 +274,12 @@ mod tests {
         };
         let pixels = vec![Rgb::ONE, Rgb::splat(2.0), Rgb::ONE, Rgb::ONE, Rgb::ONE, Rgb::ONE];
         let (width, height) = (2, 3);
-        let image = crate::texture::Image { width, height, pixels };
+        let image = crate::texture::Image {
+            width,
+            height,
+            pixels,
+            alpha: Vec::new(),
+        };
         let sky = Environment::new(Some(Arc::new(image)), Rgb::ONE, Mat3::IDENTITY);
         let light = Light {
             name: "sky".into(),

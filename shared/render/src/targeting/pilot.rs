@@ -5,7 +5,7 @@
 //! a lobe that is followed, and a surface or medium beyond.
 
 use super::Place;
-use crate::bsdf::{Bsdf, BumpShadowing, TransportMode};
+use crate::bsdf::{Bsdf, BumpShadowing, Material, TransportMode};
 use crate::estimators::Estimators;
 use crate::geometry::SurfaceHit;
 use crate::light::{DirectSample, LightHit, LightKind};
@@ -189,12 +189,12 @@ impl<V: Sight> Pilot<'_, V> {
                 };
                 self.meet(&path, light as usize, Some((at, &hit)), out);
             }
-            if scene.material(&hit).is_passed(hit.uv, || sampler.next_1d()) {
+            let Some(material) = scene.material(&hit).met(&hit.at, || sampler.next_1d()) else {
                 path.medium = scene.medium_beyond(&hit, path.ray.dir, path.medium);
                 path.ray = hit.spawn_ray(path.ray.dir);
                 continue;
-            }
-            if !self.scatter_at_surface(&mut path, &mut hit, sampler, out) {
+            };
+            if !self.scatter_at_surface(&mut path, (material, &mut hit), sampler, out) {
                 return path.tries;
             }
         }
@@ -269,22 +269,22 @@ impl<V: Sight> Pilot<'_, V> {
     fn scatter_at_surface(
         &self,
         path: &mut Path<V::Hidden>,
-        hit: &mut SurfaceHit,
+        (material, hit): (&Material, &mut SurfaceHit),
         sampler: &mut Sampler,
         out: &mut Found,
     ) -> bool {
         let scene = self.scene;
         let SurfaceInteraction {
-            material,
             bsdf,
             bump_shadowing,
             frame,
             wo,
             local_wo,
-        } = scene.interaction(hit, path.ray.dir);
+            ..
+        } = scene.interaction(material, hit, path.ray.dir);
         let hit = &*hit;
         let is_specular = material.is_specular();
-        let is_followed = is_specular || material.is_followed() || material.has_delta() || material.has_narrow_lobe();
+        let is_followed = is_specular || bsdf.is_followed() || material.has_delta() || material.has_narrow_lobe();
         let counts = path.by_beams
             || is_followed && path.scattered + path.followed > 0
             || self.estimators.deep
@@ -327,7 +327,7 @@ impl<V: Sight> Pilot<'_, V> {
             _ => self.hidden(Start::Photon(hit.object), sampler),
         };
         path.was_surface = false;
-        if !sample.delta && material.is_followed() {
+        if !sample.delta && bsdf.is_followed() {
             path.followed += u32::from(path.scattered == 0);
         } else if !sample.delta {
             path.scattered += 1;

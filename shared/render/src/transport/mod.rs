@@ -201,18 +201,18 @@ impl<V: Sight> CameraTracer<'_, V> {
             }
             self.add_met_light(&path, hit.as_ref(), &mut radiance, context);
             let Some(mut hit) = hit else {
+                context.record.meets_nothing(path.beta);
                 return radiance;
             };
-            let material = scene.material(&hit);
-            if material.is_passed(hit.uv, || context.sampler.next_1d()) {
+            let Some(material) = scene.material(&hit).met(&hit.at, || context.sampler.next_1d()) else {
                 path.medium = scene.medium_beyond(&hit, path.ray.dir, path.medium);
                 path.ray = hit.spawn_ray(path.ray.dir);
                 path.way = path.way.then(Turn::Passed);
                 continue;
-            }
-            let at = scene.interaction(&mut hit, path.ray.dir);
+            };
+            let at = scene.interaction(material, &mut hit, path.ray.dir);
             let mut vertex = Vertex::new(at, &hit, path.medium);
-            context.record.first_surface(|| {
+            context.record.first_surface(hit.object, || {
                 let camera = &scene.description().camera;
                 let depth = (hit.point - camera.position).dot(camera.frame.n);
                 (depth, hit.ns, vertex.bsdf.albedo())
@@ -230,7 +230,7 @@ impl<V: Sight> CameraTracer<'_, V> {
             } else if vertex.bsdf.delta_probability(vertex.local_wo) > 0.0 {
                 self.delta_or_rest(&mut path, &mut vertex, &mut radiance, context)
             } else {
-                let lobe = match material.is_followed() {
+                let lobe = match vertex.bsdf.is_followed() {
                     true => OneLobe::followed(context.sampler.next_1d()),
                     false => vertex.one_lobe(context.sampler.next_1d()),
                 };
@@ -333,7 +333,7 @@ impl<V: Sight> CameraTracer<'_, V> {
         };
         let scene = self.scene;
         let shadow = self.sight.from(Start::Shadow(lobe.object));
-        if scene.only_sampled(light) || self.sight.links_shadows(light) || self.sight.hides_light(shadow, light) {
+        if self.sight.links_shadows(light) || self.sight.hides_light(shadow, light) {
             return 0.0;
         }
         let hit = normal.map(|normal| LightHit {
@@ -495,7 +495,7 @@ impl<H> Path<H> {
         self.track *= sample.weight;
         if sample.transmitted {
             // The compression of radiance by refraction comes and goes along the path.
-            let eta = scene.material(hit).eta_of_crossing(hit.ng.dot(self.ray.dir) > 0.0);
+            let eta = vertex.material.eta_of_crossing(hit.ng.dot(self.ray.dir) > 0.0);
             self.track /= eta * eta;
         }
         self.depth += 1;

@@ -18,7 +18,7 @@ impl<V: Sight> CameraTracer<'_, V> {
     /// Radiance at the film of what leaves x towards the camera path, its own emission apart. `beta`: throughput from
     /// the film to x.
     pub(super) fn scattered(&self, x: &Vertex, beta: Rgb, context: &mut PathContext<'_>) -> Rgb {
-        if !self.sight.is_glossy(x.hit.object) {
+        if !self.sight.is_glossy(x.hit.object) || x.bsdf.is_matt() {
             return self.scattered_by(x, beta, context);
         }
         let is_gloss = true;
@@ -108,8 +108,9 @@ impl<V: Sight> CameraTracer<'_, V> {
         let balanced = |choice: LightChoice, direct: &DirectSample, wi: Vec3| {
             let light = choice.light;
             let hidden = self.sight.from(x.shadow_start(direct.wi));
+            // Of a lobe that is followed, the path sees emission of what it passes as well.
             if direct.delta
-                || self.scene.only_sampled(light)
+                || self.scene.only_sampled(light) && !x.is_followed
                 || self.sight.links_shadows(light)
                 || self.sight.hides_shape_of(self.scene, hidden, light)
             {

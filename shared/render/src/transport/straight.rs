@@ -32,7 +32,7 @@ impl<V: Sight> CameraTracer<'_, V> {
             arrived.transmittance *= scene.transmittance(arrived.medium, &ray, length, sampler);
             arrived.distance += length;
             match hit {
-                Some(hit) if scene.material(&hit).is_passed(hit.uv, || sampler.next_1d()) => {
+                Some(hit) if scene.material(&hit).met(&hit.at, || sampler.next_1d()).is_none() => {
                     arrived.medium = scene.medium_beyond(&hit, ray.dir, arrived.medium);
                     ray = hit.spawn_ray(ray.dir);
                 }

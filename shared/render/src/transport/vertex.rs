@@ -1,6 +1,6 @@
 //! Surface points from which camera paths ask for light.
 
-use crate::bsdf::{Bsdf, BumpShadowing, TransportMode};
+use crate::bsdf::{Bsdf, BumpShadowing, Material, TransportMode};
 use crate::geometry::SurfaceHit;
 use crate::math::{Frame, Rgb, Vec3};
 use crate::medium::MediumId;
@@ -11,6 +11,8 @@ use crate::world::{Scene, SurfaceInteraction};
 #[derive(Clone, Copy)]
 pub(super) struct Vertex<'a> {
     pub hit: &'a SurfaceHit,
+    /// What is met there.
+    pub material: &'a Material,
     pub bsdf: Bsdf<'a>,
     /// Where a bump or normal map has perturbed the hit's shading normal.
     pub bump_shadowing: Option<BumpShadowing>,
@@ -51,6 +53,7 @@ impl<'a> Vertex<'a> {
     pub(super) fn new(at: SurfaceInteraction<'a>, hit: &'a SurfaceHit, medium: MediumId) -> Self {
         Self {
             hit,
+            material: at.material,
             bsdf: at.bsdf,
             bump_shadowing: at.bump_shadowing,
             frame: at.frame,

@@ -6,7 +6,7 @@ use super::vertex::{OneLobe, Vertex};
 use super::{CameraTracer, PathContext};
 use crate::aov::Part;
 use crate::beam::estimate::{CameraSegment, CameraSegments};
-use crate::bsdf::TransportMode;
+use crate::bsdf::{Material, TransportMode};
 use crate::estimators::Estimators;
 use crate::geometry::SurfaceHit;
 use crate::light::{DirectSample, Environment, LightChoice, LightHit, LocalChoice, Place};
@@ -122,16 +122,15 @@ impl<V: Sight> CameraTracer<'_, V> {
                     radiance += self.found(&walk, light as usize, emitted * share, context);
                 }
             }
-            let material = scene.material(&hit);
-            if material.is_passed(hit.uv, || context.sampler.next_1d()) {
+            let Some(material) = scene.material(&hit).met(&hit.at, || context.sampler.next_1d()) else {
                 walk.medium = scene.medium_beyond(&hit, walk.ray.dir, walk.medium);
                 walk.ray = hit.spawn_ray(walk.ray.dir);
                 continue;
-            }
+            };
             if !walk.wanted.indirect {
                 return radiance;
             }
-            let Some(more) = self.meet_surface(&mut walk, &mut hit, context) else {
+            let Some(more) = self.meet_surface(&mut walk, material, &mut hit, context) else {
                 return radiance;
             };
             radiance += more;
@@ -316,12 +315,13 @@ impl<V: Sight> CameraTracer<'_, V> {
     fn meet_surface<'v>(
         &'v self,
         walk: &mut Walk<'v, V::Hidden>,
+        material: &Material,
         hit: &mut SurfaceHit,
         context: &mut PathContext<'_>,
     ) -> Option<Rgb> {
         let scene = self.scene;
-        let at = scene.interaction(hit, walk.ray.dir);
-        let (material, hit) = (at.material, &*hit);
+        let at = scene.interaction(material, hit, walk.ray.dir);
+        let hit = &*hit;
         let mut y = Vertex::new(at, hit, walk.medium);
         if y.bsdf.is_black() {
             return None;
@@ -329,7 +329,7 @@ impl<V: Sight> CameraTracer<'_, V> {
         let mut radiance = Rgb::ZERO;
         let [draws_lobe, draws_direction] = y.bsdf.draws();
         let u_lobe = context.sampler.next_1d_if(draws_lobe);
-        let lobe = match material.is_specular() || material.is_followed() {
+        let lobe = match material.is_specular() || y.bsdf.is_followed() {
             true => OneLobe::followed(u_lobe),
             false => y.one_lobe(u_lobe),
         };

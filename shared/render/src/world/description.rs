@@ -7,7 +7,9 @@ use crate::interrupt::Interrupt;
 use crate::light::{Light, SceneBounds};
 use crate::medium::{Medium, MediumId};
 use crate::rules::Rules;
+use beamfarm_image::exr::Names;
 use beamfarm_image::job::{Finders, JobSettings, ScheduleKind, Targeting};
+use std::collections::BTreeMap;
 
 /// Everything that a pass renders. Lengths in scene units; render space is world space moved so that the camera stands
 /// at the origin, which keeps single precision where it is needed, or near it, where a camera moves about.
@@ -23,6 +25,8 @@ pub struct SceneDescription {
     pub objects: Vec<Object>,
     /// Materials.
     pub materials: Vec<Material>,
+    /// Names of those that the scene file names, by their numbers.
+    pub material_names: BTreeMap<u32, String>,
     /// Media.
     pub media: Vec<Medium>,
     /// Lights; those of emitting objects among them.
@@ -39,6 +43,26 @@ pub struct SceneDescription {
     pub photon_rules: Vec<String>,
     /// Stops what is done with the scene, and with clones of this description.
     pub interrupt: Interrupt,
+}
+
+/// What a material without a name is called.
+const NO_NAME: &str = "default";
+
+impl SceneDescription {
+    /// What a material is called.
+    pub fn material_name(&self, material: u32) -> &str {
+        self.material_names.get(&material).map_or(NO_NAME, String::as_str)
+    }
+
+    /// Names of all that mattes may tell apart.
+    pub fn names(&self) -> Names {
+        Names {
+            objects: self.objects.iter().map(|object| object.name.clone()).collect(),
+            materials: (0..self.materials.len() as u32)
+                .map(|material| self.material_name(material).to_owned())
+                .collect(),
+        }
+    }
 }
 
 /// What the scene file says about rendering; the command line overrides it.

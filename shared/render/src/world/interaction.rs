@@ -19,17 +19,21 @@ pub(crate) struct SurfaceInteraction<'a> {
 }
 
 impl Scene {
-    /// The surface at a hit of a ray of this direction that does not pass it ([`Material::is_passed`]). Perturbs the
-    /// hit's shading normal.
+    /// The surface at a hit of a ray of this direction, made of what the ray meets there ([`Material::met`]). Perturbs
+    /// the hit's shading normal.
     #[inline]
-    pub(crate) fn interaction(&self, hit: &mut SurfaceHit, dir: Vec3) -> SurfaceInteraction<'_> {
-        let material = self.material(hit);
+    pub(crate) fn interaction<'a>(
+        &self,
+        material: &'a Material,
+        hit: &mut SurfaceHit,
+        dir: Vec3,
+    ) -> SurfaceInteraction<'a> {
         let wo = -dir;
-        let bump_shadowing = self.perturb_normal(hit, wo);
+        let bump_shadowing = self.perturb_normal(material, hit, wo);
         let frame = Frame::from_normal(hit.ns);
         SurfaceInteraction {
             material,
-            bsdf: material.bsdf(hit.uv),
+            bsdf: material.bsdf(&hit.at),
             bump_shadowing,
             frame,
             wo,

@@ -96,7 +96,7 @@ impl Scene {
         let has_boundaries = description.objects.iter().any(|o| material(o).is_null());
         let mut materials = description.objects.iter().map(material);
         let shadow_rays_walk =
-            materials.any(|m| m.opacity.is_some()) || (has_boundaries && !description.media.is_empty());
+            materials.any(|m| m.may_be_passed() && !m.is_null()) || (has_boundaries && !description.media.is_empty());
         let unshadowing = |light: &Light| match light.kind {
             LightKind::Area { object, .. } => description.objects[object as usize]
                 .shape
@@ -216,10 +216,10 @@ impl Scene {
         let boundary = self.objects()[object as usize].boundary;
         boundary.is_none_or(|b| b.interior == b.exterior)
     }
-    /// Perturbs the hit's shading normal by its material's bump or normal map, if it has one, seen from `wo`.
+    /// Perturbs the hit's shading normal by the bump or normal map of what is met there, if it has one, seen from `wo`.
     #[inline]
-    pub(crate) fn perturb_normal(&self, hit: &mut SurfaceHit, wo: Vec3) -> Option<BumpShadowing> {
-        let map = self.material(hit).normal_perturbation.as_ref()?;
+    pub(crate) fn perturb_normal(&self, material: &Material, hit: &mut SurfaceHit, wo: Vec3) -> Option<BumpShadowing> {
+        let map = material.normal_perturbation.as_ref()?;
         let shape = &self.objects()[hit.object as usize].shape;
         let (ns, shadowing) = map.normal(hit, shape.tangents(hit), wo);
         hit.ns = ns;

@@ -36,7 +36,7 @@ impl Scene {
             .geometry
             .intersect(objects, &ray, reach, |object| !may_be_passed(object) || hides(object))
         {
-            transmittance *= self.material(&hit).transparency(hit.uv);
+            transmittance *= self.material(&hit).transparency(&hit.at);
             if transmittance == Rgb::ZERO {
                 return None;
             }

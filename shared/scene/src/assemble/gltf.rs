@@ -2,10 +2,12 @@
 
 use super::kept::{Decoded, Kept, KeptPiece, map_bits};
 use super::{Assets, Parts, Problem, asset_problem};
-use crate::assets::gltf::{self, Choice};
+use crate::assets::gltf::{self, Choice, LightUnit};
 use crate::assets::mesh::RawMesh;
 use crate::files::Source;
-use crate::parse::{CameraRecord, Eye, Fault, FovAxis, GltfCameraRecord, GltfRecord, PieceRecord, SceneRecord};
+use crate::parse::{
+    CameraRecord, Eye, Fault, FovAxis, GltfCameraRecord, GltfRecord, LightUnitName, PieceRecord, SceneRecord,
+};
 use crate::values::Spanned;
 use crate::{source, transform};
 use beamfarm_image::bundle;
@@ -36,17 +38,21 @@ impl Parts<'_> {
         let piece = self.assets.piece(record)?;
         let text = &piece.text;
         self.assets.add(&piece);
+        let notes = piece.notes.iter();
+        self.notes.extend(notes.map(|note| asset_problem(path, note.clone())));
         let parsed: PieceRecord = toml::from_str(text).map_err(|e| in_file(path, text, &e.into()))?;
         self.add_piece(&parsed).map_err(|problem| in_piece(path, text, problem))
     }
 
     fn add_piece(&mut self, piece: &PieceRecord) -> Result<(), Problem> {
         let outer = self.materials.enter(&piece.materials, &mut self.assets)?;
+        let outer_media = self.media.enter(&piece.media, self.render_origin, &mut self.assets)?;
         self.add_lights(&piece.lights)?;
         for (i, shape) in piece.shapes.iter().enumerate() {
             let name = shape.name.clone().unwrap_or_else(|| format!("shapes[{i}]"));
             self.add_shape(shape, &name)?;
         }
+        self.media.leave(outer_media);
         self.materials.leave(outer);
         Ok(())
     }
@@ -73,12 +79,16 @@ impl Assets<'_> {
         let choice = Choice {
             materials: record.materials.unwrap_or(true),
             lights: record.lights.unwrap_or(true),
+            light_unit: record.light_unit.map(|unit| match unit {
+                LightUnitName::Watt => LightUnit::Watt,
+                LightUnitName::Lumen => LightUnit::Lumen,
+            }),
         };
         let source = self.source;
         let bytes = bytes(source, path)?;
         let world_from_file = place(record)?;
         let content = source.content(&bundle::key(path.get_ref()));
-        let key = (path.get_ref().clone(), content, [choice.materials, choice.lights]);
+        let key = (path.get_ref().clone(), content, choice);
         let Kept { pieces, clock, .. } = &mut *self.kept;
         let is_right = |(_, piece): &(_, Arc<KeptPiece>)| {
             let mut beside = piece.beside.iter();
@@ -114,6 +124,7 @@ impl Assets<'_> {
             text: piece.text,
             meshes: piece.meshes.into_iter().map(mesh).collect(),
             images: piece.images.into_iter().map(image).collect(),
+            notes: piece.notes,
             beside: read.take(),
         });
         pieces.put(clock, key, (map, piece.clone()));

@@ -1,9 +1,11 @@
 //! What was made for one scene and is good for the next: everything that takes time for each byte of a file, by what it
 //! was made from. Whatever is found here is what would be made again.
 
+use crate::assets::gltf::Choice;
 use crate::assets::image::Encoding;
 use crate::assets::mesh::RawMesh;
 use crate::files::Content;
+use crate::parse::Channel;
 use beamfarm_render::bsdf::{Distribution, RoughCoat};
 use beamfarm_render::geometry::Mesh;
 use beamfarm_render::light::Environment;
@@ -198,6 +200,8 @@ pub struct KeptPiece {
     pub text: String,
     pub meshes: BTreeMap<String, Arc<Decoded>>,
     pub images: BTreeMap<String, Arc<Image>>,
+    /// What of it does not count, or counts otherwise.
+    pub notes: Vec<String>,
     /// The files beside it that were read, by key.
     pub beside: Vec<(String, Content)>,
 }
@@ -205,7 +209,7 @@ pub struct KeptPiece {
 /// An image that shines, the bits of its scale, and those of how it is turned.
 type ImageLight = (Pinned<Image>, [u32; 3], [u32; 9]);
 /// A glTF file's path and content, and what is taken of it.
-type PieceKey = (String, Content, [bool; 2]);
+type PieceKey = (String, Content, Choice);
 
 /// All of it.
 pub struct Kept {
@@ -213,6 +217,8 @@ pub struct Kept {
     pub images: Shelf<(Content, Encoding), Arc<Image>>,
     /// Images whose pixels are all within a range, by what the range expects.
     pub in_range: Shelf<(Pinned<Image>, &'static str), ()>,
+    /// One channel of an image, as grey.
+    pub channels: Shelf<(Pinned<Image>, Channel), Arc<Image>>,
     /// Sky and suns.
     pub environments: Shelf<ImageLight, Vec<Environment>>,
     /// By content, the ending of the file's name, and which mesh of the file it is.
@@ -244,6 +250,7 @@ impl Default for Kept {
             },
             images: Shelf::default(),
             in_range: Shelf::default(),
+            channels: Shelf::default(),
             environments: Shelf::default(),
             meshes: Shelf::default(),
             densities: Shelf::default(),
@@ -278,6 +285,7 @@ impl Kept {
         let clock = &self.clock;
         self.images.tidy(clock);
         self.in_range.tidy(clock);
+        self.channels.tidy(clock);
         self.environments.tidy(clock);
         self.meshes.tidy(clock);
         self.densities.tidy(clock);

@@ -147,6 +147,7 @@ impl Parts<'_> {
         let image = match &record.image {
             Some(path) => self.thrown(record, path)?,
             None => Arc::new(Image {
+                alpha: Vec::new(),
                 width: 1,
                 height: 1,
                 pixels: vec![Rgb::ONE],

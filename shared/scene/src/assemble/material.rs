@@ -1,86 +1,38 @@
-//! Materials and their names.
+//! What the fields of one material say.
 
-use super::texture;
-use super::{Assets, Problem, required, unknown_name};
-use crate::parse::{DistributionName, Fault, ImageTextureRecord, MaterialRecord, MaterialType, TextureRecord};
+use super::ior::relative_ior;
+use super::{Assets, Problem, required};
+use super::{principled, texture};
+use crate::parse::{
+    DistributionName, Fault, ImageTextureRecord, MaterialRecord, MaterialType, ScalarRecord, TextureRecord,
+};
 use crate::values::Spanned;
 use crate::values::{NonNegative, Number, Unit};
 use beamfarm_render::bsdf::{
     Coat, Distribution, Material, MaterialKind, NormalPerturbation, Tint, conductor_names, conductor_preset,
 };
 use beamfarm_render::math::Rgb;
+use beamfarm_render::scalar::Scalar;
 use beamfarm_render::texture::Texture;
-use std::collections::BTreeMap;
 
-/// The scene's materials in the order of their names, then those for shapes that name none.
-pub struct Materials {
-    pub list: Vec<Material>,
-    names: BTreeMap<String, u32>,
-    grey: Option<u32>,
-    black: Option<u32>,
+pub(super) fn opacity(record: &MaterialRecord, assets: &mut Assets<'_>) -> Result<Option<Texture>, Problem> {
+    let Some(opacity) = &record.opacity else {
+        return Ok(None);
+    };
+    Ok(match texture::texture(opacity.get_ref(), assets)? {
+        Texture::Constant(Rgb::ONE) => None,
+        texture => Some(texture),
+    })
 }
 
-impl Materials {
-    pub fn new(records: &BTreeMap<Spanned<String>, MaterialRecord>, assets: &mut Assets<'_>) -> Result<Self, Problem> {
-        let mut materials = Self {
-            list: Vec::new(),
-            names: BTreeMap::new(),
-            grey: None,
-            black: None,
-        };
-        materials.enter(records, assets)?;
-        Ok(materials)
-    }
-
-    /// Add materials whose names are the only ones until [`Self::leave`].
-    pub fn enter(
-        &mut self,
-        records: &BTreeMap<Spanned<String>, MaterialRecord>,
-        assets: &mut Assets<'_>,
-    ) -> Result<BTreeMap<String, u32>, Problem> {
-        let mut names = BTreeMap::new();
-        for (name, record) in records {
-            names.insert(name.get_ref().clone(), self.list.len() as u32);
-            self.list.push(material(record, assets)?);
-        }
-        Ok(std::mem::replace(&mut self.names, names))
-    }
-
-    /// Back to the names that held before.
-    pub fn leave(&mut self, names: BTreeMap<String, u32>) {
-        self.names = names;
-    }
-
-    /// The material of a name.
-    pub fn resolve(&self, name: &Spanned<String>) -> Result<u32, Fault> {
-        match self.names.get(name.get_ref()) {
-            Some(index) => Ok(*index),
-            None => Err(unknown_name("material", name, self.names.keys().map(String::as_str))),
-        }
-    }
-
-    /// The material of shapes that name none: black for those that emit, else grey.
-    pub fn default(&mut self, emits: bool) -> u32 {
-        let (slot, reflectance) = match emits {
-            true => (&mut self.black, 0.0),
-            false => (&mut self.grey, 0.5),
-        };
-        *slot.get_or_insert_with(|| {
-            let reflectance = Texture::Constant(Rgb::splat(reflectance));
-            let kind = MaterialKind::Diffuse { reflectance };
-            self.list.push(Material::new(kind, false));
-            (self.list.len() - 1) as u32
-        })
-    }
-}
-
-fn material(record: &MaterialRecord, assets: &mut Assets<'_>) -> Result<Material, Problem> {
+pub(super) fn material(record: &MaterialRecord, assets: &mut Assets<'_>) -> Result<Material, Problem> {
     let kind = kind(record, assets)?;
     let said = record.two_sided.as_ref().map(|b| *b.get_ref());
     let two_sided = match kind {
         MaterialKind::Dielectric { .. }
         | MaterialKind::ThinDielectric { .. }
         | MaterialKind::RoughDielectric { .. }
+        | MaterialKind::Blend { .. }
         | MaterialKind::Null => true,
         MaterialKind::Mirror { .. } | MaterialKind::Conductor { .. } | MaterialKind::RoughConductor { .. } => {
             said.unwrap_or(true)
@@ -90,17 +42,10 @@ fn material(record: &MaterialRecord, assets: &mut Assets<'_>) -> Result<Material
         | MaterialKind::RoughPlastic { .. }
         | MaterialKind::Principled { .. } => said.unwrap_or(false),
     };
-    let opacity = match &record.opacity {
-        None => None,
-        Some(opacity) => match texture::texture(opacity.get_ref(), assets)? {
-            Texture::Constant(Rgb::ONE) => None,
-            texture => Some(texture),
-        },
-    };
     Ok(Material {
         kind,
         two_sided,
-        opacity,
+        opacity: opacity(record, assets)?,
         normal_perturbation: normal_perturbation(record, assets)?,
     })
 }
@@ -128,9 +73,9 @@ fn kind(record: &MaterialRecord, assets: &mut Assets<'_>) -> Result<MaterialKind
         },
         MaterialType::RoughDielectric => MaterialKind::RoughDielectric {
             distribution: distribution(record),
-            alpha: alpha(record)?,
             eta: relative_ior(record, None)?,
             tint: tint(record, texture)?,
+            alpha: alpha(record, assets)?,
         },
         MaterialType::Conductor => {
             let (eta, k) = metal(record)?;
@@ -144,10 +89,10 @@ fn kind(record: &MaterialRecord, assets: &mut Assets<'_>) -> Result<MaterialKind
             let (eta, k) = metal(record)?;
             MaterialKind::RoughConductor {
                 distribution: distribution(record),
-                alpha: alpha(record)?,
                 eta,
                 k,
                 reflectance: texture(&record.reflectance, 1.0)?,
+                alpha: alpha(record, assets)?,
             }
         }
         MaterialType::Plastic => {
@@ -160,7 +105,12 @@ fn kind(record: &MaterialRecord, assets: &mut Assets<'_>) -> Result<MaterialKind
         }
         MaterialType::RoughPlastic => {
             let eta = relative_ior(record, Some(POLYPROPYLENE))?;
-            let alpha = alpha(record)?;
+            let alpha = required(&record.alpha, &record.kind, "alpha")?;
+            let ScalarRecord::Number(number) = alpha.get_ref() else {
+                let message = "the roughness of a rough plastic is the same everywhere; expected a number";
+                return Err(Fault::new(alpha.span(), message).into());
+            };
+            let alpha = number.f32();
             MaterialKind::RoughPlastic {
                 reflectance: texture(&record.reflectance, 0.5)?,
                 specular_reflectance: texture(&record.specular_reflectance, 1.0)?,
@@ -168,20 +118,17 @@ fn kind(record: &MaterialRecord, assets: &mut Assets<'_>) -> Result<MaterialKind
             }
         }
         MaterialType::Principled => {
-            let number =
-                |field: &Option<Spanned<Number<Unit>>>, default| field.as_ref().map_or(default, |x| x.get_ref().f32());
-            MaterialKind::Principled {
-                base_color: texture(&record.base_color, 0.5)?,
-                metallic: number(&record.metallic, 0.0),
-                roughness: number(&record.roughness, 0.5),
-                eta: principled_eta(record)?,
-            }
+            let base_color = texture(&record.base_color, 0.5)?;
+            principled::kind(record, base_color, assets)?
+        }
+        MaterialType::Blend => {
+            return Err(Fault::new(record.kind.span(), "a blend is made of other materials").into());
         }
         MaterialType::Null => MaterialKind::Null,
     })
 }
 
-fn normal_perturbation(
+pub(super) fn normal_perturbation(
     record: &MaterialRecord,
     assets: &mut Assets<'_>,
 ) -> Result<Option<NormalPerturbation>, Problem> {
@@ -192,6 +139,7 @@ fn normal_perturbation(
             let image = ImageTextureRecord {
                 file: bump.image.clone(),
                 raw: bump.raw,
+                channel: None,
                 filter: bump.filter,
                 wrap: bump.wrap,
                 uv: bump.uv.clone(),
@@ -232,52 +180,13 @@ fn distribution(record: &MaterialRecord) -> Distribution {
     }
 }
 
-fn alpha(record: &MaterialRecord) -> Result<f32, Fault> {
-    Ok(required(&record.alpha, &record.kind, "alpha")?.get_ref().f32())
+fn alpha(record: &MaterialRecord, assets: &mut Assets<'_>) -> Result<Scalar, Problem> {
+    let alpha = required(&record.alpha, &record.kind, "alpha")?;
+    texture::scalar(alpha.get_ref(), assets)
 }
 
 /// Index of refraction of plastics where the scene names none: polypropylene's.
 const POLYPROPYLENE: f64 = 1.49;
-
-fn relative_ior(record: &MaterialRecord, default: Option<f64>) -> Result<f32, Fault> {
-    let (ior, span) = match (&record.ior, default) {
-        (None, Some(ior)) => (ior, record.kind.span()),
-        (ior, _) => {
-            let ior = required(ior, &record.kind, "ior")?;
-            (ior.get_ref().0, ior.span())
-        }
-    };
-    let exterior = record.exterior_ior.as_ref().map_or(1.0, |ior| ior.get_ref().0);
-    let eta = (ior / exterior) as f32;
-    if !(1e-2..=1e2).contains(&eta) {
-        return Err(Fault::new(
-            span,
-            format!("expected `ior` / `exterior_ior` from 0.01 to 100, found {eta}"),
-        ));
-    }
-    Ok(eta)
-}
-
-/// By `specular`, the reflectance at normal incidence over 0.08, or by `ior`.
-fn principled_eta(record: &MaterialRecord) -> Result<f32, Fault> {
-    if record.ior.is_some() {
-        if let Some(specular) = &record.specular {
-            return Err(Fault::new(
-                specular.span(),
-                "the reflection is given by `specular` or by `ior`: one of the two ways",
-            ));
-        }
-        return relative_ior(record, None);
-    }
-    if let Some(exterior) = &record.exterior_ior {
-        return Err(Fault::new(
-            exterior.span(),
-            "`exterior_ior` goes with `ior`, which is missing",
-        ));
-    }
-    let specular = record.specular.as_ref().map_or(0.5, |s| s.get_ref().f32());
-    Ok(2.0 / (1.0 - (0.08 * specular).sqrt()) - 1.0)
-}
 
 fn metal(record: &MaterialRecord) -> Result<(Rgb, Rgb), Fault> {
     match (&record.preset, &record.eta, &record.k) {

@@ -18,7 +18,10 @@ use std::sync::Arc;
 /// The scene's media, in the order of their names.
 pub struct Media {
     pub list: Vec<Medium>,
-    names: Vec<String>,
+    /// Those that can be named now.
+    names: BTreeMap<String, u16>,
+    /// By medium, for messages.
+    labels: Vec<String>,
     /// By medium: corners of the box that it fills, render space; none when it has no bounds.
     corners: Vec<Vec<DVec3>>,
 }
@@ -31,15 +34,28 @@ impl Media {
     ) -> Result<Self, Problem> {
         let mut media = Self {
             list: Vec::new(),
-            names: Vec::new(),
+            names: BTreeMap::new(),
+            labels: Vec::new(),
             corners: Vec::new(),
         };
+        media.enter(records, render_origin, assets)?;
+        Ok(media)
+    }
+
+    /// Add media whose names are the only ones until [`Self::leave`].
+    pub fn enter(
+        &mut self,
+        records: &BTreeMap<Spanned<String>, MediumRecord>,
+        render_origin: DVec3,
+        assets: &mut Assets,
+    ) -> Result<BTreeMap<String, u16>, Problem> {
+        let mut names = BTreeMap::new();
         for (name, record) in records {
             let refuse = |message: &str| Err(Fault::new(name.span(), message).into());
             if name.get_ref() == "none" {
                 return refuse("the name \"none\" stands for vacuum; choose another");
             }
-            if media.list.len() == usize::from(u16::MAX) {
+            if self.list.len() == usize::from(u16::MAX) {
                 return refuse("more than 65535 media");
             }
             let (medium, corners) = match record.kind.get_ref() {
@@ -49,11 +65,17 @@ impl Media {
                     (Medium::Heterogeneous(medium), corners)
                 }
             };
-            media.list.push(medium);
-            media.corners.push(corners);
-            media.names.push(name.get_ref().clone());
+            names.insert(name.get_ref().clone(), self.list.len() as u16);
+            self.list.push(medium);
+            self.corners.push(corners);
+            self.labels.push(name.get_ref().clone());
         }
-        Ok(media)
+        Ok(std::mem::replace(&mut self.names, names))
+    }
+
+    /// Back to the names that held before.
+    pub fn leave(&mut self, names: BTreeMap<String, u16>) {
+        self.names = names;
     }
 
     /// Corners of the box that a medium fills, render space.
@@ -67,10 +89,10 @@ impl Media {
         if name.get_ref() == "none" {
             return Ok(None);
         }
-        match self.names.binary_search(name.get_ref()) {
-            Ok(index) => Ok(Some(index as u16)),
-            Err(_) => {
-                let known = self.names.iter().map(String::as_str).chain(["none"]);
+        match self.names.get(name.get_ref()) {
+            Some(index) => Ok(Some(*index)),
+            None => {
+                let known = self.names.keys().map(String::as_str).chain(["none"]);
                 Err(unknown_name("medium", name, known))
             }
         }
@@ -83,7 +105,7 @@ impl Media {
 
     /// For messages.
     pub fn name(&self, medium: MediumId) -> &str {
-        medium.map_or("none", |index| &self.names[usize::from(index)])
+        medium.map_or("none", |index| &self.labels[usize::from(index)])
     }
 }
 

@@ -1,14 +1,18 @@
 //! From records to the scene that is rendered: names resolved, numbers in single precision, everything moved so that
 //! the camera stands at the origin.
 
+mod blend;
 mod bounds;
 mod enclosed;
 mod extents;
 mod gltf;
+mod ior;
 mod kept;
 mod light;
 mod material;
+mod materials;
 mod medium;
+mod principled;
 mod rules;
 mod shape;
 mod texture;
@@ -60,8 +64,8 @@ impl From<Fault> for Problem {
 /// A scene, and what there is to say about it.
 pub struct Assembled {
     pub description: SceneDescription,
-    /// What has no effect.
-    pub notes: Vec<Fault>,
+    /// What has no effect, or another than its file says.
+    pub notes: Vec<Problem>,
     /// Where rules are written that photons obey.
     pub photon_places: Vec<Range<usize>>,
     /// Where things are.
@@ -83,7 +87,7 @@ pub fn assemble(
     let eye_point = eye.origin.0 - render_origin;
     let media = medium::Media::new(&record.media, render_origin, &mut assets)?;
     let world_medium = media.resolve_or(record.world.medium.as_ref(), None)?;
-    let materials = material::Materials::new(&record.materials, &mut assets)?;
+    let materials = materials::Materials::new(&record.materials, &mut assets)?;
     let mut camera = view::camera(&record.image, record.camera.get_ref(), &eye)?;
     camera.position = eye_point.as_vec3();
     let camera_medium = match &record.camera.get_ref().medium {
@@ -114,14 +118,16 @@ pub fn assemble(
     }
     let rules::Resolved {
         rules,
-        mut notes,
+        notes: of_rules,
         photon_places,
     } = rules::resolve(record, &parts)?;
-    notes.append(&mut parts.notes);
+    let mut notes = std::mem::take(&mut parts.notes);
+    notes.extend(of_rules.into_iter().map(Problem::Scene));
     let extents = Extents::new(render_origin, &parts.media);
-    notes.extend(extents.outside(record, &parts.objects));
+    let outside = extents.outside(record, &parts.objects).into_iter();
+    notes.extend(outside.map(Problem::Scene));
     if parts.lights.is_empty() {
-        notes.push(Fault::new(0..0, "there are no lights: the picture will be black"));
+        notes.push(Fault::new(0..0, "there are no lights: the picture will be black").into());
     } else if rules.is_none()
         && let Some(object) = enclosed::around_camera(&parts.objects, &parts.materials.list, &parts.lights)
     {
@@ -129,7 +135,7 @@ pub fn assemble(
             "it stands inside of {:?}, which lets no light through, and no light is in there: the picture will be black",
             object.name
         );
-        notes.push(Fault::new(record.camera.span(), message));
+        notes.push(Fault::new(record.camera.span(), message).into());
     }
     let description = SceneDescription {
         camera,
@@ -138,6 +144,7 @@ pub fn assemble(
         bounds: bounds::around(&parts.objects, &parts.points),
         objects: parts.objects,
         materials: parts.materials.list,
+        material_names: parts.materials.labels,
         media: parts.media.list,
         lights: parts.lights,
         defaults: defaults(&record.render)?,
@@ -166,13 +173,13 @@ struct Parts<'a> {
     moves_about: bool,
     world_medium: MediumId,
     media: medium::Media,
-    materials: material::Materials,
+    materials: materials::Materials,
     assets: Assets<'a>,
     objects: Vec<beamfarm_render::geometry::Object>,
     lights: Vec<beamfarm_render::light::Light>,
     names: rules::Names,
-    /// What there is to say of shapes.
-    notes: Vec<Fault>,
+    /// What has no effect, or another than its file says.
+    notes: Vec<Problem>,
     /// The camera, the lights that stand somewhere, and the corners of what fills the world, render space.
     points: Vec<DVec3>,
 }
@@ -212,9 +219,8 @@ impl<'a> Assets<'a> {
 
     fn image(&mut self, path: &Spanned<String>, encoding: Encoding) -> Result<Arc<Image>, Problem> {
         let key = bundle::key(path.get_ref());
-        if encoding == Encoding::Srgb
-            && let Some(image) = self.images.get(&key)
-        {
+        // Those are decoded as they are meant.
+        if let Some(image) = self.images.get(&key) {
             return Ok(image.clone());
         }
         let (source, Kept { images, clock, .. }) = (self.source, &mut *self.kept);

@@ -40,7 +40,7 @@ impl Parts<'_> {
                 self.objects.truncate(before[0]);
                 self.lights.truncate(before[1]);
                 self.notes
-                    .push(Fault::new(place, format!("{NO_AREA}; the shape is left out")));
+                    .push(Fault::new(place, format!("{NO_AREA}; the shape is left out")).into());
             }
             done => done?,
         }
@@ -153,7 +153,8 @@ impl Parts<'_> {
                 Some(name) => Err(Fault::new(
                     name.span(),
                     "this surface bounds no medium; expected a material of type \"dielectric\", \
-                     \"rough_dielectric\" or \"null\" without `opacity` on this shape",
+                     \"rough_dielectric\" or \"null\" without `opacity` on this shape, \"principled\" with \
+                     `spec_trans`, or a blend of one with what lets no light through",
                 )
                 .into()),
             };
@@ -191,7 +192,7 @@ impl Parts<'_> {
                 return Err(Fault::new(place, message).into());
             }
             let message = format!("an open surface is the boundary between {media}: light takes what it crossed last");
-            self.notes.push(Fault::new(place, message));
+            self.notes.push(Fault::new(place, message).into());
         }
         Ok(Some(boundary))
     }

@@ -3,12 +3,14 @@
 use super::kept::{Kept, Pinned};
 use super::{Assets, Problem, asset_problem};
 use crate::assets::image::Encoding;
-use crate::parse::{Fault, ImageTextureRecord, TextureRecord, UvSteps};
+use crate::parse::{Channel, Fault, ImageTextureRecord, ScalarRecord, TextureRecord, UvSteps};
 use crate::transform;
-use crate::values::Range;
-use beamfarm_render::math::Vec2;
-use beamfarm_render::texture::Texture;
+use crate::values::{Range, Unit};
+use beamfarm_render::math::{Rgb, Vec2, luminance};
+use beamfarm_render::scalar::Scalar;
+use beamfarm_render::texture::{Image, Texture};
 use glam::{Affine2, DVec3};
+use std::sync::Arc;
 
 /// The texture of a record; its pixels are within the range of the record's colours.
 pub fn texture<R: Range>(record: &TextureRecord<R>, assets: &mut Assets<'_>) -> Result<Texture, Problem> {
@@ -28,7 +30,12 @@ pub fn image<R: Range>(record: &ImageTextureRecord, assets: &mut Assets<'_>) -> 
         true => Encoding::Raw,
         false => Encoding::Srgb,
     };
-    let image = assets.image(&record.file, encoding)?;
+    let mut image = assets.image(&record.file, encoding)?;
+    if let Some(channel) = record.channel {
+        let Kept { channels, clock, .. } = &mut *assets.kept;
+        let key = (Pinned(image.clone()), channel);
+        image = channels.get_or_make(clock, key, || Arc::new(one_channel(&image, channel)));
+    }
     let Kept { in_range, clock, .. } = &mut *assets.kept;
     in_range.get_or(clock, (Pinned(image.clone()), R::EXPECTED), || {
         let holds = |p: &beamfarm_render::math::Rgb| p.to_array().into_iter().all(R::holds);
@@ -49,6 +56,57 @@ pub fn image<R: Range>(record: &ImageTextureRecord, assets: &mut Assets<'_>) -> 
         wrap: record.wrap.into(),
         image_from_uv: from_uv(record.uv.as_ref())?,
     })
+}
+
+/// A number or a texture of numbers.
+pub fn scalar<R: Range>(record: &ScalarRecord<R>, assets: &mut Assets<'_>) -> Result<Scalar, Problem> {
+    let texture = match record {
+        ScalarRecord::Number(number) => return Ok(Scalar::constant(number.f32())),
+        ScalarRecord::Texture(TextureRecord::Image(record)) => {
+            let channel = record.channel.or(Some(Channel::Luminance));
+            image::<Unit>(
+                &ImageTextureRecord {
+                    channel,
+                    ..record.clone()
+                },
+                assets,
+            )?
+        }
+        ScalarRecord::Texture(record) => texture(record, assets)?,
+    };
+    Ok(Scalar::of(match texture {
+        Texture::Checkerboard {
+            colors,
+            squares_from_uv,
+        } => Texture::Checkerboard {
+            colors: colors.map(grey),
+            squares_from_uv,
+        },
+        other => other,
+    }))
+}
+
+/// A channel of an image in place of all three colours.
+fn one_channel(image: &Image, channel: Channel) -> Image {
+    let of = |pick: fn(&Rgb) -> Rgb| image.pixels.iter().map(pick).collect();
+    Image {
+        width: image.width,
+        height: image.height,
+        pixels: match channel {
+            Channel::Red => of(|p| Rgb::splat(p.x)),
+            Channel::Green => of(|p| Rgb::splat(p.y)),
+            Channel::Blue => of(|p| Rgb::splat(p.z)),
+            Channel::Luminance => of(|p| grey(*p)),
+            Channel::Alpha if image.alpha.is_empty() => of(|_| Rgb::ONE),
+            Channel::Alpha => image.alpha.iter().map(|a| Rgb::splat(*a)).collect(),
+        },
+        alpha: Vec::new(),
+    }
+}
+
+/// Of a colour's luminance; greys stay the same.
+fn grey(color: Rgb) -> Rgb {
+    Rgb::splat(color.x + luminance(color - color.x))
 }
 
 /// The transform of texture coordinates.

@@ -28,11 +28,14 @@ pub enum Encoding {
     Srgb,
     /// Themselves, 1 the largest.
     Raw,
+    /// In place of its colours, an image's alpha, 1 the largest; 1 where it has none.
+    Alpha,
 }
 
 /// Read an image; its first bytes tell of which kind.
 pub fn read(bytes: &[u8], encoding: Encoding) -> Result<Image, Flaw> {
-    let image = if bytes.starts_with(b"\x89PNG") {
+    let is_png = bytes.starts_with(b"\x89PNG");
+    let mut image = if is_png {
         read_png(bytes, encoding)?
     } else if bytes.starts_with(b"\x76\x2f\x31\x01") {
         read_exr(bytes)?
@@ -45,6 +48,9 @@ pub fn read(bytes: &[u8], encoding: Encoding) -> Result<Image, Flaw> {
     } else {
         return Err("unsupported kind of image; expected PNG, JPEG, BMP, OpenEXR or Radiance HDR".into());
     };
+    if encoding == Encoding::Alpha && !is_png {
+        image.pixels.fill(Rgb::ONE);
+    }
     let width = image.width as usize;
     let bad = |p: &Rgb| !p.is_finite() || p.min_element() < 0.0;
     if let Some(i) = image.pixels.iter().position(bad) {
@@ -75,7 +81,7 @@ fn check_claim(decoded_bytes: usize, file: &[u8]) -> Result<(), Flaw> {
     }
 }
 
-/// Grey, RGB or palette, 1 to 16 bits a channel, alpha ignored.
+/// Grey, RGB or palette, 1 to 16 bits a channel, with alpha or without.
 fn read_png(bytes: &[u8], encoding: Encoding) -> Result<Image, Flaw> {
     let message = |e: ::png::DecodingError| Flaw::from(format!("not a sound PNG: {e}"));
     let mut decoder = ::png::Decoder::new(Cursor::new(bytes));
@@ -101,11 +107,24 @@ fn read_png(bytes: &[u8], encoding: Encoding) -> Result<Image, Flaw> {
     };
     let channels = info.color_type.samples();
     let pixel = |p: &[u8]| match channels {
+        2 | 4 if encoding == Encoding::Alpha => Rgb::splat(sample(p, channels - 1)),
+        _ if encoding == Encoding::Alpha => Rgb::ONE,
         1 | 2 => Rgb::splat(sample(p, 0)),
         _ => Rgb::new(sample(p, 0), sample(p, 1), sample(p, 2)),
     };
     let pixels = data.chunks_exact(channels * bytes_per_sample).map(pixel);
+    // Opacity is never encoded.
+    let whole = Encoding::Raw.table(levels);
+    let opacity = |p: &[u8]| match bytes_per_sample {
+        2 => whole[usize::from(u16::from_be_bytes([p[p.len() - 2], p[p.len() - 1]]))],
+        _ => whole[usize::from(p[p.len() - 1])],
+    };
+    let alpha = match channels {
+        2 | 4 => data.chunks_exact(channels * bytes_per_sample).map(opacity).collect(),
+        _ => Vec::new(),
+    };
     Ok(Image {
+        alpha,
         width,
         height,
         pixels: pixels.collect(),
@@ -132,6 +151,7 @@ fn read_jpeg(bytes: &[u8], encoding: Encoding) -> Result<Image, Flaw> {
     let linear = encoding.table(255);
     let pixel = |p: &[u8; 3]| Rgb::from_array(p.map(|v| linear[usize::from(v)]));
     Ok(Image {
+        alpha: Vec::new(),
         width: width as u32,
         height: height as u32,
         pixels: data.as_chunks().0.iter().map(pixel).collect(),
@@ -151,6 +171,7 @@ fn read_hdr(bytes: &[u8]) -> Result<Image, Flaw> {
     let decoded = decoded.map_err(message)?.into_rgb32f();
     let pixels = decoded.pixels().map(|p| Rgb::from_array(p.0));
     Ok(Image {
+        alpha: Vec::new(),
         width,
         height,
         pixels: pixels.collect(),
@@ -172,6 +193,7 @@ fn read_bmp(bytes: &[u8], encoding: Encoding) -> Result<Image, Flaw> {
         .pixels()
         .map(|p| Rgb::from_array(p.0.map(|v| linear[usize::from(v)])));
     Ok(Image {
+        alpha: Vec::new(),
         width,
         height,
         pixels: pixels.collect(),
@@ -185,7 +207,7 @@ impl Encoding {
             let v = f64::from(v) / f64::from(levels);
             match self {
                 Self::Srgb => linear_from_srgb(v),
-                Self::Raw => v as f32,
+                Self::Raw | Self::Alpha => v as f32,
             }
         };
         (0..=levels).map(value).collect()
@@ -240,6 +262,7 @@ fn read_exr(bytes: &[u8]) -> Result<Image, Flaw> {
         let value = |c: &exr::AnyChannel<exr::FlatSamples>, i| c.sample_data.value_by_flat_index(i).to_f32();
         let pixel = |i| Rgb::from_array(channels.map(|c| value(c, i)));
         return Ok(Image {
+            alpha: Vec::new(),
             width: width as u32,
             height: height as u32,
             pixels: (0..width * height).map(pixel).collect(),

@@ -67,6 +67,14 @@ pub struct Origin {
 }
 
 impl Origin {
+    /// Of a scene that was made from a file that has no lines.
+    pub(crate) fn whole(file: &Path) -> Self {
+        Self {
+            files: vec![file.to_owned()],
+            places: Vec::new(),
+        }
+    }
+
     /// An error of the native scene file, at the place of the XML that it comes from.
     pub fn relocate(&self, error: SceneError) -> SceneError {
         let place = |line: usize| *self.places.get(line.checked_sub(1)?)?;

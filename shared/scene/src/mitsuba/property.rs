@@ -7,7 +7,8 @@ use super::transform::Step;
 use super::value::{self, Value};
 use super::write::Toml;
 use super::xml::{Content, Id, Kind, Member};
-use std::path::{Component, Path, PathBuf};
+use crate::paths;
+use std::path::PathBuf;
 
 impl<'a> Converter<'a> {
     /// The member of a name; from now on it counts as used.
@@ -352,7 +353,7 @@ impl<'a> Converter<'a> {
         };
         let written = self.string(object, name)?;
         let path = self.objects.resolve(member.place, written);
-        match relative(&path, self.folder).to_str() {
+        match paths::relative(&path, self.folder).to_str() {
             Some(text) => Some((Toml::string(text), path.clone())),
             None => {
                 self.wrong(object, member, "the file's path is not UTF-8");
@@ -373,39 +374,4 @@ pub fn color(value: &Value, kind: cie::Kind) -> Option<[f64; 3]> {
         Value::Spectrum(samples) => cie::to_rgb(samples, kind),
         _ => return None,
     })
-}
-
-/// The way from a folder to a file, by their names alone. Absolute paths stay as they are unless the file lies within.
-fn relative(file: &Path, folder: &Path) -> PathBuf {
-    if let Ok(inner) = file.strip_prefix(folder) {
-        return inner.to_path_buf();
-    }
-    let (Ok(file), Ok(folder)) = (std::path::absolute(file), std::path::absolute(folder)) else {
-        return file.to_path_buf();
-    };
-    let (file, folder) = (plain(&file), plain(&folder));
-    let (mut to, mut from) = (file.components().peekable(), folder.components().peekable());
-    while let (Some(a), Some(b)) = (to.peek(), from.peek()) {
-        if a != b {
-            break;
-        }
-        to.next();
-        from.next();
-    }
-    from.map(|_| Component::ParentDir).chain(to).collect()
-}
-
-/// A path without `.` and with `..` taken back.
-fn plain(path: &Path) -> PathBuf {
-    let mut plain = PathBuf::new();
-    for component in path.components() {
-        match component {
-            Component::CurDir => {}
-            Component::ParentDir => {
-                plain.pop();
-            }
-            other => plain.push(other),
-        }
-    }
-    plain
 }

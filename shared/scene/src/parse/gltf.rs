@@ -1,7 +1,7 @@
 //! glTF files: what the scene says of them, and what they are read as.
 
 use super::transform::Steps;
-use super::{LightRecord, MaterialRecord, ShapeRecord};
+use super::{LightRecord, MaterialRecord, MediumRecord, ShapeRecord};
 use crate::values::*;
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -17,8 +17,20 @@ pub struct GltfRecord {
     pub transform: Option<Spanned<Steps>>,
     /// Base materials become principled materials. Default: true.
     pub materials: Option<bool>,
-    /// KHR_lights_punctual become lights, candela taken for W/sr and lux for W/m^2. Default: true.
+    /// KHR_lights_punctual become lights. Default: true.
     pub lights: Option<bool>,
+    /// What the numbers of lights mean. Default: lumen in files of Blender, of others watt.
+    pub light_unit: Option<LightUnitName>,
+}
+
+/// Units of lights of a glTF file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum LightUnitName {
+    /// W/sr and W/m^2.
+    Watt,
+    /// Candela and lux, 683 lm to the watt.
+    Lumen,
 }
 
 /// The piece of a scene file that a glTF file is read as.
@@ -27,6 +39,8 @@ pub struct GltfRecord {
 pub struct PieceRecord {
     #[serde(default)]
     pub materials: BTreeMap<Spanned<String>, MaterialRecord>,
+    #[serde(default)]
+    pub media: BTreeMap<Spanned<String>, MediumRecord>,
     #[serde(default)]
     pub shapes: Vec<ShapeRecord>,
     #[serde(default)]

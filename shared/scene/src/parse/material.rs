@@ -2,7 +2,7 @@
 
 use super::schema::{by_type, defaults};
 use super::words::{TextureFilter, Wrap};
-use super::{Fault, TextureRecord, UvSteps, given, only_takes};
+use super::{Fault, ScalarRecord, TextureRecord, UvSteps, given, only_takes};
 use crate::values::*;
 use schemars::{JsonSchema, Schema};
 use serde::Deserialize;
@@ -24,7 +24,7 @@ pub struct MaterialRecord {
     /// Index of refraction outside. Default: 1.
     pub exterior_ior: Option<Spanned<Number<Positive>>>,
     /// Roughness of microfacets, 0.001 to 1.
-    pub alpha: Option<Spanned<Number<Roughness>>>,
+    pub alpha: Option<Spanned<ScalarRecord<Roughness>>>,
     /// Real part of the index of refraction.
     pub eta: Option<Spanned<Color<NonNegative>>>,
     /// Imaginary part of the index of refraction.
@@ -42,11 +42,29 @@ pub struct MaterialRecord {
     /// Colour of the base, 0 to 1. Default: 0.5.
     pub base_color: Option<Spanned<TextureRecord<Unit>>>,
     /// From dielectric, 0, to metal, 1. Default: 0.
-    pub metallic: Option<Spanned<Number<Unit>>>,
+    pub metallic: Option<Spanned<ScalarRecord<Unit>>>,
     /// 0 to 1; its square is alpha. Default: 0.5.
-    pub roughness: Option<Spanned<Number<Unit>>>,
+    pub roughness: Option<Spanned<ScalarRecord<Unit>>>,
     /// Reflectance at normal incidence over 0.08, 0 to 1, in place of `ior`. Default: 0.5.
-    pub specular: Option<Spanned<Number<Unit>>>,
+    pub specular: Option<Spanned<ScalarRecord<Unit>>>,
+    /// How far the reflection takes on the hue of the base, 0 to 1. Default: 0.
+    pub spec_tint: Option<Spanned<ScalarRecord<Unit>>>,
+    /// Share of the light that enters which goes through as through rough glass, 0 to 1. Default: 0.
+    pub spec_trans: Option<Spanned<ScalarRecord<Unit>>>,
+    /// Light at grazing angles, as of cloth, 0 to 1. Default: 0.
+    pub sheen: Option<Spanned<ScalarRecord<Unit>>>,
+    /// How far the sheen takes on the hue of the base, 0 to 1. Default: 0.
+    pub sheen_tint: Option<Spanned<ScalarRecord<Unit>>>,
+    /// Strength of a second reflection, 0 to 1. Default: 0.
+    pub clearcoat: Option<Spanned<ScalarRecord<Unit>>>,
+    /// Of the second reflection, from rough, 0, to smooth, 1. Default: 0.
+    pub clearcoat_gloss: Option<Spanned<ScalarRecord<Unit>>>,
+    /// How flat the diffuse base looks, 0 to 1. Default: 0.
+    pub flatness: Option<Spanned<ScalarRecord<Unit>>>,
+    /// Names of the two materials that a blend is made of.
+    pub materials: Option<Spanned<[Spanned<String>; 2]>>,
+    /// Share of the second, 0 to 1: a number, or the luminance of a texture.
+    pub weight: Option<Spanned<TextureRecord<Unit>>>,
     /// Share of the light that meets the surface, 0 to 1; the rest passes straight through. Default: 1.
     pub opacity: Option<Spanned<TextureRecord<Unit>>>,
     /// Heights that tilt the normal.
@@ -97,6 +115,15 @@ impl MaterialRecord {
             metallic,
             roughness,
             specular,
+            spec_tint,
+            spec_trans,
+            sheen,
+            sheen_tint,
+            clearcoat,
+            clearcoat_gloss,
+            flatness,
+            materials,
+            weight,
             opacity,
             bump,
             normal_map
@@ -111,13 +138,29 @@ impl MaterialRecord {
             &self.specular_reflectance,
             &self.specular_transmittance,
             &self.base_color,
+            &self.weight,
             &self.opacity,
             &self.normal_map,
         ];
         let files = textures
             .into_iter()
             .filter_map(|field| field.as_ref()?.get_ref().file());
-        files.chain(self.bump.iter().map(|bump| &bump.get_ref().image))
+        let numbers = [
+            &self.metallic,
+            &self.roughness,
+            &self.specular,
+            &self.spec_tint,
+            &self.spec_trans,
+            &self.sheen,
+            &self.sheen_tint,
+            &self.clearcoat,
+            &self.clearcoat_gloss,
+            &self.flatness,
+        ];
+        let of_numbers = numbers.into_iter().filter_map(|field| field.as_ref()?.get_ref().file());
+        let of_alpha = self.alpha.iter().filter_map(|alpha| alpha.get_ref().file());
+        let bumps = self.bump.iter().map(|bump| &bump.get_ref().image);
+        files.chain(of_numbers).chain(of_alpha).chain(bumps)
     }
 }
 
@@ -144,6 +187,8 @@ pub enum MaterialType {
     RoughPlastic,
     /// Burley's model.
     Principled,
+    /// Two materials, mixed by a weight.
+    Blend,
     /// Nothing but the boundary of a medium.
     Null,
 }
@@ -246,9 +291,17 @@ impl MaterialType {
                     "specular",
                     "ior",
                     "exterior_ior",
+                    "spec_tint",
+                    "spec_trans",
+                    "sheen",
+                    "sheen_tint",
+                    "clearcoat",
+                    "clearcoat_gloss",
+                    "flatness",
                     "two_sided",
                 ],
             ),
+            Self::Blend => ("blend", &["materials", "weight"]),
             Self::Null => ("null", &[]),
         }
     }

@@ -1,12 +1,12 @@
 //! Colours that may be textures.
 
-use super::schema::table;
+use super::schema::{described, table};
 use super::transform::RotateRecord;
-use super::words::{TextureFilter, Wrap};
+use super::words::{Channel, TextureFilter, Wrap};
 use crate::values::*;
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::value::MapAccessDeserializer;
-use serde::de::{Error, MapAccess, SeqAccess, Visitor};
+use serde::de::{Error, IntoDeserializer, MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 use std::borrow::Cow;
 use std::fmt;
@@ -31,7 +31,86 @@ pub struct ImageTextureRecord {
     pub raw: bool,
     pub filter: TextureFilter,
     pub wrap: Wrap,
+    pub channel: Option<Channel>,
     pub uv: Option<UvSteps>,
+}
+
+/// A number, or a texture of numbers: `{ image = "file", channel = "g", ... }`.
+#[derive(Clone, Debug)]
+pub enum ScalarRecord<R> {
+    /// The same everywhere.
+    Number(Number<R>),
+    /// From 0 to 1, by one channel of an image or the luminance.
+    Texture(TextureRecord<Unit>),
+}
+
+impl<R> ScalarRecord<R> {
+    /// The file that it names.
+    pub fn file(&self) -> Option<&Spanned<String>> {
+        match self {
+            Self::Number(_) => None,
+            Self::Texture(texture) => texture.file(),
+        }
+    }
+}
+
+impl<R: Range> JsonSchema for ScalarRecord<R> {
+    fn schema_name() -> Cow<'static, str> {
+        "ScalarRecord".into()
+    }
+    fn schema_id() -> Cow<'static, str> {
+        format!("ScalarRecord of {}", R::EXPECTED).into()
+    }
+    fn json_schema(generator: &mut SchemaGenerator) -> Schema {
+        let [image, checkerboard] = tables::<Unit>(generator);
+        json_schema!({ "anyOf": [R::schema(), image, checkerboard] })
+    }
+}
+
+impl<'de, R: Range> Deserialize<'de> for ScalarRecord<R> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct ScalarVisitor<R>(PhantomData<R>);
+        impl<'de, R: Range> Visitor<'de> for ScalarVisitor<R> {
+            type Value = ScalarRecord<R>;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                write!(f, "{}, or {{ image = \"file\" }}", R::EXPECTED)
+            }
+            fn visit_f64<E: Error>(self, x: f64) -> Result<Self::Value, E> {
+                Number::deserialize(x.into_deserializer()).map(ScalarRecord::Number)
+            }
+            fn visit_i64<E: Error>(self, x: i64) -> Result<Self::Value, E> {
+                self.visit_f64(x as f64)
+            }
+            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Self::Value, A::Error> {
+                TextureVisitor(ColorVisitor(PhantomData))
+                    .visit_map(map)
+                    .map(ScalarRecord::Texture)
+            }
+        }
+        deserializer.deserialize_any(ScalarVisitor(PhantomData))
+    }
+}
+
+const CHANNEL: &str = "Only this one, as grey. Default: all of them; where a number is wanted, luminance.";
+
+/// The schemas of an image and of a checkerboard.
+fn tables<R: Range>(generator: &mut SchemaGenerator) -> [Schema; 2] {
+    let uv = generator.subschema_for::<UvSteps>();
+    let color = Color::<R>::json_schema(generator);
+    let colors = json_schema!({ "type": "array", "items": color, "minItems": 2, "maxItems": 2 });
+    let image = json_schema!({
+        "image": { "type": "string", "description": ".png or .exr, relative to the scene file." },
+        "raw": { "type": "boolean", "description": "Take the numbers of a PNG as they are, not as sRGB." },
+        "filter": generator.subschema_for::<TextureFilter>(),
+        "wrap": generator.subschema_for::<Wrap>(),
+        "channel": described(generator.subschema_for::<Channel>(), CHANNEL),
+        "uv": uv,
+    });
+    [
+        table(&["image"], image),
+        table(&["checkerboard"], json_schema!({ "checkerboard": colors, "uv": uv })),
+    ]
 }
 
 impl<R> TextureRecord<R> {
@@ -71,22 +150,8 @@ impl<R: Range> JsonSchema for TextureRecord<R> {
     }
     fn json_schema(generator: &mut SchemaGenerator) -> Schema {
         let color = Color::<R>::json_schema(generator);
-        let uv = generator.subschema_for::<UvSteps>();
-        let colors = json_schema!({ "type": "array", "items": color, "minItems": 2, "maxItems": 2 });
-        let image = json_schema!({
-            "image": { "type": "string", "description": ".png or .exr, relative to the scene file." },
-            "raw": { "type": "boolean", "description": "Take the numbers of a PNG as they are, not as sRGB." },
-            "filter": generator.subschema_for::<TextureFilter>(),
-            "wrap": generator.subschema_for::<Wrap>(),
-            "uv": uv,
-        });
-        json_schema!({
-            "anyOf": [
-                color,
-                table(&["image"], image),
-                table(&["checkerboard"], json_schema!({ "checkerboard": colors, "uv": uv })),
-            ]
-        })
+        let [image, checkerboard] = tables::<R>(generator);
+        json_schema!({ "anyOf": [color, image, checkerboard] })
     }
 }
 
@@ -123,6 +188,7 @@ impl<'de, R: Range> Visitor<'de> for TextureVisitor<R> {
             raw: Option<bool>,
             filter: Option<TextureFilter>,
             wrap: Option<Wrap>,
+            channel: Option<Channel>,
             uv: Option<UvSteps>,
         }
         let table = Table::<R>::deserialize(MapAccessDeserializer::new(map))?;
@@ -132,12 +198,19 @@ impl<'de, R: Range> Visitor<'de> for TextureVisitor<R> {
                 raw: table.raw.unwrap_or_default(),
                 filter: table.filter.unwrap_or_default(),
                 wrap: table.wrap.unwrap_or_default(),
+                channel: table.channel,
                 uv: table.uv,
             })),
             (None, Some(colors)) => {
-                if table.raw.is_some() || table.filter.is_some() || table.wrap.is_some() {
+                let of_image = [
+                    table.raw.is_some(),
+                    table.filter.is_some(),
+                    table.wrap.is_some(),
+                    table.channel.is_some(),
+                ];
+                if of_image.contains(&true) {
                     return Err(A::Error::custom(
-                        "a checkerboard takes only `uv`; `raw`, `filter` and `wrap` are for an `image`",
+                        "a checkerboard takes only `uv`; `raw`, `filter`, `wrap` and `channel` are for an `image`",
                     ));
                 }
                 let uv = table.uv;

@@ -76,6 +76,26 @@ impl From<Wrap> for texture::Wrap {
     }
 }
 
+/// One channel of an image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Deserialize, JsonSchema)]
+pub enum Channel {
+    /// Red.
+    #[serde(rename = "r")]
+    Red,
+    /// Green.
+    #[serde(rename = "g")]
+    Green,
+    /// Blue.
+    #[serde(rename = "b")]
+    Blue,
+    /// Of the three colours.
+    #[serde(rename = "luminance")]
+    Luminance,
+    /// A PNG's opacity, 1 where it has none.
+    #[serde(rename = "a")]
+    Alpha,
+}
+
 /// How the radius scale depends on the pass: once a pass, or as if it shrank after every beam.
 #[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]

@@ -92,7 +92,7 @@ fn shapes_are_checked() {
 [[shapes]] | type = "sphere" | material = "glass" | interior = "fog" | [materials.glass] | type = "dielectric" | ior = 1.5
     6: shapes[0].interior: there is no medium "fog"; the scene defines "none"
 [[shapes]] | type = "sphere" | interior = "none"
-    5: shapes[0].interior: this surface bounds no medium; expected a material of type "dielectric", "rough_dielectric" or "null" without `opacity` on this shape
+    5: shapes[0].interior: this surface bounds no medium; expected a material of type "dielectric", "rough_dielectric" or "null" without `opacity` on this shape, "principled" with `spec_trans`, or a blend of one with what lets no light through
 [[shapes]] | type = "instances" | shape = { type = "sphere" }
     4: shapes[0].type: with this type the field `transforms` is required
 "#,
@@ -148,7 +148,7 @@ fn materials_are_checked() {
 [materials.x] | type = "diffuse" | reflectance = "red"
     5: materials.x.reflectance: invalid type: string "red", expected a number from 0 to 1, or three of them in brackets, or { image = "file" }, or { checkerboard = [color, color] }
 [materials.x] | type = "diffuse" | reflectance = { file = "a.png" }
-    5: materials.x.reflectance.file: unknown field `file`, expected one of `image`, `checkerboard`, `raw`, `filter`, `wrap`, `uv`
+    5: materials.x.reflectance.file: unknown field `file`, expected one of `image`, `checkerboard`, `raw`, `filter`, `wrap`, `channel`, `uv`
 [materials.x] | type = "diffuse" | ior = 2
     5: materials.x.ior: "diffuse" does not take this field; expected one of reflectance, two_sided, opacity, bump, normal_map
 [materials.x] | type = "dielectric"
@@ -196,7 +196,7 @@ fn materials_are_checked() {
 [materials.x] | type = "diffuse" | bump = { image = "h.png" } | normal_map = { image = "n.png" }
     6: materials.x.normal_map: a surface has `bump` or `normal_map`, not both
 [[shapes]] | type = "sphere" | material = "x" | interior = "none" | [materials.x] | type = "dielectric" | ior = 1.5 | opacity = 0.5
-    6: shapes[0].interior: this surface bounds no medium; expected a material of type "dielectric", "rough_dielectric" or "null" without `opacity` on this shape
+    6: shapes[0].interior: this surface bounds no medium; expected a material of type "dielectric", "rough_dielectric" or "null" without `opacity` on this shape, "principled" with `spec_trans`, or a blend of one with what lets no light through
 [materials.x] | type = "null" | two_sided = true
     5: materials.x.two_sided: "null" does not take this field; it takes none
 "#,

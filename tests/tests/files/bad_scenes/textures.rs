@@ -15,7 +15,7 @@ fn textures_are_checked() {
 [materials.x] | type = "diffuse" | reflectance = { checkerboard = [0, 1, 0] }
     5: materials.x.reflectance: a checkerboard has 2 colors, found 3
 [materials.x] | type = "diffuse" | reflectance = { checkerboard = [0, 1], wrap = "clamp" }
-    5: materials.x.reflectance: a checkerboard takes only `uv`; `raw`, `filter` and `wrap` are for an `image`
+    5: materials.x.reflectance: a checkerboard takes only `uv`; `raw`, `filter`, `wrap` and `channel` are for an `image`
 [materials.x] | type = "diffuse" | reflectance = { image = "a.png", raw = 1 }
     5: materials.x.reflectance.raw: invalid type: integer `1`, expected true or false
 [materials.x] | type = "diffuse" | reflectance = { image = "a.png", filter = "trilinear" }
@@ -36,6 +36,28 @@ fn textures_are_checked() {
     5: materials.x.reflectance.uv[0]: expected three rows of three numbers as `matrix`
 [materials.x] | type = "diffuse" | reflectance = { checkerboard = [0, 1], uv = [{ scale = 1e20 }, { scale = 1e20 }] }
     5: materials.x.reflectance.uv: the numbers of this transform are too large for single precision
+"#,
+    );
+}
+
+#[test]
+fn blends_and_numbers_are_checked() {
+    refused(
+        r#"
+[materials.a] | type = "blend" | materials = ["b", "a"] | weight = 0.5 | [materials.b] | type = "diffuse"
+    5: materials.a.materials[1]: the blend "a" is made of itself
+[materials.a] | type = "blend" | materials = ["b", "c"] | weight = 0.5 | [materials.b] | type = "diffuse"
+    5: materials.a.materials[1]: there is no material "c"; the scene defines "a", "b"
+[materials.a] | type = "blend" | materials = ["b", "b"] | [materials.b] | type = "diffuse"
+    4: materials.a.type: with this type the field `weight` is required
+[materials.a] | type = "blend" | materials = ["b", "b"] | weight = 2 | [materials.b] | type = "diffuse"
+    6: materials.a.weight: expected a number from 0 to 1, found 2.0
+[materials.x] | type = "rough_plastic" | alpha = { checkerboard = [0, 1] }
+    5: materials.x.alpha: the roughness of a rough plastic is the same everywhere; expected a number
+[materials.x] | type = "principled" | spec_trans = 1 | two_sided = true
+    6: materials.x.two_sided: with `spec_trans` the other side is the inside; expected false
+[materials.x] | type = "principled" | roughness = { image = "a.png", channel = "x" }
+    5: materials.x.roughness.channel: unknown variant `x`, expected one of `r`, `g`, `b`, `luminance`, `a`
 "#,
     );
 }

@@ -99,6 +99,17 @@ fn conductors_by_name_and_by_numbers() {
     assert_error(&with_sensor(unknown), "scene.xml:2: ", &["\"au\"", "Au"]);
     let both = r#"<bsdf type="conductor"><string name="material" value="Au"/><float name="eta" value="1"/></bsdf>"#;
     assert_error(&with_sensor(both), "scene.xml:2: ", &["eta", "not both"]);
+    assert_material(
+        r#"<bsdf type="roughconductor"><float name="alpha_u" value="0.1"/><float name="alpha_v" value="0.4"/></bsdf>"#,
+        &[
+            "type = \"rough_conductor\"",
+            "eta = 0.0",
+            "k = 1.0",
+            "alpha = 0.2",
+            "distribution = \"beckmann\"",
+            "two_sided = false",
+        ],
+    );
 }
 
 #[test]
@@ -126,8 +137,45 @@ fn plastics_and_principled() {
             "specular = 0.3",
         ],
     );
-    let coat = "<bsdf type=\"principled\">\n<float name=\"clearcoat\" value=\"0.5\"/></bsdf>";
-    assert_error(&with_sensor(coat), "scene.xml:3: ", &["clearcoat", "not supported"]);
+    assert_material(
+        r#"<bsdf type="principled"><float name="clearcoat" value="0.5"/><float name="clearcoat_gloss" value="0.2"/>
+        <float name="sheen" value="0"/><float name="sheen_tint" value="0.5"/><float name="spec_trans" value="0.7"/>
+        <texture type="bitmap" name="roughness"><string name="filename" value="r.png"/><boolean name="raw" value="true"/></texture></bsdf>"#,
+        &[
+            "type = \"principled\"",
+            "roughness = { image = \"r.png\", raw = true, uv = [{ scale = [1.0, -1.0, 1.0] }, { translate = [0.0, 1.0, 0.0] }] }",
+            "spec_trans = 0.7",
+            "clearcoat = 0.5",
+            "clearcoat_gloss = 0.2",
+        ],
+    );
+    let skewed = "<bsdf type=\"principled\">\n<float name=\"anisotropic\" value=\"0.5\"/></bsdf>";
+    assert_error(&with_sensor(skewed), "scene.xml:3: ", &["anisotropic", "not supported"]);
+}
+
+#[test]
+fn blends_are_of_two_materials() {
+    let blend = |weight: &str| {
+        format!(
+            r#"<bsdf type="twosided" id="mixed"><bsdf type="blendbsdf">{weight}
+            <bsdf type="diffuse" id="paint"/><bsdf type="roughconductor"/></bsdf></bsdf>"#
+        )
+    };
+    let native = native(&with_sensor(&blend("<float name=\"weight\" value=\"0.3\"/>")));
+    let in_section = |heading: &str, name: &str| field(&native, heading, name).unwrap_or_else(|| panic!("{native}"));
+    assert_eq!(in_section("[materials.mixed]", "type"), "\"blend\"");
+    assert_eq!(
+        in_section("[materials.mixed]", "materials"),
+        "[\"paint-part\", \"roughconductor-part\"]"
+    );
+    assert_eq!(in_section("[materials.mixed]", "weight"), "0.3");
+    for part in ["paint-part", "roughconductor-part"] {
+        assert_eq!(in_section(&format!("[materials.{part}]"), "two_sided"), "true");
+    }
+    let textured = "<texture type=\"bitmap\" name=\"weight\"><string name=\"filename\" value=\"w.png\"/></texture>";
+    assert!(self::native(&with_sensor(&blend(textured))).contains("weight = { image = \"w.png\", uv = "));
+    let one = "<bsdf type=\"blendbsdf\"><bsdf type=\"diffuse\"/></bsdf>";
+    assert_error(&with_sensor(one), "scene.xml:2: ", &["two nested"]);
 }
 
 #[test]

@@ -247,6 +247,7 @@ fn irradiance_matches_closed_forms() {
     let mean = irradiance(&sky(None), &[], Vec3::ZERO, normal);
     suite.mean("even sky", &mean, pi * radiance);
     let rows = Image {
+        alpha: Vec::new(),
         width: 1,
         height: 2,
         pixels: vec![Rgb::ZERO, Rgb::ONE],

@@ -37,6 +37,7 @@ fn environment_is_oriented_as_mitsubas() {
         .map(|i| Rgb::new((i % 8 + 1) as f32, (i / 8 + 1) as f32, 1.0))
         .collect();
     let image = Image {
+        alpha: Vec::new(),
         width: 8,
         height: 4,
         pixels,
@@ -80,6 +81,7 @@ fn environment_is_sampled_wherever_it_shines() {
     suite.mean("fluence", &fluence, f64::from(environment.fluence().x));
     suite.finish();
     let black = Image {
+        alpha: Vec::new(),
         width: 2,
         height: 2,
         pixels: vec![Rgb::ZERO; 4],
@@ -96,6 +98,7 @@ fn with_spot(spot: f32) -> Arc<Image> {
         _ => Rgb::new(0.7, 0.9, 1.4),
     });
     Arc::new(Image {
+        alpha: Vec::new(),
         width: 64,
         height: 32,
         pixels: pixels.collect(),

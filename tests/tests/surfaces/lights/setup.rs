@@ -148,7 +148,12 @@ pub fn speckled(width: u32, height: u32, peak: f32) -> Image {
         .collect();
     let at = pixels.len() / 3;
     pixels[at] = Rgb::splat(peak);
-    Image { width, height, pixels }
+    Image {
+        width,
+        height,
+        pixels,
+        alpha: Vec::new(),
+    }
 }
 
 /// Shapes of every kind, with a name.

@@ -10,7 +10,7 @@ use beamfarm_proto::bytes::Bytes;
 use beamfarm_proto::{FileEntry, FileHash, Manifest, Revision, RevisionNumber};
 use beamfarm_render::world::{RenderDefaults, Scene, SceneDescription, Seen};
 use beamfarm_scene::desk::{self, CameraMove, Thing};
-use beamfarm_scene::{Edits, Files, ImportOptions, SceneError, SceneFile, Store, is_mitsuba};
+use beamfarm_scene::{Edits, Files, ImportOptions, SceneError, SceneFile, Store, is_gltf, is_mitsuba};
 use glam::DVec3;
 use serde_json::Value;
 use std::collections::BTreeMap;
@@ -151,7 +151,7 @@ impl Bench {
             ..options.clone()
         };
         let read = SceneFile::read(&args.scene, &plain)?;
-        let is_native = !is_mitsuba(&args.scene);
+        let is_native = !is_mitsuba(&args.scene) && !is_gltf(&args.scene);
         let text = String::from_utf8_lossy(read.text()).into_owned();
         let file = args.scene.with_extension("toml");
         let file = if is_native { args.scene.clone() } else { file };
@@ -189,6 +189,7 @@ impl Bench {
                 Some(text) => self.put(text, None),
                 None => Err("the scene is not on the disk in this form yet".to_owned().into()),
             },
+            FromPage::Written { .. } => self.read_again(),
             FromPage::Focus { x, y, .. } => {
                 let seen = self.seen_at(*x, *y).ok_or_else(|| "nothing is there".to_owned())?;
                 let depth = round(f64::from(seen.depth));

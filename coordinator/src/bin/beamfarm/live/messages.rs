@@ -1,7 +1,8 @@
 //! What the page and the server of a live view say to each other over their WebSocket.
 //!
 //! Pictures go as binary messages: four bytes, little endian, with the length of a [`FrameHeader`] in JSON, the header,
-//! and the bytes of a JPEG.
+//! and the bytes of a JPEG. Who asks for `/look?pixels=linear` gets the radiance in its place: R, G, B of each pixel as
+//! 32-bit floats, little endian, rows from the top, for programs that have an exposure and a tone curve of their own.
 
 use beamfarm_scene::desk::{Field, Thing};
 use serde::{Deserialize, Serialize};
@@ -56,6 +57,8 @@ pub enum FromPage {
     Redo { seq: u64 },
     /// As it is on the disk.
     Revert { seq: u64 },
+    /// The scene's files have just been written, all of them: nobody has to wait for the next look at the disk.
+    Written { seq: u64 },
     /// Write the scene file.
     Save,
     /// Begin a job.
@@ -78,9 +81,11 @@ impl FromPage {
             | Self::Set { seq, gesture, .. }
             | Self::Move { seq, gesture, .. }
             | Self::Turn { seq, gesture, .. } => Some((*seq, Some(gesture))),
-            Self::Focus { seq, .. } | Self::Undo { seq } | Self::Redo { seq } | Self::Revert { seq } => {
-                Some((*seq, None))
-            }
+            Self::Focus { seq, .. }
+            | Self::Undo { seq }
+            | Self::Redo { seq }
+            | Self::Revert { seq }
+            | Self::Written { seq } => Some((*seq, None)),
             _ => None,
         }
     }
@@ -113,7 +118,7 @@ impl FromPage {
                     gesture: b, thing: q, ..
                 },
             ) => a == b && p == q,
-            (Self::Size { .. }, Self::Size { .. }) => true,
+            (Self::Size { .. }, Self::Size { .. }) | (Self::Written { .. }, Self::Written { .. }) => true,
             _ => false,
         }
     }
@@ -221,6 +226,9 @@ mod tests {
         };
         assert!(set("40").is_outdone_by(&set("null")));
         assert!(!set("40").is_outdone_by(&camera));
+        let written = |seq: u64| read(&format!(r#"{{"type":"written","seq":{seq}}}"#)).unwrap();
+        assert_eq!(written(3).change(), Some((3, None)));
+        assert!(written(3).is_outdone_by(&written(4)));
         assert!(read(r#"{"type":"rest"}"#).unwrap().change().is_none());
         for wrong in [
             r#"{"type":"set"}"#,

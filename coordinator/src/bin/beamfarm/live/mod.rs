@@ -19,7 +19,7 @@ use crate::security::ListenArgs;
 use beamfarm_coordinator::security::Security;
 use beamfarm_coordinator::{Entrance, server};
 use beamfarm_proto::Token;
-use beamfarm_worker::cli::{LogArgs, LogFormat};
+use beamfarm_worker::cli::{LogArgs, LogFormat, end_with_parent};
 use beamfarm_worker::{canary, say, signals};
 use bench::Bench;
 use clap::Args;
@@ -70,9 +70,16 @@ pub struct LiveArgs {
     /// Print nothing but errors, and where the page is
     #[arg(short, long)]
     quiet: bool,
+
+    /// End when standard input does, for programs that start this one
+    #[arg(long, hide = true)]
+    with_parent: bool,
 }
 
 pub fn main(args: LiveArgs, log: &LogArgs) -> Result<(), Failure> {
+    if args.with_parent {
+        end_with_parent().map_err(Failure::io)?;
+    }
     let address = args.listen.unwrap_or(SocketAddr::from((Ipv4Addr::LOCALHOST, 0)));
     let mut security = args.security.read(address)?;
     if security.token.is_none() && args.listen.is_none() {

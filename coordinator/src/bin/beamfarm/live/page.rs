@@ -11,7 +11,7 @@ use axum::routing::get;
 use beamfarm_coordinator::revisions::{Content, Picture};
 use beamfarm_coordinator::security::LOOK;
 use beamfarm_image::bundle::Bundle;
-use beamfarm_image::exr::{ImageMeta, Maker, encode_image};
+use beamfarm_image::exr::{ImageMeta, Maker, Names, encode_image};
 use beamfarm_image::png::encode_png;
 use beamfarm_proto::VERSION;
 use std::sync::Arc;
@@ -122,12 +122,14 @@ async fn exr(State(view): State<Arc<View>>) -> Response {
         };
         let meta = ImageMeta {
             scene: bundle.hash(),
+            scene_file: None,
             maker: Maker::Passes(job.settings),
             render_seconds: rest.since.map_or(0.0, |since| since.elapsed().as_secs_f64()),
             version: VERSION.into(),
             layers: Vec::new(),
             standard_error: false,
             drops_photons: rest.drops_photons,
+            names: Names::default(),
         };
         encode_image(&average, &meta)
     });

@@ -3,14 +3,16 @@
 use super::launch;
 use super::messages::{FrameHeader, FromPage, ToPage};
 use super::view::{View, error};
-use axum::extract::State;
 use axum::extract::ws::{Message, WebSocket, WebSocketUpgrade};
+use axum::extract::{Query, State};
 use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
 use beamfarm_coordinator::revisions::{Content, Picture, Quality};
+use beamfarm_image::film::Film;
 use beamfarm_image::job::MAX_PASSES;
 use beamfarm_image::jpeg::encode_jpeg;
 use beamfarm_proto::RevisionNumber;
+use serde::Deserialize;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
@@ -50,14 +52,32 @@ impl Drop for Place {
     }
 }
 
-pub async fn open(State(view): State<Arc<View>>, upgrade: WebSocketUpgrade) -> Response {
+/// How pictures are wanted.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Pixels {
+    /// To be looked at: by the scene's exposure and the standard curve.
+    #[default]
+    Jpeg,
+    /// As they are.
+    Linear,
+}
+
+/// What stands in the address.
+#[derive(Debug, Deserialize)]
+pub struct Asked {
+    #[serde(default)]
+    pixels: Pixels,
+}
+
+pub async fn open(State(view): State<Arc<View>>, Query(asked): Query<Asked>, upgrade: WebSocketUpgrade) -> Response {
     let Some(place) = Place::take() else {
         return (StatusCode::SERVICE_UNAVAILABLE, "too many pages are open\n").into_response();
     };
     let upgrade = upgrade.max_message_size(MESSAGE_BYTES);
     upgrade.on_upgrade(move |socket| async move {
         // Fails when the page is gone.
-        let _ = Page::new(view).attend(socket).await;
+        let _ = Page::new(view, asked.pixels).attend(socket).await;
         drop(place);
     })
 }
@@ -74,6 +94,7 @@ impl From<axum::Error> for Gone {
 /// What this page has been told and has asked for.
 struct Page {
     view: Arc<View>,
+    pixels: Pixels,
     /// Its changes, each with the state of the scene that it is in, the last ones.
     changes: Vec<(u64, RevisionNumber)>,
     /// Its last change.
@@ -90,9 +111,10 @@ struct Page {
 }
 
 impl Page {
-    fn new(view: Arc<View>) -> Self {
+    fn new(view: Arc<View>, pixels: Pixels) -> Self {
         Self {
             view,
+            pixels,
             changes: Vec::new(),
             seq: 0,
             frames: 0,
@@ -198,13 +220,18 @@ impl Page {
             width: film.width,
             height: film.height,
         };
+        let asked = self.pixels;
         let encode = move || {
-            let jpeg = encode_jpeg(picture.content.film(), exposure).map_err(|error| error.to_string())?;
+            let film = picture.content.film();
+            let pixels = match asked {
+                Pixels::Jpeg => encode_jpeg(film, exposure).map_err(|error| error.to_string())?,
+                Pixels::Linear => linear(film),
+            };
             let header = serde_json::to_vec(&header).map_err(|error| error.to_string())?;
-            let mut bytes = Vec::with_capacity(4 + header.len() + jpeg.len());
+            let mut bytes = Vec::with_capacity(4 + header.len() + pixels.len());
             bytes.extend((header.len() as u32).to_le_bytes());
             bytes.extend(header);
-            bytes.extend(jpeg);
+            bytes.extend(pixels);
             Ok::<_, String>(bytes)
         };
         match tokio::task::block_in_place(encode) {
@@ -307,6 +334,12 @@ impl Page {
         socket.send(Message::Text(text.into())).await?;
         Ok(())
     }
+}
+
+/// The radiance itself: R, G, B of each pixel, little endian, rows from the top.
+fn linear(film: &Film) -> Vec<u8> {
+    let values = film.pixels.as_flattened();
+    values.iter().flat_map(|value| value.to_le_bytes()).collect()
 }
 
 async fn send(socket: &mut WebSocket, message: &ToPage) -> Result<(), Gone> {

@@ -5,7 +5,7 @@ use crate::job::{Aov, ImportArgs, SceneArgs, SettingsArgs};
 use crate::output::{Output, REFERENCE};
 use crate::progress::{self, BAR_LENGTH, ESTIMATE, LINE};
 use crate::summary::describe_error;
-use beamfarm_image::exr::{ImageMeta, Maker, pixel_hash};
+use beamfarm_image::exr::{ImageMeta, Maker, Names, pixel_hash};
 use beamfarm_image::job::{MAX_PASSES, ReferenceSettings};
 use beamfarm_image::merge::{Average, MergeError, Node, TreeSum};
 use beamfarm_proto::VERSION;
@@ -39,7 +39,7 @@ const SAMPLES: u64 = 64;
 
 #[derive(Args)]
 pub struct ReferenceArgs {
-    /// Scene file: TOML, or Mitsuba 3's XML if its name ends in .xml
+    /// Scene file: TOML, Mitsuba 3's XML if its name ends in .xml, or glTF if in .glb or .gltf
     scene: PathBuf,
 
     #[command(flatten)]
@@ -180,12 +180,14 @@ pub fn main(args: ReferenceArgs) -> Result<(), Failure> {
     if let Some(average) = &average {
         let meta = ImageMeta {
             scene: hash,
+            scene_file: output.scene_file.clone(),
             maker: Maker::Reference(settings),
             render_seconds: seconds,
             version: VERSION.into(),
             layers: loaded.layers,
             standard_error: output.standard_error,
             drops_photons: false,
+            names: Names::default(),
         };
         output.write(average, &meta, exposure)?;
         if !args.quiet {

@@ -297,14 +297,16 @@ impl<'a> Resolver<'a> {
 
 /// Has a rough specular lobe: gather rays by it are what is seen in it.
 fn has_gloss(material: &Material) -> bool {
-    !material.is_specular()
-        && matches!(
-            material.kind,
-            MaterialKind::RoughConductor { .. }
-                | MaterialKind::RoughDielectric { .. }
-                | MaterialKind::RoughPlastic { .. }
-                | MaterialKind::Principled { .. }
-        )
+    material.any(&|material| {
+        !material.is_specular()
+            && matches!(
+                material.kind,
+                MaterialKind::RoughConductor { .. }
+                    | MaterialKind::RoughDielectric { .. }
+                    | MaterialKind::RoughPlastic { .. }
+                    | MaterialKind::Principled { .. }
+            )
+    })
 }
 
 fn name_of(ray: RayType) -> &'static str {

@@ -2,7 +2,6 @@
 
 use super::{Clause, Listed, Resolver, has_gloss, name_of};
 use crate::parse::Fault;
-use beamfarm_render::bsdf::MaterialKind;
 use beamfarm_render::light::LightKind;
 use beamfarm_render::rules::RayType;
 
@@ -20,12 +19,7 @@ impl Resolver<'_> {
             return ray == RayType::Photon;
         };
         let material = self.material(start as usize);
-        let refracts = matches!(
-            material.kind,
-            MaterialKind::Dielectric { .. }
-                | MaterialKind::ThinDielectric { .. }
-                | MaterialKind::RoughDielectric { .. }
-        );
+        let refracts = material.refracts();
         match ray {
             RayType::Camera => false,
             RayType::Reflected => !material.is_null() && (material.has_delta() || has_gloss(material)),

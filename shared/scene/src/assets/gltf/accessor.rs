@@ -1,12 +1,12 @@
-//! Numbers of a glTF file: buffers, accessors, and the meshes that they make. No index or length is believed.
+//! Numbers of a glTF file: buffers and accessors. No index or length is believed.
 
 use super::{Beside, bytes_of};
 use crate::assets::Flaw;
-use crate::assets::mesh::RawMesh;
-use glam::{DAffine2, DVec2, DVec3};
+use gltf::Accessor;
 use gltf::accessor::{DataType, Dimensions};
-use gltf::mesh::Mode;
-use gltf::{Accessor, Semantic};
+
+/// Elements at most of an accessor that has no bytes of its own.
+const MAX_ZEROS: usize = 1 << 22;
 
 /// The file's buffers.
 pub struct Buffers(Vec<Vec<u8>>);
@@ -43,49 +43,38 @@ impl Buffers {
             .ok_or_else(|| format!("buffer view {} reaches beyond its buffer", view.index()).into())
     }
 
-    /// The elements of an accessor, as bytes.
-    fn elements(&self, accessor: &Accessor<'_>, what: &str) -> Result<impl Iterator<Item = &[u8]>, Flaw> {
-        let at = format!("the {what} (accessor {})", accessor.index());
-        if accessor.sparse().is_some() {
-            return Err(format!("{at}: sparse accessors are not supported").into());
-        }
-        let Some(view) = accessor.view() else {
-            return Err(format!("{at}: an accessor without a buffer view is not supported").into());
-        };
-        let size = accessor.size();
+    /// Elements of `size` bytes in a view, from `offset` on. `at` is for messages.
+    fn elements<'s>(
+        &'s self,
+        view: &gltf::buffer::View<'_>,
+        offset: usize,
+        [count, size]: [usize; 2],
+        at: &str,
+    ) -> Result<impl Iterator<Item = &'s [u8]> + use<'s>, Flaw> {
         let stride = view.stride().unwrap_or(size);
         if stride < size {
             return Err(format!("{at}: its stride is {stride}; expected at least {size}").into());
         }
-        let bytes = self.view(&view)?;
-        let claimed = accessor
-            .count()
+        let bytes = self.view(view)?;
+        let claimed = count
             .checked_sub(1)
             .and_then(|last| last.checked_mul(stride)?.checked_add(size));
-        let bytes = bytes.get(accessor.offset()..).unwrap_or_default();
+        let bytes = bytes.get(offset..).unwrap_or_default();
         match claimed {
             Some(claimed) if claimed <= bytes.len() => Ok(bytes[..claimed].chunks(stride).map(move |c| &c[..size])),
             _ => Err(format!(
-                "{at}: {} elements, {stride} bytes apart, are claimed, but its view has {} bytes for them",
-                accessor.count(),
+                "{at}: {count} elements, {stride} bytes apart, are claimed, but its view has {} bytes for them",
                 bytes.len()
             )
             .into()),
         }
     }
 
-    fn vectors<const N: usize>(&self, accessor: &Accessor<'_>, what: &str) -> Result<Vec<[f64; N]>, Flaw> {
-        let dimensions = match N {
-            2 => Dimensions::Vec2,
-            _ => Dimensions::Vec3,
-        };
+    /// The elements of an accessor, `N` numbers each, those that are named one by one in their places.
+    pub fn numbers<const N: usize>(&self, accessor: &Accessor<'_>, what: &str) -> Result<Vec<[f64; N]>, Flaw> {
+        let at = format!("the {what} (accessor {})", accessor.index());
         let kind = accessor.data_type();
-        let usable = match kind {
-            DataType::F32 => true,
-            DataType::U8 | DataType::U16 => accessor.normalized() && N == 2,
-            _ => false,
-        };
-        if accessor.dimensions() != dimensions || !usable {
+        if accessor.dimensions().multiplicity() != N || accessor.dimensions() == Dimensions::Mat2 {
             return Err(format!(
                 "the {what} (accessor {}) are {:?} of {kind:?}, which is not supported",
                 accessor.index(),
@@ -93,20 +82,55 @@ impl Buffers {
             )
             .into());
         }
-        let read = |element: &[u8]| {
-            std::array::from_fn(|i| match (kind, element) {
-                (DataType::U8, e) => f64::from(e[i]) / 255.0,
-                (DataType::U16, e) => f64::from(u16::from_le_bytes([e[2 * i], e[2 * i + 1]])) / 65535.0,
-                (_, e) => {
-                    let bytes = [e[4 * i], e[4 * i + 1], e[4 * i + 2], e[4 * i + 3]];
-                    f64::from(f32::from_le_bytes(bytes))
-                }
-            })
+        let (count, size) = (accessor.count(), accessor.size());
+        let read = |element: &[u8]| number(kind, accessor.normalized(), element);
+        let mut numbers: Vec<[f64; N]> = match accessor.view() {
+            Some(view) => {
+                let elements = self.elements(&view, accessor.offset(), [count, size], &at)?;
+                elements.map(read).collect()
+            }
+            None if count <= MAX_ZEROS => vec![[0.0; N]; count],
+            None => {
+                return Err(format!(
+                    "{at}: {count} elements are claimed without a buffer view; expected at most {MAX_ZEROS}"
+                )
+                .into());
+            }
         };
-        Ok(self.elements(accessor, what)?.map(read).collect())
+        let Some(sparse) = accessor.sparse().filter(|sparse| sparse.count() > 0) else {
+            return Ok(numbers);
+        };
+        let indices = sparse.indices();
+        let index_kind = match indices.index_type() {
+            gltf::accessor::sparse::IndexType::U8 => DataType::U8,
+            gltf::accessor::sparse::IndexType::U16 => DataType::U16,
+            gltf::accessor::sparse::IndexType::U32 => DataType::U32,
+        };
+        let changed = [sparse.count(), index_kind.size()];
+        let places = self.elements(
+            &indices.view(),
+            indices.offset(),
+            changed,
+            &format!("{at}: sparse indices"),
+        )?;
+        let values = sparse.values();
+        let values = self.elements(
+            &values.view(),
+            values.offset(),
+            [sparse.count(), size],
+            &format!("{at}: sparse values"),
+        )?;
+        for (place, value) in places.zip(values) {
+            let [index] = number(index_kind, false, place);
+            let slot = numbers.get_mut(index as usize);
+            *slot.ok_or_else(|| format!("{at}: a sparse index is {index}, but there are {count} elements"))? =
+                read(value);
+        }
+        Ok(numbers)
     }
 
-    fn indices(&self, accessor: &Accessor<'_>) -> Result<Vec<u32>, Flaw> {
+    /// Whole numbers.
+    pub fn indices(&self, accessor: &Accessor<'_>) -> Result<Vec<u32>, Flaw> {
         let kind = accessor.data_type();
         if accessor.dimensions() != Dimensions::Scalar || !matches!(kind, DataType::U8 | DataType::U16 | DataType::U32)
         {
@@ -117,77 +141,30 @@ impl Buffers {
             )
             .into());
         }
-        let read = |e: &[u8]| match *e {
-            [a] => u32::from(a),
-            [a, b] => u32::from(u16::from_le_bytes([a, b])),
-            [a, b, c, d] => u32::from_le_bytes([a, b, c, d]),
-            _ => u32::MAX,
-        };
-        Ok(self.elements(accessor, "indices")?.map(read).collect())
+        let indices = self.numbers(accessor, "indices")?;
+        Ok(indices.into_iter().map(|[index]| index as u32).collect())
     }
 }
 
-/// Which texture coordinates a material uses, and how.
-pub struct Uv {
-    pub set: u32,
-    pub transform: DAffine2,
-}
-
-/// The triangles of a primitive; `None` if it has points or lines.
-pub fn mesh(primitive: &gltf::Primitive<'_>, buffers: &Buffers, uv: &Uv) -> Result<Option<RawMesh>, Flaw> {
-    if !matches!(
-        primitive.mode(),
-        Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan
-    ) {
-        return Ok(None);
-    }
-    let positions = primitive.get(&Semantic::Positions).ok_or("it has no positions")?;
-    let vectors = |accessor: &Accessor<'_>, what| -> Result<Vec<DVec3>, Flaw> {
-        let vectors = buffers.vectors::<3>(accessor, what)?;
-        Ok(vectors.into_iter().map(DVec3::from).collect())
-    };
-    let mut raw = RawMesh {
-        positions: vectors(&positions, "positions")?,
-        ..RawMesh::default()
-    };
-    let same_count = |n: usize, what: &str| match n == raw.positions.len() {
-        true => Ok(()),
-        false => Err(format!("it has {} positions and {n} {what}", raw.positions.len())),
-    };
-    if let Some(accessor) = primitive.get(&Semantic::Normals) {
-        let normals = vectors(&accessor, "normals")?;
-        same_count(normals.len(), "normals")?;
-        raw.normals = normals;
-    }
-    if let Some(accessor) = primitive.get(&Semantic::TexCoords(uv.set)) {
-        let uvs = buffers.vectors::<2>(&accessor, "texture coordinates")?;
-        same_count(uvs.len(), "texture coordinates")?;
-        // Ours begin at the bottom.
-        let ours = |at: [f64; 2]| {
-            let at = uv.transform.transform_point2(DVec2::from(at));
-            DVec2::new(at.x, 1.0 - at.y)
+/// The components of an element. Normalised ones are shares of the largest that their kind has.
+fn number<const N: usize>(kind: DataType, normalized: bool, element: &[u8]) -> [f64; N] {
+    let size = kind.size();
+    std::array::from_fn(|i| {
+        let bytes = element.get(i * size..).unwrap_or_default();
+        let (value, largest) = match (kind, bytes) {
+            (DataType::I8, [a, ..]) => (f64::from(*a as i8), 127.0),
+            (DataType::U8, [a, ..]) => (f64::from(*a), 255.0),
+            (DataType::I16, [a, b, ..]) => (f64::from(i16::from_le_bytes([*a, *b])), 32767.0),
+            (DataType::U16, [a, b, ..]) => (f64::from(u16::from_le_bytes([*a, *b])), 65535.0),
+            (DataType::U32, [a, b, c, d, ..]) => (f64::from(u32::from_le_bytes([*a, *b, *c, *d])), 4294967295.0),
+            (DataType::F32, [a, b, c, d, ..]) => {
+                return f64::from(f32::from_le_bytes([*a, *b, *c, *d]));
+            }
+            _ => (0.0, 1.0),
         };
-        raw.uvs = uvs.into_iter().map(ours).collect();
-    }
-    let count = u32::try_from(raw.positions.len()).map_err(|_| "it has more than 2^32 vertices")?;
-    let indices = match primitive.indices() {
-        Some(accessor) => buffers.indices(&accessor)?,
-        None => (0..count).collect(),
-    };
-    raw.triangles = match primitive.mode() {
-        Mode::TriangleStrip => indices
-            .windows(3)
-            .enumerate()
-            .map(|(i, v)| match i % 2 {
-                0 => [v[0], v[1], v[2]],
-                _ => [v[0], v[2], v[1]],
-            })
-            .collect(),
-        Mode::TriangleFan => match indices.split_first() {
-            Some((center, rim)) => rim.windows(2).map(|v| [v[0], v[1], *center]).collect(),
-            None => Vec::new(),
-        },
-        _ => indices.as_chunks::<3>().0.to_vec(),
-    };
-    Ok(Some(raw))
+        match normalized {
+            true => (value / largest).max(-1.0),
+            false => value,
+        }
+    })
 }

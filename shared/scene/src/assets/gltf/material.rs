@@ -1,221 +1,352 @@
-//! Base materials of glTF as principled materials.
+//! Materials of glTF: principled ones, and glass.
 
-use super::accessor::{Buffers, Uv};
-use super::{Beside, Piece, bytes_of, quoted};
+use super::notes::Notes;
+use super::record::{Material, Record, Volume};
+use super::texture::{Textures, mean, scaled_normals, uv_set};
+use super::write::{number, numbers};
+use super::writer::{Amount, Base, Writer};
 use crate::assets::Flaw;
-use crate::assets::image::{self, Encoding};
-use beamfarm_render::math::Rgb;
-use beamfarm_render::texture::Image;
-use glam::{DAffine2, DMat2, DVec2};
-use gltf::texture::{MagFilter, WrappingMode};
+use crate::assets::image::Encoding;
 use std::collections::BTreeMap;
 use std::fmt::Write;
-use std::sync::Arc;
 
-/// Texture coordinates of the base colour's texture.
-pub fn uv(material: &gltf::Material<'_>) -> Uv {
-    let Some(texture) = material.pbr_metallic_roughness().base_color_texture() else {
-        return Uv {
-            set: 0,
-            transform: DAffine2::IDENTITY,
-        };
-    };
-    match texture.texture_transform() {
-        None => Uv {
-            set: texture.tex_coord(),
-            transform: DAffine2::IDENTITY,
-        },
-        Some(transform) => {
-            // Counter-clockwise, where v runs downwards.
-            let (sin, cos) = libm::sincos(f64::from(transform.rotation()));
-            let vector = |v: [f32; 2]| DVec2::from(v.map(f64::from));
-            let rotation = DMat2::from_cols(DVec2::new(cos, -sin), DVec2::new(sin, cos));
-            Uv {
-                set: transform.tex_coord().unwrap_or(texture.tex_coord()),
-                transform: DAffine2::from_mat2_translation(
-                    rotation * DMat2::from_diagonal(vector(transform.scale())),
-                    vector(transform.offset()),
-                ),
-            }
-        }
-    }
+/// What shapes of a material say.
+#[derive(Clone, Debug)]
+pub struct Surface {
+    /// The material's name within the piece.
+    pub id: String,
+    /// For people.
+    pub name: String,
+    /// Which of a mesh's texture coordinates it takes.
+    pub uv_set: u32,
+    /// Radiance, as TOML.
+    pub emission: Option<String>,
+    /// Whether light goes through to the inside.
+    pub is_glass: bool,
+    /// What is inside.
+    pub interior: Option<String>,
 }
 
 /// The materials that shapes use.
 pub struct Materials<'a, 'b> {
-    file: &'a str,
-    buffers: &'a Buffers,
-    beside: &'a Beside<'b>,
-    used: BTreeMap<Option<usize>, gltf::Material<'a>>,
-    /// Decoded, by number and encoding.
-    images: BTreeMap<(usize, Encoding), Arc<Image>>,
+    record: &'a Record,
+    pub textures: Textures<'a, 'b>,
+    made: BTreeMap<Option<usize>, Surface>,
+    /// Materials and media, as TOML.
+    pub text: String,
+    /// Lengths in the world of a length of the file.
+    scale: f64,
 }
 
 impl<'a, 'b> Materials<'a, 'b> {
-    pub fn new(file: &'a str, buffers: &'a Buffers, beside: &'a Beside<'b>) -> Self {
+    /// `scale`: lengths in the world of a length of the file.
+    pub fn new(record: &'a Record, textures: Textures<'a, 'b>, scale: f64) -> Self {
         Self {
-            file,
-            buffers,
-            beside,
-            used: BTreeMap::new(),
-            images: BTreeMap::new(),
+            record,
+            textures,
+            made: BTreeMap::new(),
+            text: String::new(),
+            scale,
         }
     }
 
-    /// The name by which a shape calls it.
-    pub fn id(&mut self, material: &gltf::Material<'a>) -> String {
-        self.used.entry(material.index()).or_insert_with(|| material.clone());
-        id(material)
+    /// What shapes of a material are told, by its number; without one, the default material.
+    pub fn surface(&mut self, index: Option<usize>, notes: &mut Notes) -> Result<Surface, Flaw> {
+        if let Some(made) = self.made.get(&index) {
+            return Ok(made.clone());
+        }
+        let default = Material::default();
+        let record = self.record;
+        let material = index.map_or(Some(&default), |i| record.materials.get(i));
+        let material = material.ok_or("it names a material that is not there")?;
+        let (id, name) = match (index, &material.name) {
+            (Some(i), Some(name)) => (format!("material{i}"), format!("{name:?}")),
+            (Some(i), None) => (format!("material{i}"), i.to_string()),
+            (None, _) => ("default".to_string(), "that is the default".to_string()),
+        };
+        let in_material = |flaw: Flaw| Flaw::from(format!("the material {name}: {}", flaw.message));
+        let mut writer = Writer {
+            material,
+            id: &id,
+            name: &name,
+            textures: &mut self.textures,
+            notes,
+            uv_set: main_uv_set(material),
+        };
+        let emission = writer.emission().map_err(in_material)?;
+        let written = writer.write(self.scale).map_err(in_material)?;
+        self.text.push_str(&written.text);
+        let surface = Surface {
+            uv_set: main_uv_set(material),
+            emission,
+            is_glass: written.is_glass,
+            interior: written.has_medium.then(|| id.clone()),
+            id: id.clone(),
+            name: name.clone(),
+        };
+        self.made.insert(index, surface.clone());
+        Ok(surface)
     }
+}
 
+/// The texture coordinates of the texture that matters most.
+fn main_uv_set(material: &Material) -> u32 {
+    let pbr = &material.pbr_metallic_roughness;
+    let x = &material.extensions;
+    let transmission = x.transmission.as_ref().and_then(|t| t.transmission_texture.as_ref());
+    let diffuse = x.specular_glossiness.as_ref().and_then(|s| s.diffuse_texture.as_ref());
+    let in_order = [
+        pbr.base_color_texture.as_ref(),
+        diffuse,
+        material.normal_texture.as_ref(),
+        pbr.metallic_roughness_texture.as_ref(),
+        material.emissive_texture.as_ref(),
+        transmission,
+    ];
+    in_order.into_iter().flatten().next().map_or(0, uv_set)
+}
+
+struct Written {
+    text: String,
+    is_glass: bool,
+    has_medium: bool,
+}
+
+impl Writer<'_, '_, '_> {
     /// Radiance, if there is any. A texture counts by its mean.
-    pub fn emission(&mut self, material: &gltf::Material<'a>) -> Result<Option<[f64; 3]>, Flaw> {
-        let strength = material.emissive_strength().unwrap_or(1.0);
-        let factor = material.emissive_factor().map(|c| f64::from(c) * f64::from(strength));
+    fn emission(&mut self) -> Result<Option<String>, Flaw> {
+        let strength = self.material.extensions.emissive_strength.as_ref();
+        let strength = strength.map_or(1.0, |s| s.emissive_strength);
+        let factor = self.material.emissive_factor.map(|c| c * strength);
         if factor == [0.0; 3] {
             return Ok(None);
         }
-        let mean = match material.emissive_texture() {
+        let mean = match &self.material.emissive_texture {
             None => [1.0; 3],
-            Some(texture) => {
-                let image = self.image(material, &texture.texture(), Encoding::Srgb)?;
-                mean(&image)
+            Some(used) => {
+                self.note("textures of emission count by their mean: materials");
+                mean(&*self.textures.picture(used, Encoding::Srgb)?)
             }
         };
         let radiance: [f64; 3] = std::array::from_fn(|c| factor[c] * mean[c]);
-        Ok((radiance != [0.0; 3]).then_some(radiance))
-    }
-
-    /// Add the materials to the piece.
-    pub fn write(mut self, piece: &mut Piece) -> Result<(), Flaw> {
-        for material in std::mem::take(&mut self.used).into_values() {
-            self.write_one(&material, piece)?;
+        if radiance == [0.0; 3] {
+            return Ok(None);
         }
-        Ok(())
+        if self.material.double_sided {
+            self.note("surfaces with two sides give light from the front alone: materials");
+        }
+        Ok(Some(numbers(&radiance)))
     }
 
-    fn write_one(&mut self, material: &gltf::Material<'a>, piece: &mut Piece) -> Result<(), Flaw> {
-        let pbr = material.pbr_metallic_roughness();
-        let [r, g, b, _] = pbr.base_color_factor();
-        let base_color = match pbr.base_color_texture() {
-            None => format!("[{r:?}, {g:?}, {b:?}]"),
-            Some(info) => {
-                let texture = info.texture();
-                let file = format!("{}:{}", self.file, id(material));
-                let image = self.image(material, &texture, Encoding::Srgb)?;
-                piece.images.insert(file.clone(), times(image, Rgb::new(r, g, b)));
-                let sampler = texture.sampler();
-                let wrap = match sampler.wrap_s() {
-                    WrappingMode::Repeat => "repeat",
-                    WrappingMode::MirroredRepeat => "mirror",
-                    WrappingMode::ClampToEdge => "clamp",
-                };
-                let filter = match sampler.mag_filter() {
-                    Some(MagFilter::Nearest) => "nearest",
-                    _ => "bilinear",
-                };
-                format!(
-                    "{{ image = {}, wrap = \"{wrap}\", filter = \"{filter}\" }}",
-                    quoted(&file)
-                )
+    /// The index of refraction whose reflectance at normal incidence is that of `ior` and KHR_materials_specular.
+    fn reflecting_ior(&mut self, ior: f64) -> Result<f64, Flaw> {
+        let Some(specular) = &self.material.extensions.specular else {
+            return Ok(ior);
+        };
+        let factor = match &specular.specular_texture {
+            None => specular.specular_factor,
+            Some(used) => {
+                self.note("textures of KHR_materials_specular count by their mean: materials");
+                let alpha = self.textures.picture(used, Encoding::Alpha)?;
+                specular.specular_factor * mean(&alpha)[0]
             }
         };
-        let (mut metallic, mut roughness) = (f64::from(pbr.metallic_factor()), f64::from(pbr.roughness_factor()));
-        if let Some(info) = pbr.metallic_roughness_texture() {
-            let image = self.image(material, &info.texture(), Encoding::Raw)?;
-            let [_, g, b] = mean(&image);
-            roughness *= g;
-            metallic *= b;
+        let mut tint = specular.specular_color_factor;
+        if let Some(used) = &specular.specular_color_texture {
+            self.note("textures of KHR_materials_specular count by their mean: materials");
+            let mean = mean(&*self.textures.picture(used, Encoding::Srgb)?);
+            tint = std::array::from_fn(|c| tint[c] * mean[c]);
         }
-        if material.transmission().is_some_and(|t| t.transmission_factor() > 0.0) {
-            return Err(format!(
-                "the material {}: KHR_materials_transmission is not supported; read the file with `materials = false`, \
-                 or export it without",
-                name(material)
-            )
-            .into());
+        if tint[0] != tint[1] || tint[1] != tint[2] {
+            self.note("colours of KHR_materials_specular count by their luminance: materials");
         }
-        let text = &mut piece.text;
-        let _ = writeln!(
+        let tint = 0.2126 * tint[0] + 0.7152 * tint[1] + 0.0722 * tint[2];
+        if factor == 1.0 && tint == 1.0 {
+            return Ok(ior);
+        }
+        let amplitude = (ior - 1.0) / (ior + 1.0);
+        let root = (amplitude * amplitude * factor * tint)
+            .clamp(0.0, MOST_REFLECTANCE)
+            .sqrt();
+        Ok((1.0 + root) / (1.0 - root))
+    }
+
+    fn write(&mut self, scale: f64) -> Result<Written, Flaw> {
+        self.note_what_does_not_count();
+        let material = self.material;
+        let x = &material.extensions;
+        let Base {
+            color: base_color,
+            metallic,
+            roughness,
+        } = self.base()?;
+        let opacity = self.opacity()?;
+        let mut common = String::new();
+        if let Some(opacity) = &opacity {
+            let _ = writeln!(common, "opacity = {opacity}");
+        }
+        if let Some(used) = &material.normal_texture
+            && self.lies_with_others(used)
+        {
+            let image = self.textures.picture(used, Encoding::Raw)?;
+            let image = scaled_normals(image, used.scale.unwrap_or(1.0));
+            let name = format!("{}.normal", self.id);
+            let map = self.textures.written(used, &name, image, "")?;
+            let _ = writeln!(common, "normal_map = {map}");
+        }
+        let ior = match x.ior.as_ref().map(|x| x.ior) {
+            // As if it reflected everything, which is for conversions of other models.
+            Some(0.0) => LARGEST_IOR,
+            ior => ior.unwrap_or(1.5),
+        };
+        let transmission = match &x.transmission {
+            None => Amount::number(0.0),
+            Some(t) => self.amount(
+                t.transmission_factor,
+                t.transmission_texture.as_ref(),
+                0,
+                "transmission",
+            )?,
+        };
+        let id = self.id;
+        let share = transmission.mean * (1.0 - metallic.mean);
+        let mut text = String::new();
+        let mut glass = None;
+        if share > 0.0 {
+            if roughness.is_texture {
+                self.note("textures of the roughness of glass count by their mean: materials");
+            }
+            let base = Base {
+                color: base_color.clone(),
+                metallic: Amount::number(metallic.mean),
+                roughness: Amount::number(roughness.mean),
+            };
+            // All of it where nothing else is said.
+            let is_all = share == 1.0;
+            let (name, common) = match is_all {
+                true => (id.to_owned(), &common[..]),
+                false => (format!("{id}.glass"), ""),
+            };
+            let made = self.glass(&name, &base, ior, common, scale, opacity.is_some());
+            text.push_str(&made.text);
+            if is_all {
+                return Ok(Written { text, ..made });
+            }
+            let weight = match transmission.is_texture && metallic.mean == 0.0 {
+                true => transmission.text,
+                false => {
+                    if transmission.is_texture {
+                        self.note("textures of transmission count by their mean where there is metal: materials");
+                    }
+                    number(share)
+                }
+            };
+            let _ = write!(
+                text,
+                "[materials.{id}]\ntype = \"blend\"\nmaterials = [\"{id}.base\", \"{id}.glass\"]\n\
+                 weight = {weight}\n{common}"
+            );
+            glass = Some(made);
+        }
+        let ior = self.reflecting_ior(ior)?;
+        let (name, own) = match &glass {
+            Some(_) => (format!("\"{id}.base\""), ""),
+            None => (id.to_owned(), &common[..]),
+        };
+        let _ = write!(
             text,
-            "[materials.{}]\ntype = \"principled\"\nbase_color = {base_color}\nmetallic = {metallic:?}\n\
-             roughness = {roughness:?}\ntwo_sided = {}",
-            id(material),
-            material.double_sided()
+            "[materials.{name}]\ntype = \"principled\"\nbase_color = {base_color}\nmetallic = {}\nroughness = {}\n\
+             two_sided = {}\n{own}",
+            metallic.text, roughness.text, material.double_sided
         );
-        if let Some(ior) = material.ior() {
-            let _ = writeln!(text, "ior = {ior:?}");
+        if ior != 1.5 {
+            let _ = writeln!(text, "ior = {}", number(ior));
         }
-        Ok(())
+        Ok(Written {
+            text,
+            is_glass: glass.as_ref().is_some_and(|glass| glass.is_glass),
+            has_medium: glass.is_some_and(|glass| glass.has_medium),
+        })
     }
 
-    fn image(
-        &mut self,
-        material: &gltf::Material<'a>,
-        texture: &gltf::Texture<'a>,
-        encoding: Encoding,
-    ) -> Result<Arc<Image>, Flaw> {
-        let source = texture.source();
-        let key = (source.index(), encoding);
-        if let Some(image) = self.images.get(&key) {
-            return Ok(image.clone());
+    /// Glass, with what is inside.
+    fn glass(&mut self, name: &str, base: &Base, ior: f64, common: &str, scale: f64, is_cut: bool) -> Written {
+        let x = &self.material.extensions;
+        if x.specular.is_some() {
+            self.note("KHR_materials_specular of glass does not count: materials");
         }
-        let in_image = |flaw: Flaw| {
-            format!(
-                "the material {}: image {}: {}",
-                name(material),
-                source.index(),
-                flaw.message
-            )
+        let volume = x.volume.clone().unwrap_or_default();
+        let is_solid = volume.thickness_factor > 0.0;
+        let alpha = base.roughness.mean * base.roughness.mean;
+        let is_rough = alpha >= LEAST_ALPHA;
+        if is_rough && !is_solid {
+            self.note("panes (transmission without thickness) are smooth: materials");
+        }
+        let kind = match (is_solid, is_rough) {
+            (false, _) => "\"thin_dielectric\"".to_owned(),
+            (true, false) => "\"dielectric\"".to_owned(),
+            (true, true) => format!("\"rough_dielectric\"\nalpha = {}", number(alpha)),
         };
-        let image = match source.source() {
-            gltf::image::Source::View { view, .. } => {
-                self.buffers.view(&view).and_then(|bytes| image::read(bytes, encoding))
-            }
-            gltf::image::Source::Uri { uri, .. } => {
-                bytes_of(uri, self.beside).and_then(|bytes| image::read(&bytes, encoding))
-            }
-        };
-        let image = Arc::new(image.map_err(in_image)?);
-        self.images.insert(key, image.clone());
-        Ok(image)
-    }
-}
-
-/// Its name within the piece.
-fn id(material: &gltf::Material<'_>) -> String {
-    match material.index() {
-        Some(i) => format!("material{i}"),
-        None => "default".to_string(),
-    }
-}
-
-/// Its name for people.
-fn name(material: &gltf::Material<'_>) -> String {
-    match (material.name(), material.index()) {
-        (Some(name), _) => format!("{name:?}"),
-        (None, Some(i)) => i.to_string(),
-        (None, None) => "that is the default".to_string(),
-    }
-}
-
-fn times(image: Arc<Image>, factor: Rgb) -> Arc<Image> {
-    match factor == Rgb::ONE {
-        true => image,
-        false => Arc::new(Image {
-            width: image.width,
-            height: image.height,
-            pixels: image.pixels.iter().map(|p| *p * factor).collect(),
-        }),
-    }
-}
-
-fn mean(image: &Image) -> [f64; 3] {
-    let mut sum = [0.0; 3];
-    for pixel in &image.pixels {
-        for (sum, value) in sum.iter_mut().zip(pixel.to_array()) {
-            *sum += f64::from(value);
+        let mut text = format!(
+            "[materials.\"{name}\"]\ntype = {kind}\nior = {}\nspecular_transmittance = {}\n{common}",
+            number(ior),
+            base.color
+        );
+        let medium = attenuation(&volume, scale).filter(|_| is_solid && !is_cut);
+        let has_medium = medium.is_some();
+        if let Some(sigma_a) = medium {
+            let _ = writeln!(
+                text,
+                "[media.{}]\ntype = \"homogeneous\"\nsigma_a = {}\nsigma_s = 0.0",
+                self.id,
+                numbers(&sigma_a)
+            );
+        }
+        Written {
+            text,
+            is_glass: is_solid && !is_cut,
+            has_medium,
         }
     }
-    sum.map(|sum| sum / image.pixels.len().max(1) as f64)
+
+    /// Say what is left out or counts otherwise.
+    fn note_what_does_not_count(&mut self) {
+        let material = self.material;
+        let x = &material.extensions;
+        if material.occlusion_texture.is_some() {
+            self.note("textures of occlusion do not count, since shadows are found by light: materials");
+        }
+        if x.unlit.is_some() {
+            self.note("KHR_materials_unlit does not count, they are lit as others are: materials");
+        }
+        if x.clearcoat.as_ref().is_some_and(|coat| coat.clearcoat_factor > 0.0) {
+            self.note("KHR_materials_clearcoat does not count: materials");
+        }
+        if x.sheen
+            .as_ref()
+            .is_some_and(|sheen| sheen.sheen_color_factor != [0.0; 3])
+        {
+            self.note("KHR_materials_sheen does not count: materials");
+        }
+        for name in x.others.keys() {
+            self.note(format!("{name} is not supported and does not count: materials"));
+        }
+    }
 }
+
+/// sigma_a of what is inside, per unit of the world. `scale`: such units of one of the file.
+fn attenuation(volume: &Volume, scale: f64) -> Option<[f64; 3]> {
+    let distance = volume.attenuation_distance.filter(|d| *d > 0.0)? * scale;
+    let sigma = |c: f64| -libm::log(c.clamp(LEAST_ATTENUATION, 1.0)) / distance;
+    let sigma = volume.attenuation_color.map(sigma);
+    sigma.iter().any(|s| *s > 0.0).then(|| sigma.map(f64::abs))
+}
+
+/// Roughness of microfacets from which on a surface is rough.
+const LEAST_ALPHA: f64 = 0.001;
+/// A channel of which less is left counts as this.
+const LEAST_ATTENUATION: f64 = 1e-6;
+/// Reflectance at normal incidence, at most: that of the largest index of refraction.
+const MOST_REFLECTANCE: f64 = 0.96;
+/// An index of refraction that is not too large.
+const LARGEST_IOR: f64 = 99.0;

@@ -111,10 +111,20 @@ impl Converter<'_> {
         }
     }
 
-    pub(super) fn roughness(&mut self, id: Id, section: &mut Section) {
+    /// `textured`: by texture as well, whose coordinates are turned or not.
+    pub(super) fn roughness(&mut self, id: Id, textured: Option<bool>, section: &mut Section) {
+        let (takes_texture, turned) = (textured.is_some(), textured.unwrap_or_default());
         let place = self.objects.list[id].place;
         let alpha = match (self.member(id, "alpha_u"), self.member(id, "alpha_v")) {
             (None, None) => match self.member(id, "alpha") {
+                Some(member) if matches!(member.content, Content::Object(_)) && takes_texture => {
+                    if let Some(texture @ Toml::Table(_)) = self.number_or_texture(id, "alpha", turned) {
+                        section.set("alpha", texture, member.place);
+                        self.distribution_field(id, section);
+                        return;
+                    }
+                    None
+                }
                 Some(_) => self.float(id, "alpha"),
                 None => Some(0.1),
             },
@@ -145,6 +155,11 @@ impl Converter<'_> {
             self.log.note(place, message);
         }
         section.set("alpha", Toml::Float(within), place);
+        self.distribution_field(id, section);
+    }
+
+    fn distribution_field(&mut self, id: Id, section: &mut Section) {
+        let place = self.objects.list[id].place;
         if self.distribution(id) == "beckmann" {
             section.set("distribution", Toml::string("beckmann"), place);
         }
@@ -184,10 +199,41 @@ impl Converter<'_> {
         Some(color.map(|c| c.max(0.0)))
     }
 
-    /// The lobes of `principled` that are not supported, unless they are turned off.
-    pub(super) fn unset_lobes(&mut self, id: Id) {
+    /// A number from 0 to 1, or a texture of such.
+    pub(super) fn number_field(&mut self, id: Id, name: &'static str, turned: bool, section: &mut Section) {
+        if let Some(member) = self.member(id, name)
+            && let Some(value) = self.number_or_texture(id, name, turned)
+        {
+            section.set(name, value, member.place);
+        }
+    }
+
+    /// A number, or a texture of numbers.
+    pub(super) fn number_or_texture(&mut self, id: Id, name: &str, turned: bool) -> Option<Toml> {
+        let member = self.member(id, name)?;
+        let Content::Object(texture) = member.content else {
+            return self.float(id, name).map(Toml::Float);
+        };
+        match self.spectrum(texture, cie::Kind::Unbounded) {
+            Some(color) => color.map(|[r, g, b]| Toml::Float((r + g + b) / 3.0)),
+            None => {
+                let mut table = Toml::Table(self.texture(texture, turned)?);
+                super::swap_checkers(&mut table);
+                Some(table)
+            }
+        }
+    }
+
+    /// The lobes of `principled` beside its base. Returns whether light may go through.
+    pub(super) fn lobes(&mut self, id: Id, turned: bool, section: &mut Section) -> bool {
+        if let Some(member) = self.member(id, "anisotropic")
+            && let Some(value) = self.float(id, "anisotropic")
+            && value != 0.0
+        {
+            self.unsupported(id, member, "this lobe is not supported; expected 0");
+        }
+        let mut goes_through = false;
         for name in [
-            "anisotropic",
             "spec_trans",
             "spec_tint",
             "sheen",
@@ -196,21 +242,28 @@ impl Converter<'_> {
             "clearcoat",
             "clearcoat_gloss",
         ] {
-            // What colours or shapes a lobe that is not there changes nothing.
-            let off = match name {
-                "sheen_tint" => self.number_or(id, "sheen", 1.0) == 0.0 || self.member(id, "sheen").is_none(),
-                "clearcoat_gloss" => {
-                    self.number_or(id, "clearcoat", 1.0) == 0.0 || self.member(id, "clearcoat").is_none()
-                }
-                _ => false,
+            let tints = match name {
+                "sheen_tint" => Some("sheen"),
+                "clearcoat_gloss" => Some("clearcoat"),
+                _ => None,
             };
-            if let Some(member) = self.member(id, name)
-                && !off
-                && let Some(value) = self.float(id, name)
-                && value != 0.0
-            {
-                self.unsupported(id, member, "this lobe is not supported; expected 0");
+            // What colours or shapes a lobe that is not there changes nothing.
+            let is_off = |lobe| self.number_or(id, lobe, 1.0) == 0.0 || self.member(id, lobe).is_none();
+            if tints.is_some_and(is_off) {
+                self.ignore(id, &[name]);
+                continue;
+            }
+            let Some(member) = self.member(id, name) else {
+                continue;
+            };
+            match self.number_or_texture(id, name, turned) {
+                None | Some(Toml::Float(0.0)) => {}
+                Some(value) => {
+                    goes_through |= name == "spec_trans";
+                    section.set(name, value, member.place);
+                }
             }
         }
+        goes_through
     }
 }

@@ -100,7 +100,7 @@ impl Converter<'_> {
         set_type(section, kind, place);
         self.iors(id, "bk7", section);
         if kind == "rough_dielectric" {
-            self.roughness(id, section);
+            self.roughness(id, Some(turned), section);
         }
         for name in ["specular_reflectance", "specular_transmittance"] {
             self.factor(id, name, turned, section);
@@ -127,7 +127,7 @@ impl Converter<'_> {
             }
         }
         if rough {
-            self.roughness(id, section);
+            self.roughness(id, Some(turned), section);
         }
         self.field(id, "specular_reflectance", "reflectance", turned, section);
         Plain::opaque(place, true)
@@ -139,7 +139,7 @@ impl Converter<'_> {
         self.field(id, "diffuse_reflectance", "reflectance", turned, section);
         self.iors(id, "polypropylene", section);
         if rough {
-            self.roughness(id, section);
+            self.roughness(id, None, section);
         }
         if self.boolean(id, "nonlinear") == Some(true) {
             section.set("nonlinear", Toml::Boolean(true), place);
@@ -153,27 +153,25 @@ impl Converter<'_> {
         set_type(section, "principled", place);
         self.field(id, "base_color", "base_color", turned, section);
         for name in ["metallic", "roughness"] {
-            if let Some(member) = self.member(id, name)
-                && let Some(value) = self.float(id, name)
-            {
-                section.set(name, Toml::Float(value), member.place);
-            }
+            self.number_field(id, name, turned, section);
         }
         if let Some(eta) = self.float(id, "eta") {
             section.set("ior", Toml::Float(eta), place);
         }
-        if let Some(specular) = self.float(id, "specular") {
-            section.set("specular", Toml::Float(specular), place);
-        }
-        self.unset_lobes(id);
+        self.number_field(id, "specular", turned, section);
+        let goes_through = self.lobes(id, turned, section);
         self.ignore(
             id,
             &[
                 "main_specular_sampling_rate",
                 "clearcoat_sampling_rate",
                 "diffuse_reflectance_sampling_rate",
+                "spec_trans_sampling_rate",
             ],
         );
-        Plain::opaque(place, false)
+        match goes_through {
+            true => Plain::transmitting(place, Through::Boundary),
+            false => Plain::opaque(place, false),
+        }
     }
 }

@@ -27,7 +27,7 @@ its channels. Few paths a pass are enough: passes are made quicker by it, and la
 
 #[derive(Args)]
 pub struct ConvergenceArgs {
-    /// Scene file: TOML, or Mitsuba 3's XML if its name ends in .xml
+    /// Scene file: TOML, Mitsuba 3's XML if its name ends in .xml, or glTF if in .glb or .gltf
     scene: PathBuf,
 
     #[command(flatten)]

@@ -1,0 +1,260 @@
+"""The render engine: F12 and animations by the command, and the viewport by its live view."""
+
+from __future__ import annotations
+
+import contextlib
+import shutil
+import tempfile
+import time
+import weakref
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from . import exr, frame, job, passes, preferences, program, told
+from .export import write_scene
+from .viewport import sight
+from .viewport.session import Session
+
+# Seconds between looks at the job: for a cancel and the status line, and for a picture.
+_LOOK = 0.1
+_STATUS = 0.5
+_PICTURE = 1.0
+# Pictures on the way take at most this share of the time.
+_SHARE = 0.1
+
+
+class Failed(Exception):
+    """The frame cannot be rendered; the text is for people."""
+
+
+class BeamfarmRenderEngine(bpy.types.RenderEngine):
+    bl_idname = "BEAMFARM"
+    bl_label = "beamfarm"
+    bl_use_preview = False
+    bl_use_postprocess = True
+    # Shader nodes are those of Cycles, and the material preview is EEVEE's.
+    bl_use_shading_nodes_custom = False
+    bl_use_eevee_viewport = True
+
+    # Of a viewport; Blender makes an engine for each, and one for each render. Set late: `__init__` is Blender's.
+    _session: Session | None = None
+    _canvas = None
+    _wrong: str | None = None
+
+    def update_render_passes(self, scene=None, renderlayer=None) -> None:
+        self.register_pass(scene, renderlayer, "Combined", 4, "RGBA", "COLOR")
+        for each in passes.of_layer(renderlayer):
+            self.register_pass(scene, renderlayer, each.name, len(each.channels), each.channels, each.kind)
+
+    def render(self, depsgraph: bpy.types.Depsgraph) -> None:
+        try:
+            with _folder() as folder:
+                self._render(depsgraph, folder)
+        except (Failed, program.ProgramError) as error:
+            self.report({"ERROR"}, str(error))
+
+    def _render(self, depsgraph: bpy.types.Depsgraph, folder: Path) -> None:
+        # As it is in this frame: settings can be animated.
+        scene, view_layer = depsgraph.scene_eval, depsgraph.view_layer_eval
+        settings = preferences.get()
+        path = settings.path()
+        ends = frame.ends(scene.beamfarm)
+        if not ends:
+            raise Failed("The render would never end: give passes, time or error in Render Properties > Sampling")
+        if settings.use_farm and not settings.token:
+            raise Failed("Other machines may only work with a token: set one in Preferences > Add-ons > beamfarm")
+        if scene.render.use_multiview:
+            raise Failed("Stereoscopy is not rendered: turn it off in Output Properties")
+        self.update_stats("", "Writing the scene")
+        shape = frame.of_scene(scene)
+        exported = self._export(depsgraph, folder, shape)
+        if self.is_stopped():
+            return
+        wanted = list(passes.of_layer(view_layer))
+        output = folder / "frame.exr"
+        line = frame.command(path, settings, exported, output, [*ends, *passes.aov(wanted)])
+        picture = Picture(self, view_layer.name, shape.size, wanted)
+        self.update_stats("", "Starting beamfarm")
+        try:
+            running = job.Job(line, settings.token if settings.use_farm else None)
+        except OSError as error:
+            raise Failed(f"{path} cannot be run: {error}") from error
+        workers = []
+        try:
+            cancelled = self._follow(running, picture, path, workers)
+            code = running.wait()
+        finally:
+            running.close()
+            job.stop_workers(workers)
+        if output.is_file():
+            picture.show(output.read_bytes())
+        if cancelled:
+            return
+        if code not in (job.DONE, job.NOTHING):
+            raise Failed(running.words() or f"beamfarm ended with exit code {code}")
+        if not picture.passes:
+            raise Failed("No pass was complete in the time: give more time")
+        if scene.render.film_transparent and not picture.has_alpha:
+            self.report({"WARNING"}, "Film > Transparent is left out: the background is opaque")
+        self.update_progress(1.0)
+
+    def view_update(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
+        session = self._viewport()
+        if session is not None:
+            session.update(depsgraph, sight.of_context(context))
+            self.tag_redraw()
+
+    def view_draw(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
+        session = self._session
+        if session is None:
+            self.update_stats("beamfarm", self._wrong or "")
+            return
+        session.look(depsgraph, sight.of_context(context))
+        self.update_stats("beamfarm", session.words)
+        shown = session.frame
+        if shown is None:
+            return
+        if self._canvas is None:
+            # There is no GPU without a window.
+            from .viewport.draw import Canvas
+
+            self._canvas = Canvas()
+        self._canvas.draw(self, depsgraph.scene, context.region, shown)
+
+    def _viewport(self) -> Session | None:
+        if self._session is None:
+            settings = preferences.get()
+            try:
+                path = settings.path()
+            except program.ProgramError as error:
+                self._wrong = str(error)
+                return None
+            threads = ["--threads", str(settings.threads)] if settings.threads else []
+            self._session = Session(path, threads, _redraws(self))
+        return self._session
+
+    def __del__(self) -> None:
+        if self._session is not None:
+            self._session.close()
+        # Blender 4.4 and later have one.
+        above = getattr(super(), "__del__", None)
+        if above is not None:
+            above()
+
+    def is_stopped(self) -> bool:
+        """Whether somebody has pressed Escape."""
+        return self.test_break()
+
+    def _export(self, depsgraph: bpy.types.Depsgraph, folder: Path, shape: frame.Frame) -> Path:
+        settings = frame.export_settings(depsgraph.scene_eval, shape)
+        if self.camera_override is not None:
+            settings.camera = self.camera_override.evaluated_get(depsgraph)
+        try:
+            result = write_scene(depsgraph, folder, settings)
+        except (ValueError, OSError) as error:
+            raise Failed(f"The scene cannot be written: {error}") from error
+        told.remember(depsgraph.scene.name, result.left_out, result.notes)
+        if result.left_out:
+            self.report({"WARNING"}, told.warning(result.left_out))
+        return result.scene
+
+    def _follow(self, running: job.Job, picture: Picture, path: Path, workers: list) -> bool:
+        """Show how it goes until its end. Returns whether it was cancelled."""
+        settings = preferences.get()
+        next_status = next_picture = 0.0
+        shown = 0
+        while running.is_running:
+            if self.is_stopped():
+                self.update_stats("", "Cancelling")
+                running.cancel()
+                return True
+            now = time.monotonic()
+            if settings.use_farm and not workers and running.url:
+                workers += job.start_workers(running, path, max(1, settings.workers), settings.threads)
+            if now >= next_status:
+                next_status = now + _STATUS
+                progress = running.look()
+                self.update_progress(progress.share)
+                self.update_stats("", job.words(progress))
+                if progress.passes > shown and now >= next_picture:
+                    data = running.picture()
+                    if data is not None:
+                        shown = progress.passes
+                        picture.show(data)
+                    next_picture = now + max(_PICTURE, (time.monotonic() - now) / _SHARE)
+            time.sleep(_LOOK)
+        return False
+
+
+def _redraws(engine: BeamfarmRenderEngine) -> Callable[[], None]:
+    """Lets a viewport be drawn again, from another thread.
+
+    Blender lets an engine go when its viewport is gone; whoever else held it would keep it from ending its session.
+    """
+    known = weakref.ref(engine)
+
+    def redraw() -> None:
+        engine = known()
+        if engine is not None:
+            # It may be gone all the same.
+            with contextlib.suppress(ReferenceError):
+                engine.tag_redraw()
+
+    return redraw
+
+
+class Picture:
+    """The render result of a view layer, while it comes."""
+
+    def __init__(self, engine: BeamfarmRenderEngine, layer: str, size: tuple[int, int], wanted: list) -> None:
+        self.engine, self.layer, self.size, self.wanted = engine, layer, size, wanted
+        self.passes = 0
+        self.has_alpha = False
+        for each in wanted:
+            engine.add_pass(each.name, len(each.channels), each.channels, layer=layer)
+
+    def show(self, data: bytes) -> None:
+        """Put the pixels of an EXR into it."""
+        sources = {source for each in self.wanted for source in each.sources}
+        try:
+            channels = exr.read(data, {*passes.COMBINED, passes.ALPHA, *sources})
+            self.passes = exr.passes(data) or 0
+        except exr.ExrError as error:
+            raise Failed(f"The picture cannot be read: {error}") from error
+        width, height = self.size
+        colour = [channels.get(name) for name in passes.COMBINED]
+        if any(channel is None or channel.shape != (height, width) for channel in colour):
+            raise Failed(f"The picture is not one of {width} x {height} pixels")
+        alpha = channels.get(passes.ALPHA)
+        self.has_alpha = alpha is not None
+        alpha = np.ones((height, width), np.float32) if alpha is None else alpha
+        # A group without a light has no layer: nothing comes from it.
+        black = np.zeros((height, width), np.float32)
+        result = self.engine.begin_result(0, 0, width, height, layer=self.layer)
+        # A result that is not ended takes Blender down.
+        try:
+            of_layer = result.layers[0].passes
+            _fill(of_layer["Combined"], [*colour, alpha])
+            for each in self.wanted:
+                target = of_layer.get(each.name)
+                if target is not None:
+                    _fill(target, [channels.get(source, black) for source in each.sources])
+        finally:
+            self.engine.end_result(result)
+
+
+def _fill(render_pass: bpy.types.RenderPass, channels: list[np.ndarray]) -> None:
+    render_pass.rect.foreach_set(np.stack(channels, axis=-1).ravel())
+
+
+@contextlib.contextmanager
+def _folder() -> Iterator[Path]:
+    """A folder for one frame."""
+    folder = Path(tempfile.mkdtemp(prefix="beamfarm-", dir=bpy.app.tempdir or None))
+    try:
+        yield folder
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)

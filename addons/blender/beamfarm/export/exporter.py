@@ -1,0 +1,170 @@
+"""From the evaluated dependency graph to a scene file."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from . import toml
+from .camera import camera_table
+from .context import Context, Placed
+from .files import Files
+from .groups import add_light_groups
+from .lights import add_light
+from .links import add_rules
+from .pictures import Pictures
+from .report import Report
+from .shapes import Shapes
+from .volumes import add_volume
+from .world import name_world_medium, read_world
+
+
+@dataclass
+class Result:
+    """What an export wrote."""
+
+    scene: Path
+    left_out: list
+    notes: list
+
+
+SURFACES = {"MESH", "CURVE", "SURFACE", "FONT", "META"}
+# What no renderer shows.
+UNSEEN = {"EMPTY", "CAMERA", "ARMATURE", "LATTICE", "SPEAKER", "LIGHT_PROBE"}
+
+
+class Exporter:
+    """Writes scenes into one folder, again and again; what did not change is not written twice."""
+
+    def __init__(self, folder):
+        self.folder = Path(folder)
+        self.files = Files(self.folder)
+        self.pictures = Pictures(self.files)
+        self.settings = None
+        self._slots = {}
+        self._geometries = {}
+
+    def write(self, depsgraph, settings):
+        """Writes the scene as `settings` ask for it, all anew."""
+        self._slots, self._geometries = {}, {}
+        return self._write(depsgraph, settings)
+
+    def update(self, depsgraph, settings=None):
+        """Writes the scene again after a change: geometry and materials that the depsgraph calls changed, and places.
+
+        To be called for each update of the depsgraph, or changes are missed.
+        """
+        changed = {update.id.original.session_uid for update in depsgraph.updates if update.is_updated_geometry}
+        for key in list(self._geometries):
+            object, data, _, instancer = key
+            if changed & {object, data, instancer}:
+                del self._geometries[key]
+        if any(update.id.id_type not in PLACED for update in depsgraph.updates):
+            self._slots = {}
+        return self._write(depsgraph, settings or self.settings)
+
+    def _write(self, depsgraph, settings):
+        self.settings = settings
+        self.folder.mkdir(parents=True, exist_ok=True)
+        scene = depsgraph.scene_eval
+        context = Context(
+            depsgraph, scene, settings, self.files, self.pictures, Report(), self._slots, self._geometries
+        )
+        read_world(context)
+        _add_objects(context)
+        add_light_groups(context)
+        add_rules(context)
+        _say_of_scene(context)
+        path = self.folder / "scene.toml"
+        partial = path.with_name("scene.toml.part")
+        partial.write_text(toml.document(_tables(context)), encoding="utf-8", newline="\n")
+        partial.replace(path)
+        self.files.sweep()
+        return Result(path, context.report.left_out, context.report.notes)
+
+
+# Changes of these leave materials as they are.
+PLACED = {"OBJECT", "MESH", "CURVE", "META", "CAMERA", "LIGHT", "SCENE", "COLLECTION", "LATTICE", "ARMATURE"}
+
+
+def _tables(context):
+    settings = context.settings
+    image = {"width": settings.width, "height": settings.height}
+    if settings.crop is not None:
+        x, y, width, height = settings.crop
+        image["crop"] = {"x": x, "y": y, "width": width, "height": height}
+    if settings.filter is not None:
+        image["filter"] = settings.filter
+    world = name_world_medium(context)
+    return {
+        "image": image,
+        "render": dict(settings.render),
+        "camera": camera_table(context),
+        "world": world,
+        "media": context.media,
+        "materials": context.materials,
+        "shapes": context.shapes,
+        "lights": context.lights,
+        "rules": context.rules,
+    }
+
+
+def _add_objects(context):
+    shapes = Shapes(context)
+    in_viewport = context.depsgraph.mode == "VIEWPORT"
+    for instance in context.depsgraph.object_instances:
+        object = instance.object
+        parent = instance.parent if instance.is_instance else None
+        if not instance.show_self or object.type in UNSEEN:
+            continue
+        # The viewport's graph has what renders hide, too.
+        if in_viewport and context.settings.view is None and (parent or object).hide_render:
+            continue
+        instancer = None if parent is None else parent.original.session_uid
+        key = (object.original.session_uid, *(() if parent is None else (instancer, *instance.persistent_id)))
+        placed = Placed(object, key, instance.matrix_world.copy(), instancer)
+        if object.type == "LIGHT":
+            add_light(placed, context)
+        elif object.type in SURFACES:
+            _say_of_object(object, context)
+            shapes.add(placed)
+        elif object.type == "VOLUME":
+            add_volume(placed, context)
+        else:
+            context.report.leave_out(f"object '{object.name}' of the kind {object.type.lower()}")
+    shapes.finish()
+    if context.media or context.world_medium is not None:
+        # Light that goes through a lamp stays in the medium that the lamp hangs in.
+        for shape in context.shapes:
+            if "emission" in shape and "interior" not in shape:
+                if context.materials[shape["material"]]["type"] == "null":
+                    shape["boundary"] = False
+
+
+def _say_of_object(object, context):
+    report = context.report
+    if object.is_holdout:
+        report.leave_out(f"the holdout '{object.name}': it is shown as it is")
+    if object.is_shadow_catcher:
+        report.leave_out(f"the shadow catcher '{object.name}': it is shown as it is")
+    for modifier in object.modifiers:
+        if modifier.type == "FLUID" and modifier.fluid_type == "DOMAIN":
+            if modifier.domain_settings.domain_type == "GAS":
+                report.leave_out(f"the gas of '{object.name}'")
+    for system in object.particle_systems:
+        if system.settings.render_type == "PATH" and system.settings.type == "HAIR":
+            report.leave_out(f"the hair '{system.name}' of '{object.name}'")
+        elif system.settings.render_type in ("HALO", "LINE"):
+            report.leave_out(f"the particles '{system.name}' of '{object.name}'")
+
+
+def _say_of_scene(context):
+    scene, report = context.scene, context.report
+    if scene.render.use_motion_blur:
+        report.leave_out("motion blur")
+    layers = [context.depsgraph.view_layer_eval.layer_collection]
+    while layers:
+        layer = layers.pop()
+        if layer.holdout:
+            report.leave_out(f"the holdout of collection '{layer.name}': it is shown as it is")
+        if layer.indirect_only:
+            report.leave_out(f"'indirect only' of collection '{layer.name}': it is shown as it is")
+        layers.extend(layer.children)

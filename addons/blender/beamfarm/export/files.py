@@ -1,0 +1,53 @@
+"""Files of the scene's folder."""
+
+import hashlib
+import os
+import shutil
+
+
+class Files:
+    """Writes files into the scene's folder under names that follow from what they hold; what is there already stays."""
+
+    def __init__(self, folder):
+        self.folder = folder
+        self.used = set()
+        self.kept = set()
+
+    def put(self, place, stem, ending, content):
+        """Relative path of a file with `content` in the subfolder `place`."""
+        digest = hashlib.blake2b(content, digest_size=6).hexdigest()
+        path = f"{place}/{stem}-{digest}{ending}"
+        self.use(path)
+        target = self.folder / path
+        if path not in self.kept and not (target.exists() and target.stat().st_size == len(content)):
+            target.parent.mkdir(parents=True, exist_ok=True)
+            # Whole or not at all: who reads while we write sees no half of a file.
+            partial = target.with_name(target.name + ".part")
+            partial.write_bytes(content)
+            partial.replace(target)
+        return path
+
+    def use(self, path):
+        """Marks a file that was written before as one of this scene."""
+        self.used.add(path)
+
+    def sweep(self):
+        """Removes what this object wrote for scenes before the last."""
+        for path in self.kept - self.used:
+            (self.folder / path).unlink(missing_ok=True)
+        self.kept, self.used = self.used, set()
+
+    def copy(self, place, stem, ending, path):
+        """Relative path of a copy of a large file, known again by its name, size and time of change."""
+        there = os.stat(path)
+        state = f"{os.path.abspath(path)} {there.st_size} {there.st_mtime_ns}"
+        digest = hashlib.blake2b(state.encode("utf-8"), digest_size=6).hexdigest()
+        copied = f"{place}/{stem}-{digest}{ending}"
+        self.use(copied)
+        target = self.folder / copied
+        if not (target.exists() and target.stat().st_size == there.st_size):
+            target.parent.mkdir(parents=True, exist_ok=True)
+            partial = target.with_name(target.name + ".part")
+            shutil.copyfile(path, partial)
+            partial.replace(target)
+        return copied

@@ -1,0 +1,73 @@
+"""Geometry of objects, written once and kept as long as it does not change."""
+
+from .meshes import MeshArrays, is_closed, ply
+from .names import file_name
+
+
+class Geometry:
+    """Files of one evaluated mesh, by slot and by what else goes into them."""
+
+    def __init__(self, name):
+        self.name = name
+        self.mesh = None
+        """The evaluated mesh, while an export has it in its hands."""
+        self._arrays = None
+        self._files = {}
+        self._slots = None
+        self._closed = None
+        self._points = None
+        self._triangles = None
+
+    def hold(self, mesh):
+        self.mesh = mesh
+        self._arrays = None
+
+    def release(self):
+        self.mesh = self._arrays = None
+
+    def _read(self):
+        if self._arrays is None:
+            self._arrays = MeshArrays(self.mesh)
+        return self._arrays
+
+    def slots(self):
+        """Indices of the material slots that have triangles."""
+        if self._slots is None:
+            import numpy as np
+
+            arrays = self._read()
+            # A mesh without area, as of edges that were extruded and not moved, is none.
+            corners = arrays.positions[arrays.vertex_of[arrays.corners]]
+            cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+            self._slots = [int(slot) for slot in np.unique(arrays.slots[np.any(cross != 0.0, axis=1)])]
+        return self._slots
+
+    def is_closed(self):
+        if self._closed is None:
+            self._closed = is_closed(self._read())
+        return self._closed
+
+    def triangles(self):
+        """(points, triangles' corners) for tests of what lies inside."""
+        if self._points is None:
+            arrays = self._read()
+            self._points = arrays.positions
+            self._triangles = arrays.vertex_of[arrays.corners]
+        return self._points, self._triangles
+
+    def size(self):
+        """Length of the bounding box' diagonal."""
+        points, _ = self.triangles()
+        return float(((points.max(0) - points.min(0)) ** 2).sum() ** 0.5) if len(points) else 0.0
+
+    def file(self, files, slot, uv_map, attribute, offset=0.0):
+        """Path of the PLY of a slot's triangles, of all for None."""
+        key = slot, uv_map, attribute, offset
+        if key not in self._files:
+            content = ply(self._read(), slot, uv_map, attribute, offset)
+            self._files[key] = files.put("meshes", file_name(self.name), ".ply", content)
+        files.use(self._files[key])
+        return self._files[key]
+
+    def has_attribute(self, attribute):
+        return self.mesh is None or self._read().colors(attribute) is not None

@@ -1,0 +1,104 @@
+"""Media inside and outside of shapes.
+
+Cycles adds up all volumes that a point lies in; the scene file names what is on either side of each boundary.
+"""
+
+from .media import sum_of
+
+
+class Interiors:
+    """Knows which closed meshes with a volume the others lie in."""
+
+    def __init__(self, context, groups):
+        self.context = context
+        self.volumes = []
+        self.any = context.world_medium is not None
+        self._trees = {}
+        for group in groups:
+            for _, found in group.slots:
+                if found.medium is None:
+                    continue
+                self.any = True
+                if group.geometry.is_closed() and len(group.slots) == 1:
+                    self.volumes += [(placed, group, found) for placed in group.placed]
+
+    def fields(self, group, found, placed):
+        """`interior`, `exterior` and `boundary` of a shape."""
+        if not found.is_boundary or not self.any:
+            return {}
+        medium = found.medium
+        if medium is None:
+            # Glass without a volume of its own is filled by what surrounds it.
+            return {"boundary": False}
+        report, name = self.context.report, placed.object.name
+        if not group.geometry.is_closed():
+            report.leave_out(f"the volume of '{name}', whose mesh is not closed")
+            return {"boundary": False}
+        if medium.grid is not None and not medium.grid_is_optional:
+            report.leave_out(f"the volume of '{name}', whose density is an attribute of a mesh: '{medium.grid}'")
+            return {"boundary": False}
+        if len(group.slots) > 1:
+            report.leave_out(f"the volume of '{name}', which has more than one material")
+            return {"boundary": False}
+        outside = self.context.world_medium
+        around = []
+        for other, other_group, other_found in self.volumes:
+            if other is placed:
+                continue
+            inside = self._share_inside(placed, group, other, other_group)
+            if 0.0 < inside < 1.0:
+                report.note(f"the volumes of '{name}' and '{other.object.name}' overlap: where both are, one counts")
+            if inside == 1.0:
+                around.append(other_found.medium)
+        for one in around:
+            outside = sum_of(outside, one)
+        inside = sum_of(outside, medium)
+        fields = {"interior": medium_name(self.context, inside, placed.object.name)}
+        if around:
+            fields["exterior"] = medium_name(self.context, outside, f"around {placed.object.name}")
+        return fields
+
+    def _share_inside(self, placed, group, other, other_group):
+        """Share of some of a mesh's vertices that lie in another mesh; 0 and 1 are exact for those."""
+        from mathutils import Vector
+
+        to_other = other.matrix.inverted_safe() @ placed.matrix
+        points, _ = group.geometry.triangles()
+        step = max(len(points) // 24, 1)
+        chosen = [to_other @ Vector(point) for point in points[::step].tolist()]
+        tree, low, high = self._tree(other_group)
+        count = sum(
+            all(low[i] <= point[i] <= high[i] for i in range(3)) and _is_inside(tree, point) for point in chosen
+        )
+        return count / len(chosen) if chosen else 0.0
+
+    def _tree(self, group):
+        from mathutils.bvhtree import BVHTree
+
+        if id(group) not in self._trees:
+            points, triangles = group.geometry.triangles()
+            tree = BVHTree.FromPolygons(points.tolist(), triangles.tolist(), all_triangles=True)
+            self._trees[id(group)] = tree, points.min(0).tolist(), points.max(0).tolist()
+        return self._trees[id(group)]
+
+
+def medium_name(context, medium, wanted):
+    """Name of a homogeneous medium, which is added to the scene file's."""
+    name = context.media_names.get(medium, wanted)
+    context.media.setdefault(name, {"type": "homogeneous"} | medium.table())
+    return name
+
+
+def _is_inside(tree, point):
+    from mathutils import Vector
+
+    # A direction that runs along no axis and no likely edge.
+    direction = Vector((0.5377, 0.6135, 0.5783))
+    crossings = 0
+    for _ in range(256):
+        hit, _, _, distance = tree.ray_cast(point, direction)
+        if hit is None:
+            break
+        crossings += 1
+        point = hit + direction * max(1e-6 * max(distance, 1.0), 1e-7)
+    return crossings % 2 == 1

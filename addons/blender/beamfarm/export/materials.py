@@ -1,0 +1,165 @@
+"""Materials of Blender: what surface, emission and medium a slot of a mesh has."""
+
+from dataclasses import dataclass, field
+
+from . import records
+from .media import read_volume
+from .surfaces import BLACK, read_surface
+from .values import NotShown, Value, constant
+
+NUMBERS = {"alpha", "metallic", "roughness", "specular", "opacity", "weight"}
+NUMBERS |= {"spec_trans", "sheen", "clearcoat", "clearcoat_gloss"}
+BOUNDARIES = {"dielectric", "rough_dielectric", "null"}
+
+
+@dataclass
+class Slot:
+    """What a shape takes from a material."""
+
+    material: str | None
+    table: dict | None
+    emission: dict | None = None
+    medium: object = None
+    """`media.Medium` inside, or None."""
+    uv_map: str = ""
+    attribute: str | None = None
+    extra: dict = field(default_factory=dict)
+    """Further tables that `material` names, by name."""
+
+    @property
+    def is_boundary(self):
+        """True where the surface can have a medium behind it."""
+        return self.table is not None and _bounds(self.table, self.extra) is True
+
+
+def _bounds(table, others):
+    """Does a surface bound media? None for one that lets no light through."""
+    if "opacity" in table:
+        return False
+    if table["type"] == "blend":
+        parts = [_bounds(others[name], others) for name in table["materials"]]
+        told = [part for part in parts if part is not None]
+        return all(told) if told else None
+    if table["type"] in BOUNDARIES or "spec_trans" in table:
+        return True
+    return False if table["type"] == "thin_dielectric" else None
+
+
+# Cycles shows what has no material as 0.8 grey.
+PLAIN = {"type": "diffuse", "reflectance": 0.8, "two_sided": True}
+
+
+def slot(context, material):
+    """`Slot` of a Blender material, or of none."""
+    key = ("material", material.original.session_uid if material is not None else None)
+    if key not in context.slots:
+        context.slots[key] = _read(context, material)
+    found = context.slots[key]
+    if found.material is not None:
+        context.materials[found.material] = found.table
+    context.materials.update(found.extra)
+    return found
+
+
+def _read(context, material):
+    if material is None:
+        return Slot(context.material_names.get(None, "no material"), PLAIN)
+    owner = f"material '{material.name}'"
+    surface = read_surface(context, material, owner)
+    medium = read_volume(context, material.node_tree, "ShaderNodeOutputMaterial", owner) if material.use_nodes else None
+    writer = _Writer(context, owner, context.material_names.get(material.original.session_uid, material.name))
+    return writer.slot(surface, medium)
+
+
+class _Writer:
+    """Turns values into fields, and gathers what UV map and attribute they want."""
+
+    def __init__(self, context, owner, name):
+        self.context = context
+        self.owner = owner
+        self.name = name
+        self.uv_maps = []
+        self.attributes = []
+        self.extra = {}
+
+    def slot(self, surface, medium):
+        opacity = surface.opacity
+        if opacity.is_constant and opacity.number() <= 0.0:
+            table = {"type": "null"}
+        else:
+            table = self.table(surface.bsdf or BLACK, surface.turned)
+            if not (opacity.is_constant and opacity.number() >= 1.0):
+                table["opacity"] = self.field("opacity", opacity)
+        emission = None
+        if surface.emission is not None:
+            try:
+                emission = {"radiance": self.field("radiance", self.even(surface.emission))}
+            except NotShown as problem:
+                self.context.report.leave_out(f"emission of {self.owner}: {problem}")
+        if len(self.uv_maps) > 1:
+            self.context.report.note(f"{self.owner}: all its textures take the UV map '{self.uv_maps[0] or 'active'}'")
+        if len(self.attributes) > 1:
+            self.context.report.note(f"{self.owner}: of its colour attributes '{self.attributes[0]}' stands for all")
+        found = Slot(self.name, table, emission, medium, extra=self.extra)
+        found.uv_map = self.uv_maps[0] if self.uv_maps else ""
+        found.attribute = self.attributes[0] if self.attributes else None
+        if medium is not None and not found.is_boundary:
+            self.context.report.leave_out(f"the volume of {self.owner}, whose surface lets no light in")
+            found.medium = None
+        return found
+
+    def table(self, bsdf, turned=None):
+        table = {}
+        for name, value in bsdf.items():
+            if name == "materials":
+                table[name] = [self.nested(inner, turned) for inner in value]
+            elif isinstance(value, Value):
+                table[name] = self.field(name, value)
+            else:
+                table[name] = value
+        if turned is not None and bsdf["type"] != "blend":
+            table |= self.turned(turned)
+        return table
+
+    def nested(self, bsdf, turned):
+        name = f"{self.name}.{len(self.extra) + 1}"
+        self.extra[name] = None
+        self.extra[name] = self.table(bsdf, turned)
+        return name
+
+    def turned(self, turned):
+        kind = "normal_map" if "normal_map" in turned else "bump"
+        value = self.seen(turned[kind])
+        if kind == "bump":
+            texture = records.number_texture(value, self.context, self.owner, None)
+            return {"bump": texture | {"scale": turned["scale"]}}
+        texture = records.texture(value, self.context, self.owner, None)
+        texture.pop("raw", None)
+        return {"normal_map": texture}
+
+    def field(self, name, value):
+        try:
+            self.seen(value)
+            if name in NUMBERS:
+                low = 0.001 if name == "alpha" else 0.0
+                return records.number(value, self.context, self.owner, low)
+            return records.color(value, self.context, self.owner, None if name == "radiance" else 1.0)
+        except NotShown as problem:
+            self.context.report.leave_out(f"a texture of {self.owner}: {problem}")
+            return records.color(constant(0.5, 0.5, 0.5), self.context, self.owner)
+
+    def even(self, emission):
+        """What shines does so alike all over: a texture counts by its mean."""
+        if emission.is_constant:
+            return emission
+        if emission.special is not None:
+            raise NotShown("a checker or a colour attribute that shines")
+        self.context.report.note(f"{self.owner}: what shines by texture '{emission.name}' counts by its mean")
+        return constant(*(float(number) for number in emission.as_color().data.mean(axis=(0, 1))))
+
+    def seen(self, value):
+        if value.lookup is not None and value.lookup.uv_map not in self.uv_maps:
+            self.uv_maps.append(value.lookup.uv_map)
+        if value.attribute is not None and value.attribute not in self.attributes:
+            self.attributes.append(value.attribute)
+        return value

@@ -1,0 +1,148 @@
+"""Evaluated meshes as binary PLY files."""
+
+import numpy as np
+
+
+class MeshArrays:
+    """Triangles of a mesh with what its corners hold, by `foreach_get`."""
+
+    def __init__(self, mesh):
+        mesh.calc_loop_triangles()
+        self.mesh = mesh
+        triangles = mesh.loop_triangles
+        self.positions = _read(mesh.vertices, "co", np.float32, 3)
+        self.corners = _read(triangles, "loops", np.int32, 3)
+        self.slots = _read(triangles, "material_index", np.int32)
+        self.vertex_of = _read(mesh.loops, "vertex_index", np.int32)
+        self._normals = None
+
+    def normals(self):
+        """Shading normals of corners, or None where every face is flat."""
+        if self.mesh.normals_domain == "FACE":
+            return None
+        if self._normals is None:
+            self._normals = _read(self.mesh.corner_normals, "vector", np.float32, 3)
+        return self._normals
+
+    def uv(self, name):
+        """UV of corners by the map `name`, by default the one that is active for renders; None where there is none."""
+        layers = self.mesh.uv_layers
+        layer = layers.get(name) if name else next((layer for layer in layers if layer.active_render), None)
+        return None if layer is None else _read(layer.uv, "vector", np.float32, 2)
+
+    def colors(self, name):
+        """Linear RGB of corners by the colour attribute `name`; None where there is none."""
+        attributes = self.mesh.color_attributes
+        if not name:
+            index = attributes.render_color_index
+            attribute = attributes[index] if 0 <= index < len(attributes) else None
+        else:
+            attribute = attributes.get(name)
+        if attribute is None:
+            return None
+        values = _read(attribute.data, "color", np.float32, 4)[:, :3]
+        return values if attribute.domain == "CORNER" else values[self.vertex_of]
+
+
+def _read(collection, name, kind, width=1):
+    values = np.empty(len(collection) * width, dtype=kind)
+    collection.foreach_get(name, values)
+    return values if width == 1 else values.reshape(-1, width)
+
+
+def ply(arrays, slot, uv_name=None, color_name=None, offset=0.0):
+    """Bytes of the PLY file of a slot's triangles (of all for None), or None where it has none.
+
+    Vertices are split where corners differ. `color_name` is that of an attribute, "" for the active one, None for
+    none. `offset` moves every vertex along its corner's normal.
+    """
+    corners = arrays.corners if slot is None else arrays.corners[arrays.slots == slot]
+    if len(corners) == 0:
+        return None
+    loops = corners.ravel()
+    columns = [("x", "y", "z")]
+    values = [arrays.positions[arrays.vertex_of[loops]]]
+    normals = arrays.normals()
+    if normals is not None:
+        columns.append(("nx", "ny", "nz"))
+        values.append(normals[loops])
+    if offset:
+        along = normals[loops] if normals is not None else np.repeat(face_normals(values[0]), 3, axis=0)
+        values[0] = values[0] + np.float32(offset) * along
+    uv = arrays.uv(uv_name)
+    if uv is not None:
+        columns.append(("u", "v"))
+        values.append(uv[loops])
+    if color_name is not None:
+        colors = arrays.colors(color_name)
+        if colors is not None:
+            columns.append(("r", "g", "b"))
+            values.append(np.maximum(colors[loops], 0.0))
+    records = np.ascontiguousarray(np.concatenate(values, axis=1), dtype="<f4")
+    vertices, indices = _weld(records, arrays.vertex_of[loops])
+    return _encode([name for group in columns for name in group], vertices, indices.reshape(-1, 3))
+
+
+def face_normals(points):
+    """Unit normals of triangles given as three points each in a row."""
+    corners = points.reshape(-1, 3, 3)
+    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    return cross / np.maximum(np.linalg.norm(cross, axis=1, keepdims=True), 1e-30)
+
+
+def _weld(records, vertex_of):
+    """Rows of `records` that differ, and for each row which of these it is. `vertex_of`: the mesh's vertex of each row.
+
+    Most corners of a vertex are alike: only those unlike its first corner are sorted.
+    """
+    count = len(records)
+    first = np.full(int(vertex_of.max()) + 1, -1, dtype=np.int64)
+    first[vertex_of[::-1]] = np.arange(count - 1, -1, -1)
+    bits = records.view(np.uint32)
+    unlike = np.flatnonzero((bits != bits[first[vertex_of]]).any(axis=1))
+    used = np.flatnonzero(first >= 0)
+    rank = np.empty(len(first), dtype=np.int64)
+    rank[used] = np.arange(len(used))
+    indices = rank[vertex_of]
+    rows = first[used]
+    if len(unlike):
+        kept, which = _different(bits[unlike])
+        indices[unlike] = len(used) + which
+        rows = np.concatenate([rows, unlike[kept]])
+    return records[rows], indices.astype("<i4")
+
+
+def _different(bits):
+    """(one row of each kind, the kind of each row) of an array of 32-bit words."""
+    mixed = np.zeros(len(bits), dtype=np.uint64)
+    for column in range(bits.shape[1]):
+        mixed = (mixed ^ bits[:, column]) * np.uint64(0x9E3779B97F4A7C15)
+        mixed ^= mixed >> np.uint64(29)
+    _, kept, which = np.unique(mixed, return_index=True, return_inverse=True)
+    if np.array_equal(bits[kept][which], bits):
+        return kept, which
+    # Two rows of one hash, all but impossible: then each stays by itself.
+    return np.arange(len(bits)), np.arange(len(bits))
+
+
+def _encode(names, vertices, triangles):
+    header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(vertices)}"]
+    header += [f"property float {name}" for name in names]
+    header += [f"element face {len(triangles)}", "property list uchar int vertex_indices", "end_header", ""]
+    faces = np.empty(len(triangles), dtype=[("count", "u1"), ("corners", "<i4", 3)])
+    faces["count"] = 3
+    faces["corners"] = triangles
+    return "\n".join(header).encode("ascii") + vertices.tobytes() + faces.tobytes()
+
+
+def is_closed(arrays):
+    """True where each edge lies between two triangles that wind the same way, vertices at one place being one."""
+    if len(arrays.corners) == 0:
+        return False
+    _, welded = np.unique(arrays.positions.view("V12").ravel(), return_inverse=True)
+    triangles = welded[arrays.vertex_of[arrays.corners]].astype(np.int64)
+    edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
+    count = len(arrays.positions)
+    there = np.sort(edges[:, 0] * count + edges[:, 1])
+    back = np.sort(edges[:, 1] * count + edges[:, 0])
+    return bool(np.array_equal(there, back) and np.all(there[1:] != there[:-1]))

@@ -1,0 +1,294 @@
+"""Nodes that make numbers, colours and textures."""
+
+import numpy as np
+
+from . import formulas
+from .graph import follow
+from .pictures import pixels
+from .values import Lookup, NotShown, Source, Value, combine, constant
+
+
+class Reader:
+    """Reads values of one node tree, and says what it cannot read as of `owner`: "material 'Rock'"."""
+
+    def __init__(self, context, owner):
+        self.context = context
+        self.owner = owner
+
+    def lack(self, node, why=""):
+        """Says that a node is left out."""
+        kind = node.bl_label if node.name.startswith(node.bl_label) else f"{node.name}' ({node.bl_label}"
+        shown = f"node '{kind}'" if "(" not in kind else f"node '{kind})"
+        self.context.report.leave_out(f"{shown} of {self.owner}" + (f": {why}" if why else ""))
+
+    def value(self, place):
+        """Value of an input socket, as a colour, a vector or a number by the socket's kind."""
+        socket = place.socket
+        found = follow(place)
+        try:
+            if found is None:
+                value = default(socket)
+            elif not found.socket.is_output:
+                value = default(found.socket)
+            elif found.node.mute:
+                value = default(socket)
+            else:
+                value = self._of(found)
+        except NotShown as problem:
+            self.lack(found.node, str(problem))
+            value = default(socket)
+        if socket.type == "VALUE" or socket.type == "INT":
+            return value.as_float()
+        return value.as_color()
+
+    def get(self, node_place, name):
+        """Value of an input by name; None where the node has none."""
+        place = node_place.input(name)
+        return None if place is None else self.value(place)
+
+    def is_linked(self, node_place, name):
+        place = node_place.input(name)
+        found = None if place is None else follow(place)
+        return found is not None and found.socket.is_output
+
+    def _of(self, place):
+        node = place.node
+        handler = HANDLERS.get(node.type)
+        if handler is None:
+            raise NotShown("")
+        return handler(self, place)
+
+    def inputs(self, place):
+        """Values of all inputs that are shown."""
+        from .graph import Place
+
+        return [self.value(Place(socket, place.groups)) for socket in place.node.inputs if socket.enabled]
+
+
+def default(socket):
+    if not hasattr(socket, "default_value"):
+        return constant(0.0)
+    value = socket.default_value
+    if socket.type == "RGBA":
+        return constant(*value[:3])
+    if socket.type in ("VECTOR", "ROTATION"):
+        return constant(*value[:3], is_vector=True)
+    return constant(float(value))
+
+
+def _rgb(reader, place):
+    return constant(*place.node.outputs[0].default_value[:3])
+
+
+def _number(reader, place):
+    return constant(place.node.outputs[0].default_value)
+
+
+def _image(reader, place):
+    node = place.node
+    image = node.image
+    if image is None:
+        raise NotShown("no image")
+    if image.source in ("MOVIE", "TILED", "VIEWER"):
+        raise NotShown(f"an image of the kind {image.source.lower()}")
+    if node.projection != "FLAT":
+        raise NotShown(f"projection {node.projection.lower()}")
+    if image.size[0] == 0 or image.size[1] == 0:
+        raise NotShown(f"image '{image.name}' cannot be read")
+    wrap = {"REPEAT": "repeat", "MIRROR": "mirror", "EXTEND": "clamp", "CLIP": "clamp"}[node.extension]
+    if node.extension == "CLIP":
+        reader.context.report.note(f"image '{image.name}' of {reader.owner}: goes on beyond its border, not clipped")
+    if node.interpolation in ("Cubic", "Smart"):
+        reader.context.report.note(f"image '{image.name}' of {reader.owner}: interpolated linearly, not cubic")
+    uv, uv_map = mapping(reader, place.input("Vector"))
+    filter = "nearest" if node.interpolation == "Closest" else "bilinear"
+    lookup = Lookup(uv, uv_map, filter, wrap)
+    path = image.filepath_from_user(image_user=node.image_user)
+    if place.socket.name == "Alpha":
+        source = Source(image, path, "a")
+        return Value(lambda: pixels(image)[..., 3:], 1, lookup, source, name=f"{image.name}-alpha")
+    alpha = node.outputs.get("Alpha")
+    if not alpha.is_linked and reader.context.pictures.is_see_through(image, path):
+        return Value(lambda: pixels(image, times_alpha=True)[..., :3], 3, lookup, name=image.name)
+    return Value(lambda: pixels(image)[..., :3], 3, lookup, Source(image, path), name=image.name)
+
+
+def mapping(reader, place):
+    """(2 x 3 numbers or nothing, UV map) of a texture's Vector input."""
+    found = follow(place)
+    if found is None or not found.socket.is_output:
+        return (), ""
+    matrix, uv_map = _coordinates(reader, found)
+    rows = tuple(tuple(float(number) for number in row) for row in matrix[:2][:, [0, 1, 3]])
+    return (() if rows == ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)) else rows), uv_map
+
+
+def _coordinates(reader, place):
+    """(4 x 4 matrix, UV map) of texture coordinates."""
+    node = place.node
+    if node.type == "TEX_COORD":
+        if place.socket.name != "UV":
+            raise NotShown(f"{place.socket.name.lower()} coordinates")
+        return np.eye(4), ""
+    if node.type == "UVMAP":
+        if node.from_instancer:
+            raise NotShown("UV of the instancer")
+        return np.eye(4), node.uv_map
+    if node.type == "ATTRIBUTE" and node.attribute_type == "GEOMETRY" and place.socket.name == "Vector":
+        return np.eye(4), node.attribute_name
+    if node.type == "MAPPING":
+        inner = follow(place.input("Vector"))
+        if inner is None or not inner.socket.is_output:
+            raise NotShown("no texture coordinates")
+        matrix, uv_map = _coordinates(reader, inner)
+        return mapping_matrix(reader, place) @ matrix, uv_map
+    raise NotShown(f"coordinates by '{node.bl_label}'")
+
+
+def mapping_matrix(reader, place):
+    """4 x 4 matrix of a Mapping node."""
+    from mathutils import Euler
+
+    def vector(name, otherwise):
+        value = reader.get(place, name)
+        if value is None:
+            return otherwise
+        if not value.is_constant:
+            raise NotShown("a mapping by texture")
+        return value.color()
+
+    location = vector("Location", [0.0, 0.0, 0.0])
+    rotation = np.eye(4)
+    rotation[:3, :3] = np.array(Euler(vector("Rotation", [0.0, 0.0, 0.0])).to_matrix(), dtype=np.float64)
+    size = np.array(vector("Scale", [1.0, 1.0, 1.0]))
+    kind = place.node.vector_type
+    move = np.eye(4)
+    move[:3, 3] = location
+    if kind == "POINT":
+        return move @ rotation @ np.diag([*size, 1.0])
+    if kind == "VECTOR":
+        return rotation @ np.diag([*size, 1.0])
+    if kind == "TEXTURE":
+        move[:3, 3] = [-number for number in location]
+        return np.diag([*_inverse(size), 1.0]) @ rotation.T @ move
+    raise NotShown("a mapping of normals")
+
+
+def _inverse(size):
+    return np.divide(1.0, size, out=np.zeros(3), where=size != 0.0)
+
+
+def _checker(reader, place):
+    first, second = reader.get(place, "Color1"), reader.get(place, "Color2")
+    scale = reader.get(place, "Scale")
+    if place.socket.name != "Color":
+        first, second = constant(1.0), constant(0.0)
+    if not (first.is_constant and second.is_constant and scale.is_constant):
+        raise NotShown("colours or a scale by texture")
+    if not reader.is_linked(place, "Vector"):
+        raise NotShown("generated coordinates")
+    uv, uv_map = mapping(reader, place.input("Vector"))
+    # Squares of 1 / scale here, of half a unit of UV in the scene file.
+    matrix = np.vstack([uv or ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)), (0.0, 0.0, 1.0)])
+    matrix = np.diag([scale.number() / 2, scale.number() / 2, 1.0]) @ matrix
+    lookup = Lookup(tuple(tuple(float(number) for number in row) for row in matrix[:2]), uv_map)
+    # Blender's first colour is that of odd cells: floor(x) + floor(y) + floor(z) even gives the second at (0, 0).
+    colors = [second.color(), first.color()]
+    return Value(None, 3, lookup, special={"checkerboard": colors})
+
+
+def _vertex_color(reader, place):
+    if place.socket.name != "Color":
+        raise NotShown("alpha of a colour attribute")
+    return Value(None, 3, special={"attribute": "color"}, attribute=place.node.layer_name)
+
+
+def _attribute(reader, place):
+    node = place.node
+    if node.attribute_type != "GEOMETRY" or place.socket.name != "Color":
+        raise NotShown(f"attribute '{node.attribute_name}' of the {node.attribute_type.lower()}")
+    return Value(None, 3, special={"attribute": "color"}, attribute=node.attribute_name)
+
+
+def _formula(function):
+    """Handler of a node whose value is a function of all its inputs that are shown."""
+
+    def handler(reader, place):
+        values = reader.inputs(place)
+        result = combine(lambda *arrays: function(place.node, *arrays), *values)
+        return result
+
+    return handler
+
+
+def _separate(reader, place):
+    index = [socket.name for socket in place.node.outputs].index(place.socket.name)
+    value = reader.inputs(place)[0].as_color()
+    mode = getattr(place.node, "mode", "RGB")
+    if mode != "RGB":
+        return combine(lambda array: formulas.from_rgb(array, mode)[..., index : index + 1], value)
+    if value.source is not None and value.source.channel is None and value.special is None:
+        source = Source(value.source.image, value.source.path, "rgb"[index])
+        return Value(lambda: value.data[..., index : index + 1], 1, value.lookup, source, name=f"{value.name}-{index}")
+    return combine(lambda array: array[..., index : index + 1], value)
+
+
+def _combine(reader, place):
+    mode = getattr(place.node, "mode", "RGB")
+    parts = reader.inputs(place)
+    value = combine(lambda *arrays: np.concatenate(np.broadcast_arrays(*arrays), axis=-1), *parts)
+    if mode != "RGB":
+        value = combine(lambda array: formulas.to_rgb(array, mode), value)
+    value.is_vector = place.node.type == "COMBXYZ"
+    return value
+
+
+def _ramp(reader, place):
+    ramp = place.node.color_ramp
+    steps = 4096
+    table = np.array([ramp.evaluate(i / steps) for i in range(steps + 1)], dtype=np.float32)
+    table = table[:, 3:] if place.socket.name == "Alpha" else table[:, :3]
+    return combine(lambda factor: formulas.look_up(table, factor), reader.inputs(place)[0].as_float())
+
+
+def _curves(reader, place):
+    curves = place.node.mapping
+    curves.initialize()
+    steps = 1024
+    curve = [[curves.evaluate(curves.curves[i], x / steps) for x in range(steps + 1)] for i in range(4)]
+    tables = np.array(curve, dtype=np.float32)
+    return combine(lambda factor, color: formulas.curves(tables, factor, color), *reader.inputs(place))
+
+
+def _blackbody(reader, place):
+    raise NotShown("a temperature")
+
+
+HANDLERS = {
+    "RGB": _rgb,
+    "VALUE": _number,
+    "TEX_IMAGE": _image,
+    "TEX_CHECKER": _checker,
+    "VERTEX_COLOR": _vertex_color,
+    "ATTRIBUTE": _attribute,
+    "MATH": _formula(formulas.math),
+    "VECT_MATH": _formula(formulas.vector_math),
+    "MIX": _formula(formulas.mix),
+    "MIX_RGB": _formula(formulas.mix_rgb),
+    "INVERT": _formula(formulas.invert),
+    "GAMMA": _formula(formulas.gamma),
+    "BRIGHTCONTRAST": _formula(formulas.bright_contrast),
+    "HUE_SAT": _formula(formulas.hue_saturation),
+    "CLAMP": _formula(formulas.clamp),
+    "MAP_RANGE": _formula(formulas.map_range),
+    "RGBTOBW": _formula(lambda node, color: formulas.luminance(color)),
+    "SEPARATE_COLOR": _separate,
+    "SEPRGB": _separate,
+    "SEPXYZ": _separate,
+    "COMBINE_COLOR": _combine,
+    "COMBRGB": _combine,
+    "COMBXYZ": _combine,
+    "VALTORGB": _ramp,
+    "CURVE_RGB": _curves,
+    "BLACKBODY": _blackbody,
+}

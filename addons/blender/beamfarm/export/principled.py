@@ -1,0 +1,89 @@
+"""Principled BSDF."""
+
+import numpy as np
+
+from .values import NotShown, combine, constant
+
+# What `principled` of the scene file has no word for, and the value at which it does nothing.
+MISSING = {
+    "Subsurface Weight": ("subsurface scattering", 0.0),
+    "Anisotropic": ("anisotropy", 0.0),
+    "Thin Film Thickness": ("the thin film", 0.0),
+    "Diffuse Roughness": ("diffuse roughness", 0.0),
+}
+
+
+def principled(reader, place):
+    """(fields of a material, alpha, radiance or None) of a Principled BSDF."""
+    from .surfaces import constant_of, dielectric, is_white, scaled
+
+    def get(name):
+        return reader.get(place, name)
+
+    for name, (what, nothing) in MISSING.items():
+        value = get(name)
+        if value is not None and not (value.is_constant and value.number() == nothing):
+            reader.context.report.leave_out(f"{what} of node '{place.node.name}' of {reader.owner}")
+    base, metallic, rough = get("Base Color"), get("Metallic"), get("Roughness")
+    transmission = get("Transmission Weight")
+    ior = get("IOR")
+    level = constant_of(reader, place, get("Specular IOR Level"), "the specular level", 0.5)
+    tint = get("Specular Tint")
+    try:
+        emission = scaled(get("Emission Color"), get("Emission Strength"))
+    except NotShown as problem:
+        reader.lack(place.node, f"emission: {problem}")
+        emission = None
+    alpha = get("Alpha")
+    is_metal = metallic.is_constant and metallic.number() >= 1.0
+    is_dielectric = metallic.is_constant and metallic.number() <= 0.0
+    coat, sheen = get("Coat Weight"), get("Sheen Weight")
+    is_plain = _is_zero(coat) and _is_zero(sheen)
+    if transmission.is_constant and transmission.number() >= 1.0 and is_dielectric and is_plain:
+        color = base if is_white(base) else combine(np.sqrt, combine(lambda c: np.clip(c, 0.0, 1.0), base))
+        return dielectric(reader, place, rough, ior, tint, color), alpha, emission
+    index = constant_of(reader, place, ior, "IOR", 1.5)
+    normal = ((index - 1.0) / (index + 1.0)) ** 2 * 2.0 * max(level, 0.0)
+    if is_dielectric and normal == 0.0 and is_plain and _is_zero(transmission):
+        return {"type": "diffuse", "reflectance": base, "two_sided": True}, alpha, emission
+    if not is_white(tint):
+        reader.context.report.leave_out(f"specular tint of node '{place.node.name}' of {reader.owner}")
+    if normal > 0.08:
+        percent = f"{100.0 * normal:.1f} %"
+        reader.context.report.note(f"{reader.owner}: reflects 8 % at normal incidence at most, not {percent}")
+    bsdf = {
+        "type": "principled",
+        "base_color": base,
+        "metallic": metallic,
+        "roughness": rough if not rough.is_constant else constant(max(rough.number(), 0.0)),
+        "specular": constant(min(normal / 0.08, 1.0)),
+        "two_sided": True,
+    }
+    if not _is_zero(transmission) and not is_metal:
+        bsdf |= {"spec_trans": transmission, "two_sided": False}
+        # Glass has the index itself, not the reflectance that the level makes of it.
+        bsdf.pop("specular")
+        bsdf["ior"] = max(index, 1.0001)
+    return bsdf | _coat(reader, place, coat) | _sheen(reader, sheen), alpha, emission
+
+
+def _is_zero(value):
+    return value is None or (value.is_constant and value.number() == 0.0)
+
+
+def _coat(reader, place, weight):
+    """Burley's clearcoat, a quarter as strong as Blender's coat."""
+    if _is_zero(weight):
+        return {}
+    reader.context.report.note(f"{reader.owner}: its coat is Burley's: weaker, untinted, and of an index of 1.5")
+    rough = reader.get(place, "Coat Roughness")
+    gloss = combine(lambda rough: np.clip((0.1 - rough * rough) / 0.099, 0.0, 1.0), rough)
+    strength = combine(lambda weight: np.clip(4.0 * weight, 0.0, 1.0), weight)
+    return {"clearcoat": strength, "clearcoat_gloss": gloss}
+
+
+def _sheen(reader, weight):
+    if _is_zero(weight):
+        return {}
+    reader.context.report.note(f"{reader.owner}: its sheen is Burley's, white and of one roughness")
+    return {"sheen": weight}

@@ -1,0 +1,174 @@
+"""Objects that have a surface as `[[shapes]]`."""
+
+from collections import defaultdict
+from dataclasses import dataclass
+
+from .geometry import Geometry
+from .interiors import Interiors
+from .materials import slot
+from .transforms import matrix_step, solid, steps
+from .visibility import rays
+
+# How far the two sides of a sheet that shines lie apart, in sizes of the mesh: what shines does so to one side.
+SHEET = 2e-5
+
+
+@dataclass
+class Group:
+    """One mesh with its materials, at one place or many."""
+
+    placed: list
+    geometry: Geometry
+    slots: list
+    """(index of the slot, `materials.Slot`) for those that have triangles."""
+
+
+class Shapes:
+    """Gathers objects while the depsgraph shows them, and adds their shapes when all are known."""
+
+    def __init__(self, context):
+        self.context = context
+        self.groups = {}
+
+    def add(self, placed):
+        """Takes a mesh object, or what can be made one, at its place."""
+        context, object = self.context, placed.object
+        placed.matrix = solid(placed.matrix)
+        if placed.matrix is None:
+            return
+        key = _key(placed)
+        if key in self.groups:
+            self.groups[key].placed.append(placed)
+            return
+        geometry = context.geometries.get(key)
+        if geometry is None:
+            geometry = context.geometries[key] = Geometry(object.name)
+        mesh = object.data if object.type == "MESH" else object.to_mesh()
+        if mesh is None:
+            return
+        geometry.hold(mesh)
+        try:
+            slots = [(index, slot(context, _material(context, object, mesh, index))) for index in geometry.slots()]
+            group = Group([placed], geometry, slots)
+            self._write(group)
+            self.groups[key] = group
+        finally:
+            geometry.release()
+            if object.type != "MESH":
+                object.to_mesh_clear()
+
+    def _write(self, group):
+        """Writes a group's files, while its mesh is at hand."""
+        context, geometry = self.context, group.geometry
+        if any(found.medium is not None or found.is_boundary for _, found in group.slots):
+            geometry.is_closed()
+            geometry.triangles()
+        for index, found in group.slots:
+            for offset in _offsets(group, found):
+                geometry.file(context.files, *_variant(group, index, found), offset)
+            if found.attribute is not None and not geometry.has_attribute(found.attribute):
+                context.report.leave_out(
+                    f"colour attribute '{found.attribute}', which '{group.placed[0].object.name}' does not have"
+                )
+
+    def finish(self):
+        """Adds all shapes and their media."""
+        interiors = Interiors(self.context, self.groups.values())
+        for group in self.groups.values():
+            for index, found in group.slots:
+                self._add(group, index, found, interiors)
+
+    def _add(self, group, index, found, interiors):
+        context = self.context
+        if found.table["type"] == "null" and found.emission is None and found.medium is None:
+            return
+        files = [
+            group.geometry.file(context.files, *_variant(group, index, found), offset)
+            for offset in _offsets(group, found)
+        ]
+        plain = []
+        by_look = defaultdict(list)
+        for placed in group.placed:
+            if found.emission is not None or placed.instancer is None:
+                plain.append(placed)
+                continue
+            media = interiors.fields(group, found, placed)
+            by_look[repr(media)].append((placed, media))
+        for entries in by_look.values():
+            if len(entries) == 1:
+                plain.append(entries[0][0])
+            else:
+                self._instances(group, found, files[0], entries)
+        for placed in plain:
+            name = self._name(placed)
+            media = interiors.fields(group, found, placed)
+            for flipped, file in enumerate(files):
+                shape = {"name": name, "type": "mesh", "file": file} | _look(found) | media
+                if found.emission is not None:
+                    shape["emission"] = dict(found.emission)
+                if flipped:
+                    shape["flip_normals"] = True
+                visible = rays(placed.object, context)
+                if visible is not None:
+                    shape["visible"] = visible
+                transform = steps(placed.matrix)
+                if transform:
+                    shape["transform"] = transform
+                context.shapes.append(shape)
+
+    def _instances(self, group, found, file, entries):
+        context = self.context
+        first, media = entries[0]
+        shape = {"name": self._name(first), "type": "instances"}
+        visible = rays(first.object, context)
+        if visible is not None:
+            shape["visible"] = visible
+        shape["shape"] = {"type": "mesh", "file": file} | _look(found) | media
+        shape["transforms"] = [[matrix_step(placed.matrix)] for placed, _ in entries]
+        context.shapes.append(shape)
+
+    def _name(self, placed):
+        """All slots of an object at one place have one name, as have all copies of instances."""
+        key = ("object", placed.key if placed.instancer is None else _key(placed))
+        name = self.context.names.get(key, placed.object.name)
+        self.context.show(placed.object, name)
+        if placed.instancer is not None:
+            self.context.shown.setdefault(placed.instancer, [])
+            if name not in self.context.shown[placed.instancer]:
+                self.context.shown[placed.instancer].append(name)
+        return name
+
+
+def _key(placed):
+    """(object, data, the evaluated data's place in memory, instancer): one for each mesh that is written."""
+    data = placed.object.data
+    pointer = data.as_pointer() if placed.object.type == "MESH" else 0
+    return placed.object.original.session_uid, data.original.session_uid, pointer, placed.instancer
+
+
+def _look(found):
+    return {} if found.material is None else {"material": found.material}
+
+
+def _variant(group, index, found):
+    return (None if len(group.slots) == 1 else index), found.uv_map, found.attribute
+
+
+def _offsets(group, found):
+    """Offsets of the sheets of a mesh: what shines and is open shines to both sides."""
+    if found.emission is None or group.geometry.is_closed():
+        return [0.0]
+    offset = SHEET * group.geometry.size()
+    return [offset, -offset]
+
+
+def _material(context, object, mesh, index):
+    override = context.depsgraph.view_layer_eval.material_override
+    if override is not None:
+        return override
+    slots = object.material_slots
+    # An index beyond the last slot counts as the last, as in Blender.
+    if len(slots):
+        return slots[min(index, len(slots) - 1)].material
+    materials = mesh.materials
+    return materials[min(index, len(materials) - 1)] if len(materials) else None

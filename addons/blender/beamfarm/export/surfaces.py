@@ -1,0 +1,368 @@
+"""Shader nodes of surfaces as materials."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from .graph import Place, follow, output_node
+from .nodes import Reader
+from .principled import principled
+from .values import NotShown, Value, combine, constant
+
+
+@dataclass
+class Surface:
+    """What light that meets a surface does there."""
+
+    bsdf: dict | None = None
+    """Fields of a material, values being `Value`; None absorbs all light."""
+    opacity: Value = None
+    """Share of the light that meets it at all."""
+    emission: Value | None = None
+    """Radiance."""
+    turned: dict | None = None
+    """`bump` or `normal_map`."""
+
+
+def opaque(bsdf, emission=None, turned=None):
+    return Surface(bsdf, constant(1.0), emission, turned)
+
+
+BLACK = {"type": "diffuse", "reflectance": constant(0.0, 0.0, 0.0), "two_sided": True}
+
+
+class SurfaceReader(Reader):
+    """Reads the shader nodes of one material."""
+
+    def surface(self, place):
+        """Surface of a shader socket."""
+        found = follow(place)
+        if found is None or not found.socket.is_output or found.node.mute:
+            return opaque(None)
+        handler = SHADERS.get(found.node.type)
+        if handler is None:
+            self.lack(found.node)
+            return opaque(None)
+        return handler(self, found)
+
+    def shader(self, place, name_or_index):
+        sockets = place.node.inputs
+        socket = sockets[name_or_index]
+        return self.surface(Place(socket, place.groups))
+
+    def turned(self, place, name="Normal"):
+        """`bump` or `normal_map` of a Normal input; None where nothing turns it."""
+        socket = place.input(name)
+        found = None if socket is None else follow(socket)
+        if found is None or not found.socket.is_output:
+            return None
+        try:
+            if found.node.type == "NORMAL_MAP":
+                return self._normal_map(found)
+            if found.node.type == "BUMP":
+                return self._bump(found)
+        except NotShown as problem:
+            self.lack(found.node, str(problem))
+            return None
+        if found.node.type not in ("NEW_GEOMETRY", "TEX_COORD"):
+            self.lack(found.node)
+        return None
+
+    def _normal_map(self, place):
+        node = place.node
+        if node.space != "TANGENT":
+            raise NotShown(f"normals in {node.space.lower().replace('_', ' ')} space")
+        value = self.get(place, "Color")
+        if value.is_constant:
+            return None
+        strength = self.get(place, "Strength")
+        if value.special is not None:
+            raise NotShown("normals that are no image")
+        if node.uv_map and value.lookup.uv_map and node.uv_map != value.lookup.uv_map:
+            raise NotShown("tangents of another UV map than the image's")
+        if strength.is_constant and strength.number() == 1.0 and value.source is not None and not value.source.channel:
+            return {"normal_map": value}
+        mixed = combine(lambda map, by: (map - FLAT) * np.maximum(by, 0.0) + FLAT, value, strength)
+        return {"normal_map": mixed}
+
+    def _bump(self, place):
+        node = place.node
+        if self.is_linked(place, "Normal"):
+            self.context.report.leave_out(f"the Normal input of node '{node.name}' of {self.owner}")
+        height = self.get(place, "Height")
+        if height.is_constant:
+            return None
+        strength, distance = self.get(place, "Strength"), self.get(place, "Distance")
+        if not (strength.is_constant and distance.is_constant):
+            raise NotShown("a strength or distance by texture")
+        if strength.number() != 1.0:
+            self.context.report.note(
+                f"{self.owner}: a bump's strength scales its height, where Blender blends the normals"
+            )
+        scale = strength.number() * distance.number() * (-1.0 if node.invert else 1.0)
+        return {"bump": height, "scale": scale} if scale != 0.0 else None
+
+
+FLAT = np.array([0.5, 0.5, 1.0], dtype=np.float32)
+
+
+def _diffuse(reader, place):
+    rough = reader.get(place, "Roughness")
+    if not rough.is_constant or rough.number() != 0.0:
+        reader.context.report.note(f"{reader.owner}: the roughness of '{place.node.name}' does not count: Lambertian")
+    bsdf = {"type": "diffuse", "reflectance": reader.get(place, "Color"), "two_sided": True}
+    return opaque(bsdf, turned=reader.turned(place))
+
+
+def _glossy(reader, place):
+    turned = reader.turned(place)
+    _anisotropy(reader, place)
+    color, rough = reader.get(place, "Color"), reader.get(place, "Roughness")
+    if is_smooth(rough):
+        return opaque({"type": "mirror", "reflectance": color, "two_sided": True}, turned=turned)
+    # eta = 0 and k = 1 reflect everything at every angle.
+    bsdf = {"type": "rough_conductor", "eta": 0.0, "k": 1.0, "reflectance": color, "two_sided": True}
+    return opaque(bsdf | microfacets(reader, place, rough), turned=turned)
+
+
+def is_smooth(rough):
+    return rough.is_constant and rough.number() ** 2 < 0.001
+
+
+def microfacets(reader, place, rough):
+    """`alpha` and `distribution` of a node's roughness."""
+    kind = getattr(place.node, "distribution", "GGX")
+    if kind in ("ASHIKHMIN_SHIRLEY",):
+        reader.context.report.note(f"{reader.owner}: the distribution of '{place.node.name}' is taken as GGX")
+    fields = {"alpha": combine(lambda rough: np.clip(rough * rough, 0.001, 1.0), rough)}
+    return fields | ({"distribution": "beckmann"} if kind == "BECKMANN" else {})
+
+
+def _anisotropy(reader, place):
+    for name in ("Anisotropy", "Anisotropic"):
+        value = reader.get(place, name)
+        if value is not None and not (value.is_constant and value.number() == 0.0):
+            reader.context.report.leave_out(f"anisotropy of node '{place.node.name}' of {reader.owner}")
+
+
+def _glass(reader, place):
+    color, rough, ior = (reader.get(place, name) for name in ("Color", "Roughness", "IOR"))
+    bsdf = dielectric(reader, place, rough, ior, color, color)
+    return opaque(bsdf, turned=reader.turned(place))
+
+
+def dielectric(reader, place, rough, ior, reflected, transmitted):
+    """Fields of glass; without a difference of index there is nothing but what it transmits."""
+    index = constant_of(reader, place, ior, "IOR", 1.45)
+    fields = {"ior": min(max(index, 1e-5), 1e5)}
+    if not is_white(reflected):
+        fields["specular_reflectance"] = reflected
+    if not is_white(transmitted):
+        fields["specular_transmittance"] = transmitted
+    if is_smooth(rough):
+        return {"type": "dielectric"} | fields
+    return {"type": "rough_dielectric"} | fields | microfacets(reader, place, rough)
+
+
+def constant_of(reader, place, value, what, otherwise):
+    """The number of a field that takes no texture."""
+    if value.is_constant:
+        return value.number()
+    if value.special is None:
+        mean = float(value.data.mean())
+        reader.context.report.note(f"{reader.owner}: {what} of '{place.node.name}' by texture counts by its mean")
+        return mean
+    reader.lack(place.node, f"{what} by texture")
+    return otherwise
+
+
+def is_white(value):
+    return value.is_constant and value.color() == [1.0, 1.0, 1.0]
+
+
+def is_black(value):
+    return value.is_constant and value.color() == [0.0, 0.0, 0.0]
+
+
+def _refraction(reader, place):
+    color, rough, ior = (reader.get(place, name) for name in ("Color", "Roughness", "IOR"))
+    bsdf = dielectric(reader, place, rough, ior, constant(0.0, 0.0, 0.0), color)
+    reader.context.report.note(f"{reader.owner}: what Fresnel's law reflects is taken off '{place.node.name}'")
+    return opaque(bsdf, turned=reader.turned(place))
+
+
+def _transparent(reader, place):
+    color = reader.get(place, "Color")
+    if is_white(color):
+        return Surface(None, constant(0.0))
+    if is_black(color):
+        return opaque(None)
+    return opaque({"type": "thin_dielectric", "ior": 1.0, "specular_transmittance": color})
+
+
+def _emission(reader, place):
+    strength = reader.get(place, "Strength")
+    return opaque(None, emission=scaled(reader.get(place, "Color"), strength))
+
+
+def scaled(value, factor):
+    """A colour times a number; None for nothing. Images stay files where the number is 1."""
+    if value is None or is_black(value) or is_black(factor):
+        return None
+    if factor.is_constant and factor.number() == 1.0:
+        return value
+    return combine(lambda value, factor: value * factor, value.as_color(), factor)
+
+
+def _sum(a, b):
+    if a is None or b is None:
+        return a if b is None else b
+    return combine(lambda a, b: a + b, a, b)
+
+
+def _inverse(value):
+    return combine(lambda value: 1.0 - value, value)
+
+
+def _times(a, b):
+    if a.is_constant and a.number() == 1.0:
+        return b
+    if b.is_constant and b.number() == 1.0:
+        return a
+    return combine(lambda a, b: a * b, a, b)
+
+
+def _mix(reader, place):
+    factor = reader.value(Place(place.node.inputs[0], place.groups)).as_float()
+    if factor.special is not None:
+        reader.lack(place.node, "a factor that is no image")
+        factor = constant(0.5)
+    if factor.is_constant:
+        share = min(max(factor.number(), 0.0), 1.0)
+        factor = constant(share)
+        if share in (0.0, 1.0):
+            return reader.shader(place, 2 if share == 1.0 else 1)
+    a, b = reader.shader(place, 1), reader.shader(place, 2)
+    try:
+        return mixed(reader, factor, a, b)
+    except NotShown as problem:
+        reader.lack(place.node, str(problem))
+        return a
+
+
+def mixed(reader, factor, a, b):
+    """`factor` of `b`, the rest of `a`."""
+    rest = _inverse(factor)
+    opacity = _opacity(factor, rest, a.opacity, b.opacity)
+    emission = _sum(scaled(a.emission, rest), scaled(b.emission, factor))
+    turned = _one_turned(reader, a, b)
+    for one, other in ((a, b), (b, a)):
+        if other.opacity.is_constant and other.opacity.number() == 0.0:
+            return Surface(one.bsdf, opacity, emission, turned)
+    if a.bsdf is None and b.bsdf is None:
+        return Surface(None, opacity, emission, turned)
+    weight = factor
+    if not (_is_one(a.opacity) and _is_one(b.opacity)):
+        weight = combine(
+            lambda f, a, b: np.divide(f * b, f * b + (1.0 - f) * a, out=np.zeros_like(f * b * a), where=f * b > 0.0),
+            factor, a.opacity, b.opacity,
+        )
+    blend = {"type": "blend", "weight": weight, "materials": [a.bsdf or BLACK, b.bsdf or BLACK]}
+    return Surface(_simple(blend), opacity, emission, turned)
+
+
+def _simple(blend):
+    """Two diffuse materials of constant colours are one."""
+    a, b = blend["materials"]
+    weight = blend["weight"]
+    if a["type"] == b["type"] == "diffuse" and not (a["reflectance"].special or b["reflectance"].special):
+        try:
+            mix = combine(lambda a, b, f: a * (1.0 - f) + b * f, a["reflectance"], b["reflectance"], weight)
+        except NotShown:
+            return blend
+        return {"type": "diffuse", "reflectance": mix, "two_sided": True}
+    return blend
+
+
+def _is_one(value):
+    return value.is_constant and value.number() == 1.0
+
+
+def _opacity(factor, rest, a, b):
+    if _is_one(a) and _is_one(b):
+        return a
+    if a.is_constant and a.number() == 0.0:
+        return _times(factor, b)
+    if b.is_constant and b.number() == 0.0:
+        return _times(rest, a)
+    return combine(lambda f, a, b: (1.0 - f) * a + f * b, factor, a, b)
+
+
+def _one_turned(reader, a, b):
+    if a.turned and b.turned and _shown(a.turned) != _shown(b.turned):
+        reader.context.report.note(f"{reader.owner}: of two bumps or normal maps in a mix the first counts")
+    return a.turned or b.turned
+
+
+def _shown(turned):
+    """What tells one bump or normal map from another."""
+    return [(name, (value.name, value.lookup) if isinstance(value, Value) else value) for name, value in turned.items()]
+
+
+def _add(reader, place):
+    a, b = reader.shader(place, 0), reader.shader(place, 1)
+    try:
+        emission = _sum(a.emission, b.emission)
+    except NotShown as problem:
+        reader.lack(place.node, str(problem))
+        emission = a.emission or b.emission
+    if a.bsdf is None and _is_one(a.opacity):
+        return replace(b, emission=emission)
+    if b.bsdf is None and _is_one(b.opacity):
+        return replace(a, emission=emission)
+    reader.lack(place.node, "a sum of two shaders that both scatter light; the first counts")
+    return replace(a, emission=emission)
+
+
+def _principled(reader, place):
+    bsdf, alpha, emission = principled(reader, place)
+    turned = reader.turned(place)
+    if alpha.is_constant and alpha.number() >= 1.0:
+        return Surface(bsdf, constant(1.0), emission, turned)
+    # Cycles takes alpha off what shines as well.
+    return Surface(bsdf, alpha, scaled(emission, alpha), turned)
+
+
+SHADERS = {
+    "BSDF_DIFFUSE": _diffuse,
+    "BSDF_GLOSSY": _glossy,
+    "BSDF_ANISOTROPIC": _glossy,
+    "BSDF_GLASS": _glass,
+    "BSDF_REFRACTION": _refraction,
+    "BSDF_TRANSPARENT": _transparent,
+    "BSDF_PRINCIPLED": _principled,
+    "EMISSION": _emission,
+    "MIX_SHADER": _mix,
+    "ADD_SHADER": _add,
+}
+
+
+def read_surface(context, material, owner):
+    """Surface of a Blender material."""
+    if not material.use_nodes or material.node_tree is None:
+        value = constant(*material.diffuse_color[:3])
+        return opaque({"type": "diffuse", "reflectance": value, "two_sided": True})
+    output = output_node(material.node_tree, "ShaderNodeOutputMaterial")
+    if output is None:
+        return opaque(None)
+    displacement = output.inputs.get("Displacement")
+    if displacement is not None and displacement.is_linked:
+        context.report.leave_out(f"displacement of {owner}")
+    surface = output.inputs["Surface"]
+    if not surface.is_linked:
+        if output.inputs["Volume"].is_linked:
+            return Surface(None, constant(0.0))
+        return opaque(None)
+    return SurfaceReader(context, owner).surface(Place(surface))
+
+

@@ -1,0 +1,150 @@
+"""The world's shader as a light from all around, and its volume."""
+
+import numpy as np
+
+from .graph import Place, follow, output_node
+from .interiors import medium_name
+from .media import read_volume
+from .nodes import mapping_matrix
+from .pictures import pixels
+from .surfaces import SurfaceReader, opaque, scaled
+from .transforms import matrix_step
+from .values import Lookup, NotShown, Source, Value
+
+# Cycles' image of the surroundings has +z at the top and +x in the middle, its left quarter is +y; the scene file's has
+# +y at the top and +z in the middle, its left quarter is +x.
+STANDS = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+
+
+class WorldReader(SurfaceReader):
+    """Reads the surface of a world; images are looked up by direction."""
+
+    def _of(self, place):
+        if place.node.type == "TEX_ENVIRONMENT":
+            return self._environment(place)
+        if place.node.type == "TEX_IMAGE":
+            raise NotShown("an image that is not laid around the world")
+        return super()._of(place)
+
+    def surface(self, place):
+        found = follow(place)
+        if found is not None and found.socket.is_output and not found.node.mute and found.node.type == "BACKGROUND":
+            color, strength = self.get(found, "Color"), self.get(found, "Strength")
+            return opaque(None, emission=scaled(color, strength))
+        return super().surface(place)
+
+    def _environment(self, place):
+        node = place.node
+        image = node.image
+        if image is None:
+            raise NotShown("no image")
+        if node.projection != "EQUIRECTANGULAR":
+            raise NotShown("a mirror ball")
+        if image.source in ("MOVIE", "TILED", "VIEWER") or image.size[0] == 0:
+            raise NotShown(f"image '{image.name}' cannot be read")
+        lookup = Lookup(self._directions(place.input("Vector")))
+        path = image.filepath_from_user(image_user=node.image_user)
+        return Value(lambda: pixels(image)[..., :3], 3, lookup, Source(image, path), name=image.name)
+
+    def _directions(self, place):
+        """Rows of the matrix from directions of the world to those by which an image is looked up."""
+        found = follow(place)
+        matrix = np.eye(4)
+        if found is not None and found.socket.is_output:
+            matrix = self._matrix(found)
+        if np.abs(matrix[:3, 3]).max() > 0.0:
+            raise NotShown("a mapping that moves directions")
+        turn = matrix[:3, :3]
+        product = turn @ turn.T
+        if not np.allclose(product, product[0, 0] * np.eye(3), rtol=1e-5, atol=1e-6):
+            raise NotShown("a mapping that stretches directions")
+        turn = turn / np.sqrt(product[0, 0])
+        return tuple(tuple(float(number) for number in row) for row in turn)
+
+    def _matrix(self, place):
+        node = place.node
+        if node.type == "TEX_COORD" and place.socket.name in ("Generated", "Normal", "Object") and node.object is None:
+            return np.eye(4)
+        if node.type == "NEW_GEOMETRY" and place.socket.name in ("Position", "Normal"):
+            return np.eye(4)
+        if node.type == "MAPPING":
+            inner = follow(place.input("Vector"))
+            if inner is None or not inner.socket.is_output:
+                raise NotShown("no directions")
+            return mapping_matrix(self, place) @ self._matrix(inner)
+        raise NotShown(f"directions by '{node.bl_label}'")
+
+
+def read_world(context):
+    """Adds the world's light, and its medium."""
+    world = context.scene.world
+    if world is None:
+        return
+    owner = f"world '{world.name}'"
+    if not world.use_nodes or world.node_tree is None:
+        _add(context, world, owner, [float(number) for number in world.color])
+        return
+    medium = read_volume(context, world.node_tree, "ShaderNodeOutputWorld", owner)
+    if medium is not None and medium.grid is not None and not medium.grid_is_optional:
+        context.report.leave_out(f"the volume of {owner}, whose density is an attribute")
+        medium = None
+    context.world_medium = medium
+    output = output_node(world.node_tree, "ShaderNodeOutputWorld")
+    if output is None or not output.inputs["Surface"].is_linked:
+        return
+    reader = WorldReader(context, owner)
+    emission = reader.surface(Place(output.inputs["Surface"])).emission
+    if emission is None:
+        return
+    if emission.special is not None:
+        context.report.leave_out(f"a texture of {owner} that is no image")
+        return
+    if emission.is_constant:
+        _add(context, world, owner, [max(number, 0.0) for number in emission.color()])
+        return
+    fields = _image(context, emission)
+    turn = np.eye(4)
+    turn[:3, :3] = np.array(emission.lookup.uv).T @ STANDS
+    _add(context, world, owner, None, fields | {"transform": [matrix_step(turn)]})
+
+
+def _image(context, value):
+    source = value.source
+    if source is not None and source.channel is None and not source.image.is_float:
+        written = context.pictures.file(source.image, source.path, context.report)
+        if written is not None and not written[1]:
+            return {"image": written[0]}
+    return {"image": context.pictures.baked(value.name, value.data)}
+
+
+def _add(context, world, owner, radiance, fields=None):
+    if radiance is not None and not any(radiance):
+        return
+    if context.world_medium is not None:
+        context.report.leave_out(f"the light of {owner}: none gets through the medium that fills it")
+        return
+    light = {"name": context.names.get(("world",), world.name), "type": "environment"}
+    visible = _visible(context, world)
+    if visible is not None:
+        light["visible"] = visible
+    context.lights.append(light | (fields or {"radiance": radiance}))
+
+
+def _visible(context, world):
+    seen = world.cycles_visibility if hasattr(world, "cycles_visibility") else None
+    flags = {
+        "camera": (seen is None or seen.camera) and not context.scene.render.film_transparent,
+        "reflected": seen is None or seen.glossy,
+        "refracted": seen is None or seen.transmission,
+        "shadow": seen is None or seen.diffuse,
+        "photon": seen is None or seen.diffuse or seen.scatter,
+    }
+    return None if all(flags.values()) else [name for name, sees in flags.items() if sees]
+
+
+def name_world_medium(context):
+    """`[world]`."""
+    medium = context.world_medium
+    return {} if medium is None else {"medium": medium_name(context, medium, "world")}
+
+

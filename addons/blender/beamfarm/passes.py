@@ -1,0 +1,78 @@
+"""Render passes of Blender, and the layers of beamfarm that they are made of."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class RenderPass:
+    """A pass: `name`, channels (`X` of `XYZ` and so on) and kind as Blender has them, and where it comes from."""
+
+    name: str
+    channels: str
+    kind: str
+    aov: str
+    """What `--aov` is to say."""
+    layer: str
+    """Name of the layer in the EXR."""
+
+    @property
+    def sources(self) -> list[str]:
+        """Channels of the EXR, one for each of this pass."""
+        return [f"{self.layer}.{channel}" for channel in self.channels]
+
+
+DEPTH = RenderPass("Depth", "Z", "VALUE", "depth", "depth")
+NORMAL = RenderPass("Normal", "XYZ", "VECTOR", "normal", "normal")
+# Names that the compositor's node "Denoise" and people look for.
+DENOISING_ALBEDO = RenderPass("Denoising Albedo", "RGB", "COLOR", "albedo", "albedo")
+DENOISING_NORMAL = RenderPass("Denoising Normal", "XYZ", "VECTOR", "normal", "normal")
+DIRECT = RenderPass("Direct", "RGB", "COLOR", "direct", "direct")
+INDIRECT = RenderPass("Indirect", "RGB", "COLOR", "surface", "surface")
+VOLUME = RenderPass("Volume", "RGB", "COLOR", "volume", "volume")
+STANDARD_ERROR = RenderPass("Standard Error", "RGB", "COLOR", "stderr", "stderr")
+
+COMBINED = ("R", "G", "B")
+ALPHA = "A"
+
+# As the renderer cuts and spells names of light groups.
+_GROUP_CHARACTERS = 64
+_NO_PLAIN = re.compile(r"[^0-9A-Za-z_\-+#:\[\]() ]")
+
+
+def light_group(name: str) -> RenderPass:
+    """The pass of a light group, named as Cycles names it."""
+    layer = _NO_PLAIN.sub("_", name[:_GROUP_CHARACTERS]) or "_"
+    return RenderPass(f"Combined_{name}", "RGB", "COLOR", "lights", f"light_{layer}")
+
+
+def of_layer(view_layer) -> Iterator[RenderPass]:
+    """What is ticked for a view layer."""
+    if view_layer.use_pass_z:
+        yield DEPTH
+    if view_layer.use_pass_normal:
+        yield NORMAL
+    own = view_layer.beamfarm
+    if own.use_denoising:
+        yield DENOISING_ALBEDO
+        yield DENOISING_NORMAL
+    if own.use_direct:
+        yield DIRECT
+    if own.use_indirect:
+        yield INDIRECT
+    if own.use_volume:
+        yield VOLUME
+    if own.use_standard_error:
+        yield STANDARD_ERROR
+    if own.use_light_groups:
+        for group in view_layer.lightgroups:
+            yield light_group(group.name)
+
+
+def aov(passes: list[RenderPass]) -> list[str]:
+    """Options of the command that render these passes."""
+    names = list(dict.fromkeys(render_pass.aov for render_pass in passes))
+    return ["--aov", ",".join(names)] if names else []

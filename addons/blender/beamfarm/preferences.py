@@ -1,0 +1,78 @@
+"""What is set for this machine, and not for a file: the program, and who renders."""
+
+from pathlib import Path
+
+import bpy
+from bpy.props import BoolProperty, IntProperty, StringProperty
+
+from . import program
+
+
+class BeamfarmPreferences(bpy.types.AddonPreferences):
+    bl_idname = __package__
+
+    program: StringProperty(
+        name="Program",
+        description="Path of the command beamfarm; empty: the one of PATH",
+        subtype="FILE_PATH",
+    )
+    workers: IntProperty(
+        name="Workers",
+        description="Worker processes on this machine; 0: one for each core up to four cores, above that for each four",
+        min=0,
+        soft_max=64,
+        max=1024,
+    )
+    threads: IntProperty(
+        name="Threads",
+        description="Threads of each worker; 0: so that workers times threads is the number of cores",
+        min=0,
+        soft_max=64,
+        max=1024,
+    )
+    use_farm: BoolProperty(
+        name="Other machines work too",
+        description="Final renders listen for workers from other machines, beside those of this one",
+    )
+    listen: StringProperty(
+        name="Listen",
+        description="Address and port that workers of other machines connect to; 0.0.0.0 is every address of this one",
+        default="0.0.0.0:7325",
+    )
+    token: StringProperty(
+        name="Token",
+        description="What workers of other machines have to know to be let in. Kept in Blender's preferences as it is",
+        subtype="PASSWORD",
+    )
+
+    def path(self) -> Path:
+        """The command, or a `program.ProgramError`."""
+        return program.usable(bpy.path.abspath(self.program))
+
+    def draw(self, _context: bpy.types.Context) -> None:
+        layout = self.layout
+        layout.use_property_split = True
+        layout.prop(self, "program")
+        row = layout.row()
+        try:
+            path = self.path()
+            row.label(text=f"{path}, version {program.version(path)}", icon="CHECKMARK")
+        except program.ProgramError as error:
+            lines = layout.column(align=True)
+            lines.alert = True
+            for line in str(error).replace(": ", ":\n").replace(". ", ".\n").split("\n"):
+                lines.label(text=line)
+        layout.prop(self, "workers")
+        layout.prop(self, "threads")
+        layout.prop(self, "use_farm")
+        if self.use_farm:
+            layout.prop(self, "listen")
+            layout.prop(self, "token")
+            port = self.listen.rpartition(":")[2]
+            layout.label(text="On each of the others, with the token in BEAMFARM_TOKEN:")
+            layout.label(text=f"beamfarm worker --connect http://THIS-MACHINE:{port} --patience 1h")
+
+
+def get() -> BeamfarmPreferences:
+    """The preferences of this add-on."""
+    return bpy.context.preferences.addons[__package__].preferences

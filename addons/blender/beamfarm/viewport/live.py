@@ -1,0 +1,223 @@
+"""A process of `beamfarm live`, and what it says. Nothing here knows of Blender."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import re
+import secrets
+import struct
+import subprocess
+import threading
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from queue import Queue
+
+import numpy as np
+
+from ..program import hidden
+from .websocket import Closed, WebSocket
+
+_PAGE = re.compile(r"page: http://(\S+?):(\d+)/")
+_LOOK = "/look?pixels=linear"
+# Seconds for the process to end by itself.
+_GRACE = 5.0
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A picture of a scene's state."""
+
+    number: int
+    seq: int
+    """The last change that is in it."""
+    passes: int
+    """That it is the average of; 0 for a sketch."""
+    of: int
+    pixels: np.ndarray
+    """Linear radiance, (height, width, 3), the first row at the top."""
+
+
+@dataclass(frozen=True)
+class State:
+    """What goes on."""
+
+    doing: str = "sketch"
+    passes: int = 0
+    of: int = 0
+    error: float | None = None
+
+
+def parse_frame(data: bytearray) -> Frame:
+    """A binary message: the length of a header of JSON, the header, and R, G, B of each pixel as 32-bit floats."""
+    (size,) = struct.unpack_from("<I", data)
+    header = json.loads(bytes(data[4 : 4 + size]))
+    width, height = int(header["width"]), int(header["height"])
+    have = len(data) - 4 - size
+    if have != 12 * width * height:
+        raise ValueError(f"{have} bytes for {width} x {height} pixels")
+    # The header is of any length, and so the floats stand at any byte.
+    pixels = np.frombuffer(data, "<f4", offset=4 + size).reshape(height, width, 3)
+    numbers = (int(header[name]) for name in ("frame", "seq", "passes", "of"))
+    return Frame(*numbers, pixels)
+
+
+class Live:
+    """A live view of a scene file. `news` is called, by another thread, whenever there is something to show."""
+
+    def __init__(self, program: Path, scene: Path, options: list[str], news: Callable[[], None]) -> None:
+        self._news = news
+        self._lock = threading.Lock()
+        self._frame: Frame | None = None
+        self._state = State()
+        self._trouble: str | None = None
+        self._seq = 0
+        self._socket: WebSocket | None = None
+        self._unsent: list[str] = []
+        self._closing = False
+        token = secrets.token_hex(32)
+        environment = {name: value for name, value in os.environ.items() if not name.startswith("BEAMFARM_T")}
+        self._process = subprocess.Popen(
+            [str(program), "live", str(scene), "--quiet", "--with-parent", *options],
+            # The other end of its life line.
+            stdin=subprocess.PIPE,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            text=True,
+            encoding="utf-8",
+            errors="replace",
+            env={**environment, "BEAMFARM_TOKEN": token},
+            **hidden(),
+        )
+        self._said: deque[str] = deque(maxlen=5)
+        self._address: Queue[tuple[str, int] | None] = Queue()
+        self._listener = threading.Thread(target=self._listen, name="beamfarm live: log", daemon=True)
+        self._thread = threading.Thread(target=self._run, args=(token,), name="beamfarm live", daemon=True)
+        self._listener.start()
+        self._thread.start()
+
+    @property
+    def frame(self) -> Frame | None:
+        """The newest picture."""
+        with self._lock:
+            return self._frame
+
+    @property
+    def state(self) -> State:
+        """What goes on."""
+        with self._lock:
+            return self._state
+
+    @property
+    def trouble(self) -> str | None:
+        """What is wrong with the scene, or with the process."""
+        with self._lock:
+            return self._trouble
+
+    @property
+    def is_over(self) -> bool:
+        """Whether nothing comes any more."""
+        return not self._thread.is_alive()
+
+    def change(self, kind: str, **fields: object) -> int:
+        """Tell a change of the scene. Returns its number, which pictures with it will name."""
+        with self._lock:
+            self._seq += 1
+            seq = self._seq
+        self.tell(kind, seq=seq, **fields)
+        return seq
+
+    def tell(self, kind: str, **fields: object) -> None:
+        """Tell something else; what is told before there is a connection waits for it."""
+        text = json.dumps({"type": kind, **fields})
+        with self._lock:
+            if self._socket is None:
+                self._unsent.append(text)
+                return
+            socket = self._socket
+        # Where it is closed the thread that receives finds out as well.
+        with contextlib.suppress(Closed):
+            socket.send(text)
+
+    def close(self) -> None:
+        """End the process."""
+        self._closing = True
+        with self._lock:
+            socket = self._socket
+        if socket is not None:
+            socket.close()
+        if self._process.stdin is not None:
+            self._process.stdin.close()
+        try:
+            self._process.wait(_GRACE)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+        self._thread.join(_GRACE)
+        self._listener.join(_GRACE)
+
+    def _run(self, token: str) -> None:
+        wrong = []
+        try:
+            address = self._address.get()
+            if address is not None:
+                self._receive(WebSocket(*address, _LOOK, token))
+        except Closed as error:
+            wrong.append(str(error))
+        finally:
+            if not self._closing:
+                lines = [line.removeprefix("error: ") for line in self._said if line.strip()]
+                self._be_in_trouble("\n".join(lines or wrong) or "beamfarm live has ended")
+
+    def _listen(self) -> None:
+        """Takes what it says on standard error, to its end, or it would have to wait for that."""
+        with self._process.stderr as stream:
+            for line in stream:
+                page = _PAGE.match(line)
+                if page:
+                    self._address.put((page[1], int(page[2])))
+                else:
+                    self._said.append(line.rstrip())
+        # Where it never came to a page.
+        self._address.put(None)
+
+    def _receive(self, socket: WebSocket) -> None:
+        with self._lock:
+            self._socket, unsent = socket, self._unsent
+            self._unsent = []
+        for text in unsent:
+            socket.send(text)
+        while not self._closing:
+            message = socket.receive()
+            try:
+                self._hear(message)
+            except (ValueError, KeyError, TypeError, struct.error) as error:
+                self._be_in_trouble(f"beamfarm live says what is not understood: {error}")
+
+    def _hear(self, message: str | bytearray) -> None:
+        if isinstance(message, bytearray):
+            frame = parse_frame(message)
+            with self._lock:
+                self._frame = frame
+            # The next one may come: what is shown is always the newest.
+            self.tell("drawn", frame=frame.number)
+            self._news()
+            return
+        told = json.loads(message)
+        if told["type"] == "error":
+            self._be_in_trouble(str(told["message"]))
+        elif told["type"] == "fine":
+            self._be_in_trouble(None)
+        elif told["type"] == "state":
+            state = State(str(told["doing"]), int(told["passes"]), int(told["of"]), told["error"])
+            with self._lock:
+                self._state = state
+            self._news()
+
+    def _be_in_trouble(self, message: str | None) -> None:
+        with self._lock:
+            self._trouble = message
+        self._news()

@@ -1,0 +1,119 @@
+"""One viewport: what is exported for it, the live view of that, and what it shows."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+import weakref
+from collections.abc import Callable
+from pathlib import Path
+
+import bpy
+
+from .. import told
+from ..export import Exporter, ExportSettings
+from .live import Frame, Live
+from .sight import Sight
+
+_open: weakref.WeakSet[Session] = weakref.WeakSet()
+
+# Changes of the view are one gesture.
+_GESTURE = "view"
+
+
+class Session:
+    """Keeps a live view in step with a scene. `news` is called, by another thread, when there is something to show."""
+
+    def __init__(self, program: Path, options: list[str], news: Callable[[], None]) -> None:
+        self._program, self._options, self._news = program, options, news
+        self._folder = Path(tempfile.mkdtemp(prefix="beamfarm-view-", dir=bpy.app.tempdir or None))
+        self._exporter = Exporter(self._folder)
+        self._sight: Sight | None = None
+        self._passes: int | None = None
+        self._live: Live | None = None
+        self._is_written = False
+        self.trouble: str | None = None
+        _open.add(self)
+
+    def update(self, depsgraph: bpy.types.Depsgraph, sight: Sight) -> int | None:
+        """The scene has changed. Returns the number of the change, for pictures."""
+        self._sight = sight
+        scene = depsgraph.scene
+        render: dict[str, object] = {"seed": scene.beamfarm.seed}
+        if scene.beamfarm.radius > 0.0:
+            render["radius"] = scene.beamfarm.radius
+        settings = ExportSettings(width=sight.width, height=sight.height, view=sight.view(), render=render)
+        try:
+            write = self._exporter.update if self._is_written else self._exporter.write
+            result = write(depsgraph, settings)
+        except (ValueError, OSError) as error:
+            self.trouble = f"The scene cannot be written: {error}"
+            return None
+        self.trouble = None
+        self._is_written = True
+        told.remember(scene.name, result.left_out, result.notes)
+        if self._live is None or self._live.is_over:
+            # A scene that cannot be rendered ends the process: the next one may be better.
+            self._start(result.scene)
+        live = self._live
+        if live is None:
+            return None
+        if self._passes != scene.beamfarm.viewport_passes:
+            self._passes = scene.beamfarm.viewport_passes
+            live.tell("passes", passes=self._passes)
+        live.tell("size", width=sight.width)
+        return live.change("written")
+
+    def _start(self, scene: Path) -> None:
+        if self._live is not None:
+            self._live.close()
+        self._passes = None
+        try:
+            self._live = Live(self._program, scene, self._options, self._news)
+        except OSError as error:
+            self._live = None
+            self.trouble = f"{self._program} cannot be run: {error}"
+
+    def look(self, depsgraph: bpy.types.Depsgraph, sight: Sight) -> int | None:
+        """The viewport is drawn: what has changed of its view? Returns the number of the change, if there is one."""
+        if sight == self._sight or self._live is None:
+            return None
+        if self._sight is None or not sight.differs_in_place_alone(self._sight):
+            return self.update(depsgraph, sight)
+        self._sight = sight
+        return self._live.change("camera", gesture=_GESTURE, **sight.message())
+
+    @property
+    def frame(self) -> Frame | None:
+        """What is to be shown."""
+        return self._live and self._live.frame
+
+    @property
+    def words(self) -> str:
+        """What goes on, or what is wrong."""
+        wrong = self.trouble or (self._live and self._live.trouble)
+        if wrong:
+            return str(wrong)
+        if self._live is None:
+            return ""
+        frame, state = self._live.frame, self._live.state
+        if frame is None or frame.passes == 0:
+            return {"pilot": "Finding radii", "no workers": "Starting"}.get(state.doing, "Sketch")
+        parts = [f"Pass {frame.passes}/{frame.of}"]
+        if state.error is not None:
+            parts.append(f"error {100.0 * state.error:.2g} %")
+        return " | ".join(parts)
+
+    def close(self) -> None:
+        """Nothing of it is left."""
+        live, self._live = self._live, None
+        if live is not None:
+            live.close()
+        shutil.rmtree(self._folder, ignore_errors=True)
+        _open.discard(self)
+
+
+def close_all() -> None:
+    """The add-on goes, or Blender does."""
+    for session in list(_open):
+        session.close()

@@ -1,0 +1,90 @@
+"""The camera of a viewport, from the matrices that Blender draws it with."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from mathutils import Matrix, Vector
+
+from ..export import View
+
+# An orthographic viewport has no place, only a direction: its picture begins so many view distances before its centre.
+_BEFORE = 8.0
+# Digits of numbers that are told apart: Blender's matrices are of single precision.
+_DIGITS = 6
+
+
+@dataclass(frozen=True)
+class Sight:
+    """Where a viewport looks from, its lens, and the pixels of its picture."""
+
+    width: int
+    height: int
+    matrix: tuple[float, ...]
+    fov: float
+    ortho_scale: float
+    is_orthographic: bool
+    shift: tuple[float, float]
+
+    @property
+    def matrix_world(self) -> Matrix:
+        """Camera to world."""
+        return Matrix([self.matrix[4 * row : 4 * row + 4] for row in range(4)])
+
+    def view(self) -> View:
+        """As the export takes it."""
+        return View(self.matrix_world, self.fov, self.ortho_scale, self.is_orthographic, self.shift)
+
+    def differs_in_place_alone(self, other: Sight) -> bool:
+        """Whether the two have one lens and one size."""
+        return _lens(self) == _lens(other)
+
+    def message(self) -> dict[str, object]:
+        """Where it is, as the live view takes it."""
+        turn = self.matrix_world.to_3x3()
+        origin = self.matrix_world.translation
+        target = origin + (turn @ Vector((0.0, 0.0, -1.0))).normalized()
+        up = (turn @ Vector((0.0, 1.0, 0.0))).normalized()
+        return {"origin": list(origin), "target": list(target), "up": list(up)}
+
+
+def _lens(sight: Sight) -> tuple[object, ...]:
+    numbers = sight.fov, sight.ortho_scale, *sight.shift
+    return sight.width, sight.height, sight.is_orthographic, *(round(number, _DIGITS) for number in numbers)
+
+
+def of_matrices(view: Matrix, window: Matrix, size: tuple[int, int], distance: float | None) -> Sight:
+    """From the matrices to camera space and on to the picture. `distance`: of the view from its centre, if it has no
+    camera."""
+    width, height = size
+    # In lengths of the wider side: of half a picture at distance one, or as it is.
+    wider = max(width, height)
+    along = 0 if width >= height else 1
+    is_orthographic = window[3][3] == 1.0
+    column = 3 if is_orthographic else 2
+    sign = -0.5 if is_orthographic else 0.5
+    shift = sign * window[0][column] * width / wider, sign * window[1][column] * height / wider
+    place = view.inverted()
+    if is_orthographic and distance is not None:
+        place = place @ Matrix.Translation((0.0, 0.0, _BEFORE * distance))
+    half = 1.0 / window[along][along]
+    return Sight(
+        width,
+        height,
+        tuple(number for row in place for number in row),
+        2.0 * math.atan(half),
+        2.0 * half,
+        is_orthographic,
+        shift,
+    )
+
+
+def of_context(context) -> Sight:
+    """Of the viewport that is being drawn."""
+    region, view = context.region, context.region_data
+    pixel = context.scene.render.preview_pixel_size
+    step = 1 if pixel == "AUTO" else int(pixel)
+    size = max(1, region.width // step), max(1, region.height // step)
+    distance = None if view.view_perspective == "CAMERA" else view.view_distance
+    return of_matrices(view.view_matrix, view.window_matrix, size, distance)

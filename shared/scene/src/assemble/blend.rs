@@ -1,0 +1,102 @@
+//! Materials that are made of others.
+
+use super::material::{material, normal_perturbation, opacity};
+use super::texture;
+use super::{Assets, Problem, required, unknown_name};
+use crate::parse::{Fault, MaterialRecord, MaterialType};
+use crate::values::Spanned;
+use beamfarm_render::bsdf::{Material, MaterialKind, NormalPerturbation};
+use std::collections::BTreeMap;
+
+/// Blends within blends.
+const MAX_DEPTH: usize = 8;
+
+/// Materials on the way from their records, those first that others are made of.
+pub struct Making<'r> {
+    records: &'r BTreeMap<Spanned<String>, MaterialRecord>,
+    made: BTreeMap<&'r str, Material>,
+}
+
+impl<'r> Making<'r> {
+    pub fn new(records: &'r BTreeMap<Spanned<String>, MaterialRecord>) -> Self {
+        Self {
+            records,
+            made: BTreeMap::new(),
+        }
+    }
+
+    /// The material of a name. `within`: the blends that it is a part of.
+    pub fn material(
+        &mut self,
+        name: &Spanned<String>,
+        within: &mut Vec<&'r str>,
+        assets: &mut Assets<'_>,
+    ) -> Result<Material, Problem> {
+        if let Some(made) = self.made.get(name.get_ref().as_str()) {
+            return Ok(made.clone());
+        }
+        let Some((key, record)) = self.records.get_key_value(name) else {
+            let known = self.records.keys().map(|name| name.get_ref().as_str());
+            return Err(unknown_name("material", name, known).into());
+        };
+        let key = key.get_ref().as_str();
+        let material = match record.kind.get_ref() {
+            MaterialType::Blend => {
+                if within.contains(&key) {
+                    let message = format!("the blend \"{key}\" is made of itself");
+                    return Err(Fault::new(name.span(), message).into());
+                }
+                if within.len() == MAX_DEPTH {
+                    let message = format!("expected no more than {MAX_DEPTH} blends within each other");
+                    return Err(Fault::new(name.span(), message).into());
+                }
+                within.push(key);
+                let material = self.blend(record, within, assets)?;
+                within.pop();
+                material
+            }
+            _ => material(record, assets)?,
+        };
+        self.made.insert(key, material.clone());
+        Ok(material)
+    }
+
+    fn blend(
+        &mut self,
+        record: &'r MaterialRecord,
+        within: &mut Vec<&'r str>,
+        assets: &mut Assets<'_>,
+    ) -> Result<Material, Problem> {
+        let [first, second] = required(&record.materials, &record.kind, "materials")?.get_ref();
+        let weight = required(&record.weight, &record.kind, "weight")?.get_ref();
+        let mut parts = Box::new([
+            self.material(first, within, assets)?,
+            self.material(second, within, assets)?,
+        ]);
+        if let Some(map) = normal_perturbation(record, assets)? {
+            for (part, name) in parts.iter_mut().zip([first, second]) {
+                if !perturb(part, &map) {
+                    let message = format!(
+                        "\"{}\" has a bump or normal map of its own; expected one on the blend or on its parts",
+                        name.get_ref()
+                    );
+                    return Err(Fault::new(name.span(), message).into());
+                }
+            }
+        }
+        let weight = texture::texture(weight, assets)?;
+        Ok(Material {
+            opacity: opacity(record, assets)?,
+            ..Material::new(MaterialKind::Blend { parts, weight }, true)
+        })
+    }
+}
+
+/// Give a material, or all parts of a blend, a bump or normal map. False: there is one already.
+fn perturb(material: &mut Material, map: &NormalPerturbation) -> bool {
+    match &mut material.kind {
+        MaterialKind::Blend { parts, .. } => parts.iter_mut().all(|part| perturb(part, map)),
+        MaterialKind::Null => true,
+        _ => material.normal_perturbation.replace(map.clone()).is_none(),
+    }
+}

@@ -1,0 +1,78 @@
+//! Materials and their names.
+
+use super::blend::Making;
+use super::{Assets, Problem, unknown_name};
+use crate::parse::{Fault, MaterialRecord};
+use crate::values::Spanned;
+use beamfarm_render::bsdf::{Material, MaterialKind};
+use beamfarm_render::math::Rgb;
+use beamfarm_render::texture::Texture;
+use std::collections::BTreeMap;
+
+/// The scene's materials in the order of their names, then those for shapes that name none.
+pub struct Materials {
+    pub list: Vec<Material>,
+    names: BTreeMap<String, u32>,
+    /// What each is called that has a name.
+    pub labels: BTreeMap<u32, String>,
+    grey: Option<u32>,
+    black: Option<u32>,
+}
+
+impl Materials {
+    pub fn new(records: &BTreeMap<Spanned<String>, MaterialRecord>, assets: &mut Assets<'_>) -> Result<Self, Problem> {
+        let mut materials = Self {
+            list: Vec::new(),
+            names: BTreeMap::new(),
+            labels: BTreeMap::new(),
+            grey: None,
+            black: None,
+        };
+        materials.enter(records, assets)?;
+        Ok(materials)
+    }
+
+    /// Add materials whose names are the only ones until [`Self::leave`].
+    pub fn enter(
+        &mut self,
+        records: &BTreeMap<Spanned<String>, MaterialRecord>,
+        assets: &mut Assets<'_>,
+    ) -> Result<BTreeMap<String, u32>, Problem> {
+        let mut names = BTreeMap::new();
+        let mut making = Making::new(records);
+        for name in records.keys() {
+            let material = making.material(name, &mut Vec::new(), assets)?;
+            names.insert(name.get_ref().clone(), self.list.len() as u32);
+            self.labels.insert(self.list.len() as u32, name.get_ref().clone());
+            self.list.push(material);
+        }
+        Ok(std::mem::replace(&mut self.names, names))
+    }
+
+    /// Back to the names that held before.
+    pub fn leave(&mut self, names: BTreeMap<String, u32>) {
+        self.names = names;
+    }
+
+    /// The material of a name.
+    pub fn resolve(&self, name: &Spanned<String>) -> Result<u32, Fault> {
+        match self.names.get(name.get_ref()) {
+            Some(index) => Ok(*index),
+            None => Err(unknown_name("material", name, self.names.keys().map(String::as_str))),
+        }
+    }
+
+    /// The material of shapes that name none: black for those that emit, else grey.
+    pub fn default(&mut self, emits: bool) -> u32 {
+        let (slot, reflectance) = match emits {
+            true => (&mut self.black, 0.0),
+            false => (&mut self.grey, 0.5),
+        };
+        *slot.get_or_insert_with(|| {
+            let reflectance = Texture::Constant(Rgb::splat(reflectance));
+            let kind = MaterialKind::Diffuse { reflectance };
+            self.list.push(Material::new(kind, false));
+            (self.list.len() - 1) as u32
+        })
+    }
+}

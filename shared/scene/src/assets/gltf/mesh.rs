@@ -1,0 +1,172 @@
+//! The triangles of a glTF file's primitives, as its rest pose has them.
+
+use super::accessor::Buffers;
+use super::node::Placed;
+use crate::assets::Flaw;
+use crate::assets::mesh::RawMesh;
+use glam::{DAffine3, DMat3, DVec2, DVec3};
+use gltf::mesh::Mode;
+use gltf::{Accessor, Semantic};
+
+/// How the vertices of a mesh are moved before they are placed.
+#[derive(Default)]
+pub struct Pose {
+    /// Weights of morph targets.
+    pub weights: Vec<f32>,
+    /// Of a skin: where its joints take vertices, in the file's space.
+    pub joints: Option<Vec<DAffine3>>,
+}
+
+impl Pose {
+    /// The pose in which the file leaves a node's mesh. `placed`: all nodes, in the file's space.
+    pub fn at_rest(node: &gltf::Node<'_>, placed: &[Placed<'_>], buffers: &Buffers) -> Result<Self, Flaw> {
+        let own = node.weights().or_else(|| node.mesh()?.weights());
+        let weights = own.unwrap_or_default().to_vec();
+        let Some(skin) = node.skin() else {
+            return Ok(Self { weights, joints: None });
+        };
+        let from_bind: Vec<DAffine3> = match skin.inverse_bind_matrices() {
+            None => Vec::new(),
+            Some(accessor) => {
+                let matrices = buffers.numbers::<16>(&accessor, "inverse bind matrices")?;
+                let affine = |m: [f64; 16]| {
+                    let column = |c: usize| DVec3::new(m[4 * c], m[4 * c + 1], m[4 * c + 2]);
+                    DAffine3::from_cols(column(0), column(1), column(2), column(3))
+                };
+                matrices.into_iter().map(affine).collect()
+            }
+        };
+        let joints = skin.joints().enumerate().map(|(i, joint)| {
+            let found = placed.iter().find(|p| p.node.index() == joint.index());
+            let to = found.map_or(DAffine3::IDENTITY, |p| p.world_from_node);
+            to * from_bind.get(i).copied().unwrap_or(DAffine3::IDENTITY)
+        });
+        Ok(Self {
+            weights,
+            joints: Some(joints.collect()),
+        })
+    }
+}
+
+/// The triangles of a primitive; `None` if it has points or lines. `uv_set`: which texture coordinates.
+pub fn mesh(
+    primitive: &gltf::Primitive<'_>,
+    buffers: &Buffers,
+    uv_set: u32,
+    pose: &Pose,
+) -> Result<Option<RawMesh>, Flaw> {
+    if !matches!(
+        primitive.mode(),
+        Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan
+    ) {
+        return Ok(None);
+    }
+    let positions = primitive.get(&Semantic::Positions).ok_or("it has no positions")?;
+    let vectors = |accessor: &Accessor<'_>, what| -> Result<Vec<DVec3>, Flaw> {
+        let vectors = buffers.numbers::<3>(accessor, what)?;
+        Ok(vectors.into_iter().map(DVec3::from).collect())
+    };
+    let mut raw = RawMesh {
+        positions: vectors(&positions, "positions")?,
+        ..RawMesh::default()
+    };
+    let count = raw.positions.len();
+    let same_count = |n: usize, what: &str| match n == count {
+        true => Ok(()),
+        false => Err(Flaw::from(format!("it has {count} positions and {n} {what}"))),
+    };
+    if let Some(accessor) = primitive.get(&Semantic::Normals) {
+        raw.normals = vectors(&accessor, "normals")?;
+        same_count(raw.normals.len(), "normals")?;
+    }
+    if let Some(accessor) = primitive.get(&Semantic::TexCoords(uv_set)) {
+        let uvs = buffers.numbers::<2>(&accessor, "texture coordinates")?;
+        same_count(uvs.len(), "texture coordinates")?;
+        // Ours begin at the bottom.
+        raw.uvs = uvs.into_iter().map(|[u, v]| DVec2::new(u, 1.0 - v)).collect();
+    }
+    for (target, weight) in primitive.morph_targets().zip(&pose.weights) {
+        if *weight == 0.0 {
+            continue;
+        }
+        let moves = [
+            (target.positions(), &mut raw.positions),
+            (target.normals(), &mut raw.normals),
+        ];
+        for (accessor, vectors_there) in moves {
+            let Some(accessor) = accessor.filter(|_| !vectors_there.is_empty()) else {
+                continue;
+            };
+            let by = vectors(&accessor, "vectors of a morph target")?;
+            same_count(by.len(), "vectors of a morph target")?;
+            for (at, by) in vectors_there.iter_mut().zip(by) {
+                *at += f64::from(*weight) * by;
+            }
+        }
+    }
+    if let Some(joints) = &pose.joints {
+        skin(&mut raw, primitive, buffers, joints)?;
+    }
+    let indices = match primitive.indices() {
+        Some(accessor) => buffers.indices(&accessor)?,
+        None => (0..u32::try_from(count).map_err(|_| "it has more than 2^32 vertices")?).collect(),
+    };
+    raw.triangles = match primitive.mode() {
+        Mode::TriangleStrip => indices
+            .windows(3)
+            .enumerate()
+            .map(|(i, v)| match i % 2 {
+                0 => [v[0], v[1], v[2]],
+                _ => [v[0], v[2], v[1]],
+            })
+            .collect(),
+        Mode::TriangleFan => match indices.split_first() {
+            Some((center, rim)) => rim.windows(2).map(|v| [v[0], v[1], *center]).collect(),
+            None => Vec::new(),
+        },
+        _ => indices.as_chunks::<3>().0.to_vec(),
+    };
+    Ok(Some(raw))
+}
+
+/// Take vertices where their joints are: up to four of each.
+fn skin(
+    raw: &mut RawMesh,
+    primitive: &gltf::Primitive<'_>,
+    buffers: &Buffers,
+    joints: &[DAffine3],
+) -> Result<(), Flaw> {
+    let (Some(names), Some(weights)) = (
+        primitive.get(&Semantic::Joints(0)),
+        primitive.get(&Semantic::Weights(0)),
+    ) else {
+        return Ok(());
+    };
+    let names = buffers.numbers::<4>(&names, "joints")?;
+    let weights = buffers.numbers::<4>(&weights, "weights")?;
+    for (what, n) in [("joints", names.len()), ("weights", weights.len())] {
+        if n != raw.positions.len() {
+            return Err(format!("it has {} positions and {n} {what}", raw.positions.len()).into());
+        }
+    }
+    for (i, (names, weights)) in names.into_iter().zip(weights).enumerate() {
+        let sum: f64 = weights.iter().sum();
+        if sum.is_nan() || sum <= 0.0 {
+            continue;
+        }
+        let mut linear = DMat3::ZERO;
+        let mut offset = DVec3::ZERO;
+        for (name, weight) in names.into_iter().zip(weights) {
+            let joint = joints.get(name as usize);
+            let joint =
+                joint.ok_or_else(|| format!("vertex {i} names joint {name}, but there are {}", joints.len()))?;
+            linear += joint.matrix3 * (weight / sum);
+            offset += joint.translation * (weight / sum);
+        }
+        raw.positions[i] = linear * raw.positions[i] + offset;
+        if let Some(normal) = raw.normals.get_mut(i) {
+            *normal = linear * *normal;
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,154 @@
+//! The JSON of a glTF file, validated, and what it says that it needs.
+
+use super::record::Record;
+use crate::assets::Flaw;
+use serde::Deserialize;
+use serde_json::{Map, Value, json};
+
+/// A file whose parts can be asked for.
+pub struct Opened {
+    pub document: gltf::Document,
+    pub blob: Option<Vec<u8>>,
+    pub record: Record,
+}
+
+/// Extensions that a file may say it cannot do without.
+const UNDERSTOOD: [&str; 15] = [
+    "KHR_animation_pointer",
+    "KHR_lights_punctual",
+    "KHR_materials_clearcoat",
+    "KHR_materials_emissive_strength",
+    "KHR_materials_ior",
+    "KHR_materials_pbrSpecularGlossiness",
+    "KHR_materials_sheen",
+    "KHR_materials_specular",
+    "KHR_materials_transmission",
+    "KHR_materials_unlit",
+    "KHR_materials_variants",
+    "KHR_materials_volume",
+    "KHR_mesh_quantization",
+    "KHR_texture_transform",
+    "KHR_xmp_json_ld",
+];
+
+const DRACO: &str = "KHR_draco_mesh_compression";
+
+/// Whether what an extension says is taken, or is nothing that a picture shows.
+pub fn is_understood(extension: &str) -> bool {
+    UNDERSTOOD.contains(&extension)
+}
+
+fn unusable(reason: &str) -> Flaw {
+    let reason: String = reason.trim_end_matches(';').chars().take(200).collect();
+    Flaw::from(format!("not a usable glTF file: {reason}"))
+}
+
+/// Read the JSON and validate it. What the `gltf` crate's validation and accessors take for granted is looked at
+/// before.
+pub fn open(bytes: &[u8]) -> Result<Opened, Flaw> {
+    // Magic number, version, and the length of all of it.
+    let length = bytes.get(8..).and_then(|rest| rest.first_chunk());
+    let is_binary = bytes.starts_with(b"glTF");
+    if is_binary && length.is_none_or(|length| u32::from_le_bytes(*length) < 20) {
+        return Err(unusable("its header is too short"));
+    }
+    let (text, blob) = match is_binary {
+        true => {
+            let parts = gltf::Glb::from_slice(bytes).map_err(|e| unusable(&e.to_string()))?;
+            (parts.json, parts.bin.map(|bin| bin.into_owned()))
+        }
+        false => (bytes.into(), None),
+    };
+    let json = |e: serde_json::Error| unusable(&e.to_string());
+    let mut text = serde_json::from_slice::<Value>(&text).map_err(json)?;
+    let record = Record::deserialize(&text).map_err(json)?;
+    let unknown = record.extensions_required.iter().find(|name| !is_understood(name));
+    if let Some(name) = unknown {
+        let hint = match &**name {
+            DRACO | "EXT_meshopt_compression" | "KHR_meshopt_compression" => {
+                ", compressed meshes; export it without compression"
+            }
+            "KHR_texture_basisu" => ", textures in KTX2; export it with PNG or JPEG",
+            "EXT_texture_webp" | "EXT_texture_avif" => {
+                ", textures of a kind that is not read; export it with PNG or JPEG"
+            }
+            _ => "",
+        };
+        return Err(format!("it says that it cannot do without {name}, which is not supported{hint}").into());
+    }
+    if record.extensions_used.iter().any(|name| name == DRACO) && has_bare_accessors(&mut text) {
+        return Err(
+            format!("it has meshes by {DRACO} alone, which is not supported; export it without compression").into(),
+        );
+    }
+    leave_out_what_is_not_read(&mut text);
+    let json = gltf::json::Root::deserialize(text).map_err(json)?;
+    for (i, mesh) in json.meshes.iter().enumerate() {
+        let attributes = mesh.primitives.iter().flat_map(|p| p.attributes.values());
+        let targets = mesh.primitives.iter().flat_map(|p| p.targets.iter().flatten());
+        let moved = targets.flat_map(|t| t.positions.iter().chain(&t.normals).chain(&t.tangents));
+        let mut named = attributes.chain(moved).map(|a| a.value());
+        if let Some(accessor) = named.find(|a| *a >= json.accessors.len()) {
+            return Err(unusable(&format!(
+                "mesh {i} (from zero) names accessor {accessor}, but there are {}",
+                json.accessors.len()
+            )));
+        }
+    }
+    for (i, image) in json.images.iter().enumerate() {
+        let lacks = match (&image.buffer_view, &image.uri, &image.mime_type) {
+            (Some(_), _, None) => "mimeType",
+            (None, None, _) => "uri",
+            _ => continue,
+        };
+        return Err(unusable(&format!("image {i} (from zero) has no `{lacks}`")));
+    }
+    let document = gltf::Document::from_json(json).map_err(|e| unusable(&e.to_string()))?;
+    Ok(Opened { document, blob, record })
+}
+
+/// Take out what the `gltf` crate would stumble over, and give what it misses.
+fn leave_out_what_is_not_read(text: &mut Value) {
+    let Some(root) = text.as_object_mut() else { return };
+    // Pointers of KHR_animation_pointer have no node.
+    for name in ["animations", "extensionsRequired"] {
+        root.remove(name);
+    }
+    for scene in list(root, "scenes") {
+        scene.entry("nodes").or_insert_with(|| Value::Array(Vec::new()));
+    }
+    // Zeros: a view of which nothing is taken is what passes for one.
+    let none = json!({
+        "count": 0,
+        "indices": { "bufferView": 0, "componentType": 5121 },
+        "values": { "bufferView": 0 },
+    });
+    for accessor in list(root, "accessors").filter(|accessor| is_bare(accessor)) {
+        accessor.insert("sparse".into(), none.clone());
+    }
+    for texture in list(root, "textures") {
+        let others = texture.get("extensions").and_then(Value::as_object);
+        let instead = others
+            .into_iter()
+            .flat_map(|all| all.values())
+            .find_map(|one| one.get("source"));
+        if let Some(instead) = instead.cloned() {
+            texture.entry("source").or_insert(instead);
+        }
+    }
+}
+
+/// Whether an accessor has no bytes.
+fn is_bare(accessor: &Map<String, Value>) -> bool {
+    !accessor.contains_key("bufferView") && !accessor.contains_key("sparse")
+}
+
+fn has_bare_accessors(text: &mut Value) -> bool {
+    let root = text.as_object_mut();
+    root.is_some_and(|root| list(root, "accessors").any(|accessor| is_bare(accessor)))
+}
+
+fn list<'v>(root: &'v mut Map<String, Value>, name: &str) -> impl Iterator<Item = &'v mut Map<String, Value>> {
+    let items = root.get_mut(name).and_then(Value::as_array_mut);
+    items.into_iter().flatten().filter_map(Value::as_object_mut)
+}

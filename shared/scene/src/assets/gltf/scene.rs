@@ -1,0 +1,190 @@
+//! A whole scene of a glTF file: its camera, or one that looks at all of it, and light where it has none.
+
+use super::Beside;
+use super::accessor::Buffers;
+use super::camera::{cameras, fields};
+use super::mesh::{Pose, mesh};
+use super::node::{self, Placed};
+use super::notes::Notes;
+use super::open::{Opened, open};
+use super::write::{number, quoted, vector};
+use crate::assets::Flaw;
+use glam::{DAffine3, DVec3};
+use gltf::camera::Projection;
+use std::fmt::Write;
+
+/// Pixels of the longer side of the picture.
+const LONGER_SIDE: f64 = 960.0;
+/// Of a camera that does not say: width over height.
+const ASPECT: f64 = 16.0 / 9.0;
+/// Of a picture whose camera is made up: width and height.
+const SIZE: [u32; 2] = [960, 720];
+/// The field of view of its height, degrees.
+const FOV: f64 = 35.0;
+/// How much of the picture the file fills then.
+const FILLED: f64 = 0.9;
+/// Where the camera is then, from the middle of the file: in front of it, a little to the right and above.
+const FROM: DVec3 = DVec3::new(0.6, 0.45, 1.0);
+/// Radiance from all around of a file without lights, and irradiance from one side, above the camera's left: white
+/// surfaces that face it have a radiance of 1.
+const AROUND: f64 = 0.4;
+const KEY: f64 = 0.6 * std::f64::consts::PI;
+
+/// A scene as TOML.
+pub struct Whole {
+    pub text: String,
+    /// What was made up, or left out.
+    pub notes: Vec<String>,
+}
+
+/// The scene of a file that it calls `file`.
+pub fn scene(file: &str, bytes: &[u8], beside: &Beside<'_>) -> Result<Whole, Flaw> {
+    let opened = open(bytes)?;
+    let placed = node::placed(&opened.document, &DAffine3::IDENTITY)?;
+    let mut notes = Notes::default();
+    let view = match own_view(&placed, &mut notes) {
+        Some(view) => view,
+        None => {
+            let buffers = Buffers::new(&opened.document, opened.blob.as_deref(), beside)?;
+            notes.add("it is looked at from in front, all of it, since it has no perspective camera");
+            View::of_all(corners(&placed, &buffers)?)
+        }
+    };
+    let [width, height] = view.size;
+    let file = quoted(file);
+    let mut text = format!(
+        "[image]\nwidth = {width}\nheight = {height}\n\n[camera]\n{}fov_axis = \"y\"\n\n[[gltf]]\nfile = {file}\n",
+        view.fields
+    );
+    if !has_lights(&opened, &placed) {
+        notes.add(
+            "it has no lights: it is lit by a grey environment, and from above the camera's left (`lights.0` and \
+             `lights.1` of its scene)",
+        );
+        let _ = write!(
+            text,
+            "\n[[lights]]\nname = \"around\"\ntype = \"environment\"\nradiance = {}\n\n[[lights]]\nname = \"key\"\n\
+             type = \"directional\"\ndirection = {}\nirradiance = {}\n",
+            number(AROUND),
+            vector(view.key),
+            number(KEY)
+        );
+    }
+    Ok(Whole {
+        text,
+        notes: notes.lines(),
+    })
+}
+
+/// A camera's fields as TOML, the picture's size, and where light from above its left goes.
+struct View {
+    fields: String,
+    size: [u32; 2],
+    key: DVec3,
+}
+
+/// Where light goes that comes from above the left of a camera.
+fn key(right: DVec3, up: DVec3, back: DVec3) -> DVec3 {
+    (right * 0.6 - up - back * 0.7).normalize_or(DVec3::NEG_Y)
+}
+
+/// What the file's first perspective camera sees.
+fn own_view(placed: &[Placed<'_>], notes: &mut Notes) -> Option<View> {
+    let mut found: Vec<View> = Vec::new();
+    for (node, camera) in cameras(placed) {
+        let perspective = match camera.projection() {
+            Projection::Perspective(perspective) => perspective,
+            Projection::Orthographic(_) => {
+                notes.add_of("cameras without perspective are left out", &format!("{:?}", node.name));
+                continue;
+            }
+        };
+        let aspect = perspective.aspect_ratio().map_or(ASPECT, f64::from);
+        let aspect = if aspect > 0.0 { aspect } else { ASPECT };
+        let pixels = |share: f64| ((LONGER_SIDE * share).round() as u32).max(1);
+        let place = &node.world_from_node;
+        let direction = |v| place.transform_vector3(v).normalize_or_zero();
+        found.push(View {
+            fields: fields(node, f64::from(perspective.yfov())),
+            size: [pixels(aspect.min(1.0)), pixels(aspect.recip().min(1.0))],
+            key: key(direction(DVec3::X), direction(DVec3::Y), direction(DVec3::Z)),
+        });
+    }
+    if found.len() > 1 {
+        notes.add(format!("it has {} cameras, of which the first is taken", found.len()));
+    }
+    found.into_iter().next()
+}
+
+impl View {
+    /// All of what has these corners.
+    fn of_all(corners: Option<[DVec3; 2]>) -> Self {
+        let [low, high] = corners.unwrap_or([DVec3::NEG_ONE, DVec3::ONE]);
+        let middle = 0.5 * low + 0.5 * high;
+        let half = (0.5 * (high - low)).max(DVec3::splat(1e-9));
+        let back = FROM.normalize();
+        let right = DVec3::Y.cross(back).normalize();
+        let up = back.cross(right);
+        let [width, height] = SIZE.map(f64::from);
+        let tan_y = libm::tan(0.5 * FOV.to_radians()) * FILLED;
+        let tan_x = tan_y * width / height;
+        // So far away that each corner is seen.
+        let mut distance = 0.0f64;
+        for i in 0..8 {
+            let sign = |bit: u32| if i >> bit & 1 == 0 { -1.0 } else { 1.0 };
+            let corner = half * DVec3::new(sign(0), sign(1), sign(2));
+            let needed = (corner.dot(right).abs() / tan_x).max(corner.dot(up).abs() / tan_y);
+            distance = distance.max(needed + corner.dot(back));
+        }
+        Self {
+            fields: format!(
+                "origin = {}\ntarget = {}\nup = [0.0, 1.0, 0.0]\nfov = {}\n",
+                vector(middle + back * distance),
+                vector(middle),
+                number(FOV)
+            ),
+            size: SIZE,
+            key: key(right, up, back),
+        }
+    }
+}
+
+/// Corners of a box around all triangles.
+fn corners(placed: &[Placed<'_>], buffers: &Buffers) -> Result<Option<[DVec3; 2]>, Flaw> {
+    let mut corners: Option<[DVec3; 2]> = None;
+    for node in placed {
+        let Some(there) = node.node.mesh() else { continue };
+        let pose = Pose::at_rest(&node.node, placed, buffers)?;
+        let place = match pose.joints {
+            Some(_) => DAffine3::IDENTITY,
+            None => node.world_from_node,
+        };
+        for primitive in there.primitives() {
+            let in_node = |flaw: Flaw| format!("the node {:?}: {}", node.name, flaw.message);
+            let Some(raw) = mesh(&primitive, buffers, 0, &pose).map_err(in_node)? else {
+                continue;
+            };
+            for position in &raw.positions {
+                let at = place.transform_point3(*position);
+                let [low, high] = corners.unwrap_or([at, at]);
+                corners = Some([low.min(at), high.max(at)]);
+            }
+        }
+    }
+    Ok(corners.filter(|corners| corners.iter().all(|corner| corner.is_finite())))
+}
+
+/// Whether anything gives light. What only has glowing parts, by a texture, does not.
+fn has_lights(opened: &Opened, placed: &[Placed<'_>]) -> bool {
+    let glows = |primitive: gltf::Primitive<'_>| {
+        let material = primitive
+            .material()
+            .index()
+            .and_then(|i| opened.record.materials.get(i));
+        material.is_some_and(|m| m.emissive_texture.is_none() && m.emissive_factor != [0.0; 3])
+    };
+    placed.iter().any(|node| {
+        let meshes = node.node.mesh().into_iter();
+        node.node.light().is_some() || meshes.flat_map(|mesh| mesh.primitives()).any(glows)
+    })
+}

@@ -1,0 +1,190 @@
+//! Shapes of a glTF file's nodes: one for each primitive of a mesh, or instances where several nodes share it.
+
+use super::accessor::Buffers;
+use super::material::{Materials, Surface};
+use super::mesh::{self, Pose};
+use super::node::Placed;
+use super::notes::Notes;
+use super::write::{matrix, quoted};
+use crate::assets::Flaw;
+use crate::assets::mesh::RawMesh;
+use glam::DAffine3;
+use gltf::Semantic;
+use std::collections::BTreeMap;
+use std::fmt::Write;
+
+/// The shapes so far, and what they are made from.
+pub struct Shapes<'s, 'a, 'b> {
+    pub file: &'s str,
+    pub buffers: &'s Buffers,
+    /// `None`: without.
+    pub materials: Option<Materials<'a, 'b>>,
+    pub world_from_file: &'s DAffine3,
+    /// The nodes where they are in the file.
+    pub at_rest: Vec<Placed<'a>>,
+    pub notes: &'s mut Notes,
+    /// As TOML.
+    pub text: String,
+    pub meshes: BTreeMap<String, RawMesh>,
+}
+
+/// Nodes that have the same mesh, and where it goes.
+struct Users<'p, 'a> {
+    mesh: gltf::Mesh<'a>,
+    nodes: Vec<&'p Placed<'a>>,
+    /// What tells its files from those of the same mesh in another pose.
+    suffix: String,
+    pose: Pose,
+}
+
+impl<'a> Shapes<'_, 'a, '_> {
+    /// Add the shapes of all nodes.
+    pub fn add(&mut self, placed: &[Placed<'a>]) -> Result<(), Flaw> {
+        let mut users: BTreeMap<(usize, Option<usize>), Users<'_, 'a>> = BTreeMap::new();
+        for node in placed {
+            let Some(mesh) = node.node.mesh() else { continue };
+            let is_posed = node.node.skin().is_some() || node.node.weights().is_some();
+            let own = is_posed.then(|| node.node.index());
+            if let Some(known) = users.get_mut(&(mesh.index(), own)) {
+                known.nodes.push(node);
+                continue;
+            }
+            let in_node = |flaw: Flaw| format!("the node {:?}: {}", node.name, flaw.message);
+            let pose = Pose::at_rest(&node.node, &self.at_rest, self.buffers).map_err(in_node)?;
+            if pose.joints.is_some() {
+                self.notes.add("skins stand in their rest pose");
+            }
+            if mesh.primitives().any(|p| p.morph_targets().len() > 0) {
+                self.notes
+                    .add("morph targets have the weights that the file begins with");
+            }
+            users.insert(
+                (mesh.index(), own),
+                Users {
+                    mesh,
+                    nodes: vec![node],
+                    suffix: own.map_or(String::new(), |node| format!(".node{node}")),
+                    pose,
+                },
+            );
+        }
+        users.values().try_for_each(|users| self.add_mesh(users))
+    }
+
+    fn add_mesh(&mut self, users: &Users<'_, 'a>) -> Result<(), Flaw> {
+        let [first, ..] = &users.nodes[..] else { return Ok(()) };
+        for primitive in users.mesh.primitives() {
+            let in_mesh = |flaw: Flaw| {
+                format!(
+                    "the node {:?}: primitive {} of its mesh: {}",
+                    first.name,
+                    primitive.index(),
+                    flaw.message
+                )
+            };
+            let surface = match &mut self.materials {
+                None => None,
+                Some(materials) => Some(materials.surface(primitive.material().index(), self.notes)?),
+            };
+            let uv_set = surface.as_ref().map_or(0, |surface| surface.uv_set);
+            let raw = mesh::mesh(&primitive, self.buffers, uv_set, &users.pose).map_err(in_mesh)?;
+            let Some(raw) = raw else {
+                self.notes
+                    .add_of("points and lines are left out: of nodes", &format!("{:?}", first.name));
+                continue;
+            };
+            if self.materials.is_some() && primitive.get(&Semantic::Colors(0)).is_some() {
+                self.notes.add_of(
+                    "colours of vertices do not count: of nodes",
+                    &format!("{:?}", first.name),
+                );
+            }
+            let raw = raw.checked().map_err(in_mesh)?;
+            self.add_primitive(users, &primitive, raw, surface.as_ref());
+        }
+        Ok(())
+    }
+
+    fn add_primitive(
+        &mut self,
+        users: &Users<'_, 'a>,
+        primitive: &gltf::Primitive<'a>,
+        raw: RawMesh,
+        surface: Option<&Surface>,
+    ) {
+        let file = format!(
+            "{}:mesh{}.{}{}",
+            self.file,
+            users.mesh.index(),
+            primitive.index(),
+            users.suffix
+        );
+        let mut fields = vec!["type = \"mesh\"".to_string(), format!("file = {}", quoted(&file))];
+        let mut emits = false;
+        if let Some(surface) = surface {
+            fields.push(format!("material = \"{}\"", surface.id));
+            fields.extend(self.inside(&raw, surface));
+            if let Some(radiance) = &surface.emission {
+                emits = true;
+                fields.push(format!("emission = {{ radiance = {radiance} }}"));
+            }
+        }
+        self.meshes.insert(file, raw);
+        let several = users.mesh.primitives().len() > 1;
+        let name = |node: &Placed<'_>| match several {
+            true => quoted(&format!("{} ({})", node.name, primitive.index())),
+            false => quoted(&node.name),
+        };
+        // What a skin moves is where its joints are, and not where its node is.
+        let place = |node: &Placed<'_>| match users.pose.joints {
+            Some(_) => matrix(self.world_from_file),
+            None => matrix(&node.world_from_node),
+        };
+        let text = &mut self.text;
+        match &users.nodes[..] {
+            [first, _, ..] if !emits => {
+                let _ = writeln!(
+                    text,
+                    "[[shapes]]\nname = {}\ntype = \"instances\"\nshape = {{ {} }}\ntransforms = [",
+                    name(first),
+                    fields.join(", ")
+                );
+                for node in &users.nodes {
+                    let _ = writeln!(text, "  [{}],", place(node));
+                }
+                text.push_str("]\n");
+            }
+            nodes => {
+                for node in nodes {
+                    let _ = writeln!(
+                        text,
+                        "[[shapes]]\nname = {}\n{}\ntransform = [{}]",
+                        name(node),
+                        fields.join("\n"),
+                        place(node),
+                    );
+                }
+            }
+        }
+    }
+
+    /// What is inside of glass.
+    fn inside(&mut self, raw: &RawMesh, surface: &Surface) -> Option<String> {
+        if !surface.is_glass {
+            return None;
+        }
+        match (raw.opening(), &surface.interior) {
+            (None, Some(medium)) => Some(format!("interior = \"{medium}\"")),
+            (None, None) => None,
+            (Some(_), interior) => {
+                if interior.is_some() {
+                    self.notes.add_of(
+                        "the attenuation of KHR_materials_volume is left out where a mesh is not closed: materials",
+                        &surface.name,
+                    );
+                }
+                Some("boundary = false".to_string())
+            }
+        }
+    }
+}

@@ -1,0 +1,182 @@
+//! Accessors, and poses.
+
+use super::{bytes, file, load, load_with, says, uri};
+use beamfarm_render::geometry::{Mesh, Shape};
+use beamfarm_render::math::Vec3;
+use beamfarm_render::world::SceneDescription;
+use serde_json::json;
+
+fn mesh(description: &SceneDescription) -> &Mesh {
+    match &description.objects[0].shape {
+        Shape::Mesh { mesh, .. } => mesh,
+        other => panic!("{other:?}"),
+    }
+}
+
+/// Positions in the world, not from the camera at (0, 0, 9).
+fn positions(description: &SceneDescription) -> Vec<[f32; 3]> {
+    let camera = Vec3::new(0.0, 0.0, 9.0);
+    mesh(description)
+        .positions
+        .iter()
+        .map(|p| (*p + camera).to_array())
+        .collect()
+}
+
+/// A second buffer and a view of all of it.
+fn with_bytes(file: &mut serde_json::Value, more: &[u8]) {
+    let buffer = json!({ "byteLength": more.len(), "uri": uri("application/octet-stream", more) });
+    file["buffers"].as_array_mut().unwrap().push(buffer);
+    let view = json!({ "buffer": 1, "byteLength": more.len() });
+    file["bufferViews"].as_array_mut().unwrap().push(view);
+}
+
+#[test]
+fn sparse_accessors_change_some_elements_of_a_view_or_of_zeros() {
+    let mut more = vec![1, 3, 0, 0];
+    more.extend([5.0f32, 6.0, 7.0, 8.0, 9.0, 10.0].iter().flat_map(|x| x.to_le_bytes()));
+    let sparse = json!({
+        "count": 2,
+        "indices": { "bufferView": 3, "componentType": 5121 },
+        "values": { "bufferView": 3, "byteOffset": 4 },
+    });
+    let mut changed = file(json!({}));
+    with_bytes(&mut changed, &more);
+    changed["accessors"][0]["sparse"] = sparse;
+    let expected = [[0.0; 3], [5.0, 6.0, 7.0], [0.0, 1.0, 0.0], [8.0, 9.0, 10.0]];
+    assert_eq!(positions(&load(&changed)), expected);
+
+    changed["accessors"][0].as_object_mut().unwrap().remove("bufferView");
+    // Two vertices at one place leave triangles of no area, which are dropped with what only they use.
+    let found = positions(&load(&changed));
+    assert!(
+        found.contains(&[5.0, 6.0, 7.0]) && !found.contains(&[0.0, 1.0, 0.0]),
+        "{found:?}"
+    );
+
+    // Without any of them there are zeros: of positions, no area.
+    let mut zeros = file(json!({}));
+    zeros["accessors"][0].as_object_mut().unwrap().remove("bufferView");
+    let error = load_with(&zeros, "").unwrap_err();
+    assert!(error.contains("no triangle of the mesh has an area"), "{error}");
+    zeros["extensionsUsed"] = json!(["KHR_draco_mesh_compression"]);
+    let error = load_with(&zeros, "").unwrap_err();
+    assert!(error.contains("meshes by KHR_draco_mesh_compression alone"), "{error}");
+
+    changed["accessors"][0]["count"] = json!(100_000_000);
+    let error = load_with(&changed, "").unwrap_err();
+    assert!(
+        error.contains("100000000 elements are claimed without a buffer view"),
+        "{error}"
+    );
+}
+
+#[test]
+fn quantized_positions_are_numbers() {
+    let mut small = file(json!({ "extensionsRequired": ["KHR_mesh_quantization"] }));
+    with_bytes(&mut small, &[0, 0, 0, 0, 127, 0, 0, 0, 0, 64, 0, 0, 0, 0, 0x81, 0]);
+    small["bufferViews"][3]["byteStride"] = json!(4);
+    small["accessors"][0] = json!({
+        "bufferView": 3, "componentType": 5120, "count": 4, "type": "VEC3", "normalized": true,
+        "min": [0, 0, -127], "max": [127, 64, 0]
+    });
+    let expected = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 64.0 / 127.0, 0.0], [0.0, 0.0, -1.0]];
+    assert_eq!(positions(&load(&small)), expected);
+}
+
+#[test]
+fn morph_targets_have_the_weights_that_the_file_begins_with() {
+    let mut morphed = file(json!({}));
+    morphed["meshes"][0]["primitives"][0]["targets"] = json!([{ "POSITION": 0 }]);
+    morphed["meshes"][0]["weights"] = json!([0.5]);
+    let description = load(&morphed);
+    let expected = [[0.0; 3], [1.5, 0.0, 0.0], [0.0, 1.5, 0.0], [0.0, 0.0, 1.5]];
+    assert_eq!(positions(&description), expected);
+    assert!(says(&description, "morph targets have the weights"));
+    // An accessor that is not there.
+    morphed["meshes"][0]["primitives"][0]["targets"] = json!([{ "POSITION": 9 }]);
+    assert!(load_with(&morphed, "").unwrap_err().contains("names accessor 9"));
+}
+
+/// A skinned mesh is where its joints are, whatever its node says.
+#[test]
+fn skins_stand_in_their_rest_pose() {
+    let mut skinned = file(json!({
+        "scenes": [{ "nodes": [0, 1] }],
+        "nodes": [
+            { "mesh": 0, "skin": 0, "translation": [100, 0, 0] },
+            { "translation": [0, 2, 0], "children": [2] },
+            { "scale": [2, 2, 2] },
+        ],
+        "skins": [{ "joints": [1, 2] }],
+    }));
+    // Joints, then weights of a half.
+    with_bytes(&mut skinned, &[0, 1, 0, 0].repeat(4));
+    skinned["buffers"][1]["uri"] = json!(uri(
+        "application/octet-stream",
+        &[[0, 1, 0, 0].repeat(4), [128, 128, 0, 0].repeat(4)].concat()
+    ));
+    skinned["buffers"][1]["byteLength"] = json!(32);
+    skinned["bufferViews"][3]["byteLength"] = json!(32);
+    let accessors = skinned["accessors"].as_array_mut().unwrap();
+    accessors.push(json!({ "bufferView": 3, "componentType": 5121, "count": 4, "type": "VEC4" }));
+    accessors.push(json!({
+        "bufferView": 3, "byteOffset": 16, "componentType": 5121, "count": 4, "type": "VEC4", "normalized": true
+    }));
+    let attributes = json!({ "POSITION": 0, "JOINTS_0": 3, "WEIGHTS_0": 4 });
+    skinned["meshes"][0]["primitives"][0]["attributes"] = attributes;
+    // The mean of p + (0, 2, 0) and 2 p + (0, 2, 0).
+    let expected = [[0.0, 2.0, 0.0], [1.5, 2.0, 0.0], [0.0, 3.5, 0.0], [0.0, 2.0, 1.5]];
+    let description = load(&skinned);
+    assert_eq!(positions(&description), expected);
+    assert!(says(&description, "skins stand in their rest pose"));
+    // [[gltf]] moves it all the same.
+    let moved = load_with(&skinned, "transform = [{ translate = [1, 0, 0] }]").unwrap();
+    assert_eq!(positions(&moved)[0], [1.0, 2.0, 0.0]);
+
+    skinned["skins"] = json!([{ "joints": [1] }]);
+    assert!(
+        load_with(&skinned, "")
+            .unwrap_err()
+            .contains("vertex 0 names joint 1, but there are 1")
+    );
+}
+
+#[test]
+fn points_and_lines_are_said_to_be_left_out() {
+    let mut mixed = file(json!({}));
+    let primitives = mixed["meshes"][0]["primitives"].as_array_mut().unwrap();
+    primitives.push(json!({ "attributes": { "POSITION": 0 }, "mode": 0 }));
+    let description = load(&mixed);
+    assert_eq!(description.objects.len(), 1);
+    assert!(says(&description, "points and lines are left out: of nodes: \"thing\""));
+    assert_eq!(bytes().len(), 92);
+}
+
+/// Whatever is in a file, it is read or refused.
+#[test]
+fn damaged_files_are_refused_or_read() {
+    let mut good = file(json!({
+        "nodes": [{ "mesh": 0, "skin": 0, "weights": [0.5] }],
+        "skins": [{ "joints": [0], "inverseBindMatrices": 0 }],
+        "materials": [{ "alphaMode": "MASK", "extensions": {
+            "KHR_materials_transmission": { "transmissionFactor": 1 },
+            "KHR_materials_volume": { "thicknessFactor": 1, "attenuationDistance": 2, "attenuationColor": [1, 0, 0] },
+        } }],
+    }));
+    let primitive = &mut good["meshes"][0]["primitives"][0];
+    primitive["attributes"]["JOINTS_0"] = json!(0);
+    primitive["attributes"]["WEIGHTS_0"] = json!(0);
+    primitive["targets"] = json!([{ "POSITION": 0 }]);
+    crate::assets::tests::damage(&[good.to_string().into()], |bytes| {
+        let choice = super::super::Choice {
+            materials: true,
+            lights: true,
+            light_unit: None,
+        };
+        let beside = |_: &str| None;
+        let _ = super::super::read("a.gltf", bytes, &beside, &glam::DAffine3::IDENTITY, choice);
+        let _ = super::super::scene("a.gltf", bytes, &beside);
+        let _ = super::super::files(bytes);
+    });
+}

@@ -1,0 +1,160 @@
+//! Textures of a glTF file: pictures, decoded once, and where they lie on surfaces.
+
+use super::accessor::Buffers;
+use super::record::TextureUse;
+use super::write::{numbers, quoted};
+use super::{Beside, bytes_of};
+use crate::assets::Flaw;
+use crate::assets::image::{self, Encoding};
+use beamfarm_render::math::Rgb;
+use beamfarm_render::texture::Image;
+use gltf::texture::{MagFilter, WrappingMode};
+use std::collections::BTreeMap;
+use std::fmt::Write;
+use std::sync::Arc;
+
+/// The file's pictures, and those made of them that the piece names.
+pub struct Textures<'a, 'b> {
+    file: &'a str,
+    buffers: &'a Buffers,
+    beside: &'a Beside<'b>,
+    textures: Vec<gltf::Texture<'a>>,
+    /// By number and encoding.
+    decoded: BTreeMap<(usize, Encoding), Arc<Image>>,
+    /// By the names that the piece calls them.
+    pub images: BTreeMap<String, Arc<Image>>,
+}
+
+impl<'a, 'b> Textures<'a, 'b> {
+    pub fn new(file: &'a str, document: &'a gltf::Document, buffers: &'a Buffers, beside: &'a Beside<'b>) -> Self {
+        Self {
+            file,
+            buffers,
+            beside,
+            textures: document.textures().collect(),
+            decoded: BTreeMap::new(),
+            images: BTreeMap::new(),
+        }
+    }
+
+    fn texture(&self, used: &TextureUse) -> Result<&gltf::Texture<'a>, Flaw> {
+        let texture = self.textures.get(used.index);
+        texture.ok_or_else(|| {
+            let (index, count) = (used.index, self.textures.len());
+            format!("it names texture {index}, but there are {count}").into()
+        })
+    }
+
+    /// The picture of a texture.
+    pub fn picture(&mut self, used: &TextureUse, encoding: Encoding) -> Result<Arc<Image>, Flaw> {
+        let source = self.texture(used)?.source();
+        let key = (source.index(), encoding);
+        if let Some(image) = self.decoded.get(&key) {
+            return Ok(image.clone());
+        }
+        let image = match source.source() {
+            gltf::image::Source::View { view, .. } => {
+                self.buffers.view(&view).and_then(|bytes| image::read(bytes, encoding))
+            }
+            gltf::image::Source::Uri { uri, .. } => {
+                bytes_of(uri, self.beside).and_then(|bytes| image::read(&bytes, encoding))
+            }
+        };
+        let image = image.map_err(|flaw| format!("image {}: {}", source.index(), flaw.message))?;
+        let image = Arc::new(image);
+        self.decoded.insert(key, image.clone());
+        Ok(image)
+    }
+
+    /// A picture as a texture of a scene file, called `name`, lying as `used` says. `more`: further fields of it.
+    pub fn written(&mut self, used: &TextureUse, name: &str, image: Arc<Image>, more: &str) -> Result<String, Flaw> {
+        let file = format!("{}:{name}", self.file);
+        let sampler = self.texture(used)?.sampler();
+        let wrap = match sampler.wrap_s() {
+            WrappingMode::Repeat => "repeat",
+            WrappingMode::MirroredRepeat => "mirror",
+            WrappingMode::ClampToEdge => "clamp",
+        };
+        let filter = match sampler.mag_filter() {
+            Some(MagFilter::Nearest) => "nearest",
+            _ => "bilinear",
+        };
+        let mut text = format!(
+            "{{ image = {}, wrap = \"{wrap}\", filter = \"{filter}\"{more}",
+            quoted(&file)
+        );
+        if let Some(matrix) = uv_matrix(used) {
+            let _ = write!(text, ", uv = [{{ matrix = {matrix} }}]");
+        }
+        text.push_str(" }");
+        self.images.insert(file, image);
+        Ok(text)
+    }
+
+    /// Whether a texture lies otherwise beyond its edges along v than along u.
+    pub fn wraps_in_two_ways(&self, used: &TextureUse) -> bool {
+        let sampler = self.textures.get(used.index).map(gltf::Texture::sampler);
+        sampler.is_some_and(|sampler| sampler.wrap_s() != sampler.wrap_t())
+    }
+}
+
+/// Which texture coordinates of the mesh it takes.
+pub fn uv_set(used: &TextureUse) -> u32 {
+    let transform = used.extensions.transform.as_ref();
+    transform.and_then(|t| t.tex_coord).unwrap_or(used.tex_coord)
+}
+
+/// KHR_texture_transform for a v that runs upwards.
+fn uv_matrix(used: &TextureUse) -> Option<String> {
+    let transform = used.extensions.transform.as_ref()?;
+    // Counter-clockwise, where v runs downwards.
+    let (sin, cos) = libm::sincos(transform.rotation);
+    let [across, down] = transform.scale;
+    let [a, b, c] = [cos * across, sin * down, transform.offset[0]];
+    let [d, e, f] = [-sin * across, cos * down, transform.offset[1]];
+    if [a, b, c, d, e, f] == [1.0, 0.0, 0.0, 0.0, 1.0, 0.0] {
+        return None;
+    }
+    let rows = [numbers(&[a, -b, b + c]), numbers(&[-d, e, 1.0 - e - f])];
+    Some(format!("[{}, {}, [0, 0, 1]]", rows[0], rows[1]))
+}
+
+/// An image with a function of each of its pixels.
+pub fn mapped(image: &Image, f: impl Fn(Rgb) -> Rgb) -> Arc<Image> {
+    Arc::new(Image {
+        width: image.width,
+        height: image.height,
+        pixels: image.pixels.iter().map(|p| f(*p)).collect(),
+        alpha: Vec::new(),
+    })
+}
+
+pub fn times(image: Arc<Image>, factor: Rgb) -> Arc<Image> {
+    match factor == Rgb::ONE {
+        true => image,
+        false => mapped(&image, |p| p * factor),
+    }
+}
+
+pub fn mean(image: &Image) -> [f64; 3] {
+    let mut sum = [0.0; 3];
+    for pixel in &image.pixels {
+        for (sum, value) in sum.iter_mut().zip(pixel.to_array()) {
+            *sum += f64::from(value);
+        }
+    }
+    sum.map(|sum| sum / image.pixels.len().max(1) as f64)
+}
+
+/// Normals whose x and y are multiplied by `scale`, as (x + 1) / 2.
+pub fn scaled_normals(image: Arc<Image>, scale: f64) -> Arc<Image> {
+    match scale == 1.0 {
+        true => image,
+        false => mapped(&image, |p| {
+            let n = p * 2.0 - Rgb::ONE;
+            let n = glam::DVec3::new(f64::from(n.x) * scale, f64::from(n.y) * scale, f64::from(n.z));
+            let n = n.try_normalize().unwrap_or(glam::DVec3::Z);
+            Rgb::from_array((n * 0.5 + 0.5).to_array().map(|x| x as f32))
+        }),
+    }
+}

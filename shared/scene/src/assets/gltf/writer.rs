@@ -1,0 +1,203 @@
+//! The parts of a glTF material that all kinds of materials have: colours, opacity, what is metal and how rough.
+
+use super::gloss::{base_color, metallic};
+use super::notes::Notes;
+use super::record::{AlphaMode, Material, SpecularGlossiness, TextureUse};
+use super::texture::{Textures, mapped, mean, times, uv_set};
+use super::write::{number, numbers};
+use crate::assets::Flaw;
+use crate::assets::image::Encoding;
+use beamfarm_render::math::Rgb;
+
+/// A number, or a texture of numbers.
+pub struct Amount {
+    /// As TOML.
+    pub text: String,
+    /// Its mean.
+    pub mean: f64,
+    pub is_texture: bool,
+}
+
+impl Amount {
+    pub fn number(x: f64) -> Self {
+        Self {
+            text: number(x),
+            mean: x,
+            is_texture: false,
+        }
+    }
+}
+
+/// What a material is without its extensions. The colour is TOML.
+pub struct Base {
+    pub color: String,
+    pub metallic: Amount,
+    pub roughness: Amount,
+}
+
+/// One material on its way.
+pub struct Writer<'w, 'a, 'b> {
+    pub material: &'w Material,
+    pub id: &'w str,
+    pub name: &'w str,
+    pub textures: &'w mut Textures<'a, 'b>,
+    pub notes: &'w mut Notes,
+    pub uv_set: u32,
+}
+
+impl Writer<'_, '_, '_> {
+    pub fn note(&mut self, note: impl Into<String>) {
+        self.notes.add_of(note, self.name);
+    }
+
+    /// Whether a texture lies on the mesh as the others do; says so where it does not.
+    pub fn lies_with_others(&mut self, used: &TextureUse) -> bool {
+        if self.textures.wraps_in_two_ways(used) {
+            self.note("beyond their edges textures go on along v as they do along u: materials");
+        }
+        let is_so = uv_set(used) == self.uv_set;
+        if !is_so {
+            self.note(
+                "textures of one material have several sets of texture coordinates; those that are not in its main one \
+                 count by their mean, and normals not at all: materials",
+            );
+        }
+        is_so
+    }
+
+    /// A number times a texture's channel. `what` is what it is called.
+    pub fn amount(
+        &mut self,
+        factor: f64,
+        used: Option<&TextureUse>,
+        channel: usize,
+        what: &str,
+    ) -> Result<Amount, Flaw> {
+        let Some(used) = used else {
+            return Ok(Amount::number(factor));
+        };
+        let image = self.textures.picture(used, Encoding::Raw)?;
+        let mean = factor * mean(&image)[channel];
+        if !self.lies_with_others(used) || factor == 0.0 {
+            return Ok(Amount::number(mean));
+        }
+        let image = mapped(&image, |p| {
+            Rgb::splat((f64::from(p.to_array()[channel]) * factor).clamp(0.0, 1.0) as f32)
+        });
+        let name = format!("{}.{what}", self.id);
+        Ok(Amount {
+            text: self.textures.written(used, &name, image, "")?,
+            mean,
+            is_texture: true,
+        })
+    }
+
+    /// A colour, or a picture of one, as TOML. `what` is what it is called.
+    pub fn color(&mut self, factor: [f64; 3], used: Option<&TextureUse>, what: &str) -> Result<String, Flaw> {
+        let Some(used) = used else {
+            return Ok(numbers(&factor));
+        };
+        let image = self.textures.picture(used, Encoding::Srgb)?;
+        if !self.lies_with_others(used) {
+            let mean = mean(&image);
+            return Ok(numbers(&std::array::from_fn::<_, 3, _>(|c| factor[c] * mean[c])));
+        }
+        let image = times(image, Rgb::from_array(factor.map(|x| x as f32)));
+        let name = format!("{}{what}", self.id);
+        self.textures.written(used, &name, image, "")
+    }
+
+    /// What of light does not go straight through, as TOML.
+    pub fn opacity(&mut self) -> Result<Option<String>, Flaw> {
+        let pbr = &self.material.pbr_metallic_roughness;
+        let (factor, texture) = match &self.material.extensions.specular_glossiness {
+            Some(gloss) => (gloss.diffuse_factor[3], &gloss.diffuse_texture),
+            None => (pbr.base_color_factor[3], &pbr.base_color_texture),
+        };
+        let mode = self.material.alpha_mode;
+        let cutoff = self.material.alpha_cutoff.unwrap_or(0.5);
+        let alpha = |a: f64| match mode {
+            AlphaMode::Opaque => 1.0,
+            AlphaMode::Blend => a.clamp(0.0, 1.0),
+            AlphaMode::Mask => f64::from(u8::from(a >= cutoff)),
+        };
+        if mode == AlphaMode::Opaque {
+            return Ok(None);
+        }
+        let Some(used) = texture else {
+            return Ok(Some(number(alpha(factor))).filter(|_| alpha(factor) < 1.0));
+        };
+        let image = self.textures.picture(used, Encoding::Alpha)?;
+        let image = mapped(&image, |p| Rgb::splat(alpha(f64::from(p.x) * factor) as f32));
+        if image.pixels.iter().all(|p| *p == Rgb::ONE) {
+            return Ok(None);
+        }
+        if !self.lies_with_others(used) {
+            return Ok(Some(number(mean(&image)[0])));
+        }
+        let name = format!("{}.opacity", self.id);
+        self.textures.written(used, &name, image, "").map(Some)
+    }
+
+    /// Of the metallic and roughness model, or of the specular and glossiness one.
+    pub fn base(&mut self) -> Result<Base, Flaw> {
+        let material = self.material;
+        if let Some(gloss) = &material.extensions.specular_glossiness {
+            return self.base_of_gloss(gloss);
+        }
+        let pbr = &material.pbr_metallic_roughness;
+        let [r, g, b, _] = pbr.base_color_factor;
+        let texture = pbr.metallic_roughness_texture.as_ref();
+        Ok(Base {
+            color: self.color([r, g, b], pbr.base_color_texture.as_ref(), "")?,
+            metallic: self.amount(pbr.metallic_factor, texture, 2, "metallic")?,
+            roughness: self.amount(pbr.roughness_factor, texture, 1, "roughness")?,
+        })
+    }
+
+    /// Of KHR_materials_pbrSpecularGlossiness.
+    fn base_of_gloss(&mut self, gloss: &SpecularGlossiness) -> Result<Base, Flaw> {
+        self.note(
+            "KHR_materials_pbrSpecularGlossiness is converted, and its textures but the diffuse count by their mean: \
+             materials",
+        );
+        let (mut specular, mut glossiness) = (gloss.specular_factor, gloss.glossiness_factor);
+        if let Some(used) = &gloss.specular_glossiness_texture {
+            let by = mean(&*self.textures.picture(used, Encoding::Srgb)?);
+            specular = std::array::from_fn(|c| specular[c] * by[c]);
+            glossiness *= mean(&*self.textures.picture(used, Encoding::Alpha)?)[0];
+        }
+        let [r, g, b, _] = gloss.diffuse_factor;
+        let factor = [r, g, b];
+        let roughness = (1.0 - glossiness).clamp(0.0, 1.0);
+        let Some(used) = &gloss.diffuse_texture else {
+            let metallic = metallic(factor, specular);
+            let color = numbers(&base_color(factor, specular, metallic));
+            return Ok(Base {
+                color,
+                metallic: Amount::number(metallic),
+                roughness: Amount::number(roughness),
+            });
+        };
+        let image = times(
+            self.textures.picture(used, Encoding::Srgb)?,
+            Rgb::from_array(factor.map(|x| x as f32)),
+        );
+        let metallic = metallic(mean(&image), specular);
+        let of = |diffuse: [f64; 3]| base_color(diffuse, specular, metallic);
+        let color = match self.lies_with_others(used) {
+            false => numbers(&of(mean(&image))),
+            true => {
+                let image = mapped(&image, |p| {
+                    Rgb::from_array(of(p.to_array().map(f64::from)).map(|x| x as f32))
+                });
+                self.textures.written(used, self.id, image, "")?
+            }
+        };
+        Ok(Base {
+            color,
+            metallic: Amount::number(metallic),
+            roughness: Amount::number(roughness),
+        })
+    }
+}

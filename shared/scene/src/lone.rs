@@ -1,0 +1,37 @@
+//! A glTF file in the place of a scene file: the native scene that shows it.
+
+use crate::assets::gltf::{self, Whole};
+use crate::{SceneError, paths, read_file, with_assets};
+use beamfarm_image::bundle;
+use std::path::Path;
+
+/// Whether a scene file is glTF, by its name.
+pub fn is_gltf(path: &Path) -> bool {
+    let is = |ending: &std::ffi::OsStr| ["glb", "gltf"].iter().any(|known| ending.eq_ignore_ascii_case(known));
+    path.extension().is_some_and(is)
+}
+
+/// A scene that names the file relative to `folder`, where it is to stand.
+pub fn scene(path: &Path, folder: &Path) -> Result<Whole, SceneError> {
+    let wrong = |message: String| SceneError {
+        file: path.to_owned(),
+        line: None,
+        message,
+    };
+    let bytes = read_file(path, bundle::MAX_BYTES).map_err(wrong)?;
+    let way = paths::relative(path, folder);
+    let way = way
+        .to_str()
+        .ok_or_else(|| wrong("the file's path is not UTF-8".into()))?;
+    // What lies beside it is found as for any scene that names it.
+    let quoted = toml::Value::from(way);
+    let naming =
+        format!("image = {{ width = 1, height = 1 }}\ncamera = {{ gltf = {quoted} }}\n[[gltf]]\nfile = {quoted}\n");
+    let named = with_assets("scene.toml".into(), naming.into_bytes(), path, folder);
+    let named = named.map_err(|error| wrong(error.message))?;
+    let beside = |file: &str| {
+        let file = named.files.get(&bundle::key(&gltf::beside(way, file)));
+        file.map(Vec::as_slice)
+    };
+    gltf::scene(way, &bytes, &beside).map_err(|flaw| wrong(flaw.message))
+}

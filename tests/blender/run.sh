@@ -1,0 +1,40 @@
+#!/usr/bin/env bash
+# The Blender add-on, installed from its zip into Blender as a Python module: run.sh PATH/TO/beamfarm [TEST.py…]
+#
+# BPY may name a Python that has bpy already. Ends with 77, as automake's tests do, where there is none and none can be
+# installed.
+set -euo pipefail
+program=$(realpath "$1")
+shift
+cd "$(dirname "$0")"
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+
+# The wheels of Blender 4.5 are for this one alone.
+python=${BPY:-}
+if [[ -z $python ]]; then
+    if ! command -v python3.11 >/dev/null || ! python3.11 -m venv "$work/venv" ||
+        ! "$work/venv/bin/pip" install --quiet --disable-pip-version-check "bpy==4.5.*" numpy; then
+        echo "SKIPPED: the Blender add-on: Python 3.11 with bpy 4.5 could not be had" >&2
+        exit 77
+    fi
+    python=$work/venv/bin/python
+fi
+
+tests=("$@")
+if ((!${#tests[@]})); then
+    tests=(test_engine_*.py test_export_text.py test_export_lights.py)
+    # Materials and whole scenes beside Cycles take minutes.
+    [[ -z ${BEAMFARM_LONG:-} ]] || tests=(test_*.py)
+fi
+export BEAMFARM=$program
+code=0
+for test in "${tests[@]}"; do
+    # One process each: what one does to Blender's preferences is not there for the next.
+    if ! "$python" -m unittest "$test" >"$work/log" 2>&1; then
+        code=1
+        cat "$work/log"
+    fi
+    grep -h '^Ran ' "$work/log" | sed "s/^/$test: /" || true
+done
+exit "$code"

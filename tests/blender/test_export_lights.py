@@ -1,0 +1,113 @@
+"""Every kind of light on a wall, against Cycles."""
+
+import math
+import unittest
+
+import compare
+import scenes
+
+
+def floor():
+    scenes.empty()
+    compare.use_cycles()
+    scenes.camera((0.0, -4.0, 3.0), (0.0, 0.0, 0.0))
+    scenes.plane(size=6.0, material=scenes.diffuse())
+
+
+@unittest.skipUnless(compare.program(), "no beamfarm: set BEAMFARM, or build it")
+class Lights(unittest.TestCase):
+    def setUp(self):
+        floor()
+
+    def check(self, name, **how):
+        return compare.check(self, name, **how)
+
+    def test_point(self):
+        scenes.light("POINT", (0.5, 0.3, 2.0), 50.0, color=(1.0, 0.6, 0.3))
+        self.check("point")
+
+    def test_point_with_a_radius(self):
+        scenes.light("POINT", (0.5, 0.3, 2.0), 50.0, shadow_soft_size=0.3, use_soft_falloff=False)
+        self.check("point, radius 0.3")
+
+    def test_point_that_is_seen(self):
+        lamp = scenes.light("POINT", (0.5, 0.3, 1.0), 50.0, shadow_soft_size=0.3, use_soft_falloff=False)
+        lamp.visible_camera = True
+        self.check("point that is seen")
+
+    def test_soft_falloff_is_told(self):
+        scenes.light("POINT", (0.5, 0.3, 2.0), 50.0, shadow_soft_size=0.1)
+        result = self.check("point, soft falloff")
+        self.assertEqual(len(result.notes), 1)
+
+    def test_spots(self):
+        for size, blend in ((60.0, 0.5), (120.0, 0.15), (80.0, 1.0), (60.0, 0.0)):
+            with self.subTest(size=size, blend=blend):
+                floor()
+                scenes.light("SPOT", (0.5, 0.3, 2.0), 50.0, spot_size=math.radians(size), spot_blend=blend)
+                self.check(f"spot {size:.0f}, blend {blend}")
+
+    def test_sun(self):
+        scenes.light("SUN", (0.5, 0.3, 2.0), 2.0, angle=0.0)
+        self.check("sun")
+
+    def test_areas(self):
+        for shape in ("SQUARE", "RECTANGLE", "DISK", "ELLIPSE"):
+            with self.subTest(shape=shape):
+                floor()
+                lamp = scenes.light("AREA", (0.5, 0.3, 2.0), 20.0, shape=shape, size=1.0, size_y=0.5)
+                lamp.scale = (1.0, 1.5, 1.0)
+                self.check(f"area, {shape.lower()}")
+
+    def test_area_that_is_seen(self):
+        lamp = scenes.light("AREA", (0.5, 0.3, 1.0), 50.0, target=(0.0, -2.0, 2.0), size=1.0)
+        lamp.visible_camera = True
+        self.check("area that is seen")
+
+    def test_lamps_do_not_block(self):
+        scenes.light("AREA", (0.0, 0.0, 1.0), 50.0, size=1.0)
+        scenes.light("POINT", (0.0, 0.0, 2.0), 50.0)
+        self.check("a lamp before another")
+
+    def test_not_normalized(self):
+        warm = {"normalize": False, "exposure": 1.0, "use_temperature": True, "temperature": 4000.0}
+        cases = {
+            "POINT": {"shadow_soft_size": 0.2, "use_soft_falloff": False},
+            "AREA": {"size": 0.7},
+            "SUN": {"angle": 0.2},
+            "SPOT": {"shadow_soft_size": 0.02},
+        }
+        for kind, values in cases.items():
+            with self.subTest(kind=kind):
+                floor()
+                if "normalize" not in scenes.bpy.types.Light.bl_rna.properties:
+                    self.skipTest("this Blender has no such lights")
+                scenes.light(kind, (0.5, 0.3, 2.0), 3.0, **values, **warm)
+                self.check(f"{kind.lower()}, not normalized, 4000 K")
+
+    def test_nodes(self):
+        lamp = scenes.light("POINT", (0.5, 0.3, 2.0), 50.0, color=(1.0, 0.8, 1.0))
+        lamp.data.use_nodes = True
+        emission = lamp.data.node_tree.nodes["Emission"]
+        emission.inputs["Color"].default_value = (1.0, 0.5, 0.2, 1.0)
+        emission.inputs["Strength"].default_value = 3.0
+        self.check("point with nodes")
+
+    def test_meshes_that_shine(self):
+        shining = {"node": "ShaderNodeEmission", "Strength": 3.0, "Color": (1.0, 0.6, 0.3)}
+        with self.subTest("open: to both sides"):
+            scenes.plane("Sheet", 1.0, (0.0, 0.0, 1.0), scenes.degrees(30, 0, 0), scenes.material("Glow", **shining))
+            self.check("open mesh that shines")
+        with self.subTest("closed"):
+            floor()
+            scenes.ball("Ball", 0.4, (0.0, 0.0, 1.0), scenes.material("Glow", **shining))
+            self.check("closed mesh that shines")
+
+    def test_world(self):
+        scenes.background().inputs["Color"].default_value = (0.5, 0.6, 0.7, 1.0)
+        scenes.background().inputs["Strength"].default_value = 2.0
+        self.check("world colour")
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -1,0 +1,220 @@
+"""What stands in scene files, and what is said of the rest. No renderer is needed."""
+
+import math
+import pathlib
+import tempfile
+import tomllib
+import unittest
+
+import bpy
+import compare
+import numpy as np
+import scenes
+from export import Exporter, ExportSettings, View, toml
+from export.lights import spot_steps
+from export.names import Names
+from export.pictures import exr
+from mathutils import Matrix
+
+
+def exported():
+    result = compare.export_scene()
+    return tomllib.loads(result.text), result
+
+
+def room(**inputs):
+    """A ball with a Principled BSDF; its node."""
+    scenes.empty()
+    compare.use_cycles()
+    scenes.camera((0.0, -4.0, 3.0), (0.0, 0.0, 0.2))
+    made = scenes.material("Rock", **inputs)
+    scenes.ball("Ball", 0.5, (0.0, 0.0, 0.5), made, segments=8)
+    return next(node for node in made.node_tree.nodes if node.type == "BSDF_PRINCIPLED")
+
+
+class Text(unittest.TestCase):
+    def test_any_text_and_number_reads_back(self):
+        table = {
+            'a "b"\n\\é': {"x": 0.1, "n": 3, "on": True, "many": [[0.25, -0.0]], "in": {"k ": "\x01\x7f"}},
+            "list": [{"name": "one"}, {"name": "two"}],
+            "tables": {"a b": {"v": float(np.float32(0.6))}, "c": {"v": 1e-30}},
+        }
+        read = tomllib.loads(toml.document(table))
+        self.assertEqual(np.float32(read["tables"]["a b"].pop("v")), np.float32(0.6))
+        table["tables"]["a b"] = {}
+        self.assertEqual(read, table)
+        with self.assertRaises(ValueError):
+            toml.inline(math.inf)
+
+    def test_names_are_unique_and_stay(self):
+        names = Names()
+        self.assertEqual([names.get(key, "a[1]") for key in (1, 2, 1)], ["a_1_", "a_1_-2", "a_1_"])
+        self.assertNotEqual(names.get(3, "all"), "all")
+
+    def test_spots_keep_their_power(self):
+        for half, blend in ((20.0, 0.15), (40.0, 0.5), (60.0, 1.0), (85.0, 0.3)):
+            half = math.radians(half)
+            theta = np.linspace(0.0, half, 20001)
+            x = np.clip((np.cos(theta) - math.cos(half)) / ((1.0 - math.cos(half)) * blend), 0.0, 1.0)
+            wanted = x * x * (3.0 - 2.0 * x)
+            ours = sum(s * np.clip((o - theta) / (o - i), 0.0, 1.0) for i, o, s in spot_steps(half, blend))
+            self.assertLess(abs((ours * np.sin(theta)).sum() / (wanted * np.sin(theta)).sum() - 1.0), 0.004)
+            self.assertLess(np.abs(ours - wanted).max(), 0.03)
+
+    def test_pictures_read_back(self):
+        values = np.random.default_rng(1).random((5, 7, 3)).astype(np.float32)
+        with tempfile.TemporaryDirectory() as folder:
+            for half in (False, True):
+                path = pathlib.Path(folder) / "a.exr"
+                path.write_bytes(exr(values, half))
+                np.testing.assert_allclose(compare.read(path), values[::-1], atol=5e-4 if half else 0.0)
+
+
+class Said(unittest.TestCase):
+    def test_nodes_that_are_left_out(self):
+        node = room()
+        tree = node.id_data
+        noise = tree.nodes.new("ShaderNodeTexNoise")
+        tree.links.new(noise.outputs["Color"], node.inputs["Base Color"])
+        _, result = exported()
+        self.assertEqual(result.left_out, ["left out: node 'Noise Texture' of material 'Rock'"])
+
+    def test_inputs_that_are_left_out(self):
+        room(Subsurface_Weight=0.5, Anisotropic=0.3)
+        _, result = exported()
+        self.assertEqual(len(result.left_out), 2)
+        self.assertIn("subsurface scattering", result.left_out[0])
+
+    def test_objects_that_are_left_out(self):
+        room()
+        curves = bpy.data.hair_curves.new("Hair")
+        curves.add_curves([4])
+        scenes.link("Hair", curves)
+        bpy.data.objects["Ball"].is_shadow_catcher = True
+        bpy.context.scene.render.use_motion_blur = True
+        _, result = exported()
+        self.assertEqual(len(result.left_out), 3, result.left_out)
+
+    def test_light_through_a_world_of_fog(self):
+        room()
+        scenes.light("SUN", (0.0, 0.0, 3.0), 1.0)
+        tree = bpy.context.scene.world.node_tree
+        scatter = tree.nodes.new("ShaderNodeVolumeScatter")
+        tree.links.new(scatter.outputs[0], tree.nodes["World Output"].inputs["Volume"])
+        scene, result = exported()
+        self.assertIn(scene["world"]["medium"], scene["media"])
+        self.assertIn("sun", result.left_out[0])
+
+
+class Fields(unittest.TestCase):
+    def texture(self, node, socket, output="Color", separate=None):
+        tree = node.id_data
+        picture = bpy.data.images.new("Picture", 4, 4, alpha=True)
+        picture.colorspace_settings.name = "Non-Color"
+        picture.pixels.foreach_set(np.tile(np.float32([0.2, 0.4, 0.8, 0.5]), 16))
+        picture.update()
+        with tempfile.NamedTemporaryFile(suffix=".png") as file:
+            picture.filepath_raw, picture.file_format = file.name, "PNG"
+            picture.save()
+            picture.pack()
+        image = tree.nodes.new("ShaderNodeTexImage")
+        image.image = picture
+        value = image.outputs[output]
+        if separate:
+            apart = tree.nodes.new("ShaderNodeSeparateColor")
+            tree.links.new(value, apart.inputs[0])
+            value = apart.outputs[separate]
+        tree.links.new(value, node.inputs[socket])
+
+    def test_numbers_by_texture(self):
+        node = room()
+        self.texture(node, "Roughness", separate="Green")
+        self.texture(node, "Metallic", separate="Blue")
+        self.texture(node, "Alpha", output="Alpha")
+        scene, result = exported()
+        table = scene["materials"]["Rock"]
+        self.assertEqual((table["roughness"]["channel"], table["roughness"]["raw"]), ("g", True))
+        self.assertEqual(table["metallic"]["channel"], "b")
+        self.assertEqual(table["opacity"]["channel"], "a")
+        self.assertEqual(result.left_out, [])
+
+    def test_lobes(self):
+        room(Transmission_Weight=0.5, Coat_Weight=0.1, Coat_Roughness=0.1, Sheen_Weight=0.3)
+        scene, result = exported()
+        table = scene["materials"]["Rock"]
+        self.assertEqual(table["spec_trans"], 0.5)
+        self.assertFalse(table["two_sided"])
+        self.assertAlmostEqual(table["clearcoat"], 0.4, places=6)
+        self.assertAlmostEqual(table["clearcoat_gloss"], 0.09 / 0.099, places=6)
+        self.assertAlmostEqual(table["sheen"], 0.3, places=6)
+        self.assertEqual(len(result.notes), 2)
+
+    def test_blends(self):
+        node = room(Metallic=1.0)
+        tree = node.id_data
+        glass, mix = tree.nodes.new("ShaderNodeBsdfGlass"), tree.nodes.new("ShaderNodeMixShader")
+        mix.inputs[0].default_value = 0.25
+        output = node.outputs[0].links[0].to_socket
+        tree.links.new(node.outputs[0], mix.inputs[1])
+        tree.links.new(glass.outputs[0], mix.inputs[2])
+        tree.links.new(mix.outputs[0], output)
+        scene, _ = exported()
+        blend = scene["materials"]["Rock"]
+        self.assertEqual((blend["type"], blend["weight"]), ("blend", 0.25))
+        kinds = [scene["materials"][name]["type"] for name in blend["materials"]]
+        self.assertEqual(kinds, ["principled", "dielectric"])
+
+    def test_a_view_in_place_of_a_camera(self):
+        room()
+        place = Matrix.Translation((1.0, 2.0, 3.0))
+        with tempfile.TemporaryDirectory() as folder:
+            exporter = Exporter(folder)
+            depsgraph = bpy.context.evaluated_depsgraph_get()
+            settings = ExportSettings(64, 48, view=View(place, fov=math.radians(50.0)), render={"passes": 3})
+            scene = tomllib.loads(exporter.write(depsgraph, settings).scene.read_text())
+        self.assertEqual(scene["camera"]["target"], [1.0, 2.0, 2.0])
+        self.assertAlmostEqual(scene["camera"]["fov"], 50.0)
+        self.assertEqual(scene["render"], {"passes": 3})
+
+
+class Updates(unittest.TestCase):
+    """An exporter that is kept: what did not change is not looked at again."""
+
+    def test_only_what_changed_is_written(self):
+        room()
+        other = scenes.cube("Cube", 0.5, (1.0, 0.0, 0.5))
+        with tempfile.TemporaryDirectory() as name:
+            folder = pathlib.Path(name)
+            exporter = Exporter(folder)
+            settings = ExportSettings(64, 48)
+            first = exporter.write(bpy.context.evaluated_depsgraph_get(), settings).scene.read_text()
+            files = {path: path.stat().st_mtime_ns for path in folder.glob("meshes/*")}
+            kept = dict(exporter._geometries)
+            seen = []
+
+            def on_update(_scene, depsgraph):
+                seen.append(exporter.update(depsgraph).scene.read_text())
+
+            bpy.app.handlers.depsgraph_update_post.append(on_update)
+            try:
+                other.location.x = 2.0
+                bpy.context.view_layer.update()
+                self.assertNotEqual(seen[-1], first)
+                self.assertEqual({path: path.stat().st_mtime_ns for path in folder.glob("meshes/*")}, files)
+                self.assertTrue(all(exporter._geometries[key] is kept[key] for key in kept))
+                other.data.vertices[0].co.x = -1.0
+                other.data.update()
+                bpy.context.view_layer.update()
+                same = [key for key in kept if exporter._geometries.get(key) is kept[key]]
+                self.assertEqual(len(same), 1)
+                bpy.data.materials["Rock"].node_tree.nodes["Principled BSDF"].inputs["Metallic"].default_value = 0.7
+                bpy.context.view_layer.update()
+                self.assertAlmostEqual(tomllib.loads(seen[-1])["materials"]["Rock"]["metallic"], 0.7, places=6)
+            finally:
+                bpy.app.handlers.depsgraph_update_post.remove(on_update)
+            whole = Exporter(folder / "whole").write(bpy.context.evaluated_depsgraph_get(), settings)
+            self.assertEqual(whole.scene.read_text(), seen[-1])
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -6,13 +6,13 @@
     python tests/mitsuba/read.py ~/scenes --no-mitsuba       # without asking Mitsuba
     python tests/mitsuba/read.py ~/scenes --csv table.csv    # the table as a file
 
-Every .xml below the folder that begins with <scene> and has a sensor, its includes counted, is one line: yes, or the first refusal. A
-file that a scene names and that is not there is counted apart ("missing"): it says nothing about the reader. Mitsuba (pip install
-mitsuba, variant scalar_rgb) loads each file in a process of its own, with a time limit; what it reads is kept in a cache beside the
-scenes (.mitsuba-reads.json), since it does not change.
+Every .xml below the folder that has a <scene> and a sensor, its includes counted, is one line: yes, or the refusals. A
+file that a scene names and that is not there is counted apart ("missing"): it says nothing about the reader. Mitsuba
+(pip install mitsuba, variant scalar_rgb) loads each file in a process of its own, with a time limit; what it reads is
+kept beside the scenes (.mitsuba-reads.json), since it does not change.
 
-The list at the end names refusals with their names and numbers taken out, and how many files have each: first among those that Mitsuba
-reads. "alone" counts the files that nothing else stops.
+The list at the end names refusals with their names and numbers taken out, and how many files have each, those first
+that Mitsuba reads. "alone" counts the files that nothing else stops.
 """
 
 import argparse
@@ -65,13 +65,14 @@ def by_beamfarm(program, path, seconds):
     with tempfile.TemporaryDirectory() as folder:
         command = [*program, path.name, f"{folder}/scene.toml"]
         try:
-            done = subprocess.run(command, cwd=path.parent, capture_output=True, text=True, timeout=seconds, errors="replace")
+            done = subprocess.run(command, cwd=path.parent, capture_output=True, text=True, timeout=seconds,
+                                  errors="replace")
         except subprocess.TimeoutExpired:
             return ["timeout"]
     if done.returncode == 0:
         return []
     lines = (done.stdout + done.stderr).splitlines()
-    place = re.compile(r"^(error: |LOAD: )?\S*?\.(xml|toml)(:\d+)?: ")
+    place = re.compile(r"^(error: )?\S*?\.(xml|toml)(:\d+)?: ")
     found = [place.sub("", line) for line in lines if place.match(line)]
     return found or lines[-1:] or [f"exit code {done.returncode}"]
 
@@ -140,8 +141,8 @@ def main():
         ours = sum(n for (s, _), n in line.items() if s == "yes")
         missing = sum(n for (s, _), n in line.items() if s == "missing")
         theirs = sum(n for (_, m), n in line.items() if m == "yes")
-        print(f"format {group}: {total} files; read by beamfarm {ours} (files missing for {missing} more), by Mitsuba {theirs}, "
-              f"by both {line.get(('yes', 'yes'), 0)}")
+        print(f"format {group}: {total} files; read by beamfarm {ours} (files missing for {missing} more), "
+              f"by Mitsuba {theirs}, by both {line.get(('yes', 'yes'), 0)}")
     if arguments.csv:
         with arguments.csv.open("w", newline="") as file:
             csv.writer(file).writerows([["file", "version", "beamfarm", "refusals", "Mitsuba"], *table])

@@ -144,7 +144,7 @@ mod tests {
     fn pictures_stand_upright_and_light_screens_evenly() {
         let projector = projector(None);
         let at = |x: f32, y: f32| projector.intensity(Vec3::new(x, y, 1.0));
-        let cubed = |x: f32, y: f32| libm::powf(1.0 + x * x + y * y, 1.5);
+        let cubed = |x: f32, y: f32| crate::math::powf(1.0 + x * x + y * y, 1.5);
         for (x, y, red, green) in [(0.7, 0.3, 0.0, 0.0), (-0.7, 0.3, 3.0, 0.0), (-0.1, -0.2, 2.0, 1.0)] {
             let expected = Rgb::new(red, green, 1.0) * (2.0 * cubed(x, y));
             assert!((at(x, y) - expected).abs().max_element() < 1e-4, "{x} {y}");

@@ -240,7 +240,7 @@ mod tests {
             assert!(flaw.message.contains(reason), "{text}: {}", flaw.message);
         }
         let flaw = RawMesh::read("a.stl", b"").unwrap_err();
-        assert!(flaw.message.contains("expected .ply or .obj"));
+        assert!(flaw.message.contains("expected .ply, .obj or .serialized"));
     }
 
     #[test]

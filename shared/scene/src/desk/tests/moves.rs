@@ -160,7 +160,7 @@ fn steps_look_as_those_beside_them() {
     }
     for (id, words) in [
         ("lights.1", "infinitely far"),
-        ("lights.1.target", "only a spot"),
+        ("lights.1.target", "only spots"),
         ("lights.7", "no light 7"),
         ("shapes.4.2", "no copy 2"),
         ("shapes.0.0", "no copies"),

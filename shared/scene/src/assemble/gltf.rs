@@ -41,7 +41,13 @@ impl Parts<'_> {
         let notes = piece.notes.iter();
         self.notes.extend(notes.map(|note| asset_problem(path, note.clone())));
         let parsed: PieceRecord = toml::from_str(text).map_err(|e| in_file(path, text, &e.into()))?;
-        self.add_piece(&parsed).map_err(|problem| in_piece(path, text, problem))
+        let before = self.notes.len();
+        self.add_piece(&parsed)
+            .map_err(|problem| in_piece(path, text, problem))?;
+        // Their places are those of the piece.
+        let notes = self.notes.split_off(before).into_iter();
+        self.notes.extend(notes.map(|note| in_piece(path, text, note)));
+        Ok(())
     }
 
     fn add_piece(&mut self, piece: &PieceRecord) -> Result<(), Problem> {

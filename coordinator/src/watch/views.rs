@@ -158,7 +158,7 @@ mod tests {
             film
         };
         let mut sum = TreeSum::new(pixels.len() as u32, 1).with_layers(2);
-        let layers = vec![film(&[[2.0, 0.0, 0.0], [4.0, 0.0, 0.0]]), film(&[[1.0, 0.0, -1.0]; 2])];
+        let layers = vec![film(&[[2.0, 1.0, 0.0], [4.0, 1.0, 0.0]]), film(&[[1.0, 0.0, -1.0]; 2])];
         sum.insert(Node::leaf(0, film(pixels)).with_layers(layers)).unwrap();
         sum.average().unwrap()
     }

@@ -286,8 +286,8 @@ impl Material {
             | MaterialKind::Principled { .. } => false,
         }
     }
-    /// Whether paths follow what it scatters, see [`Bsdf::is_followed`](super::Bsdf::is_followed), somewhere; of a blend,
-    /// what some part does.
+    /// Whether paths follow what it scatters, see [`Bsdf::is_followed`](super::Bsdf::is_followed), somewhere; of a
+    /// blend, what some part does.
     #[inline]
     pub fn is_followed(&self) -> bool {
         match &self.kind {

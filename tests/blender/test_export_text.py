@@ -79,6 +79,17 @@ class Said(unittest.TestCase):
         _, result = exported()
         self.assertEqual(result.left_out, ["left out: node 'Noise Texture' of material 'Rock'"])
 
+    def test_colour_attributes_are_left_out(self):
+        node = room()
+        tree = node.id_data
+        color = tree.nodes.new("ShaderNodeVertexColor")
+        color.layer_name = "Paint"
+        tree.links.new(color.outputs["Color"], node.inputs["Base Color"])
+        scene, result = exported()
+        self.assertEqual(len(result.left_out), 1, result.left_out)
+        self.assertIn("colour attribute 'Paint'", result.left_out[0])
+        self.assertNotIn("attribute", str(scene["materials"]))
+
     def test_inputs_that_are_left_out(self):
         room(Subsurface_Weight=0.5, Anisotropic=0.3)
         _, result = exported()

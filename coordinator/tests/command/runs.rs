@@ -170,7 +170,7 @@ fn two_signals_at_once_are_one() {
 #[cfg(unix)]
 #[test]
 fn a_second_signal_kills() {
-    let folder = folder_with(&scene([64, 48], 3, 5_000_000));
+    let folder = folder_with(&scene([64, 48], 3, 50_000_000));
     let folder = folder.path();
     let serve = ["serve", "scene.toml", "--listen", "127.0.0.1:0"];
     let mut server = spawn(beamfarm(folder, &serve));

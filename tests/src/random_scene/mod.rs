@@ -11,6 +11,7 @@ pub mod draw;
 pub mod light;
 pub mod material;
 pub mod medium;
+pub mod variations;
 pub mod world;
 
 use assets::Asset;
@@ -37,6 +38,7 @@ impl RandomScene {
     pub fn new(seed: u64) -> Self {
         let mut b = Builder::new(Draw::new(seed));
         let camera = world::fill(&mut b);
+        variations::vary(&mut b, seed);
         let side = Value::Integer(world::SIDE);
         let mut scene = table([
             ("image", table([("width", side.clone()), ("height", side)]).into()),
@@ -226,6 +228,10 @@ mod tests {
             "exterior",
             "world",
             "checkerboard",
+            "-other",
+            "clearcoat",
+            "spec_trans",
+            "sheen",
         ] {
             assert!(words.contains(word), "{word}");
         }

@@ -39,14 +39,9 @@ def _from_view(view, settings):
     table = _place(view.matrix_world)
     axis = "x" if settings.width >= settings.height else "y"
     if view.is_orthographic:
-        table |= _orthographic(view.ortho_scale, axis)
-    else:
-        table |= {"fov": math.degrees(view.fov), "fov_axis": axis}
+        raise NoCamera("an orthographic view: take a perspective one")
+    table |= {"fov": math.degrees(view.fov), "fov_axis": axis}
     return table | _shift(view.shift, axis, settings)
-
-
-def _orthographic(span, axis):
-    return {"type": "orthographic", "span": float(span), "fov_axis": axis}
 
 
 def _shift(shift, axis, settings):
@@ -60,8 +55,10 @@ def _from_object(camera, context):
     data, settings = camera.data, context.settings
     if data.type == "PANO":
         kind = data.panorama_type.lower().replace("_", " ") if hasattr(data, "panorama_type") else "panorama"
-        raise NoCamera(f"camera '{camera.name}' is a panoramic one ({kind}): take a perspective or an orthographic one")
-    if data.type not in ("PERSP", "ORTHO"):
+        raise NoCamera(f"camera '{camera.name}' is a panoramic one ({kind}): take a perspective one")
+    if data.type == "ORTHO":
+        raise NoCamera(f"camera '{camera.name}' is an orthographic one: take a perspective one")
+    if data.type != "PERSP":
         raise NoCamera(f"camera '{camera.name}' is of the kind {data.type.lower()}: take a perspective one")
     if data.sensor_fit == "AUTO":
         axis, sensor = ("x" if settings.width >= settings.height else "y"), data.sensor_width
@@ -70,10 +67,7 @@ def _from_object(camera, context):
     else:
         axis, sensor = "y", data.sensor_height
     table = _place(camera.matrix_world)
-    if data.type == "ORTHO":
-        table |= _orthographic(data.ortho_scale, axis)
-    else:
-        table |= {"fov": math.degrees(2.0 * math.atan(sensor / (2.0 * data.lens))), "fov_axis": axis}
+    table |= {"fov": math.degrees(2.0 * math.atan(sensor / (2.0 * data.lens))), "fov_axis": axis}
     if data.dof.use_dof:
         table |= _focus(camera, data, context)
     defaults = data.bl_rna.properties
@@ -88,8 +82,8 @@ def _focus(camera, data, context):
     if dof.aperture_blades > 2 or dof.aperture_ratio != 1.0:
         context.report.note(f"camera '{camera.name}': its aperture is round")
     fstop = max(dof.aperture_fstop, 1e-5)
-    # Focal lengths are millimetres, and of an orthographic camera there is none.
-    aperture = (1.0 if data.type == "ORTHO" else data.lens * 1e-3) / (2.0 * fstop)
+    # Focal lengths are millimetres.
+    aperture = data.lens * 1e-3 / (2.0 * fstop)
     distance = dof.focus_distance
     if dof.focus_object is not None:
         matrix = camera.matrix_world

@@ -60,14 +60,12 @@ class Geometry:
         points, _ = self.triangles()
         return float(((points.max(0) - points.min(0)) ** 2).sum() ** 0.5) if len(points) else 0.0
 
-    def file(self, files, slot, uv_map, attribute, offset=0.0):
+    def file(self, files, slot, uv_map, offset=0.0):
         """Path of the PLY of a slot's triangles, of all for None."""
-        key = slot, uv_map, attribute, offset
+        key = slot, uv_map, offset
         if key not in self._files:
-            content = ply(self._read(), slot, uv_map, attribute, offset)
+            content = ply(self._read(), slot, uv_map, offset)
             self._files[key] = files.put("meshes", file_name(self.name), ".ply", content)
         files.use(self._files[key])
         return self._files[key]
 
-    def has_attribute(self, attribute):
-        return self.mesh is None or self._read().colors(attribute) is not None

@@ -25,6 +25,8 @@ def add_rules(context):
 def _receivers(context, lights, collection):
     rays = ["shadow", "photon"]
     included, excluded = members(context, collection)
+    context.report.note(f"light linking of {' and '.join(repr(name) for name in lights)}: what it does not light gets "
+                        "none of its light by way of other objects either")
     if included is not None:
         # The world's medium and what is not named gets no light of it.
         context.rules.append({"on": ["all"], "except": included, "rays": rays, "exclude": lights} if included

@@ -22,7 +22,6 @@ class Slot:
     medium: object = None
     """`media.Medium` inside, or None."""
     uv_map: str = ""
-    attribute: str | None = None
     extra: dict = field(default_factory=dict)
     """Further tables that `material` names, by name."""
 
@@ -72,14 +71,13 @@ def _read(context, material):
 
 
 class _Writer:
-    """Turns values into fields, and gathers what UV map and attribute they want."""
+    """Turns values into fields, and gathers what UV map they want."""
 
     def __init__(self, context, owner, name):
         self.context = context
         self.owner = owner
         self.name = name
         self.uv_maps = []
-        self.attributes = []
         self.extra = {}
 
     def slot(self, surface, medium):
@@ -98,11 +96,8 @@ class _Writer:
                 self.context.report.leave_out(f"emission of {self.owner}: {problem}")
         if len(self.uv_maps) > 1:
             self.context.report.note(f"{self.owner}: all its textures take the UV map '{self.uv_maps[0] or 'active'}'")
-        if len(self.attributes) > 1:
-            self.context.report.note(f"{self.owner}: of its colour attributes '{self.attributes[0]}' stands for all")
         found = Slot(self.name, table, emission, medium, extra=self.extra)
         found.uv_map = self.uv_maps[0] if self.uv_maps else ""
-        found.attribute = self.attributes[0] if self.attributes else None
         if medium is not None and not found.is_boundary:
             self.context.report.leave_out(f"the volume of {self.owner}, whose surface lets no light in")
             found.medium = None
@@ -153,13 +148,11 @@ class _Writer:
         if emission.is_constant:
             return emission
         if emission.special is not None:
-            raise NotShown("a checker or a colour attribute that shines")
+            raise NotShown("a checker that shines")
         self.context.report.note(f"{self.owner}: what shines by texture '{emission.name}' counts by its mean")
         return constant(*(float(number) for number in emission.as_color().data.mean(axis=(0, 1))))
 
     def seen(self, value):
         if value.lookup is not None and value.lookup.uv_map not in self.uv_maps:
             self.uv_maps.append(value.lookup.uv_map)
-        if value.attribute is not None and value.attribute not in self.attributes:
-            self.attributes.append(value.attribute)
         return value

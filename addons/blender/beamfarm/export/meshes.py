@@ -30,19 +30,6 @@ class MeshArrays:
         layer = layers.get(name) if name else next((layer for layer in layers if layer.active_render), None)
         return None if layer is None else _read(layer.uv, "vector", np.float32, 2)
 
-    def colors(self, name):
-        """Linear RGB of corners by the colour attribute `name`; None where there is none."""
-        attributes = self.mesh.color_attributes
-        if not name:
-            index = attributes.render_color_index
-            attribute = attributes[index] if 0 <= index < len(attributes) else None
-        else:
-            attribute = attributes.get(name)
-        if attribute is None:
-            return None
-        values = _read(attribute.data, "color", np.float32, 4)[:, :3]
-        return values if attribute.domain == "CORNER" else values[self.vertex_of]
-
 
 def _read(collection, name, kind, width=1):
     values = np.empty(len(collection) * width, dtype=kind)
@@ -50,11 +37,10 @@ def _read(collection, name, kind, width=1):
     return values if width == 1 else values.reshape(-1, width)
 
 
-def ply(arrays, slot, uv_name=None, color_name=None, offset=0.0):
+def ply(arrays, slot, uv_name=None, offset=0.0):
     """Bytes of the PLY file of a slot's triangles (of all for None), or None where it has none.
 
-    Vertices are split where corners differ. `color_name` is that of an attribute, "" for the active one, None for
-    none. `offset` moves every vertex along its corner's normal.
+    Vertices are split where corners differ. `offset` moves every vertex along its corner's normal.
     """
     corners = arrays.corners if slot is None else arrays.corners[arrays.slots == slot]
     if len(corners) == 0:
@@ -73,11 +59,6 @@ def ply(arrays, slot, uv_name=None, color_name=None, offset=0.0):
     if uv is not None:
         columns.append(("u", "v"))
         values.append(uv[loops])
-    if color_name is not None:
-        colors = arrays.colors(color_name)
-        if colors is not None:
-            columns.append(("r", "g", "b"))
-            values.append(np.maximum(colors[loops], 0.0))
     records = np.ascontiguousarray(np.concatenate(values, axis=1), dtype="<f4")
     vertices, indices = _weld(records, arrays.vertex_of[loops])
     return _encode([name for group in columns for name in group], vertices, indices.reshape(-1, 3))

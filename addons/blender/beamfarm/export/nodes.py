@@ -198,16 +198,12 @@ def _checker(reader, place):
 
 
 def _vertex_color(reader, place):
-    if place.socket.name != "Color":
-        raise NotShown("alpha of a colour attribute")
-    return Value(None, 3, special={"attribute": "color"}, attribute=place.node.layer_name)
+    raise NotShown(f"colour attribute '{place.node.layer_name}'")
 
 
 def _attribute(reader, place):
     node = place.node
-    if node.attribute_type != "GEOMETRY" or place.socket.name != "Color":
-        raise NotShown(f"attribute '{node.attribute_name}' of the {node.attribute_type.lower()}")
-    return Value(None, 3, special={"attribute": "color"}, attribute=node.attribute_name)
+    raise NotShown(f"attribute '{node.attribute_name}' of the {node.attribute_type.lower()}")
 
 
 def _formula(function):

@@ -66,10 +66,6 @@ class Shapes:
         for index, found in group.slots:
             for offset in _offsets(group, found):
                 geometry.file(context.files, *_variant(group, index, found), offset)
-            if found.attribute is not None and not geometry.has_attribute(found.attribute):
-                context.report.leave_out(
-                    f"colour attribute '{found.attribute}', which '{group.placed[0].object.name}' does not have"
-                )
 
     def finish(self):
         """Adds all shapes and their media."""
@@ -151,7 +147,7 @@ def _look(found):
 
 
 def _variant(group, index, found):
-    return (None if len(group.slots) == 1 else index), found.uv_map, found.attribute
+    return (None if len(group.slots) == 1 else index), found.uv_map
 
 
 def _offsets(group, found):

@@ -54,9 +54,7 @@ class Value:
     lookup: Lookup | None = None
     source: Source | None = None
     special: dict | None = None
-    """A texture of the scene file that is no image: checkers, attributes."""
-    attribute: str | None = None
-    """Name of the colour attribute that `special` needs, "" for the active one."""
+    """A texture of the scene file that is no image: checkers."""
     name: str = "baked"
     is_vector: bool = False
     """Becomes a number by its mean, not by its luminance."""
@@ -101,7 +99,7 @@ def combine(function, *values):
     lookups = []
     for value in values:
         if value.special is not None:
-            raise NotShown("a formula of checkers or colour attributes")
+            raise NotShown("a formula of checkers")
         if value.lookup is not None and value.lookup not in lookups:
             lookups.append(value.lookup)
     if len(lookups) > 1:

@@ -1,11 +1,14 @@
 //! EXR in and out: block images on the wire, final images on disk.
 
 mod block;
+mod cryptomatte;
+mod hash;
 mod header;
 mod image;
+mod read;
 
 pub use block::{BlockMeta, decode_block, encode_block, encoded_size};
-pub use image::{
-    ImageMeta, Maker, Names, Provenance, check_claims, decode_rgb, encode_image, node_hash, node_hashes, pixel_hash,
-    read_rgb, read_standard_error, without_panic, write_image,
-};
+pub use cryptomatte::Names;
+pub use hash::{node_hash, node_hashes, pixel_hash};
+pub use image::{ImageMeta, Maker, Provenance, encode_image, write_image};
+pub use read::{check_claims, decode_rgb, read_rgb, read_standard_error, without_panic};

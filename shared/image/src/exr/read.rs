@@ -1,0 +1,182 @@
+//! Reading images that others may have made.
+
+use crate::error::ImageError;
+use crate::film::Film;
+use exr::meta::attribute::Compression;
+use exr::prelude::{ReadChannels, ReadLayers, ReadSpecificChannel, Vec2};
+use std::io::Cursor;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::Path;
+
+/// Read the channels R, G, B, half or float, of the first layer that has them.
+pub fn read_rgb(path: &Path) -> Result<Film, ImageError> {
+    let bytes = std::fs::read(path).map_err(|source| ImageError::Io {
+        path: path.to_owned(),
+        source,
+    })?;
+    decode_rgb(&bytes).map_err(|message| ImageError::File {
+        path: path.to_owned(),
+        message,
+    })
+}
+
+/// Read the standard error of an image that [`write_image`] wrote, if it has one: the channels stderr.R, .G, .B.
+pub fn read_standard_error(path: &Path) -> Result<Option<Film>, ImageError> {
+    let bytes = std::fs::read(path).map_err(|source| ImageError::Io {
+        path: path.to_owned(),
+        source,
+    })?;
+    let failed = |message| ImageError::File {
+        path: path.to_owned(),
+        message,
+    };
+    check_claims(&bytes, false).map_err(failed)?;
+    let names = ["stderr.R", "stderr.G", "stderr.B"];
+    let meta = exr::meta::MetaData::read_from_buffered(&bytes[..], false).map_err(|error| failed(error.to_string()))?;
+    let has_all = meta.headers.iter().any(|header| {
+        let channels = &header.channels.list;
+        let has = |name: &&str| channels.iter().any(|channel| channel.name.eq(name));
+        names.iter().all(has)
+    });
+    match has_all {
+        true => without_panic(|| decode_trusting(&bytes, names))
+            .map(Some)
+            .map_err(failed),
+        false => Ok(None),
+    }
+}
+
+/// Pixels of the largest image that is read.
+const MAX_PIXELS: usize = 1 << 27;
+/// Decoded bytes per byte of the file at most. Deflate reaches 1032; the other methods of EXR stay below it.
+const MAX_EXPANSION: usize = 2048;
+
+/// Whether a file that need not be trusted can hold the pixels that it claims, in a form whose decoder is safe to run.
+pub fn check_claims(bytes: &[u8], pedantic: bool) -> Result<(), String> {
+    let meta = exr::meta::MetaData::read_from_buffered(bytes, pedantic).map_err(|error| error.to_string())?;
+    let mut claimed = 0usize;
+    for header in &meta.headers {
+        let Vec2(width, height) = header.layer_size;
+        let pixels = width.checked_mul(height).filter(|n| *n <= MAX_PIXELS);
+        let Some(pixels) = pixels else {
+            return Err(format!("{width} x {height} pixels; expected at most {MAX_PIXELS}"));
+        };
+        // The DWA decoder of exr 1.74 allocates what a chunk says it needs; a broken one would end the process.
+        if matches!(header.compression, Compression::DWAA(_) | Compression::DWAB(_)) {
+            return Err("DWA compression; expected none, RLE, ZIP, PIZ, PXR24 or B44".into());
+        }
+        claimed = claimed.saturating_add(pixels.saturating_mul(header.channels.bytes_per_pixel));
+    }
+    match claimed > bytes.len().saturating_mul(MAX_EXPANSION) {
+        true => Err("the file is too short for the pixels that its header claims".into()),
+        false => Ok(()),
+    }
+}
+
+/// Run a decoder of the `exr` crate. The B44 decoder of exr 1.74 subtracts below zero in a broken file, which is a
+/// panic where overflow is checked.
+pub fn without_panic<T>(decode: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
+    let read = catch_unwind(AssertUnwindSafe(decode));
+    read.unwrap_or_else(|_| Err("not a sound OpenEXR file".into()))
+}
+
+/// [`read_rgb`] from memory; the error says what is wrong with the bytes. They need not be trusted.
+pub fn decode_rgb(bytes: &[u8]) -> Result<Film, String> {
+    check_claims(bytes, false)?;
+    without_panic(|| decode_trusting(bytes, ["R", "G", "B"]))
+}
+
+fn decode_trusting(bytes: &[u8], channels: [&str; 3]) -> Result<Film, String> {
+    let create = |size: Vec2<usize>, _: &_| Film::new(size.0 as u32, size.1 as u32);
+    let set = |film: &mut Film, at: Vec2<usize>, (r, g, b): (f32, f32, f32)| {
+        let i = at.1 * film.width as usize + at.0;
+        if let Some(pixel) = film.pixels.get_mut(i) {
+            *pixel = [r, g, b];
+        }
+    };
+    let reader = exr::image::read::read()
+        .no_deep_data()
+        .largest_resolution_level()
+        .specific_channels();
+    let reader = reader
+        .required(channels[0])
+        .required(channels[1])
+        .required(channels[2])
+        .collect_pixels(create, set);
+    let reader = reader.first_valid_layer().all_attributes().non_parallel();
+    let image = reader
+        .from_buffered(Cursor::new(bytes))
+        .map_err(|error| error.to_string())?;
+    Ok(image.layer_data.channel_data.pixels)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use exr::image::write::WritableImage;
+    use exr::image::{Encoding, Image, Layer};
+    use exr::meta::header::LayerAttributes;
+
+    #[test]
+    fn half_floats_and_other_channels_are_read() {
+        use exr::prelude::f16;
+        let pixels = |at: Vec2<usize>| {
+            let half = f16::from_f32(at.0 as f32 + 0.5);
+            (half, half, at.1 as f32, f16::ZERO, 7u32)
+        };
+        let channels = exr::image::SpecificChannels::build()
+            .with_channel("R")
+            .with_channel("G")
+            .with_channel("B")
+            .with_channel("A")
+            .with_channel("id")
+            .with_pixel_fn(pixels);
+        let image = Image::from_channels((3, 2), channels);
+        let mut bytes = Vec::new();
+        image
+            .write()
+            .non_parallel()
+            .to_buffered(Cursor::new(&mut bytes))
+            .unwrap();
+        let film = decode_rgb(&bytes).unwrap();
+        assert_eq!((film.width, film.height), (3, 2));
+        assert_eq!(film.pixels[5], [2.5, 2.5, 1.0]);
+    }
+
+    #[test]
+    fn a_file_without_colour_is_refused() {
+        let channels = exr::image::SpecificChannels::build()
+            .with_channel("Z")
+            .with_pixel_fn(|_| (1.0f32,));
+        let mut bytes = Vec::new();
+        let image = Image::from_channels((3, 2), channels);
+        image
+            .write()
+            .non_parallel()
+            .to_buffered(Cursor::new(&mut bytes))
+            .unwrap();
+        assert!(decode_rgb(&bytes).is_err());
+        assert!(decode_rgb(b"\x89PNG").is_err());
+        let missing = read_rgb(Path::new("does-not-exist.exr")).unwrap_err();
+        assert!(missing.to_string().starts_with("does-not-exist.exr: "));
+    }
+
+    #[test]
+    fn dwa_is_refused_before_its_decoder_runs() {
+        let channels = exr::image::SpecificChannels::rgb(|_| (0.5f32, 0.5f32, 0.5f32));
+        let encoding = Encoding {
+            compression: Compression::DWAA(None),
+            ..Encoding::SMALL_LOSSLESS
+        };
+        let layer = Layer::new((3usize, 2usize), LayerAttributes::default(), encoding, channels);
+        let mut bytes = Vec::new();
+        let image = Image::from_layer(layer);
+        image
+            .write()
+            .non_parallel()
+            .to_buffered(Cursor::new(&mut bytes))
+            .unwrap();
+        let error = decode_rgb(&bytes).unwrap_err();
+        assert!(error.starts_with("DWA"), "{error}");
+    }
+}

@@ -1,0 +1,118 @@
+//! What is done to a scene once it is there, by random numbers of its own: lamps that rays pass, blends, lobes, and
+//! numbers by texture. Every other scene is left as it was.
+
+use super::builder::Builder;
+use super::draw::{Draw, colour, number, table};
+use super::material::{self, Lobes, WIDE};
+use toml::{Table, Value};
+
+/// Seeds of other scenes are not near.
+const STREAM: u64 = 0x7661_7269_6174_696f;
+
+/// Fields of a material that a blend takes for all of its parts.
+const AROUND: [&str; 3] = ["bump", "normal_map", "opacity"];
+
+/// Vary what is there.
+pub fn vary(b: &mut Builder, seed: u64) {
+    let mut draw = Draw::new(seed ^ STREAM);
+    if draw.chance(0.5) {
+        return;
+    }
+    let clear = b.media.is_empty();
+    for i in 0..b.shapes.len() {
+        let shape = &b.shapes[i];
+        if shape.contains_key("emission") && !shape.contains_key("material") && draw.chance(0.4) {
+            let null = b.null();
+            b.shapes[i].insert("material".into(), null.into());
+            b.shapes[i].insert("boundary".into(), false.into());
+        }
+    }
+    let names: Vec<String> = b.materials.keys().cloned().collect();
+    for name in names {
+        let Some(Value::Table(material)) = b.materials.get(&name).cloned() else {
+            continue;
+        };
+        let kind = material.get("type").and_then(Value::as_str).unwrap_or_default();
+        if kind == "null" || kind.ends_with("dielectric") {
+            continue;
+        }
+        let mut material = material.clone();
+        if kind == "principled" {
+            add_lobes(&mut draw, b.lobes, clear, &mut material);
+        }
+        if let Some(alpha) = ["alpha", "roughness"]
+            .into_iter()
+            .find(|key| material.contains_key(*key))
+            && kind != "rough_plastic"
+            && draw.chance(0.3)
+        {
+            let least = match (b.lobes, alpha) {
+                (Lobes::Any, _) => 0.02,
+                (Lobes::Wide, "alpha") => WIDE,
+                (Lobes::Wide, _) => WIDE.sqrt(),
+            };
+            let mut roughness = || number(draw.between(least, 1.0));
+            let squares = vec![roughness(), roughness()];
+            material.insert(alpha.into(), table([("checkerboard", Value::Array(squares))]).into());
+        }
+        if draw.chance(0.4) {
+            blend(&mut draw, b, &name, material, clear);
+        } else {
+            b.materials.insert(name, material.into());
+        }
+    }
+}
+
+fn add_lobes(draw: &mut Draw, lobes: Lobes, clear: bool, material: &mut Table) {
+    let lets_through = clear && draw.chance(0.3);
+    if lets_through {
+        // The other side is the inside.
+        material.remove("two_sided");
+    }
+    let mut set = |key: &str, value: f64| material.insert(key.into(), number(value));
+    for key in ["sheen", "sheen_tint", "spec_tint", "flatness"] {
+        if draw.chance(0.5) {
+            set(key, draw.unit());
+        }
+    }
+    // The coat is narrower than what a path tracer finds points by.
+    if lobes == Lobes::Any && draw.chance(0.5) {
+        set("clearcoat", draw.unit());
+        set("clearcoat_gloss", draw.unit());
+    }
+    if lets_through {
+        set("spec_trans", draw.between(0.2, 1.0));
+        set("specular", 0.5);
+    }
+}
+
+/// The material, mixed with another.
+fn blend(draw: &mut Draw, b: &mut Builder, name: &str, mut material: Table, clear: bool) {
+    let mut blend = table([("type", "blend".into())]);
+    for key in AROUND {
+        if let Some(value) = material.remove(key) {
+            blend.insert(key.into(), value);
+        }
+    }
+    let other = match clear && draw.chance(0.3) {
+        true => material::glass(draw, b.lobes),
+        false => material::opaque(draw, b.lobes, 0.8),
+    };
+    let parts = [format!("{name}-one"), format!("{name}-other")];
+    let weight = match draw.chance(0.3) {
+        true => {
+            let squares = vec![colour([draw.unit(); 3]), colour([draw.unit(); 3])];
+            table([("checkerboard", Value::Array(squares))]).into()
+        }
+        false => number(draw.unit()),
+    };
+    blend.insert("weight".into(), weight);
+    blend.insert(
+        "materials".into(),
+        Value::Array(parts.clone().map(Value::from).to_vec()),
+    );
+    for (part, material) in parts.into_iter().zip([material, other]) {
+        b.materials.insert(part, material.into());
+    }
+    b.materials.insert(name.into(), blend.into());
+}

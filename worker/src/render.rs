@@ -25,6 +25,9 @@ impl Prepared {
     /// Render a pass and add it to the sums of the passes before it.
     fn add(&self, pass_index: u64, nodes: &mut Vec<Node>) -> Result<PassStats, String> {
         let image = render_pass(&self.scene, &self.plan, pass_index);
+        if let Some(why) = image.failure {
+            return Err(why);
+        }
         let bad = image.stats.non_finite;
         if bad > 0 {
             return Err(format!("{bad} pixel values are not finite"));

@@ -50,18 +50,24 @@ pub struct NoSuchGroup(String);
 
 impl LayerPlan {
     pub(crate) fn new(scene: &Scene, layers: &[Layer]) -> Result<Self, NoSuchGroup> {
+        for layer in layers {
+            if let Layer::Light(group) = layer
+                && !scene.lights().iter().any(|light| light.group == *group)
+            {
+                return Err(NoSuchGroup(group.as_str().to_owned()));
+            }
+        }
+        Ok(Self::of(scene, layers))
+    }
+
+    /// The same where groups may have no lights, as while they are switched off.
+    pub(crate) fn of(scene: &Scene, layers: &[Layer]) -> Self {
         let mut plan = Self {
             layers: layers.to_vec(),
             ..Self::default()
         };
-        for (i, layer) in layers.iter().enumerate() {
-            if let Layer::Light(group) = layer {
-                if !scene.lights().iter().any(|light| light.group == *group) {
-                    return Err(NoSuchGroup(group.as_str().to_owned()));
-                }
-                plan.groups.push(i);
-            }
-        }
+        let is_group = |i: &usize| matches!(layers[*i], Layer::Light(_));
+        plan.groups = (0..layers.len()).filter(is_group).collect();
         let (objects, description) = (scene.objects().iter(), scene.description());
         plan.ids = layers
             .iter()
@@ -75,7 +81,7 @@ impl LayerPlan {
             })
             .collect();
         if plan.groups.is_empty() {
-            return Ok(plan);
+            return plan;
         }
         let number = |light: &Light| {
             let is_its = |i: &usize| matches!(&layers[*i], Layer::Light(group) if *group == light.group);
@@ -83,7 +89,7 @@ impl LayerPlan {
             number.and_then(GroupNumber::new)
         };
         plan.group_of_light = scene.lights().iter().map(number).collect();
-        Ok(plan)
+        plan
     }
 
     /// The layers that are images of numbers.

@@ -36,6 +36,8 @@ pub struct PassImage {
     pub photon_rays: u64,
     /// What the camera's paths took.
     pub camera: CameraWork,
+    /// Why there is no picture, where things move and cannot be as they should at the moment of the pass.
+    pub failure: Option<String>,
 }
 
 /// What camera paths take, counted.
@@ -64,9 +66,39 @@ const TILE_PIXELS: usize = (TILE * TILE) as usize;
 const BLOCK_PIXELS: usize = 16;
 
 /// Render a pass on the current rayon pool. The bits do not depend on the pool. Of a scene that is interrupted
-/// meanwhile no pixel is a number.
+/// meanwhile no pixel is a number. Where things move the pass sees them at a moment of its own.
 pub fn render_pass(scene: &Scene, plan: &RenderPlan, pass_index: u64) -> PassImage {
+    match scene.moment(plan.settings.seed, pass_index) {
+        Ok(None) => at_rest(scene, plan, pass_index),
+        Ok(Some(moment)) => at_rest(&moment, &plan.at(scene, &moment), pass_index),
+        Err(why) => PassImage::failed(scene, plan, why),
+    }
+}
+
+fn at_rest(scene: &Scene, plan: &RenderPlan, pass_index: u64) -> PassImage {
     PassPhotons::new(scene, plan, pass_index).render(scene, plan, pass_index)
+}
+
+impl PassImage {
+    /// Of a moment at which there is no scene: no pixel is a number.
+    fn failed(scene: &Scene, plan: &RenderPlan, why: String) -> Self {
+        let camera = &scene.description().camera;
+        let mut film = Film::new(camera.width, camera.height);
+        film.pixels.fill([f32::NAN; 3]);
+        Self {
+            layers: vec![film.clone(); plan.layers.films().len()],
+            mattes: Vec::new(),
+            radius_scale: 1.0,
+            stats: PassStats {
+                non_finite: film.non_finite(),
+                ..PassStats::default()
+            },
+            photon_rays: 0,
+            camera: CameraWork::default(),
+            failure: Some(why),
+            film,
+        }
+    }
 }
 
 /// What the photons of a pass leave for the camera to find.
@@ -138,6 +170,7 @@ impl PassPhotons {
             radius_scale: Schedule::new(&pass.tracer.plan.settings).scale(pass.pass_index),
             stats,
             photon_rays: self.rays,
+            failure: None,
             camera: work,
         }
     }

@@ -111,6 +111,8 @@ pub fn render_sample_with_layers(
     sample_index: u64,
     goes_on: impl Fn() -> bool + Sync,
 ) -> Option<SampleImage> {
+    let moment = scene.moment(settings.seed, sample_index).ok()?;
+    let scene = moment.as_ref().unwrap_or(scene);
     let camera = &scene.description().camera;
     let even = even_selector(scene);
     let tracer = PathTracer {

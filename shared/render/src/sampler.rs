@@ -27,6 +27,8 @@ pub enum Purpose {
     Lens = 8,
     /// Where in their pixels the samples of a pass are, or of the path tracer's turn; the chunk is 0 or 1.
     Film = 9,
+    /// The moment of a pass, or of the path tracer's turn; the chunk is 0.
+    Shutter = 10,
     /// Numbers that tests draw.
     Test = 100,
 }

@@ -61,11 +61,12 @@ mod place;
 mod revised;
 mod source;
 mod store;
+mod time;
 mod transform;
 mod values;
 
 pub use assemble::Extent;
-use assemble::{Assembled, Extents, Kept, Problem};
+use assemble::{Assembled, Extents, Kept, Problem, Space};
 use assets::gltf;
 use beamfarm_image::bundle::{self, Bundle};
 use beamfarm_render::world::SceneDescription;
@@ -78,11 +79,12 @@ use glam::DVec3;
 pub use lone::is_gltf;
 pub use meaning::differences;
 pub use mitsuba::{ImportOptions, Imported, Origin, import};
-use parse::{Fault, SceneRecord};
+use parse::{Fault, SceneRecord, Snapshot};
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 pub use store::Store;
+use time::When;
 
 /// Parse and validate the scene of a bundle. Errors name files as the bundle does: relative to the scene's folder.
 pub fn load(bundle: &Bundle) -> Result<SceneDescription, SceneError> {
@@ -90,30 +92,54 @@ pub fn load(bundle: &Bundle) -> Result<SceneDescription, SceneError> {
 }
 
 fn load_with_extents(bundle: &Bundle) -> Result<(SceneDescription, Extents), SceneError> {
-    assembled(Source::Bundle(bundle), &mut Kept::default(), None)
+    let source = Source::Bundle(bundle);
+    let snapshot = snapshot(source, When::Middle)?;
+    match snapshot.blurs {
+        // Its other moments have most of it in common.
+        true => Store::default().load_with_extents(&Files::from(bundle.clone())),
+        false => {
+            let made = assembled(source, &snapshot, &mut Kept::default(), Space::AtCamera)?;
+            Ok((made.description, made.extents))
+        }
+    }
 }
 
-/// For `origin` see [`assemble::assemble`].
-fn assembled(
-    source: Source<'_>,
-    kept: &mut Kept,
-    origin: Option<DVec3>,
-) -> Result<(SceneDescription, Extents), SceneError> {
+/// The scene file of a source at a moment.
+fn snapshot(source: Source<'_>, when: When) -> Result<Snapshot, SceneError> {
+    let (file, text) = scene_file(source)?;
+    SceneRecord::snapshot(text, when).map_err(|fault| source::locate(file, text, &fault))
+}
+
+fn scene_file(source: Source<'_>) -> Result<(&Path, &str), SceneError> {
     let file = Path::new(source.scene());
     let bytes = source.bytes(source.scene()).ok_or_else(|| SceneError {
         file: file.to_path_buf(),
         line: None,
         message: "the bundle lacks its scene file".to_string(),
     })?;
-    let text = text_of(file, bytes)?;
-    let record = SceneRecord::parse(text).map_err(|fault| source::locate(file, text, &fault))?;
-    let assembled = assemble::assemble(&record, source, kept, origin).map_err(|problem| located(file, text, problem));
+    Ok((file, text_of(file, bytes)?))
+}
+
+/// A scene that is put together.
+struct Made {
+    description: SceneDescription,
+    extents: Extents,
+    /// World position of the origin of render space.
+    render_origin: DVec3,
+}
+
+/// `snapshot`: of the source's scene file.
+fn assembled(source: Source<'_>, snapshot: &Snapshot, kept: &mut Kept, space: Space) -> Result<Made, SceneError> {
+    let (file, text) = scene_file(source)?;
+    let assembled =
+        assemble::assemble(snapshot, source, kept, space).map_err(|problem| located(file, text, problem))?;
     let Assembled {
         mut description,
         notes,
         photon_places,
         extents,
-    } = assembled?;
+        render_origin,
+    } = assembled;
     let note = |fault: &Fault| source::locate(file, text, fault).to_string();
     let notes = notes
         .into_iter()
@@ -121,7 +147,11 @@ fn assembled(
     description.notes = notes.collect();
     let rule = |place: &Range<usize>| note(&Fault::new(place.clone(), "photons obey this"));
     description.photon_rules = photon_places.iter().map(rule).collect();
-    Ok((description, extents))
+    Ok(Made {
+        description,
+        extents,
+        render_origin,
+    })
 }
 
 /// What keeps a scene from being built, with its place.
@@ -281,7 +311,15 @@ fn gather<B: AsRef<[u8]> + Clone>(
     read: impl Fn(&str, &Path, u64) -> Result<B, String>,
 ) -> Result<BTreeMap<String, B>, SceneError> {
     let text = text_of(path, scene_file.as_ref())?;
-    let record = SceneRecord::parse(text).map_err(|fault| source::locate(path, text, &fault))?;
+    let located = |fault: Fault| source::locate(path, text, &fault);
+    let middle = SceneRecord::snapshot(text, When::Middle).map_err(located)?;
+    let others = match middle.blurs {
+        true => middle.times_of_files.as_slice(),
+        false => &[],
+    };
+    let others = others.iter().map(|time| SceneRecord::snapshot(text, When::At(*time)));
+    let others: Vec<Snapshot> = others.collect::<Result<_, _>>().map_err(located)?;
+    let records = || [&middle].into_iter().chain(&others).map(|snapshot| &snapshot.record);
     let mut room = bundle::MAX_BYTES.saturating_sub(text.len() as u64);
     let mut files = BTreeMap::from([(scene.to_owned(), scene_file.clone())]);
     let mut add = |files: &mut BTreeMap<String, B>, written: &str, span: Range<usize>| {
@@ -306,10 +344,10 @@ fn gather<B: AsRef<[u8]> + Clone>(
         files.insert(key, file);
         Ok(())
     };
-    for asset in record.assets() {
+    for asset in records().flat_map(SceneRecord::assets) {
         add(&mut files, asset.get_ref(), asset.span())?;
     }
-    for asset in record.gltf_files() {
+    for asset in records().flat_map(SceneRecord::gltf_files) {
         let name = asset.get_ref();
         let named = {
             let bytes = files.get(&bundle::key(name)).map_or(&[][..], AsRef::as_ref);
@@ -328,7 +366,7 @@ fn gather<B: AsRef<[u8]> + Clone>(
 
 /// The JSON Schema (draft 7) of native scene files, for editors: a JSON document.
 pub fn json_schema() -> String {
-    parse::json_schema()
+    parse::json_schema_with_keys()
 }
 
 fn text_of<'a>(file: &Path, bytes: &'a [u8]) -> Result<&'a str, SceneError> {

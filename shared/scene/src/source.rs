@@ -1,11 +1,57 @@
 //! From a place in the scene file to an error that names the file, the line and the field.
 
-use super::parse::Fault;
 use crate::SceneError;
 use std::ops::Range as Span;
 use std::path::Path;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
+
+/// Something wrong at a place of the scene file.
+#[derive(Debug)]
+pub struct Fault {
+    pub span: Option<Span<usize>>,
+    pub message: String,
+}
+
+impl Fault {
+    pub fn new(span: Span<usize>, message: impl Into<String>) -> Self {
+        Self {
+            span: Some(span),
+            message: message.into(),
+        }
+    }
+}
+
+impl From<toml::de::Error> for Fault {
+    fn from(error: toml::de::Error) -> Self {
+        let mut message = error.message().replace('\n', ", ");
+        for (rust, word) in [
+            ("expected u32", "expected a whole number"),
+            ("expected i64", "expected a whole number"),
+            ("expected u64", "expected a whole number"),
+            ("expected a boolean", "expected true or false"),
+        ] {
+            message = message.replace(rust, word);
+        }
+        Self {
+            span: error.span(),
+            message: with_nearest(message),
+        }
+    }
+}
+
+/// Of a field that there is not: the one that was probably meant, in place of all that there are.
+fn with_nearest(message: String) -> String {
+    let nearest = || {
+        let mut names = message.strip_prefix("unknown field `")?.split('`').step_by(2);
+        let given = names.next()?;
+        let distance = |name: &&str| strsim::damerau_levenshtein(given, name);
+        let nearest = names.filter(|name| !name.is_empty()).min_by_key(distance)?;
+        (distance(&nearest) <= (given.len() / 3).max(1))
+            .then(|| format!("unknown field `{given}`; did you mean `{nearest}`?"))
+    };
+    nearest().unwrap_or(message)
+}
 
 /// `fault` as an error of `file`, whose text is `text`.
 pub fn locate(file: &Path, text: &str, fault: &Fault) -> SceneError {

@@ -1,16 +1,19 @@
 //! Scenes one after the other that have files in common.
 
-use crate::assemble::{Kept, Purpose};
+use crate::assemble::{Extents, Kept, Purpose, Space};
 use crate::error::SceneError;
 use crate::files::{Files, Source};
-use beamfarm_render::world::SceneDescription;
+use crate::time::When;
+use crate::{Made, snapshot};
+use beamfarm_render::world::{Motion, SceneDescription};
 use glam::DVec3;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// What was decoded for scenes, kept by content, so that a scene of the same files is loaded without decoding them
-/// again. What the last few scenes had no use for is dropped.
-#[derive(Default)]
+/// again. What the last few scenes had no use for is dropped. Clones are one.
+#[derive(Clone, Default)]
 pub struct Store {
-    kept: Kept,
+    kept: Arc<Mutex<Kept>>,
 }
 
 impl Store {
@@ -18,30 +21,59 @@ impl Store {
     /// same ones as in the last descriptions, by which
     /// [`Scene::new_like`](beamfarm_render::world::Scene::new_like) knows them.
     pub fn load(&mut self, files: &Files) -> Result<SceneDescription, SceneError> {
-        self.assembled(files, Purpose::Exact, None)
+        self.load_with_extents(files).map(|(description, _)| description)
+    }
+
+    pub(crate) fn load_with_extents(&self, files: &Files) -> Result<(SceneDescription, Extents), SceneError> {
+        let snapshot = snapshot(Source::Files(files), When::Middle)?;
+        let made = self.made(files, When::Middle, Purpose::Exact, Space::AtCamera)?;
+        let (mut description, extents) = (made.description, made.extents);
+        if snapshot.blurs {
+            let space = Space::Of(made.render_origin);
+            let shutter = snapshot.clock.open();
+            // What is wrong when it opens or closes is told before anything is rendered.
+            for time in shutter {
+                self.made(files, When::At(time), Purpose::Exact, space)?;
+            }
+            let (store, files) = (self.clone(), files.clone());
+            let interrupt = description.interrupt.clone();
+            let at = move |time| {
+                let made = store.made(&files, When::At(time), Purpose::Exact, space);
+                let mut description = made.map_err(|error| error.to_string())?.description;
+                description.interrupt = interrupt.clone();
+                Ok(description)
+            };
+            description.motion = Some(Motion::new(shutter, at));
+        }
+        Ok((description, extents))
     }
 
     /// The scene for looking around: render space has its origin at a point of the world, wherever the camera stands,
     /// and meshes are put at their places without being made for them. Scenes with one `origin` share all but what
     /// differs. Single precision is finest near the origin; what is far from it is rendered less exactly than by
-    /// [`Self::load`], and no bits are the same.
+    /// [`Self::load`], and no bits are the same. Of what moves it is the middle of the exposure.
     pub fn sketch(&mut self, files: &Files, origin: [f64; 3]) -> Result<SceneDescription, SceneError> {
-        self.assembled(files, Purpose::Sketch, Some(DVec3::from(origin)))
+        let space = Space::Sketched(DVec3::from(origin));
+        let made = self.made(files, When::Middle, Purpose::Sketch, space);
+        made.map(|made| made.description)
     }
 
-    fn assembled(
-        &mut self,
-        files: &Files,
-        purpose: Purpose,
-        origin: Option<DVec3>,
-    ) -> Result<SceneDescription, SceneError> {
-        self.kept.begin(purpose);
-        let assembled = crate::assembled(Source::Files(files), &mut self.kept, origin);
-        match &assembled {
-            Ok(_) => self.kept.tidy(),
-            Err(_) => self.kept.forget(),
+    fn made(&self, files: &Files, when: When, purpose: Purpose, space: Space) -> Result<Made, SceneError> {
+        let source = Source::Files(files);
+        let snapshot = snapshot(source, when)?;
+        let mut kept = self.kept();
+        kept.begin(purpose);
+        let made = crate::assembled(source, &snapshot, &mut kept, space);
+        match &made {
+            Ok(_) => kept.tidy(),
+            Err(_) => kept.forget(),
         }
-        assembled.map(|(description, _)| description)
+        made
+    }
+
+    /// Whoever panicked while making a scene left what was complete.
+    fn kept(&self) -> MutexGuard<'_, Kept> {
+        self.kept.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 

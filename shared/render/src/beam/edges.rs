@@ -248,6 +248,7 @@ mod tests {
             rules: None,
             notes: Vec::new(),
             photon_rules: Vec::new(),
+            motion: None,
             interrupt: Interrupt::default(),
         })
     }

@@ -186,6 +186,21 @@ impl RenderPlan {
         plan.with_stages(scene, &contents, "the plan is provisional".into())
     }
 
+    /// The plan of the same job for another moment of its exposure. Whatever plans passes have, each is right by itself;
+    /// with the same one they cost least.
+    pub(crate) fn at(&self, middle: &Scene, moment: &Scene) -> Self {
+        if !middle.is_like(moment) {
+            let mut plan = Self::new(moment, self.settings);
+            plan.layers = LayerPlan::of(moment, &self.layers.layers);
+            return plan;
+        }
+        Self {
+            emitters: emitters(moment.description(), &self.estimators),
+            view: View::of(moment),
+            ..self.clone()
+        }
+    }
+
     fn with_stages(mut self, scene: &Scene, contents: &Contents, on_targets: String) -> Self {
         self.stages = stages::all(scene, &self, contents, on_targets);
         self

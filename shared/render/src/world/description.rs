@@ -10,6 +10,8 @@ use crate::rules::Rules;
 use beamfarm_image::exr::Names;
 use beamfarm_image::job::{Finders, JobSettings, ScheduleKind, Targeting};
 use std::collections::BTreeMap;
+use std::fmt;
+use std::sync::Arc;
 
 /// Everything that a pass renders. Lengths in scene units; render space is world space moved so that the camera stands
 /// at the origin, which keeps single precision where it is needed, or near it, where a camera moves about.
@@ -41,8 +43,50 @@ pub struct SceneDescription {
     pub notes: Vec<String>,
     /// File, line and field of each rule that photons obey.
     pub photon_rules: Vec<String>,
+    /// What moves while the shutter is open, if something does. All else is as it is in the middle of that time.
+    pub motion: Option<Motion>,
     /// Stops what is done with the scene, and with clones of this description.
     pub interrupt: Interrupt,
+}
+
+/// A scene at all moments of an exposure. Every pass has one of them, at which everything stands still.
+#[derive(Clone)]
+pub struct Motion {
+    /// When the shutter opens and closes, frames.
+    shutter: [f64; 2],
+    at: Arc<At>,
+}
+
+/// The description at a time, in frames, in the same render space.
+type At = dyn Fn(f64) -> Result<SceneDescription, String> + Send + Sync;
+
+impl Motion {
+    /// `at`: the description at a time within the shutter's, without motion and in the same render space.
+    pub fn new(
+        shutter: [f64; 2],
+        at: impl Fn(f64) -> Result<SceneDescription, String> + Send + Sync + 'static,
+    ) -> Self {
+        Self {
+            shutter,
+            at: Arc::new(at),
+        }
+    }
+
+    /// When the shutter opens and closes, frames.
+    pub fn shutter(&self) -> [f64; 2] {
+        self.shutter
+    }
+
+    /// The scene at a time within the shutter's, or why there is none.
+    pub fn at(&self, time: f64) -> Result<SceneDescription, String> {
+        (self.at)(time)
+    }
+}
+
+impl fmt::Debug for Motion {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "Motion({:?})", self.shutter)
+    }
 }
 
 /// What a material without a name is called.

@@ -3,6 +3,7 @@
 mod crossing;
 mod description;
 mod interaction;
+mod moment;
 mod pick;
 mod selectors;
 mod shadow;
@@ -14,7 +15,7 @@ use crate::math::{Ray, Rgb, Vec3};
 use crate::medium::{Medium, MediumId};
 use crate::sampler::Sampler;
 use crossing::LightMedium;
-pub use description::{RenderDefaults, SceneDescription};
+pub use description::{Motion, RenderDefaults, SceneDescription};
 pub(crate) use interaction::SurfaceInteraction;
 pub use pick::Seen;
 pub use selectors::Selectors;

@@ -20,7 +20,7 @@ mod view;
 
 use super::assets::image::{self, Encoding};
 use super::assets::{Flaw, mesh::RawMesh, volume};
-use super::parse::{Eye, Fault, RenderRecord, SceneRecord};
+use super::parse::{Eye, Fault, RenderRecord, SceneRecord, Snapshot, Steps};
 use super::transform;
 use crate::files::{Content, Source};
 use crate::values::Spanned;
@@ -70,20 +70,30 @@ pub struct Assembled {
     pub photon_places: Vec<Range<usize>>,
     /// Where things are.
     pub extents: Extents,
+    /// World position of the origin of render space.
+    pub render_origin: DVec3,
 }
 
-/// Assemble the scene of a record, with its files and what is kept of other scenes. `origin`: world position of the
-/// origin of render space of a scene that the camera moves about in, whose meshes are made for any place; without it
-/// the camera's position, for a scene that is rendered.
-pub fn assemble(
-    record: &SceneRecord,
-    source: Source<'_>,
-    kept: &mut Kept,
-    origin: Option<DVec3>,
-) -> Result<Assembled, Problem> {
+/// Where render space is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Space {
+    /// Its origin is where the camera stands.
+    AtCamera,
+    /// Its origin is at a point of the world, where the camera stands at another moment of the same exposure.
+    Of(DVec3),
+    /// Likewise, and meshes are made for any place, since all may move.
+    Sketched(DVec3),
+}
+
+/// Assemble the scene of a snapshot, with its files and what is kept of other scenes.
+pub fn assemble(snapshot: &Snapshot, source: Source<'_>, kept: &mut Kept, space: Space) -> Result<Assembled, Problem> {
+    let record = &snapshot.record;
     let mut assets = Assets::new(source, kept);
     let eye = assets.eye(record)?;
-    let render_origin = origin.unwrap_or(eye.origin.0);
+    let render_origin = match space {
+        Space::AtCamera => eye.origin.0,
+        Space::Of(origin) | Space::Sketched(origin) => origin,
+    };
     let eye_point = eye.origin.0 - render_origin;
     let media = medium::Media::new(&record.media, render_origin, &mut assets)?;
     let world_medium = media.resolve_or(record.world.medium.as_ref(), None)?;
@@ -96,7 +106,12 @@ pub fn assemble(
     };
     let mut parts = Parts {
         render_origin,
-        moves_about: origin.is_some(),
+        moving: match space {
+            Space::Sketched(_) => Moving::Everything,
+            // Render space is elsewhere in each frame.
+            _ if snapshot.moves_in(&record.camera.span()) => Moving::Everything,
+            _ => Moving::Places(&snapshot.moving),
+        },
         world_medium,
         materials,
         assets,
@@ -151,6 +166,7 @@ pub fn assemble(
         rules,
         notes: Vec::new(),
         photon_rules: Vec::new(),
+        motion: None,
         interrupt: Interrupt::default(),
     };
     Ok(Assembled {
@@ -158,7 +174,29 @@ pub fn assemble(
         notes,
         photon_places,
         extents,
+        render_origin,
     })
+}
+
+/// What is elsewhere in render space in the next scene of the same kind.
+enum Moving<'a> {
+    Everything,
+    /// What stands within these places of the file.
+    Places(&'a [Range<usize>]),
+}
+
+impl Moving<'_> {
+    /// Whether a shape with this transform is.
+    fn has(&self, transform: Option<&Spanned<Steps>>) -> bool {
+        match self {
+            Self::Everything => true,
+            Self::Places(places) => transform.is_some_and(|steps| {
+                let around = steps.span();
+                let mut places = places.iter();
+                places.any(|place| around.start <= place.start && place.end <= around.end)
+            }),
+        }
+    }
 }
 
 /// Where a scene's camera is: as the scene says, or as a glTF file does.
@@ -170,7 +208,7 @@ pub fn eye(record: &SceneRecord, source: Source<'_>) -> Result<Eye, Problem> {
 struct Parts<'a> {
     /// World position of the origin of render space: the camera's, unless it moves about.
     render_origin: DVec3,
-    moves_about: bool,
+    moving: Moving<'a>,
     world_medium: MediumId,
     media: medium::Media,
     materials: materials::Materials,

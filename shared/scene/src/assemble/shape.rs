@@ -2,7 +2,7 @@
 
 use super::kept::{Baked, Decoded, Kept, Normals, Pinned, Shared, linear_bits, map_bits};
 use super::{Parts, Problem, check_reach, required};
-use crate::parse::{Fault, ShapeRecord, ShapeType};
+use crate::parse::{Fault, ShapeRecord, ShapeType, TowardRecord};
 use crate::transform;
 use crate::values::Spanned;
 use beamfarm_image::layer::LightGroup;
@@ -125,7 +125,11 @@ impl Parts<'_> {
             ShapeType::Mesh => {
                 let file = required(&record.file, &record.kind, "file")?;
                 let index = record.shape_index.as_ref().map_or(0, |index| *index.get_ref());
-                Form::Mesh(self.assets.mesh(file, index)?)
+                let mesh = self.assets.mesh(file, index)?;
+                Form::Mesh(match &record.toward {
+                    Some(toward) => self.on_its_way(&mesh, toward, index)?,
+                    None => mesh,
+                })
             }
             ShapeType::Instances => {
                 let message = "expected the type of one shape";
@@ -143,6 +147,20 @@ impl Parts<'_> {
             material,
             boundary,
         })
+    }
+
+    /// A mesh between two.
+    fn on_its_way(
+        &mut self,
+        mesh: &Decoded,
+        toward: &Spanned<TowardRecord>,
+        index: u32,
+    ) -> Result<Arc<Decoded>, Problem> {
+        let TowardRecord { file, weight } = toward.get_ref();
+        let other = self.assets.mesh(file, index)?;
+        let between = mesh.raw.toward(&other.raw, weight.0);
+        let between = between.map_err(|why| Fault::new(file.span(), format!("\"{}\": {why}", file.get_ref())))?;
+        Ok(Arc::new(Decoded::new(between)))
     }
 
     fn boundary(&mut self, record: &ShapeRecord, form: &Form, material: u32) -> Result<Option<Boundary>, Problem> {
@@ -217,7 +235,7 @@ impl Parts<'_> {
         match &surface.form {
             // Points are drawn on meshes that emit, which are where they are.
             Form::Mesh(decoded)
-                if self.moves_about
+                if self.moving.has(surface.record.transform.as_ref())
                     && surface.record.emission.is_none()
                     && decoded.raw.triangles.len() > FEW_TRIANGLES =>
             {
@@ -231,7 +249,7 @@ impl Parts<'_> {
     fn shared(&mut self, decoded: &Arc<Decoded>, record: &ShapeRecord, own: &DAffine3) -> Arc<Shared> {
         let (flip, normals) = (flips(record), normals(decoded, record));
         // Angles are those of its own space under similarities: let it be turned.
-        let own = match self.moves_about && is_similarity(&own.matrix3) {
+        let own = match self.moving.has(record.transform.as_ref()) && is_similarity(&own.matrix3) {
             true => DAffine3::from_scale(DVec3::new(1.0, 1.0, own.matrix3.determinant().signum())),
             false => *own,
         };

@@ -18,17 +18,20 @@ pub use light::*;
 pub use material::*;
 pub use medium::*;
 pub use rule::*;
-pub use schema::json_schema;
+pub use schema::{json_schema, json_schema_with_keys};
 pub use shape::*;
 pub use texture::*;
 pub use transform::*;
 pub use words::*;
 
+pub use super::source::Fault;
+use super::time::{AnimationRecord, Clock, Moving, When};
 use super::values::*;
 use schemars::JsonSchema;
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::ops::Range as Span;
+use toml::de::{DeTable, Deserializer};
 
 /// A whole scene file.
 #[derive(Debug, Deserialize, JsonSchema)]
@@ -39,6 +42,9 @@ pub struct SceneRecord {
     /// Defaults of the job; the command line overrides them.
     #[serde(default)]
     pub render: RenderRecord,
+    /// Frames, where things move. Read by the clock, before anything else.
+    #[expect(dead_code)]
+    pub animation: Option<AnimationRecord>,
     /// What is around everything.
     #[serde(default)]
     pub world: WorldRecord,
@@ -106,10 +112,52 @@ pub struct WorldRecord {
     pub medium: Option<Spanned<String>>,
 }
 
+/// A scene file at a moment.
+#[derive(Debug)]
+pub struct Snapshot {
+    /// What stands in the file, with the values that it has then.
+    pub record: SceneRecord,
+    /// The time that the file tells.
+    pub clock: Clock,
+    /// Whether something is not the same while the shutter is open.
+    pub blurs: bool,
+    /// Where in the file something moves, whether the shutter is open or not.
+    pub moving: Vec<Span<usize>>,
+    /// Times, in order, whose files are all that passes need.
+    pub times_of_files: Vec<f64>,
+}
+
+impl Snapshot {
+    /// Whether something moves within a part of the file.
+    pub fn moves_in(&self, part: &Span<usize>) -> bool {
+        let mut places = self.moving.iter();
+        places.any(|place| part.start <= place.start && place.end <= part.end)
+    }
+}
+
 impl SceneRecord {
-    /// Read a scene file's text.
+    /// Read a scene file's text, of things that move where they are in the middle of the frame's exposure.
     pub fn parse(text: &str) -> Result<Self, Fault> {
-        let record: Self = toml::from_str(text)?;
+        Self::snapshot(text, When::Middle).map(|snapshot| snapshot.record)
+    }
+
+    /// Read a scene file's text as it is at a moment.
+    pub fn snapshot(text: &str, when: When) -> Result<Snapshot, Fault> {
+        let root = DeTable::parse(text)?;
+        let clock = Clock::of(root.get_ref())?;
+        let moving = Moving::of(root.get_ref(), text, &clock, clock.time(when))?;
+        let record = Self::checked(Deserializer::from(moving.put(root)?))?;
+        Ok(Snapshot {
+            record,
+            blurs: moving.blurs(),
+            moving: moving.places(),
+            times_of_files: moving.times_of_files(&clock),
+            clock,
+        })
+    }
+
+    fn checked(text: Deserializer<'_>) -> Result<Self, Fault> {
+        let record = Self::deserialize(text)?;
         record.materials.values().try_for_each(MaterialRecord::check)?;
         for medium in record.media.values() {
             medium.check()?;
@@ -127,9 +175,10 @@ impl SceneRecord {
     /// Paths of the files that the scene names, with where it does.
     pub fn assets(&self) -> Vec<&Spanned<String>> {
         let textures = self.materials.values().flat_map(MaterialRecord::files);
-        let meshes = self.shapes.iter().filter_map(|s| match &s.shape {
-            Some(inner) => inner.get_ref().file.as_ref(),
-            None => s.file.as_ref(),
+        let meshes = self.shapes.iter().flat_map(|s| {
+            let s = s.shape.as_ref().map_or(s, |inner| inner.get_ref());
+            let toward = s.toward.as_ref().map(|toward| &toward.get_ref().file);
+            s.file.iter().chain(toward)
         });
         let images = self.lights.iter().filter_map(|l| l.image.as_ref());
         let volumes = self.media.values().flat_map(MediumRecord::files);
@@ -146,53 +195,6 @@ impl SceneRecord {
         let camera = self.camera.get_ref().gltf.as_ref();
         self.gltf.iter().map(|record| &record.file).chain(camera)
     }
-}
-
-/// Something wrong at a place of the scene file.
-#[derive(Debug)]
-pub struct Fault {
-    pub span: Option<Span<usize>>,
-    pub message: String,
-}
-
-impl Fault {
-    pub fn new(span: Span<usize>, message: impl Into<String>) -> Self {
-        Self {
-            span: Some(span),
-            message: message.into(),
-        }
-    }
-}
-
-impl From<toml::de::Error> for Fault {
-    fn from(error: toml::de::Error) -> Self {
-        let mut message = error.message().replace('\n', ", ");
-        for (rust, word) in [
-            ("expected u32", "expected a whole number"),
-            ("expected i64", "expected a whole number"),
-            ("expected u64", "expected a whole number"),
-            ("expected a boolean", "expected true or false"),
-        ] {
-            message = message.replace(rust, word);
-        }
-        Self {
-            span: error.span(),
-            message: with_nearest(message),
-        }
-    }
-}
-
-/// Of a field that there is not: the one that was probably meant, in place of all that there are.
-fn with_nearest(message: String) -> String {
-    let nearest = || {
-        let mut names = message.strip_prefix("unknown field `")?.split('`').step_by(2);
-        let given = names.next()?;
-        let distance = |name: &&str| strsim::damerau_levenshtein(given, name);
-        let nearest = names.filter(|name| !name.is_empty()).min_by_key(distance)?;
-        (distance(&nearest) <= (given.len() / 3).max(1))
-            .then(|| format!("unknown field `{given}`; did you mean `{nearest}`?"))
-    };
-    nearest().unwrap_or(message)
 }
 
 /// The fields of a record that the file gives, with their places.

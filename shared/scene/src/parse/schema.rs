@@ -19,6 +19,78 @@ pub fn json_schema() -> String {
     format!("{schema:#}\n")
 }
 
+/// The same of scenes in which things move: where a number, a colour, a vector or a list is, keys may be.
+pub fn json_schema_with_keys() -> String {
+    let mut schema: Value = serde_json::from_str(&json_schema()).unwrap_or_default();
+    let Some(root) = schema.as_object_mut() else {
+        return String::new();
+    };
+    if let Some(Value::Object(fields)) = root.get_mut("properties") {
+        fields.values_mut().for_each(with_keys);
+    }
+    if let Some(Value::Object(definitions)) = root.get_mut("definitions") {
+        let moving = definitions
+            .iter_mut()
+            .filter(|(name, _)| !STILL.contains(&name.as_str()));
+        moving.for_each(|(_, definition)| with_keys(definition));
+        let keys = json!({
+            "description": "A value over time, by the frame.",
+            "type": "object",
+            "properties": {
+                "keys": {
+                    "type": "array",
+                    "description": "[frame, value], in the order of the frames.",
+                    "minItems": 2,
+                    "items": { "type": "array", "minItems": 2, "maxItems": 2 }
+                },
+                "interpolation": {
+                    "description": "Between two keys: straight, at a speed without jumps, or the value of the first. Default: linear.",
+                    "enum": ["linear", "smooth", "step"]
+                }
+            },
+            "required": ["keys"],
+            "additionalProperties": false
+        });
+        definitions.insert("Keys".into(), keys.to_value());
+    }
+    format!("{schema:#}\n")
+}
+
+/// Records in which nothing moves.
+const STILL: [&str; 4] = ["ImageRecord", "CropRecord", "RenderRecord", "AnimationRecord"];
+
+/// Let keys be wherever a number or a list is in a schema.
+fn with_keys(schema: &mut Value) {
+    match schema {
+        Value::Array(items) => items.iter_mut().for_each(with_keys),
+        Value::Object(map) => {
+            for (word, part) in map.iter_mut() {
+                match (word.as_str(), part) {
+                    ("properties", Value::Object(fields)) => fields.values_mut().for_each(or_keys),
+                    ("items", items) => or_keys(items),
+                    (_, part) => with_keys(part),
+                }
+            }
+        }
+        _ => {}
+    }
+}
+
+fn or_keys(schema: &mut Value) {
+    with_keys(schema);
+    let is_list_or_number = |schema: &Value| schema["type"] == "number" || schema["type"] == "array";
+    let moves = is_list_or_number(schema) || schema["anyOf"].as_array().into_iter().flatten().any(is_list_or_number);
+    if let (true, Value::Object(map)) = (moves, schema) {
+        let description = map.remove("description");
+        let plain = Value::Object(std::mem::take(map));
+        map.insert(
+            "anyOf".into(),
+            Value::Array(vec![plain, json!({ "$ref": "#/definitions/Keys" }).to_value()]),
+        );
+        map.extend(description.map(|words| ("description".into(), words)));
+    }
+}
+
 /// A table of these fields and no others.
 pub(super) fn table(required: &[&str], fields: Schema) -> Schema {
     json!({

@@ -28,6 +28,8 @@ pub struct ShapeRecord {
     pub radius: Option<Spanned<Number<Positive>>>,
     /// .ply, .obj or Mitsuba's .serialized, relative to the scene file.
     pub file: Option<Spanned<String>>,
+    /// Another mesh with the same triangles, that this one is on its way to.
+    pub toward: Option<Spanned<TowardRecord>>,
     /// Which mesh of a .serialized file, from zero. Default: 0.
     pub shape_index: Option<Spanned<u32>>,
     /// Ignore the normals of the file. Default: false.
@@ -66,7 +68,7 @@ impl ShapeRecord {
             _ => ShapeType::SURFACE,
         };
         #[rustfmt::skip]
-        let given = given!(self, center, p0, p1, radius, file, shape_index, face_normals, smooth, flip_normals, material, interior,
+        let given = given!(self, center, p0, p1, radius, file, toward, shape_index, face_normals, smooth, flip_normals, material, interior,
             exterior, boundary, open, emission, transform, shape, transforms);
         only_takes(name, takes, common, &given)?;
         if let (Some(faces), Some(smooth)) = (&self.face_normals, &self.smooth)
@@ -144,10 +146,20 @@ impl ShapeType {
             Self::Cube => ("cube", &[]),
             Self::Disc => ("disc", &[]),
             Self::Cylinder => ("cylinder", &["p0", "p1", "radius"]),
-            Self::Mesh => ("mesh", &["file", "shape_index", "face_normals", "smooth"]),
+            Self::Mesh => ("mesh", &["file", "toward", "shape_index", "face_normals", "smooth"]),
             Self::Instances => ("instances", &["shape", "transforms"]),
         }
     }
+}
+
+/// How far a mesh is on its way to another one.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct TowardRecord {
+    /// .ply, .obj or Mitsuba's .serialized, relative to the scene file.
+    pub file: Spanned<String>,
+    /// 0: not yet, 1: there.
+    pub weight: Number<Unit>,
 }
 
 /// Either radiance or power.

@@ -22,6 +22,34 @@ pub struct RawMesh {
 }
 
 impl RawMesh {
+    /// The mesh that is so far on its way to another one, 0 to 1, or why there is none. Vertices go straight, normals
+    /// with them.
+    pub fn toward(&self, other: &Self, weight: f64) -> Result<Self, String> {
+        let count = |mesh: &Self| {
+            let (vertices, triangles) = (mesh.positions.len(), mesh.triangles.len());
+            format!("{vertices} vertices and {triangles} triangles")
+        };
+        if self.positions.len() != other.positions.len() || self.triangles.len() != other.triangles.len() {
+            let (theirs, ours) = (count(other), count(self));
+            return Err(format!("it has {theirs}, the mesh before it {ours}; expected the same"));
+        }
+        if self.triangles != other.triangles || self.normals.len() != other.normals.len() {
+            return Err(
+                "its triangles are others than those of the mesh before it; expected the same vertices in the \
+                same order, and normals in both or in none"
+                    .to_owned(),
+            );
+        }
+        let between = |(from, to): (&DVec3, &DVec3)| *from + (*to - *from) * weight;
+        let turned = |pair: (&DVec3, &DVec3)| between(pair).normalize_or(*pair.0);
+        Ok(Self {
+            positions: self.positions.iter().zip(&other.positions).map(between).collect(),
+            normals: self.normals.iter().zip(&other.normals).map(turned).collect(),
+            uvs: self.uvs.clone(),
+            triangles: self.triangles.clone(),
+        })
+    }
+
     /// [`Self::read_nth`] of a file that has one.
     #[cfg(test)]
     pub fn read(name: &str, bytes: &[u8]) -> Result<Self, Flaw> {

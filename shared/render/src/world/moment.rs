@@ -1,0 +1,55 @@
+//! The moment at which a pass sees a scene whose things move.
+
+use super::{Motion, Scene};
+use crate::sampler::{Purpose, Sampler};
+
+impl Motion {
+    /// When a pass sees the scene, frames. Even over the passes of a replication.
+    pub fn time(&self, seed: u64, pass_index: u64) -> f64 {
+        let [open, close] = self.shutter();
+        let u = Sampler::even(seed, pass_index, Purpose::Shutter, 0).next_1d();
+        open + (close - open) * f64::from(u)
+    }
+}
+
+impl Scene {
+    /// The scene as a pass sees it, where that is not this one; or why it cannot be.
+    pub(crate) fn moment(&self, seed: u64, pass_index: u64) -> Result<Option<Self>, String> {
+        let Some(motion) = &self.description.motion else {
+            return Ok(None);
+        };
+        let time = motion.time(seed, pass_index);
+        let description = motion.at(time).map_err(|why| format!("at {time} frames: {why}"))?;
+        let (here, now) = (&self.description.camera, &description.camera);
+        if (here.width, here.height) != (now.width, now.height) {
+            return Err(format!("at {time} frames the image has another size"));
+        }
+        Ok(Some(Self::new_like(self, description)))
+    }
+
+    /// Whether the same plan does for both: they have the same things, of the same kinds, at whatever places.
+    pub(crate) fn is_like(&self, other: &Self) -> bool {
+        let (one, other) = (&self.description, &other.description);
+        let materials = one.materials.iter().zip(&other.materials);
+        let objects = one.objects.iter().zip(&other.objects);
+        let media = one.media.iter().zip(&other.media);
+        let mut lights = one.lights.iter().zip(&other.lights);
+        one.materials.len() == other.materials.len()
+            && one.objects.len() == other.objects.len()
+            && one.media.len() == other.media.len()
+            && one.lights.len() == other.lights.len()
+            && materials.into_iter().all(|(one, other)| {
+                one.is_null() == other.is_null()
+                    && one.is_specular() == other.is_specular()
+                    && one.turns_paths() == other.turns_paths()
+                    && one.may_be_passed() == other.may_be_passed()
+            })
+            && objects.into_iter().all(|(one, other)| {
+                (one.material, one.light, one.boundary) == (other.material, other.light, other.boundary)
+            })
+            && media.into_iter().all(|(one, other)| one.scatters() == other.scatters())
+            && lights.all(|(one, other)| {
+                one.group == other.group && std::mem::discriminant(&one.kind) == std::mem::discriminant(&other.kind)
+            })
+    }
+}

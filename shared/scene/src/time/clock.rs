@@ -1,0 +1,108 @@
+//! Frames, and when the shutter is open.
+
+use crate::source::Fault;
+use crate::values::{Finite, Number, Pair, Spanned};
+use schemars::JsonSchema;
+use serde::Deserialize;
+use std::ops::Range;
+use toml::de::{DeTable, DeValue, ValueDeserializer};
+
+/// Frames of an animation.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct AnimationRecord {
+    /// The first and the last frame: whole numbers.
+    pub frames: Spanned<[i64; 2]>,
+    /// When the shutter opens and closes, in frames after the frame's own time. Default: [0, 0], no motion blur.
+    pub shutter: Option<Spanned<Pair>>,
+    /// The frame that is rendered. Default: the first.
+    pub frame: Option<Spanned<Number<Finite>>>,
+}
+
+/// The moment of a scene that is asked for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum When {
+    /// In the middle of the time that the shutter is open.
+    Middle,
+    /// A time, frames.
+    At(f64),
+}
+
+/// The time that a scene file tells.
+#[derive(Clone, Debug)]
+pub struct Clock {
+    /// When the shutter opens and closes, frames, if there are frames.
+    open: Option<[f64; 2]>,
+}
+
+impl Clock {
+    /// Read the table `animation` of a scene file, if there is one.
+    pub fn of(root: &DeTable<'_>) -> Result<Self, Fault> {
+        let Some((_, value)) = root.iter().find(|(key, _)| key.get_ref() == "animation") else {
+            return Ok(Self { open: None });
+        };
+        let place = value.span();
+        let table = DeValue::Table(match value.get_ref() {
+            DeValue::Table(table) => table.clone(),
+            _ => return Err(Fault::new(place, "expected a table with `frames`")),
+        });
+        let deserializer = ValueDeserializer::from(toml::Spanned::new(place, table));
+        AnimationRecord::deserialize(deserializer)?.clock()
+    }
+
+    /// Whether the scene file has frames.
+    pub fn is_given(&self) -> bool {
+        self.open.is_some()
+    }
+
+    /// When the shutter opens and closes, frames.
+    pub fn open(&self) -> [f64; 2] {
+        self.open.unwrap_or_default()
+    }
+
+    /// The same, for something at `place` that only makes sense in a scene with frames.
+    pub fn needed(&self, place: &Range<usize>) -> Result<[f64; 2], Fault> {
+        let missing = || {
+            let message = "something moves here, and the scene has no frames; \
+                expected a table such as `[animation]` with `frames = [1, 48]`";
+            Fault::new(place.clone(), message)
+        };
+        self.open.ok_or_else(missing)
+    }
+
+    /// The time of a moment, frames.
+    pub fn time(&self, when: When) -> f64 {
+        let [open, close] = self.open();
+        match when {
+            When::Middle => 0.5 * (open + close),
+            When::At(time) => time,
+        }
+    }
+}
+
+impl AnimationRecord {
+    fn clock(&self) -> Result<Clock, Fault> {
+        let [first, last] = *self.frames.get_ref();
+        if first > last || [first, last].iter().any(|frame| frame.unsigned_abs() > 1_000_000) {
+            let message = "expected the first frame and the last one, not before it, within a million";
+            return Err(Fault::new(self.frames.span(), message));
+        }
+        let shutter = self.shutter.as_ref().map_or([0.0; 2], |pair| pair.get_ref().0);
+        if let Some(pair) = &self.shutter
+            && !(shutter[0] <= shutter[1] && shutter.iter().all(|time| time.abs() <= 100.0))
+        {
+            let message = "expected when it opens and when it closes, not before that, within 100 frames";
+            return Err(Fault::new(pair.span(), message));
+        }
+        let frame = match &self.frame {
+            Some(frame) if frame.get_ref().0.abs() > 1e6 => {
+                return Err(Fault::new(frame.span(), "expected a frame within a million"));
+            }
+            Some(frame) => frame.get_ref().0,
+            None => first as f64,
+        };
+        Ok(Clock {
+            open: Some(shutter.map(|offset| frame + offset)),
+        })
+    }
+}

@@ -58,6 +58,19 @@ pub struct SampleImage {
 #[derive(Clone, Debug, Default)]
 pub struct SampleLayers(LayerPlan);
 
+impl SampleImage {
+    /// Of a moment at which there is no scene: no pixel is a number.
+    fn failed(scene: &Scene, layers: usize) -> Self {
+        let camera = &scene.description().camera;
+        let mut film = Film::new(camera.width, camera.height);
+        film.pixels.fill([f32::NAN; 3]);
+        Self {
+            layers: vec![film.clone(); layers],
+            film,
+        }
+    }
+}
+
 /// Layers that samples do not have.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum SampleLayersError {
@@ -111,7 +124,9 @@ pub fn render_sample_with_layers(
     sample_index: u64,
     goes_on: impl Fn() -> bool + Sync,
 ) -> Option<SampleImage> {
-    let moment = scene.moment(settings.seed, sample_index).ok()?;
+    let Ok(moment) = scene.moment(settings.seed, sample_index) else {
+        return Some(SampleImage::failed(scene, layers.count()));
+    };
     let scene = moment.as_ref().unwrap_or(scene);
     let camera = &scene.description().camera;
     let even = even_selector(scene);

@@ -19,11 +19,12 @@ impl Scene {
             return Ok(None);
         };
         let time = motion.time(seed, pass_index);
-        let description = motion.at(time).map_err(|why| format!("at {time} frames: {why}"))?;
+        let mut description = motion.at(time).map_err(|why| format!("at {time} frames: {why}"))?;
         let (here, now) = (&self.description.camera, &description.camera);
         if (here.width, here.height) != (now.width, now.height) {
             return Err(format!("at {time} frames the image has another size"));
         }
+        description.interrupt = self.description.interrupt.clone();
         Ok(Some(Self::new_like(self, description)))
     }
 

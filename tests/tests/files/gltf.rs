@@ -353,14 +353,14 @@ fn cameras_are_found_by_name() {
     assert_near(first.frame.n, [-1.0, 0.0, 0.0]);
     assert_near(first.frame.t, [0.0, 1.0, 0.0]);
     assert_near(first.frame.s, [0.0, 0.0, -1.0]);
-    assert!((f64::from(first.tan_half_fov_x) - 1.5 * libm::tan(0.4)).abs() < 1e-6);
+    assert!((f64::from(first.half_width) - 1.5 * libm::tan(0.4)).abs() < 1e-6);
     for name in ["other", "second"] {
         let camera = format!(", gltf_camera = \"{name}\", aperture = 0.25, focus_distance = 3");
         let placed = "[[gltf]]\nfile = \"a.glb\"\ntransform = [{ rotate = { axis = [0, 1, 0], angle = 90 } }]";
         let description = with_camera(&camera, placed).unwrap();
         assert_near(description.camera.frame.n, [-1.0, 0.0, 0.0]);
         assert_eq!(description.camera.aperture, 0.25);
-        assert!((f64::from(description.camera.tan_half_fov_x) - 1.5 * libm::tan(0.25)).abs() < 1e-6);
+        assert!((f64::from(description.camera.half_width) - 1.5 * libm::tan(0.25)).abs() < 1e-6);
         // The bulb at (1, 2, 3) and the camera at (4, 5, 6), both turned to (z, y, -x).
         let LightKind::Point { position, .. } = description.lights[0].kind else {
             panic!();

@@ -157,7 +157,7 @@ impl<V: Sight> CameraTracer<'_, V> {
             hidden: self.sight.from(Start::Camera),
             beta: Rgb::ONE,
             track: Rgb::ONE,
-            medium: self.scene.camera_medium,
+            medium: self.scene.medium_of_camera(ray.origin),
             way: Way::default(),
             depth: 0,
             is_blurred: false,

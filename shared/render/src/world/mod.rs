@@ -13,7 +13,7 @@ use crate::light::{EmissionSample, Environment, Light, LightKind, LightSources, 
 use crate::math::{Ray, Rgb, Vec3};
 use crate::medium::{Medium, MediumId};
 use crate::sampler::Sampler;
-use crossing::LightMedium;
+use crossing::StartMedium;
 pub use description::{RenderDefaults, SceneDescription};
 pub(crate) use interaction::SurfaceInteraction;
 pub use pick::Seen;
@@ -31,9 +31,9 @@ pub struct Scene {
     /// The lights as those who choose among them see them.
     pub(crate) light_sources: LightSources,
     /// Medium that camera rays start in.
-    pub(crate) camera_medium: MediumId,
+    camera_medium: StartMedium,
     /// By light: medium that photons start in.
-    pub(crate) light_media: Vec<LightMedium>,
+    pub(crate) light_media: Vec<StartMedium>,
     /// By light: the object that shadow rays to it pass through, because it cannot hide itself.
     pub(crate) unshadowing: Vec<Option<u32>>,
     /// Indices of the environment lights.
@@ -111,7 +111,7 @@ impl Scene {
             selectors,
             aimed_at,
             light_sources,
-            camera_medium: None,
+            camera_medium: StartMedium::One(None),
             light_media: Vec::new(),
             unshadowing: description.lights.iter().map(unshadowing).collect(),
             environments: (0..description.lights.len())
@@ -126,13 +126,7 @@ impl Scene {
             bounds_any: description.objects.iter().any(|object| object.boundary.is_some()),
             description,
         };
-        scene.camera_medium = match scene.description.camera_medium {
-            Some(named) => named,
-            None => {
-                let hidden = scene.description.rules.as_ref().map(|rules| rules.camera);
-                scene.medium_seen(scene.description.camera.position, hidden)
-            }
-        };
+        scene.camera_medium = scene.find_camera_medium();
         scene.light_media = match same.filter(|previous| scene.has_media_of(previous)) {
             Some(previous) => previous.light_media.clone(),
             None => (0..scene.lights().len()).map(|i| scene.find_light_medium(i)).collect(),

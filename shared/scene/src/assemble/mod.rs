@@ -26,6 +26,7 @@ use crate::files::{Content, Source};
 use crate::values::Spanned;
 use beamfarm_image::bundle;
 use beamfarm_image::job::{Finders, MAX_PASSES};
+use beamfarm_render::camera::Projection;
 use beamfarm_render::interrupt::Interrupt;
 use beamfarm_render::medium::MediumId;
 use beamfarm_render::medium::bricks::{Bricks, RawDensity};
@@ -129,6 +130,7 @@ pub fn assemble(
     if parts.lights.is_empty() {
         notes.push(Fault::new(0..0, "there are no lights: the picture will be black").into());
     } else if rules.is_none()
+        && camera.projection == Projection::Perspective
         && let Some(object) = enclosed::around_camera(&parts.objects, &parts.materials.list, &parts.lights)
     {
         let message = format!(

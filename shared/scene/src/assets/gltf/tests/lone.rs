@@ -43,8 +43,8 @@ fn all_of_a_model_is_seen_and_lit() {
     for corner in &mesh.positions {
         let at = |axis: Vec3| corner.dot(axis) / corner.dot(camera.frame.n);
         let [x, y] = [
-            at(camera.frame.s) / camera.tan_half_fov_x,
-            at(camera.frame.t) / camera.tan_half_fov_x,
+            at(camera.frame.s) / camera.half_width,
+            at(camera.frame.t) / camera.half_width,
         ];
         fullest = fullest.max(x.abs()).max(y.abs() * 4.0 / 3.0);
     }
@@ -82,7 +82,7 @@ fn its_own_camera_and_lights_are_taken() {
     let (read_as, description) = read(&own, Edits::default()).unwrap();
     let camera = &description.camera;
     assert_eq!((camera.width, camera.height), (480, 960));
-    assert!((f64::from(camera.tan_half_fov_x) - 0.5 * libm::tan(0.4)).abs() < 1e-6);
+    assert!((f64::from(camera.half_width) - 0.5 * libm::tan(0.4)).abs() < 1e-6);
     assert!(matches!(description.lights[..], [ref l] if matches!(l.kind, LightKind::Point { .. })));
     assert!(says(
         &read_as,
@@ -101,7 +101,7 @@ fn its_own_camera_and_lights_are_taken() {
     };
     let (_, description) = read(&own, edits).unwrap();
     assert_eq!((description.camera.width, description.camera.height), (100, 200));
-    assert!((description.camera.tan_half_fov_x - 1.0).abs() < 1e-6);
+    assert!((description.camera.half_width - 1.0).abs() < 1e-6);
     let wrong = Edits {
         fields: vec![("camera.fov".into(), "400".into())],
         ..Edits::default()

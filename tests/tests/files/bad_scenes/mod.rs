@@ -351,6 +351,31 @@ fn cameras_and_images_are_checked() {
             "2: camera.medium: there is no medium \"fog\"; the scene defines \"none\"",
         ),
     ] {
+        (
+            "fov = 40",
+            "fov = 40, view_width = 2",
+            "2: camera.view_width: \"perspective\" does not take this field; expected one of fov, fov_axis",
+        ),
+        (
+            "fov = 40",
+            "projection = \"orthographic\", fov = 40, view_width = 2",
+            "2: camera.fov: \"orthographic\" does not take this field; expected one of view_width",
+        ),
+        (
+            "fov = 40",
+            "projection = \"orthographic\"",
+            "2: camera: missing field `view_width`",
+        ),
+        (
+            "fov = 40",
+            "projection = \"orthographic\", view_width = 0",
+            "2: camera.view_width: expected a number above 0, found 0.0",
+        ),
+        (
+            "fov = 40",
+            "projection = \"parallel\", view_width = 1",
+            "2: camera.projection: unknown variant `parallel`, expected `perspective` or `orthographic`",
+        ),
         assert!(VIEW.contains(from));
         let found = error_of(&VIEW.replace(from, to), &[]).to_string();
         assert_eq!(found, format!("scene.toml:{expected}"));

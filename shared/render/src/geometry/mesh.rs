@@ -186,6 +186,12 @@ impl Mesh {
         })
     }
 
+    /// Whether all triangles face the same way.
+    pub fn is_flat(&self) -> bool {
+        let first = self.normal(0);
+        (0..self.triangles.len() as u32).all(|triangle| self.normal(triangle).dot(first) > 1.0 - 1e-6)
+    }
+
     /// Running sums of the triangles' areas, in order; the last one is the mesh's area, object space.
     pub fn area_sums(&self) -> &[f64] {
         self.area_sums.get_or_init(|| {

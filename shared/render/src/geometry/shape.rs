@@ -335,13 +335,14 @@ impl Shape {
         }
     }
 
-    /// Whether no part of its outside hides another one from any point, as far as that can be told quickly: shadow rays
-    /// then need not look for the light that they go to, which they would meet a rounding early.
-    pub fn never_shadows_itself(&self) -> bool {
+    /// Whether no part of its outside, or of its `two_sides`, hides another one from any point, as far as that can be
+    /// told quickly: shadow rays then need not look for the light that they go to, which they would meet a rounding
+    /// early.
+    pub fn never_shadows_itself(&self, two_sides: bool) -> bool {
         match self {
-            Self::Sphere { flip, .. } | Self::Cylinder { flip, .. } => !flip,
+            Self::Sphere { flip, .. } | Self::Cylinder { flip, .. } => !flip && !two_sides,
             Self::Disc { .. } => true,
-            Self::Mesh { mesh, .. } => mesh.is_convex(),
+            Self::Mesh { mesh, .. } => mesh.is_convex() && (!two_sides || mesh.is_flat()),
         }
     }
 

@@ -356,8 +356,13 @@ impl Parts<'_> {
             return Ok(None);
         };
         let EmissionRecord {
-            radiance, scale, power, ..
+            radiance,
+            scale,
+            power,
+            two_sided,
+            ..
         } = emission.get_ref();
+        let two_sided = *two_sided;
         if let (Some(scale), None | Some(TextureRecord::Color(_))) = (scale, radiance) {
             return Err(Fault::new(scale.span(), "it multiplies a texture; `radiance` is none").into());
         }
@@ -375,7 +380,8 @@ impl Parts<'_> {
             }
             (None, Some(power)) => {
                 let area = self.area(surface, map, shape);
-                Rgb::from_array(power.0.map(|watts| (watts / (PI * area)) as f32))
+                let sides = if two_sided { 2.0 } else { 1.0 };
+                Rgb::from_array(power.0.map(|watts| (watts / (sides * PI * area)) as f32))
             }
             _ => {
                 let message = "emission is given by `radiance` (W/(m^2 sr)) or by `power` (W): exactly one of them";
@@ -396,6 +402,7 @@ impl Parts<'_> {
                 object: self.objects.len() as u32,
                 radiance,
                 pattern,
+                two_sided,
             },
         });
         Ok(Some((self.lights.len() - 1) as u32))

@@ -21,6 +21,8 @@ pub struct Surface {
     pub uv_set: u32,
     /// Radiance, as TOML: three numbers or a texture.
     pub emission: Option<String>,
+    /// Whether both sides of what is open emit.
+    pub emits_on_both: bool,
     /// Whether light goes through to the inside.
     pub is_glass: bool,
     /// What is inside.
@@ -82,6 +84,7 @@ impl<'a, 'b> Materials<'a, 'b> {
         let surface = Surface {
             uv_set: main_uv_set(material),
             emission,
+            emits_on_both: material.double_sided,
             is_glass: written.is_glass,
             interior: written.has_medium.then(|| id.clone()),
             id: id.clone(),
@@ -125,9 +128,6 @@ impl Writer<'_, '_, '_> {
             return Ok(None);
         }
         let radiance = self.color(factor, self.material.emissive_texture.as_ref(), ".emission")?;
-        if self.material.double_sided {
-            self.note("surfaces with two sides give light from the front alone: materials");
-        }
         Ok(Some(radiance))
     }
 

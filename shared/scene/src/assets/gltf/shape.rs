@@ -135,7 +135,12 @@ impl<'a> Shapes<'_, 'a, '_> {
             fields.extend(self.inside(&raw, surface));
             if let Some(radiance) = &surface.emission {
                 emits = true;
-                fields.push(format!("emission = {{ radiance = {radiance} }}"));
+                // Light inside of what is closed stays there.
+                let sides = match surface.emits_on_both && raw.opening().is_some() {
+                    true => ", two_sided = true",
+                    false => "",
+                };
+                fields.push(format!("emission = {{ radiance = {radiance}{sides} }}"));
             }
         }
         self.meshes.insert(file, raw);

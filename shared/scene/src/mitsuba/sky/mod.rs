@@ -57,22 +57,22 @@ impl Converter<'_> {
     fn sky(&mut self, id: Id) -> Option<Sky> {
         let object = &self.objects.list[id];
         let (place, old) = (object.place, object.old);
-        let turbidity = self.from_to(id, "turbidity", 3.0, [1.0, 10.0])?;
+        let turbidity = self.within(id, "turbidity", 3.0, [1.0, 10.0])?;
         let albedo = match self.member(id, "albedo") {
             Some(_) => self.color(id, "albedo", cie::Kind::Factor)?,
             None => [if old { 0.2 } else { 0.3 }; 3],
         };
-        let scale = self.from_to(id, "scale", 1.0, [0.0, f64::MAX])?;
-        let mut sky_scale = self.from_to(id, "sky_scale", scale, [0.0, f64::MAX])?;
-        let mut sun_scale = self.from_to(id, "sun_scale", scale, [0.0, f64::MAX])?;
+        let scale = self.within(id, "scale", 1.0, [0.0, f64::MAX])?;
+        let mut sky_scale = self.within(id, "sky_scale", scale, [0.0, f64::MAX])?;
+        let mut sun_scale = self.within(id, "sun_scale", scale, [0.0, f64::MAX])?;
         match object.plugin.as_str() {
             "sky" => sun_scale = 0.0,
             "sun" => sky_scale = 0.0,
             _ => {}
         }
         let half_aperture = match old {
-            true => HALF_APERTURE * self.from_to(id, "sun_radius_scale", 1.0, [0.0, 300.0])?,
-            false => 0.5 * self.from_to(id, "sun_aperture", 2.0 * HALF_APERTURE, [1e-3, 179.0])?,
+            true => HALF_APERTURE * self.within(id, "sun_radius_scale", 1.0, [0.0, 300.0])?,
+            false => 0.5 * self.within(id, "sun_aperture", 2.0 * HALF_APERTURE, [1e-3, 179.0])?,
         };
         for (name, usual) in [("stretch", 1.0), ("extend", 0.0)] {
             let is_usual = match name {
@@ -138,7 +138,7 @@ impl Converter<'_> {
 
     /// When and where the sun stands, by default on a summer's afternoon in Tokyo, as in Mitsuba.
     fn moment(&mut self, id: Id) -> Option<sun::Moment> {
-        let mut number = |name: &str, default: f64| self.from_to(id, name, default, [-1e4, 1e4]);
+        let mut number = |name: &str, default: f64| self.within(id, name, default, [-1e4, 1e4]);
         Some(sun::Moment {
             latitude: number("latitude", 35.6894)?,
             longitude: number("longitude", 139.6917)?,
@@ -151,7 +151,7 @@ impl Converter<'_> {
     }
 
     /// A number within bounds; `None` after an error.
-    fn from_to(&mut self, id: Id, name: &str, default: f64, [low, high]: [f64; 2]) -> Option<f64> {
+    fn within(&mut self, id: Id, name: &str, default: f64, [low, high]: [f64; 2]) -> Option<f64> {
         let Some(member) = self.member(id, name) else {
             return Some(default);
         };

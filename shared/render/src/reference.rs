@@ -377,6 +377,7 @@ impl PathTracer<'_> {
         }
         let at = LightHit {
             normal: hit.ng,
+            primitive: hit.primitive,
             distance: path.drawn_at.as_ref().map_or(0.0, |v| v.distance) + hit.t,
         };
         let weight = self.balance(path, light as usize, Some(at));

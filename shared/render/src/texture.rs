@@ -104,6 +104,16 @@ impl Texture {
 }
 
 impl Texture {
+    /// Whether any of the values that it is made of is above zero.
+    pub fn may_be_positive(&self) -> bool {
+        let is_positive = |value: &Rgb| value.max_element() > 0.0;
+        match self {
+            Self::Constant(value) => is_positive(value),
+            Self::Image { image, .. } => image.pixels.iter().any(is_positive),
+            Self::Checkerboard { colors, .. } => colors.iter().any(is_positive),
+        }
+    }
+
     /// The least and the largest value of the first channel.
     pub fn range_of_red(&self) -> [f32; 2] {
         let over = |values: &mut dyn Iterator<Item = Rgb>| {

@@ -2,6 +2,7 @@
 
 use beamfarm_image::bundle::Bundle;
 use beamfarm_render::bsdf::MaterialKind;
+use beamfarm_render::camera::Projection;
 use beamfarm_render::geometry::{Mesh, Object, Shape};
 use beamfarm_render::light::LightKind;
 use beamfarm_render::math::{Rgb, Vec2, Vec3};
@@ -269,7 +270,7 @@ fn base_materials_are_principled() {
     let [light] = &description.lights[..] else {
         panic!("{:?}", description.lights);
     };
-    assert!(matches!(light.kind, LightKind::Area { object: 2, radiance } if radiance == Rgb::new(1.0, 0.0, 0.0)));
+    assert!(matches!(light.kind, LightKind::Area { object: 2, radiance, .. } if radiance == Rgb::new(1.0, 0.0, 0.0)));
 
     let plain = format!("{text}\nmaterials = false");
     let description = load(&plain, &files).unwrap();
@@ -288,7 +289,7 @@ const LIGHTS_AND_CAMERAS: &str = r#"
     "cameras": [
         { "type": "perspective", "perspective": { "yfov": 0.8, "znear": 0.1 } },
         { "type": "perspective", "name": "second", "perspective": { "yfov": 0.5, "aspectRatio": 2, "znear": 0.1 } },
-        { "type": "orthographic", "orthographic": { "xmag": 1, "ymag": 1, "zfar": 10, "znear": 0.1 } }
+        { "type": "orthographic", "orthographic": { "xmag": 1, "ymag": 0.5, "zfar": 10, "znear": 0.1 } }
     ],
     "scenes": [{ "nodes": [0, 1, 2, 3, 4, 5, 6] }],
     "nodes": [
@@ -367,14 +368,13 @@ fn cameras_are_found_by_name() {
         };
         assert_near(position, [-3.0, -3.0, 3.0]);
     }
+    // Twice its magnification wide.
+    let flat = with_camera(", gltf_camera = \"flat\"", "").unwrap().camera;
+    assert_eq!((flat.projection, flat.half_width), (Projection::Orthographic, 1.0));
     for (camera, expected) in [
         (
             ", gltf_camera = \"none\"",
             "a.glb: its scene has no camera \"none\"; it has \"eye\", \"other\", \"flat\"",
-        ),
-        (
-            ", gltf_camera = \"flat\"",
-            "a.glb: the camera \"flat\" is orthographic; expected a perspective one",
         ),
         (
             ", fov = 30",

@@ -10,4 +10,5 @@ mod layers;
 mod lights;
 mod material_scenes;
 mod materials;
+mod orthographic;
 mod scattering;

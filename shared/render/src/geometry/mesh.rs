@@ -1,8 +1,10 @@
 //! Triangle meshes.
 
+use super::shape::SurfacePoint;
 use super::tree::{Item, ItemTree};
 use super::triangles::TriangleId;
 use crate::math::{Vec2, Vec3};
+use crate::warp;
 use std::sync::{Arc, OnceLock};
 
 /// Triangles with optional normals and UVs per vertex. Counter-clockwise seen from outside.
@@ -62,6 +64,20 @@ impl Mesh {
         let [a, b, c] = self.triangles[triangle as usize];
         let at = |i: u32| self.positions[i as usize];
         [at(a), at(b), at(c)]
+    }
+
+    /// The point that a uniform number puts into a triangle. `pdf_area`: its density.
+    #[inline]
+    pub(crate) fn point_in(&self, triangle: u32, u: Vec2, pdf_area: f32) -> SurfacePoint {
+        let [a, b, c] = self.corners(triangle);
+        let w = warp::uniform_triangle(u);
+        SurfacePoint {
+            point: a * (1.0 - w.x - w.y) + b * w.x + c * w.y,
+            normal: self.facet(triangle).normal,
+            pdf_area,
+            primitive: triangle,
+            weights: w,
+        }
     }
 
     /// Unit geometric normal of a triangle; zero when it has no area.

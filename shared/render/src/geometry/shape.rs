@@ -178,6 +178,10 @@ pub struct SurfacePoint {
     pub normal: Vec3,
     /// Density per area.
     pub pdf_area: f32,
+    /// Triangle within a mesh.
+    pub primitive: u32,
+    /// Within the triangle: the weights of its second and third corner.
+    pub weights: Vec2,
 }
 
 /// A hit as the search finds it.
@@ -265,6 +269,8 @@ impl Shape {
                     point: placement.render_from_object.transform_point3(n),
                     normal: if *flip { -normal } else { normal },
                     pdf_area: 1.0 / (4.0 * PI * placement.area_stretch(n)),
+                    primitive: 0,
+                    weights: Vec2::ZERO,
                 }
             }
             Self::Disc { placement, flip } => {
@@ -274,6 +280,8 @@ impl Shape {
                     point: placement.render_from_object.transform_point3(p.extend(0.0)),
                     normal: if *flip { -normal } else { normal },
                     pdf_area: 1.0 / (PI * placement.area_stretch(Vec3::Z)),
+                    primitive: 0,
+                    weights: Vec2::ZERO,
                 }
             }
             Self::Cylinder { placement, flip } => {
@@ -284,6 +292,8 @@ impl Shape {
                     point: placement.render_from_object.transform_point3(n.with_z(u.y)),
                     normal: if *flip { -normal } else { normal },
                     pdf_area: 1.0 / (2.0 * PI * placement.area_stretch(n)),
+                    primitive: 0,
+                    weights: Vec2::ZERO,
                 }
             }
             Self::Mesh { mesh, .. } => {
@@ -291,13 +301,7 @@ impl Shape {
                 let total = sums.last().copied().unwrap_or(0.0);
                 let x = u_primitive as f64 * total;
                 let triangle = sums.partition_point(|&s| s <= x).min(sums.len() - 1) as u32;
-                let [a, b, c] = mesh.corners(triangle);
-                let w = warp::uniform_triangle(u);
-                SurfacePoint {
-                    point: a * (1.0 - w.x - w.y) + b * w.x + c * w.y,
-                    normal: mesh.facet(triangle).normal,
-                    pdf_area: (1.0 / total) as f32,
-                }
+                mesh.point_in(triangle, u, (1.0 / total) as f32)
             }
         }
     }
@@ -310,6 +314,21 @@ impl Shape {
             Self::Disc { placement, .. } => 1.0 / (PI * placement.area_stretch(Vec3::Z)),
             Self::Mesh { mesh, .. } => (1.0 / mesh.area_sums().last().copied().unwrap_or(0.0)) as f32,
         }
+    }
+
+    /// What textures are looked up by at a point on it. Of a mesh: in this triangle, by the weights of its second and
+    /// third corner.
+    pub fn texture_point(&self, point: Vec3, primitive: u32, weights: Vec2) -> TexturePoint {
+        let own = |placement: &Placement| placement.object_from_render.transform_point3(point);
+        TexturePoint::of_uv(match self {
+            Self::Sphere { placement, .. } => sphere_uv(own(placement).normalize()),
+            Self::Disc { placement, .. } => disc_uv(own(placement).truncate()),
+            Self::Cylinder { placement, .. } => {
+                let p = own(placement);
+                Vec2::new(turn(p.truncate().normalize()), p.z.clamp(0.0, 1.0))
+            }
+            Self::Mesh { mesh, .. } => mesh_uv(mesh, primitive, weights),
+        })
     }
 
     /// Whether no part of its outside hides another one from any point, as far as that can be told quickly: shadow rays

@@ -17,6 +17,7 @@ impl Light {
                 power: *intensity * (4.0 * PI),
                 pdf_dir: warp::uniform_sphere_pdf(),
                 pdf_pos: f32::INFINITY,
+                primitive: 0,
             },
             LightKind::Spot {
                 position,
@@ -34,6 +35,7 @@ impl Light {
                     power: *intensity * (falloff / pdf_dir),
                     pdf_dir,
                     pdf_pos: f32::INFINITY,
+                    primitive: 0,
                 }
             }
             LightKind::Projector(projector) => {
@@ -45,22 +47,35 @@ impl Light {
                     power: projector.intensity(dir) / pdf_dir,
                     pdf_dir,
                     pdf_pos: f32::INFINITY,
+                    primitive: 0,
                 }
             }
             LightKind::Directional { direction, irradiance } => EmissionSample {
                 pdf_dir: f32::INFINITY,
                 ..from_afar(bounds, *direction, *irradiance, u.position)
             },
-            LightKind::Area { object, radiance } => {
-                let at = objects[*object as usize].shape.sample_area(u.position, u.primitive);
+            LightKind::Area {
+                object,
+                radiance,
+                pattern,
+            } => {
+                let shape = &objects[*object as usize].shape;
+                let (at, radiance) = match pattern {
+                    None => (shape.sample_area(u.position, u.primitive), *radiance),
+                    Some(pattern) => {
+                        let at = pattern.sample(shape, u.position, u.primitive);
+                        (at, pattern.radiance_of(shape, &at))
+                    }
+                };
                 let local = warp::cosine_hemisphere(u.direction);
                 EmissionSample {
                     origin: at.point,
                     dir: Frame::from_normal(at.normal).to_world(local),
                     normal: Some(at.normal),
-                    power: *radiance * (PI / at.pdf_area),
+                    power: radiance * (PI / at.pdf_area),
                     pdf_dir: warp::cosine_hemisphere_pdf(local.z),
                     pdf_pos: at.pdf_area,
+                    primitive: at.primitive,
                 }
             }
             LightKind::Environment(environment) => {
@@ -99,5 +114,6 @@ pub(crate) fn from_afar(bounds: &SceneBounds, dir: Vec3, irradiance: Rgb, u: Vec
         power: irradiance * area,
         pdf_dir: f32::INFINITY,
         pdf_pos: 1.0 / area,
+        primitive: 0,
     }
 }

@@ -142,6 +142,7 @@ impl Light {
             power: Rgb::ZERO,
             pdf_dir: 0.0,
             pdf_pos: 0.0,
+            primitive: 0,
         };
         self.aimed_density(bounds, discs, &ray, None).pdf / self.plain_density(bounds, &start).pdf
     }
@@ -163,7 +164,13 @@ impl Light {
             }
             LightKind::Projector(projector) => projector.intensity(start.dir),
             LightKind::Directional { irradiance, .. } => *irradiance,
-            LightKind::Area { radiance, .. } => *radiance * (cos_at(start).max(0.0) / start.pdf_pos),
+            LightKind::Area {
+                radiance,
+                pattern: None,
+                ..
+            } => *radiance * (cos_at(start).max(0.0) / start.pdf_pos),
+            // As it was drawn: the radiance there times pi over the density.
+            LightKind::Area { pattern: Some(_), .. } => start.power * (cos_at(start).max(0.0) / PI),
             LightKind::Environment(environment) => environment.radiance(-start.dir),
         }
     }

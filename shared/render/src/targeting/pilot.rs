@@ -186,6 +186,7 @@ impl<V: Sight> Pilot<'_, V> {
             if let Some(light) = scene.objects()[hit.object as usize].light {
                 let at = LightHit {
                     normal: hit.ng,
+                    primitive: hit.primitive,
                     distance: path.distance,
                 };
                 self.meet(&path, light as usize, Some((at, &hit)), out);

@@ -177,7 +177,10 @@ impl Scene {
         }
         let numbers = 0..self.objects().len() as u32;
         let meets_film = |object: u32| camera.film_meets(self.boxes[object as usize]);
-        match numbers.into_iter().any(|object| !self.bounds_nothing(object) && meets_film(object)) {
+        match numbers
+            .into_iter()
+            .any(|object| !self.bounds_nothing(object) && meets_film(object))
+        {
             true => StartMedium::ByPlace,
             false => StartMedium::One(self.medium_seen(camera.position, self.hidden_from_camera())),
         }

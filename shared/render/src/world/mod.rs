@@ -69,7 +69,14 @@ impl Scene {
     fn made(description: SceneDescription, previous: Option<&Self>) -> Self {
         let (selectors, aimed_at) = (Selectors::of_all(&description), Selectors::aimed_at(&description));
         let material = |o: &Object| &description.materials[o.material as usize];
-        let has_uv = description.objects.iter().map(|o| material(o).reads_uv());
+        let has_pattern = |o: &Object| {
+            o.light
+                .is_some_and(|light| description.lights[light as usize].has_pattern())
+        };
+        let has_uv = description
+            .objects
+            .iter()
+            .map(|o| material(o).reads_uv() || has_pattern(o));
         let known = |number: usize| {
             let (object, known) = (&description.objects[number], previous?.objects().get(number)?);
             object
@@ -253,7 +260,7 @@ impl Scene {
     #[inline]
     pub(crate) fn emitted(&self, hit: &SurfaceHit, dir: Vec3) -> Rgb {
         match self.objects()[hit.object as usize].light {
-            Some(light) => self.lights()[light as usize].radiance_area(-hit.ng.dot(dir)),
+            Some(light) => self.lights()[light as usize].radiance_area(-hit.ng.dot(dir), &hit.at),
             None => Rgb::ZERO,
         }
     }

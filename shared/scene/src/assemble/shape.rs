@@ -1,14 +1,15 @@
 //! Shapes: placed, flipped, made of their materials, bounding their media, emitting.
 
 use super::kept::{Baked, Decoded, Kept, Normals, Pinned, Shared, linear_bits, map_bits};
+use super::texture::texture;
 use super::{Parts, Problem, check_reach, required};
-use crate::parse::{Fault, ShapeRecord, ShapeType};
+use crate::parse::{EmissionRecord, Fault, ShapeRecord, ShapeType, TextureRecord};
 use crate::transform;
 use crate::values::Spanned;
 use beamfarm_image::layer::LightGroup;
 use beamfarm_render::geometry::shape::Placement;
 use beamfarm_render::geometry::{Boundary, Object, Shape, accel};
-use beamfarm_render::light::{Light, LightKind};
+use beamfarm_render::light::{Light, LightKind, Pattern};
 use beamfarm_render::math::Rgb;
 use glam::{DAffine3, DMat3, DVec3};
 use std::f64::consts::PI;
@@ -334,8 +335,24 @@ impl Parts<'_> {
         let Some(emission) = &surface.record.emission else {
             return Ok(None);
         };
-        let radiance = match (&emission.get_ref().radiance, &emission.get_ref().power) {
-            (Some(radiance), None) => radiance.rgb(),
+        let EmissionRecord {
+            radiance, scale, power, ..
+        } = emission.get_ref();
+        if let (Some(scale), None | Some(TextureRecord::Color(_))) = (scale, radiance) {
+            return Err(Fault::new(scale.span(), "it multiplies a texture; `radiance` is none").into());
+        }
+        let mut pattern = None;
+        let radiance = match (radiance, power) {
+            (Some(TextureRecord::Color(radiance)), None) => radiance.rgb(),
+            (Some(varying), None) => {
+                let texture = texture(varying, &mut self.assets)?;
+                let scale = scale.as_ref().map_or(Rgb::ONE, |scale| scale.get_ref().rgb());
+                let Some((found, mean)) = Pattern::new(texture, scale, shape) else {
+                    return Ok(None);
+                };
+                pattern = Some(Arc::new(found));
+                mean
+            }
             (None, Some(power)) => {
                 let area = self.area(surface, map, shape);
                 Rgb::from_array(power.0.map(|watts| (watts / (PI * area)) as f32))
@@ -358,6 +375,7 @@ impl Parts<'_> {
             kind: LightKind::Area {
                 object: self.objects.len() as u32,
                 radiance,
+                pattern,
             },
         });
         Ok(Some((self.lights.len() - 1) as u32))

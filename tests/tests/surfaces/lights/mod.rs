@@ -4,4 +4,5 @@ mod choice;
 mod direct;
 mod emission;
 mod environment;
+mod pattern;
 mod setup;

@@ -19,7 +19,7 @@ pub struct Surface {
     pub name: String,
     /// Which of a mesh's texture coordinates it takes.
     pub uv_set: u32,
-    /// Radiance, as TOML.
+    /// Radiance, as TOML: three numbers or a texture.
     pub emission: Option<String>,
     /// Whether light goes through to the inside.
     pub is_glass: bool,
@@ -113,7 +113,7 @@ struct Written {
 }
 
 impl Writer<'_, '_, '_> {
-    /// Radiance, if there is any. A texture counts by its mean.
+    /// Radiance, if there is any.
     fn emission(&mut self) -> Result<Option<String>, Flaw> {
         let strength = self.material.extensions.emissive_strength.as_ref();
         let strength = strength.map_or(1.0, |s| s.emissive_strength);
@@ -121,21 +121,11 @@ impl Writer<'_, '_, '_> {
         if factor == [0.0; 3] {
             return Ok(None);
         }
-        let mean = match &self.material.emissive_texture {
-            None => [1.0; 3],
-            Some(used) => {
-                self.note("textures of emission count by their mean: materials");
-                mean(&*self.textures.picture(used, Encoding::Srgb)?)
-            }
-        };
-        let radiance: [f64; 3] = std::array::from_fn(|c| factor[c] * mean[c]);
-        if radiance == [0.0; 3] {
-            return Ok(None);
-        }
+        let radiance = self.color(factor, self.material.emissive_texture.as_ref(), ".emission")?;
         if self.material.double_sided {
             self.note("surfaces with two sides give light from the front alone: materials");
         }
-        Ok(Some(numbers(&radiance)))
+        Ok(Some(radiance))
     }
 
     /// The index of refraction whose reflectance at normal incidence is that of `ior` and KHR_materials_specular.

@@ -104,7 +104,11 @@ fn own_view(placed: &[Placed<'_>], notes: &mut Notes) -> Option<View> {
                 (aspect.abs(), format!("projection = \"orthographic\"\n{extent}"))
             }
         };
-        let aspect = if aspect > 0.0 && aspect.is_finite() { aspect } else { ASPECT };
+        let aspect = if aspect > 0.0 && aspect.is_finite() {
+            aspect
+        } else {
+            ASPECT
+        };
         let pixels = |share: f64| ((LONGER_SIDE * share).round() as u32).max(1);
         let world_from_node = &node.world_from_node;
         let direction = |v| world_from_node.transform_vector3(v).normalize_or_zero();

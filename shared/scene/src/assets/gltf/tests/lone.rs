@@ -2,6 +2,7 @@
 
 use super::{bytes, file, load_with};
 use crate::{Edits, ImportOptions, SceneFile};
+use beamfarm_render::camera::Projection;
 use beamfarm_render::light::LightKind;
 use beamfarm_render::math::Vec3;
 use beamfarm_render::world::SceneDescription;
@@ -60,7 +61,7 @@ fn all_of_a_model_is_seen_and_lit() {
         ),
         "{kinds:?}"
     );
-    assert!(says(&file, "it has no lights") && says(&file, "no perspective camera"));
+    assert!(says(&file, "it has no lights") && says(&file, "no camera"));
 }
 
 #[test]
@@ -68,13 +69,13 @@ fn its_own_camera_and_lights_are_taken() {
     let mut own = file(json!({
         "extensions": { "KHR_lights_punctual": { "lights": [{ "type": "point", "intensity": 3 }] } },
         "cameras": [
-            { "type": "orthographic", "orthographic": { "xmag": 1, "ymag": 1, "zfar": 10, "znear": 0.1 } },
+            { "type": "orthographic", "orthographic": { "xmag": 3, "ymag": 1, "zfar": 10, "znear": 0.1 } },
             { "type": "perspective", "perspective": { "yfov": 0.8, "aspectRatio": 0.5, "znear": 0.1 } },
         ],
         "nodes": [
             { "mesh": 0 },
-            { "name": "flat", "camera": 0 },
             { "camera": 1, "translation": [0, 0, 5] },
+            { "name": "flat", "camera": 0 },
             { "translation": [0, 3, 0], "extensions": { "KHR_lights_punctual": { "light": 0 } } },
         ],
         "scenes": [{ "nodes": [0, 1, 2, 3] }],
@@ -84,11 +85,14 @@ fn its_own_camera_and_lights_are_taken() {
     assert_eq!((camera.width, camera.height), (480, 960));
     assert!((f64::from(camera.half_width) - 0.5 * libm::tan(0.4)).abs() < 1e-6);
     assert!(matches!(description.lights[..], [ref l] if matches!(l.kind, LightKind::Point { .. })));
-    assert!(says(
-        &read_as,
-        "model.gltf: cameras without perspective are left out: \"flat\""
-    ));
+    assert!(says(&read_as, "it has 2 cameras, of which the first is taken"));
     assert!(!says(&read_as, "it has no lights"));
+
+    let mut flat = own.clone();
+    flat["scenes"][0]["nodes"] = json!([0, 2, 3]);
+    let camera = read(&flat, Edits::default()).unwrap().1.camera;
+    assert_eq!((camera.width, camera.height), (960, 320));
+    assert_eq!((camera.projection, camera.half_width), (Projection::Orthographic, 3.0));
 
     // Fields and sizes can be changed as of any scene.
     let edits = Edits {

@@ -3,7 +3,7 @@
 use super::bsdf::Through;
 use super::write::{Section, Toml};
 use super::xml::{Content, Id, Kind};
-use super::{Converter, Place, transform};
+use super::{Converter, Place, cie, transform};
 use std::collections::{BTreeMap, BTreeSet};
 
 impl Converter<'_> {
@@ -231,7 +231,7 @@ impl Converter<'_> {
             shape.set("material", Toml::String(material.name), member.place);
         }
         for (member, emitter) in self.nested(id, Kind::Emitter) {
-            self.area_light(emitter, shape, member.place);
+            self.area_light(emitter, shape, member.place, turned);
         }
         self.boundary(id, through, geometry, shape);
         // Only Mitsuba's differentiable integrators ask for it.
@@ -239,12 +239,19 @@ impl Converter<'_> {
         self.finish(id);
     }
 
-    fn area_light(&mut self, id: Id, shape: &mut Section, place: Place) {
+    fn area_light(&mut self, id: Id, shape: &mut Section, place: Place, turned: bool) {
         if self.objects.list[id].plugin != "area" {
             return self.unsupported_plugin(id);
         }
         let mut emission = Section::table("emission", place);
-        self.emission(id, "radiance", &mut emission);
+        match self.member(id, "radiance") {
+            Some(member) => {
+                if let Some(radiance) = self.textured_member(id, member, cie::Kind::Emission, turned) {
+                    emission.set("radiance", radiance, place);
+                }
+            }
+            None => emission.set("radiance", Toml::Float(1.0), place),
+        }
         self.sampling(id);
         self.finish(id);
         if !emission.is_empty() {

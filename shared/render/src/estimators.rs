@@ -208,7 +208,8 @@ fn lights_often_met(scene: &Scene, least: f32, looks: Looks) -> Vec<bool> {
         let is_lit = |ray: &Ray| {
             let hit = met_by(ray, &|o| o != object);
             let faces = |hit: &SurfaceHit| {
-                scene.lights()[light].has_pattern() && hit.ng.dot(ray.dir) < 0.0
+                let light = &scene.lights()[light];
+                light.has_pattern() && (light.is_two_sided() || hit.ng.dot(ray.dir) < 0.0)
                     || scene.emitted(hit, ray.dir) != Rgb::ZERO
             };
             hit.is_some_and(|hit| faces(&hit))

@@ -130,7 +130,7 @@ fn a_file_renders_as_its_native_twin() {
     let native = format!(
         "{VIEW}{CAMERA}{light}[materials.plate]\ntype = \"principled\"\nbase_color = [0.75, 0.5, 0.25]\nmetallic = 0.25\n\
          roughness = 0.5\nior = 1.75\ntwo_sided = true\n[[shapes]]\ntype = \"mesh\"\nfile = \"a.obj\"\nmaterial = \"plate\"\n\
-         emission = {{ radiance = [0.5, 1, 2] }}\n\
+         emission = {{ radiance = [0.5, 1, 2], two_sided = true }}\n\
          transform = [{{ matrix = [[2, 0, 0, 0.5], [0, 3, 0.5, 0.25], [0, 0, 1, 0], [0, 0, 0, 1]] }}, {{ scale = 0.5 }}, \
          {{ translate = [0, 0, -1] }}]"
     );

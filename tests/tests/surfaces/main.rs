@@ -12,3 +12,4 @@ mod material_scenes;
 mod materials;
 mod orthographic;
 mod scattering;
+mod vertex_colors;

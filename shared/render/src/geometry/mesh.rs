@@ -3,7 +3,7 @@
 use super::shape::SurfacePoint;
 use super::tree::{Item, ItemTree};
 use super::triangles::TriangleId;
-use crate::math::{Vec2, Vec3};
+use crate::math::{Rgb, Vec2, Vec3};
 use crate::warp;
 use std::sync::{Arc, OnceLock};
 
@@ -16,6 +16,8 @@ pub struct Mesh {
     pub normals: Vec<Vec3>,
     /// UVs, one a vertex, or none at all.
     pub uvs: Vec<Vec2>,
+    /// Linear colours, one a vertex, where something reads them, or none at all.
+    pub colors: Vec<Rgb>,
     /// Vertex indices.
     pub triangles: Vec<[u32; 3]>,
     /// Running sum of triangle areas, made when first asked for.
@@ -182,6 +184,12 @@ impl Mesh {
                 .flatten()
                 .all(|&i| (self.positions[i as usize] - corner).dot(normal) <= tolerance)
         })
+    }
+
+    /// Whether all triangles face the same way.
+    pub fn is_flat(&self) -> bool {
+        let first = self.normal(0);
+        (0..self.triangles.len() as u32).all(|triangle| self.normal(triangle).dot(first) > 1.0 - 1e-6)
     }
 
     /// Running sums of the triangles' areas, in order; the last one is the mesh's area, object space.

@@ -1,7 +1,7 @@
 //! Shapes: what a hit on them looks like, and how points on them are drawn. The search for hits is in `accel`.
 
 use super::mesh::{self, Mesh};
-use crate::math::{PI, Ray, Vec2, Vec3, acos, atan2, sin_cos};
+use crate::math::{PI, Ray, Rgb, Vec2, Vec3, acos, atan2, sin_cos};
 use crate::texture::TexturePoint;
 use crate::warp;
 use glam::Affine3A;
@@ -320,7 +320,7 @@ impl Shape {
     /// third corner.
     pub fn texture_point(&self, point: Vec3, primitive: u32, weights: Vec2) -> TexturePoint {
         let own = |placement: &Placement| placement.object_from_render.transform_point3(point);
-        TexturePoint::of_uv(match self {
+        let uv = match self {
             Self::Sphere { placement, .. } => sphere_uv(own(placement).normalize()),
             Self::Disc { placement, .. } => disc_uv(own(placement).truncate()),
             Self::Cylinder { placement, .. } => {
@@ -328,16 +328,33 @@ impl Shape {
                 Vec2::new(turn(p.truncate().normalize()), p.z.clamp(0.0, 1.0))
             }
             Self::Mesh { mesh, .. } => mesh_uv(mesh, primitive, weights),
-        })
+        };
+        TexturePoint {
+            uv,
+            color: self.color_at(primitive, weights),
+        }
     }
 
-    /// Whether no part of its outside hides another one from any point, as far as that can be told quickly: shadow rays
-    /// then need not look for the light that they go to, which they would meet a rounding early.
-    pub fn never_shadows_itself(&self) -> bool {
+    /// Whether no part of its outside, or of its `two_sides`, hides another one from any point, as far as that can be
+    /// told quickly: shadow rays then need not look for the light that they go to, which they would meet a rounding
+    /// early.
+    pub fn never_shadows_itself(&self, two_sides: bool) -> bool {
         match self {
-            Self::Sphere { flip, .. } | Self::Cylinder { flip, .. } => !flip,
+            Self::Sphere { flip, .. } | Self::Cylinder { flip, .. } => !flip && !two_sides,
             Self::Disc { .. } => true,
-            Self::Mesh { mesh, .. } => mesh.is_convex(),
+            Self::Mesh { mesh, .. } => mesh.is_convex() && (!two_sides || mesh.is_flat()),
+        }
+    }
+
+    /// Colour of a mesh in a triangle, by the weights of its second and third corner, if its vertices have colours.
+    #[inline]
+    fn color_at(&self, primitive: u32, w: Vec2) -> Rgb {
+        match self {
+            Self::Mesh { mesh, .. } if !mesh.colors.is_empty() => {
+                let [a, b, c] = mesh.triangles[primitive as usize].map(|i| mesh.colors[i as usize]);
+                a * (1.0 - w.x - w.y) + b * w.x + c * w.y
+            }
+            _ => Rgb::ZERO,
         }
     }
 
@@ -411,7 +428,14 @@ impl Shape {
             point,
             ng,
             ns,
-            at: TexturePoint::of_uv(uv.unwrap_or_default()),
+            at: TexturePoint {
+                uv: uv.unwrap_or_default(),
+                color: if has_uv {
+                    self.color_at(hit.primitive, hit.uv)
+                } else {
+                    Rgb::ZERO
+                },
+            },
             object: hit.object,
             primitive: hit.primitive,
             curvature,

@@ -53,9 +53,10 @@ impl Light {
                 object,
                 radiance,
                 pattern,
+                ..
             } => {
                 let shape = &objects[*object as usize].shape;
-                let drawn = match Cone::around(shape, from) {
+                let drawn = match self.cone(shape, from) {
                     Some(cone) => cone.sample(from, u),
                     None => {
                         let at = match pattern {
@@ -68,7 +69,7 @@ impl Light {
                         Towards {
                             wi,
                             distance,
-                            pdf: per_solid_angle(at.pdf_area, -wi.dot(at.normal), distance)?,
+                            pdf: per_solid_angle(at.pdf_area, self.facing(-wi.dot(at.normal)), distance)?,
                             at,
                         }
                     }
@@ -109,10 +110,10 @@ impl Light {
         match (&self.kind, hit) {
             (LightKind::Area { object, pattern, .. }, Some(hit)) => {
                 let shape = &objects[*object as usize].shape;
-                match Cone::around(shape, from) {
+                match self.cone(shape, from) {
                     Some(cone) => cone.pdf(),
                     None => {
-                        let cos = -wi.dot(hit.normal);
+                        let cos = self.facing(-wi.dot(hit.normal));
                         per_solid_angle(pdf_area(shape, pattern, hit.normal, hit.primitive), cos, hit.distance)
                             .unwrap_or(0.0)
                     }
@@ -125,6 +126,22 @@ impl Light {
 }
 
 impl Light {
+    /// The cone that the light fills, if it is a ball of which only the outside emits: the inside may be seen through
+    /// the outside.
+    #[inline]
+    fn cone(&self, shape: &Shape, from: Vec3) -> Option<Cone> {
+        match self.is_two_sided() {
+            false => Cone::around(shape, from),
+            true => None,
+        }
+    }
+
+    /// Cosine of the angle to the normal of an area light, on a side that emits.
+    #[inline]
+    fn facing(&self, cos: f32) -> f32 {
+        if self.is_two_sided() { cos.abs() } else { cos }
+    }
+
     /// Density of emitted photons per area across `wi` at a point, over the density with which [`Self::sample_direct`]
     /// from there chooses that light: what the two are weighed by against each other. `at`: where the light is met.
     pub(crate) fn photon_density(
@@ -153,7 +170,7 @@ impl Light {
             LightKind::Area { object, pattern, .. } => {
                 let shape = &objects[*object as usize].shape;
                 let direct = self.pdf_direct(objects, from, wi, Some(at));
-                pdf_area(shape, pattern, at.normal, at.primitive) / (PI * direct)
+                pdf_area(shape, pattern, at.normal, at.primitive) / (self.sides() * PI * direct)
             }
         }
     }
@@ -167,7 +184,7 @@ impl Light {
         match &self.kind {
             LightKind::Area { object, pattern, .. } => {
                 let shape = &objects[*object as usize].shape;
-                pdf_area(shape, pattern, on.normal, on.primitive) / PI
+                pdf_area(shape, pattern, on.normal, on.primitive) / (self.sides() * PI)
             }
             LightKind::Environment(environment) => environment.pdf(-dir) / bounds.disc_area(),
             LightKind::Point { .. }

@@ -58,6 +58,7 @@ impl Light {
                 object,
                 radiance,
                 pattern,
+                two_sided,
             } => {
                 let shape = &objects[*object as usize].shape;
                 let (at, radiance) = match pattern {
@@ -67,13 +68,17 @@ impl Light {
                         (at, pattern.radiance_of(shape, &at))
                     }
                 };
-                let local = warp::cosine_hemisphere(u.direction);
+                let (normal, u_direction) = match two_sided {
+                    false => (at.normal, u.direction),
+                    true => either_side(at.normal, u.direction),
+                };
+                let local = warp::cosine_hemisphere(u_direction);
                 EmissionSample {
                     origin: at.point,
-                    dir: Frame::from_normal(at.normal).to_world(local),
-                    normal: Some(at.normal),
-                    power: radiance * (PI / at.pdf_area),
-                    pdf_dir: warp::cosine_hemisphere_pdf(local.z),
+                    dir: Frame::from_normal(normal).to_world(local),
+                    normal: Some(normal),
+                    power: radiance * (self.sides() * PI / at.pdf_area),
+                    pdf_dir: warp::cosine_hemisphere_pdf(local.z) / self.sides(),
                     pdf_pos: at.pdf_area,
                     primitive: at.primitive,
                 }
@@ -87,6 +92,15 @@ impl Light {
                 }
             }
         }
+    }
+}
+
+/// The normal or its opposite, each half of the time, and what is left of the uniform numbers.
+fn either_side(normal: Vec3, u: Vec2) -> (Vec3, Vec2) {
+    let twice = 2.0 * u.x;
+    match twice < 1.0 {
+        true => (normal, Vec2::new(twice, u.y)),
+        false => (-normal, Vec2::new(twice - 1.0, u.y)),
     }
 }
 

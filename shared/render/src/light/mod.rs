@@ -71,7 +71,7 @@ pub enum LightKind {
         /// W/m^2 on a plane across the direction.
         irradiance: Rgb,
     },
-    /// A surface that emits on the side that its geometric normal points to, as much in all directions.
+    /// A surface that emits on the side that its geometric normal points to, or on both, as much in all directions.
     Area {
         /// Index into the scene's objects.
         object: u32,
@@ -79,6 +79,8 @@ pub enum LightKind {
         radiance: Rgb,
         /// How it varies over the surface, if it does.
         pattern: Option<Arc<Pattern>>,
+        /// Whether it emits on both sides.
+        two_sided: bool,
     },
     /// Radiance from all around.
     Environment(Environment),
@@ -186,7 +188,9 @@ impl Light {
             } => *intensity * spot::effective_solid_angle(*beam_width, *cutoff),
             LightKind::Projector(projector) => projector.power(),
             LightKind::Directional { irradiance, .. } => *irradiance * bounds.disc_area(),
-            LightKind::Area { object, radiance, .. } => *radiance * (PI * objects[*object as usize].shape.area()),
+            LightKind::Area { object, radiance, .. } => {
+                *radiance * (self.sides() * PI * objects[*object as usize].shape.area())
+            }
             LightKind::Environment(environment) => environment.fluence() * bounds.disc_area(),
         }
     }
@@ -198,14 +202,27 @@ impl Light {
         match &self.kind {
             LightKind::Area {
                 radiance,
-                pattern: None,
+                pattern,
+                two_sided,
                 ..
-            } if cos > 0.0 => *radiance,
-            LightKind::Area {
-                pattern: Some(pattern), ..
-            } if cos > 0.0 => pattern.radiance(at),
+            } if cos > 0.0 || *two_sided => match pattern {
+                None => *radiance,
+                Some(pattern) => pattern.radiance(at),
+            },
             _ => Rgb::ZERO,
         }
+    }
+
+    /// How many sides of a surface emit.
+    #[inline]
+    pub(crate) fn sides(&self) -> f32 {
+        if self.is_two_sided() { 2.0 } else { 1.0 }
+    }
+
+    /// Whether it is an area light that emits on both sides.
+    #[inline]
+    pub(crate) fn is_two_sided(&self) -> bool {
+        matches!(self.kind, LightKind::Area { two_sided: true, .. })
     }
 
     /// Whether it is an area light whose radiance varies over its surface.

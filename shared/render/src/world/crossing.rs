@@ -206,15 +206,19 @@ impl Scene {
         let medium = match &self.lights()[light].kind {
             LightKind::Point { position, .. } | LightKind::Spot { position, .. } => self.medium_seen(*position, hidden),
             LightKind::Projector(projector) => self.medium_seen(projector.position, hidden),
-            LightKind::Area { object, .. } => {
+            LightKind::Area { object, two_sided, .. } => {
                 let object = &self.objects()[*object as usize];
-                if let Some(boundary) = object.boundary {
-                    return StartMedium::One(boundary.exterior);
+                match object.boundary {
+                    Some(boundary) if !two_sided => return StartMedium::One(boundary.exterior),
+                    Some(_) => return StartMedium::ByPlace,
+                    None => {}
                 }
-                let mut media = places_on(object).map(|on| {
-                    let point = on.point + on.normal * self.clearance(on.point);
-                    self.medium_seen(point, hidden)
+                let sides: &[f32] = if *two_sided { &[1.0, -1.0] } else { &[1.0] };
+                let points = places_on(object).flat_map(|on| {
+                    let off = on.normal * self.clearance(on.point);
+                    sides.iter().map(move |side| on.point + off * *side)
                 });
+                let mut media = points.map(|point| self.medium_seen(point, hidden));
                 let first = media.next().flatten();
                 if media.any(|other| other != first) {
                     return StartMedium::ByPlace;

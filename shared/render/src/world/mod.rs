@@ -105,9 +105,9 @@ impl Scene {
         let shadow_rays_walk =
             materials.any(|m| m.may_be_passed() && !m.is_null()) || (has_boundaries && !description.media.is_empty());
         let unshadowing = |light: &Light| match light.kind {
-            LightKind::Area { object, .. } => description.objects[object as usize]
+            LightKind::Area { object, two_sided, .. } => description.objects[object as usize]
                 .shape
-                .never_shadows_itself()
+                .never_shadows_itself(two_sided)
                 .then_some(object),
             _ => None,
         };

@@ -259,16 +259,16 @@ impl<'a> Assets<'a> {
         })
     }
 
-    /// `index`: which of the meshes of a file that has several.
-    fn mesh(&mut self, path: &Spanned<String>, index: u32) -> Result<Arc<Decoded>, Problem> {
+    /// `index`: which of the meshes of a file that has several. `colored`: with the colours of its vertices.
+    fn mesh(&mut self, path: &Spanned<String>, index: u32, colored: bool) -> Result<Arc<Decoded>, Problem> {
         let key = bundle::key(path.get_ref());
         if let Some(mesh) = self.meshes.get(&key) {
             return Ok(mesh.clone());
         }
         let (source, Kept { meshes, clock, .. }) = (self.source, &mut *self.kept);
-        meshes.get_or(clock, (source.content(&key), ending(path), index), || {
+        meshes.get_or(clock, (source.content(&key), ending(path), index, colored), || {
             decoded(source, path, |name, bytes| {
-                RawMesh::read_nth(name, bytes, index).map(Decoded::new)
+                RawMesh::read_nth(name, bytes, index, colored).map(Decoded::new)
             })
         })
     }

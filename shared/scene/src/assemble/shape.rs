@@ -2,7 +2,8 @@
 
 use super::kept::{Baked, Decoded, Kept, Normals, Pinned, Shared, linear_bits, map_bits};
 use super::texture::texture;
-use super::{Parts, Problem, check_reach, required};
+use super::{Parts, Problem, asset_problem, check_reach, required};
+use crate::assets::mesh::RawMesh;
 use crate::parse::{EmissionRecord, Fault, ShapeRecord, ShapeType, TextureRecord};
 use crate::transform;
 use crate::values::Spanned;
@@ -117,6 +118,16 @@ impl Parts<'_> {
 
     /// Resolve the record's names and its mesh.
     fn surface<'r>(&mut self, record: &'r ShapeRecord) -> Result<Surface<'r>, Problem> {
+        let material = match &record.material {
+            Some(name) => self.materials.resolve(name)?,
+            None => self.materials.default(record.emission.is_some()),
+        };
+        let is_read = self.materials.list[material as usize].reads_colors();
+        let emission = record.emission.as_ref().map(Spanned::get_ref);
+        let is_emitted = matches!(
+            emission.and_then(|emission| emission.radiance.as_ref()),
+            Some(TextureRecord::VertexColors(_))
+        );
         let form = match record.kind.get_ref() {
             ShapeType::Sphere => Form::Sphere,
             ShapeType::Disc => Form::Disc,
@@ -126,17 +137,26 @@ impl Parts<'_> {
             ShapeType::Mesh => {
                 let file = required(&record.file, &record.kind, "file")?;
                 let index = record.shape_index.as_ref().map_or(0, |index| *index.get_ref());
-                Form::Mesh(self.assets.mesh(file, index)?)
+                let mesh = self.assets.mesh(file, index, is_read || is_emitted)?;
+                if is_read || is_emitted {
+                    check_colors(&mesh.raw, is_read).map_err(|flaw| asset_problem(file, flaw))?;
+                }
+                Form::Mesh(mesh)
             }
             ShapeType::Instances => {
                 let message = "expected the type of one shape";
                 return Err(Fault::new(record.kind.span(), message).into());
             }
         };
-        let material = match &record.material {
-            Some(name) => self.materials.resolve(name)?,
-            None => self.materials.default(record.emission.is_some()),
-        };
+        if (is_read || is_emitted) && *record.kind.get_ref() != ShapeType::Mesh {
+            let place = match (&record.material, &record.emission) {
+                (Some(material), _) if is_read => material.span(),
+                (_, Some(emission)) => emission.span(),
+                _ => record.kind.span(),
+            };
+            let message = "it takes the colours of vertices, which meshes from files alone have";
+            return Err(Fault::new(place, message).into());
+        }
         let boundary = self.boundary(record, &form, material)?;
         Ok(Surface {
             form,
@@ -336,8 +356,13 @@ impl Parts<'_> {
             return Ok(None);
         };
         let EmissionRecord {
-            radiance, scale, power, ..
+            radiance,
+            scale,
+            power,
+            two_sided,
+            ..
         } = emission.get_ref();
+        let two_sided = *two_sided;
         if let (Some(scale), None | Some(TextureRecord::Color(_))) = (scale, radiance) {
             return Err(Fault::new(scale.span(), "it multiplies a texture; `radiance` is none").into());
         }
@@ -355,7 +380,8 @@ impl Parts<'_> {
             }
             (None, Some(power)) => {
                 let area = self.area(surface, map, shape);
-                Rgb::from_array(power.0.map(|watts| (watts / (PI * area)) as f32))
+                let sides = if two_sided { 2.0 } else { 1.0 };
+                Rgb::from_array(power.0.map(|watts| (watts / (sides * PI * area)) as f32))
             }
             _ => {
                 let message = "emission is given by `radiance` (W/(m^2 sr)) or by `power` (W): exactly one of them";
@@ -376,9 +402,37 @@ impl Parts<'_> {
                 object: self.objects.len() as u32,
                 radiance,
                 pattern,
+                two_sided,
             },
         });
         Ok(Some((self.lights.len() - 1) as u32))
+    }
+}
+
+/// Whether vertices have the colours that are asked for. `reflects`: nothing reflects more than arrives.
+fn check_colors(mesh: &RawMesh, reflects: bool) -> Result<(), String> {
+    if mesh.colors.is_empty() {
+        return Err(
+            "its vertices have no colours, which its material or emission takes (`attribute = \"color\"`); \
+             expected `red`, `green` and `blue`, or `r`, `g` and `b`, of each vertex of a PLY file"
+                .to_owned(),
+        );
+    }
+    let most = if reflects { 1.0 } else { f32::MAX };
+    let is_wrong = |color: &Rgb| !color.to_array().iter().all(|x| (0.0..=most).contains(x));
+    match mesh.colors.iter().position(is_wrong) {
+        None => Ok(()),
+        Some(i) => {
+            let expected = if reflects {
+                "numbers from 0 to 1"
+            } else {
+                "numbers that are not negative"
+            };
+            let color = mesh.colors[i];
+            Err(format!(
+                "vertex {i} (from zero) has the colour {color}; expected {expected}"
+            ))
+        }
     }
 }
 

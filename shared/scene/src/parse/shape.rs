@@ -157,6 +157,9 @@ impl ShapeType {
 pub struct EmissionRecord {
     /// W/(m^2 sr), or a texture of it.
     pub radiance: Option<TextureRecord<NonNegative>>,
+    /// Emit on both sides.
+    #[serde(default)]
+    pub two_sided: bool,
     /// What a texture is multiplied by. Default: 1.
     pub scale: Option<Spanned<Color<NonNegative>>>,
     /// W, of the whole surface.

@@ -6,3 +6,4 @@ mod emission;
 mod environment;
 mod pattern;
 mod setup;
+mod two_sides;

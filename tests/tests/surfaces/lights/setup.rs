@@ -104,6 +104,7 @@ pub fn emitter(shape: Shape) -> (Vec<Object>, Light) {
         object: 0,
         radiance: RADIANCE,
         pattern: None,
+        two_sided: false,
     };
     (vec![object], light(kind))
 }

@@ -21,6 +21,8 @@ pub struct Surface {
     pub uv_set: u32,
     /// Radiance, as TOML: three numbers or a texture.
     pub emission: Option<String>,
+    /// Whether both sides of what is open emit.
+    pub emits_on_both: bool,
     /// Whether light goes through to the inside.
     pub is_glass: bool,
     /// What is inside.
@@ -31,7 +33,7 @@ pub struct Surface {
 pub struct Materials<'a, 'b> {
     record: &'a Record,
     pub textures: Textures<'a, 'b>,
-    made: BTreeMap<Option<usize>, Surface>,
+    made: BTreeMap<(Option<usize>, bool), Surface>,
     /// Materials and media, as TOML.
     pub text: String,
     /// Lengths in the world of a length of the file.
@@ -50,9 +52,10 @@ impl<'a, 'b> Materials<'a, 'b> {
         }
     }
 
-    /// What shapes of a material are told, by its number; without one, the default material.
-    pub fn surface(&mut self, index: Option<usize>, notes: &mut Notes) -> Result<Surface, Flaw> {
-        if let Some(made) = self.made.get(&index) {
+    /// What shapes of a material are told, by its number; without one, the default material. `colored`: its base
+    /// colour is multiplied by the colours of vertices.
+    pub fn surface(&mut self, index: Option<usize>, colored: bool, notes: &mut Notes) -> Result<Surface, Flaw> {
+        if let Some(made) = self.made.get(&(index, colored)) {
             return Ok(made.clone());
         }
         let default = Material::default();
@@ -64,6 +67,7 @@ impl<'a, 'b> Materials<'a, 'b> {
             (Some(i), None) => (format!("material{i}"), i.to_string()),
             (None, _) => ("default".to_string(), "that is the default".to_string()),
         };
+        let id = if colored { format!("{id}_colored") } else { id };
         let in_material = |flaw: Flaw| Flaw::from(format!("the material {name}: {}", flaw.message));
         let mut writer = Writer {
             material,
@@ -72,6 +76,7 @@ impl<'a, 'b> Materials<'a, 'b> {
             textures: &mut self.textures,
             notes,
             uv_set: main_uv_set(material),
+            colored,
         };
         let emission = writer.emission().map_err(in_material)?;
         let written = writer.write(self.scale).map_err(in_material)?;
@@ -79,12 +84,13 @@ impl<'a, 'b> Materials<'a, 'b> {
         let surface = Surface {
             uv_set: main_uv_set(material),
             emission,
+            emits_on_both: material.double_sided,
             is_glass: written.is_glass,
             interior: written.has_medium.then(|| id.clone()),
             id: id.clone(),
             name: name.clone(),
         };
-        self.made.insert(index, surface.clone());
+        self.made.insert((index, colored), surface.clone());
         Ok(surface)
     }
 }
@@ -122,9 +128,6 @@ impl Writer<'_, '_, '_> {
             return Ok(None);
         }
         let radiance = self.color(factor, self.material.emissive_texture.as_ref(), ".emission")?;
-        if self.material.double_sided {
-            self.note("surfaces with two sides give light from the front alone: materials");
-        }
         Ok(Some(radiance))
     }
 

@@ -3,6 +3,7 @@
 //! Sources for what the format means: Mitsuba 3's documentation, and what Mitsuba 3.9.1 (variants `scalar_rgb` and
 //! `llvm_ad_rgb`) makes of a scene.
 
+mod attribute;
 mod attributes;
 mod bsdf;
 mod cie;

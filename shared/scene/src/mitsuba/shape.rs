@@ -156,7 +156,8 @@ impl Converter<'_> {
             }
             "mesh" => {
                 let file = self.member(id, "filename").map_or(place, |m| m.place);
-                if let Some((asset, _)) = self.asset(id, "filename") {
+                if let Some((asset, path)) = self.asset(id, "filename") {
+                    let asset = self.with_attribute(id, asset, &path);
                     shape.set("file", asset, file);
                 }
                 if let Some(member) = self.member(id, "shape_index")

@@ -80,6 +80,12 @@ impl Converter<'_> {
                 Some(fields)
             }
             "scale" => self.scaled(id, turned),
+            // Of the copy that shapes with it get, see `with_attribute`.
+            "mesh_attribute" => {
+                self.ignore(id, &["name", "scale"]);
+                self.finish(id);
+                Some(vec![("attribute", Toml::string("color"))])
+            }
             _ => {
                 self.unsupported_plugin(id);
                 None

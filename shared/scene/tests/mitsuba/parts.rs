@@ -1,6 +1,7 @@
 //! Parts of scenes that become others, or what the conversion makes of them.
 
 use super::{assert_has, convert, folder, read, refused};
+use beamfarm_render::geometry::Shape;
 use beamfarm_scene::{ImportOptions, SceneFile};
 use tempfile::TempDir;
 
@@ -194,4 +195,56 @@ fn area_lights_have_textures() {
     );
     let file = SceneFile::read(&folder.path().join("scene.xml"), &ImportOptions::default()).unwrap();
     file.load().unwrap();
+}
+
+const PLY: &str = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n\
+    property float color_0\nproperty float color_1\nproperty float color_2\nelement face 2\n\
+    property list uchar int vertex_indices\nproperty float weight_0\nend_header\n\
+    0 0 0 1 0 0\n1 0 0 0 1 0\n1 1 0 0 0 1\n0 1 0 0.5 0.5 0.5\n3 0 1 2 0.25\n3 0 2 3 0.75\n";
+
+/// Of vertices as they are; of faces each has its own vertices.
+#[test]
+#[allow(clippy::unwrap_used)]
+fn attributes_become_colours_of_a_copy() {
+    let with = |name: &str, scale: f64| {
+        let shape = format!(
+            r#"<shape type="ply"><string name="filename" value="m.ply"/><bsdf type="diffuse">
+            <texture type="mesh_attribute" name="reflectance"><string name="name" value="{name}"/>
+            <float name="scale" value="{scale}"/></texture></bsdf></shape>"#
+        );
+        let folder = folder("3.0.0", &shape);
+        std::fs::write(folder.path().join("m.ply"), PLY).unwrap();
+        folder
+    };
+    for (name, scale, expected) in [
+        (
+            "vertex_color",
+            1.0,
+            vec![[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.5, 0.5, 0.5]],
+        ),
+        ("face_weight", 0.5, [vec![[0.125; 3]; 3], vec![[0.375; 3]; 3]].concat()),
+    ] {
+        let folder = with(name, scale);
+        let imported = convert(folder.path(), false).unwrap();
+        assert_has(
+            &imported.text,
+            &["file = \"scene-mesh1.ply\"", "reflectance = { attribute = \"color\" }"],
+        );
+        let file = SceneFile::read(&folder.path().join("scene.xml"), &ImportOptions::default()).unwrap();
+        let scene = file.load().unwrap();
+        let Shape::Mesh { mesh, .. } = &scene.objects[0].shape else {
+            panic!("{:?}", scene.objects[0].shape);
+        };
+        let colors: Vec<[f32; 3]> = mesh.colors.iter().map(|c| c.to_array()).collect();
+        let expected: Vec<[f32; 3]> = expected;
+        assert_eq!(colors, expected);
+    }
+    for (name, words) in [
+        ("face_color", "expected one property or three, from color_0 on"),
+        ("color", "begins with vertex_ or face_"),
+    ] {
+        let folder = with(name, 1.0);
+        assert_has(&convert(folder.path(), false).unwrap_err(), &[words]);
+        assert_has(&convert(folder.path(), true).unwrap().left_out.join("\n"), &[words]);
+    }
 }

@@ -459,7 +459,7 @@ fn mitsuba_scenes_that_cannot_be_used() {
     let folder = folder.path();
     let odd = MITSUBA.replace(
         "</scene>",
-        "<shape type=\"teapot\"/>\n<emitter type=\"sunsky\"/></scene>",
+        "<shape type=\"teapot\"/>\n<emitter type=\"collimated\"/></scene>",
     );
     std::fs::write(folder.join("room.xml"), odd).unwrap();
     std::fs::write(folder.join("triangle.ply"), TRIANGLE).unwrap();
@@ -474,7 +474,7 @@ fn mitsuba_scenes_that_cannot_be_used() {
         let lines: Vec<_> = message.lines().collect();
         assert!(code == 2 && lines.len() == 2, "{args:?}: {message}");
         assert!(lines[0].starts_with("room.xml:10: ") && lines[0].contains("teapot"));
-        assert!(lines[1].starts_with("room.xml:11: ") && lines[1].contains("sunsky"));
+        assert!(lines[1].starts_with("room.xml:11: ") && lines[1].contains("collimated"));
     }
     assert!(!folder.join("room.toml").exists());
     let skipped = succeed(folder, &["render", "room.xml", "--skip-unsupported", "--paths", "50"]);

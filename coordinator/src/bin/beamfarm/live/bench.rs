@@ -5,13 +5,14 @@ use crate::failure::Failure;
 use crate::job::SceneArgs;
 use beamfarm_coordinator::revisions::Style;
 use beamfarm_image::atomic::write_file;
+use beamfarm_image::bundle;
 use beamfarm_image::job::{Finders, JobSettings};
 use beamfarm_proto::bytes::Bytes;
 use beamfarm_proto::{FileEntry, FileHash, Manifest, Revision, RevisionNumber};
 use beamfarm_render::camera::Projection;
 use beamfarm_render::world::{RenderDefaults, Scene, SceneDescription, Seen};
 use beamfarm_scene::desk::{self, CameraMove, Thing};
-use beamfarm_scene::{Edits, Files, ImportOptions, SceneError, SceneFile, Store, is_gltf, is_mitsuba};
+use beamfarm_scene::{Edits, File, Files, ImportOptions, SceneError, SceneFile, Store, is_gltf, is_mitsuba};
 use glam::DVec3;
 use serde_json::Value;
 use std::collections::BTreeMap;
@@ -131,6 +132,8 @@ pub struct Bench {
     /// Files of the last text that could be rendered, as it is written and as it is meant.
     files: Files,
     meant: Files,
+    /// Files that are on no disk until the scene is saved, by the names that the text has for them.
+    made: BTreeMap<String, File>,
     looks: Looks,
     number: RevisionNumber,
     store: Store,
@@ -159,6 +162,9 @@ impl Bench {
         let file = args.scene.with_extension("toml");
         let file = if is_native { args.scene.clone() } else { file };
         let files = Files::from(read.bundle).revised(&file, &text, &options.edits)?;
+        let made = read.made.into_iter();
+        let made = made.filter_map(|name| Some((name.clone(), files.files.get(&bundle::key(&name))?.clone())));
+        let made = made.collect();
         let meant = files.clone().canonical();
         let eye = desk::eye(&meant)?;
         let mut store = Store::default();
@@ -174,6 +180,7 @@ impl Bench {
             looks: Looks::of(&files),
             files,
             meant,
+            made,
             number: RevisionNumber(1),
             store,
             description,
@@ -268,6 +275,10 @@ impl Bench {
                 "{file} is there already, and was not made from this scene: move it away"
             ));
         }
+        for (name, file) in &self.made {
+            write_file(&self.folder().join(name), file.bytes()).map_err(|error| error.to_string())?;
+        }
+        self.made.clear();
         write_file(&self.file, self.text.as_bytes()).map_err(|error| error.to_string())?;
         self.on_disk = Some(self.text.clone());
         Ok(format!("saved {file}"))

@@ -242,6 +242,7 @@ impl Writer<'_, '_, '_> {
             glass = Some(made);
         }
         let ior = self.reflecting_ior(ior)?;
+        let lobes = self.lobes()?;
         let (name, own) = match &glass {
             Some(_) => (format!("\"{id}.base\""), ""),
             None => (id.to_owned(), &common[..]),
@@ -255,6 +256,7 @@ impl Writer<'_, '_, '_> {
         if ior != 1.5 {
             let _ = writeln!(text, "ior = {}", number(ior));
         }
+        text.push_str(&lobes);
         Ok(Written {
             text,
             is_glass: glass.as_ref().is_some_and(|glass| glass.is_glass),
@@ -267,6 +269,9 @@ impl Writer<'_, '_, '_> {
         let x = &self.material.extensions;
         if x.specular.is_some() {
             self.note("KHR_materials_specular of glass does not count: materials");
+        }
+        if x.clearcoat.as_ref().is_some_and(|coat| coat.clearcoat_factor > 0.0) {
+            self.note("KHR_materials_clearcoat of glass does not count: materials");
         }
         let volume = x.volume.clone().unwrap_or_default();
         let is_solid = volume.thickness_factor > 0.0;
@@ -311,15 +316,6 @@ impl Writer<'_, '_, '_> {
         }
         if x.unlit.is_some() {
             self.note("KHR_materials_unlit does not count, they are lit as others are: materials");
-        }
-        if x.clearcoat.as_ref().is_some_and(|coat| coat.clearcoat_factor > 0.0) {
-            self.note("KHR_materials_clearcoat does not count: materials");
-        }
-        if x.sheen
-            .as_ref()
-            .is_some_and(|sheen| sheen.sheen_color_factor != [0.0; 3])
-        {
-            self.note("KHR_materials_sheen does not count: materials");
         }
         for name in x.others.keys() {
             self.note(format!("{name} is not supported and does not count: materials"));

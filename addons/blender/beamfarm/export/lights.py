@@ -27,9 +27,7 @@ def add_light(placed, context):
     if not any(color):
         return
     name = context.names.get(("object", placed.key), object.name)
-    context.show(object, name)
-    if placed.instancer is not None:
-        context.shown.setdefault(placed.instancer, []).append(name)
+    context.show(placed, name)
     fields = {"name": name}
     visible = light_rays(object, context)
     if visible is not None:

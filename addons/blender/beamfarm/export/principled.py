@@ -15,7 +15,7 @@ MISSING = {
 
 def principled(reader, place):
     """(fields of a material, alpha, radiance or None) of a Principled BSDF."""
-    from .surfaces import constant_of, dielectric, is_white, scaled
+    from .surfaces import constant_of, dielectric, is_white, note_bounces, scaled
 
     def get(name):
         return reader.get(place, name)
@@ -46,6 +46,11 @@ def principled(reader, place):
     normal = ((index - 1.0) / (index + 1.0)) ** 2 * 2.0 * max(level, 0.0)
     if is_dielectric and normal == 0.0 and is_plain and _is_zero(transmission):
         return {"type": "diffuse", "reflectance": base, "two_sided": True}, alpha, emission
+    if is_metal:
+        note_bounces(reader, place, rough)
+    else:
+        reader.context.report.note("Principled BSDF below its specular layer is as bright as without it: brighter than "
+                                   "in Cycles, by 3 % seen head-on, by 20 % at grazing angles")
     if not is_white(tint):
         reader.context.report.leave_out(f"specular tint of node '{place.node.name}' of {reader.owner}")
     if normal > 0.08:

@@ -7,7 +7,6 @@ from .geometry import Geometry
 from .interiors import Interiors
 from .materials import slot
 from .transforms import matrix_step, solid, steps
-from .visibility import rays
 
 # How far the two sides of a sheet that shines lie apart, in sizes of the mesh: what shines does so to one side.
 SHEET = 2e-5
@@ -31,21 +30,19 @@ class Shapes:
         self.groups = {}
 
     def add(self, placed):
-        """Takes a mesh object, or what can be made one, at its place."""
+        """Takes a mesh object at its place."""
         context, object = self.context, placed.object
         placed.matrix = solid(placed.matrix)
         if placed.matrix is None:
             return
-        key = _key(placed)
+        mesh = object.data
+        key = placed.mesh = (placed.uid, mesh.original.session_uid, mesh.as_pointer(), placed.instancer)
         if key in self.groups:
             self.groups[key].placed.append(placed)
             return
         geometry = context.geometries.get(key)
         if geometry is None:
             geometry = context.geometries[key] = Geometry(object.name)
-        mesh = object.data if object.type == "MESH" else object.to_mesh()
-        if mesh is None:
-            return
         geometry.hold(mesh)
         try:
             slots = [(index, slot(context, _material(context, object, mesh, index))) for index in geometry.slots()]
@@ -54,8 +51,6 @@ class Shapes:
             self.groups[key] = group
         finally:
             geometry.release()
-            if object.type != "MESH":
-                object.to_mesh_clear()
 
     def _write(self, group):
         """Writes a group's files, while its mesh is at hand."""
@@ -104,9 +99,8 @@ class Shapes:
                     shape["emission"] = dict(found.emission)
                 if flipped:
                     shape["flip_normals"] = True
-                visible = rays(placed.object, context)
-                if visible is not None:
-                    shape["visible"] = visible
+                if placed.visible is not None:
+                    shape["visible"] = placed.visible
                 transform = steps(placed.matrix)
                 if transform:
                     shape["transform"] = transform
@@ -116,30 +110,18 @@ class Shapes:
         context = self.context
         first, media = entries[0]
         shape = {"name": self._name(first), "type": "instances"}
-        visible = rays(first.object, context)
-        if visible is not None:
-            shape["visible"] = visible
+        if first.visible is not None:
+            shape["visible"] = first.visible
         shape["shape"] = {"type": "mesh", "file": file} | _look(found) | media
         shape["transforms"] = [[matrix_step(placed.matrix)] for placed, _ in entries]
         context.shapes.append(shape)
 
     def _name(self, placed):
         """All slots of an object at one place have one name, as have all copies of instances."""
-        key = ("object", placed.key if placed.instancer is None else _key(placed))
-        name = self.context.names.get(key, placed.object.name)
-        self.context.show(placed.object, name)
-        if placed.instancer is not None:
-            self.context.shown.setdefault(placed.instancer, [])
-            if name not in self.context.shown[placed.instancer]:
-                self.context.shown[placed.instancer].append(name)
+        key = ("object", placed.key if placed.instancer is None else placed.mesh)
+        name = self.context.names.get(key, placed.name)
+        self.context.show(placed, name)
         return name
-
-
-def _key(placed):
-    """(object, data, the evaluated data's place in memory, instancer): one for each mesh that is written."""
-    data = placed.object.data
-    pointer = data.as_pointer() if placed.object.type == "MESH" else 0
-    return placed.object.original.session_uid, data.original.session_uid, pointer, placed.instancer
 
 
 def _look(found):

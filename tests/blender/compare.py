@@ -32,6 +32,14 @@ def program():
     return os.environ.get("BEAMFARM") or (str(built) if built.exists() else shutil.which("beamfarm"))
 
 
+def knows(word):
+    """Whether scene files of the command have such a field."""
+    if program() is None:
+        return False
+    done = subprocess.run([program(), "schema"], capture_output=True, text=True, check=True)
+    return f'"{word}"' in done.stdout
+
+
 @dataclass
 class Estimate:
     """Mean of independent images, with standard errors of the whole and of blocks."""

@@ -177,6 +177,8 @@ def _say_of_scene(context):
     exposure = getattr(getattr(scene, "cycles", None), "film_exposure", 1.0)
     if exposure != 1.0:
         report.leave_out(f"the exposure of Cycles' film, {exposure:.3g}: set Color Management > Exposure")
+    if scene.render.film_transparent and getattr(getattr(scene, "cycles", None), "film_transparent_glass", False):
+        report.leave_out("the transparent glass of the film: alpha counts glass in")
     layers = [context.depsgraph.view_layer_eval.layer_collection]
     while layers:
         layer = layers.pop()

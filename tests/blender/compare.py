@@ -4,6 +4,7 @@ Used by the tests test_export_*.py. Printed for each scene: mean ratio beamfarm 
 error, and the block of 8 x 8 pixels that is off by most.
 """
 
+import json
 import os
 import pathlib
 import shutil
@@ -32,12 +33,12 @@ def program():
     return os.environ.get("BEAMFARM") or (str(built) if built.exists() else shutil.which("beamfarm"))
 
 
-def knows(word):
-    """Whether scene files of the command have such a field."""
+def knows(table, field):
+    """Whether scene files of the command have such a field, by its schema's name of the table."""
     if program() is None:
         return False
     done = subprocess.run([program(), "schema"], capture_output=True, text=True, check=True)
-    return f'"{word}"' in done.stdout
+    return field in json.loads(done.stdout)["definitions"].get(table, {}).get("properties", {})
 
 
 @dataclass

@@ -4,6 +4,7 @@ import math
 import unittest
 
 import compare
+import numpy as np
 import scenes
 
 
@@ -102,6 +103,22 @@ class Lights(unittest.TestCase):
             floor()
             scenes.ball("Ball", 0.4, (0.0, 0.0, 1.0), scenes.material("Glow", **shining))
             self.check("closed mesh that shines")
+
+    @unittest.skipUnless(compare.knows("EmissionRecord", "scale"), "this beamfarm knows no textures that shine")
+    def test_a_texture_that_shines(self):
+        picture = bpy.data.images.new("Screen", 4, 4)
+        values = np.ones((4, 4, 4), dtype=np.float32)
+        values[..., 0], values[..., 1] = np.linspace(0.1, 1.0, 4), np.linspace(1.0, 0.0, 4)[:, None]
+        picture.pixels.foreach_set(values.ravel())
+        picture.update()
+        glow = scenes.material("Glow", "ShaderNodeEmission", Strength=3.0)
+        tree = glow.node_tree
+        image = tree.nodes.new("ShaderNodeTexImage")
+        image.image, image.interpolation = picture, "Closest"
+        shader = next(node for node in tree.nodes if node.type == "EMISSION")
+        tree.links.new(image.outputs["Color"], shader.inputs["Color"])
+        scenes.plane("Sheet", 1.0, (0.0, 0.0, 1.0), scenes.degrees(30, 0, 0), glow)
+        self.check("a texture that shines")
 
     def test_world(self):
         scenes.background().inputs["Color"].default_value = (0.5, 0.6, 0.7, 1.0)

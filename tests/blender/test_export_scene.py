@@ -55,7 +55,7 @@ class Cameras(Compared):
         dof.use_dof, dof.aperture_fstop, dof.focus_object = True, 0.1, bpy.data.objects["Green"]
         self.check("depth of field", passes=64)
 
-    @unittest.skipUnless(compare.knows("view_width"), "this beamfarm knows no orthographic cameras")
+    @unittest.skipUnless(compare.knows("CameraRecord", "view_width"), "this beamfarm knows no orthographic cameras")
     def test_orthographic(self):
         for fit, size in (("AUTO", (64, 48)), ("AUTO", (48, 64)), ("VERTICAL", (64, 48))):
             with self.subTest(fit, size=size):

@@ -149,6 +149,16 @@ class Fields(unittest.TestCase):
         self.assertEqual(table["opacity"]["channel"], "a")
         self.assertEqual(result.left_out, [])
 
+    def test_what_shines_by_texture(self):
+        node = room(Emission_Strength=5.0)
+        self.texture(node, "Emission Color")
+        scene, result = exported()
+        emission = scene["shapes"][0]["emission"]
+        self.assertTrue(emission["radiance"]["image"].endswith(".png"))
+        self.assertTrue(emission["radiance"]["raw"])
+        self.assertEqual(emission["scale"], 5.0)
+        self.assertEqual(result.left_out, [])
+
     def test_lobes(self):
         room(Transmission_Weight=0.5, Coat_Weight=0.1, Coat_Roughness=0.1, Sheen_Weight=0.3)
         scene, result = exported()

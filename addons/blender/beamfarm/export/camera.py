@@ -42,8 +42,8 @@ def _from_view(view, settings):
         table |= _parallel(view.ortho_scale, axis, settings)
     else:
         table |= {"fov": math.degrees(view.fov), "fov_axis": axis}
-        if view.lens is not None:
-            table |= _focus(view.lens)
+    if view.lens is not None:
+        table |= _focus(view.lens)
     return table | _shift(view.shift, axis, settings)
 
 
@@ -76,15 +76,13 @@ def _from_object(camera, context):
     table = _place(camera.matrix_world)
     if data.type == "ORTHO":
         table |= _parallel(data.ortho_scale, axis, settings)
-        if data.dof.use_dof:
-            context.report.leave_out(f"the depth of field of camera '{camera.name}', which is orthographic")
     else:
         table |= {"fov": math.degrees(2.0 * math.atan(sensor / (2.0 * data.lens))), "fov_axis": axis}
-        lens = lens_of(camera, context.depsgraph)
-        if lens is not None:
-            table |= _focus(lens)
-            if data.dof.aperture_blades > 2 or data.dof.aperture_ratio != 1.0:
-                context.report.note(f"camera '{camera.name}': its aperture is round")
+    lens = lens_of(camera, context.depsgraph)
+    if lens is not None:
+        table |= _focus(lens)
+        if data.dof.aperture_blades > 2 or data.dof.aperture_ratio != 1.0:
+            context.report.note(f"camera '{camera.name}': its aperture is round")
     # Those of new cameras, which nobody has set.
     if data.clip_start > 0.1001 or data.clip_end < 99.9:
         context.report.note(f"camera '{camera.name}': nothing is clipped, be it near or far")
@@ -97,14 +95,13 @@ def _focus(lens):
 
 
 def lens_of(camera, depsgraph):
-    """(radius of the aperture, distance of the plane in focus) of a perspective camera, in scene units; None where all
-    is in focus."""
+    """(radius of the aperture, distance of the plane in focus) in scene units; None where all is in focus."""
     data, dof = camera.data, camera.data.dof
-    if not dof.use_dof or data.type != "PERSP":
+    if not dof.use_dof:
         return None
     fstop = max(dof.aperture_fstop, 1e-5)
-    # Focal lengths are millimetres.
-    aperture = data.lens * 1e-3 / (2.0 * fstop)
+    # Focal lengths are millimetres; Cycles takes that of orthographic cameras for 1.
+    aperture = (1.0 if data.type == "ORTHO" else data.lens * 1e-3) / (2.0 * fstop)
     distance = dof.focus_distance
     if dof.focus_object is not None:
         matrix = camera.matrix_world

@@ -31,9 +31,6 @@ class Interiors:
             # Glass without a volume of its own is filled by what surrounds it.
             return {"boundary": False}
         report, name = self.context.report, placed.name
-        if not group.geometry.is_closed():
-            report.leave_out(f"the volume of '{name}', whose mesh is not closed")
-            return {"boundary": False}
         if medium.grid is not None and not medium.grid_is_optional:
             report.leave_out(f"the volume of '{name}', whose density is an attribute of a mesh: '{medium.grid}'")
             return {"boundary": False}
@@ -56,6 +53,9 @@ class Interiors:
         fields = {"interior": medium_name(self.context, inside, placed.name)}
         if around:
             fields["exterior"] = medium_name(self.context, outside, f"around {placed.name}")
+        if not group.geometry.is_closed():
+            report.note(f"the volume of '{name}', whose mesh is not closed: light is in it once it has crossed the mesh")
+            fields["open"] = True
         return fields
 
     def _share_inside(self, placed, group, other, other_group):

@@ -91,7 +91,7 @@ class _Writer:
         emission = None
         if surface.emission is not None:
             try:
-                emission = {"radiance": self.field("radiance", self.even(surface.emission))}
+                emission = self.emission(surface.emission)
             except NotShown as problem:
                 self.context.report.leave_out(f"emission of {self.owner}: {problem}")
         if len(self.uv_maps) > 1:
@@ -143,14 +143,18 @@ class _Writer:
             self.context.report.leave_out(f"a texture of {self.owner}: {problem}")
             return records.color(constant(0.5, 0.5, 0.5), self.context, self.owner)
 
-    def even(self, emission):
-        """What shines does so alike all over: a texture counts by its mean."""
-        if emission.is_constant:
-            return emission
-        if emission.special is not None:
+    def emission(self, value):
+        """Fields of a shape's `emission`."""
+        if value.is_constant:
+            return {"radiance": self.field("radiance", value)}
+        if value.special is not None:
             raise NotShown("a checker that shines")
-        self.context.report.note(f"{self.owner}: what shines by texture '{emission.name}' counts by its mean")
-        return constant(*(float(number) for number in emission.as_color().data.mean(axis=(0, 1))))
+        value = self.seen(value.as_color())
+        table = records.texture(value, self.context, self.owner, None)
+        # What is baked has its gain in its numbers.
+        is_file = value.source is not None and not value.source.image.is_float
+        gain = value.source.gain if is_file else 1.0
+        return {"radiance": table} | ({} if gain == 1.0 else {"scale": gain})
 
     def seen(self, value):
         if value.lookup is not None and value.lookup.uv_map not in self.uv_maps:

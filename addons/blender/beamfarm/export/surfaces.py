@@ -217,11 +217,14 @@ def _emission(reader, place):
 
 
 def scaled(value, factor):
-    """A colour times a number; None for nothing. Images stay files where the number is 1."""
+    """Radiance times a number; None for nothing. Images stay files where the number is a constant."""
     if value is None or is_black(value) or is_black(factor):
         return None
     if factor.is_constant and factor.number() == 1.0:
         return value
+    if factor.is_constant and factor.number() > 0.0 and value.source is not None and value.source.channel is None:
+        by = factor.number()
+        return replace(value, load=lambda: value.data * by, source=replace(value.source, gain=value.source.gain * by))
     return combine(lambda value, factor: value * factor, value.as_color(), factor)
 
 

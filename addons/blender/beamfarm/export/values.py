@@ -41,6 +41,8 @@ class Source:
     image: object
     path: str
     channel: str | None = None
+    gain: float = 1.0
+    """What the image's colours are multiplied by."""
 
 
 @dataclass

@@ -137,7 +137,7 @@ def _image(context, value):
     if source is not None and source.channel is None and not source.image.is_float:
         written = context.pictures.file(source.image, source.path, context.report)
         if written is not None and not written[1]:
-            return {"image": written[0]}
+            return {"image": written[0]} | ({} if source.gain == 1.0 else {"scale": source.gain})
     return {"image": context.pictures.baked(value.name, value.data)}
 
 

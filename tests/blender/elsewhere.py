@@ -70,7 +70,7 @@ def render(path: Path, arguments: argparse.Namespace, keep: Path) -> dict:
     mean = max(float(theirs.mean.mean()), 1e-12)
     off = np.abs(ours.blocks - theirs.blocks).mean(-1) / mean
     noise = float(np.median(np.hypot(ours.block_error, theirs.block_error))) / mean
-    _picture(keep.with_suffix(".png"), theirs.mean, ours.mean)
+    _picture(_beside(keep, ".png"), theirs.mean, ours.mean)
     return said | {
         "mean": theirs.mean.mean((0, 1)).tolist(),
         "ratio": compared.ratio.tolist(),
@@ -99,17 +99,21 @@ def _picture(path: Path, theirs, ours) -> None:
     image.save()
 
 
+def _beside(keep: Path, ending: str) -> Path:
+    return keep.with_name(keep.name + ending)
+
+
 def _in_a_child(path: Path, arguments: argparse.Namespace, keep: Path) -> dict:
     command = [sys.executable, __file__, str(path), "--one", str(keep), "--width", str(arguments.width)]
     command += ["--time", str(arguments.time), "--samples", str(arguments.samples)]
-    answer = keep.with_suffix(".json")
+    answer = _beside(keep, ".json")
     answer.unlink(missing_ok=True)
     try:
         done = subprocess.run(command, capture_output=True, text=True, errors="replace", timeout=arguments.patience)
     except subprocess.TimeoutExpired as late:
-        keep.with_suffix(".log").write_bytes((late.stdout or b"") + (late.stderr or b""))
+        _beside(keep, ".log").write_bytes((late.stdout or b"") + (late.stderr or b""))
         return {"refused": f"not done after {arguments.patience:g} s"}
-    keep.with_suffix(".log").write_text(done.stdout + done.stderr, encoding="utf-8")
+    _beside(keep, ".log").write_text(done.stdout + done.stderr, encoding="utf-8")
     if done.returncode or not answer.is_file():
         return {"refused": f"ended with {done.returncode}: {(done.stderr.strip() or done.stdout).splitlines()[-1:]}"}
     return json.loads(answer.read_text(encoding="utf-8"))
@@ -148,7 +152,7 @@ def main() -> None:
         except Exception:
             traceback.print_exc()
             sys.exit(1)
-        arguments.one.with_suffix(".json").write_text(json.dumps(found), encoding="utf-8")
+        _beside(arguments.one, ".json").write_text(json.dumps(found), encoding="utf-8")
         return
     keep = arguments.keep or Path(tempfile.mkdtemp())
     keep.mkdir(parents=True, exist_ok=True)

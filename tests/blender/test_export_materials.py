@@ -103,6 +103,13 @@ class Materials(unittest.TestCase):
                 ball("ShaderNodeBsdfPrincipled", Roughness=rough, Base_Color=(0.8, 0.4, 0.2))
                 self.check(f"principled, plastic, roughness {rough}", blocks=4.0)
 
+    def test_shiny_plastic(self):
+        for rough in (0.0, 0.1, 0.2):
+            with self.subTest(rough=rough):
+                room()
+                ball("ShaderNodeBsdfPrincipled", Roughness=rough, Base_Color=(0.8, 0.4, 0.2))
+                self.check(f"principled, plastic, roughness {rough}", blocks=2.0)
+
     def test_principled_without_specular(self):
         room()
         ball("ShaderNodeBsdfPrincipled", Base_Color=(0.8, 0.4, 0.2), Specular_IOR_Level=0.0)

@@ -5,6 +5,7 @@ import pathlib
 import tempfile
 import tomllib
 import unittest
+from types import SimpleNamespace
 
 import bpy
 import compare
@@ -12,6 +13,7 @@ import numpy as np
 import scenes
 from export import Exporter, ExportSettings, View, formulas, toml
 from export.lights import spot_steps
+from export.meshes import MeshArrays
 from export.names import Names
 from export.pictures import exr
 from mathutils import Matrix
@@ -306,6 +308,13 @@ class Places(unittest.TestCase):
         bpy.ops.object.metaball_add()
         scene, _ = exported()
         self.assertEqual([shape["name"] for shape in scene["shapes"]], ["Text", "BézierCircle", "SurfSphere", "Mball"])
+
+    def test_a_uv_map_without_numbers_is_none(self):
+        made = scenes.plane()
+        arrays = MeshArrays(made.data)
+        self.assertEqual(len(arrays.uv("")), 4)
+        arrays.mesh = SimpleNamespace(uv_layers=[SimpleNamespace(name="UVMap", active_render=True, uv=[])])
+        self.assertIsNone(arrays.uv(""))
 
     def test_points_are_balls(self):
         scenes.empty()

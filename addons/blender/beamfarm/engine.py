@@ -6,6 +6,7 @@ import contextlib
 import shutil
 import tempfile
 import time
+import traceback
 import weakref
 import zlib
 from collections.abc import Callable, Iterator
@@ -56,6 +57,10 @@ class BeamfarmRenderEngine(bpy.types.RenderEngine):
                 self._render(depsgraph, folder)
         except (Failed, program.ProgramError) as error:
             self.report({"ERROR"}, str(error))
+        except Exception as error:
+            # Blender shows an empty picture, and people no console.
+            traceback.print_exc()
+            self.report({"ERROR"}, f"A fault of the add-on, see the console: {type(error).__name__}: {error}")
 
     def _render(self, depsgraph: bpy.types.Depsgraph, folder: Path) -> None:
         # As it is in this frame: settings can be animated.

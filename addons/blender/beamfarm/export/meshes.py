@@ -25,10 +25,13 @@ class MeshArrays:
         return self._normals
 
     def uv(self, name):
-        """UV of corners by the map `name`, by default the one that is active for renders; None where there is none."""
+        """UV of corners by the map `name`, by default the one that is active for renders; None where there is none, or
+        one without numbers, as modifiers leave it behind."""
         layers = self.mesh.uv_layers
         layer = layers.get(name) if name else next((layer for layer in layers if layer.active_render), None)
-        return None if layer is None else _read(layer.uv, "vector", np.float32, 2)
+        if layer is None or len(layer.uv) != len(self.vertex_of):
+            return None
+        return _read(layer.uv, "vector", np.float32, 2)
 
 
 def _read(collection, name, kind, width=1):

@@ -4,6 +4,8 @@ import numpy as np
 
 from .values import NotShown, combine, constant
 
+# Up to this roughness the scene file's plastic is nearer to Cycles than its `principled`.
+SHINY = 0.2
 # What `principled` of the scene file has no word for, and the value at which it does nothing.
 MISSING = {
     "Subsurface Weight": ("subsurface scattering", 0.0),
@@ -15,7 +17,7 @@ MISSING = {
 
 def principled(reader, place):
     """(fields of a material, alpha, radiance or None) of a Principled BSDF."""
-    from .surfaces import constant_of, dielectric, is_white, note_bounces, scaled
+    from .surfaces import constant_of, dielectric, is_smooth, is_white, note_bounces, scaled
 
     def get(name):
         return reader.get(place, name)
@@ -46,6 +48,9 @@ def principled(reader, place):
     normal = ((index - 1.0) / (index + 1.0)) ** 2 * 2.0 * max(level, 0.0)
     if is_dielectric and normal == 0.0 and is_plain and _is_zero(transmission):
         return {"type": "diffuse", "reflectance": base, "two_sided": True}, alpha, emission
+    is_shiny = rough.is_constant and rough.number() <= SHINY and is_white(tint)
+    if is_shiny and is_dielectric and is_plain and _is_zero(transmission):
+        return _plastic(base, rough, normal, is_smooth(rough)), alpha, emission
     if is_metal:
         note_bounces(reader, place, rough)
     else:
@@ -70,6 +75,13 @@ def principled(reader, place):
         bsdf.pop("specular")
         bsdf["ior"] = max(index, 1.0001)
     return bsdf | _coat(reader, place, coat) | _sheen(reader, sheen), alpha, emission
+
+
+def _plastic(base, rough, normal, is_smooth):
+    """A diffuse base below a coat that reflects `normal` head-on: as Cycles' within 6 %, which Burley's is not."""
+    root = min(normal, 0.9) ** 0.5
+    fields = {"type": "plastic", "reflectance": base, "ior": (1.0 + root) / (1.0 - root), "two_sided": True}
+    return fields if is_smooth else fields | {"type": "rough_plastic", "alpha": rough.number() ** 2}
 
 
 def _is_zero(value):

@@ -119,6 +119,15 @@ class Said(unittest.TestCase):
         self.assertIn("sun", result.left_out[0])
 
 
+    def test_portals_give_no_light(self):
+        for is_portal in (False, True):
+            room()
+            scenes.light("AREA", (0.0, 0.0, 3.0), 100.0).data.cycles.is_portal = is_portal
+            scene, result = exported()
+            self.assertEqual(["emission" in shape for shape in scene["shapes"]].count(True), not is_portal)
+            self.assertEqual(result.left_out, [])
+
+
 class Fields(unittest.TestCase):
     def texture(self, node, socket, output="Color", separate=None):
         tree = node.id_data

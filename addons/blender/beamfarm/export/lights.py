@@ -23,6 +23,9 @@ def add_light(placed, context):
     """Adds what a light object at its place is in the scene file."""
     object = placed.object
     light = object.data
+    if light.type == "AREA" and getattr(getattr(light, "cycles", None), "is_portal", False):
+        # It tells Cycles where the world's light comes in, and gives none itself.
+        return
     color = _color(light, context)
     if not any(color):
         return

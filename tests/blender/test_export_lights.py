@@ -52,6 +52,18 @@ class Lights(unittest.TestCase):
         scenes.light("SUN", (0.5, 0.3, 2.0), 2.0, angle=0.0)
         self.check("sun")
 
+    def test_soft_shadows(self):
+        cases = {
+            "SUN": (3.0, {"angle": 0.2}),
+            "SPOT": (100.0, {"shadow_soft_size": 0.15, "spot_size": math.radians(70.0), "spot_blend": 0.3}),
+        }
+        for kind, (energy, values) in cases.items():
+            with self.subTest(kind):
+                floor()
+                scenes.ball("Ball", 0.3, (0.0, 0.0, 0.8), scenes.diffuse("Red", (0.8, 0.3, 0.2)))
+                scenes.light(kind, (0.5, 0.3, 2.5), energy, **values)
+                self.assertEqual(self.check(f"{kind.lower()}, soft shadows").notes, [])
+
     def test_areas(self):
         for shape in ("SQUARE", "RECTANGLE", "DISK", "ELLIPSE"):
             with self.subTest(shape=shape):

@@ -38,7 +38,7 @@ def knows(table, field):
     if program() is None:
         return False
     done = subprocess.run([program(), "schema"], capture_output=True, text=True, check=True)
-    return field in json.loads(done.stdout)["definitions"].get(table, {}).get("properties", {})
+    return f'"{field}"' in json.dumps(json.loads(done.stdout)["definitions"].get(table, {}))
 
 
 @dataclass

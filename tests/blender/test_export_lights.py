@@ -108,13 +108,38 @@ class Lights(unittest.TestCase):
 
     def test_meshes_that_shine(self):
         shining = {"node": "ShaderNodeEmission", "Strength": 3.0, "Color": (1.0, 0.6, 0.3)}
-        with self.subTest("open: to both sides"):
+        scenes.ball("Ball", 0.4, (0.0, 0.0, 1.0), scenes.material("Glow", **shining))
+        self.check("closed mesh that shines")
+
+    @unittest.skipUnless(compare.knows("EmissionRecord", "two_sided"), "this beamfarm knows no emission to both sides")
+    def test_what_shines_to_both_sides(self):
+        shining = {"node": "ShaderNodeEmission", "Strength": 3.0, "Color": (1.0, 0.6, 0.3)}
+        with self.subTest("open"):
             scenes.plane("Sheet", 1.0, (0.0, 0.0, 1.0), scenes.degrees(30, 0, 0), scenes.material("Glow", **shining))
             self.check("open mesh that shines")
-        with self.subTest("closed"):
+        with self.subTest("closed, seen from inside"):
             floor()
-            scenes.ball("Ball", 0.4, (0.0, 0.0, 1.0), scenes.material("Glow", **shining))
-            self.check("closed mesh that shines")
+            scenes.ball("Sky", 20.0, (0.0, 0.0, 0.0), scenes.material("Glow", **shining))
+            self.check("a ball that shines around all")
+
+    @unittest.skipUnless(compare.knows("TextureRecord", "attribute"), "this beamfarm knows no colours of vertices")
+    def test_colours_of_vertices(self):
+        for domain in ("POINT", "CORNER"):
+            for shines in (False, True):
+                with self.subTest(domain, shines=shines):
+                    floor()
+                    scenes.light("AREA", (0.5, 0.3, 2.0), 50.0, size=1.0)
+                    node = {"node": "ShaderNodeEmission", "Strength": 2.0} if shines else {"Specular_IOR_Level": 0.0}
+                    made = scenes.material("Colours", **node)
+                    sheet = scenes.plane("Sheet", 1.0, (0.0, 0.0, 0.5), scenes.degrees(20, 0, 0), made)
+                    colors = sheet.data.color_attributes.new("Paint", "FLOAT_COLOR", domain)
+                    colors.data.foreach_set("color", [0.9, 0.1, 0.1, 1, 0.1, 0.9, 0.1, 1, 0.1, 0.1, 0.9, 1, 1, 1, 1, 1])
+                    tree = made.node_tree
+                    paint = tree.nodes.new("ShaderNodeVertexColor")
+                    paint.layer_name = "Paint"
+                    shader = next(node for node in tree.nodes if node.type in ("EMISSION", "BSDF_PRINCIPLED"))
+                    tree.links.new(paint.outputs["Color"], shader.inputs[0])
+                    self.check(f"colours of vertices, {domain.lower()}, shines: {shines}")
 
     @unittest.skipUnless(compare.knows("EmissionRecord", "scale"), "this beamfarm knows no textures that shine")
     def test_a_texture_that_shines(self):

@@ -13,7 +13,7 @@ import numpy as np
 import scenes
 from export import Exporter, ExportSettings, View, formulas, layers, toml
 from export.lights import spot_steps
-from export.meshes import MeshArrays
+from export.meshes import MeshArrays, ply
 from export.names import Names
 from export.pictures import exr
 from mathutils import Matrix
@@ -81,15 +81,15 @@ class Said(unittest.TestCase):
         _, result = exported()
         self.assertEqual(result.left_out, ["left out: node 'Noise Texture' of material 'Rock'"])
 
-    def test_colour_attributes_are_left_out(self):
+    def test_attributes_of_objects_are_left_out(self):
         node = room()
         tree = node.id_data
-        color = tree.nodes.new("ShaderNodeVertexColor")
-        color.layer_name = "Paint"
+        color = tree.nodes.new("ShaderNodeAttribute")
+        color.attribute_type, color.attribute_name = "OBJECT", "paint"
         tree.links.new(color.outputs["Color"], node.inputs["Base Color"])
         scene, result = exported()
         self.assertEqual(len(result.left_out), 1, result.left_out)
-        self.assertIn("colour attribute 'Paint'", result.left_out[0])
+        self.assertIn("attribute 'paint' of the object", result.left_out[0])
         self.assertNotIn("attribute", str(scene["materials"]))
 
     def test_inputs_that_are_left_out(self):
@@ -317,6 +317,38 @@ class Places(unittest.TestCase):
         bpy.ops.object.metaball_add()
         scene, _ = exported()
         self.assertEqual([shape["name"] for shape in scene["shapes"]], ["Text", "BézierCircle", "SurfSphere", "Mball"])
+
+    def test_attributes_become_colours(self):
+        made = scenes.plane()
+        mesh = made.data
+        arrays = MeshArrays(mesh)
+        loops, triangles = arrays.corners.ravel(), np.arange(2)
+        mesh.color_attributes.new("paint", "FLOAT_COLOR", "POINT").data.foreach_set(
+            "color", np.repeat(np.arange(4) / 4.0, 4).astype(np.float32))
+        mesh.attributes.new("heat", "FLOAT", "FACE").data.foreach_set("value", [0.5])
+        mesh.attributes.new("place", "FLOAT_VECTOR", "CORNER").data.foreach_set("vector", np.arange(12) / 16.0)
+        arrays = MeshArrays(mesh)
+        vertices = arrays.vertex_of[loops]
+        for name in ("paint", ""):
+            np.testing.assert_allclose(arrays.colors(name, loops, triangles), np.repeat(vertices[:, None] / 4.0, 3, 1))
+        self.assertTrue((arrays.colors("heat", loops, triangles) == 0.5).all())
+        np.testing.assert_allclose(arrays.colors("place", loops, triangles), np.arange(12).reshape(4, 3)[loops] / 16.0)
+        self.assertTrue((arrays.colors("nothing", loops, triangles) == 0.0).all())
+        self.assertIn(b"property float red", ply(arrays, None, None, "paint"))
+
+    def test_materials_take_attributes(self):
+        node = room()
+        tree = node.id_data
+        for kind, name, socket in (("Attribute", "heat", "Base Color"), ("VertexColor", "", "Emission Color")):
+            made = tree.nodes.new(f"ShaderNode{kind}")
+            setattr(made, "attribute_name" if kind == "Attribute" else "layer_name", name)
+            tree.links.new(made.outputs["Color"], node.inputs[socket])
+        node.inputs["Emission Strength"].default_value = 3.0
+        scene, result = exported()
+        self.assertEqual(scene["materials"]["Rock"]["base_color"], {"attribute": "color"})
+        emission = scene["shapes"][0]["emission"]
+        self.assertEqual((emission["radiance"], emission["scale"]), ({"attribute": "color"}, 3.0))
+        self.assertEqual(result.left_out, ["left out: attributes of material 'Rock': all are 'heat'"])
 
     def test_a_uv_map_without_numbers_is_none(self):
         made = scenes.plane()

@@ -201,12 +201,22 @@ def _checker(reader, place):
 
 
 def _vertex_color(reader, place):
-    raise NotShown(f"colour attribute '{place.node.layer_name}'")
+    if place.socket.name != "Color":
+        raise NotShown(f"opacity of colour attribute '{place.node.layer_name}'")
+    return attribute(place.node.layer_name)
 
 
 def _attribute(reader, place):
     node = place.node
-    raise NotShown(f"attribute '{node.attribute_name}' of the {node.attribute_type.lower()}")
+    if node.attribute_type != "GEOMETRY" or place.socket.name == "Alpha":
+        what = "opacity of attribute" if place.socket.name == "Alpha" else "attribute"
+        raise NotShown(f"{what} '{node.attribute_name}' of the {node.attribute_type.lower()}")
+    return attribute(node.attribute_name)
+
+
+def attribute(name):
+    """What a mesh holds under a name, as colours of its vertices; "" is its colour attribute for renders."""
+    return Value(None, 3, special={"attribute": "color"}, name=name)
 
 
 def _formula(function):

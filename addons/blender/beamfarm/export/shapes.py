@@ -8,10 +8,6 @@ from .interiors import Interiors
 from .materials import slot
 from .transforms import matrix_step, solid, steps
 
-# How far the two sides of a sheet that shines lie apart, in sizes of the mesh: what shines does so to one side.
-SHEET = 2e-5
-
-
 @dataclass
 class Group:
     """One mesh with its materials, at one place or many."""
@@ -59,8 +55,10 @@ class Shapes:
             geometry.is_closed()
             geometry.triangles()
         for index, found in group.slots:
-            for offset in _offsets(group, found):
-                geometry.file(context.files, *_variant(group, index, found), offset)
+            if found.emission is not None:
+                geometry.is_closed()
+                geometry.triangles()
+            geometry.file(context.files, *_variant(group, index, found))
 
     def finish(self):
         """Adds all shapes and their media."""
@@ -73,10 +71,7 @@ class Shapes:
         context = self.context
         if found.table["type"] == "null" and found.emission is None and found.medium is None:
             return
-        files = [
-            group.geometry.file(context.files, *_variant(group, index, found), offset)
-            for offset in _offsets(group, found)
-        ]
+        file = group.geometry.file(context.files, *_variant(group, index, found))
         plain = []
         by_look = defaultdict(list)
         for placed in group.placed:
@@ -89,22 +84,36 @@ class Shapes:
             if len(entries) == 1:
                 plain.append(entries[0][0])
             else:
-                self._instances(group, found, files[0], entries)
+                self._instances(group, found, file, entries)
         for placed in plain:
             name = self._name(placed)
             media = interiors.fields(group, found, placed)
-            for flipped, file in enumerate(files):
-                shape = {"name": name, "type": "mesh", "file": file} | _look(found) | media
-                if found.emission is not None:
-                    shape["emission"] = dict(found.emission)
-                if flipped:
-                    shape["flip_normals"] = True
-                if placed.visible is not None:
-                    shape["visible"] = placed.visible
-                transform = steps(placed.matrix)
-                if transform:
-                    shape["transform"] = transform
-                context.shapes.append(shape)
+            shape = {"name": name, "type": "mesh", "file": file} | _look(found) | media
+            if found.emission is not None:
+                shape["emission"] = found.emission | ({"two_sided": True} if self._shines_inside(group, placed) else {})
+            if placed.visible is not None:
+                shape["visible"] = placed.visible
+            transform = steps(placed.matrix)
+            if transform:
+                shape["transform"] = transform
+            context.shapes.append(shape)
+
+    def _shines_inside(self, group, placed):
+        """Whether what shines does so to both sides, as all does in Cycles: not where nobody can see the inside."""
+        if not group.geometry.is_closed():
+            return True
+        points, _ = group.geometry.triangles()
+        low, high = points.min(0), points.max(0)
+        inverse = placed.matrix.inverted_safe()
+        there = [inverse @ place for other, place in self._places() if other is not placed]
+        return any(all(low[i] < point[i] < high[i] for i in range(3)) for point in there)
+
+    def _places(self):
+        """(`Placed`, where it is) of all, and where the camera is."""
+        settings = self.context.settings
+        camera = settings.view or (settings.camera or self.context.scene.camera)
+        places = [(placed, placed.matrix.translation) for group in self.groups.values() for placed in group.placed]
+        return places if camera is None else [*places, (None, camera.matrix_world.translation)]
 
     def _instances(self, group, found, file, entries):
         context = self.context
@@ -129,15 +138,7 @@ def _look(found):
 
 
 def _variant(group, index, found):
-    return (None if len(group.slots) == 1 else index), found.uv_map
-
-
-def _offsets(group, found):
-    """Offsets of the sheets of a mesh: what shines and is open shines to both sides."""
-    if found.emission is None or group.geometry.is_closed():
-        return [0.0]
-    offset = SHEET * group.geometry.size()
-    return [offset, -offset]
+    return (None if len(group.slots) == 1 else index), found.uv_map, found.attribute
 
 
 def _material(context, object, mesh, index):

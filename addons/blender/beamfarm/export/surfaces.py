@@ -222,6 +222,8 @@ def scaled(value, factor):
         return None
     if factor.is_constant and factor.number() == 1.0:
         return value
+    if factor.is_constant and factor.number() > 0.0 and value.special is not None:
+        return replace(value, special=value.special | {"scale": factor.number() * value.special.get("scale", 1.0)})
     if factor.is_constant and factor.number() > 0.0 and value.source is not None and value.source.channel is None:
         by = factor.number()
         return replace(value, load=lambda: value.data * by, source=replace(value.source, gain=value.source.gain * by))

@@ -52,6 +52,13 @@ class Lights(unittest.TestCase):
         scenes.light("SUN", (0.5, 0.3, 2.0), 2.0, angle=0.0)
         self.check("sun")
 
+    def test_wide_suns(self):
+        for angle in (0.5, 2.0):
+            with self.subTest(angle=angle):
+                floor()
+                scenes.light("SUN", (0.5, 0.3, 2.0), 2.0, angle=angle)
+                self.check(f"sun, angle {angle}")
+
     def test_soft_shadows(self):
         cases = {
             "SUN": (3.0, {"angle": 0.2}),

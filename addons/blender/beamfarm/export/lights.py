@@ -179,10 +179,15 @@ def _sun(placed, light, color, fields, context):
     places = disc_of(SUNS) if light.angle > WIDE else [(0.0, 0.0)]
     if light.angle > 0.0 and len(places) == 1:
         context.report.note(f"light '{light.name}': its angle counts as 0, its shadows are sharp")
-    turn, size = placed.matrix.to_3x3().normalized(), math.tan(light.angle / 2.0)
+    turn = placed.matrix.to_3x3().normalized()
+    # Of even radiance in its cone, so that what faces its middle has the irradiance that is given.
+    cap = 1.0 - math.cos(light.angle / 2.0) if len(places) > 1 else 0.0
+    irradiance = [number / len(places) * 2.0 / (2.0 - cap) for number in color]
     for x, y in places:
-        direction = (turn @ Vector((size * x, size * y, -1.0))).normalized()
-        irradiance = [number / len(places) for number in color]
+        # Even on the disc, even by the cosine.
+        down = 1.0 - cap * (x * x + y * y)
+        around = math.sqrt((1.0 + down) * cap)
+        direction = (turn @ Vector((around * x, around * y, -down))).normalized()
         context.lights.append(fields | {"direction": _list(direction), "irradiance": irradiance})
 
 

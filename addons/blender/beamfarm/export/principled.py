@@ -84,7 +84,7 @@ def _dimmed(reader, base, rough, normal):
     """Base colour that is as bright below its specular layer as Cycles', on average over all directions."""
     roughness = float(np.clip(rough.data.mean(), 0.0, 1.0)) if rough.special is None else 0.5
     reader.context.report.note("Principled BSDF sends back as much light as in Cycles, but 3 % less towards who looks at "
-                               "it head-on, and 12 % more at grazing angles")
+                               "it head-on, and up to 20 % more at grazing angles")
     factor = dimming(round(roughness, 3), round(normal, 5))
     return combine(lambda base: np.clip(base, 0.0, 1.0) * factor, base)
 

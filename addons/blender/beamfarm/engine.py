@@ -81,7 +81,8 @@ class BeamfarmRenderEngine(bpy.types.RenderEngine):
             return
         wanted = list(passes.of_layer(view_layer))
         output = folder / "frame.exr"
-        line = frame.command(path, settings, exported, output, [*ends, *passes.aov(wanted, scene.render.film_transparent)])
+        layers = passes.aov(wanted, scene.render.film_transparent)
+        line = frame.command(path, settings, exported, output, [*ends, *layers])
         picture = Picture(self, view_layer.name, shape.size, wanted, passes.cryptomattes(view_layer))
         self.update_stats("", "Starting beamfarm")
         try:

@@ -246,7 +246,10 @@ def _lobe(wavelength, height, centre, below, above):
 
 
 def _observer():
-    """(wavelengths in nm, the CIE's X, Y and Z of 1931 there), by the fit of Wyman, Sloan and Shirley, JCGT 2(2), 2013."""
+    """(wavelengths in nm, the CIE's X, Y and Z of 1931 there).
+
+    By the fit of Wyman, Sloan and Shirley, JCGT 2(2), 2013.
+    """
     at = np.arange(360.0, 831.0, 2.0)
     x = _lobe(at, 1.056, 599.8, 37.9, 31.0) + _lobe(at, 0.362, 442.0, 16.0, 26.7)
     y = _lobe(at, 0.821, 568.8, 46.9, 40.5) + _lobe(at, 0.286, 530.9, 16.3, 31.1)

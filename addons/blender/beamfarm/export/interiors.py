@@ -54,7 +54,7 @@ class Interiors:
         if around:
             fields["exterior"] = medium_name(self.context, outside, f"around {placed.name}")
         if not group.geometry.is_closed():
-            report.note(f"the volume of '{name}', whose mesh is not closed: light is in it once it has crossed the mesh")
+            report.note(f"the volume of '{name}', whose mesh is not closed: light is in it once it crossed the mesh")
             fields["open"] = True
         return fields
 

@@ -57,8 +57,8 @@ def principled(reader, place):
     elif is_dielectric and _is_zero(transmission) and base.is_constant:
         base = _dimmed(reader, base, rough, min(normal, 0.08))
     elif not is_metal:
-        reader.context.report.note("Principled BSDF whose base colour is an image, or with some metal or glass in it, is "
-                                   "brighter than in Cycles: by 3 % seen head-on, by 20 % at grazing angles")
+        reader.context.report.note("Principled BSDF whose base colour is an image, or with some metal or glass in it, "
+                                   "is brighter than in Cycles: by 3 % seen head-on, by 20 % at grazing angles")
     if not is_white(tint):
         reader.context.report.leave_out(f"specular tint of node '{place.node.name}' of {reader.owner}")
     if normal > 0.08:
@@ -83,8 +83,8 @@ def principled(reader, place):
 def _dimmed(reader, base, rough, normal):
     """Base colour that is as bright below its specular layer as Cycles', on average over all directions."""
     roughness = float(np.clip(rough.data.mean(), 0.0, 1.0)) if rough.special is None else 0.5
-    reader.context.report.note("Principled BSDF sends back as much light as in Cycles, but 3 % less towards who looks at "
-                               "it head-on, and up to 20 % more at grazing angles")
+    reader.context.report.note("Principled BSDF sends back as much light as in Cycles, but 3 % less towards who looks "
+                               "at it head-on, and up to 20 % more at grazing angles")
     factor = dimming(round(roughness, 3), round(normal, 5))
     return combine(lambda base: np.clip(base, 0.0, 1.0) * factor, base)
 

@@ -266,7 +266,8 @@ def _glass_of_two(reader, index, base, coat):
     inner, rough = reader.get(base, "IOR"), reader.get(base, "Roughness")
     shine = reader.get(coat, "Roughness")
     if not inner.is_constant or abs(inner.number() - index) > 0.01:
-        reader.context.report.note(f"{reader.owner}: refracts and reflects by the index {index:.3g} of its Fresnel node")
+        note = f"{reader.owner}: refracts and reflects by the index {index:.3g} of its Fresnel node"
+        reader.context.report.note(note)
     if not (rough.is_constant and shine.is_constant and abs(rough.number() - shine.number()) < 1e-3):
         reader.context.report.note(f"{reader.owner}: reflects with the roughness with which it refracts")
     bsdf = dielectric(reader, base, rough, constant(index), reader.get(coat, "Color"), reader.get(base, "Color"))

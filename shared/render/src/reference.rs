@@ -318,8 +318,8 @@ impl PathTracer<'_> {
     fn radiance(&self, ray: Ray, record: Recorder, sampler: &mut Sampler) -> Rgb {
         let scene = self.scene;
         let mut path = Path {
+            medium: scene.medium_of_camera(ray.origin),
             ray,
-            medium: scene.camera_medium,
             hidden: self.rules().map_or(HiddenSet::default(), |rules| rules.camera),
             is_seen: true,
             part: Part::Direct,
@@ -394,6 +394,7 @@ impl PathTracer<'_> {
         }
         let at = LightHit {
             normal: hit.ng,
+            primitive: hit.primitive,
             distance: path.drawn_at.as_ref().map_or(0.0, |v| v.distance) + hit.t,
         };
         let weight = self.balance(path, light as usize, Some(at));

@@ -50,7 +50,9 @@ impl Scene {
             })
             && media.into_iter().all(|(one, other)| one.scatters() == other.scatters())
             && lights.all(|(one, other)| {
-                one.group == other.group && std::mem::discriminant(&one.kind) == std::mem::discriminant(&other.kind)
+                one.group == other.group
+                    && one.is_two_sided() == other.is_two_sided()
+                    && std::mem::discriminant(&one.kind) == std::mem::discriminant(&other.kind)
             })
     }
 }

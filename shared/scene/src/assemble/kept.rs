@@ -229,8 +229,8 @@ pub struct Kept {
     pub channels: Shelf<(Pinned<Image>, Channel), Arc<Image>>,
     /// Sky and suns.
     pub environments: Shelf<ImageLight, Vec<Environment>>,
-    /// By content, the ending of the file's name, and which mesh of the file it is.
-    pub meshes: Shelf<(Content, String, u32), Arc<Decoded>>,
+    /// By content, the ending of the file's name, which mesh of the file it is, and whether with colours.
+    pub meshes: Shelf<(Content, String, u32, bool), Arc<Decoded>>,
     /// Likewise, and by grid.
     pub densities: Shelf<(Content, String, Option<String>), Arc<Bricks>>,
     /// One channel or three.

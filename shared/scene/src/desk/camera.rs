@@ -1,7 +1,7 @@
 //! Where the camera is, and another place for it.
 
 use super::digits;
-use super::set::{document, put};
+use super::set::{document, put, refuse_keys};
 use crate::SceneError;
 use crate::assemble;
 use crate::files::{Files, Source};
@@ -85,6 +85,7 @@ pub fn camera(text: &str, to: CameraMove) -> Result<String, String> {
     let mut document = document(text)?;
     let camera = document.get_mut("camera").and_then(Item::as_table_like_mut);
     let camera = camera.ok_or("the scene has no camera")?;
+    refuse_keys(camera)?;
     let is_gltf = FROM_GLTF.iter().any(|name| camera.contains_key(name));
     if is_gltf {
         if to.up.is_none() || to.fov.is_none() {

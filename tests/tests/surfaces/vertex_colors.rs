@@ -49,7 +49,7 @@ fn check(name: &str, found: &Blocks, by: [f64; 3], suite: &mut Suite) {
             // A surface in an even sky of 1 is as bright as it reflects.
             let expected = expected(i, channel) * by[channel];
             suite.mean_within(format!("{name}, {i}, {channel}"), mean, expected, 1e-5);
-            assert!(mean.std_error() < 0.01 * expected, "{name}: {}", mean.std_error());
+            assert!(mean.std_error() < 0.04 * expected, "{name}: {}", mean.std_error());
         }
     }
 }

@@ -147,7 +147,14 @@ impl Scene {
         let mut objects = self.objects().iter().zip(other.objects());
         let mut lights = self.lights().iter().zip(other.lights());
         let is_like = |(light, other): (&Light, &Light)| match (&light.kind, &other.kind) {
-            (LightKind::Area { object, .. }, LightKind::Area { object: other, .. }) => object == other,
+            (
+                LightKind::Area { object, two_sided, .. },
+                LightKind::Area {
+                    object: other,
+                    two_sided: also,
+                    ..
+                },
+            ) => object == other && two_sided == also,
             (LightKind::Point { position, .. }, LightKind::Point { position: other, .. })
             | (LightKind::Spot { position, .. }, LightKind::Spot { position: other, .. }) => position == other,
             (LightKind::Projector(projector), LightKind::Projector(other)) => projector.position == other.position,

@@ -64,7 +64,7 @@ fn both_sides_are_sampled() {
                 Vec3::new(0.5, 0.32, -1.05),
             ] {
                 let mut rng = Sampler::new(11, 0, Purpose::Test, 0);
-                let mut hit = |dir: Vec3| {
+                let hit = |dir: Vec3| {
                     let ray = Ray { origin: from, dir };
                     geometry.intersect(&objects, &ray, f32::INFINITY, |_| false)
                 };

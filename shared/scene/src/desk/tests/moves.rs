@@ -205,6 +205,13 @@ fn the_camera_goes_elsewhere() {
     assert_comments(of_file, &own);
     let commented = "[camera]\n# The file's own.\ngltf = \"a.glb\" # good\naperture = 1\n";
     assert_comments(commented, &camera(commented, tilted).unwrap());
+    let parallel = "[camera]\nprojection = \"orthographic\"\nview_width = 2\norigin = [0, 0, 1]\ntarget = [0, 0, 0]\n";
+    assert!(
+        camera(parallel, to)
+            .unwrap()
+            .contains("view_width = 2\norigin = [0.12346, 1, 5]\n")
+    );
+    assert!(camera(parallel, tilted).unwrap_err().contains("no field of view"));
     let nowhere = CameraMove {
         target: to.origin,
         ..to

@@ -270,7 +270,7 @@ fn projectors_have_the_angle_of_their_pictures() {
         let line = text
             .lines()
             .filter_map(|line| line.strip_prefix("fov = "))
-            .last()
+            .next_back()
             .unwrap();
         line.parse::<f64>().unwrap()
     };

@@ -340,6 +340,15 @@ fn gather<B: AsRef<[u8]> + Clone>(
     Ok(files)
 }
 
+/// What reading a scene is told, but for the changes.
+#[cfg(test)]
+fn with_edits(edits: Edits) -> ImportOptions {
+    ImportOptions {
+        edits,
+        ..ImportOptions::default()
+    }
+}
+
 /// The JSON Schema (draft 7) of native scene files, for editors: a JSON document.
 pub fn json_schema() -> String {
     parse::json_schema()

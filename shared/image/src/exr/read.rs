@@ -20,7 +20,8 @@ pub fn read_rgb(path: &Path) -> Result<Film, ImageError> {
     })
 }
 
-/// Read the standard error of an image that [`write_image`](super::image::write_image) wrote, if it has one: the channels stderr.R, .G, .B.
+/// Read the standard error of an image that [`write_image`](super::image::write_image) wrote, if it has one: the
+/// channels stderr.R, .G, .B.
 pub fn read_standard_error(path: &Path) -> Result<Option<Film>, ImageError> {
     let bytes = std::fs::read(path).map_err(|source| ImageError::Io {
         path: path.to_owned(),

@@ -62,9 +62,9 @@ fn direct_sampling_covers_the_solid_angle() {
                 2 * sector + (1.0 - local.z > 0.25 * (1.0 - cos)) as usize
             };
             let mut sampled = [MeanEstimate::new(); 16];
-            for sample in directs(&light, &objects, from) {
+            for sample in directs(light, objects, from) {
                 let inverse = sample.map_or((usize::MAX, 0.0), |sample| {
-                    let pdf = traced_pdf(&light, &objects, &geometry, from, sample.wi);
+                    let pdf = traced_pdf(light, objects, &geometry, from, sample.wi);
                     // Within a rounding of the outline a ray may just miss; there the density is high.
                     (bin(sample.wi), if pdf > 0.0 { 1.0 / pdf } else { 0.0 })
                 });
@@ -76,7 +76,7 @@ fn direct_sampling_covers_the_solid_angle() {
             let mut traced = [MeanEstimate::new(); 16];
             for _ in 0..SAMPLES {
                 let wi = frame.to_world(warp::uniform_cone(rng.next_2d(), cos));
-                let lit = traced_pdf(&light, &objects, &geometry, from, wi) > 0.0;
+                let lit = traced_pdf(light, objects, &geometry, from, wi) > 0.0;
                 for (i, estimate) in traced.iter_mut().enumerate() {
                     let solid_angle = 1.0 / warp::uniform_cone_pdf(cos);
                     estimate.add(if lit && i == bin(wi) {

@@ -204,7 +204,8 @@ fn by(scene: &Scene, media: Finder, seed: u64) -> Blocks {
     Blocks::new((0..defaults.passes).map(|i| render_pass(scene, &plan, i).film), 8)
 }
 
-/// The path tracer's picture, and that of a camera 500 units away, for which all of the stage is as wide within four thousandths.
+/// The path tracer's picture, and that of a camera 500 units away, for which all of the stage is as wide within four
+/// thousandths.
 /// The camera's plane lies before the stage, or cuts through the fog and the ball, much wider than it is far away.
 /// Significance 1e-2 for all blocks together.
 #[test]

@@ -55,6 +55,7 @@ mod files;
 mod lone;
 mod meaning;
 mod mitsuba;
+mod options;
 mod parse;
 mod paths;
 mod place;
@@ -77,7 +78,8 @@ pub use files::{ContentHash, File, Files};
 use glam::DVec3;
 pub use lone::is_gltf;
 pub use meaning::differences;
-pub use mitsuba::{ImportOptions, Imported, Origin, import};
+pub use mitsuba::{Imported, Origin, import};
+pub use options::ImportOptions;
 use parse::{Fault, SceneRecord};
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -338,15 +340,6 @@ fn gather<B: AsRef<[u8]> + Clone>(
         }
     }
     Ok(files)
-}
-
-/// What reading a scene is told, but for the changes.
-#[cfg(test)]
-fn with_edits(edits: Edits) -> ImportOptions {
-    ImportOptions {
-        edits,
-        ..ImportOptions::default()
-    }
 }
 
 /// The JSON Schema (draft 7) of native scene files, for editors: a JSON document.

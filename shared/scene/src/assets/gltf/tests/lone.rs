@@ -1,7 +1,7 @@
 //! Files in the place of a scene file.
 
 use super::{bytes, file, load_with};
-use crate::{Edits, SceneFile, with_edits};
+use crate::{Edits, ImportOptions, SceneFile};
 use beamfarm_render::camera::Projection;
 use beamfarm_render::light::LightKind;
 use beamfarm_render::math::Vec3;
@@ -13,7 +13,10 @@ fn read(file: &Value, edits: Edits) -> Result<(SceneFile, SceneDescription), Str
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("model.gltf");
     std::fs::write(&path, file.to_string()).unwrap();
-    let options = with_edits(edits);
+    let options = ImportOptions {
+        edits,
+        ..ImportOptions::default()
+    };
     let here = |error: String| error.replace(&format!("{}/", folder.path().display()), "");
     let read = SceneFile::read(&path, &options).map_err(|e| here(e.to_string()))?;
     let description = read.load().map_err(|e| here(e.to_string()))?;

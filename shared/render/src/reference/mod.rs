@@ -11,7 +11,7 @@
 //! With the beams it shares the scene (geometry, materials, lights, media), but no estimator: no photons, no kernels.
 //!
 //! Of object visibility rules it obeys all but those of photons, of which it knows nothing: see
-//! [`Rules::touches_photons`].
+//! [`touches_photons`](crate::rules::Rules::touches_photons).
 //!
 //! Beside the beauty it gives, when asked, the layers that passes have of radiance: see [`SampleLayers`].
 //!

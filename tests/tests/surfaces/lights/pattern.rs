@@ -5,8 +5,6 @@ use beamfarm_image::job::ReferenceSettings;
 use beamfarm_render::geometry::{Mesh, Placement, Shape};
 use beamfarm_render::light::{EmissionUniforms, LightKind, Pattern};
 use beamfarm_render::math::{Rgb, Vec2, Vec3};
-use beamfarm_render::pass::render_pass;
-use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::sampler::{Purpose, Sampler};
 use beamfarm_render::texture::Texture;
 use beamfarm_render::world::Scene;

@@ -4,11 +4,9 @@ use crate::lights::setup::{BOUNDS, PATHS, PHOTONS, SIGNIFICANCE, emitter, found_
 use beamfarm_render::geometry::{Geometry, Object};
 use beamfarm_render::light::{EmissionUniforms, Light, LightKind};
 use beamfarm_render::math::{PI, Ray, Vec3};
-use beamfarm_render::pass::render_pass;
-use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::sampler::{Purpose, Sampler};
 use beamfarm_render::warp;
-use beamfarm_tests::render::{Blocks, blocks, reference_images, scene};
+use beamfarm_tests::render::{blocks, scene};
 use beamfarm_tests::{MeanEstimate, Suite};
 
 fn on_both((objects, mut light): (Vec<Object>, Light)) -> (Vec<Object>, Light) {

@@ -87,6 +87,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 pub use store::Store;
 use time::When;
+use values::Spanned;
 
 /// Parse and validate the scene of a bundle. Errors name files as the bundle does: relative to the scene's folder.
 pub fn load(bundle: &Bundle) -> Result<SceneDescription, SceneError> {
@@ -96,7 +97,7 @@ pub fn load(bundle: &Bundle) -> Result<SceneDescription, SceneError> {
 fn load_with_extents(bundle: &Bundle) -> Result<(SceneDescription, Extents), SceneError> {
     let source = Source::Bundle(bundle);
     let snapshot = snapshot(source, When::Middle)?;
-    match snapshot.blurs {
+    match blurs(source, &snapshot) {
         // Its other moments have most of it in common.
         true => Store::default().load_with_extents(&Files::from(bundle.clone())),
         false => {
@@ -110,6 +111,16 @@ fn load_with_extents(bundle: &Bundle) -> Result<(SceneDescription, Extents), Sce
 fn snapshot(source: Source<'_>, when: When) -> Result<Snapshot, SceneError> {
     let (file, text) = scene_file(source)?;
     SceneRecord::snapshot(text, when).map_err(|fault| source::locate(file, text, &fault))
+}
+
+/// Whether something is not the same while the shutter is open.
+fn blurs(source: Source<'_>, snapshot: &Snapshot) -> bool {
+    let [open, close] = snapshot.clock.open();
+    let moves = |file: &Spanned<String>| {
+        let bytes = source.bytes(&bundle::key(file.get_ref()));
+        bytes.is_some_and(gltf::is_animated)
+    };
+    snapshot.blurs || open != close && snapshot.record.gltf_files().any(moves)
 }
 
 fn scene_file(source: Source<'_>) -> Result<(&Path, &str), SceneError> {

@@ -4,7 +4,7 @@ use crate::assemble::{Extents, Kept, Purpose, Space};
 use crate::error::SceneError;
 use crate::files::{Files, Source};
 use crate::time::When;
-use crate::{Made, snapshot};
+use crate::{Made, blurs, snapshot};
 use beamfarm_render::world::{Motion, SceneDescription};
 use glam::DVec3;
 
@@ -27,7 +27,7 @@ impl Store {
         let snapshot = snapshot(Source::Files(files), When::Middle)?;
         let made = self.made(files, When::Middle, Purpose::Exact, Space::AtCamera)?;
         let (mut description, extents) = (made.description, made.extents);
-        if snapshot.blurs {
+        if blurs(Source::Files(files), &snapshot) {
             let space = Space::Of(made.render_origin);
             let shutter = snapshot.clock.open();
             // What is wrong when it opens or closes is told before anything is rendered.

@@ -1,8 +1,8 @@
 //! glTF files: read as pieces of a scene file, which are built as if they stood in it.
 
-use super::kept::{Decoded, Kept, KeptPiece, map_bits};
-use super::{Assets, Parts, Problem, asset_problem};
-use crate::assets::gltf::{self, Choice, LightUnit};
+use super::kept::{Decoded, Kept, KeptPiece, PlaceBits, map_bits};
+use super::{Assets, Moving, Parts, Problem, asset_problem};
+use crate::assets::gltf::{self, Choice, LightUnit, There};
 use crate::assets::mesh::RawMesh;
 use crate::files::Source;
 use crate::parse::{
@@ -38,12 +38,20 @@ impl Parts<'_> {
         let piece = self.assets.piece(record)?;
         let text = &piece.text;
         self.assets.add(&piece);
+        // Places of the scene file are not those of the piece.
+        let moving = match (piece.moves && self.assets.seconds.is_some()) || self.moving.has(record.transform.as_ref())
+        {
+            true => Moving::Everything,
+            false => Moving::Places(&[]),
+        };
+        let outer = std::mem::replace(&mut self.moving, moving);
         let notes = piece.notes.iter();
         self.notes.extend(notes.map(|note| asset_problem(path, note.clone())));
         let parsed: PieceRecord = toml::from_str(text).map_err(|e| in_file(path, text, &e.into()))?;
         let before = self.notes.len();
         self.add_piece(&parsed)
             .map_err(|problem| in_piece(path, text, problem))?;
+        self.moving = outer;
         // Their places are those of the piece.
         let notes = self.notes.split_off(before).into_iter();
         self.notes.extend(notes.map(|note| in_piece(path, text, note)));
@@ -100,9 +108,14 @@ impl Assets<'_> {
             let mut beside = piece.beside.iter();
             beside.all(|(key, content)| source.content(key) == *content)
         };
-        let map = map_bits(&world_from_file);
         let known = pieces.get_if(clock, &key, is_right);
-        if let Some((_, piece)) = known.as_ref().filter(|(known, _)| *known == map) {
+        let moves = match &known {
+            Some((_, piece)) => piece.moves,
+            None => gltf::is_animated(bytes),
+        };
+        let seconds = self.seconds.filter(|_| moves);
+        let place: PlaceBits = (map_bits(&world_from_file), seconds.map(f64::to_bits));
+        if let Some((_, piece)) = known.as_ref().filter(|(known, _)| *known == place) {
             return Ok(piece.clone());
         }
         let read = RefCell::new(Vec::new());
@@ -112,12 +125,17 @@ impl Assets<'_> {
             read.borrow_mut().push((key.clone(), source.content(&key)));
             bytes
         };
-        let piece = gltf::read(path.get_ref(), bytes, &beside, &world_from_file, choice)
-            .map_err(|flaw| asset_problem(path, flaw))?;
-        // What is in the file does not depend on where it is put.
+        let there = There {
+            world_from_file: &world_from_file,
+            seconds,
+        };
+        let piece = gltf::read(path.get_ref(), bytes, &beside, there, choice);
+        let piece = piece.map_err(|flaw| asset_problem(path, flaw))?;
+        // What is in the file does not depend on where it is put, and only skins and morph targets on when.
         let known = known.map(|(_, piece)| piece);
         let mesh = |(name, raw): (String, RawMesh)| {
             let known = known.as_ref().and_then(|piece| piece.meshes.get(&name));
+            let known = known.filter(|known| known.raw == raw);
             let mesh = known.cloned().unwrap_or_else(|| Arc::new(Decoded::new(raw)));
             (name, mesh)
         };
@@ -132,8 +150,9 @@ impl Assets<'_> {
             images: piece.images.into_iter().map(image).collect(),
             notes: piece.notes,
             beside: read.take(),
+            moves,
         });
-        pieces.put(clock, key, (map, piece.clone()));
+        pieces.put(clock, key, (place, piece.clone()));
         Ok(piece)
     }
 
@@ -145,6 +164,12 @@ impl Assets<'_> {
         let images = piece.images.iter();
         self.images
             .extend(images.map(|(name, image)| (bundle::key(name), image.clone())));
+    }
+
+    /// Whether the scene's camera is one that an animation of its glTF file may move.
+    pub fn camera_plays(&self, scene: &SceneRecord) -> bool {
+        let file = scene.camera.get_ref().gltf.as_ref();
+        self.seconds.is_some() && file.is_some_and(|path| bytes(self.source, path).is_ok_and(gltf::is_animated))
     }
 
     /// Where the scene's camera is: as the scene says, or as a glTF file does.
@@ -161,11 +186,17 @@ impl Assets<'_> {
         };
         let wanted = camera.gltf_camera.as_ref().map(|name| name.get_ref().clone());
         let content = self.source.content(&bundle::key(path.get_ref()));
-        let key = (content, wanted.clone(), map_bits(&world_from_file));
-        let bytes = bytes(self.source, path)?;
+        let (source, seconds) = (self.source, self.seconds);
+        let place = (map_bits(&world_from_file), seconds.map(f64::to_bits));
+        let bytes = bytes(source, path)?;
         let Kept { cameras, clock, .. } = &mut *self.kept;
-        let text = cameras.get_or(clock, key, || {
-            gltf::camera(bytes, wanted.as_deref(), &world_from_file).map_err(|flaw| asset_problem(path, flaw))
+        let text = cameras.get_or(clock, (content, wanted.clone(), place), || {
+            let beside = |file: &str| source.bytes(&bundle::key(&gltf::beside(path.get_ref(), file)));
+            let there = There {
+                world_from_file: &world_from_file,
+                seconds,
+            };
+            gltf::camera(bytes, &beside, wanted.as_deref(), there).map_err(|flaw| asset_problem(path, flaw))
         })?;
         let read: GltfCameraRecord = toml::from_str(&text).map_err(|e| in_file(path, &text, &e.into()))?;
         let span = path.span();

@@ -211,10 +211,14 @@ pub struct KeptPiece {
     pub notes: Vec<String>,
     /// The files beside it that were read, by key.
     pub beside: Vec<(String, Content)>,
+    /// Whether it is another one at other times.
+    pub moves: bool,
 }
 
 /// An image that shines, the bits of its scale, and those of how it is turned.
 type ImageLight = (Pinned<Image>, [u32; 3], [u32; 9]);
+/// Where a glTF file is put, and when, if it moves.
+pub type PlaceBits = (MapBits, Option<u64>);
 /// A glTF file's path and content, and what is taken of it.
 type PieceKey = (String, Content, Choice);
 
@@ -242,9 +246,10 @@ pub struct Kept {
     pub coats: Shelf<(bool, [u32; 2], bool), RoughCoat>,
     pub baked: Shelf<(Pinned<Decoded>, MapBits, bool, Normals), Baked>,
     pub shared: Shelf<(Pinned<Decoded>, bool, Normals, LinearBits), Arc<Shared>>,
-    pub pieces: Shelf<PieceKey, (MapBits, Arc<KeptPiece>)>,
-    /// By the file's content, the camera's name, and where the file is put.
-    pub cameras: Shelf<(Content, Option<String>, MapBits), String>,
+    /// With where and when it was put.
+    pub pieces: Shelf<PieceKey, (PlaceBits, Arc<KeptPiece>)>,
+    /// By the file's content, the camera's name, and where and when the file is put.
+    pub cameras: Shelf<(Content, Option<String>, PlaceBits), String>,
     pub rectangle: Arc<Decoded>,
     pub cube: Arc<Decoded>,
 }

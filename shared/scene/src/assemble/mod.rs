@@ -90,7 +90,7 @@ pub enum Space {
 /// Assemble the scene of a snapshot, with its files and what is kept of other scenes.
 pub fn assemble(snapshot: &Snapshot, source: Source<'_>, kept: &mut Kept, space: Space) -> Result<Assembled, Problem> {
     let record = &snapshot.record;
-    let mut assets = Assets::new(source, kept);
+    let mut assets = Assets::new(source, kept, record.seconds);
     let eye = assets.eye(record)?;
     let render_origin = match space {
         Space::AtCamera => eye.origin.0,
@@ -111,7 +111,7 @@ pub fn assemble(snapshot: &Snapshot, source: Source<'_>, kept: &mut Kept, space:
         moving: match space {
             Space::Sketched(_) => Moving::Everything,
             // Render space is elsewhere in each frame.
-            _ if snapshot.moves_in(&record.camera.span()) => Moving::Everything,
+            _ if snapshot.moves_in(&record.camera.span()) || assets.camera_plays(record) => Moving::Everything,
             _ => Moving::Places(&snapshot.moving),
         },
         world_medium,
@@ -204,7 +204,7 @@ impl Moving<'_> {
 
 /// Where a scene's camera is: as the scene says, or as a glTF file does.
 pub fn eye(record: &SceneRecord, source: Source<'_>) -> Result<Eye, Problem> {
-    Assets::new(source, &mut Kept::default()).eye(record)
+    Assets::new(source, &mut Kept::default(), record.seconds).eye(record)
 }
 
 /// What is being built.
@@ -243,16 +243,19 @@ fn check_reach(reach: f64, place: Range<usize>) -> Result<(), Fault> {
 struct Assets<'a> {
     source: Source<'a>,
     kept: &'a mut Kept,
+    /// Of animations of glTF files, where the scene has frames.
+    seconds: Option<f64>,
     /// Meshes and images that other files hold, by key.
     meshes: BTreeMap<String, Arc<Decoded>>,
     images: BTreeMap<String, Arc<Image>>,
 }
 
 impl<'a> Assets<'a> {
-    fn new(source: Source<'a>, kept: &'a mut Kept) -> Self {
+    fn new(source: Source<'a>, kept: &'a mut Kept, seconds: Option<f64>) -> Self {
         Self {
             source,
             kept,
+            seconds,
             meshes: BTreeMap::new(),
             images: BTreeMap::new(),
         }

@@ -45,6 +45,9 @@ pub struct SceneRecord {
     /// Frames, where things move. Read by the clock, before anything else.
     #[expect(dead_code)]
     pub animation: Option<AnimationRecord>,
+    /// Seconds from frame 0 to the moment that this is of, in a scene that has frames.
+    #[serde(skip)]
+    pub seconds: Option<f64>,
     /// What is around everything.
     #[serde(default)]
     pub world: WorldRecord,
@@ -146,7 +149,8 @@ impl SceneRecord {
         let root = DeTable::parse(text)?;
         let clock = Clock::of(root.get_ref())?;
         let moving = Moving::of(root.get_ref(), text, &clock, clock.time(when))?;
-        let record = Self::checked(Deserializer::from(moving.put(root)?))?;
+        let mut record = Self::checked(Deserializer::from(moving.put(root)?))?;
+        record.seconds = clock.seconds(when);
         Ok(Snapshot {
             record,
             blurs: moving.blurs(),

@@ -1,7 +1,7 @@
 //! Frames, and when the shutter is open.
 
 use crate::source::Fault;
-use crate::values::{Finite, Number, Pair, Spanned};
+use crate::values::{Finite, Number, Pair, Positive, Spanned};
 use schemars::JsonSchema;
 use serde::Deserialize;
 use std::ops::Range;
@@ -17,6 +17,8 @@ pub struct AnimationRecord {
     pub shutter: Option<Spanned<Pair>>,
     /// The frame that is rendered. Default: the first, or 1.
     pub frame: Option<Spanned<Number<Finite>>>,
+    /// Frames in a second, for animations of glTF files, which tell seconds: frame 0 is their beginning. Default: 24.
+    pub fps: Option<Number<Positive>>,
 }
 
 /// The moment of a scene that is asked for.
@@ -33,13 +35,17 @@ pub enum When {
 pub struct Clock {
     /// When the shutter opens and closes, frames, if there are frames.
     open: Option<[f64; 2]>,
+    fps: f64,
 }
+
+/// Frames in a second, if the file does not say.
+pub const FPS: f64 = 24.0;
 
 impl Clock {
     /// Read the table `animation` of a scene file, if there is one.
     pub fn of(root: &DeTable<'_>) -> Result<Self, Fault> {
         let Some((_, value)) = root.iter().find(|(key, _)| key.get_ref() == "animation") else {
-            return Ok(Self { open: None });
+            return Ok(Self { open: None, fps: FPS });
         };
         let place = value.span();
         let table = DeValue::Table(match value.get_ref() {
@@ -68,6 +74,11 @@ impl Clock {
             Fault::new(place.clone(), message)
         };
         self.open.ok_or_else(missing)
+    }
+
+    /// Seconds from frame 0 to a moment, if there are frames.
+    pub fn seconds(&self, when: When) -> Option<f64> {
+        self.is_given().then(|| self.time(when) / self.fps)
     }
 
     /// The time of a moment, frames.
@@ -105,6 +116,7 @@ impl AnimationRecord {
         };
         Ok(Clock {
             open: Some(shutter.map(|offset| frame + offset)),
+            fps: self.fps.map_or(FPS, |fps| fps.0),
         })
     }
 }

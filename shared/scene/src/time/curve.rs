@@ -53,7 +53,7 @@ impl Curve {
             return self.values[0].clone();
         }
         let k = later - 1;
-        if k == last || self.times[k] == time {
+        if k == last || self.times[k] == time || self.interpolation == Interpolation::Step {
             return self.values[k].clone();
         }
         let span = self.times[k + 1] - self.times[k];

@@ -10,7 +10,9 @@ mod sequence;
 mod tests;
 
 use crate::source::Fault;
-pub use clock::{AnimationRecord, Clock, When};
+pub use clock::{AnimationRecord, Clock, FPS, When};
+pub use curve::{Curve, Interpolation};
+pub use form::Parts;
 use keys::Track;
 use std::collections::BTreeSet;
 use std::ops::Range;

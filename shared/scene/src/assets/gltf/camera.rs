@@ -1,16 +1,16 @@
 //! Cameras of a glTF file.
 
 use super::node::{self, Placed};
-use super::open::open;
 use super::write::{number, vector};
+use super::{Beside, There};
 use crate::assets::Flaw;
-use glam::{DAffine3, DVec3};
+use glam::DVec3;
 use gltf::camera::{Orthographic, Projection};
 
 /// The camera of that name, or the first one: `origin`, `target`, `up` and `fov`, as TOML.
-pub fn camera(bytes: &[u8], wanted: Option<&str>, world_from_file: &DAffine3) -> Result<String, Flaw> {
-    let opened = open(bytes)?;
-    let placed = node::placed(&opened.document, world_from_file)?;
+pub fn camera(bytes: &[u8], beside: &Beside<'_>, wanted: Option<&str>, there: There<'_>) -> Result<String, Flaw> {
+    let opened = there.open(bytes, beside)?.opened;
+    let placed = node::placed(&opened.document, there.world_from_file)?;
     let named = |node: &Placed<'_>, camera: &gltf::Camera<'_>| match wanted {
         Some(wanted) => node.name == wanted || camera.name() == Some(wanted),
         None => true,

@@ -2,6 +2,7 @@
 //! and pictures that it names. Whatever the piece says is checked as if an author had written it.
 
 mod accessor;
+mod animation;
 mod camera;
 mod gloss;
 mod light;
@@ -21,12 +22,14 @@ mod writer;
 use super::Flaw;
 use super::mesh::RawMesh;
 use accessor::Buffers;
+use animation::Moment;
 use base64::Engine;
 use beamfarm_render::texture::Image;
 pub use camera::camera;
 use glam::{DAffine3, DMat3};
 pub use light::LightUnit;
 use notes::Notes;
+pub use open::is_animated;
 use open::open;
 use record::Record;
 pub use scene::{Whole, scene};
@@ -117,15 +120,31 @@ fn bytes_of(uri: &str, beside: &Beside<'_>) -> Result<Vec<u8>, Flaw> {
     }
 }
 
-/// Read a glTF file called `name`. `world_from_file`: where the scene puts it.
-pub fn read(
-    name: &str,
-    bytes: &[u8],
-    beside: &Beside<'_>,
-    world_from_file: &DAffine3,
-    choice: Choice,
-) -> Result<Piece, Flaw> {
-    let opened = open(bytes)?;
+/// Where a file is put, and when it is looked at.
+#[derive(Clone, Copy, Debug)]
+pub struct There<'m> {
+    pub world_from_file: &'m DAffine3,
+    /// Seconds from the beginning of its animations. `None`: as its nodes say.
+    pub seconds: Option<f64>,
+}
+
+impl There<'_> {
+    fn open(&self, bytes: &[u8], beside: &Beside<'_>) -> Result<Moment, Flaw> {
+        let opened = open(bytes)?;
+        match self.seconds {
+            Some(seconds) if opened.document.animations().len() > 0 => Moment::new(opened, beside, seconds),
+            _ => Ok(Moment {
+                opened,
+                hidden: Vec::new(),
+            }),
+        }
+    }
+}
+
+/// Read a glTF file called `name`.
+pub fn read(name: &str, bytes: &[u8], beside: &Beside<'_>, there: There<'_>, choice: Choice) -> Result<Piece, Flaw> {
+    let Moment { opened, hidden } = there.open(bytes, beside)?;
+    let world_from_file = there.world_from_file;
     let document = &opened.document;
     let buffers = Buffers::new(document, opened.blob.as_deref(), beside)?;
     let mut notes = Notes::default();
@@ -168,6 +187,12 @@ pub fn read(
         notes.add("Blender wrote it, whose exporter leaves out the world's light and area lights");
     }
     note_the_rest(&opened.record, document, &mut notes);
+    if !opened.record.animations.is_empty() && there.seconds.is_none() {
+        notes.add("its animations do not play, since the scene has no [animation]: everything stands as its nodes say");
+    }
+    for name in hidden {
+        notes.add_of("animations that move what others move do not play", &name);
+    }
     let mut images = BTreeMap::new();
     if let Some(materials) = materials {
         text.push_str(&materials.text);
@@ -194,9 +219,6 @@ fn note_the_rest(record: &Record, document: &gltf::Document, notes: &mut Notes) 
             "it has {} scenes, of which its default one is taken",
             document.scenes().len()
         ));
-    }
-    if !record.animations.is_empty() {
-        notes.add("its animations do not count: everything stands as its nodes say");
     }
 }
 

@@ -4,6 +4,7 @@ use super::record::Record;
 use crate::assets::Flaw;
 use serde::Deserialize;
 use serde_json::{Map, Value, json};
+use std::borrow::Cow;
 
 /// A file whose parts can be asked for.
 pub struct Opened {
@@ -43,22 +44,35 @@ fn unusable(reason: &str) -> Flaw {
     Flaw::from(format!("not a usable glTF file: {reason}"))
 }
 
-/// Read the JSON and validate it. What the `gltf` crate's validation and accessors take for granted is looked at
-/// before.
-pub fn open(bytes: &[u8]) -> Result<Opened, Flaw> {
+/// The JSON, and the binary part of a file that has one.
+fn parts(bytes: &[u8]) -> Result<(Cow<'_, [u8]>, Option<Cow<'_, [u8]>>), Flaw> {
     // Magic number, version, and the length of all of it.
     let length = bytes.get(8..).and_then(|rest| rest.first_chunk());
     let is_binary = bytes.starts_with(b"glTF");
     if is_binary && length.is_none_or(|length| u32::from_le_bytes(*length) < 20) {
         return Err(unusable("its header is too short"));
     }
-    let (text, blob) = match is_binary {
+    match is_binary {
         true => {
             let parts = gltf::Glb::from_slice(bytes).map_err(|e| unusable(&e.to_string()))?;
-            (parts.json, parts.bin.map(|bin| bin.into_owned()))
+            Ok((parts.json, parts.bin))
         }
-        false => (bytes.into(), None),
-    };
+        false => Ok((bytes.into(), None)),
+    }
+}
+
+/// Whether a file has animations. One that is not usable has none.
+pub fn is_animated(bytes: &[u8]) -> bool {
+    let text = parts(bytes).ok().map(|(text, _)| text);
+    let record = text.and_then(|text| serde_json::from_slice::<Record>(&text).ok());
+    record.is_some_and(|record| !record.animations.is_empty())
+}
+
+/// Read the JSON and validate it. What the `gltf` crate's validation and accessors take for granted is looked at
+/// before.
+pub fn open(bytes: &[u8]) -> Result<Opened, Flaw> {
+    let (text, blob) = parts(bytes)?;
+    let blob = blob.map(Cow::into_owned);
     let json = |e: serde_json::Error| unusable(&e.to_string());
     let mut text = serde_json::from_slice::<Value>(&text).map_err(json)?;
     let record = Record::deserialize(&text).map_err(json)?;
@@ -110,9 +124,19 @@ pub fn open(bytes: &[u8]) -> Result<Opened, Flaw> {
 /// Take out what the `gltf` crate would stumble over, and give what it misses.
 fn leave_out_what_is_not_read(text: &mut Value) {
     let Some(root) = text.as_object_mut() else { return };
-    // Pointers of KHR_animation_pointer have no node.
-    for name in ["animations", "extensionsRequired"] {
-        root.remove(name);
+    root.remove("extensionsRequired");
+    // Pointers of KHR_animation_pointer have no node. Targets are not validated.
+    let nodes = root.get("nodes").and_then(Value::as_array).map_or(0, Vec::len);
+    let moves_a_node = |channel: &Value| {
+        let node = channel.pointer("/target/node").and_then(Value::as_u64);
+        let path = channel.pointer("/target/path").and_then(Value::as_str);
+        node.is_some_and(|node| node < nodes as u64)
+            && path.is_some_and(|path| ["translation", "rotation", "scale", "weights"].contains(&path))
+    };
+    for animation in list(root, "animations") {
+        if let Some(channels) = animation.get_mut("channels").and_then(Value::as_array_mut) {
+            channels.retain(moves_a_node);
+        }
     }
     for scene in list(root, "scenes") {
         scene.entry("nodes").or_insert_with(|| Value::Array(Vec::new()));

@@ -2,6 +2,7 @@
 
 use super::Beside;
 use super::accessor::Buffers;
+use super::animation::{self, Moment};
 use super::camera::{angle, cameras, place, width};
 use super::mesh::{Pose, mesh};
 use super::node::{self, Placed};
@@ -9,6 +10,7 @@ use super::notes::Notes;
 use super::open::{Opened, open};
 use super::write::{number, quoted, vector};
 use crate::assets::Flaw;
+use crate::time::FPS;
 use glam::{DAffine3, DVec3};
 use gltf::camera::Projection;
 use std::fmt::Write;
@@ -39,13 +41,24 @@ pub struct Whole {
 
 /// The scene of a file that it calls `file`.
 pub fn scene(file: &str, bytes: &[u8], beside: &Beside<'_>) -> Result<Whole, Flaw> {
-    let opened = open(bytes)?;
-    let placed = node::placed(&opened.document, &DAffine3::IDENTITY)?;
+    let mut opened = open(bytes)?;
     let mut notes = Notes::default();
+    let buffers = Buffers::new(&opened.document, opened.blob.as_deref(), beside)?;
+    let mut animation = String::new();
+    if let Some([first, last]) = animation::span(&opened.document, &buffers)? {
+        let frames = [(first * FPS).floor(), (last * FPS).ceil()];
+        let [first, last] = frames.map(|frame| frame as i64);
+        animation = format!("\n[animation]\nframes = [{first}, {last}]\n");
+        notes.add(format!(
+            "it moves, in frames {first} to {last}, {FPS} of them a second; what is shown is the first"
+        ));
+        let seconds = frames[0] / FPS;
+        opened = Moment::new(opened, beside, seconds)?.opened;
+    }
+    let placed = node::placed(&opened.document, &DAffine3::IDENTITY)?;
     let view = match own_view(&placed, &mut notes) {
         Some(view) => view,
         None => {
-            let buffers = Buffers::new(&opened.document, opened.blob.as_deref(), beside)?;
             notes.add("it is looked at from in front, all of it, since it has no camera");
             View::of_all(corners(&placed, &buffers)?)
         }
@@ -53,7 +66,7 @@ pub fn scene(file: &str, bytes: &[u8], beside: &Beside<'_>) -> Result<Whole, Fla
     let [width, height] = view.size;
     let file = quoted(file);
     let mut text = format!(
-        "[image]\nwidth = {width}\nheight = {height}\n\n[camera]\n{}\n[[gltf]]\nfile = {file}\n",
+        "[image]\nwidth = {width}\nheight = {height}\n\n[camera]\n{}{animation}\n[[gltf]]\nfile = {file}\n",
         view.fields
     );
     if !has_lights(&opened, &placed) {

@@ -51,13 +51,6 @@ impl<'a> Shapes<'_, 'a, '_> {
             }
             let in_node = |flaw: Flaw| format!("the node {:?}: {}", node.name, flaw.message);
             let pose = Pose::at_rest(&node.node, &self.at_rest, self.buffers).map_err(in_node)?;
-            if pose.joints.is_some() {
-                self.notes.add("skins stand in their rest pose");
-            }
-            if mesh.primitives().any(|p| p.morph_targets().len() > 0) {
-                self.notes
-                    .add("morph targets have the weights that the file begins with");
-            }
             users.insert(
                 (mesh.index(), own),
                 Users {

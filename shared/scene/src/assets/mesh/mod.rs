@@ -10,7 +10,7 @@ use beamfarm_render::math::Rgb;
 use glam::{DAffine3, DVec2, DVec3};
 
 /// A mesh in double precision, as its file gives it.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct RawMesh {
     /// Vertex positions.
     pub positions: Vec<DVec3>,

@@ -296,7 +296,7 @@ fn what_does_not_count_is_said() {
         "KHR_materials_dispersion",
         "KHR_materials_diffuse_transmission",
         "EXT_mesh_gpu_instancing is not supported",
-        "animations do not count",
+        "animations do not play",
     ] {
         assert!(says(&description, words), "{words}: {:?}", description.notes);
     }

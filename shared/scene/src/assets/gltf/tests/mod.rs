@@ -1,5 +1,6 @@
 //! Small files, and what they are read as.
 
+mod animation;
 mod lone;
 mod materials;
 mod meshes;

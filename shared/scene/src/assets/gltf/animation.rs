@@ -1,0 +1,185 @@
+//! Animations of a glTF file: its nodes where they are at a time.
+
+use super::Beside;
+use super::accessor::Buffers;
+use super::open::Opened;
+use crate::assets::Flaw;
+use crate::time::{Curve, Interpolation, Parts};
+use gltf::Document;
+use gltf::animation::{Channel, Interpolation as Kind, Property};
+use gltf::json::scene::UnitQuaternion;
+use std::collections::BTreeSet;
+
+/// A file at a time.
+pub struct Moment {
+    pub opened: Opened,
+    /// Animations of which nothing is seen, since those before them move the same.
+    pub hidden: Vec<String>,
+}
+
+impl Moment {
+    /// With nodes and weights as the animations have them after `seconds`; before their first keys and after their
+    /// last ones they stay as those say. All play at once; of two that move the same, the first does.
+    pub fn new(opened: Opened, beside: &Beside<'_>, seconds: f64) -> Result<Self, Flaw> {
+        let document = &opened.document;
+        let buffers = Buffers::new(document, opened.blob.as_deref(), beside)?;
+        let mut root = document.as_json().clone();
+        let mut taken = BTreeSet::new();
+        let mut hidden = Vec::new();
+        for animation in document.animations() {
+            let name = match animation.name() {
+                Some(name) => format!("{name:?}"),
+                None => format!("number {}", animation.index()),
+            };
+            let mut plays = false;
+            for channel in animation.channels() {
+                let node = channel.target().node().index();
+                if !taken.insert((node, channel.target().property() as u8)) {
+                    continue;
+                }
+                plays = true;
+                let track = Track::new(&channel, &buffers);
+                let track = track.map_err(|flaw| {
+                    let number = channel.index();
+                    format!("channel {number} of the animation {name}: {}", flaw.message)
+                })?;
+                let values: Vec<f32> = track.at(seconds).into_iter().map(|x| x as f32).collect();
+                let moved = &mut root.nodes[node];
+                // Of a node that moves the parts are given; the matrix of one that has it all the same means nothing.
+                moved.matrix = None;
+                match (channel.target().property(), &values[..]) {
+                    (Property::Translation, [x, y, z]) => moved.translation = Some([*x, *y, *z]),
+                    (Property::Scale, [x, y, z]) => moved.scale = Some([*x, *y, *z]),
+                    (Property::Rotation, [x, y, z, w]) => moved.rotation = Some(UnitQuaternion([*x, *y, *z, *w])),
+                    _ => moved.weights = Some(values),
+                }
+            }
+            if !plays && animation.channels().next().is_some() {
+                hidden.push(name);
+            }
+        }
+        let document = Document::from_json(root).map_err(|e| format!("not a usable glTF file: {e}"))?;
+        Ok(Self {
+            opened: Opened { document, ..opened },
+            hidden,
+        })
+    }
+}
+
+/// When the first and the last key of a file's animations are, seconds. `None`: nothing moves.
+pub fn span(document: &Document, buffers: &Buffers) -> Result<Option<[f64; 2]>, Flaw> {
+    let mut span: Option<[f64; 2]> = None;
+    for channel in document.animations().flat_map(|animation| animation.channels()) {
+        for [time] in buffers.numbers(&channel.sampler().input(), "times of keys")? {
+            let [first, last] = span.unwrap_or([time; 2]);
+            span = Some([first.min(time), last.max(time)]);
+        }
+    }
+    Ok(span.filter(|times| times.iter().all(|time| time.is_finite())))
+}
+
+/// What a channel says.
+enum Track {
+    Curve(Curve),
+    Spline(Spline),
+}
+
+impl Track {
+    fn new(channel: &Channel<'_>, buffers: &Buffers) -> Result<Self, Flaw> {
+        let sampler = channel.sampler();
+        let times = buffers.numbers(&sampler.input(), "times of keys")?;
+        let times: Vec<f64> = times.into_iter().map(|[time]| time).collect();
+        if times.is_empty() || !times.is_sorted_by(|a, b| a < b) || times.iter().any(|time| !time.is_finite()) {
+            return Err("the times of its keys are not in order".into());
+        }
+        let output = sampler.output();
+        let what = "values of keys";
+        let property = channel.target().property();
+        let numbers: Vec<f64> = match property {
+            Property::Translation | Property::Scale => buffers.numbers::<3>(&output, what)?.concat(),
+            Property::Rotation => buffers.numbers::<4>(&output, what)?.concat(),
+            Property::MorphTargetWeights => buffers.numbers::<1>(&output, what)?.concat(),
+        };
+        let kind = sampler.interpolation();
+        let keys = if kind == Kind::CubicSpline { 3 } else { 1 } * times.len();
+        let width = numbers.len() / keys;
+        let expected = match property {
+            Property::Translation | Property::Scale => 3,
+            Property::Rotation => 4,
+            Property::MorphTargetWeights => width.max(1),
+        };
+        if width != expected || numbers.len() != keys * width {
+            let (count, keys) = (numbers.len(), times.len());
+            return Err(format!("it has {keys} keys, and {count} numbers for them").into());
+        }
+        if numbers.iter().any(|x| !x.is_finite()) {
+            return Err("a value is no number".into());
+        }
+        let mut values: Vec<Vec<f64>> = numbers.chunks(width).map(<[f64]>::to_vec).collect();
+        let is_turn = property == Property::Rotation;
+        let interpolation = match kind {
+            Kind::Linear => Interpolation::Linear,
+            Kind::Step => Interpolation::Step,
+            Kind::CubicSpline => return Ok(Self::Spline(Spline { times, values, is_turn })),
+        };
+        if is_turn {
+            values.iter_mut().try_for_each(|q| normalize(q))?;
+        }
+        let turns = if is_turn { vec![0] } else { Vec::new() };
+        Ok(Self::Curve(Curve::new(times, Parts { values, turns }, interpolation)))
+    }
+
+    fn at(&self, seconds: f64) -> Vec<f64> {
+        match self {
+            Self::Curve(curve) => curve.at(seconds),
+            Self::Spline(spline) => spline.at(seconds),
+        }
+    }
+}
+
+fn normalize(q: &mut [f64]) -> Result<(), Flaw> {
+    let length = q.iter().map(|x| x * x).sum::<f64>().sqrt();
+    if length == 0.0 {
+        return Err("a rotation is no quaternion of length 1".into());
+    }
+    q.iter_mut().for_each(|x| *x /= length);
+    Ok(())
+}
+
+/// Cubic Hermite splines: of each key the slope that comes in, the value, and the slope that goes out (glTF 2.0,
+/// appendix C).
+struct Spline {
+    times: Vec<f64>,
+    values: Vec<Vec<f64>>,
+    is_turn: bool,
+}
+
+impl Spline {
+    fn at(&self, seconds: f64) -> Vec<f64> {
+        let last = self.times.len() - 1;
+        let later = self.times.partition_point(|time| *time <= seconds);
+        let mut found = match later {
+            0 => self.values[1].clone(),
+            _ if later > last => self.values[3 * last + 1].clone(),
+            _ => {
+                let k = later - 1;
+                let span = self.times[k + 1] - self.times[k];
+                let u = (seconds - self.times[k]) / span;
+                let [from, out, in_, to] = [3 * k + 1, 3 * k + 2, 3 * k + 3, 3 * k + 4].map(|i| &self.values[i]);
+                let v = 1.0 - u;
+                let hermite = |i: usize| {
+                    from[i] * (1.0 + 2.0 * u) * v * v
+                        + out[i] * span * u * v * v
+                        + to[i] * u * u * (3.0 - 2.0 * u)
+                        + in_[i] * span * u * u * (u - 1.0)
+                };
+                (0..from.len()).map(hermite).collect()
+            }
+        };
+        if self.is_turn && normalize(&mut found).is_err() {
+            // Half-way between opposites: any does.
+            found = vec![0.0, 0.0, 0.0, 1.0];
+        }
+        found
+    }
+}

@@ -114,6 +114,18 @@ fn encode_layer(layer: &Layer, film: &Film, stops: f32, curve: Curve) -> Result<
             let most = most.fold(0.0, f32::max);
             encode_grey(film, |pixel| distance(pixel) / most)
         }
+        // No motion is grey; the largest part of any vector is 0 or 1.
+        Layer::Motion => {
+            let most = film
+                .pixels
+                .iter()
+                .flatten()
+                .fold(0.0, |most: f32, part| most.max(part.abs()));
+            let scale = if most > 0.0 { 127.5 / most } else { 0.0 };
+            let byte = |v: f32| (127.5 + scale * v).clamp(0.0, 255.0) as u8;
+            let data: Vec<u8> = film.pixels.as_flattened().iter().map(|v| byte(*v)).collect();
+            encode_rgb(film.width, film.height, &data)
+        }
         // One number a pixel: against the largest.
         Layer::BeamDensity | Layer::Targets => {
             let most = film.pixels.iter().map(|[v, ..]| *v).fold(0.0, f32::max);

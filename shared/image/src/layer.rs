@@ -30,6 +30,9 @@ pub enum Layer {
     Volume,
     /// All radiance that comes from one group of lights.
     Light(LightGroup),
+    /// How far what is seen moves in the image, pixels a frame, to the right and up: the first surface, or what is
+    /// infinitely far away. What lenses, mirrors and media show does not count.
+    Motion,
     /// Photon beams that contribute to the pixel.
     BeamDensity,
     /// Photon targets before the first surface, or on it.
@@ -139,6 +142,7 @@ impl Layer {
             Self::Objects | Self::Materials => &[],
             // No sum may hold infinities: the distance counts as often as there is one.
             Self::Depth => &["Z", "coverage"],
+            Self::Motion => &["u", "v"],
             Self::BeamDensity | Self::Targets => &["Y"],
             Self::Normal => &["X", "Y", "Z"],
             _ => &["R", "G", "B"],
@@ -182,6 +186,7 @@ impl fmt::Display for Layer {
             Self::Direct => "direct",
             Self::Surface => "surface",
             Self::Volume => "volume",
+            Self::Motion => "motion",
             Self::BeamDensity => "beam_density",
             Self::Targets => "targets",
             Self::Objects => "crypto_object",
@@ -203,6 +208,7 @@ impl FromStr for Layer {
             "direct" => Self::Direct,
             "surface" => Self::Surface,
             "volume" => Self::Volume,
+            "motion" => Self::Motion,
             "beam_density" => Self::BeamDensity,
             "targets" => Self::Targets,
             "crypto_object" => Self::Objects,
@@ -262,6 +268,7 @@ mod tests {
             Layer::Direct,
             Layer::Surface,
             Layer::Volume,
+            Layer::Motion,
             Layer::BeamDensity,
             Layer::Targets,
             Layer::Light(LightGroup::named("key light")),
@@ -271,7 +278,7 @@ mod tests {
             Layer::Materials,
         ];
         let names = layers.each_ref().map(Layer::to_string);
-        assert_eq!(names[11], "light_a_b__");
+        assert_eq!(names[12], "light_a_b__");
         let read = parse_all(names.iter().map(String::as_str)).unwrap();
         assert_eq!(read, layers);
         for bad in ["", "beauty", "Depth", "light_", "light_a.b"] {
@@ -282,6 +289,6 @@ mod tests {
         assert!(parse_all(["depth", "depth"].into_iter()).is_err());
         assert!(parse_all(["crypto_object", "depth"].into_iter()).is_err());
         let counts = LayerCounts::of(&layers);
-        assert_eq!(counts.to_string(), "12 layers and 2 mattes");
+        assert_eq!(counts.to_string(), "13 layers and 2 mattes");
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::geometry::Object;
 use crate::light::Light;
-use crate::math::{Rgb, Vec3};
+use crate::math::{Rgb, Vec2, Vec3};
 use crate::world::Scene;
 use crate::world::SceneDescription;
 use beamfarm_image::layer::{Layer, MatteKind};
@@ -123,6 +123,11 @@ impl LayerPlan {
         self.layers.contains(&Layer::Targets)
     }
 
+    /// Whether it is told how things move.
+    pub fn has_motion(&self) -> bool {
+        self.layers.contains(&Layer::Motion)
+    }
+
     /// Number of groups of lights.
     pub fn groups(&self) -> usize {
         self.groups.len()
@@ -172,6 +177,8 @@ pub struct Parts {
     pub beams: u32,
     /// Photon targets before the first surface, or on it.
     pub targets: u32,
+    /// How the first surface moves in the image, pixels a frame, to the right and up.
+    pub motion: Vec2,
 }
 
 impl Parts {
@@ -207,6 +214,7 @@ impl Parts {
             Layer::Volume => self.volume,
             Layer::Light(_) => group.and_then(|g| self.groups.get(g)).copied().unwrap_or_default(),
             Layer::BeamDensity => Vec3::new(self.beams as f32, 0.0, 0.0),
+            Layer::Motion => self.motion.extend(0.0),
             Layer::Targets => Vec3::new(self.targets as f32, 0.0, 0.0),
         };
         value.to_array()

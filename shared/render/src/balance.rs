@@ -189,7 +189,7 @@ fn plans_of(scene: &Scene, settings: JobSettings) -> Vec<RenderPlan> {
 
 /// Counted work of the camera paths of all pictures by a plan, from that of one.
 fn work_of_pictures(scene: &Scene, plan: &RenderPlan) -> f64 {
-    let image = PassPhotons::new(scene, plan, MAX_PASSES - 1).render(scene, plan, MAX_PASSES - 1);
+    let image = PassPhotons::new(scene, plan, MAX_PASSES - 1).render(scene, plan, MAX_PASSES - 1, None);
     let CameraWork {
         rays,
         evaluations,
@@ -212,7 +212,7 @@ impl Balance {
         // By photons, then by camera paths.
         let images: Vec<PassImage> = (0..sets * SETS)
             .into_par_iter()
-            .map(|i| photons[i / SETS].render(scene, plan, last(SETS + i % SETS)))
+            .map(|i| photons[i / SETS].render(scene, plan, last(SETS + i % SETS), None))
             .collect();
         // Without photons the same for all of them.
         let film = |set: usize, camera: usize| &images[set % sets * SETS + camera].film;

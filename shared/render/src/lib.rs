@@ -27,6 +27,7 @@ pub mod camera;
 pub mod convergence;
 pub mod estimators;
 pub mod filter;
+mod flow;
 pub mod footprint;
 pub mod geometry;
 pub mod interrupt;

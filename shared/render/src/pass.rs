@@ -4,6 +4,8 @@ use crate::aov::{Parts, Recorder};
 use crate::beam::estimate::{CameraSegment, CameraSegments, Gather, Sharing, Vectors};
 use crate::beam::store::BeamMap;
 use crate::beam::trace::{Photons, trace_photons};
+use crate::flow::Flow;
+use crate::geometry::SurfaceHit;
 use crate::math::{Ray, Rgb, Vec2};
 use crate::odds::{caustic_odds, first_odds, gloss_odds, least_flight};
 use crate::photon_map::SurfacePhotonMap;
@@ -68,15 +70,21 @@ const BLOCK_PIXELS: usize = 16;
 /// Render a pass on the current rayon pool. The bits do not depend on the pool. Of a scene that is interrupted
 /// meanwhile no pixel is a number. Where things move the pass sees them at a moment of its own.
 pub fn render_pass(scene: &Scene, plan: &RenderPlan, pass_index: u64) -> PassImage {
-    match scene.moment(plan.settings.seed, pass_index) {
-        Ok(None) => at_rest(scene, plan, pass_index),
-        Ok(Some(moment)) => at_rest(&moment, &plan.at(scene, &moment), pass_index),
-        Err(why) => PassImage::failed(scene, plan, why),
-    }
+    let image = match scene.moment(plan.settings.seed, pass_index) {
+        Ok(None) => at_rest(scene, scene, plan, pass_index),
+        Ok(Some(moment)) => at_rest(scene, &moment, &plan.at(scene, &moment), pass_index),
+        Err(why) => Err(why),
+    };
+    image.unwrap_or_else(|why| PassImage::failed(scene, plan, why))
 }
 
-fn at_rest(scene: &Scene, plan: &RenderPlan, pass_index: u64) -> PassImage {
-    PassPhotons::new(scene, plan, pass_index).render(scene, plan, pass_index)
+/// `now`: the scene as the pass sees it.
+fn at_rest(scene: &Scene, now: &Scene, plan: &RenderPlan, pass_index: u64) -> Result<PassImage, String> {
+    let flow = match (&scene.description().motion, plan.layers.has_motion()) {
+        (Some(motion), true) => Some(Flow::new(now, motion, motion.time(plan.settings.seed, pass_index))?),
+        _ => None,
+    };
+    Ok(PassPhotons::new(now, plan, pass_index).render(now, plan, pass_index, flow.as_ref()))
 }
 
 impl PassImage {
@@ -146,10 +154,16 @@ impl PassPhotons {
     }
 
     /// The picture that the camera of a pass makes of them.
-    pub(crate) fn render(&self, scene: &Scene, plan: &RenderPlan, pass_index: u64) -> PassImage {
+    pub(crate) fn render(&self, scene: &Scene, plan: &RenderPlan, pass_index: u64, flow: Option<&Flow>) -> PassImage {
         match &scene.description().rules {
-            None => self.picture(&self.camera_pass(scene, plan, pass_index, Unruled)),
-            Some(rules) => self.picture(&self.camera_pass(scene, plan, pass_index, Ruled(rules))),
+            None => self.picture(&CameraPass {
+                flow,
+                ..self.camera_pass(scene, plan, pass_index, Unruled)
+            }),
+            Some(rules) => self.picture(&CameraPass {
+                flow,
+                ..self.camera_pass(scene, plan, pass_index, Ruled(rules))
+            }),
         }
     }
 
@@ -194,6 +208,7 @@ impl PassPhotons {
                 sight,
             },
             beams: self.beams.as_ref(),
+            flow: None,
             pass_index,
             vectors: Vectors::widest(),
             chord_key: mix64(mix64(plan.settings.seed) ^ mix64(pass_index) ^ Purpose::Chords as u64),
@@ -250,6 +265,7 @@ fn tile_number(x0: u32, y0: u32) -> u64 {
 struct CameraPass<'a, V> {
     tracer: CameraTracer<'a, V>,
     beams: Option<&'a Beams>,
+    flow: Option<&'a Flow>,
     pass_index: u64,
     vectors: Vectors,
     chord_key: u64,
@@ -367,6 +383,9 @@ impl<V: Sight> CameraPass<'_, V> {
             if plan.counts_targets() {
                 scratch.parts[i].targets = self.targets_along(&ray);
             }
+            if let Some(flow) = self.flow {
+                scratch.parts[i].motion = flow.along(scene, &ray, self.first_hit(&ray).as_ref());
+            }
             let mut context = PathContext {
                 sampler,
                 pixel: i as u16,
@@ -404,15 +423,18 @@ impl<V: Sight> CameraPass<'_, V> {
 
     /// Photon targets along a camera ray, up to what it meets.
     fn targets_along(&self, ray: &Ray) -> u32 {
-        let CameraTracer { scene, plan, sight, .. } = &self.tracer;
-        let Some(targets) = &plan.targets else {
+        let Some(targets) = &self.tracer.plan.targets else {
             return 0;
         };
+        targets.count(ray, self.first_hit(ray).map_or(f32::INFINITY, |hit| hit.t))
+    }
+
+    /// The first surface that a camera ray meets.
+    fn first_hit(&self, ray: &Ray) -> Option<SurfaceHit> {
+        let CameraTracer { scene, sight, .. } = &self.tracer;
         let hidden = sight.from(Start::Camera);
         let is_passed = |object: u32| scene.passable[object as usize] || sight.hides(hidden, object);
-        let objects = scene.objects();
-        let hit = scene.geometry.intersect(objects, ray, f32::INFINITY, is_passed);
-        targets.count(ray, hit.map_or(f32::INFINITY, |hit| hit.t))
+        scene.geometry.intersect(scene.objects(), ray, f32::INFINITY, is_passed)
     }
 
     /// `tile`: where it is, a number of its own.

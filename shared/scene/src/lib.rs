@@ -97,7 +97,7 @@ pub fn load(bundle: &Bundle) -> Result<SceneDescription, SceneError> {
 fn load_with_extents(bundle: &Bundle) -> Result<(SceneDescription, Extents), SceneError> {
     let source = Source::Bundle(bundle);
     let snapshot = snapshot(source, When::Middle)?;
-    match blurs(source, &snapshot) {
+    match motion(source, &snapshot).is_some() {
         // Its other moments have most of it in common.
         true => Store::default().load_with_extents(&Files::from(bundle.clone())),
         false => {
@@ -113,14 +113,16 @@ fn snapshot(source: Source<'_>, when: When) -> Result<Snapshot, SceneError> {
     SceneRecord::snapshot(text, when).map_err(|fault| source::locate(file, text, &fault))
 }
 
-/// Whether something is not the same while the shutter is open.
-fn blurs(source: Source<'_>, snapshot: &Snapshot) -> bool {
+/// None where nothing moves; otherwise whether something is not the same while the shutter is open.
+fn motion(source: Source<'_>, snapshot: &Snapshot) -> Option<bool> {
     let [open, close] = snapshot.clock.open();
-    let moves = |file: &Spanned<String>| {
+    let plays = |file: &Spanned<String>| {
         let bytes = source.bytes(&bundle::key(file.get_ref()));
         bytes.is_some_and(gltf::is_animated)
     };
-    snapshot.blurs || open != close && snapshot.record.gltf_files().any(moves)
+    let plays = snapshot.clock.is_given() && snapshot.record.gltf_files().any(plays);
+    let moves = plays || !snapshot.moving.is_empty();
+    moves.then_some(snapshot.blurs || plays && open != close)
 }
 
 fn scene_file(source: Source<'_>) -> Result<(&Path, &str), SceneError> {

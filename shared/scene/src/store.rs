@@ -4,7 +4,7 @@ use crate::assemble::{Extents, Kept, Purpose, Space};
 use crate::error::SceneError;
 use crate::files::{Files, Source};
 use crate::time::When;
-use crate::{Made, blurs, snapshot};
+use crate::{Made, motion, snapshot};
 use beamfarm_render::world::{Motion, SceneDescription};
 use glam::DVec3;
 
@@ -27,12 +27,17 @@ impl Store {
         let snapshot = snapshot(Source::Files(files), When::Middle)?;
         let made = self.made(files, When::Middle, Purpose::Exact, Space::AtCamera)?;
         let (mut description, extents) = (made.description, made.extents);
-        if blurs(Source::Files(files), &snapshot) {
+        if let Some(blurs) = motion(Source::Files(files), &snapshot) {
             let space = Space::Of(made.render_origin);
-            let shutter = snapshot.clock.open();
+            let shutter = match blurs {
+                true => snapshot.clock.open(),
+                false => [snapshot.clock.time(When::Middle); 2],
+            };
             // What is wrong when it opens or closes is told before anything is rendered.
-            for time in shutter {
-                self.made(files, When::At(time), Purpose::Exact, space)?;
+            if blurs {
+                for time in shutter {
+                    self.made(files, When::At(time), Purpose::Exact, space)?;
+                }
             }
             // Passes that are rendered at the same time have nothing to wait for.
             let (kept, files) = (self.kept.clone(), files.clone());

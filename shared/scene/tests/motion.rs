@@ -2,6 +2,7 @@
 
 use beamfarm_image::bundle::Bundle;
 use beamfarm_image::job::ReferenceSettings;
+use beamfarm_image::layer::Layer;
 use beamfarm_image::merge::{Average, Node, TreeSum};
 use beamfarm_render::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
@@ -189,16 +190,12 @@ fn passes_and_the_path_tracer_see_the_same_blur() {
 #[test]
 fn scenes_that_stand_still_have_no_motion() {
     let still = CAUSTIC.replace("shutter = [0, 1]", "shutter = [0, 0]");
-    assert!(scene(&still).description().motion.is_none());
+    let blurs = |text: &str| scene(text).description().motion.as_ref().map(|motion| motion.blurs());
+    assert_eq!(blurs(&still), Some(false));
     let late = CAUSTIC.replace("shutter = [0, 1]", "frame = 3\nshutter = [0, 1]");
     let late = late.replace("{ keys = [[1, [0, 3, 6]], [10, [3, 3, 6]]] }", "[0, 3, 6]");
-    assert!(
-        scene(&late.replace("[10, 20]]", "[10, [60, 40, 20]]]"))
-            .description()
-            .motion
-            .is_none()
-    );
-    assert!(scene(CAUSTIC).description().motion.is_some());
+    assert_eq!(blurs(&late.replace("[10, 20]]", "[10, [60, 40, 20]]]")), Some(false));
+    assert_eq!(blurs(CAUSTIC), Some(true));
 }
 
 const MESH: &str = "\
@@ -268,5 +265,80 @@ file = \"wave_##.ply\"
         said(&bundle).contains("it has 4 vertices and 1 triangles, the mesh before it 3 vertices"),
         "{}",
         said(&bundle)
+    );
+}
+
+/// Against the projection of where things are: a square that goes to the right, a ball that comes nearer, and what is
+/// behind them all while the camera turns; with the shutter open and closed.
+#[test]
+fn vectors_of_motion_are_those_of_projected_points() {
+    let text = "\
+[image]
+width = 40
+height = 30
+[animation]
+frame = 2
+shutter = [0, 0]
+[camera]
+origin = [0, 0, 10]
+target = { keys = [[1, [0, 0, 0]], [5, [0, 0, 0]]] }
+fov = 40
+[[lights]]
+type = \"environment\"
+radiance = 1
+[[shapes]]
+type = \"rectangle\"
+transform = [{ translate = { keys = [[1, [-1.5, -1, 0]], [5, [2.5, 1, 0]]] } }]
+[[shapes]]
+type = \"sphere\"
+radius = 0.8
+center = { keys = [[1, [0, 3, -1]], [5, [0, 3, 3]]] }
+";
+    // Pixels to the unit of x / z.
+    let scale = 20.0 / libm::tan(20f64.to_radians());
+    let vectors = |text: &str| {
+        let scene = scene(text);
+        let plan = RenderPlan::new(&scene, scene.description().defaults.job_settings());
+        let plan = plan.with_layers(&scene, &[Layer::Normal, Layer::Motion]).unwrap();
+        (scene, render_pass(&scene, &plan, 0).layers)
+    };
+    let open = text.replace("shutter = [0, 0]", "shutter = [0, 0.5]");
+    for text in [text, open.as_str()] {
+        let (_, layers) = vectors(text);
+        let (mut squares, mut balls) = (0, 0);
+        for (i, [u, v, _]) in layers[1].pixels.iter().enumerate() {
+            let normal = layers[0].pixels[i];
+            if normal[2] > 0.999 && i / 40 > 10 {
+                // One unit a frame to the right, half a one up, ten away.
+                assert!((f64::from(*u) - scale * 0.1).abs() < 0.02, "{u}");
+                assert!((f64::from(*v) - scale * 0.05).abs() < 0.02, "{v}");
+                squares += 1;
+            } else if normal != [0.0; 3] && i / 40 <= 10 {
+                // What comes nearer goes outwards, as far as it is from the middle.
+                let at = [(i % 40) as f64 + 0.5 - 20.0, 15.0 - (i / 40) as f64 - 0.5];
+                let distance = (10.0, 10.0 - 1.0);
+                let rate = 1.0 / (distance.0 - 0.5);
+                assert!(
+                    f64::from(*u) * at[0] >= -0.1 && f64::from(*v) > 0.5 * rate * at[1],
+                    "{u} {v} at {at:?}"
+                );
+                balls += 1;
+            } else if normal == [0.0; 3] {
+                assert_eq!([*u, *v], [0.0; 2]);
+            }
+        }
+        assert!(squares > 20 && balls > 10, "{squares} {balls}");
+    }
+    // A turn of the camera by atan(0.02) a frame or so: everything goes left, the faster the farther out.
+    let turning = text
+        .replace("[5, [0, 0, 0]]] }\nfov", "[3, [0.4, 0, 0]]] }\nfov")
+        .replace("{ keys = [[1, [-1.5, -1, 0]], [5, [2.5, 1, 0]]] }", "[50, 0, 0]");
+    let (_, layers) = vectors(&turning);
+    let middle = layers[1].pixels[25 * 40 + 20];
+    // At frame 2 the direction has a tangent of 0.02, and goes on by 0.02 a frame.
+    let expected = -scale * 0.02 / (1.0 + 0.02 * 0.02);
+    assert!(
+        (f64::from(middle[0]) - expected).abs() < 0.02,
+        "{middle:?} for {expected}"
     );
 }

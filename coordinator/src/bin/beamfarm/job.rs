@@ -101,6 +101,9 @@ pub enum Aov {
     Lights,
     /// R, G, B: standard error of the beauty
     Stderr,
+    /// u, v: how the first surface moves in the image, pixels a frame, to the right and up. Of files of each frame it
+    /// takes an open shutter
+    Motion,
     /// Y: photon beams that a pass finds in the pixel
     BeamDensity,
     /// Y: photon targets before the first surface, or on it. Where the scene's targeting is "reject", photons that miss
@@ -131,6 +134,7 @@ impl Aov {
             Self::Surface => vec![Layer::Surface],
             Self::Volume => vec![Layer::Volume],
             Self::Lights => light_layers(description),
+            Self::Motion => vec![Layer::Motion],
             Self::BeamDensity => vec![Layer::BeamDensity],
             Self::Targets => vec![Layer::Targets],
             Self::CryptoObject => vec![Layer::Objects],

@@ -66,7 +66,22 @@ pub(super) fn all(scene: &Scene, plan: &RenderPlan, contents: &Contents, on_targ
         direct_light(contents),
         visibility_rules(scene, plan),
         thin_lens(scene),
+        motion_blur(scene),
     ]
+}
+
+fn motion_blur(scene: &Scene) -> Stage {
+    let motion = scene.description().motion.as_ref();
+    let shutter = motion.filter(|motion| motion.blurs()).map(|motion| motion.shutter());
+    let moments = || {
+        let [open, close] = shutter.unwrap_or_default();
+        format!("each pass has a moment between {open} and {close} frames")
+    };
+    let still = match motion {
+        Some(_) => "the shutter is open for no time in which something moves",
+        None => "nothing moves",
+    };
+    Stage::either("motion blur", shutter.is_some(), moments, still)
 }
 
 /// A reason for a stage to be out, if it is not for want of light.

@@ -43,13 +43,14 @@ pub struct SceneDescription {
     pub notes: Vec<String>,
     /// File, line and field of each rule that photons obey.
     pub photon_rules: Vec<String>,
-    /// What moves while the shutter is open, if something does. All else is as it is in the middle of that time.
+    /// What moves, if something does. All is as it is in the middle of the time that the shutter is open.
     pub motion: Option<Motion>,
     /// Stops what is done with the scene, and with clones of this description.
     pub interrupt: Interrupt,
 }
 
-/// A scene at all moments of an exposure. Every pass has one of them, at which everything stands still.
+/// A scene at all moments of an exposure. Every pass has one of them, at which everything stands still. Where the shutter
+/// is open for no time that is all the same, and only vectors of motion tell of what moves.
 #[derive(Clone)]
 pub struct Motion {
     /// When the shutter opens and closes, frames.
@@ -61,7 +62,7 @@ pub struct Motion {
 type At = dyn Fn(f64) -> Result<SceneDescription, String> + Send + Sync;
 
 impl Motion {
-    /// `at`: the description at a time within the shutter's, without motion and in the same render space.
+    /// `at`: the description at a time within the shutter's or beside them, without motion and in the same render space.
     pub fn new(
         shutter: [f64; 2],
         at: impl Fn(f64) -> Result<SceneDescription, String> + Send + Sync + 'static,
@@ -70,6 +71,11 @@ impl Motion {
             shutter,
             at: Arc::new(at),
         }
+    }
+
+    /// Whether the shutter is open for any time.
+    pub fn blurs(&self) -> bool {
+        self.shutter[0] != self.shutter[1]
     }
 
     /// When the shutter opens and closes, frames.

@@ -210,11 +210,13 @@ fn what_moves_twice_moves_once() {
 #[test]
 fn only_what_moves_is_blurred() {
     let open = "[animation]\nshutter = [0, 0.5]\n";
-    assert!(load_with(&file(json!({})), open).unwrap().motion.is_none());
+    let blurs = |file: &Value, fields: &str| load_with(file, fields).unwrap().motion.map(|motion| motion.blurs());
+    assert_eq!(blurs(&file(json!({})), open), None);
     let keys: Channel<'_> = (0, "scale", "STEP", &[0.0, 1.0], &[1.0, 1.0, 1.0, 2.0, 2.0, 2.0]);
     let moving = animate(file(json!({})), &[&[keys]]);
-    assert!(load_with(&moving, open).unwrap().motion.is_some());
-    assert!(load_with(&moving, "[animation]\n").unwrap().motion.is_none());
+    assert_eq!(blurs(&moving, open), Some(true));
+    assert_eq!(blurs(&moving, "[animation]\n"), Some(false));
+    assert_eq!(blurs(&moving, ""), None);
 }
 
 #[test]

@@ -39,6 +39,7 @@ fn meta() -> ImageMeta {
         standard_error: true,
         drops_photons: false,
         names: Names::default(),
+        empty_depth: None,
     }
 }
 

@@ -50,7 +50,7 @@ fn the_path_tracer_names_the_rules_for_photons() {
 /// In the image of a job, and in that of its folder.
 #[test]
 fn depth_of_nothing_is_what_the_scene_says() {
-    // The camera looks past the floor's edge as well.
+    // A sphere, and nothing behind it.
     let folder = folder_with(&scene([16, 12], 2, 10));
     let path = folder.path();
     let args = ["--workers", "1", "--threads", "1", "--aov", "depth", "-o"];

@@ -147,8 +147,8 @@ impl Layer {
 }
 
 impl Layer {
-    /// The channels of a final image, whole names, each with its values: of the layer's mean. `empty_depth`: where there
-    /// is nothing.
+    /// The channels of a final image, whole names, each with its values: of the layer's mean. `empty_depth`:
+    /// where there is nothing.
     pub fn in_image(&self, mean: &Film, empty_depth: f32) -> Vec<(String, Vec<f32>)> {
         let values = |value: &dyn Fn(&[f32; 3]) -> f32| mean.pixels.iter().map(value).collect();
         match self {

@@ -33,8 +33,8 @@ pub(super) fn note(parts: &Parts<'_>) -> Option<String> {
     }
     (!meshes.is_empty()).then(|| {
         format!(
-            "{list}: a texture, but no UV: every triangle shows the same half of it, its corners being at (0, 0), (1, 0) and \
-             (0, 1), as in Mitsuba. Expected a mesh with UV"
+            "{list}: a texture, but no UV: every triangle shows the same half of it, its corners being at (0, 0), \
+             (1, 0) and (0, 1), as in Mitsuba. Expected a mesh with UV"
         )
     })
 }

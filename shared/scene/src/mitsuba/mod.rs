@@ -191,7 +191,8 @@ impl<'a> Converter<'a> {
                     );
                     if let Some(depth) = self.max_depth(id).filter(|depth| *depth >= 0) {
                         message += &format!(
-                            ", which follow light to its end: the light that its max_depth of {depth} leaves out is there"
+                            ", which follow light to its end: the light that its max_depth of {depth} leaves out \
+                             is there"
                         );
                     }
                     self.log.note(object.place, message);

@@ -86,12 +86,15 @@ impl Farm {
                     debug!(worker = worker.0, %block, lease = lease.0, "leased");
                     return Ok(grant);
                 }
-                // The last ones that could have checked something are gone.
-                Grant::Done => self.settle(),
+                Grant::Done => {
+                    // The last ones that could have checked something are gone.
+                    self.settle();
+                    // Or somebody has come meanwhile, or passes are to be rendered again: then there is more to do.
+                    if self.end.borrow().is_some() {
+                        return Ok(grant);
+                    }
+                }
                 Grant::NotNow => {}
-            }
-            if grant == Grant::Done {
-                return Ok(grant);
             }
             let again = again.map(|again| self.started + again);
             let until = again.map_or(patience, |again| again.min(patience));

@@ -66,6 +66,9 @@ pub struct Description {
     /// Whether the scene has photons dropped that miss all targets.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub drops_photons: bool,
+    /// Depth where nothing is; `None`: infinite.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub empty_depth: Option<f32>,
 }
 
 /// How the image is written; no two jobs differ by it.
@@ -77,6 +80,8 @@ pub struct Looks {
     pub standard_error: bool,
     /// Whether the scene has photons dropped that miss all targets.
     pub drops_photons: bool,
+    /// Depth where nothing is; `None`: infinite.
+    pub empty_depth: Option<f32>,
 }
 
 /// A file of the scene.
@@ -123,6 +128,7 @@ impl Description {
             exposure: looks.exposure,
             standard_error: looks.standard_error,
             drops_photons: looks.drops_photons,
+            empty_depth: looks.empty_depth,
         }
     }
 

@@ -48,6 +48,8 @@ pub struct Terms {
     pub drops_photons: bool,
     /// What its mattes tell apart.
     pub names: Names,
+    /// Depth where nothing is; `None`: infinite.
+    pub empty_depth: Option<f32>,
 }
 
 /// The estimated error when so many passes were complete.

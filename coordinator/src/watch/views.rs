@@ -110,9 +110,9 @@ fn encode_layer(layer: &Layer, film: &Film, stops: f32, curve: Curve) -> Result<
         Layer::Objects | Layer::Materials => encode_rgb(film.width, film.height, &vec![0; 3 * film.pixels.len()]),
         Layer::Alpha => encode_grey(film, |pixel| pixel[0]),
         Layer::Depth => {
-            let most = film.pixels.iter().map(distance).filter(|z| z.is_finite());
+            let most = film.pixels.iter().filter_map(distance);
             let most = most.fold(0.0, f32::max);
-            encode_grey(film, |pixel| distance(pixel) / most)
+            encode_grey(film, |pixel| distance(pixel).map_or(1.0, |z| z / most))
         }
         // No motion is grey; the largest part of any vector is 0 or 1.
         Layer::Motion => {

@@ -48,6 +48,7 @@ pub(super) async fn exr(State(web): State<Arc<Web>>, Query(asked): Query<Asked>)
         standard_error: true,
         drops_photons: web.watch.terms().drops_photons,
         names: web.watch.terms().names.clone(),
+        empty_depth: web.watch.terms().empty_depth,
     };
     let passes = picture.average.passes.to_string();
     let encoded = tokio::task::spawn_blocking(move || encode_image(&picture.average, &meta)).await;

@@ -46,3 +46,30 @@ fn the_path_tracer_names_the_rules_for_photons() {
     let folder = folder_with(&text.replace(", \"photon\"", ""));
     succeed(folder.path(), &[&args[..], &["--quiet"]].concat());
 }
+
+/// In the image of a job, and in that of its folder.
+#[test]
+fn depth_of_nothing_is_what_the_scene_says() {
+    // A sphere, and nothing behind it.
+    let folder = folder_with(&scene([16, 12], 2, 10));
+    let path = folder.path();
+    let args = ["--workers", "1", "--threads", "1", "--aov", "depth", "-o"];
+    let render =
+        |file: &str, more: &[&str]| succeed(path, &[&["render", "scene.toml"], &args[..], &[file], more].concat());
+    render("infinite.exr", &[]);
+    render("far.exr", &["-D", "render.empty_depth=1e10", "--job", "far.job"]);
+    succeed(path, &["merge", "far.job", "-o", "merged.exr"]);
+    let depth = |file: &str| {
+        let image = exr::image::read::read_first_flat_layer_from_file(path.join(file)).unwrap();
+        let mut channels = image.layer_data.channel_data.list.into_iter();
+        let depth = channels.find(|channel| channel.name.to_string() == "depth.Z").unwrap();
+        depth.sample_data.values_as_f32().collect::<Vec<f32>>()
+    };
+    let infinite = depth("infinite.exr");
+    assert!(infinite.iter().any(|z| *z == f32::INFINITY) && infinite.iter().any(|z| z.is_finite()));
+    let expected: Vec<f32> = infinite.iter().map(|z| if z.is_finite() { *z } else { 1e10 }).collect();
+    assert_eq!(depth("far.exr"), expected);
+    assert_eq!(depth("merged.exr"), expected);
+    let (code, stderr) = fail(path, &["render", "scene.toml", "-D", "render.empty_depth=inf"]);
+    assert_eq!(code, 2, "{stderr}");
+}

@@ -14,8 +14,8 @@ pub enum Layer {
     /// Share of the pixel that surfaces and media cover: one less what of the light from all around gets through
     /// straight. Glass covers.
     Alpha,
-    /// Distance of the first surface along the camera's axis, scene units; infinite where there is none. Boundaries of
-    /// media are no surfaces, here and for the next two.
+    /// Distance of the first surface along the camera's axis, scene units; where there is none, infinite or what the
+    /// scene says. Boundaries of media are no surfaces, here and for the next two.
     Depth,
     /// Unit shading normal of the first surface in world space; 0 where there is none.
     Normal,
@@ -151,13 +151,17 @@ impl Layer {
 }
 
 impl Layer {
-    /// The channels of a final image, whole names, each with its values: of the layer's mean.
-    pub fn in_image(&self, mean: &Film) -> Vec<(String, Vec<f32>)> {
+    /// The channels of a final image, whole names, each with its values: of the layer's mean. `empty_depth`:
+    /// where there is nothing.
+    pub fn in_image(&self, mean: &Film, empty_depth: f32) -> Vec<(String, Vec<f32>)> {
         let values = |value: &dyn Fn(&[f32; 3]) -> f32| mean.pixels.iter().map(value).collect();
         match self {
             // Where viewers and compositors look for it.
             Self::Alpha => vec![("A".into(), values(&|pixel| pixel[0].clamp(0.0, 1.0)))],
-            Self::Depth => vec![(format!("{self}.Z"), values(&distance))],
+            Self::Depth => vec![(
+                format!("{self}.Z"),
+                values(&|pixel| distance(pixel).unwrap_or(empty_depth)),
+            )],
             _ => {
                 let channels = self.channels().iter().enumerate();
                 channels
@@ -168,12 +172,9 @@ impl Layer {
     }
 }
 
-/// The mean distance of the share of a pixel that has one: infinite where there is none.
-pub fn distance([z, coverage, _]: &[f32; 3]) -> f32 {
-    match *coverage > 0.0 {
-        true => z / coverage,
-        false => f32::INFINITY,
-    }
+/// The mean distance of the share of a pixel that has one.
+pub fn distance([z, coverage, _]: &[f32; 3]) -> Option<f32> {
+    (*coverage > 0.0).then(|| z / coverage)
 }
 
 impl fmt::Display for Layer {
@@ -252,10 +253,13 @@ mod tests {
     fn distances_are_those_of_the_share_that_has_one() {
         let mut mean = Film::new(3, 1);
         mean.pixels = vec![[0.0; 3], [1.5, 0.25, 0.0], [3.0, 1.0, 0.0]];
-        let channels = Layer::Depth.in_image(&mean);
-        assert_eq!(channels, [("depth.Z".to_string(), vec![f32::INFINITY, 6.0, 3.0])]);
+        for empty in [f32::INFINITY, 1e10] {
+            let channels = Layer::Depth.in_image(&mean, empty);
+            assert_eq!(channels, [("depth.Z".to_string(), vec![empty, 6.0, 3.0])]);
+        }
         mean.pixels = vec![[-0.1, 0.0, 0.0], [0.5, 0.0, 0.0], [1.01, 0.0, 0.0]];
-        assert_eq!(Layer::Alpha.in_image(&mean), [("A".to_string(), vec![0.0, 0.5, 1.0])]);
+        let channels = Layer::Alpha.in_image(&mean, 1e10);
+        assert_eq!(channels, [("A".to_string(), vec![0.0, 0.5, 1.0])]);
     }
 
     #[test]

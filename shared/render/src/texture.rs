@@ -110,6 +110,15 @@ impl Texture {
 }
 
 impl Texture {
+    /// Whether it varies with texture coordinates.
+    pub fn reads_uv(&self) -> bool {
+        match self {
+            Self::Constant(_) | Self::VertexColors(None) => false,
+            Self::Image { .. } | Self::Checkerboard { .. } => true,
+            Self::VertexColors(Some(times)) => times.reads_uv(),
+        }
+    }
+
     /// Whether it is made of colours of vertices.
     pub fn reads_colors(&self) -> bool {
         matches!(self, Self::VertexColors(_))

@@ -1,11 +1,11 @@
 //! What a scene file means, apart from how it is written: comments, white space, the order of keys, and what only says
-//! how many passes or frames there are and how the PNG looks, make no other picture.
+//! how many passes or frames there are and how the image is written, make no other picture.
 
 use std::fmt::Display;
 use toml::{Table, Value};
 
 /// Fields of `render` that no pixel depends on.
-const LOOKS: [&str; 2] = ["passes", "exposure"];
+const LOOKS: [&str; 3] = ["passes", "exposure", "empty_depth"];
 /// Whole numbers up to here are exact as floats.
 const EXACT: f64 = 9_007_199_254_740_992.0;
 /// Characters of a value in words.
@@ -136,6 +136,7 @@ width = 64
 [render]
 seed = 3
 exposure = 2.5
+empty_depth = 1e10
 [[lights]]
 power = 10.0
 type = 'point'

@@ -45,6 +45,7 @@ pub async fn conduct(
         exposure,
         drops_photons: output.drops_photons,
         names: output.names.clone(),
+        empty_depth: output.empty_depth,
     };
     let watch = Watch::new(farm, terms);
     let span = error_span!("job", job = watch.id());

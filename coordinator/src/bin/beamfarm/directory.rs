@@ -51,6 +51,7 @@ pub fn prepare(
         exposure,
         standard_error: output.standard_error,
         drops_photons: output.drops_photons,
+        empty_depth: output.empty_depth,
     };
     let asked = Asked {
         limit: args.passes.is_some() || args.time.is_some() || args.target_error.is_some(),

@@ -48,6 +48,7 @@ pub async fn write(
             standard_error: output.standard_error,
             drops_photons: output.drops_photons,
             names: output.names.clone(),
+            empty_depth: output.empty_depth,
         };
         output.write(&average, &meta, exposure)?;
         if let Some(history) = history {

@@ -85,7 +85,8 @@ pub enum Aov {
     /// A: share of the pixel that surfaces and media cover. R, G, B are premultiplied by nature; an environment that
     /// the camera sees is in them as well
     Alpha,
-    /// Z: distance of the first surface along the camera's axis, scene units; infinite where there is none
+    /// Z: distance of the first surface along the camera's axis, scene units; where there is none, infinite, or the
+    /// scene's `empty_depth`
     Depth,
     /// X, Y, Z: its shading normal, world space
     Normal,
@@ -515,6 +516,7 @@ impl JobArgs {
         Ok(Output {
             drops_photons: loaded.defaults.targeting == Targeting::Reject,
             names: loaded.description.names(),
+            empty_depth: loaded.defaults.empty_depth,
             ..Output::new(output, &self.settings.of.scene, "", loaded.standard_error)?
         })
     }

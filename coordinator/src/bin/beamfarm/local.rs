@@ -121,6 +121,12 @@ async fn keep<E: Future<Output = ()>>(
             }
             status = child.wait() => status.map_err(|error| error.to_string())?,
         };
+        // Workers may be told of the end before those who wait for it wake up: who asks anew is told as well.
+        tokio::select! {
+            biased;
+            () = ended() => return Ok(()),
+            () = std::future::ready(()) => {}
+        }
         let in_a_row = deaths.count(delivered());
         let how = describe(status);
         if in_a_row >= DEATHS_IN_A_ROW {
@@ -206,5 +212,36 @@ mod tests {
         assert_eq!(deaths.count(0), 2);
         assert_eq!(deaths.count(1), 1);
         assert_eq!(deaths.count(1), 2);
+    }
+
+    /// The job ends, its worker hears of it and exits, and who waits for the end wakes up too late.
+    #[cfg(unix)]
+    #[tokio::test]
+    async fn a_worker_that_heard_of_the_end_first_was_not_lost() {
+        let crew = Crew {
+            workers: 1,
+            threads: 1,
+            url: "http://127.0.0.1:1".into(),
+            token: None,
+            log: "warn".into(),
+            log_format: LogFormat::Text,
+        };
+        let asked = Arc::new(AtomicU32::new(0));
+        let ended = {
+            let asked = asked.clone();
+            move || {
+                let late = asked.fetch_add(1, Ordering::Relaxed) == 0;
+                async move {
+                    if late {
+                        std::future::pending::<()>().await;
+                    }
+                }
+            }
+        };
+        let deaths = Arc::new(Deaths::default());
+        let kept = keep(0, crew, "true".into(), ended, || 0, deaths.clone()).await;
+        assert_eq!(kept, Ok(()));
+        assert_eq!(asked.load(Ordering::Relaxed), 2);
+        assert_eq!(deaths.in_a_row.load(Ordering::Relaxed), 0);
     }
 }

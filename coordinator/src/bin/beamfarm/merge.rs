@@ -204,6 +204,7 @@ fn write(args: &MergeArgs, merged: Merged) -> Result<(), Failure> {
         standard_error: description.standard_error,
         drops_photons: description.drops_photons,
         names,
+        empty_depth: description.empty_depth,
     };
     output.write(&average, &meta, exposure)?;
     if !args.quiet {

@@ -35,6 +35,8 @@ pub struct Output {
     pub drops_photons: bool,
     /// What its mattes tell apart.
     pub names: Names,
+    /// Depth where nothing is; `None`: infinite.
+    pub empty_depth: Option<f32>,
 }
 
 impl Output {
@@ -73,6 +75,7 @@ impl Output {
             standard_error,
             drops_photons: false,
             names: Names::default(),
+            empty_depth: None,
         })
     }
 

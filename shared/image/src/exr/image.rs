@@ -39,6 +39,8 @@ pub struct ImageMeta {
     pub drops_photons: bool,
     /// What mattes may have met.
     pub names: Names,
+    /// Depth where nothing is; `None`: infinite.
+    pub empty_depth: Option<f32>,
 }
 
 impl ImageMeta {
@@ -133,7 +135,7 @@ fn channels(average: &Average, meta: &ImageMeta, size: Vec2<usize>) -> Result<An
         }
     }
     for (layer, film) in meta.layers.iter().zip(&average.layers) {
-        for (name, samples) in layer.in_image(film) {
+        for (name, samples) in layer.in_image(film, meta.empty_depth.unwrap_or(f32::INFINITY)) {
             add(name, samples);
         }
     }

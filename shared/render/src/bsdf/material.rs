@@ -137,9 +137,8 @@ pub struct Tint {
 }
 
 impl Tint {
-    fn varies(&self) -> bool {
-        let varies = |texture: &Texture| !matches!(texture, Texture::Constant(_));
-        varies(&self.reflectance) || varies(&self.transmittance)
+    fn is_any(&self, of: fn(&Texture) -> bool) -> bool {
+        of(&self.reflectance) || of(&self.transmittance)
     }
 
     /// Changes nothing.
@@ -164,12 +163,19 @@ impl Material {
     pub fn may_be_passed(&self) -> bool {
         self.is_null() || self.opacity.is_some() || self.is_part(&Self::may_be_passed)
     }
+    /// Whether it varies over a surface, by UV or by the colours of vertices.
+    pub fn varies(&self) -> bool {
+        self.has(|texture| !matches!(texture, Texture::Constant(_)))
+    }
     /// Whether it varies with texture coordinates.
     pub fn reads_uv(&self) -> bool {
-        let varies = |texture: &Texture| !matches!(texture, Texture::Constant(_));
+        self.has(Texture::reads_uv)
+    }
+    /// Whether a texture of a number, which UV place, is in it, or one of a colour that is so.
+    fn has(&self, varies: fn(&Texture) -> bool) -> bool {
         let by_kind = match &self.kind {
-            MaterialKind::Dielectric { tint, .. } | MaterialKind::ThinDielectric { tint, .. } => tint.varies(),
-            MaterialKind::RoughDielectric { tint, alpha, .. } => tint.varies() || alpha.varies(),
+            MaterialKind::Dielectric { tint, .. } | MaterialKind::ThinDielectric { tint, .. } => tint.is_any(varies),
+            MaterialKind::RoughDielectric { tint, alpha, .. } => tint.is_any(varies) || alpha.varies(),
             MaterialKind::Diffuse { reflectance }
             | MaterialKind::Conductor { reflectance, .. }
             | MaterialKind::Mirror { reflectance } => varies(reflectance),
@@ -198,7 +204,7 @@ impl Material {
                     || extras.as_ref().is_some_and(|extras| extras.vary())
             }
             MaterialKind::Null => false,
-            MaterialKind::Blend { weight, .. } => varies(weight) || self.is_part(&Self::reads_uv),
+            MaterialKind::Blend { weight, .. } => varies(weight) || self.is_part(&|part| part.has(varies)),
         };
         by_kind || self.opacity.as_ref().is_some_and(varies) || self.normal_perturbation.is_some()
     }

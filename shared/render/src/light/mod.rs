@@ -229,6 +229,11 @@ impl Light {
     pub(crate) fn has_pattern(&self) -> bool {
         matches!(self.kind, LightKind::Area { pattern: Some(_), .. })
     }
+
+    /// Whether that radiance varies with texture coordinates.
+    pub fn reads_uv(&self) -> bool {
+        matches!(&self.kind, LightKind::Area { pattern: Some(pattern), .. } if pattern.reads_uv())
+    }
 }
 
 impl SceneBounds {

@@ -25,6 +25,11 @@ pub struct Pattern {
 }
 
 impl Pattern {
+    /// Whether it varies with texture coordinates.
+    pub(super) fn reads_uv(&self) -> bool {
+        self.texture.reads_uv()
+    }
+
     /// The texture over a shape, its values times `scale`, and the mean radiance over the surface. `None`: it is black
     /// wherever it was looked at, and in all of what it is made from.
     pub fn new(texture: Texture, scale: Rgb, shape: &Shape) -> Option<(Self, Rgb)> {

@@ -130,6 +130,8 @@ pub struct RenderDefaults {
     pub seed: u64,
     /// Stops of exposure of the PNG.
     pub exposure: f32,
+    /// Depth that is written where nothing is; `None`: infinite.
+    pub empty_depth: Option<f32>,
     /// Fixed base radius of beams and surface photons in scene units, in place of photon differentials.
     pub radius: Option<f32>,
     /// When photons are aimed at what the camera sees.
@@ -165,6 +167,7 @@ impl Default for RenderDefaults {
             schedule: ScheduleKind::Pass,
             seed: 0,
             exposure: 0.0,
+            empty_depth: None,
             radius: None,
             targeting: Targeting::Auto,
             finders: Finders::default(),

@@ -77,7 +77,7 @@ impl Scene {
         let has_uv = description
             .objects
             .iter()
-            .map(|o| material(o).reads_uv() || has_pattern(o));
+            .map(|o| material(o).varies() || has_pattern(o));
         let known = |number: usize| {
             let (object, known) = (&description.objects[number], previous?.objects().get(number)?);
             object

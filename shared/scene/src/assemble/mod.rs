@@ -17,6 +17,7 @@ mod principled;
 mod rules;
 mod shape;
 mod texture;
+mod unmapped;
 mod view;
 
 use super::assets::image::{self, Encoding};
@@ -143,6 +144,7 @@ pub fn assemble(snapshot: &Snapshot, source: Source<'_>, kept: &mut Kept, space:
     let extents = Extents::new(render_origin, &parts.media);
     let outside = extents.outside(record, &parts.objects).into_iter();
     notes.extend(outside.map(Problem::Scene));
+    notes.extend(unmapped::note(&parts).map(|message| Fault::new(0..0, message).into()));
     if parts.lights.is_empty() {
         notes.push(Fault::new(0..0, "there are no lights: the picture will be black").into());
     } else if rules.is_none()
@@ -382,6 +384,7 @@ fn defaults(record: &RenderRecord) -> Result<RenderDefaults, Fault> {
         schedule: record.schedule.map_or(standard.schedule, Into::into),
         seed: record.seed.unwrap_or(standard.seed),
         exposure: record.exposure.map_or(standard.exposure, |stops| stops.f32()),
+        empty_depth: record.empty_depth.map(|depth| depth.f32()),
         radius: record.radius.map(|radius| radius.f32()),
         targeting: record.targeting.map_or(standard.targeting, Into::into),
         finders: Finders {

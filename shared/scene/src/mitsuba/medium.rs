@@ -210,7 +210,8 @@ impl Converter<'_> {
         let grid_place = self.objects.list[sigma_t.value].place;
         if self.channels(sigma_t.value) == Some(3) {
             let message = format!(
-                "{}: sigma_t: a grid of extinctions that differ by colour is not supported; expected one channel",
+                "{}: sigma_t: a grid of extinctions that differ by colour is not supported; expected one channel, and \
+                 the colours in the albedo. Where it is left out there is no medium",
                 self.title(id)
             );
             self.log.unsupported(grid_place, message);

@@ -28,6 +28,7 @@ use crate::options::ImportOptions;
 use log::Log;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
+use value::Value;
 use write::{Section, Toml, Written};
 use xml::{Content, Id, Kind, Objects};
 
@@ -184,10 +185,16 @@ impl<'a> Converter<'a> {
             let object = &self.objects.list[id];
             match object.kind {
                 Kind::Integrator => {
-                    let message = format!(
+                    let mut message = format!(
                         "the integrator \"{}\" is replaced by progressive photon beams",
                         object.plugin
                     );
+                    if let Some(depth) = self.max_depth(id).filter(|depth| *depth >= 0) {
+                        message += &format!(
+                            ", which follow light to its end: the light that its max_depth of {depth} leaves out \
+                             is there"
+                        );
+                    }
                     self.log.note(object.place, message);
                 }
                 Kind::Sensor if view.is_none() => view = Some(self.sensor(id)),
@@ -277,6 +284,17 @@ impl Converter<'_> {
             hides = self.hides_emitters(integrator).or(hides);
         }
         hides
+    }
+
+    /// After how many segments of a path the integrator, or one within it, leaves light out; negative for never.
+    fn max_depth(&self, id: Id) -> Option<i64> {
+        let members = self.objects.list[id].members.iter();
+        let mut depths = members.filter_map(|member| match member.content {
+            Content::Value(Value::Integer(depth)) if member.name.as_deref() == Some("max_depth") => Some(depth),
+            Content::Object(inner) if self.objects.list[inner].kind == Kind::Integrator => self.max_depth(inner),
+            _ => None,
+        });
+        depths.next()
     }
 
     /// Keep an emitter out of the camera's sight, if the integrator says so. Mitsuba's camera rays pass such shapes,

@@ -80,28 +80,22 @@ impl Converter<'_> {
                 }
                 // Said even where nobody needs the shape.
                 let shape = self.surface(member, Section::item("shape", inner.place), false);
-                if !std::mem::take(&mut self.skins).is_empty() {
-                    let message = format!(
-                        "{}: different media on both sides of a surface with an opacity, or of a thin dielectric, are not \
-                         supported in groups",
-                        self.title(member)
-                    );
-                    self.log.unsupported(inner.place, message);
-                }
+                let skins = std::mem::take(&mut self.skins);
                 let Some(transforms) = instances.get(&group) else {
                     continue;
                 };
-                let Some(shape) = shape else {
-                    continue;
-                };
-                let mut section = Section::item("shapes", inner.place);
-                if let Some(name) = inner.id.as_ref().or(objects.list[group].id.as_ref()) {
-                    section.set("name", Toml::string(name), inner.place);
+                let name = inner.id.as_ref().or(objects.list[group].id.as_ref());
+                let parts = shape.map(|shape| (name, shape)).into_iter();
+                for (name, part) in parts.chain(skins.into_iter().map(|skin| (None, skin))) {
+                    let mut section = Section::item("shapes", inner.place);
+                    if let Some(name) = name {
+                        section.set("name", Toml::string(name), inner.place);
+                    }
+                    section.set("type", Toml::string("instances"), place);
+                    section.set("shape", part.into_inline(), inner.place);
+                    section.set_lines("transforms", transforms.clone(), place);
+                    shapes.push(section);
                 }
-                section.set("type", Toml::string("instances"), place);
-                section.set("shape", shape.into_inline(), inner.place);
-                section.set_lines("transforms", transforms.clone(), place);
-                shapes.push(section);
             }
         }
     }

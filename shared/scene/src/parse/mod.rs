@@ -94,6 +94,8 @@ pub struct RenderRecord {
     pub seed: Option<u64>,
     /// Stops, for the PNG only. Default: 0.
     pub exposure: Option<Number<Finite>>,
+    /// What layer `depth` holds where nothing is. Default: infinity.
+    pub empty_depth: Option<Number<Finite>>,
     /// One base radius of all beams and surface photons, scene units, in place of photon differentials.
     pub radius: Option<Number<Positive>>,
     /// When photons are aimed at what the camera sees. Default: auto.

@@ -299,3 +299,45 @@ fn projectors_have_the_angle_of_their_pictures() {
         assert!((found / expected - 1.0).abs() < 1e-9, "{fields}: {found}, {expected}");
     }
 }
+
+/// In a group as outside of one: the pane, and the boundary of the medium at the same place.
+#[test]
+fn panes_in_groups_have_media_around_them() {
+    let pane = r#"<shape type="sphere"><bsdf type="thindielectric"/>
+        <medium name="interior" type="homogeneous" id="fog"/></shape>"#;
+    let group = format!(
+        r#"<shape type="shapegroup" id="g">{pane}</shape>
+        <shape type="instance"><ref id="g"/></shape>
+        <shape type="instance"><ref id="g"/><transform name="to_world"><translate x="3"/></transform></shape>"#
+    );
+    let (text, _) = read("3.0.0", &group);
+    let shapes: Vec<&str> = text.split("[[shapes]]").skip(1).collect();
+    assert_eq!(shapes.len(), 2, "{text}");
+    for shape in &shapes {
+        assert_has(shape, &["type = \"instances\"", "translate = [3.0, 0.0, 0.0]"]);
+    }
+    assert!(!shapes[0].contains("interior"), "{text}");
+    assert_has(shapes[1], &["interior = \"fog\""]);
+    assert_has(&text, &["type = \"thin_dielectric\"", "type = \"null\""]);
+}
+
+#[test]
+fn what_a_picture_lacks_is_said() {
+    let thin =
+        r#"<shape type="sphere"><bsdf type="principledthin"><float name="diff_trans" value="1"/></bsdf></shape>"#;
+    assert_has(
+        &refused("3.0.0", thin),
+        &["\"principledthin\" is not supported", "diff_trans", "grey and diffuse"],
+    );
+    let scene = folder("3.0.0", thin);
+    let skipped = convert(scene.path(), true).unwrap();
+    assert_has(&skipped.left_out.join("\n"), &["\"principledthin\" is not supported"]);
+    let integrator =
+        |depth| format!(r#"<integrator type="aov"><integrator type="path">{depth}</integrator></integrator>"#);
+    let (_, notes) = read("3.0.0", &integrator(r#"<integer name="max_depth" value="4"/>"#));
+    assert_has(&notes, &["the light that its max_depth of 4 leaves out is there"]);
+    for endless in ["", r#"<integer name="max_depth" value="-1"/>"#] {
+        let (_, notes) = read("3.0.0", &integrator(endless));
+        assert!(!notes.contains("max_depth"), "{notes}");
+    }
+}

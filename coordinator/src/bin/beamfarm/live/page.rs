@@ -130,6 +130,7 @@ async fn exr(State(view): State<Arc<View>>) -> Response {
             standard_error: false,
             drops_photons: rest.drops_photons,
             names: Names::default(),
+            empty_depth: None,
         };
         encode_image(&average, &meta)
     });

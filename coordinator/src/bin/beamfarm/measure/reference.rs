@@ -188,6 +188,7 @@ pub fn main(args: ReferenceArgs) -> Result<(), Failure> {
             standard_error: output.standard_error,
             drops_photons: false,
             names: Names::default(),
+            empty_depth: None,
         };
         output.write(average, &meta, exposure)?;
         if !args.quiet {

@@ -39,6 +39,7 @@ fn meta() -> ImageMeta {
         standard_error: true,
         drops_photons: false,
         names: Names::default(),
+        empty_depth: None,
     }
 }
 
@@ -69,7 +70,8 @@ fn every_bit_survives() {
     assert_eq!(names, expected);
     let red: Vec<f32> = average.standard_error.pixels.iter().map(|pixel| pixel[0]).collect();
     assert_eq!(channels[9].sample_data, FlatSamples::F32(red));
-    let depth = average.layers[0].pixels.iter().map(layer::distance);
+    let depth = average.layers[0].pixels.iter();
+    let depth = depth.map(|pixel| layer::distance(pixel).unwrap_or(f32::INFINITY));
     assert_eq!(channels[3].sample_data, FlatSamples::F32(depth.collect()));
 
     let attributes = &image.layer_data.attributes;

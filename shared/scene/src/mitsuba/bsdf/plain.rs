@@ -71,6 +71,14 @@ impl Converter<'_> {
                     ..Plain::transmitting(place, Through::Boundary)
                 }
             }
+            "principledthin" => {
+                let message = "bsdf \"principledthin\" is not supported: no sheet here is rough and lets light through \
+                    (spec_trans), or scatters it to its other side (diff_trans); expected \"principled\", or \
+                    \"thindielectric\", which is smooth. Where it is left out its shapes are grey and diffuse";
+                self.log.unsupported(place, message);
+                self.finished.insert(id);
+                return None;
+            }
             _ => {
                 self.unsupported_plugin(id);
                 return None;

@@ -1,0 +1,91 @@
+//! Textures on meshes that have no UV.
+
+use super::Parts;
+use beamfarm_render::geometry::{Mesh, Object, Shape};
+use std::fmt::Write;
+
+/// So many of them are named.
+const NAMED: usize = 3;
+
+/// What to say of them, if there are any.
+pub(super) fn note(parts: &Parts<'_>) -> Option<String> {
+    let is_textured = |object: &Object| {
+        let emits = object
+            .light
+            .is_some_and(|light| parts.lights[light as usize].reads_uv());
+        parts.materials.list[object.material as usize].reads_uv() || emits
+    };
+    let mut meshes: Vec<(&Mesh, &str)> = Vec::new();
+    for object in &parts.objects {
+        if let Shape::Mesh { mesh, .. } = &object.shape
+            && mesh.uvs.is_empty()
+            && is_textured(object)
+            // Copies follow each other.
+            && !meshes.last().is_some_and(|(last, _)| std::ptr::eq(*last, &**mesh))
+        {
+            meshes.push((mesh, &object.name));
+        }
+    }
+    let named: Vec<String> = meshes.iter().take(NAMED).map(|(_, name)| format!("{name:?}")).collect();
+    let mut list = named.join(", ");
+    if let Some(more @ 1..) = meshes.len().checked_sub(NAMED) {
+        let _ = write!(list, " and {more} more");
+    }
+    (!meshes.is_empty()).then(|| {
+        format!(
+            "{list}: a texture, but no UV: every triangle shows the same half of it, its corners being at (0, 0), \
+             (1, 0) and (0, 1), as in Mitsuba. Expected a mesh with UV"
+        )
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use beamfarm_image::bundle::Bundle;
+
+    const TRIANGLE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+
+    fn notes(obj: &str, shapes: &str) -> Vec<String> {
+        let text = format!(
+            "image = {{ width = 8, height = 6 }}\n\
+             camera = {{ origin = [0, 0, 9], target = [0, 0, 0], fov = 40 }}\n\
+             [materials.plain]\ntype = \"diffuse\"\n\
+             [materials.floor]\ntype = \"diffuse\"\nreflectance = {{ checkerboard = [0.2, 0.4] }}\n\
+             [materials.mixed]\ntype = \"blend\"\nmaterials = [\"plain\", \"floor\"]\nweight = 0.5\n\
+             [[lights]]\ntype = \"point\"\nposition = [0, 9, 0]\npower = 1\n{shapes}"
+        );
+        let mut bundle = Bundle {
+            scene: "a.toml".into(),
+            ..Bundle::default()
+        };
+        bundle.files.insert("a.toml".into(), text.into());
+        bundle.files.insert("a.obj".into(), obj.to_owned().into());
+        crate::load(&bundle).unwrap().notes
+    }
+
+    #[test]
+    fn a_texture_without_uv_is_told_of() {
+        let mesh = |more: &str| format!("[[shapes]]\ntype = \"mesh\"\nfile = \"a.obj\"\n{more}\n");
+        let shining = "emission = { radiance = { checkerboard = [0.2, 0.4] } }";
+        for textured in ["material = \"floor\"", "material = \"mixed\"", shining] {
+            let said = notes(TRIANGLE, &mesh(textured));
+            assert!(
+                matches!(&said[..], [only] if only.contains("\"shapes[0]\": a texture, but no UV")),
+                "{said:?}"
+            );
+            let mapped = TRIANGLE.replace("f 1 2 3", "vt 0 0\nf 1/1 2/1 3/1");
+            assert!(notes(&mapped, &mesh(textured)).is_empty());
+        }
+        for plain in ["material = \"plain\"", "emission = { radiance = 2 }"] {
+            assert!(notes(TRIANGLE, &mesh(plain)).is_empty());
+        }
+        let many: String = (0..5)
+            .map(|i| mesh(&format!("material = \"floor\"\ntransform = [{{ scale = {} }}]", i + 1)))
+            .collect();
+        let said = notes(TRIANGLE, &many);
+        assert!(
+            matches!(&said[..], [only] if only.contains("\"shapes[2]\" and 2 more: ")),
+            "{said:?}"
+        );
+    }
+}

@@ -300,11 +300,11 @@ center = { keys = [[1, [0, 3, -1]], [5, [0, 3, 3]]] }
         let scene = scene(text);
         let plan = RenderPlan::new(&scene, scene.description().defaults.job_settings());
         let plan = plan.with_layers(&scene, &[Layer::Normal, Layer::Motion]).unwrap();
-        (scene, render_pass(&scene, &plan, 0).layers)
+        render_pass(&scene, &plan, 0).layers
     };
     let open = text.replace("shutter = [0, 0]", "shutter = [0, 0.5]");
     for text in [text, open.as_str()] {
-        let (_, layers) = vectors(text);
+        let layers = vectors(text);
         let (mut squares, mut balls) = (0, 0);
         for (i, [u, v, _]) in layers[1].pixels.iter().enumerate() {
             let normal = layers[0].pixels[i];
@@ -333,7 +333,7 @@ center = { keys = [[1, [0, 3, -1]], [5, [0, 3, 3]]] }
     let turning = text
         .replace("[5, [0, 0, 0]]] }\nfov", "[3, [0.4, 0, 0]]] }\nfov")
         .replace("{ keys = [[1, [-1.5, -1, 0]], [5, [2.5, 1, 0]]] }", "[50, 0, 0]");
-    let (_, layers) = vectors(&turning);
+    let layers = vectors(&turning);
     let middle = layers[1].pixels[25 * 40 + 20];
     // At frame 2 the direction has a tangent of 0.02, and goes on by 0.02 a frame.
     let expected = -scale * 0.02 / (1.0 + 0.02 * 0.02);

@@ -5,6 +5,7 @@ use super::{digits, lights, shapes};
 use crate::parse::SceneRecord;
 use crate::place::Place;
 use glam::DVec3;
+use std::collections::BTreeSet;
 use toml_edit::{DocumentMut, Item};
 
 /// Significant digits of how far a pointer moves something.
@@ -49,9 +50,22 @@ impl Thing {
             Self::Light(i) | Self::Target(i) => format!("lights.{i}.type"),
             Self::Shape(i) | Self::Instance(i, _) => format!("shapes.{i}.type"),
         };
-        let (place, _) = Place::find(root, &table)?;
-        refuse_keys(place.table()?)
+        match Place::find(root, &table) {
+            Ok((place, _)) => refuse_keys(place.table()?),
+            // What there is to say about what is not there is said where it is looked for.
+            Err(_) => Ok(()),
+        }
     }
+}
+
+/// Those of these things that keys put where they are.
+pub fn keyed<'t>(text: &str, ids: impl Iterator<Item = &'t str>) -> BTreeSet<String> {
+    let Ok(mut document) = document(text) else {
+        return BTreeSet::new();
+    };
+    let root = document.as_item_mut();
+    let is_keyed = |id: &&str| Thing::of(id).is_ok_and(|thing| thing.refuse_keys(root).is_err());
+    ids.filter(is_keyed).map(str::to_owned).collect()
 }
 
 /// A text, and what it means.

@@ -1,5 +1,6 @@
 //! What of a scene can be taken hold of, and where in the world it is.
 
+use super::moves::keyed;
 use crate::parse::{LightRecord, LightType, SceneRecord, ShapeRecord, ShapeType};
 use crate::values::{Spanned, Vector};
 use beamfarm_render::geometry::{Mesh, Object, Shape, accel};
@@ -101,6 +102,12 @@ pub fn things(text: &str, description: &SceneDescription, camera: [f64; 3]) -> V
     }
     found.extend(shapes);
     found.truncate(MOST);
+    if record.animation.is_some() {
+        let keyed = keyed(text, found.iter().map(|thing| &*thing.id));
+        for thing in found.iter_mut().filter(|thing| keyed.contains(&thing.id)) {
+            (thing.moves, thing.turns) = (false, false);
+        }
+    }
     found
 }
 

@@ -43,7 +43,6 @@ pub struct SceneRecord {
     #[serde(default)]
     pub render: RenderRecord,
     /// Frames, where things move. Read by the clock, before anything else.
-    #[expect(dead_code)]
     pub animation: Option<AnimationRecord>,
     /// Seconds from frame 0 to the moment that this is of, in a scene that has frames.
     #[serde(skip)]

@@ -1,6 +1,7 @@
 //! The scene and the settings of a job, from the command line.
 
 use crate::failure::Failure;
+use crate::frame_list::{self as frames, FrameArgs};
 use crate::onlookers::OnlookerArgs;
 use crate::output::Output;
 use beamfarm_coordinator::{JobSpec, Target};
@@ -43,6 +44,10 @@ pub struct SceneArgs {
     /// scene's]
     #[arg(long, value_name = "A")]
     pub alpha: Option<f64>,
+
+    /// The frame whose number goes into the seed.
+    #[arg(skip)]
+    pub seed_of_frame: Option<i64>,
 }
 
 /// What passes depend on, and what is rendered beside the image.
@@ -115,10 +120,31 @@ pub enum Aov {
 }
 
 impl Aov {
-    fn all(asked: &[Self]) -> Vec<Self> {
+    /// Those that were asked for, each once.
+    pub fn all(asked: &[Self]) -> Vec<Self> {
         let wanted = |aov: &Self| asked.contains(aov) || asked.contains(&Self::All);
         let kinds = Self::value_variants().iter().copied();
         kinds.filter(wanted).collect()
+    }
+
+    /// What the names of its channels in an image begin with.
+    pub fn channels(self) -> &'static str {
+        match self {
+            Self::Alpha => "A",
+            Self::Depth => "depth.",
+            Self::Normal => "normal.",
+            Self::Albedo => "albedo.",
+            Self::Direct => "direct.",
+            Self::Surface => "surface.",
+            Self::Volume => "volume.",
+            Self::Lights => "light_",
+            Self::Stderr => "stderr.",
+            Self::BeamDensity => "beam_density.",
+            Self::Targets => "targets.",
+            Self::CryptoObject => "CryptoObject",
+            Self::CryptoMaterial => "CryptoMaterial",
+            Self::All => "",
+        }
     }
 
     fn layers(self, description: &SceneDescription) -> Vec<Layer> {
@@ -188,11 +214,20 @@ impl SceneArgs {
         args
     }
 
+    /// The seed of a job of the scene, whose own is this.
+    pub fn seed_or(&self, seed: u64) -> u64 {
+        let seed = self.seed.unwrap_or(seed);
+        match self.seed_of_frame {
+            Some(frame) => frames::seed_of(seed, frame),
+            None => seed,
+        }
+    }
+
     /// The settings of a job of the scene, by a pilot what nobody says.
     pub fn choose(&self, description: &SceneDescription) -> Result<Chosen, Failure> {
         let defaults = description.defaults;
         let settings = JobSettings {
-            seed: self.seed.unwrap_or(defaults.seed),
+            seed: self.seed_or(defaults.seed),
             alpha: self.alpha.unwrap_or(defaults.alpha),
             ..defaults.job_settings()
         };
@@ -315,6 +350,11 @@ pub struct Loaded {
 }
 
 impl Loaded {
+    /// What became of the scene: notes, and what was left out.
+    pub fn news(&self) -> (&[String], &[String]) {
+        (&self.notes, &self.left_out)
+    }
+
     /// Say on stderr what became of the scene. Returns what was left out, for the summary.
     pub fn announce(&self) -> Vec<String> {
         announce(&self.notes, &self.left_out);
@@ -331,6 +371,9 @@ pub fn announce(notes: &[String], left_out: &[String]) {
         complain!("left out: {part}");
     }
 }
+
+/// The field of a scene that says which frame of it is rendered.
+const FRAME: &str = "animation.frame";
 
 /// How a scene is read, and what is changed of it.
 #[derive(Args, Clone, Debug)]
@@ -359,6 +402,10 @@ pub struct ImportArgs {
     /// Leave out the parts of a Mitsuba scene that are not supported, and say which, instead of failing
     #[arg(long)]
     skip_unsupported: bool,
+
+    /// Read the scene as it is at this frame.
+    #[arg(skip)]
+    pub frame: Option<i64>,
 }
 
 fn parameter(text: &str) -> Result<(String, String), String> {
@@ -399,10 +446,11 @@ impl ImportArgs {
             let message = format!("{path}: --skip-unsupported is for Mitsuba scenes, whose names end in .xml");
             return Err(Failure::usage(message));
         }
-        let (parameters, fields) = match is_mitsuba {
+        let (parameters, mut fields) = match is_mitsuba {
             true => (self.parameters.clone(), Vec::new()),
             false => (Vec::new(), self.parameters.clone()),
         };
+        fields.extend(self.frame.map(|frame| (FRAME.to_owned(), frame.to_string())));
         Ok(ImportOptions {
             parameters,
             skip_unsupported: self.skip_unsupported,
@@ -479,6 +527,9 @@ pub struct JobArgs {
 
     #[command(flatten)]
     pub onlookers: OnlookerArgs,
+
+    #[command(flatten)]
+    pub frames: FrameArgs,
 }
 
 /// A share of one: with a percent sign, or below one.
@@ -507,11 +558,16 @@ impl JobArgs {
 
     /// Where the image goes, and what it says of itself.
     pub fn image(&self, loaded: &Loaded) -> Result<Output, Failure> {
+        self.image_called("", loaded)
+    }
+
+    /// The same. `ending`: of its name, where none was asked for.
+    pub fn image_called(&self, ending: &str, loaded: &Loaded) -> Result<Output, Failure> {
         let output = self.output.as_deref();
         Ok(Output {
             drops_photons: loaded.defaults.targeting == Targeting::Reject,
             names: loaded.description.names(),
-            ..Output::new(output, &self.settings.of.scene, "", loaded.standard_error)?
+            ..Output::new(output, &self.settings.of.scene, ending, loaded.standard_error)?
         })
     }
 

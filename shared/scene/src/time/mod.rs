@@ -10,7 +10,8 @@ mod sequence;
 mod tests;
 
 use crate::source::Fault;
-pub use clock::{AnimationRecord, Clock, When};
+pub use clock::{AnimationRecord, Clock, When, frames};
+pub use sequence::numbered;
 use keys::Track;
 use std::collections::BTreeSet;
 use std::ops::Range;

@@ -96,7 +96,10 @@ impl Service {
             now,
             before: Vec::new(),
         };
-        for earlier in before.into_iter().flat_map(|seats| [vec![seats.now], seats.before].concat()) {
+        for earlier in before
+            .into_iter()
+            .flat_map(|seats| [vec![seats.now], seats.before].concat())
+        {
             if seats.at(earlier.job).is_none() {
                 seats.before.push(earlier);
             }

@@ -103,7 +103,10 @@ mod tests {
         let text = list(&[failed, done]).unwrap_or_default();
         assert!(text.contains("1 of 2 frames are there, 1 failed"), "{text}");
         assert!(text.contains("&#60;script") && !text.contains("<script"), "{text}");
-        assert!(text.contains("/frame.png?frame=8") && !text.contains("/frame.png?frame=7"), "{text}");
+        assert!(
+            text.contains("/frame.png?frame=8") && !text.contains("/frame.png?frame=7"),
+            "{text}"
+        );
         assert!(text.contains("1.2 %") && text.contains("5.0 s"), "{text}");
     }
 }

@@ -349,7 +349,12 @@ mod tests {
     #[test]
     fn grants_survive_the_wire() {
         let block = Block { level: 3, index: 9 };
-        for grant in [Grant::Lease(LeaseId(4), block), Grant::NotNow, Grant::Done, Grant::Elsewhere] {
+        for grant in [
+            Grant::Lease(LeaseId(4), block),
+            Grant::NotNow,
+            Grant::Done,
+            Grant::Elsewhere,
+        ] {
             assert_eq!(Grant::try_from(wire::LeaseReply::from(grant)), Ok(grant));
         }
     }

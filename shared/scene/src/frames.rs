@@ -1,8 +1,12 @@
 //! Which frames a scene has.
 
+use crate::files::Source;
 use crate::source::{self, Fault};
-use crate::{ImportOptions, SceneError, is_gltf, is_mitsuba, read_file, text_of, time};
+use crate::time::{self, When};
+use crate::{ImportOptions, SceneError, SceneFile, assemble, is_gltf, is_mitsuba};
+use crate::{read_file, scene_file, snapshot, text_of};
 use beamfarm_image::bundle;
+use beamfarm_render::world::RenderDefaults;
 use std::path::Path;
 use toml::de::DeTable;
 
@@ -31,6 +35,16 @@ pub fn frames(path: &Path, options: &ImportOptions) -> Result<Option<[i64; 2]>, 
     found.map_err(|fault| source::locate(path, text, &fault))
 }
 
+impl SceneFile {
+    /// What the scene file says of a job of it, without any of its assets.
+    pub fn defaults(&self) -> Result<RenderDefaults, SceneError> {
+        let source = Source::Bundle(&self.bundle);
+        let snapshot = snapshot(source, When::Middle)?;
+        let (file, text) = scene_file(source)?;
+        assemble::defaults(&snapshot.record.render).map_err(|fault| source::locate(file, text, &fault))
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -47,6 +61,9 @@ mod tests {
         assert_eq!(of("[camera]\nfov = 3\n").unwrap(), None);
         let said = of("[camera]\n[animation]\nframes = [3, 2]\n").unwrap_err();
         assert_eq!(said.line, Some(3));
-        assert!(said.message.contains("animation.frames: expected the first frame"), "{said}");
+        assert!(
+            said.message.contains("animation.frames: expected the first frame"),
+            "{said}"
+        );
     }
 }

@@ -1,6 +1,5 @@
 //! Which frames, from the command line.
 
-use beamfarm_worker::complain;
 use clap::Args;
 use std::collections::BTreeSet;
 use std::str::FromStr;
@@ -106,13 +105,6 @@ impl FrameList {
     }
 }
 
-/// Say which options have no meaning where frames are not asked for.
-pub fn warn_of_pattern(name: &str) {
-    if name.contains('#') {
-        complain!("note: {name}: without --frames # is a character like others");
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -133,7 +125,9 @@ mod tests {
 
     #[test]
     fn what_is_no_list_says_what_was_expected() {
-        for text in ["", "a", "1-", "-", "1-2x", "1-2x0", "1x2", "1..3", "1,,2", "1.5", "1-2-3", "9999999"] {
+        for text in [
+            "", "a", "1-", "-", "1-2x", "1-2x0", "1x2", "1..3", "1,,2", "1.5", "1-2-3", "9999999",
+        ] {
             let said = text.parse::<FrameList>().unwrap_err();
             assert!(said.contains("expected a frame as in 7"), "{text}: {said}");
         }

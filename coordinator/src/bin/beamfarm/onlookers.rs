@@ -77,6 +77,11 @@ impl Default for Share {
 }
 
 impl Share {
+    /// `frame 12 (3/48)`.
+    pub fn label(self, frame: i64) -> String {
+        format!("frame {frame} ({}/{})", self.before + 1, self.of)
+    }
+
     fn of_all(self, fraction: f64) -> f64 {
         (self.before as f64 + fraction) / self.of.max(1) as f64
     }

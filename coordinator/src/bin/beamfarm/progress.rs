@@ -2,7 +2,7 @@
 
 use beamfarm_coordinator::watch::Rates;
 use beamfarm_coordinator::{Progress, Watch};
-use beamfarm_worker::say;
+use beamfarm_worker::{complain, say};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::io::{IsTerminal, Write};
 use std::sync::{Arc, OnceLock};
@@ -85,6 +85,22 @@ pub fn bar() -> Option<&'static ProgressBar> {
             bar
         })
     })
+}
+
+/// Print a line on stdout while the bar may be there.
+pub fn print(line: &str) {
+    match BAR.get() {
+        Some(bar) => bar.suspend(|| say!("{line}")),
+        None => say!("{line}"),
+    }
+}
+
+/// The same on stderr.
+pub fn complain(line: &str) {
+    match BAR.get() {
+        Some(bar) => bar.suspend(|| complain!("{line}")),
+        None => complain!("{line}"),
+    }
 }
 
 /// Take the bar away.

@@ -11,8 +11,8 @@ mod tests;
 
 use crate::source::Fault;
 pub use clock::{AnimationRecord, Clock, When, frames};
-pub use sequence::numbered;
 use keys::Track;
+pub use sequence::numbered;
 use std::collections::BTreeSet;
 use std::ops::Range;
 use toml::Spanned;

@@ -4,6 +4,7 @@ Used by the tests test_export_*.py. Printed for each scene: mean ratio beamfarm 
 error, and the block of 8 x 8 pixels that is off by most.
 """
 
+import json
 import os
 import pathlib
 import shutil
@@ -30,6 +31,14 @@ def program():
     """The command: BEAMFARM, or that of this checkout, or the one on PATH; None where there is none."""
     built = ROOT / "target" / "release" / "beamfarm"
     return os.environ.get("BEAMFARM") or (str(built) if built.exists() else shutil.which("beamfarm"))
+
+
+def knows(table, field):
+    """Whether scene files of the command have such a field, by its schema's name of the table."""
+    if program() is None:
+        return False
+    done = subprocess.run([program(), "schema"], capture_output=True, text=True, check=True)
+    return f'"{field}"' in json.dumps(json.loads(done.stdout)["definitions"].get(table, {}))
 
 
 @dataclass

@@ -68,7 +68,11 @@ class Camera(unittest.TestCase):
             expected = theirs.get(name, [0.0, 0.0] if name == "principal_point" else 0.0)
             # Matrices of single precision.
             np.testing.assert_allclose(ours.get(name, expected), expected, rtol=1e-5, atol=1e-5, err_msg=name)
-        self.assertEqual(self.fov_x(ours, size), self.fov_x(theirs, size))
+        if camera.data.type == "ORTHO":
+            self.assertEqual(ours["projection"], "orthographic")
+            self.assertAlmostEqual(ours["view_width"], theirs["view_width"], places=5)
+        else:
+            self.assertEqual(self.fov_x(ours, size), self.fov_x(theirs, size))
 
     def fov_x(self, camera: dict[str, object], size: tuple[int, int]) -> float:
         width, height = size
@@ -89,11 +93,36 @@ class Camera(unittest.TestCase):
             with self.subTest(size=size):
                 self.check(size, shift_x=0.2, shift_y=-0.1)
 
-    def test_orthographic_ones_are_refused(self) -> None:
-        with self.assertRaisesRegex(ValueError, "an orthographic view: take a perspective one"):
-            self.check((64, 48), type="ORTHO", ortho_scale=3.0)
-        with self.assertRaisesRegex(ValueError, "an orthographic one: take a perspective one"):
-            self.table(export.ExportSettings(width=64, height=48))
+    def test_orthographic_ones(self) -> None:
+        for size in ((64, 48), (48, 64)):
+            for fit in ("AUTO", "HORIZONTAL", "VERTICAL"):
+                with self.subTest(size=size, fit=fit):
+                    self.check(size, type="ORTHO", ortho_scale=3.0, sensor_fit=fit, shift_x=0.2, shift_y=-0.1)
+
+    def test_a_camera_that_is_looked_through_has_its_lens(self) -> None:
+        scene = harness.lit_floor()
+        camera = scene.camera
+        camera.data.dof.use_dof, camera.data.dof.focus_distance = True, 4.0
+        camera.data.dof.aperture_fstop = 0.5
+        depsgraph = bpy.context.evaluated_depsgraph_get()
+        window = camera.calc_matrix_camera(depsgraph, x=64, y=48)
+        seen = {}
+        for perspective in ("CAMERA", "PERSP"):
+            context = SimpleNamespace(
+                scene=scene,
+                region=SimpleNamespace(width=64, height=48),
+                region_data=SimpleNamespace(view_perspective=perspective, view_distance=6.0, window_matrix=window,
+                                            view_matrix=camera.matrix_world.inverted()),
+                space_data=SimpleNamespace(use_local_camera=False),
+            )
+            seen[perspective] = sight.of_context(context, depsgraph)
+        self.assertFalse(seen["CAMERA"].differs_in_place_alone(seen["PERSP"]))
+        tables = {name: self.table(export.ExportSettings(width=64, height=48, view=each.view()))
+                  for name, each in seen.items()}
+        # 50 mm over 0.5 is the diameter.
+        self.assertAlmostEqual(tables["CAMERA"]["aperture"], 0.05)
+        self.assertEqual(tables["CAMERA"]["focus_distance"], 4.0)
+        self.assertNotIn("aperture", tables["PERSP"])
 
     def test_a_view_without_a_place_begins_before_all_that_it_shows(self) -> None:
         window = Matrix.Diagonal((0.5, 0.5, -0.01, 1.0))
@@ -277,6 +306,7 @@ class Live(unittest.TestCase):
             scene=self.scene,
             region=SimpleNamespace(width=96, height=64),
             region_data=SimpleNamespace(view_perspective="CAMERA", view_matrix=place, window_matrix=window),
+            space_data=SimpleNamespace(use_local_camera=False),
         )
         drawn, known = [], []
 

@@ -4,6 +4,7 @@ import math
 import unittest
 
 import compare
+import numpy as np
 import scenes
 
 
@@ -51,6 +52,25 @@ class Lights(unittest.TestCase):
         scenes.light("SUN", (0.5, 0.3, 2.0), 2.0, angle=0.0)
         self.check("sun")
 
+    def test_wide_suns(self):
+        for angle in (0.5, 2.0):
+            with self.subTest(angle=angle):
+                floor()
+                scenes.light("SUN", (0.5, 0.3, 2.0), 2.0, angle=angle)
+                self.check(f"sun, angle {angle}")
+
+    def test_soft_shadows(self):
+        cases = {
+            "SUN": (3.0, {"angle": 0.2}),
+            "SPOT": (100.0, {"shadow_soft_size": 0.15, "spot_size": math.radians(70.0), "spot_blend": 0.3}),
+        }
+        for kind, (energy, values) in cases.items():
+            with self.subTest(kind):
+                floor()
+                scenes.ball("Ball", 0.3, (0.0, 0.0, 0.8), scenes.diffuse("Red", (0.8, 0.3, 0.2)))
+                scenes.light(kind, (0.5, 0.3, 2.5), energy, **values)
+                self.assertEqual(self.check(f"{kind.lower()}, soft shadows").notes, [])
+
     def test_areas(self):
         for shape in ("SQUARE", "RECTANGLE", "DISK", "ELLIPSE"):
             with self.subTest(shape=shape):
@@ -95,13 +115,54 @@ class Lights(unittest.TestCase):
 
     def test_meshes_that_shine(self):
         shining = {"node": "ShaderNodeEmission", "Strength": 3.0, "Color": (1.0, 0.6, 0.3)}
-        with self.subTest("open: to both sides"):
+        scenes.ball("Ball", 0.4, (0.0, 0.0, 1.0), scenes.material("Glow", **shining))
+        self.check("closed mesh that shines")
+
+    @unittest.skipUnless(compare.knows("EmissionRecord", "two_sided"), "this beamfarm knows no emission to both sides")
+    def test_what_shines_to_both_sides(self):
+        shining = {"node": "ShaderNodeEmission", "Strength": 3.0, "Color": (1.0, 0.6, 0.3)}
+        with self.subTest("open"):
             scenes.plane("Sheet", 1.0, (0.0, 0.0, 1.0), scenes.degrees(30, 0, 0), scenes.material("Glow", **shining))
             self.check("open mesh that shines")
-        with self.subTest("closed"):
+        with self.subTest("closed, seen from inside"):
             floor()
-            scenes.ball("Ball", 0.4, (0.0, 0.0, 1.0), scenes.material("Glow", **shining))
-            self.check("closed mesh that shines")
+            scenes.ball("Sky", 20.0, (0.0, 0.0, 0.0), scenes.material("Glow", **shining))
+            self.check("a ball that shines around all")
+
+    @unittest.skipUnless(compare.knows("TextureRecord", "attribute"), "this beamfarm knows no colours of vertices")
+    def test_colours_of_vertices(self):
+        for domain in ("POINT", "CORNER"):
+            for shines in (False, True):
+                with self.subTest(domain, shines=shines):
+                    floor()
+                    scenes.light("AREA", (0.5, 0.3, 2.0), 50.0, size=1.0)
+                    node = {"node": "ShaderNodeEmission", "Strength": 2.0} if shines else {"Specular_IOR_Level": 0.0}
+                    made = scenes.material("Colours", **node)
+                    sheet = scenes.plane("Sheet", 1.0, (0.0, 0.0, 0.5), scenes.degrees(20, 0, 0), made)
+                    colors = sheet.data.color_attributes.new("Paint", "FLOAT_COLOR", domain)
+                    colors.data.foreach_set("color", [0.9, 0.1, 0.1, 1, 0.1, 0.9, 0.1, 1, 0.1, 0.1, 0.9, 1, 1, 1, 1, 1])
+                    tree = made.node_tree
+                    paint = tree.nodes.new("ShaderNodeVertexColor")
+                    paint.layer_name = "Paint"
+                    shader = next(node for node in tree.nodes if node.type in ("EMISSION", "BSDF_PRINCIPLED"))
+                    tree.links.new(paint.outputs["Color"], shader.inputs[0])
+                    self.check(f"colours of vertices, {domain.lower()}, shines: {shines}")
+
+    @unittest.skipUnless(compare.knows("EmissionRecord", "scale"), "this beamfarm knows no textures that shine")
+    def test_a_texture_that_shines(self):
+        picture = bpy.data.images.new("Screen", 4, 4)
+        values = np.ones((4, 4, 4), dtype=np.float32)
+        values[..., 0], values[..., 1] = np.linspace(0.1, 1.0, 4), np.linspace(1.0, 0.0, 4)[:, None]
+        picture.pixels.foreach_set(values.ravel())
+        picture.update()
+        glow = scenes.material("Glow", "ShaderNodeEmission", Strength=3.0)
+        tree = glow.node_tree
+        image = tree.nodes.new("ShaderNodeTexImage")
+        image.image, image.interpolation = picture, "Closest"
+        shader = next(node for node in tree.nodes if node.type == "EMISSION")
+        tree.links.new(image.outputs["Color"], shader.inputs["Color"])
+        scenes.plane("Sheet", 1.0, (0.0, 0.0, 1.0), scenes.degrees(30, 0, 0), glow)
+        self.check("a texture that shines")
 
     def test_world(self):
         scenes.background().inputs["Color"].default_value = (0.5, 0.6, 0.7, 1.0)

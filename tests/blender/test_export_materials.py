@@ -96,12 +96,19 @@ class Materials(unittest.TestCase):
                 self.check(f"principled, metal, roughness {rough}", tolerance=tolerance, blocks=blocks)
 
     def test_plastic(self):
-        # Burley's diffuse lobe, where Cycles has Lambert's below a coat: 10 % on the ball, which is a tenth of all.
+        # Burley's diffuse lobe, dimmed as Lambert's is below a coat.
         for rough in (0.3, 0.5, 1.0):
             with self.subTest(rough=rough):
                 room()
                 ball("ShaderNodeBsdfPrincipled", Roughness=rough, Base_Color=(0.8, 0.4, 0.2))
-                self.check(f"principled, plastic, roughness {rough}", blocks=4.0)
+                self.check(f"principled, plastic, roughness {rough}")
+
+    def test_shiny_plastic(self):
+        for rough in (0.0, 0.1, 0.2):
+            with self.subTest(rough=rough):
+                room()
+                ball("ShaderNodeBsdfPrincipled", Roughness=rough, Base_Color=(0.8, 0.4, 0.2))
+                self.check(f"principled, plastic, roughness {rough}")
 
     def test_principled_without_specular(self):
         room()
@@ -117,6 +124,25 @@ class Materials(unittest.TestCase):
                     ball(node, Roughness=rough, **{color: (0.9, 0.6, 0.3)}, **more)
                     name = "principled, glass" if more else "glass"
                     self.check(f"{name}, roughness {rough}", passes=32, blocks=2.0)
+
+    def test_mixes_by_fresnel(self):
+        # Plastic has Fresnel's law where light comes in, too: on the ball a few per cent.
+        for base, blocks, inputs in (("Refraction", 2.0, {"IOR": 1.45, "Roughness": 0.0}), ("Diffuse", 3.0, {})):
+            with self.subTest(base):
+                room()
+                made = scenes.material("Ball", "ShaderNodeMixShader")
+                tree = made.node_tree
+                mix, fresnel = shader(made), tree.nodes.new("ShaderNodeFresnel")
+                fresnel.inputs["IOR"].default_value = 1.45
+                below, above = (tree.nodes.new(f"ShaderNodeBsdf{kind}") for kind in (base, "Glossy"))
+                scenes.set_inputs(below, {"Color": (0.8, 0.5, 0.3)} | inputs)
+                scenes.set_inputs(above, {"Color": (0.9, 0.9, 0.9), "Roughness": 0.0 if inputs else 0.2})
+                tree.links.new(fresnel.outputs[0], mix.inputs[0])
+                tree.links.new(below.outputs[0], mix.inputs[1])
+                tree.links.new(above.outputs[0], mix.inputs[2])
+                scenes.ball("Ball", 0.5, (0.0, 0.0, 0.55), made)
+                result = self.check(f"{base.lower()} and glossy by Fresnel", passes=32, blocks=blocks)
+                self.assertEqual(result.left_out, [])
 
     def test_refraction(self):
         # What Fresnel's law reflects is lost: 4 % of what comes through the ball.

@@ -55,6 +55,17 @@ class Cameras(Compared):
         dof.use_dof, dof.aperture_fstop, dof.focus_object = True, 0.1, bpy.data.objects["Green"]
         self.check("depth of field", passes=64)
 
+    @unittest.skipUnless(compare.knows("CameraRecord", "view_width"), "this beamfarm knows no orthographic cameras")
+    def test_orthographic(self):
+        for fit, size in (("AUTO", (64, 48)), ("AUTO", (48, 64)), ("VERTICAL", (64, 48))):
+            with self.subTest(fit, size=size):
+                self.room()
+                render = bpy.context.scene.render
+                render.resolution_x, render.resolution_y = size
+                self.camera.type, self.camera.ortho_scale, self.camera.sensor_fit = "ORTHO", 4.0, fit
+                self.camera.shift_x, self.camera.shift_y = 0.1, -0.05
+                self.check(f"orthographic, {fit.lower()}, {size[0]} x {size[1]}")
+
     def test_panoramas_are_refused_by_name(self):
         self.camera.type = "PANO"
         with self.assertRaisesRegex(ValueError, "'Camera' is a panoramic one"):

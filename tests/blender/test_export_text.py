@@ -5,13 +5,15 @@ import pathlib
 import tempfile
 import tomllib
 import unittest
+from types import SimpleNamespace
 
 import bpy
 import compare
 import numpy as np
 import scenes
-from export import Exporter, ExportSettings, View, toml
+from export import Exporter, ExportSettings, View, formulas, layers, toml
 from export.lights import spot_steps
+from export.meshes import MeshArrays, ply
 from export.names import Names
 from export.pictures import exr
 from mathutils import Matrix
@@ -79,15 +81,15 @@ class Said(unittest.TestCase):
         _, result = exported()
         self.assertEqual(result.left_out, ["left out: node 'Noise Texture' of material 'Rock'"])
 
-    def test_colour_attributes_are_left_out(self):
+    def test_attributes_of_objects_are_left_out(self):
         node = room()
         tree = node.id_data
-        color = tree.nodes.new("ShaderNodeVertexColor")
-        color.layer_name = "Paint"
+        color = tree.nodes.new("ShaderNodeAttribute")
+        color.attribute_type, color.attribute_name = "OBJECT", "paint"
         tree.links.new(color.outputs["Color"], node.inputs["Base Color"])
         scene, result = exported()
         self.assertEqual(len(result.left_out), 1, result.left_out)
-        self.assertIn("colour attribute 'Paint'", result.left_out[0])
+        self.assertIn("attribute 'paint' of the object", result.left_out[0])
         self.assertNotIn("attribute", str(scene["materials"]))
 
     def test_inputs_that_are_left_out(self):
@@ -115,6 +117,15 @@ class Said(unittest.TestCase):
         scene, result = exported()
         self.assertIn(scene["world"]["medium"], scene["media"])
         self.assertIn("sun", result.left_out[0])
+
+
+    def test_portals_give_no_light(self):
+        for is_portal in (False, True):
+            room()
+            scenes.light("AREA", (0.0, 0.0, 3.0), 100.0).data.cycles.is_portal = is_portal
+            scene, result = exported()
+            self.assertEqual(["emission" in shape for shape in scene["shapes"]].count(True), not is_portal)
+            self.assertEqual(result.left_out, [])
 
 
 class Fields(unittest.TestCase):
@@ -149,6 +160,16 @@ class Fields(unittest.TestCase):
         self.assertEqual(table["opacity"]["channel"], "a")
         self.assertEqual(result.left_out, [])
 
+    def test_what_shines_by_texture(self):
+        node = room(Emission_Strength=5.0)
+        self.texture(node, "Emission Color")
+        scene, result = exported()
+        emission = scene["shapes"][0]["emission"]
+        self.assertTrue(emission["radiance"]["image"].endswith(".png"))
+        self.assertTrue(emission["radiance"]["raw"])
+        self.assertEqual(emission["scale"], 5.0)
+        self.assertEqual(result.left_out, [])
+
     def test_lobes(self):
         room(Transmission_Weight=0.5, Coat_Weight=0.1, Coat_Roughness=0.1, Sheen_Weight=0.3)
         scene, result = exported()
@@ -158,7 +179,8 @@ class Fields(unittest.TestCase):
         self.assertAlmostEqual(table["clearcoat"], 0.4, places=6)
         self.assertAlmostEqual(table["clearcoat_gloss"], 0.09 / 0.099, places=6)
         self.assertAlmostEqual(table["sheen"], 0.3, places=6)
-        self.assertEqual(len(result.notes), 2)
+        # And that of all Principled BSDF.
+        self.assertEqual(len(result.notes), 3)
 
     def test_blends(self):
         node = room(Metallic=1.0)
@@ -175,6 +197,73 @@ class Fields(unittest.TestCase):
         kinds = [scene["materials"][name]["type"] for name in blend["materials"]]
         self.assertEqual(kinds, ["principled", "dielectric"])
 
+    def mixed(self, base, coat, index=1.45, **inputs):
+        """Material of two shaders mixed by a Fresnel node, and what was said."""
+        node = room()
+        tree = node.id_data
+        output = node.outputs[0].links[0].to_socket
+        mix, fresnel = tree.nodes.new("ShaderNodeMixShader"), tree.nodes.new("ShaderNodeFresnel")
+        fresnel.inputs["IOR"].default_value = index
+        parts = [tree.nodes.new(f"ShaderNodeBsdf{kind}") for kind in (base, coat)]
+        for part in parts:
+            scenes.set_inputs(part, {name: value for name, value in inputs.items() if name in part.inputs})
+        tree.links.new(fresnel.outputs[0], mix.inputs[0])
+        for part, socket in zip(parts, mix.inputs[1:]):
+            tree.links.new(part.outputs[0], socket)
+        tree.links.new(mix.outputs[0], output)
+        scene, result = exported()
+        return scene["materials"]["Rock"], result
+
+    def test_mixes_by_fresnel(self):
+        glass, result = self.mixed("Refraction", "Glossy", IOR=1.45, Roughness=0.0)
+        self.assertEqual(glass["type"], "dielectric")
+        self.assertAlmostEqual(glass["ior"], 1.45, places=6)
+        self.assertEqual((result.left_out, result.notes), ([], []))
+        plastic, result = self.mixed("Diffuse", "Glossy", index=1.6, Roughness=0.2, Color=(0.5, 0.5, 0.5))
+        self.assertEqual(plastic["type"], "rough_plastic")
+        self.assertAlmostEqual(plastic["alpha"], 0.04, places=6)
+        self.assertEqual(result.left_out, [])
+        other, result = self.mixed("Diffuse", "Translucent", index=1.5)
+        self.assertEqual([line for line in result.left_out if "Fresnel" in line][0][-33:],
+                         "one looks straight at the surface")
+
+    def test_light_paths_count_as_one_kind_of_ray(self):
+        node = room()
+        tree = node.id_data
+        output = node.outputs[0].links[0].to_socket
+        mix, path = tree.nodes.new("ShaderNodeMixShader"), tree.nodes.new("ShaderNodeLightPath")
+        glass, clear = tree.nodes.new("ShaderNodeBsdfGlass"), tree.nodes.new("ShaderNodeBsdfTransparent")
+        tree.links.new(path.outputs["Is Shadow Ray"], mix.inputs[0])
+        tree.links.new(glass.outputs[0], mix.inputs[1])
+        tree.links.new(clear.outputs[0], mix.inputs[2])
+        tree.links.new(mix.outputs[0], output)
+        scene, result = exported()
+        self.assertEqual(scene["materials"]["Rock"]["type"], "dielectric")
+        self.assertEqual(len(result.left_out), 1)
+        self.assertIn("'Is Shadow Ray' counts for all rays as for the camera's", result.left_out[0])
+
+    def test_a_colour_in_the_place_of_a_shader_shines(self):
+        node = room()
+        tree = node.id_data
+        colour = tree.nodes.new("ShaderNodeRGB")
+        colour.outputs[0].default_value = (0.25, 0.5, 1.0, 1.0)
+        tree.links.new(colour.outputs[0], node.outputs[0].links[0].to_socket)
+        scene, result = exported()
+        self.assertEqual(scene["shapes"][0]["emission"]["radiance"], [0.25, 0.5, 1.0])
+        self.assertEqual(result.left_out, [])
+
+    def test_black_bodies_have_blenders_colours(self):
+        light = bpy.data.lights.new("Lamp", "POINT")
+        for kelvin in (2500.0, 4000.0, 6500.0, 12000.0, 20000.0):
+            light.use_temperature, light.temperature = True, kelvin
+            ours = formulas.blackbody(np.array([kelvin]))
+            np.testing.assert_allclose(ours, light.temperature_color, rtol=0.01, atol=0.005)
+
+    def test_an_exposure_of_the_film_is_told(self):
+        room()
+        bpy.context.scene.cycles.film_exposure = 2.0
+        self.assertIn("the exposure of Cycles' film, 2", exported()[1].left_out[0])
+
     def test_a_view_in_place_of_a_camera(self):
         room()
         place = Matrix.Translation((1.0, 2.0, 3.0))
@@ -186,6 +275,125 @@ class Fields(unittest.TestCase):
         self.assertEqual(scene["camera"]["target"], [1.0, 2.0, 2.0])
         self.assertAlmostEqual(scene["camera"]["fov"], 50.0)
         self.assertEqual(scene["render"], {"passes": 3})
+
+
+class Places(unittest.TestCase):
+    """Objects of the scene, and what they make."""
+
+    def test_instances_are_of_their_objects(self):
+        scenes.empty()
+        scenes.camera((0.0, -4.0, 3.0), (0.0, 0.0, 0.2))
+        inside = bpy.data.collections.new("Inside")
+        for number in range(6):
+            data = bpy.data.meshes.new(f"mesh {number}")
+            data.from_pydata([(0, 0, 0), (1, 0, 0), (0, 1, number)], [], [(0, 1, 2)])
+            made = bpy.data.objects.new(f"object {number}", data)
+            made.visible_camera, made.visible_glossy = number % 2 == 0, number % 3 == 0
+            inside.objects.link(made)
+        for number in range(2):
+            placed = scenes.link(f"place {number}", None)
+            placed.instance_type, placed.instance_collection = "COLLECTION", inside
+            placed.location.x = 2.0 * number
+            placed.visible_shadow = number == 0
+        scene, _ = exported()
+        found = {}
+        for shape in scene["shapes"]:
+            found.setdefault(shape["name"].removesuffix("-2"), []).append(shape.get("visible"))
+        self.assertEqual(set(found), {f"object {number}" for number in range(6)})
+        every = ["camera", "reflected", "refracted", "shadow", "photon"]
+        for number in range(6):
+            hidden = {"camera"} if number % 2 else set()
+            hidden |= {"reflected"} if number % 3 else set()
+            seen = [[ray for ray in every if ray not in gone] for gone in (hidden, hidden | {"shadow"})]
+            self.assertEqual(found[f"object {number}"], [None if rays == every else rays for rays in seen])
+
+    def test_what_becomes_a_mesh_is_there_once(self):
+        scenes.empty()
+        scenes.camera((0.0, -4.0, 3.0), (0.0, 0.0, 0.2))
+        bpy.ops.object.text_add()
+        bpy.ops.curve.primitive_bezier_circle_add()
+        bpy.context.object.data.bevel_depth = 0.1
+        bpy.ops.surface.primitive_nurbs_surface_sphere_add()
+        bpy.ops.object.metaball_add()
+        scene, _ = exported()
+        self.assertEqual([shape["name"] for shape in scene["shapes"]], ["Text", "BézierCircle", "SurfSphere", "Mball"])
+
+    def test_attributes_become_colours(self):
+        made = scenes.plane()
+        mesh = made.data
+        arrays = MeshArrays(mesh)
+        loops, triangles = arrays.corners.ravel(), np.arange(2)
+        mesh.color_attributes.new("paint", "FLOAT_COLOR", "POINT").data.foreach_set(
+            "color", np.repeat(np.arange(4) / 4.0, 4).astype(np.float32))
+        mesh.attributes.new("heat", "FLOAT", "FACE").data.foreach_set("value", [0.5])
+        mesh.attributes.new("place", "FLOAT_VECTOR", "CORNER").data.foreach_set("vector", np.arange(12) / 16.0)
+        arrays = MeshArrays(mesh)
+        vertices = arrays.vertex_of[loops]
+        for name in ("paint", ""):
+            np.testing.assert_allclose(arrays.colors(name, loops, triangles), np.repeat(vertices[:, None] / 4.0, 3, 1))
+        self.assertTrue((arrays.colors("heat", loops, triangles) == 0.5).all())
+        np.testing.assert_allclose(arrays.colors("place", loops, triangles), np.arange(12).reshape(4, 3)[loops] / 16.0)
+        self.assertTrue((arrays.colors("nothing", loops, triangles) == 0.0).all())
+        self.assertIn(b"property float red", ply(arrays, None, None, "paint"))
+
+    def test_materials_take_attributes(self):
+        node = room()
+        tree = node.id_data
+        for kind, name, socket in (("Attribute", "heat", "Base Color"), ("VertexColor", "", "Emission Color")):
+            made = tree.nodes.new(f"ShaderNode{kind}")
+            setattr(made, "attribute_name" if kind == "Attribute" else "layer_name", name)
+            tree.links.new(made.outputs["Color"], node.inputs[socket])
+        node.inputs["Emission Strength"].default_value = 3.0
+        scene, result = exported()
+        self.assertEqual(scene["materials"]["Rock"]["base_color"], {"attribute": "color"})
+        emission = scene["shapes"][0]["emission"]
+        self.assertEqual((emission["radiance"], emission["scale"]), ({"attribute": "color"}, 3.0))
+        self.assertEqual(result.left_out, ["left out: attributes of material 'Rock': all are 'heat'"])
+
+    def test_a_uv_map_without_numbers_is_none(self):
+        made = scenes.plane()
+        arrays = MeshArrays(made.data)
+        self.assertEqual(len(arrays.uv("")), 4)
+        arrays.mesh = SimpleNamespace(uv_layers=[SimpleNamespace(name="UVMap", active_render=True, uv=[])])
+        self.assertIsNone(arrays.uv(""))
+
+    def test_specular_layers_reflect_what_an_integral_says(self):
+        random = np.random.default_rng(1)
+        # Both directions by the cosine: the mean of pi f.
+        out, into = np.sqrt(random.random((2, 400_000)))
+        turn = 2.0 * np.pi * random.random(out.size)
+        sin_out, sin_into = np.sqrt(1.0 - out**2), np.sqrt(1.0 - into**2)
+        half = np.stack([sin_out + sin_into * np.cos(turn), sin_into * np.sin(turn), out + into])
+        half /= np.linalg.norm(half, axis=0)
+        for alpha in (0.1, 0.3, 1.0):
+            d = alpha**2 / (np.pi * (half[2] ** 2 * (alpha**2 - 1.0) + 1.0) ** 2)
+            hidden = [0.5 * (np.sqrt(1.0 + alpha**2 * (1.0 / z**2 - 1.0)) - 1.0) for z in (out, into)]
+            fresnel = layers._fresnel(sin_out * half[0] + out * half[2], 0.04)
+            values = np.pi * d * fresnel / (1.0 + sum(hidden)) / (4.0 * out * into)
+            error = values.std() / values.size**0.5
+            # Three standard errors, and 1 % for the grid.
+            expected = values.mean()
+            self.assertAlmostEqual(layers._reflected(alpha, 0.04), expected, delta=3.0 * error + 0.01 * expected)
+
+    def test_points_are_balls(self):
+        scenes.empty()
+        scenes.camera((0.0, -4.0, 3.0), (0.0, 0.0, 0.2))
+        made = scenes.mesh("Points", [(0, 0, 0), (1, 2, 3)], [])
+        made.scale = (2.0, 2.0, 2.0)
+        tree = bpy.data.node_groups.new("Points", "GeometryNodeTree")
+        tree.interface.new_socket("Geometry", in_out="INPUT", socket_type="NodeSocketGeometry")
+        tree.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
+        points = tree.nodes.new("GeometryNodeMeshToPoints")
+        points.inputs["Radius"].default_value = 0.25
+        tree.links.new(tree.nodes.new("NodeGroupInput").outputs[0], points.inputs[0])
+        tree.links.new(points.outputs[0], tree.nodes.new("NodeGroupOutput").inputs[0])
+        made.modifiers.new("Points", "NODES").node_group = tree
+        scene, result = exported()
+        self.assertEqual(result.left_out, [])
+        (shape,) = scene["shapes"]
+        self.assertEqual(shape["shape"]["type"], "sphere")
+        self.assertEqual(shape["transforms"][1][0]["matrix"],
+                         [[0.5, 0.0, 0.0, 2.0], [0.0, 0.5, 0.0, 4.0], [0.0, 0.0, 0.5, 6.0], [0.0, 0.0, 0.0, 1.0]])
 
 
 class Updates(unittest.TestCase):

@@ -12,7 +12,7 @@ use beamfarm_render::world::Scene;
 use beamfarm_scene::{Files, Store};
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 use tokio::sync::oneshot;
 
 /// Where a scene comes from.
@@ -20,7 +20,7 @@ pub enum Source {
     /// From its files alone.
     Whole(Bundle),
     /// From its files, and from what scenes before it have in common with it.
-    Shared(Files, Store, Option<Arc<Prepared>>),
+    Shared(Files, Arc<Mutex<Store>>, Option<Arc<Prepared>>),
 }
 
 /// A scene ready to render.
@@ -91,7 +91,10 @@ impl Renderer {
         let prepare = move || {
             let (description, before) = match source {
                 Source::Whole(bundle) => (beamfarm_scene::load(&bundle)?, None),
-                Source::Shared(files, mut store, before) => (store.load(&files)?, before),
+                Source::Shared(files, store, before) => {
+                    let mut store = store.lock().unwrap_or_else(PoisonError::into_inner);
+                    (store.load(&files)?, before)
+                }
             };
             let camera = &description.camera;
             if (camera.width, camera.height) != (width, height) {

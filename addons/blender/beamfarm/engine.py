@@ -6,7 +6,9 @@ import contextlib
 import shutil
 import tempfile
 import time
+import traceback
 import weakref
+import zlib
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -55,6 +57,10 @@ class BeamfarmRenderEngine(bpy.types.RenderEngine):
                 self._render(depsgraph, folder)
         except (Failed, program.ProgramError) as error:
             self.report({"ERROR"}, str(error))
+        except Exception as error:
+            # Blender shows an empty picture, and people no console.
+            traceback.print_exc()
+            self.report({"ERROR"}, f"A fault of the add-on, see the console: {type(error).__name__}: {error}")
 
     def _render(self, depsgraph: bpy.types.Depsgraph, folder: Path) -> None:
         # As it is in this frame: settings can be animated.
@@ -75,8 +81,9 @@ class BeamfarmRenderEngine(bpy.types.RenderEngine):
             return
         wanted = list(passes.of_layer(view_layer))
         output = folder / "frame.exr"
-        line = frame.command(path, settings, exported, output, [*ends, *passes.aov(wanted)])
-        picture = Picture(self, view_layer.name, shape.size, wanted)
+        layers = passes.aov(wanted, scene.render.film_transparent)
+        line = frame.command(path, settings, exported, output, [*ends, *layers])
+        picture = Picture(self, view_layer.name, shape.size, wanted, passes.cryptomattes(view_layer))
         self.update_stats("", "Starting beamfarm")
         try:
             running = job.Job(line, settings.token if settings.use_farm else None)
@@ -97,14 +104,12 @@ class BeamfarmRenderEngine(bpy.types.RenderEngine):
             raise Failed(running.words() or f"beamfarm ended with exit code {code}")
         if not picture.passes:
             raise Failed("No pass was complete in the time: give more time")
-        if scene.render.film_transparent and not picture.has_alpha:
-            self.report({"WARNING"}, "Film > Transparent is left out: the background is opaque")
         self.update_progress(1.0)
 
     def view_update(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
         session = self._viewport()
         if session is not None:
-            session.update(depsgraph, sight.of_context(context))
+            session.update(depsgraph, sight.of_context(context, depsgraph))
             self.tag_redraw()
 
     def view_draw(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
@@ -112,7 +117,7 @@ class BeamfarmRenderEngine(bpy.types.RenderEngine):
         if session is None:
             self.update_stats("beamfarm", self._wrong or "")
             return
-        session.look(depsgraph, sight.of_context(context))
+        session.look(depsgraph, sight.of_context(context, depsgraph))
         self.update_stats("beamfarm", session.words)
         shown = session.frame
         if shown is None:
@@ -209,10 +214,11 @@ def _redraws(engine: BeamfarmRenderEngine) -> Callable[[], None]:
 class Picture:
     """The render result of a view layer, while it comes."""
 
-    def __init__(self, engine: BeamfarmRenderEngine, layer: str, size: tuple[int, int], wanted: list) -> None:
-        self.engine, self.layer, self.size, self.wanted = engine, layer, size, wanted
+    def __init__(
+        self, engine: BeamfarmRenderEngine, layer: str, size: tuple[int, int], wanted: list, mattes: list[str]
+    ) -> None:
+        self.engine, self.layer, self.size, self.wanted, self.mattes = engine, layer, size, wanted, mattes
         self.passes = 0
-        self.has_alpha = False
         for each in wanted:
             engine.add_pass(each.name, len(each.channels), each.channels, layer=layer)
 
@@ -222,6 +228,7 @@ class Picture:
         try:
             channels = exr.read(data, {*passes.COMBINED, passes.ALPHA, *sources})
             self.passes = exr.passes(data) or 0
+            manifests = exr.manifests(data)
         except exr.ExrError as error:
             raise Failed(f"The picture cannot be read: {error}") from error
         width, height = self.size
@@ -229,7 +236,6 @@ class Picture:
         if any(channel is None or channel.shape != (height, width) for channel in colour):
             raise Failed(f"The picture is not one of {width} x {height} pixels")
         alpha = channels.get(passes.ALPHA)
-        self.has_alpha = alpha is not None
         alpha = np.ones((height, width), np.float32) if alpha is None else alpha
         # A group without a light has no layer: nothing comes from it.
         black = np.zeros((height, width), np.float32)
@@ -238,12 +244,22 @@ class Picture:
         try:
             of_layer = result.layers[0].passes
             _fill(of_layer["Combined"], [*colour, alpha])
+            for kind in self.mattes:
+                _name_matte(result, f"{self.layer}.Crypto{kind}", manifests.get(f"Crypto{kind}", "{}"))
             for each in self.wanted:
                 target = of_layer.get(each.name)
                 if target is not None:
                     _fill(target, [channels.get(source, black) for source in each.sources])
         finally:
             self.engine.end_result(result)
+
+
+def _name_matte(result: bpy.types.RenderResult, name: str, manifest: str) -> None:
+    """By what the compositor's Cryptomatte node and files know a Cryptomatte."""
+    key = f"cryptomatte/{zlib.crc32(name.encode()):08x}"[:-1]
+    fields = {"name": name, "hash": "MurmurHash3_32", "conversion": "uint32_to_float32", "manifest": manifest}
+    for field, value in fields.items():
+        result.stamp_data_add_field(f"{key}/{field}", value)
 
 
 def _fill(render_pass: bpy.types.RenderPass, channels: list[np.ndarray]) -> None:

@@ -139,3 +139,14 @@ def passes(data: bytes) -> int | None:
     """How many passes a picture is made of, where it says so."""
     said = Header(data).attributes.get("beamfarmPasses", b"")
     return int(said) if said.isdigit() else None
+
+
+def manifests(data: bytes) -> dict[str, str]:
+    """JSON of names and ids of each Cryptomatte, by its name."""
+    said = Header(data).attributes
+    found = {}
+    for key, value in said.items():
+        if key.startswith("cryptomatte/") and key.endswith("/name"):
+            manifest = said.get(key.removesuffix("name") + "manifest", b"{}")
+            found[value.decode("utf-8", "replace")] = manifest.decode("utf-8", "replace")
+    return found

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import bpy
 
-from . import told
+from . import passes, told
 
 ENGINE = "BEAMFARM"
 
@@ -150,6 +150,12 @@ class BEAMFARM_VIEWLAYER_PT_passes(_Panel, bpy.types.Panel):
         column.prop(view_layer.beamfarm, "use_indirect")
         column.prop(view_layer.beamfarm, "use_volume")
         column.prop(view_layer.beamfarm, "use_light_groups")
+        column = layout.column(heading="Cryptomatte")
+        column.prop(view_layer, "use_pass_cryptomatte_object", text="Object")
+        column.prop(view_layer, "use_pass_cryptomatte_material", text="Material")
+        column = layout.column()
+        column.active = bool(passes.cryptomattes(view_layer))
+        column.prop(view_layer, "pass_cryptomatte_depth", text="Levels")
 
 
 CLASSES = (

@@ -36,7 +36,10 @@ VOLUME = RenderPass("Volume", "RGB", "COLOR", "volume", "volume")
 STANDARD_ERROR = RenderPass("Standard Error", "RGB", "COLOR", "stderr", "stderr")
 
 COMBINED = ("R", "G", "B")
-ALPHA = "A"
+ALPHA, ALPHA_AOV = "A", "alpha"
+
+# Passes of four numbers, two ids with their coverage, that the command writes of each Cryptomatte.
+CRYPTOMATTE_PASSES = 3
 
 # As the renderer cuts and spells names of light groups.
 _GROUP_CHARACTERS = 64
@@ -47,6 +50,18 @@ def light_group(name: str) -> RenderPass:
     """The pass of a light group, named as Cycles names it."""
     layer = _NO_PLAIN.sub("_", name[:_GROUP_CHARACTERS]) or "_"
     return RenderPass(f"Combined_{name}", "RGB", "COLOR", "lights", f"light_{layer}")
+
+
+def cryptomatte(kind: str, number: int) -> RenderPass:
+    """A pass of a Cryptomatte, `Object` or `Material`, named as Cycles names it."""
+    name = f"Crypto{kind}{number:02}"
+    return RenderPass(name, "RGBA", "COLOR", f"crypto_{kind.lower()}", name)
+
+
+def cryptomattes(view_layer) -> list[str]:
+    """The kinds that are ticked."""
+    ticked = {"Object": view_layer.use_pass_cryptomatte_object, "Material": view_layer.use_pass_cryptomatte_material}
+    return [kind for kind, is_ticked in ticked.items() if is_ticked]
 
 
 def of_layer(view_layer) -> Iterator[RenderPass]:
@@ -70,9 +85,14 @@ def of_layer(view_layer) -> Iterator[RenderPass]:
     if own.use_light_groups:
         for group in view_layer.lightgroups:
             yield light_group(group.name)
+    # A pass holds two levels.
+    count = min((view_layer.pass_cryptomatte_depth + 1) // 2, CRYPTOMATTE_PASSES)
+    for kind in cryptomattes(view_layer):
+        for number in range(count):
+            yield cryptomatte(kind, number)
 
 
-def aov(passes: list[RenderPass]) -> list[str]:
-    """Options of the command that render these passes."""
-    names = list(dict.fromkeys(render_pass.aov for render_pass in passes))
+def aov(passes: list[RenderPass], has_alpha: bool = False) -> list[str]:
+    """Options of the command that render these passes, and alpha."""
+    names = list(dict.fromkeys([render_pass.aov for render_pass in passes] + [ALPHA_AOV] * has_alpha))
     return ["--aov", ",".join(names)] if names else []

@@ -172,12 +172,14 @@ fn two_signals_at_once_are_one() {
 fn a_second_signal_kills() {
     let folder = folder_with(&scene([64, 48], 3, 50_000_000));
     let folder = folder.path();
-    let serve = ["serve", "scene.toml", "--listen", "127.0.0.1:0"];
+    let serve = ["serve", "scene.toml", "--listen", "127.0.0.1:0", "--log", "debug"];
     let mut server = spawn(beamfarm(folder, &serve));
     let url = server.out.wait_for("listening on ");
     let work = ["worker", "--connect", &url, "--threads", "1", "--grace", "1h"];
-    let mut worker = spawn(beamfarm(folder, &[&work[..], &["--log", "info"]].concat()));
-    worker.log.wait_for("rendering scene");
+    let mut worker = spawn(beamfarm(folder, &work));
+    // A worker that has no pass yet has nothing to finish. The lease is on its way when it is told.
+    server.log.wait_for("leased ");
+    std::thread::sleep(Duration::from_millis(300));
     worker.signal("-TERM");
     std::thread::sleep(Duration::from_millis(1300));
     assert!(worker.is_running());
@@ -457,7 +459,7 @@ fn mitsuba_scenes_that_cannot_be_used() {
     let folder = folder.path();
     let odd = MITSUBA.replace(
         "</scene>",
-        "<shape type=\"teapot\"/>\n<emitter type=\"sunsky\"/></scene>",
+        "<shape type=\"teapot\"/>\n<emitter type=\"collimated\"/></scene>",
     );
     std::fs::write(folder.join("room.xml"), odd).unwrap();
     std::fs::write(folder.join("triangle.ply"), TRIANGLE).unwrap();
@@ -472,7 +474,7 @@ fn mitsuba_scenes_that_cannot_be_used() {
         let lines: Vec<_> = message.lines().collect();
         assert!(code == 2 && lines.len() == 2, "{args:?}: {message}");
         assert!(lines[0].starts_with("room.xml:10: ") && lines[0].contains("teapot"));
-        assert!(lines[1].starts_with("room.xml:11: ") && lines[1].contains("sunsky"));
+        assert!(lines[1].starts_with("room.xml:11: ") && lines[1].contains("collimated"));
     }
     assert!(!folder.join("room.toml").exists());
     let skipped = succeed(folder, &["render", "room.xml", "--skip-unsupported", "--paths", "50"]);

@@ -1,6 +1,7 @@
 //! Which estimator counts which light path, as far as that depends on the scene. The table is in [`crate::transport`].
 
 use crate::bsdf::{Bsdf, Material};
+use crate::geometry::SurfaceHit;
 use crate::kernel::KernelRadii;
 use crate::light::environment::MOST_UNEVEN;
 use crate::light::{Light, LightKind};
@@ -206,7 +207,12 @@ fn lights_often_met(scene: &Scene, least: f32, looks: Looks) -> Vec<bool> {
         });
         let is_lit = |ray: &Ray| {
             let hit = met_by(ray, &|o| o != object);
-            hit.is_some_and(|hit| scene.lights()[light].radiance_area(-hit.ng.dot(ray.dir)) != Rgb::ZERO)
+            let faces = |hit: &SurfaceHit| {
+                let light = &scene.lights()[light];
+                light.has_pattern() && (light.is_two_sided() || hit.ng.dot(ray.dir) < 0.0)
+                    || scene.emitted(hit, ray.dir) != Rgb::ZERO
+            };
+            hit.is_some_and(|hit| faces(&hit))
         };
         rays.filter(is_lit).count()
     };

@@ -58,6 +58,19 @@ pub struct SampleImage {
 #[derive(Clone, Debug, Default)]
 pub struct SampleLayers(LayerPlan);
 
+impl SampleImage {
+    /// Of a moment at which there is no scene: no pixel is a number.
+    fn failed(scene: &Scene, layers: usize) -> Self {
+        let camera = &scene.description().camera;
+        let mut film = Film::new(camera.width, camera.height);
+        film.pixels.fill([f32::NAN; 3]);
+        Self {
+            layers: vec![film.clone(); layers],
+            film,
+        }
+    }
+}
+
 /// Layers that samples do not have.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum SampleLayersError {
@@ -111,7 +124,9 @@ pub fn render_sample_with_layers(
     sample_index: u64,
     goes_on: impl Fn() -> bool + Sync,
 ) -> Option<SampleImage> {
-    let moment = scene.moment(settings.seed, sample_index).ok()?;
+    let Ok(moment) = scene.moment(settings.seed, sample_index) else {
+        return Some(SampleImage::failed(scene, layers.count()));
+    };
     let scene = moment.as_ref().unwrap_or(scene);
     let camera = &scene.description().camera;
     let even = even_selector(scene);
@@ -303,8 +318,8 @@ impl PathTracer<'_> {
     fn radiance(&self, ray: Ray, record: Recorder, sampler: &mut Sampler) -> Rgb {
         let scene = self.scene;
         let mut path = Path {
+            medium: scene.medium_of_camera(ray.origin),
             ray,
-            medium: scene.camera_medium,
             hidden: self.rules().map_or(HiddenSet::default(), |rules| rules.camera),
             is_seen: true,
             part: Part::Direct,
@@ -379,6 +394,7 @@ impl PathTracer<'_> {
         }
         let at = LightHit {
             normal: hit.ng,
+            primitive: hit.primitive,
             distance: path.drawn_at.as_ref().map_or(0.0, |v| v.distance) + hit.t,
         };
         let weight = self.balance(path, light as usize, Some(at));

@@ -1,4 +1,4 @@
-//! Values over a surface: one colour, an image, a checkerboard.
+//! Values over a surface: one colour, an image, a checkerboard, colours of vertices.
 
 use crate::math::{Rgb, Vec2, luminance};
 use glam::Affine2;
@@ -27,6 +27,8 @@ pub enum Texture {
         /// Applied to the surface's coordinates first.
         squares_from_uv: Affine2,
     },
+    /// The colours of a mesh's vertices, interpolated, times another texture, if there is one.
+    VertexColors(Option<Arc<Texture>>),
 }
 
 /// Where a texture is looked up: what a surface says of one of its points.
@@ -34,12 +36,14 @@ pub enum Texture {
 pub struct TexturePoint {
     /// Texture coordinates.
     pub uv: Vec2,
+    /// Colour of the mesh there, where its vertices have colours.
+    pub color: Rgb,
 }
 
 impl TexturePoint {
     /// A point with these texture coordinates alone.
     pub const fn of_uv(uv: Vec2) -> Self {
-        Self { uv }
+        Self { uv, color: Rgb::ZERO }
     }
 }
 
@@ -99,11 +103,29 @@ impl Texture {
                 let upper = |t: f32| t - t.floor() > 0.5;
                 colors[usize::from(upper(uv.x) != upper(uv.y))]
             }
+            Self::VertexColors(None) => at.color,
+            Self::VertexColors(Some(times)) => at.color * times.eval(at),
         }
     }
 }
 
 impl Texture {
+    /// Whether it is made of colours of vertices.
+    pub fn reads_colors(&self) -> bool {
+        matches!(self, Self::VertexColors(_))
+    }
+
+    /// Whether any of the values that it is made of is above zero.
+    pub fn may_be_positive(&self) -> bool {
+        let is_positive = |value: &Rgb| value.max_element() > 0.0;
+        match self {
+            Self::Constant(value) => is_positive(value),
+            Self::Image { image, .. } => image.pixels.iter().any(is_positive),
+            Self::Checkerboard { colors, .. } => colors.iter().any(is_positive),
+            Self::VertexColors(times) => times.as_ref().is_none_or(|times| times.may_be_positive()),
+        }
+    }
+
     /// The least and the largest value of the first channel.
     pub fn range_of_red(&self) -> [f32; 2] {
         let over = |values: &mut dyn Iterator<Item = Rgb>| {
@@ -114,6 +136,7 @@ impl Texture {
             Self::Constant(value) => [value.x; 2],
             Self::Image { image, .. } => over(&mut image.pixels.iter().copied()),
             Self::Checkerboard { colors, .. } => over(&mut colors.iter().copied()),
+            Self::VertexColors(_) => [0.0, 1.0],
         }
     }
 

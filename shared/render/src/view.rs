@@ -9,8 +9,11 @@
 //! (1 - s) n.x + s n.f >= -|1 - s| a >= -a - (a / F) z,    z = s F their depth,
 //! ```
 //!
-//! so that (n + (a / F) forward).p + a >= 0 for all of their points p.
+//! so that (n + (a / F) forward).p + a >= 0 for all of their points p. Of parallel rays the planes go through the edges
+//! of the image where it stands, which is h within it, and a ray through q of the image and x of its lens has the points
+//! q + (1 - s) x + z forward: then (n + (a / F) forward).p + a + h >= 0.
 
+use crate::camera::Projection;
 use crate::math::Vec3;
 use crate::world::Scene;
 
@@ -50,28 +53,33 @@ impl View {
 
     fn of_camera(scene: &Scene) -> Self {
         let camera = &scene.description().camera;
-        let (half_x, shift) = (camera.tan_half_fov_x, camera.shift);
+        let (half_x, shift) = (camera.half_width, camera.shift);
         let half_y = half_x * (camera.height as f32 / camera.width as f32);
+        // Normals, and how far to their sides the image reaches.
         let edges = [
-            Vec3::new(1.0, 0.0, half_x - shift.x),
-            Vec3::new(-1.0, 0.0, half_x + shift.x),
-            Vec3::new(0.0, 1.0, half_y - shift.y),
-            Vec3::new(0.0, -1.0, half_y + shift.y),
-            Vec3::Z,
+            (Vec3::X, half_x - shift.x),
+            (Vec3::NEG_X, half_x + shift.x),
+            (Vec3::Y, half_y - shift.y),
+            (Vec3::NEG_Y, half_y + shift.y),
         ];
+        let edges = edges.map(|(normal, reach)| match camera.projection {
+            Projection::Perspective => (normal + Vec3::Z * reach, 0.0),
+            Projection::Orthographic => (normal, reach),
+        });
         let lens = camera.aperture;
         let spread = match lens > 0.0 {
             true => lens / camera.focus_distance,
             false => 0.0,
         };
         let room = MARGIN * (scene.bounds().radius + camera.position.length());
-        let planes = edges.map(|edge| {
+        let [left, right, bottom, top] = edges;
+        let planes = [left, right, bottom, top, (Vec3::Z, 0.0)].map(|(edge, reach)| {
             let tilted = edge.normalize() + Vec3::Z * spread;
             let length = tilted.length();
             let normal = camera.frame.to_world(tilted / length);
             Plane {
                 normal,
-                offset: lens / length - normal.dot(camera.position) + room,
+                offset: (lens + reach) / length - normal.dot(camera.position) + room + MARGIN * reach.abs(),
             }
         });
         Self { planes }

@@ -3,7 +3,7 @@
 
 use crate::{ImportOptions, SceneError, load, read_file, source, text_of, with_assets};
 use beamfarm_image::bundle;
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 use std::path::Path;
 use toml::Spanned;
@@ -56,7 +56,7 @@ fn read(path: &Path, options: &ImportOptions) -> Option<String> {
 fn attempt(path: &Path, text: &str) -> Result<(), SceneError> {
     let folder = path.parent().unwrap_or(Path::new(""));
     let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    let bundle = with_assets(name, text.as_bytes().to_vec(), path, folder)?;
+    let bundle = with_assets(name, text.as_bytes().to_vec(), path, folder, &BTreeMap::new())?;
     load(&bundle).map(drop).map_err(|error| SceneError {
         file: folder.join(&error.file),
         ..error

@@ -178,6 +178,8 @@ pub struct SceneFile {
     pub notes: Vec<String>,
     /// What is not supported of an XML scene and was left out, each with its file and line.
     pub left_out: Vec<String>,
+    /// Assets of an XML scene that were made and are not on the disk, by their names in the native scene.
+    pub made: Vec<String>,
     folder: PathBuf,
     origin: Option<Origin>,
 }
@@ -207,35 +209,38 @@ impl SceneFile {
             if let Some(edited) = options.edits.apply(path, text_of(path, &bytes)?)? {
                 bytes = edited.into_bytes();
             }
-            let bundle = with_assets(name.to_string(), bytes, path, folder)?;
+            let bundle = with_assets(name.to_string(), bytes, path, folder, &BTreeMap::new())?;
             return Ok(Self {
                 bundle,
                 notes: Vec::new(),
                 left_out: Vec::new(),
+                made: Vec::new(),
                 folder: folder.to_path_buf(),
                 origin: None,
             });
         }
-        let (mut text, notes, left_out, origin) = if is_gltf(path) {
+        let (mut text, notes, left_out, made, origin) = if is_gltf(path) {
             let gltf::Whole { text, notes } = lone::scene(path, folder)?;
             let note = |note: String| unreadable(note).to_string();
             let notes = notes.into_iter().map(note).collect();
-            (text, notes, Vec::new(), Origin::whole(path))
+            (text, notes, Vec::new(), BTreeMap::new(), Origin::whole(path))
         } else {
             let imported = import(path, folder, options)?;
             let origin = imported.origin().clone();
-            (imported.text, imported.notes, imported.left_out, origin)
+            (imported.text, imported.notes, imported.left_out, imported.made, origin)
         };
         if let Some(edited) = options.edits.apply(path, &text)? {
             text = edited;
         }
         let native = Path::new(name).with_extension("toml");
         let native = native.to_string_lossy().into_owned();
-        let bundle = with_assets(native, text.into_bytes(), path, folder).map_err(|error| origin.relocate(error))?;
+        let bundle = with_assets(native, text.into_bytes(), path, folder, &made);
+        let bundle = bundle.map_err(|error| origin.relocate(error))?;
         Ok(Self {
             bundle,
             notes,
             left_out,
+            made: made.into_keys().collect(),
             folder: folder.to_path_buf(),
             origin: Some(origin),
         })
@@ -296,10 +301,19 @@ pub fn read_bundle(path: &Path) -> Result<Bundle, SceneError> {
     SceneFile::read(path, &ImportOptions::default()).map(|file| file.bundle)
 }
 
-/// A bundle of a native scene file and its assets, which lie in `folder`. Errors name `path`.
-fn with_assets(name: String, bytes: Vec<u8>, path: &Path, folder: &Path) -> Result<Bundle, SceneError> {
+/// A bundle of a native scene file and its assets, which lie in `folder` unless they were made. Errors name `path`.
+fn with_assets(
+    name: String,
+    bytes: Vec<u8>,
+    path: &Path,
+    folder: &Path,
+    made: &BTreeMap<String, Vec<u8>>,
+) -> Result<Bundle, SceneError> {
     let scene = bundle::key(&name);
-    let files = gather(&scene, bytes, path, folder, |_, path, room| read_file(path, room))?;
+    let files = gather(&scene, bytes, path, folder, |key, path, room| {
+        let made = made.iter().find(|(name, _)| bundle::key(name) == key);
+        made.map_or_else(|| read_file(path, room), |(_, bytes)| Ok(bytes.clone()))
+    })?;
     Ok(Bundle { scene, files })
 }
 

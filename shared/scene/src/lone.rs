@@ -3,6 +3,7 @@
 use crate::assets::gltf::{self, Whole};
 use crate::{SceneError, paths, read_file, with_assets};
 use beamfarm_image::bundle;
+use std::collections::BTreeMap;
 use std::path::Path;
 
 /// Whether a scene file is glTF, by its name.
@@ -27,7 +28,7 @@ pub fn scene(path: &Path, folder: &Path) -> Result<Whole, SceneError> {
     let quoted = toml::Value::from(way);
     let naming =
         format!("image = {{ width = 1, height = 1 }}\ncamera = {{ gltf = {quoted} }}\n[[gltf]]\nfile = {quoted}\n");
-    let named = with_assets("scene.toml".into(), naming.into_bytes(), path, folder);
+    let named = with_assets("scene.toml".into(), naming.into_bytes(), path, folder, &BTreeMap::new());
     let named = named.map_err(|error| wrong(error.message))?;
     let beside = |file: &str| {
         let file = named.files.get(&bundle::key(&gltf::beside(way, file)));

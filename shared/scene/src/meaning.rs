@@ -1,5 +1,5 @@
 //! What a scene file means, apart from how it is written: comments, white space, the order of keys, and what only says
-//! how many passes there are and how the PNG looks, make no other picture.
+//! how many passes or frames there are and how the PNG looks, make no other picture.
 
 use std::fmt::Display;
 use toml::{Table, Value};
@@ -34,6 +34,13 @@ fn table(text: &str) -> Option<Table> {
         if render.is_empty() {
             table.remove("render");
         }
+    }
+    if let Some(Value::Table(animation)) = table.get_mut("animation") {
+        // Which frames there are beside this one is nothing to it.
+        let frames = animation.remove("frames");
+        let first = frames.and_then(|frames| frames.as_array()?.first().cloned());
+        let first = first.unwrap_or(Value::Integer(1));
+        animation.entry("frame").or_insert(first);
     }
     table.iter_mut().for_each(|(_, value)| simplify(value));
     Some(table)
@@ -150,6 +157,18 @@ power = 2e1
             .replace("= 0\n", "= 20\n");
         assert_ne!(canonical(SCENE), canonical(&turned), "the order of lists matters");
         assert_ne!(canonical("a = 0.0"), canonical("a = -0.0"));
+    }
+
+    #[test]
+    fn of_an_animation_only_the_frame_matters() {
+        let canonical = |animation: &str| super::canonical(&format!("{SCENE}[animation]\n{animation}")).unwrap();
+        let first = canonical("frames = [3, 9]");
+        for same in ["frames = [3, 90]", "frame = 3", "frames = [1, 9]\nframe = 3.0"] {
+            assert_eq!(canonical(same), first, "{same}");
+        }
+        assert_ne!(canonical("frame = 4"), first);
+        assert_eq!(super::canonical(&first).unwrap(), first);
+        assert_eq!(canonical("shutter = [0, 1]"), canonical("frame = 1\nshutter = [0, 1]"));
     }
 
     #[test]

@@ -7,13 +7,12 @@ use crate::time::When;
 use crate::{Made, snapshot};
 use beamfarm_render::world::{Motion, SceneDescription};
 use glam::DVec3;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// What was decoded for scenes, kept by content, so that a scene of the same files is loaded without decoding them
-/// again. What the last few scenes had no use for is dropped. Clones are one.
-#[derive(Clone, Default)]
+/// again. What the last few scenes had no use for is dropped.
+#[derive(Default)]
 pub struct Store {
-    kept: Arc<Mutex<Kept>>,
+    kept: Kept,
 }
 
 impl Store {
@@ -24,7 +23,7 @@ impl Store {
         self.load_with_extents(files).map(|(description, _)| description)
     }
 
-    pub(crate) fn load_with_extents(&self, files: &Files) -> Result<(SceneDescription, Extents), SceneError> {
+    pub(crate) fn load_with_extents(&mut self, files: &Files) -> Result<(SceneDescription, Extents), SceneError> {
         let snapshot = snapshot(Source::Files(files), When::Middle)?;
         let made = self.made(files, When::Middle, Purpose::Exact, Space::AtCamera)?;
         let (mut description, extents) = (made.description, made.extents);
@@ -35,13 +34,12 @@ impl Store {
             for time in shutter {
                 self.made(files, When::At(time), Purpose::Exact, space)?;
             }
-            let (store, files) = (self.clone(), files.clone());
-            let interrupt = description.interrupt.clone();
+            // Passes that are rendered at the same time have nothing to wait for.
+            let (kept, files) = (self.kept.clone(), files.clone());
             let at = move |time| {
+                let mut store = Self { kept: kept.clone() };
                 let made = store.made(&files, When::At(time), Purpose::Exact, space);
-                let mut description = made.map_err(|error| error.to_string())?.description;
-                description.interrupt = interrupt.clone();
-                Ok(description)
+                made.map(|made| made.description).map_err(|error| error.to_string())
             };
             description.motion = Some(Motion::new(shutter, at));
         }
@@ -58,22 +56,16 @@ impl Store {
         made.map(|made| made.description)
     }
 
-    fn made(&self, files: &Files, when: When, purpose: Purpose, space: Space) -> Result<Made, SceneError> {
+    fn made(&mut self, files: &Files, when: When, purpose: Purpose, space: Space) -> Result<Made, SceneError> {
         let source = Source::Files(files);
         let snapshot = snapshot(source, when)?;
-        let mut kept = self.kept();
-        kept.begin(purpose);
-        let made = crate::assembled(source, &snapshot, &mut kept, space);
+        self.kept.begin(purpose);
+        let made = crate::assembled(source, &snapshot, &mut self.kept, space);
         match &made {
-            Ok(_) => kept.tidy(),
-            Err(_) => kept.forget(),
+            Ok(_) => self.kept.tidy(),
+            Err(_) => self.kept.forget(),
         }
         made
-    }
-
-    /// Whoever panicked while making a scene left what was complete.
-    fn kept(&self) -> MutexGuard<'_, Kept> {
-        self.kept.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 

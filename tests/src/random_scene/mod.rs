@@ -37,8 +37,9 @@ impl RandomScene {
     /// The scene of a seed.
     pub fn new(seed: u64) -> Self {
         let mut b = Builder::new(Draw::new(seed));
-        let camera = world::fill(&mut b);
+        let mut camera = world::fill(&mut b);
         variations::vary(&mut b, seed);
+        variations::vary_light_and_view(&mut b, &mut camera, seed);
         let side = Value::Integer(world::SIDE);
         let mut scene = table([
             ("image", table([("width", side.clone()), ("height", side)]).into()),

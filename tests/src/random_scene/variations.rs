@@ -1,9 +1,11 @@
 //! What is done to a scene once it is there, by random numbers of its own: lamps that rays pass, blends, lobes, and
-//! numbers by texture. Every other scene is left as it was.
+//! numbers by texture, surfaces that emit by a texture or on both sides, parallel rays. Every other scene is left as it
+//! was by each of the two parts.
 
 use super::builder::Builder;
 use super::draw::{Draw, colour, number, table};
 use super::material::{self, Lobes, WIDE};
+use glam::DVec3;
 use toml::{Table, Value};
 
 /// Seeds of other scenes are not near.
@@ -61,6 +63,48 @@ pub fn vary(b: &mut Builder, seed: u64) {
             b.materials.insert(name, material.into());
         }
     }
+}
+
+/// Vary what shines, and how it is looked at.
+pub fn vary_light_and_view(b: &mut Builder, camera: &mut Table, seed: u64) {
+    let mut draw = Draw::new(seed ^ STREAM.rotate_left(32));
+    if draw.chance(0.5) {
+        return;
+    }
+    for shape in &mut b.shapes {
+        let Some(Value::Table(emission)) = shape.get_mut("emission") else {
+            continue;
+        };
+        if draw.chance(0.4) {
+            emission.insert("two_sided".into(), true.into());
+        }
+        if draw.chance(0.4)
+            && let Some(radiance) = emission.remove("radiance")
+        {
+            let dim = number(draw.between(0.0, 0.3));
+            let squares = Value::Array(vec![number(1.0), dim]);
+            emission.insert("radiance".into(), table([("checkerboard", squares)]).into());
+            emission.insert("scale".into(), radiance);
+        }
+    }
+    if draw.chance(0.25)
+        && let Some(width) = width_at_target(camera)
+    {
+        camera.remove("fov");
+        camera.insert("projection".into(), "orthographic".into());
+        camera.insert("view_width".into(), number(width));
+    }
+}
+
+/// How wide a camera's image is at what it looks at, scene units.
+fn width_at_target(camera: &Table) -> Option<f64> {
+    let point = |name: &str| {
+        let numbers = camera.get(name)?.as_array()?.iter().map(Value::as_float);
+        let numbers: Vec<f64> = numbers.collect::<Option<_>>()?;
+        Some(DVec3::from_slice(&numbers))
+    };
+    let half = 0.5 * camera.get("fov")?.as_float()?.to_radians();
+    Some(2.0 * libm::tan(half) * point("origin")?.distance(point("target")?))
 }
 
 fn add_lobes(draw: &mut Draw, lobes: Lobes, clear: bool, material: &mut Table) {

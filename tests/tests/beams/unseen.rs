@@ -16,6 +16,10 @@ use beamfarm_tests::{MeanEstimate, Suite};
 
 /// A lamp beside a tile, in fog without an end.
 fn open_fog(camera: &str, more: &str) -> Scene {
+    let fov = match camera.contains("view_width") {
+        true => "projection = \"orthographic\"",
+        false => "fov = 40.0",
+    };
     scene(&format!(
         r#"
 [image]
@@ -29,7 +33,7 @@ medium = "fog"
 [camera]
 origin = [0.2, 0.3, 3.0]
 target = [0.1, 0.0, 0.0]
-fov = 40.0
+{fov}
 {camera}
 [media.fog]
 type = "homogeneous"
@@ -64,7 +68,12 @@ const GLASS: &str = "[[shapes]]\ntype = \"sphere\"\nmaterial = \"glass\"\nradius
 /// Whatever comes near a camera ray is in the view, and most of the rest is not.
 #[test]
 fn what_camera_rays_come_near_is_in_view() {
-    for lens in ["", "aperture = 0.3\nfocus_distance = 2.0"] {
+    for lens in [
+        "",
+        "aperture = 0.3\nfocus_distance = 2.0",
+        "view_width = 2.0\nprincipal_point = [0.1, -0.2]",
+        "view_width = 2.0\naperture = 0.3\nfocus_distance = 2.0",
+    ] {
         let scene = open_fog(lens, "");
         let camera = scene.description().camera;
         let view = View::of(&scene).unwrap();

@@ -2,6 +2,7 @@
 
 use beamfarm_image::bundle::Bundle;
 use beamfarm_render::bsdf::MaterialKind;
+use beamfarm_render::camera::Projection;
 use beamfarm_render::geometry::{Mesh, Object, Shape};
 use beamfarm_render::light::LightKind;
 use beamfarm_render::math::{Rgb, Vec2, Vec3};
@@ -129,7 +130,7 @@ fn a_file_renders_as_its_native_twin() {
     let native = format!(
         "{VIEW}{CAMERA}{light}[materials.plate]\ntype = \"principled\"\nbase_color = [0.75, 0.5, 0.25]\nmetallic = 0.25\n\
          roughness = 0.5\nior = 1.75\ntwo_sided = true\n[[shapes]]\ntype = \"mesh\"\nfile = \"a.obj\"\nmaterial = \"plate\"\n\
-         emission = {{ radiance = [0.5, 1, 2] }}\n\
+         emission = {{ radiance = [0.5, 1, 2], two_sided = true }}\n\
          transform = [{{ matrix = [[2, 0, 0, 0.5], [0, 3, 0.5, 0.25], [0, 0, 1, 0], [0, 0, 0, 1]] }}, {{ scale = 0.5 }}, \
          {{ translate = [0, 0, -1] }}]"
     );
@@ -269,7 +270,7 @@ fn base_materials_are_principled() {
     let [light] = &description.lights[..] else {
         panic!("{:?}", description.lights);
     };
-    assert!(matches!(light.kind, LightKind::Area { object: 2, radiance } if radiance == Rgb::new(1.0, 0.0, 0.0)));
+    assert!(matches!(light.kind, LightKind::Area { object: 2, radiance, .. } if radiance == Rgb::new(1.0, 0.0, 0.0)));
 
     let plain = format!("{text}\nmaterials = false");
     let description = load(&plain, &files).unwrap();
@@ -288,7 +289,7 @@ const LIGHTS_AND_CAMERAS: &str = r#"
     "cameras": [
         { "type": "perspective", "perspective": { "yfov": 0.8, "znear": 0.1 } },
         { "type": "perspective", "name": "second", "perspective": { "yfov": 0.5, "aspectRatio": 2, "znear": 0.1 } },
-        { "type": "orthographic", "orthographic": { "xmag": 1, "ymag": 1, "zfar": 10, "znear": 0.1 } }
+        { "type": "orthographic", "orthographic": { "xmag": 1, "ymag": 0.5, "zfar": 10, "znear": 0.1 } }
     ],
     "scenes": [{ "nodes": [0, 1, 2, 3, 4, 5, 6] }],
     "nodes": [
@@ -353,28 +354,27 @@ fn cameras_are_found_by_name() {
     assert_near(first.frame.n, [-1.0, 0.0, 0.0]);
     assert_near(first.frame.t, [0.0, 1.0, 0.0]);
     assert_near(first.frame.s, [0.0, 0.0, -1.0]);
-    assert!((f64::from(first.tan_half_fov_x) - 1.5 * libm::tan(0.4)).abs() < 1e-6);
+    assert!((f64::from(first.half_width) - 1.5 * libm::tan(0.4)).abs() < 1e-6);
     for name in ["other", "second"] {
         let camera = format!(", gltf_camera = \"{name}\", aperture = 0.25, focus_distance = 3");
         let placed = "[[gltf]]\nfile = \"a.glb\"\ntransform = [{ rotate = { axis = [0, 1, 0], angle = 90 } }]";
         let description = with_camera(&camera, placed).unwrap();
         assert_near(description.camera.frame.n, [-1.0, 0.0, 0.0]);
         assert_eq!(description.camera.aperture, 0.25);
-        assert!((f64::from(description.camera.tan_half_fov_x) - 1.5 * libm::tan(0.25)).abs() < 1e-6);
+        assert!((f64::from(description.camera.half_width) - 1.5 * libm::tan(0.25)).abs() < 1e-6);
         // The bulb at (1, 2, 3) and the camera at (4, 5, 6), both turned to (z, y, -x).
         let LightKind::Point { position, .. } = description.lights[0].kind else {
             panic!();
         };
         assert_near(position, [-3.0, -3.0, 3.0]);
     }
+    // Twice its magnification wide.
+    let flat = with_camera(", gltf_camera = \"flat\"", "").unwrap().camera;
+    assert_eq!((flat.projection, flat.half_width), (Projection::Orthographic, 1.0));
     for (camera, expected) in [
         (
             ", gltf_camera = \"none\"",
             "a.glb: its scene has no camera \"none\"; it has \"eye\", \"other\", \"flat\"",
-        ),
-        (
-            ", gltf_camera = \"flat\"",
-            "a.glb: the camera \"flat\" is orthographic; expected a perspective one",
         ),
         (
             ", fov = 30",

@@ -1,7 +1,7 @@
 //! The camera's rays: field of view, orientation, lens.
 
 use beamfarm_image::film::Film;
-use beamfarm_render::camera::Camera;
+use beamfarm_render::camera::{Camera, Projection};
 use beamfarm_render::filter::PixelFilter;
 use beamfarm_render::math::{Frame, Vec2, Vec3};
 use beamfarm_render::pass::render_pass;
@@ -15,13 +15,14 @@ fn camera(aperture: f32) -> Camera {
     let forward = Vec3::new(0.3, -0.2, -1.0).normalize();
     let right = forward.cross(Vec3::Y).normalize();
     Camera {
+        projection: Projection::Perspective,
         position: Vec3::new(0.1, 0.2, 0.3),
         frame: Frame {
             s: right,
             t: right.cross(forward),
             n: forward,
         },
-        tan_half_fov_x: 0.5,
+        half_width: 0.5,
         shift: Vec2::ZERO,
         aperture,
         focus_distance: 2.5,

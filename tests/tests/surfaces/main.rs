@@ -10,4 +10,6 @@ mod layers;
 mod lights;
 mod material_scenes;
 mod materials;
+mod orthographic;
 mod scattering;
+mod vertex_colors;

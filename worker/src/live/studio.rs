@@ -92,6 +92,9 @@ impl Studio {
         if subject.interrupt.is_raised() {
             return Err(Nothing::Dropped);
         }
+        if let Some(why) = image.failure {
+            return Err(Nothing::Failed(why));
+        }
         Ok(Rendered {
             film: image.film,
             stats: image.stats,

@@ -1,9 +1,10 @@
 """Scenes of Blender as scene files of beamfarm, with their meshes and images beside them."""
 
+from .camera import lens_of
 from .exporter import Exporter, Result
 from .settings import ExportSettings, View
 
-__all__ = ["ExportSettings", "Exporter", "Result", "View", "write_scene"]
+__all__ = ["ExportSettings", "Exporter", "Result", "View", "lens_of", "write_scene"]
 
 
 def write_scene(depsgraph, folder, settings):

@@ -39,9 +39,18 @@ def _from_view(view, settings):
     table = _place(view.matrix_world)
     axis = "x" if settings.width >= settings.height else "y"
     if view.is_orthographic:
-        raise NoCamera("an orthographic view: take a perspective one")
-    table |= {"fov": math.degrees(view.fov), "fov_axis": axis}
+        table |= _parallel(view.ortho_scale, axis, settings)
+    else:
+        table |= {"fov": math.degrees(view.fov), "fov_axis": axis}
+    if view.lens is not None:
+        table |= _focus(view.lens)
     return table | _shift(view.shift, axis, settings)
+
+
+def _parallel(scale, axis, settings):
+    """An orthographic camera; `scale` is the length of the side `axis`."""
+    width = scale if axis == "x" else scale * settings.width / settings.height
+    return {"projection": "orthographic", "view_width": float(width)}
 
 
 def _shift(shift, axis, settings):
@@ -56,9 +65,7 @@ def _from_object(camera, context):
     if data.type == "PANO":
         kind = data.panorama_type.lower().replace("_", " ") if hasattr(data, "panorama_type") else "panorama"
         raise NoCamera(f"camera '{camera.name}' is a panoramic one ({kind}): take a perspective one")
-    if data.type == "ORTHO":
-        raise NoCamera(f"camera '{camera.name}' is an orthographic one: take a perspective one")
-    if data.type != "PERSP":
+    if data.type not in ("PERSP", "ORTHO"):
         raise NoCamera(f"camera '{camera.name}' is of the kind {data.type.lower()}: take a perspective one")
     if data.sensor_fit == "AUTO":
         axis, sensor = ("x" if settings.width >= settings.height else "y"), data.sensor_width
@@ -67,27 +74,38 @@ def _from_object(camera, context):
     else:
         axis, sensor = "y", data.sensor_height
     table = _place(camera.matrix_world)
-    table |= {"fov": math.degrees(2.0 * math.atan(sensor / (2.0 * data.lens))), "fov_axis": axis}
-    if data.dof.use_dof:
-        table |= _focus(camera, data, context)
-    defaults = data.bl_rna.properties
-    for name in ("clip_start", "clip_end"):
-        if getattr(data, name) != defaults[name].default:
-            context.report.note(f"camera '{camera.name}': {name} does not count, nothing is clipped")
+    if data.type == "ORTHO":
+        table |= _parallel(data.ortho_scale, axis, settings)
+    else:
+        table |= {"fov": math.degrees(2.0 * math.atan(sensor / (2.0 * data.lens))), "fov_axis": axis}
+    lens = lens_of(camera, context.depsgraph)
+    if lens is not None:
+        table |= _focus(lens)
+        if data.dof.aperture_blades > 2 or data.dof.aperture_ratio != 1.0:
+            context.report.note(f"camera '{camera.name}': its aperture is round")
+    # Those of new cameras, which nobody has set.
+    if data.clip_start > 0.1001 or data.clip_end < 99.9:
+        context.report.note(f"camera '{camera.name}': nothing is clipped, be it near or far")
     return table | _shift((data.shift_x, data.shift_y), axis, settings)
 
 
-def _focus(camera, data, context):
-    dof = data.dof
-    if dof.aperture_blades > 2 or dof.aperture_ratio != 1.0:
-        context.report.note(f"camera '{camera.name}': its aperture is round")
+def _focus(lens):
+    aperture, distance = lens
+    return {"aperture": aperture, "focus_distance": distance}
+
+
+def lens_of(camera, depsgraph):
+    """(radius of the aperture, distance of the plane in focus) in scene units; None where all is in focus."""
+    data, dof = camera.data, camera.data.dof
+    if not dof.use_dof:
+        return None
     fstop = max(dof.aperture_fstop, 1e-5)
-    # Focal lengths are millimetres.
-    aperture = data.lens * 1e-3 / (2.0 * fstop)
+    # Focal lengths are millimetres; Cycles takes that of orthographic cameras for 1.
+    aperture = (1.0 if data.type == "ORTHO" else data.lens * 1e-3) / (2.0 * fstop)
     distance = dof.focus_distance
     if dof.focus_object is not None:
         matrix = camera.matrix_world
-        focus = dof.focus_object.evaluated_get(context.depsgraph).matrix_world.translation
+        focus = dof.focus_object.evaluated_get(depsgraph).matrix_world.translation
         forward = (matrix.to_3x3() @ Vector((0.0, 0.0, -1.0))).normalized()
         distance = abs((focus - matrix.translation).dot(forward))
-    return {"aperture": float(aperture), "focus_distance": max(float(distance), 1e-4)}
+    return float(aperture), max(float(distance), 1e-4)

@@ -14,11 +14,20 @@ class Placed:
     """An object at one of its places."""
 
     object: object
+    """None once the depsgraph shows the next one: of an instance Blender makes it for the moment, in memory that it
+    uses again."""
+    name: str
+    uid: int
+    """`session_uid` of the object."""
     key: tuple
     """The same in each export; for instances with their numbers in it."""
     matrix: object
     instancer: int | None = None
     """`session_uid` of the object that makes it as an instance; None for objects of the scene."""
+    visible: list | None = None
+    """The rays that see it, None for all: of objects that are not lights."""
+    mesh: tuple | None = None
+    """One for each mesh that is written: object, data, the evaluated data's place in memory, instancer."""
 
 
 @dataclass
@@ -48,8 +57,8 @@ class Context:
     shown: dict = field(default_factory=dict)
     """Names of shapes and lights by `session_uid` of the object that they come from."""
 
-    def show(self, object, name):
-        """Notes that `name` stands for an object, for rules."""
-        names = self.shown.setdefault(object.original.session_uid, [])
-        if name not in names:
-            names.append(name)
+    def show(self, placed, name):
+        """Notes that `name` stands for an object and for what makes it as an instance, for rules."""
+        for uid in (placed.uid, placed.instancer):
+            if uid is not None and name not in self.shown.setdefault(uid, []):
+                self.shown[uid].append(name)

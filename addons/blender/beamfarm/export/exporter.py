@@ -11,8 +11,10 @@ from .groups import add_light_groups
 from .lights import add_light
 from .links import add_rules
 from .pictures import Pictures
+from .points import add_points
 from .report import Report
 from .shapes import Shapes
+from .visibility import rays
 from .volumes import add_volume
 from .world import name_world_medium, read_world
 
@@ -26,7 +28,8 @@ class Result:
     notes: list
 
 
-SURFACES = {"MESH", "CURVE", "SURFACE", "FONT", "META"}
+# What has a surface is shown a second time, as the mesh that is made of it.
+MADE_OF_CURVES = {"CURVE", "SURFACE", "FONT", "META"}
 # What no renderer shows.
 UNSEEN = {"EMPTY", "CAMERA", "ARMATURE", "LATTICE", "SPEAKER", "LIGHT_PROBE"}
 
@@ -119,17 +122,15 @@ def _add_objects(context):
         if in_viewport and context.settings.view is None and (parent or object).hide_render:
             continue
         instancer = None if parent is None else parent.original.session_uid
-        key = (object.original.session_uid, *(() if parent is None else (instancer, *instance.persistent_id)))
-        placed = Placed(object, key, instance.matrix_world.copy(), instancer)
+        uid = object.original.session_uid
+        key = (uid, *(() if parent is None else (instancer, *instance.persistent_id)))
+        placed = Placed(object, object.name, uid, key, instance.matrix_world.copy(), instancer)
         if object.type == "LIGHT":
             add_light(placed, context)
-        elif object.type in SURFACES:
-            _say_of_object(object, context)
-            shapes.add(placed)
-        elif object.type == "VOLUME":
-            add_volume(placed, context)
-        else:
-            context.report.leave_out(f"object '{object.name}' of the kind {object.type.lower()}")
+        elif object.type not in MADE_OF_CURVES:
+            placed.visible = rays(object, parent, context)
+            _add_object(placed, shapes, context)
+        placed.object = None
     shapes.finish()
     if context.media or context.world_medium is not None:
         # Light that goes through a lamp stays in the medium that the lamp hangs in.
@@ -137,6 +138,19 @@ def _add_objects(context):
             if "emission" in shape and "interior" not in shape:
                 if context.materials[shape["material"]]["type"] == "null":
                     shape["boundary"] = False
+
+
+def _add_object(placed, shapes, context):
+    object = placed.object
+    if object.type == "MESH":
+        _say_of_object(object, context)
+        shapes.add(placed)
+    elif object.type == "POINTCLOUD":
+        add_points(placed, context)
+    elif object.type == "VOLUME":
+        add_volume(placed, context)
+    else:
+        context.report.leave_out(f"object '{object.name}' of the kind {object.type.lower()}")
 
 
 def _say_of_object(object, context):
@@ -160,6 +174,11 @@ def _say_of_scene(context):
     scene, report = context.scene, context.report
     if scene.render.use_motion_blur:
         report.leave_out("motion blur")
+    exposure = getattr(getattr(scene, "cycles", None), "film_exposure", 1.0)
+    if exposure != 1.0:
+        report.leave_out(f"the exposure of Cycles' film, {exposure:.3g}: set Color Management > Exposure")
+    if scene.render.film_transparent and getattr(getattr(scene, "cycles", None), "film_transparent_glass", False):
+        report.leave_out("the transparent glass of the film: alpha counts glass in")
     layers = [context.depsgraph.view_layer_eval.layer_collection]
     while layers:
         layer = layers.pop()

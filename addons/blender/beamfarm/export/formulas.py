@@ -238,3 +238,37 @@ def to_rgb(color, mode):
     if mode == "HSV":
         return v * (1.0 - s + s * hue)
     return v + s * (hue - 0.5) * (1.0 - np.abs(2.0 * v - 1.0))
+
+
+def _lobe(wavelength, height, centre, below, above):
+    width = np.where(wavelength < centre, below, above)
+    return height * np.exp(-0.5 * ((wavelength - centre) / width) ** 2)
+
+
+def _observer():
+    """(wavelengths in nm, the CIE's X, Y and Z of 1931 there).
+
+    By the fit of Wyman, Sloan and Shirley, JCGT 2(2), 2013.
+    """
+    at = np.arange(360.0, 831.0, 2.0)
+    x = _lobe(at, 1.056, 599.8, 37.9, 31.0) + _lobe(at, 0.362, 442.0, 16.0, 26.7)
+    y = _lobe(at, 0.821, 568.8, 46.9, 40.5) + _lobe(at, 0.286, 530.9, 16.3, 31.1)
+    z = _lobe(at, 1.217, 437.0, 11.8, 36.0) + _lobe(at, 0.681, 459.0, 26.0, 13.8)
+    return at, np.stack([x + _lobe(at, -0.065, 501.1, 20.4, 26.2), y, z], axis=-1)
+
+
+# Rec. 709 of XYZ.
+RGB_OF_XYZ = np.array([[3.2406, -1.5372, -0.4986], [-0.9689, 1.8758, 0.0415], [0.0557, -0.2040, 1.0570]])
+SECOND_RADIATION_CONSTANT = 1.4387769e7
+"""Planck's h c / k, nm K."""
+
+
+def blackbody(temperature):
+    """Colour of a black body of so many kelvin, of luminance 1. Blender knows 800 to 12000 K, and takes others for
+    these."""
+    kelvin = np.clip(temperature, 800.0, 12000.0).astype(np.float64)
+    wavelength, observer = _observer()
+    # Scaled, so that nothing overflows.
+    power = (560.0 / wavelength) ** 5 / np.expm1(SECOND_RADIATION_CONSTANT / (wavelength * kelvin))
+    color = (power @ observer) @ RGB_OF_XYZ.T
+    return np.maximum(color / (power @ observer[:, 1:2]), 0.0)

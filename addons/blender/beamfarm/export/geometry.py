@@ -55,16 +55,11 @@ class Geometry:
             self._triangles = arrays.vertex_of[arrays.corners]
         return self._points, self._triangles
 
-    def size(self):
-        """Length of the bounding box' diagonal."""
-        points, _ = self.triangles()
-        return float(((points.max(0) - points.min(0)) ** 2).sum() ** 0.5) if len(points) else 0.0
-
-    def file(self, files, slot, uv_map, offset=0.0):
+    def file(self, files, slot, uv_map, attribute):
         """Path of the PLY of a slot's triangles, of all for None."""
-        key = slot, uv_map, offset
+        key = slot, uv_map, attribute
         if key not in self._files:
-            content = ply(self._read(), slot, uv_map, offset)
+            content = ply(self._read(), slot, uv_map, attribute)
             self._files[key] = files.put("meshes", file_name(self.name), ".ply", content)
         files.use(self._files[key])
         return self._files[key]

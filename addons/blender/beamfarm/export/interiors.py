@@ -30,10 +30,7 @@ class Interiors:
         if medium is None:
             # Glass without a volume of its own is filled by what surrounds it.
             return {"boundary": False}
-        report, name = self.context.report, placed.object.name
-        if not group.geometry.is_closed():
-            report.leave_out(f"the volume of '{name}', whose mesh is not closed")
-            return {"boundary": False}
+        report, name = self.context.report, placed.name
         if medium.grid is not None and not medium.grid_is_optional:
             report.leave_out(f"the volume of '{name}', whose density is an attribute of a mesh: '{medium.grid}'")
             return {"boundary": False}
@@ -47,15 +44,18 @@ class Interiors:
                 continue
             inside = self._share_inside(placed, group, other, other_group)
             if 0.0 < inside < 1.0:
-                report.note(f"the volumes of '{name}' and '{other.object.name}' overlap: where both are, one counts")
+                report.note(f"the volumes of '{name}' and '{other.name}' overlap: where both are, one counts")
             if inside == 1.0:
                 around.append(other_found.medium)
         for one in around:
             outside = sum_of(outside, one)
         inside = sum_of(outside, medium)
-        fields = {"interior": medium_name(self.context, inside, placed.object.name)}
+        fields = {"interior": medium_name(self.context, inside, placed.name)}
         if around:
-            fields["exterior"] = medium_name(self.context, outside, f"around {placed.object.name}")
+            fields["exterior"] = medium_name(self.context, outside, f"around {placed.name}")
+        if not group.geometry.is_closed():
+            report.note(f"the volume of '{name}', whose mesh is not closed: light is in it once it crossed the mesh")
+            fields["open"] = True
         return fields
 
     def _share_inside(self, placed, group, other, other_group):

@@ -23,13 +23,14 @@ def add_light(placed, context):
     """Adds what a light object at its place is in the scene file."""
     object = placed.object
     light = object.data
+    if light.type == "AREA" and getattr(getattr(light, "cycles", None), "is_portal", False):
+        # It tells Cycles where the world's light comes in, and gives none itself.
+        return
     color = _color(light, context)
     if not any(color):
         return
     name = context.names.get(("object", placed.key), object.name)
-    context.show(object, name)
-    if placed.instancer is not None:
-        context.shown.setdefault(placed.instancer, []).append(name)
+    context.show(placed, name)
     fields = {"name": name}
     visible = light_rays(object, context)
     if visible is not None:
@@ -121,21 +122,27 @@ def _point(placed, light, color, fields, context):
 
 def _spot(placed, light, color, fields, context):
     position = placed.matrix.translation
-    if light.shadow_soft_size > 0.0:
-        context.report.note(f"light '{light.name}': its radius counts as 0, its shadows are sharp")
+    radius = light.shadow_soft_size
+    if radius > 0.0:
         if not _is_normalized(light):
-            color = [number * 4.0 * math.pi * light.shadow_soft_size**2 for number in color]
+            color = [number * 4.0 * math.pi * radius * radius for number in color]
     scale = placed.matrix.to_scale()
     if abs(scale.x - scale.y) > 1e-4 * abs(scale.x) or abs(scale.x - scale.z) > 1e-4 * abs(scale.x):
         context.report.note(f"light '{light.name}': its cone is round, whatever its scale")
     if light.use_square:
         context.report.leave_out(f"the square cone of light '{light.name}': it is round")
-    target = position + _forward(placed.matrix)
-    fields = fields | {"group": fields["name"]} | {"type": "spot", "position": _list(position), "target": _list(target)}
-    for inner, outer, share in spot_steps(light.spot_size / 2.0, light.spot_blend):
-        intensity = [number * share / (4.0 * math.pi) for number in color]
-        angles = {"cutoff_angle": math.degrees(outer), "beam_width": math.degrees(inner)}
-        context.lights.append(fields | {"intensity": intensity} | angles)
+    forward, turn = _forward(placed.matrix), placed.matrix.to_3x3().normalized()
+    fields = fields | {"group": fields["name"], "type": "spot"}
+    # Many spots of no size stand for one with a size, as they do for suns.
+    places = disc_of(SPOTS) if radius > 0.0 else [(0.0, 0.0)]
+    steps = spot_steps(light.spot_size / 2.0, light.spot_blend)
+    for x, y in places:
+        origin = position + turn @ Vector((radius * x, radius * y, 0.0))
+        stands = {"position": _list(origin), "target": _list(origin + forward)}
+        for inner, outer, share in steps:
+            intensity = [number * share / (4.0 * math.pi * len(places)) for number in color]
+            angles = {"cutoff_angle": math.degrees(outer), "beam_width": math.degrees(inner)}
+            context.lights.append(fields | stands | {"intensity": intensity} | angles)
 
 
 def spot_steps(half, blend):
@@ -165,13 +172,35 @@ def spot_steps(half, blend):
 def _sun(placed, light, color, fields, context):
     if not _is_normalized(light) and light.angle > 0.0:
         color = [number * math.pi * math.sin(light.angle / 2.0) ** 2 for number in color]
-    if light.angle > 0.0:
-        context.report.note(f"light '{light.name}': its angle counts as 0, its shadows are sharp")
     if context.world_medium is not None:
         context.report.leave_out(f"light '{light.name}': no light of a sun gets through a world full of a medium")
         return
-    fields = fields | {"type": "directional", "direction": _list(_forward(placed.matrix)), "irradiance": color}
-    context.lights.append(fields)
+    fields = fields | {"group": fields["name"], "type": "directional"}
+    places = disc_of(SUNS) if light.angle > WIDE else [(0.0, 0.0)]
+    if light.angle > 0.0 and len(places) == 1:
+        context.report.note(f"light '{light.name}': its angle counts as 0, its shadows are sharp")
+    turn = placed.matrix.to_3x3().normalized()
+    # Of even radiance in its cone, so that what faces its middle has the irradiance that is given.
+    cap = 1.0 - math.cos(light.angle / 2.0) if len(places) > 1 else 0.0
+    irradiance = [number / len(places) * 2.0 / (2.0 - cap) for number in color]
+    for x, y in places:
+        # Even on the disc, even by the cosine.
+        down = 1.0 - cap * (x * x + y * y)
+        around = math.sqrt((1.0 + down) * cap)
+        direction = (turn @ Vector((around * x, around * y, -down))).normalized()
+        context.lights.append(fields | {"direction": _list(direction), "irradiance": irradiance})
+
+
+SPOTS = 16
+# As many suns stand for one that is wider than this angle: its shadows have as many steps.
+SUNS, WIDE = 32, math.radians(0.6)
+GOLDEN = math.pi * (3.0 - math.sqrt(5.0))
+
+
+def disc_of(count):
+    """So many points that fill the unit disc evenly."""
+    return [(math.sqrt((k + 0.5) / count) * math.cos(k * GOLDEN), math.sqrt((k + 0.5) / count) * math.sin(k * GOLDEN))
+            for k in range(count)]
 
 
 def _area(placed, light, color, fields, context):

@@ -22,6 +22,8 @@ class Slot:
     medium: object = None
     """`media.Medium` inside, or None."""
     uv_map: str = ""
+    attribute: str | None = None
+    """Name of what the mesh holds as colours of its vertices."""
     extra: dict = field(default_factory=dict)
     """Further tables that `material` names, by name."""
 
@@ -78,6 +80,7 @@ class _Writer:
         self.owner = owner
         self.name = name
         self.uv_maps = []
+        self.attributes = []
         self.extra = {}
 
     def slot(self, surface, medium):
@@ -91,13 +94,16 @@ class _Writer:
         emission = None
         if surface.emission is not None:
             try:
-                emission = {"radiance": self.field("radiance", self.even(surface.emission))}
+                emission = self.emission(surface.emission)
             except NotShown as problem:
                 self.context.report.leave_out(f"emission of {self.owner}: {problem}")
         if len(self.uv_maps) > 1:
             self.context.report.note(f"{self.owner}: all its textures take the UV map '{self.uv_maps[0] or 'active'}'")
         found = Slot(self.name, table, emission, medium, extra=self.extra)
         found.uv_map = self.uv_maps[0] if self.uv_maps else ""
+        if len(self.attributes) > 1:
+            self.context.report.leave_out(f"attributes of {self.owner}: all are '{self.attributes[0] or 'active'}'")
+        found.attribute = self.attributes[0] if self.attributes else None
         if medium is not None and not found.is_boundary:
             self.context.report.leave_out(f"the volume of {self.owner}, whose surface lets no light in")
             found.medium = None
@@ -143,16 +149,20 @@ class _Writer:
             self.context.report.leave_out(f"a texture of {self.owner}: {problem}")
             return records.color(constant(0.5, 0.5, 0.5), self.context, self.owner)
 
-    def even(self, emission):
-        """What shines does so alike all over: a texture counts by its mean."""
-        if emission.is_constant:
-            return emission
-        if emission.special is not None:
-            raise NotShown("a checker that shines")
-        self.context.report.note(f"{self.owner}: what shines by texture '{emission.name}' counts by its mean")
-        return constant(*(float(number) for number in emission.as_color().data.mean(axis=(0, 1))))
+    def emission(self, value):
+        """Fields of a shape's `emission`."""
+        if value.is_constant:
+            return {"radiance": self.field("radiance", value)}
+        value = self.seen(value.as_color())
+        table = records.texture(value, self.context, self.owner, None)
+        # What is baked has its gain in its numbers.
+        is_file = value.source is not None and not value.source.image.is_float
+        gain = value.source.gain if is_file else table.pop("scale", 1.0)
+        return {"radiance": table} | ({} if gain == 1.0 else {"scale": gain})
 
     def seen(self, value):
+        if value.special is not None and "attribute" in value.special and value.name not in self.attributes:
+            self.attributes.append(value.name)
         if value.lookup is not None and value.lookup.uv_map not in self.uv_maps:
             self.uv_maps.append(value.lookup.uv_map)
         return value

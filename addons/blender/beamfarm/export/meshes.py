@@ -25,10 +25,50 @@ class MeshArrays:
         return self._normals
 
     def uv(self, name):
-        """UV of corners by the map `name`, by default the one that is active for renders; None where there is none."""
+        """UV of corners by the map `name`, by default the one that is active for renders; None where there is none, or
+        one without numbers, as modifiers leave it behind."""
         layers = self.mesh.uv_layers
         layer = layers.get(name) if name else next((layer for layer in layers if layer.active_render), None)
-        return None if layer is None else _read(layer.uv, "vector", np.float32, 2)
+        if layer is None or len(layer.uv) != len(self.vertex_of):
+            return None
+        return _read(layer.uv, "vector", np.float32, 2)
+
+    def colors(self, name, loops, triangles):
+        """What the mesh holds under a name as linear colours of `loops`, three for each of `triangles`; black where it
+        holds nothing, as with Cycles. "" is the colour attribute for renders."""
+        black = np.zeros((len(loops), 3), dtype=np.float32)
+        if not name:
+            known = self.mesh.color_attributes
+            at = known.render_color_index
+            if not 0 <= at < len(known):
+                return black
+            name = known[at].name
+        found = self.mesh.attributes.get(name)
+        if found is None or found.data_type not in NUMBERS or found.domain not in DOMAINS:
+            return black
+        field, kind, width = NUMBERS[found.data_type]
+        values = _read(found.data, field, kind, width).reshape(-1, width).astype(np.float32)
+        if found.domain == "FACE":
+            values = np.repeat(values[_read(self.mesh.loop_triangles, "polygon_index", np.int32)[triangles]], 3, axis=0)
+        else:
+            values = values[loops if found.domain == "CORNER" else self.vertex_of[loops]]
+        if width == 1:
+            return np.repeat(values, 3, axis=1)
+        black[:, : min(width, 3)] = values[:, :3]
+        return black
+
+
+# Field of an attribute's data, its kind and how many numbers it has.
+NUMBERS = {
+    "FLOAT_COLOR": ("color", np.float32, 4),
+    "BYTE_COLOR": ("color", np.float32, 4),
+    "FLOAT_VECTOR": ("vector", np.float32, 3),
+    "FLOAT2": ("vector", np.float32, 2),
+    "FLOAT": ("value", np.float32, 1),
+    "INT": ("value", np.int32, 1),
+    "BOOLEAN": ("value", bool, 1),
+}
+DOMAINS = {"POINT", "CORNER", "FACE"}
 
 
 def _read(collection, name, kind, width=1):
@@ -37,12 +77,13 @@ def _read(collection, name, kind, width=1):
     return values if width == 1 else values.reshape(-1, width)
 
 
-def ply(arrays, slot, uv_name=None, offset=0.0):
+def ply(arrays, slot, uv_name=None, attribute=None):
     """Bytes of the PLY file of a slot's triangles (of all for None), or None where it has none.
 
-    Vertices are split where corners differ. `offset` moves every vertex along its corner's normal.
+    Vertices are split where corners differ. `attribute`: what becomes the colours of vertices, None for no colours.
     """
-    corners = arrays.corners if slot is None else arrays.corners[arrays.slots == slot]
+    chosen = np.arange(len(arrays.corners)) if slot is None else np.flatnonzero(arrays.slots == slot)
+    corners = arrays.corners[chosen]
     if len(corners) == 0:
         return None
     loops = corners.ravel()
@@ -52,23 +93,16 @@ def ply(arrays, slot, uv_name=None, offset=0.0):
     if normals is not None:
         columns.append(("nx", "ny", "nz"))
         values.append(normals[loops])
-    if offset:
-        along = normals[loops] if normals is not None else np.repeat(face_normals(values[0]), 3, axis=0)
-        values[0] = values[0] + np.float32(offset) * along
     uv = arrays.uv(uv_name)
     if uv is not None:
         columns.append(("u", "v"))
         values.append(uv[loops])
+    if attribute is not None:
+        columns.append(("red", "green", "blue"))
+        values.append(arrays.colors(attribute, loops, chosen))
     records = np.ascontiguousarray(np.concatenate(values, axis=1), dtype="<f4")
     vertices, indices = _weld(records, arrays.vertex_of[loops])
     return _encode([name for group in columns for name in group], vertices, indices.reshape(-1, 3))
-
-
-def face_normals(points):
-    """Unit normals of triangles given as three points each in a row."""
-    corners = points.reshape(-1, 3, 3)
-    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    return cross / np.maximum(np.linalg.norm(cross, axis=1, keepdims=True), 1e-30)
 
 
 def _weld(records, vertex_of):

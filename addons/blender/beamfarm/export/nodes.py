@@ -11,6 +11,9 @@ from .values import Lookup, NotShown, Source, Value, combine, constant
 class Reader:
     """Reads values of one node tree, and says what it cannot read as of `owner`: "material 'Rock'"."""
 
+    sees_path, rays_of_path = "Is Camera Ray", "for the camera's"
+    """The output of a Light Path node that is 1, and what rays that stands for."""
+
     def __init__(self, context, owner):
         self.context = context
         self.owner = owner
@@ -198,12 +201,22 @@ def _checker(reader, place):
 
 
 def _vertex_color(reader, place):
-    raise NotShown(f"colour attribute '{place.node.layer_name}'")
+    if place.socket.name != "Color":
+        raise NotShown(f"opacity of colour attribute '{place.node.layer_name}'")
+    return attribute(place.node.layer_name)
 
 
 def _attribute(reader, place):
     node = place.node
-    raise NotShown(f"attribute '{node.attribute_name}' of the {node.attribute_type.lower()}")
+    if node.attribute_type != "GEOMETRY" or place.socket.name == "Alpha":
+        what = "opacity of attribute" if place.socket.name == "Alpha" else "attribute"
+        raise NotShown(f"{what} '{node.attribute_name}' of the {node.attribute_type.lower()}")
+    return attribute(node.attribute_name)
+
+
+def attribute(name):
+    """What a mesh holds under a name, as colours of its vertices; "" is its colour attribute for renders."""
+    return Value(None, 3, special={"attribute": "color"}, name=name)
 
 
 def _formula(function):
@@ -257,7 +270,41 @@ def _curves(reader, place):
 
 
 def _blackbody(reader, place):
-    raise NotShown("a temperature")
+    return combine(formulas.blackbody, reader.inputs(place)[0].as_float())
+
+
+def fresnel_index(reader, place):
+    """Index of refraction of a Fresnel node, or of Layer Weight's Fresnel; None of another socket."""
+    if place.node.type == "FRESNEL":
+        index = reader.get(place, "IOR")
+    elif place.node.type == "LAYER_WEIGHT" and place.socket.name == "Fresnel":
+        blend = reader.get(place, "Blend")
+        index = combine(lambda blend: 1.0 / np.maximum(1.0 - blend, 1e-5), blend)
+    else:
+        return None
+    if not index.is_constant:
+        raise NotShown("an index by texture")
+    return max(index.number(), 1e-5)
+
+
+def _head_on(reader, place):
+    """What depends on the direction of view: as it is where one looks straight at the surface."""
+    index = fresnel_index(reader, place)
+    reader.lack(place.node, f"{place.socket.name} counts as where one looks straight at the surface")
+    return constant(0.0 if index is None else ((index - 1.0) / (index + 1.0)) ** 2)
+
+
+def _light_path(reader, place):
+    name = place.socket.name
+    if name not in LIGHT_PATH:
+        raise NotShown(name)
+    reader.lack(place.node, f"'{name}' counts for all rays as {reader.rays_of_path}")
+    return constant(1.0 if name == reader.sees_path else 0.0)
+
+
+LIGHT_PATH = {"Is Camera Ray", "Is Shadow Ray", "Is Diffuse Ray", "Is Glossy Ray", "Is Singular Ray",
+              "Is Reflection Ray", "Is Transmission Ray", "Is Volume Scatter Ray", "Ray Depth", "Diffuse Depth",
+              "Glossy Depth", "Transparent Depth", "Transmission Depth", "Portal Depth"}
 
 
 HANDLERS = {
@@ -287,4 +334,7 @@ HANDLERS = {
     "VALTORGB": _ramp,
     "CURVE_RGB": _curves,
     "BLACKBODY": _blackbody,
+    "FRESNEL": _head_on,
+    "LAYER_WEIGHT": _head_on,
+    "LIGHT_PATH": _light_path,
 }

@@ -2,8 +2,11 @@
 
 import numpy as np
 
+from .layers import dimming
 from .values import NotShown, combine, constant
 
+# Up to this roughness the scene file's plastic is nearer to Cycles than its `principled`.
+SHINY = 0.2
 # What `principled` of the scene file has no word for, and the value at which it does nothing.
 MISSING = {
     "Subsurface Weight": ("subsurface scattering", 0.0),
@@ -15,7 +18,7 @@ MISSING = {
 
 def principled(reader, place):
     """(fields of a material, alpha, radiance or None) of a Principled BSDF."""
-    from .surfaces import constant_of, dielectric, is_white, scaled
+    from .surfaces import constant_of, dielectric, is_smooth, is_white, note_bounces, scaled
 
     def get(name):
         return reader.get(place, name)
@@ -46,6 +49,16 @@ def principled(reader, place):
     normal = ((index - 1.0) / (index + 1.0)) ** 2 * 2.0 * max(level, 0.0)
     if is_dielectric and normal == 0.0 and is_plain and _is_zero(transmission):
         return {"type": "diffuse", "reflectance": base, "two_sided": True}, alpha, emission
+    is_shiny = rough.is_constant and rough.number() <= SHINY and is_white(tint)
+    if is_shiny and is_dielectric and is_plain and _is_zero(transmission):
+        return _plastic(base, rough, normal, is_smooth(rough)), alpha, emission
+    if is_metal:
+        note_bounces(reader, place, rough)
+    elif is_dielectric and _is_zero(transmission) and base.is_constant:
+        base = _dimmed(reader, base, rough, min(normal, 0.08))
+    elif not is_metal:
+        reader.context.report.note("Principled BSDF whose base colour is an image, or with some metal or glass in it, "
+                                   "is brighter than in Cycles: by 3 % seen head-on, by 20 % at grazing angles")
     if not is_white(tint):
         reader.context.report.leave_out(f"specular tint of node '{place.node.name}' of {reader.owner}")
     if normal > 0.08:
@@ -65,6 +78,22 @@ def principled(reader, place):
         bsdf.pop("specular")
         bsdf["ior"] = max(index, 1.0001)
     return bsdf | _coat(reader, place, coat) | _sheen(reader, sheen), alpha, emission
+
+
+def _dimmed(reader, base, rough, normal):
+    """Base colour that is as bright below its specular layer as Cycles', on average over all directions."""
+    roughness = float(np.clip(rough.data.mean(), 0.0, 1.0)) if rough.special is None else 0.5
+    reader.context.report.note("Principled BSDF sends back as much light as in Cycles, but 3 % less towards who looks "
+                               "at it head-on, and up to 20 % more at grazing angles")
+    factor = dimming(round(roughness, 3), round(normal, 5))
+    return combine(lambda base: np.clip(base, 0.0, 1.0) * factor, base)
+
+
+def _plastic(base, rough, normal, is_smooth):
+    """A diffuse base below a coat that reflects `normal` head-on: as Cycles' within 6 %, which Burley's is not."""
+    root = min(normal, 0.9) ** 0.5
+    fields = {"type": "plastic", "reflectance": base, "ior": (1.0 + root) / (1.0 - root), "two_sided": True}
+    return fields if is_smooth else fields | {"type": "rough_plastic", "alpha": rough.number() ** 2}
 
 
 def _is_zero(value):

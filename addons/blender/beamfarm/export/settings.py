@@ -14,6 +14,8 @@ class View:
     ortho_scale: float = 6.0
     """Length of the wider side of the image; of an orthographic view only."""
     is_orthographic: bool = False
+    lens: tuple | None = None
+    """(radius of the aperture, distance of the plane in focus); None is a pinhole."""
     shift: tuple = (0.0, 0.0)
     """As `shift_x` and `shift_y` of a camera: in lengths of the image's wider side."""
 

@@ -7,11 +7,6 @@ from .geometry import Geometry
 from .interiors import Interiors
 from .materials import slot
 from .transforms import matrix_step, solid, steps
-from .visibility import rays
-
-# How far the two sides of a sheet that shines lie apart, in sizes of the mesh: what shines does so to one side.
-SHEET = 2e-5
-
 
 @dataclass
 class Group:
@@ -31,21 +26,19 @@ class Shapes:
         self.groups = {}
 
     def add(self, placed):
-        """Takes a mesh object, or what can be made one, at its place."""
+        """Takes a mesh object at its place."""
         context, object = self.context, placed.object
         placed.matrix = solid(placed.matrix)
         if placed.matrix is None:
             return
-        key = _key(placed)
+        mesh = object.data
+        key = placed.mesh = (placed.uid, mesh.original.session_uid, mesh.as_pointer(), placed.instancer)
         if key in self.groups:
             self.groups[key].placed.append(placed)
             return
         geometry = context.geometries.get(key)
         if geometry is None:
             geometry = context.geometries[key] = Geometry(object.name)
-        mesh = object.data if object.type == "MESH" else object.to_mesh()
-        if mesh is None:
-            return
         geometry.hold(mesh)
         try:
             slots = [(index, slot(context, _material(context, object, mesh, index))) for index in geometry.slots()]
@@ -54,8 +47,6 @@ class Shapes:
             self.groups[key] = group
         finally:
             geometry.release()
-            if object.type != "MESH":
-                object.to_mesh_clear()
 
     def _write(self, group):
         """Writes a group's files, while its mesh is at hand."""
@@ -64,8 +55,10 @@ class Shapes:
             geometry.is_closed()
             geometry.triangles()
         for index, found in group.slots:
-            for offset in _offsets(group, found):
-                geometry.file(context.files, *_variant(group, index, found), offset)
+            if found.emission is not None:
+                geometry.is_closed()
+                geometry.triangles()
+            geometry.file(context.files, *_variant(group, index, found))
 
     def finish(self):
         """Adds all shapes and their media."""
@@ -78,10 +71,7 @@ class Shapes:
         context = self.context
         if found.table["type"] == "null" and found.emission is None and found.medium is None:
             return
-        files = [
-            group.geometry.file(context.files, *_variant(group, index, found), offset)
-            for offset in _offsets(group, found)
-        ]
+        file = group.geometry.file(context.files, *_variant(group, index, found))
         plain = []
         by_look = defaultdict(list)
         for placed in group.placed:
@@ -94,52 +84,53 @@ class Shapes:
             if len(entries) == 1:
                 plain.append(entries[0][0])
             else:
-                self._instances(group, found, files[0], entries)
+                self._instances(group, found, file, entries)
         for placed in plain:
             name = self._name(placed)
             media = interiors.fields(group, found, placed)
-            for flipped, file in enumerate(files):
-                shape = {"name": name, "type": "mesh", "file": file} | _look(found) | media
-                if found.emission is not None:
-                    shape["emission"] = dict(found.emission)
-                if flipped:
-                    shape["flip_normals"] = True
-                visible = rays(placed.object, context)
-                if visible is not None:
-                    shape["visible"] = visible
-                transform = steps(placed.matrix)
-                if transform:
-                    shape["transform"] = transform
-                context.shapes.append(shape)
+            shape = {"name": name, "type": "mesh", "file": file} | _look(found) | media
+            if found.emission is not None:
+                shape["emission"] = found.emission | ({"two_sided": True} if self._shines_inside(group, placed) else {})
+            if placed.visible is not None:
+                shape["visible"] = placed.visible
+            transform = steps(placed.matrix)
+            if transform:
+                shape["transform"] = transform
+            context.shapes.append(shape)
+
+    def _shines_inside(self, group, placed):
+        """Whether what shines does so to both sides, as all does in Cycles: not where nobody can see the inside."""
+        if not group.geometry.is_closed():
+            return True
+        points, _ = group.geometry.triangles()
+        low, high = points.min(0), points.max(0)
+        inverse = placed.matrix.inverted_safe()
+        there = [inverse @ place for other, place in self._places() if other is not placed]
+        return any(all(low[i] < point[i] < high[i] for i in range(3)) for point in there)
+
+    def _places(self):
+        """(`Placed`, where it is) of all, and where the camera is."""
+        settings = self.context.settings
+        camera = settings.view or (settings.camera or self.context.scene.camera)
+        places = [(placed, placed.matrix.translation) for group in self.groups.values() for placed in group.placed]
+        return places if camera is None else [*places, (None, camera.matrix_world.translation)]
 
     def _instances(self, group, found, file, entries):
         context = self.context
         first, media = entries[0]
         shape = {"name": self._name(first), "type": "instances"}
-        visible = rays(first.object, context)
-        if visible is not None:
-            shape["visible"] = visible
+        if first.visible is not None:
+            shape["visible"] = first.visible
         shape["shape"] = {"type": "mesh", "file": file} | _look(found) | media
         shape["transforms"] = [[matrix_step(placed.matrix)] for placed, _ in entries]
         context.shapes.append(shape)
 
     def _name(self, placed):
         """All slots of an object at one place have one name, as have all copies of instances."""
-        key = ("object", placed.key if placed.instancer is None else _key(placed))
-        name = self.context.names.get(key, placed.object.name)
-        self.context.show(placed.object, name)
-        if placed.instancer is not None:
-            self.context.shown.setdefault(placed.instancer, [])
-            if name not in self.context.shown[placed.instancer]:
-                self.context.shown[placed.instancer].append(name)
+        key = ("object", placed.key if placed.instancer is None else placed.mesh)
+        name = self.context.names.get(key, placed.name)
+        self.context.show(placed, name)
         return name
-
-
-def _key(placed):
-    """(object, data, the evaluated data's place in memory, instancer): one for each mesh that is written."""
-    data = placed.object.data
-    pointer = data.as_pointer() if placed.object.type == "MESH" else 0
-    return placed.object.original.session_uid, data.original.session_uid, pointer, placed.instancer
 
 
 def _look(found):
@@ -147,15 +138,7 @@ def _look(found):
 
 
 def _variant(group, index, found):
-    return (None if len(group.slots) == 1 else index), found.uv_map
-
-
-def _offsets(group, found):
-    """Offsets of the sheets of a mesh: what shines and is open shines to both sides."""
-    if found.emission is None or group.geometry.is_closed():
-        return [0.0]
-    offset = SHEET * group.geometry.size()
-    return [offset, -offset]
+    return (None if len(group.slots) == 1 else index), found.uv_map, found.attribute
 
 
 def _material(context, object, mesh, index):

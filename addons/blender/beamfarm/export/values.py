@@ -41,6 +41,8 @@ class Source:
     image: object
     path: str
     channel: str | None = None
+    gain: float = 1.0
+    """What the image's colours are multiplied by."""
 
 
 @dataclass
@@ -54,7 +56,7 @@ class Value:
     lookup: Lookup | None = None
     source: Source | None = None
     special: dict | None = None
-    """A texture of the scene file that is no image: checkers."""
+    """A texture of the scene file that is no image: checkers, or colours of vertices by the attribute `name`."""
     name: str = "baked"
     is_vector: bool = False
     """Becomes a number by its mean, not by its luminance."""
@@ -99,7 +101,7 @@ def combine(function, *values):
     lookups = []
     for value in values:
         if value.special is not None:
-            raise NotShown("a formula of checkers")
+            raise NotShown("a formula of checkers or attributes")
         if value.lookup is not None and value.lookup not in lookups:
             lookups.append(value.lookup)
     if len(lookups) > 1:

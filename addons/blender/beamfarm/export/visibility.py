@@ -1,16 +1,20 @@
 """Ray visibility of objects and lights as lists of the scene file's rays."""
 
 
-def rays(object, context):
-    """List for `visible`; None where all rays see it."""
+def rays(object, instancer, context):
+    """List for `visible`; None where all rays see it. What does not see the instancer does not see its instances."""
+
+    def sees(name):
+        return getattr(object, name) and (instancer is None or getattr(instancer, name))
+
     flags = {
-        "camera": object.visible_camera,
-        "reflected": object.visible_glossy,
-        "refracted": object.visible_transmission,
-        "shadow": object.visible_shadow,
-        "photon": object.visible_diffuse or object.visible_volume_scatter,
+        "camera": sees("visible_camera"),
+        "reflected": sees("visible_glossy"),
+        "refracted": sees("visible_transmission"),
+        "shadow": sees("visible_shadow"),
+        "photon": sees("visible_diffuse") or sees("visible_volume_scatter"),
     }
-    if object.visible_diffuse != object.visible_volume_scatter:
+    if sees("visible_diffuse") != sees("visible_volume_scatter"):
         context.report.note(
             f"object '{object.name}': rays of diffuse surfaces and of volumes see it alike, both or neither"
         )
@@ -18,7 +22,7 @@ def rays(object, context):
         context.report.note(f"object '{object.name}': what is not seen by diffuse rays gets no light by way of others")
     if not flags["shadow"] and flags["photon"]:
         context.report.note(f"object '{object.name}': it casts no shadow, but is in the way of light that bounces")
-    return None if all(flags.values()) else [name for name, sees in flags.items() if sees]
+    return None if all(flags.values()) else [name for name, is_seen in flags.items() if is_seen]
 
 
 def light_rays(light, context):
@@ -32,4 +36,4 @@ def light_rays(light, context):
     }
     if light.visible_diffuse != light.visible_volume_scatter:
         context.report.note(f"light '{light.name}': it lights surfaces and volumes by photons alike")
-    return None if all(flags.values()) else [name for name, sees in flags.items() if sees]
+    return None if all(flags.values()) else [name for name, is_seen in flags.items() if is_seen]

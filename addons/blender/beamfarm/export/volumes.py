@@ -7,7 +7,6 @@ from mathutils import Matrix, Vector
 from .media import read_volume
 from .names import file_name
 from .transforms import matrix_step
-from .visibility import rays
 
 
 def add_volume(placed, context):
@@ -40,7 +39,7 @@ def add_volume(placed, context):
         report.leave_out(f"volume '{object.name}', whose material looks up no grid of its file")
         return
     name = context.names.get(("object", placed.key), object.name)
-    context.show(object, name)
+    context.show(placed, name)
     density = {"file": context.files.copy("volumes", file_name(path.stem), ".vdb", path), "grid": medium_grid}
     # Coefficients belong to lengths of the object's own space, unless it is told otherwise.
     if volume.render.space == "OBJECT":
@@ -61,7 +60,6 @@ def add_volume(placed, context):
     half = (high - low) * 0.5 * 1.0001
     box = Matrix.Translation((low + high) * 0.5) @ Matrix.Diagonal((*half, 1.0))
     shape = {"name": name, "type": "cube", "material": material_name, "interior": medium_name}
-    visible = rays(object, context)
-    if visible is not None:
-        shape["visible"] = visible
+    if placed.visible is not None:
+        shape["visible"] = placed.visible
     context.shapes.append(shape | {"transform": [matrix_step(placed.matrix @ box)]})

@@ -1,6 +1,7 @@
 """The world's shader as a light from all around, and its volume."""
 
 import numpy as np
+from mathutils import Euler, Matrix, Vector
 
 from .graph import Place, follow, output_node
 from .interiors import medium_name
@@ -18,6 +19,9 @@ STANDS = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 
 class WorldReader(SurfaceReader):
     """Reads the surface of a world; images are looked up by direction."""
+
+    # What lights the scene counts for more than what is seen behind it.
+    sees_path, rays_of_path = "Is Diffuse Ray", "for those that light the scene"
 
     def _of(self, place):
         if place.node.type == "TEX_ENVIRONMENT":
@@ -67,12 +71,32 @@ class WorldReader(SurfaceReader):
             return np.eye(4)
         if node.type == "NEW_GEOMETRY" and place.socket.name in ("Position", "Normal"):
             return np.eye(4)
-        if node.type == "MAPPING":
+        if node.type in ("MAPPING", "VECTOR_ROTATE"):
             inner = follow(place.input("Vector"))
             if inner is None or not inner.socket.is_output:
                 raise NotShown("no directions")
-            return mapping_matrix(self, place) @ self._matrix(inner)
+            own = mapping_matrix(self, place) if node.type == "MAPPING" else self._rotation(place)
+            return own @ self._matrix(inner)
         raise NotShown(f"directions by '{node.bl_label}'")
+
+
+    def _rotation(self, place):
+        """Matrix of a Vector Rotate node."""
+        node = place.node
+        values = {name: self.get(place, name) for name in ("Center", "Axis", "Angle", "Rotation")}
+        if any(value is not None and not value.is_constant for value in values.values()):
+            raise NotShown("a rotation by texture")
+        if any(values["Center"].color()):
+            raise NotShown("a rotation around another place than the middle")
+        if node.rotation_type == "EULER_XYZ":
+            turn = Euler(values["Rotation"].color()).to_matrix()
+        else:
+            axis = {"X_AXIS": (1, 0, 0), "Y_AXIS": (0, 1, 0), "Z_AXIS": (0, 0, 1)}.get(node.rotation_type)
+            axis = Vector(axis or values["Axis"].color())
+            turn = Matrix.Rotation(values["Angle"].number(), 3, axis) if axis.length else Matrix.Identity(3)
+        matrix = np.eye(4)
+        matrix[:3, :3] = np.array(turn.inverted() if node.invert else turn)
+        return matrix
 
 
 def read_world(context):
@@ -113,7 +137,7 @@ def _image(context, value):
     if source is not None and source.channel is None and not source.image.is_float:
         written = context.pictures.file(source.image, source.path, context.report)
         if written is not None and not written[1]:
-            return {"image": written[0]}
+            return {"image": written[0]} | ({} if source.gain == 1.0 else {"scale": source.gain})
     return {"image": context.pictures.baked(value.name, value.data)}
 
 

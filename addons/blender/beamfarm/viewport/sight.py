@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from mathutils import Matrix, Vector
 
-from ..export import View
+from ..export import View, lens_of
 
 # An orthographic viewport has no place, only a direction: its picture begins so many view distances before its centre.
 _BEFORE = 8.0
@@ -26,6 +26,7 @@ class Sight:
     ortho_scale: float
     is_orthographic: bool
     shift: tuple[float, float]
+    lens: tuple[float, float] | None = None
 
     @property
     def matrix_world(self) -> Matrix:
@@ -34,7 +35,7 @@ class Sight:
 
     def view(self) -> View:
         """As the export takes it."""
-        return View(self.matrix_world, self.fov, self.ortho_scale, self.is_orthographic, self.shift)
+        return View(self.matrix_world, self.fov, self.ortho_scale, self.is_orthographic, self.lens, self.shift)
 
     def differs_in_place_alone(self, other: Sight) -> bool:
         """Whether the two have one lens and one size."""
@@ -50,13 +51,19 @@ class Sight:
 
 
 def _lens(sight: Sight) -> tuple[object, ...]:
-    numbers = sight.fov, sight.ortho_scale, *sight.shift
+    numbers = sight.fov, sight.ortho_scale, *sight.shift, *(sight.lens or ())
     return sight.width, sight.height, sight.is_orthographic, *(round(number, _DIGITS) for number in numbers)
 
 
-def of_matrices(view: Matrix, window: Matrix, size: tuple[int, int], distance: float | None) -> Sight:
+def of_matrices(
+    view: Matrix,
+    window: Matrix,
+    size: tuple[int, int],
+    distance: float | None,
+    lens: tuple[float, float] | None = None,
+) -> Sight:
     """From the matrices to camera space and on to the picture. `distance`: of the view from its centre, if it has no
-    camera."""
+    camera; `lens`: the camera's."""
     width, height = size
     # In lengths of the wider side: of half a picture at distance one, or as it is.
     wider = max(width, height)
@@ -77,14 +84,19 @@ def of_matrices(view: Matrix, window: Matrix, size: tuple[int, int], distance: f
         2.0 * half,
         is_orthographic,
         shift,
+        lens,
     )
 
 
-def of_context(context) -> Sight:
+def of_context(context, depsgraph) -> Sight:
     """Of the viewport that is being drawn."""
     region, view = context.region, context.region_data
     pixel = context.scene.render.preview_pixel_size
     step = 1 if pixel == "AUTO" else int(pixel)
     size = max(1, region.width // step), max(1, region.height // step)
-    distance = None if view.view_perspective == "CAMERA" else view.view_distance
-    return of_matrices(view.view_matrix, view.window_matrix, size, distance)
+    if view.view_perspective != "CAMERA":
+        return of_matrices(view.view_matrix, view.window_matrix, size, view.view_distance)
+    camera = context.space_data.camera if context.space_data.use_local_camera else context.scene.camera
+    is_one = camera is not None and camera.type == "CAMERA"
+    lens = lens_of(camera.evaluated_get(depsgraph), depsgraph) if is_one else None
+    return of_matrices(view.view_matrix, view.window_matrix, size, None, lens)

@@ -2,7 +2,7 @@
 
 use crate::failure::Failure;
 use crate::job::{ImportArgs, announce};
-use beamfarm_image::atomic;
+use beamfarm_image::{atomic, bundle};
 use beamfarm_scene::{SceneFile, is_gltf, is_mitsuba};
 use beamfarm_worker::say;
 use clap::Args;
@@ -59,6 +59,10 @@ pub fn main(args: ConvertArgs) -> Result<(), Failure> {
     let file = SceneFile::read_for(&args.scene, folder, &options)?;
     // A file that cannot be rendered is of no use.
     let description = file.load()?;
+    for name in &file.made {
+        let bytes = file.bundle.files.get(&bundle::key(name)).map_or(&[][..], Vec::as_slice);
+        atomic::write_file(&folder.join(name), bytes)?;
+    }
     atomic::write_file(&args.output, file.text())?;
     announce(&file.notes, &file.left_out);
     if is_gltf(&args.scene) {

@@ -152,7 +152,7 @@ impl<F: Fn(u32) -> bool> Probe<'_, F> {
 mod tests {
     use super::*;
     use crate::bsdf::{Material, MaterialKind, Tint};
-    use crate::camera::Camera;
+    use crate::camera::{Camera, Projection};
     use crate::filter::PixelFilter;
     use crate::geometry::{Mesh, Object, Placement, Shape};
     use crate::interrupt::Interrupt;
@@ -223,9 +223,10 @@ mod tests {
         };
         Scene::new(SceneDescription {
             camera: Camera {
+                projection: Projection::Perspective,
                 position: Vec3::ZERO,
                 frame: Frame::from_normal(Vec3::Z),
-                tan_half_fov_x: 0.3,
+                half_width: 0.3,
                 shift: Vec2::ZERO,
                 aperture: 0.0,
                 focus_distance: 1.0,

@@ -10,7 +10,7 @@ use crate::aov::GroupNumber;
 use crate::bsdf::{Material, TransportMode};
 use crate::footprint::{Footprint, spread};
 use crate::geometry::SurfaceHit;
-use crate::light::{EmissionSample, EmissionUniforms, LightChoice, LightHit, SceneBounds};
+use crate::light::{EmissionSample, EmissionUniforms, LightChoice, LightHit, LightPoint, SceneBounds};
 use crate::math::{Ray, Rgb, Vec3, exp_neg, mean};
 use crate::medium::transmittance::StepFunctions;
 use crate::medium::{Flight, Medium, MediumId, MediumSegment};
@@ -164,8 +164,8 @@ struct Photon<H> {
     caustic_odds: Odds,
     /// Length of its way since it was scattered last.
     flown: f32,
-    /// Normal of the light where it started.
-    emitted_along: Vec3,
+    /// Where on the light it started; of other lights than surfaces the direction back.
+    emitted_at: LightPoint,
     /// No surface or medium has scattered it widely.
     is_pure: bool,
     /// No surface or medium has scattered it at all: it was reflected and refracted.
@@ -255,13 +255,16 @@ impl<V: Sight> Tracer<'_, V> {
         let paths = self.kernel_paths * choice.pmf * trials as f32;
         let radius = (1.0 / (std::f32::consts::PI * emission.pdf_pos * paths)).sqrt();
         let origin = self.scene.start_of(&emission);
-        let emitted_along = emission.normal.unwrap_or(-emission.dir);
+        let emitted_at = LightPoint {
+            normal: emission.normal.unwrap_or(-emission.dir),
+            primitive: emission.primitive,
+        };
         let caustic_odds = match self.caustic_odds[choice.light] {
             0.0 => Odds::PHOTONS_ONLY,
             odds => {
                 let light = &self.scene.lights()[choice.light];
                 let (objects, bounds) = (self.scene.objects(), self.scene.bounds());
-                Odds::shared(odds * light.emitted_density(objects, bounds, emission.dir, emitted_along))
+                Odds::shared(odds * light.emitted_density(objects, bounds, emission.dir, emitted_at))
             }
         };
         Some(Photon {
@@ -278,7 +281,7 @@ impl<V: Sight> Tracer<'_, V> {
             odds: Odds::PHOTONS_ONLY,
             caustic_odds,
             flown: 0.0,
-            emitted_along,
+            emitted_at,
             is_pure: true,
             is_sharp: true,
             light: choice.light,
@@ -608,7 +611,8 @@ impl<V: Sight> Tracer<'_, V> {
         }
         let wo = -photon.ray.dir;
         let at = LightHit {
-            normal: photon.emitted_along,
+            normal: photon.emitted_at.normal,
+            primitive: photon.emitted_at.primitive,
             distance: photon.flown,
         };
         let density = self.scene.lights()[photon.light].photon_density(

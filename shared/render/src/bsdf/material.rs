@@ -202,6 +202,34 @@ impl Material {
         };
         by_kind || self.opacity.as_ref().is_some_and(varies) || self.normal_perturbation.is_some()
     }
+    /// Whether it varies with the colours of vertices.
+    pub fn reads_colors(&self) -> bool {
+        let by_kind = match &self.kind {
+            MaterialKind::Dielectric { tint, .. }
+            | MaterialKind::ThinDielectric { tint, .. }
+            | MaterialKind::RoughDielectric { tint, .. } => {
+                tint.reflectance.reads_colors() || tint.transmittance.reads_colors()
+            }
+            MaterialKind::Diffuse { reflectance }
+            | MaterialKind::Conductor { reflectance, .. }
+            | MaterialKind::Mirror { reflectance }
+            | MaterialKind::RoughConductor { reflectance, .. } => reflectance.reads_colors(),
+            MaterialKind::Plastic {
+                reflectance,
+                specular_reflectance,
+                ..
+            }
+            | MaterialKind::RoughPlastic {
+                reflectance,
+                specular_reflectance,
+                ..
+            } => reflectance.reads_colors() || specular_reflectance.reads_colors(),
+            MaterialKind::Principled { base_color, .. } => base_color.reads_colors(),
+            MaterialKind::Null => false,
+            MaterialKind::Blend { weight, .. } => weight.reads_colors() || self.is_part(&Self::reads_colors),
+        };
+        by_kind || self.opacity.as_ref().is_some_and(Texture::reads_colors)
+    }
     /// Whether light comes out on the other side, bent or not.
     pub fn transmits(&self) -> bool {
         self.refracts() || self.may_be_passed() || self.is_part(&Self::transmits)

@@ -1,8 +1,10 @@
 //! Triangle meshes.
 
+use super::shape::SurfacePoint;
 use super::tree::{Item, ItemTree};
 use super::triangles::TriangleId;
-use crate::math::{Vec2, Vec3};
+use crate::math::{Rgb, Vec2, Vec3};
+use crate::warp;
 use std::sync::{Arc, OnceLock};
 
 /// Triangles with optional normals and UVs per vertex. Counter-clockwise seen from outside.
@@ -14,6 +16,8 @@ pub struct Mesh {
     pub normals: Vec<Vec3>,
     /// UVs, one a vertex, or none at all.
     pub uvs: Vec<Vec2>,
+    /// Linear colours, one a vertex, where something reads them, or none at all.
+    pub colors: Vec<Rgb>,
     /// Vertex indices.
     pub triangles: Vec<[u32; 3]>,
     /// Running sum of triangle areas, made when first asked for.
@@ -62,6 +66,20 @@ impl Mesh {
         let [a, b, c] = self.triangles[triangle as usize];
         let at = |i: u32| self.positions[i as usize];
         [at(a), at(b), at(c)]
+    }
+
+    /// The point that a uniform number puts into a triangle. `pdf_area`: its density.
+    #[inline]
+    pub(crate) fn point_in(&self, triangle: u32, u: Vec2, pdf_area: f32) -> SurfacePoint {
+        let [a, b, c] = self.corners(triangle);
+        let w = warp::uniform_triangle(u);
+        SurfacePoint {
+            point: a * (1.0 - w.x - w.y) + b * w.x + c * w.y,
+            normal: self.facet(triangle).normal,
+            pdf_area,
+            primitive: triangle,
+            weights: w,
+        }
     }
 
     /// Unit geometric normal of a triangle; zero when it has no area.
@@ -166,6 +184,12 @@ impl Mesh {
                 .flatten()
                 .all(|&i| (self.positions[i as usize] - corner).dot(normal) <= tolerance)
         })
+    }
+
+    /// Whether all triangles face the same way.
+    pub fn is_flat(&self) -> bool {
+        let first = self.normal(0);
+        (0..self.triangles.len() as u32).all(|triangle| self.normal(triangle).dot(first) > 1.0 - 1e-6)
     }
 
     /// Running sums of the triangles' areas, in order; the last one is the mesh's area, object space.

@@ -1,7 +1,7 @@
 //! Shapes: what a hit on them looks like, and how points on them are drawn. The search for hits is in `accel`.
 
 use super::mesh::{self, Mesh};
-use crate::math::{PI, Ray, Vec2, Vec3, acos, atan2, sin_cos};
+use crate::math::{PI, Ray, Rgb, Vec2, Vec3, acos, atan2, sin_cos};
 use crate::texture::TexturePoint;
 use crate::warp;
 use glam::Affine3A;
@@ -178,6 +178,10 @@ pub struct SurfacePoint {
     pub normal: Vec3,
     /// Density per area.
     pub pdf_area: f32,
+    /// Triangle within a mesh.
+    pub primitive: u32,
+    /// Within the triangle: the weights of its second and third corner.
+    pub weights: Vec2,
 }
 
 /// A hit as the search finds it.
@@ -265,6 +269,8 @@ impl Shape {
                     point: placement.render_from_object.transform_point3(n),
                     normal: if *flip { -normal } else { normal },
                     pdf_area: 1.0 / (4.0 * PI * placement.area_stretch(n)),
+                    primitive: 0,
+                    weights: Vec2::ZERO,
                 }
             }
             Self::Disc { placement, flip } => {
@@ -274,6 +280,8 @@ impl Shape {
                     point: placement.render_from_object.transform_point3(p.extend(0.0)),
                     normal: if *flip { -normal } else { normal },
                     pdf_area: 1.0 / (PI * placement.area_stretch(Vec3::Z)),
+                    primitive: 0,
+                    weights: Vec2::ZERO,
                 }
             }
             Self::Cylinder { placement, flip } => {
@@ -284,6 +292,8 @@ impl Shape {
                     point: placement.render_from_object.transform_point3(n.with_z(u.y)),
                     normal: if *flip { -normal } else { normal },
                     pdf_area: 1.0 / (2.0 * PI * placement.area_stretch(n)),
+                    primitive: 0,
+                    weights: Vec2::ZERO,
                 }
             }
             Self::Mesh { mesh, .. } => {
@@ -291,13 +301,7 @@ impl Shape {
                 let total = sums.last().copied().unwrap_or(0.0);
                 let x = u_primitive as f64 * total;
                 let triangle = sums.partition_point(|&s| s <= x).min(sums.len() - 1) as u32;
-                let [a, b, c] = mesh.corners(triangle);
-                let w = warp::uniform_triangle(u);
-                SurfacePoint {
-                    point: a * (1.0 - w.x - w.y) + b * w.x + c * w.y,
-                    normal: mesh.facet(triangle).normal,
-                    pdf_area: (1.0 / total) as f32,
-                }
+                mesh.point_in(triangle, u, (1.0 / total) as f32)
             }
         }
     }
@@ -312,13 +316,45 @@ impl Shape {
         }
     }
 
-    /// Whether no part of its outside hides another one from any point, as far as that can be told quickly: shadow rays
-    /// then need not look for the light that they go to, which they would meet a rounding early.
-    pub fn never_shadows_itself(&self) -> bool {
+    /// What textures are looked up by at a point on it. Of a mesh: in this triangle, by the weights of its second and
+    /// third corner.
+    pub fn texture_point(&self, point: Vec3, primitive: u32, weights: Vec2) -> TexturePoint {
+        let own = |placement: &Placement| placement.object_from_render.transform_point3(point);
+        let uv = match self {
+            Self::Sphere { placement, .. } => sphere_uv(own(placement).normalize()),
+            Self::Disc { placement, .. } => disc_uv(own(placement).truncate()),
+            Self::Cylinder { placement, .. } => {
+                let p = own(placement);
+                Vec2::new(turn(p.truncate().normalize()), p.z.clamp(0.0, 1.0))
+            }
+            Self::Mesh { mesh, .. } => mesh_uv(mesh, primitive, weights),
+        };
+        TexturePoint {
+            uv,
+            color: self.color_at(primitive, weights),
+        }
+    }
+
+    /// Whether no part of its outside, or of its `two_sides`, hides another one from any point, as far as that can be
+    /// told quickly: shadow rays then need not look for the light that they go to, which they would meet a rounding
+    /// early.
+    pub fn never_shadows_itself(&self, two_sides: bool) -> bool {
         match self {
-            Self::Sphere { flip, .. } | Self::Cylinder { flip, .. } => !flip,
+            Self::Sphere { flip, .. } | Self::Cylinder { flip, .. } => !flip && !two_sides,
             Self::Disc { .. } => true,
-            Self::Mesh { mesh, .. } => mesh.is_convex(),
+            Self::Mesh { mesh, .. } => mesh.is_convex() && (!two_sides || mesh.is_flat()),
+        }
+    }
+
+    /// Colour of a mesh in a triangle, by the weights of its second and third corner, if its vertices have colours.
+    #[inline]
+    fn color_at(&self, primitive: u32, w: Vec2) -> Rgb {
+        match self {
+            Self::Mesh { mesh, .. } if !mesh.colors.is_empty() => {
+                let [a, b, c] = mesh.triangles[primitive as usize].map(|i| mesh.colors[i as usize]);
+                a * (1.0 - w.x - w.y) + b * w.x + c * w.y
+            }
+            _ => Rgb::ZERO,
         }
     }
 
@@ -392,7 +428,14 @@ impl Shape {
             point,
             ng,
             ns,
-            at: TexturePoint::of_uv(uv.unwrap_or_default()),
+            at: TexturePoint {
+                uv: uv.unwrap_or_default(),
+                color: if has_uv {
+                    self.color_at(hit.primitive, hit.uv)
+                } else {
+                    Rgb::ZERO
+                },
+            },
             object: hit.object,
             primitive: hit.primitive,
             curvature,

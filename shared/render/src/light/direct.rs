@@ -1,9 +1,10 @@
 //! Light towards a point, and the density with which it is sampled.
 
-use super::{DirectSample, Light, LightHit, LightKind, SceneBounds, spot};
-use crate::geometry::{Object, Shape};
+use super::{DirectSample, Light, LightHit, LightKind, LightPoint, Pattern, SceneBounds, spot};
+use crate::geometry::{Object, Shape, SurfacePoint};
 use crate::math::{Frame, PI, Rgb, Vec2, Vec3, sin_cos};
 use crate::sampler::Sampler;
+use std::sync::Arc;
 
 impl Light {
     /// Draw the numbers that [`Self::sample_direct`] wants: a place on the light, and one of its primitives.
@@ -42,36 +43,48 @@ impl Light {
             LightKind::Directional { direction, irradiance } => Some(DirectSample {
                 wi: -*direction,
                 normal: *direction,
+                primitive: 0,
                 distance: f32::INFINITY,
                 weight: *irradiance,
                 pdf: 1.0,
                 delta: true,
             }),
-            LightKind::Area { object, radiance } => {
+            LightKind::Area {
+                object,
+                radiance,
+                pattern,
+                ..
+            } => {
                 let shape = &objects[*object as usize].shape;
-                let (wi, distance, pdf, normal) = match Cone::around(shape, from) {
-                    Some(cone) => {
-                        let (wi, distance, pdf) = cone.sample(u);
-                        (wi, distance, pdf, cone.normal(wi, distance))
-                    }
+                let drawn = match self.cone(shape, from) {
+                    Some(cone) => cone.sample(from, u),
                     None => {
-                        let at = shape.sample_area(u, u_primitive);
+                        let at = match pattern {
+                            None => shape.sample_area(u, u_primitive),
+                            Some(pattern) => pattern.sample(shape, u, u_primitive),
+                        };
                         let offset = at.point - from;
                         let distance = offset.length();
                         let wi = offset / distance;
-                        (
+                        Towards {
                             wi,
                             distance,
-                            per_solid_angle(at.pdf_area, -wi.dot(at.normal), distance)?,
-                            at.normal,
-                        )
+                            pdf: per_solid_angle(at.pdf_area, self.facing(-wi.dot(at.normal)), distance)?,
+                            at,
+                        }
                     }
+                };
+                let Towards { wi, distance, pdf, at } = drawn;
+                let radiance = match pattern {
+                    None => *radiance,
+                    Some(pattern) => pattern.radiance_of(shape, &at),
                 };
                 Some(DirectSample {
                     wi,
-                    normal,
+                    normal: at.normal,
+                    primitive: at.primitive,
                     distance,
-                    weight: *radiance / pdf,
+                    weight: radiance / pdf,
                     pdf,
                     delta: false,
                 })
@@ -81,6 +94,7 @@ impl Light {
                 Some(DirectSample {
                     wi: towards.dir,
                     normal: -towards.dir,
+                    primitive: 0,
                     distance: f32::INFINITY,
                     weight: environment.radiance(towards.dir) / towards.pdf,
                     pdf: towards.pdf,
@@ -94,13 +108,14 @@ impl Light {
     /// says where, and is `None` for a ray that left the scene. Zero for lights that no ray meets.
     pub fn pdf_direct(&self, objects: &[Object], from: Vec3, wi: Vec3, hit: Option<LightHit>) -> f32 {
         match (&self.kind, hit) {
-            (LightKind::Area { object, .. }, Some(hit)) => {
+            (LightKind::Area { object, pattern, .. }, Some(hit)) => {
                 let shape = &objects[*object as usize].shape;
-                match Cone::around(shape, from) {
+                match self.cone(shape, from) {
                     Some(cone) => cone.pdf(),
                     None => {
-                        let cos = -wi.dot(hit.normal);
-                        per_solid_angle(shape.pdf_area(hit.normal), cos, hit.distance).unwrap_or(0.0)
+                        let cos = self.facing(-wi.dot(hit.normal));
+                        per_solid_angle(pdf_area(shape, pattern, hit.normal, hit.primitive), cos, hit.distance)
+                            .unwrap_or(0.0)
                     }
                 }
             }
@@ -111,6 +126,22 @@ impl Light {
 }
 
 impl Light {
+    /// The cone that the light fills, if it is a ball of which only the outside emits: the inside may be seen through
+    /// the outside.
+    #[inline]
+    fn cone(&self, shape: &Shape, from: Vec3) -> Option<Cone> {
+        match self.is_two_sided() {
+            false => Cone::around(shape, from),
+            true => None,
+        }
+    }
+
+    /// Cosine of the angle to the normal of an area light, on a side that emits.
+    #[inline]
+    fn facing(&self, cos: f32) -> f32 {
+        if self.is_two_sided() { cos.abs() } else { cos }
+    }
+
     /// Density of emitted photons per area across `wi` at a point, over the density with which [`Self::sample_direct`]
     /// from there chooses that light: what the two are weighed by against each other. `at`: where the light is met.
     pub(crate) fn photon_density(
@@ -136,10 +167,10 @@ impl Light {
             }
             LightKind::Projector(projector) => projector.pdf(-wi) / distance2,
             LightKind::Directional { .. } | LightKind::Environment(_) => 1.0 / bounds.disc_area(),
-            LightKind::Area { object, .. } => {
+            LightKind::Area { object, pattern, .. } => {
                 let shape = &objects[*object as usize].shape;
                 let direct = self.pdf_direct(objects, from, wi, Some(at));
-                shape.pdf_area(at.normal) / (PI * direct)
+                pdf_area(shape, pattern, at.normal, at.primitive) / (self.sides() * PI * direct)
             }
         }
     }
@@ -147,11 +178,14 @@ impl Light {
 
 impl Light {
     /// Density of photons, per area across their way and solid angle, where one is emitted in this direction. It stays
-    /// the same along their ways by specular surfaces. `normal`: of an area light. Zero for light that is
+    /// the same along their ways by specular surfaces. `on`: where on an area light. Zero for light that is
     /// parallel or comes from a point.
-    pub(crate) fn emitted_density(&self, objects: &[Object], bounds: &SceneBounds, dir: Vec3, normal: Vec3) -> f32 {
+    pub(crate) fn emitted_density(&self, objects: &[Object], bounds: &SceneBounds, dir: Vec3, on: LightPoint) -> f32 {
         match &self.kind {
-            LightKind::Area { object, .. } => objects[*object as usize].shape.pdf_area(normal) / PI,
+            LightKind::Area { object, pattern, .. } => {
+                let shape = &objects[*object as usize].shape;
+                pdf_area(shape, pattern, on.normal, on.primitive) / (self.sides() * PI)
+            }
             LightKind::Environment(environment) => environment.pdf(-dir) / bounds.disc_area(),
             LightKind::Point { .. }
             | LightKind::Spot { .. }
@@ -167,11 +201,30 @@ fn from_point(offset: Vec3, intensity: Rgb) -> Option<DirectSample> {
     (distance > 0.0).then(|| DirectSample {
         wi: offset / distance,
         normal: -offset / distance,
+        primitive: 0,
         distance,
         weight: intensity / distance / distance,
         pdf: 1.0,
         delta: true,
     })
+}
+
+/// Density per area with which a point of a shape is drawn that emits.
+#[inline]
+fn pdf_area(shape: &Shape, pattern: &Option<Arc<Pattern>>, normal: Vec3, primitive: u32) -> f32 {
+    match pattern {
+        None => shape.pdf_area(normal),
+        Some(pattern) => pattern.pdf_area(shape, normal, primitive),
+    }
+}
+
+/// A point of a surface that emits, as it is seen from another.
+struct Towards {
+    wi: Vec3,
+    distance: f32,
+    /// Per solid angle.
+    pdf: f32,
+    at: SurfacePoint,
 }
 
 /// A density per area as one per solid angle; `None` on the side that does not emit, and where it overflows.
@@ -225,8 +278,8 @@ impl Cone {
         (wi * distance - self.axis * self.distance) / self.radius
     }
 
-    /// A direction uniform in the cone, the distance of the sphere along it, and the density.
-    fn sample(&self, u: Vec2) -> (Vec3, f32, f32) {
+    /// A direction uniform in the cone from a point, and where the sphere is along it.
+    fn sample(&self, from: Vec3, u: Vec2) -> Towards {
         let one_minus_cos = u.x * self.one_minus_cos;
         let cos = 1.0 - one_minus_cos;
         let sin2 = one_minus_cos * (2.0 - one_minus_cos);
@@ -237,6 +290,17 @@ impl Cone {
         let product = (self.distance - self.radius) * (self.distance + self.radius);
         let distance = product / (self.distance * cos + half_chord);
         let wi = Frame::from_normal(self.axis).to_world(local);
-        (wi, distance, self.pdf())
+        Towards {
+            wi,
+            distance,
+            pdf: self.pdf(),
+            at: SurfacePoint {
+                point: from + wi * distance,
+                normal: self.normal(wi, distance),
+                pdf_area: 0.0,
+                primitive: 0,
+                weights: Vec2::ZERO,
+            },
+        }
     }
 }

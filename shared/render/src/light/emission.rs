@@ -17,6 +17,7 @@ impl Light {
                 power: *intensity * (4.0 * PI),
                 pdf_dir: warp::uniform_sphere_pdf(),
                 pdf_pos: f32::INFINITY,
+                primitive: 0,
             },
             LightKind::Spot {
                 position,
@@ -34,6 +35,7 @@ impl Light {
                     power: *intensity * (falloff / pdf_dir),
                     pdf_dir,
                     pdf_pos: f32::INFINITY,
+                    primitive: 0,
                 }
             }
             LightKind::Projector(projector) => {
@@ -45,22 +47,40 @@ impl Light {
                     power: projector.intensity(dir) / pdf_dir,
                     pdf_dir,
                     pdf_pos: f32::INFINITY,
+                    primitive: 0,
                 }
             }
             LightKind::Directional { direction, irradiance } => EmissionSample {
                 pdf_dir: f32::INFINITY,
                 ..from_afar(bounds, *direction, *irradiance, u.position)
             },
-            LightKind::Area { object, radiance } => {
-                let at = objects[*object as usize].shape.sample_area(u.position, u.primitive);
-                let local = warp::cosine_hemisphere(u.direction);
+            LightKind::Area {
+                object,
+                radiance,
+                pattern,
+                two_sided,
+            } => {
+                let shape = &objects[*object as usize].shape;
+                let (at, radiance) = match pattern {
+                    None => (shape.sample_area(u.position, u.primitive), *radiance),
+                    Some(pattern) => {
+                        let at = pattern.sample(shape, u.position, u.primitive);
+                        (at, pattern.radiance_of(shape, &at))
+                    }
+                };
+                let (normal, u_direction) = match two_sided {
+                    false => (at.normal, u.direction),
+                    true => either_side(at.normal, u.direction),
+                };
+                let local = warp::cosine_hemisphere(u_direction);
                 EmissionSample {
                     origin: at.point,
-                    dir: Frame::from_normal(at.normal).to_world(local),
-                    normal: Some(at.normal),
-                    power: *radiance * (PI / at.pdf_area),
-                    pdf_dir: warp::cosine_hemisphere_pdf(local.z),
+                    dir: Frame::from_normal(normal).to_world(local),
+                    normal: Some(normal),
+                    power: radiance * (self.sides() * PI / at.pdf_area),
+                    pdf_dir: warp::cosine_hemisphere_pdf(local.z) / self.sides(),
                     pdf_pos: at.pdf_area,
+                    primitive: at.primitive,
                 }
             }
             LightKind::Environment(environment) => {
@@ -72,6 +92,15 @@ impl Light {
                 }
             }
         }
+    }
+}
+
+/// The normal or its opposite, each half of the time, and what is left of the uniform numbers.
+fn either_side(normal: Vec3, u: Vec2) -> (Vec3, Vec2) {
+    let twice = 2.0 * u.x;
+    match twice < 1.0 {
+        true => (normal, Vec2::new(twice, u.y)),
+        false => (-normal, Vec2::new(twice - 1.0, u.y)),
     }
 }
 
@@ -99,5 +128,6 @@ pub(crate) fn from_afar(bounds: &SceneBounds, dir: Vec3, irradiance: Rgb, u: Vec
         power: irradiance * area,
         pdf_dir: f32::INFINITY,
         pdf_pos: 1.0 / area,
+        primitive: 0,
     }
 }

@@ -5,6 +5,7 @@ mod direct;
 pub(crate) mod emission;
 pub(crate) mod environment;
 mod local;
+mod pattern;
 mod projector;
 mod segment;
 mod selector;
@@ -13,6 +14,7 @@ pub(crate) mod spot;
 
 pub use environment::{Environment, EnvironmentSample, Place};
 pub use local::LocalChoice;
+pub use pattern::Pattern;
 pub use projector::Projector;
 pub use segment::{FogSegment, SegmentSample};
 pub use selector::{LightChoice, LightSelector};
@@ -21,7 +23,9 @@ pub(crate) use source::MAX_WEIGHED as MANY_LIGHTS;
 
 use crate::geometry::Object;
 use crate::math::{Frame, PI, Rgb, Vec2, Vec3};
+use crate::texture::TexturePoint;
 use beamfarm_image::layer::LightGroup;
+use std::sync::Arc;
 
 /// A light.
 #[derive(Clone, Debug)]
@@ -67,12 +71,16 @@ pub enum LightKind {
         /// W/m^2 on a plane across the direction.
         irradiance: Rgb,
     },
-    /// A surface that emits the same radiance everywhere, on the side that its geometric normal points to.
+    /// A surface that emits on the side that its geometric normal points to, or on both, as much in all directions.
     Area {
         /// Index into the scene's objects.
         object: u32,
-        /// W/(m^2 sr).
+        /// W/(m^2 sr); where it varies, its mean.
         radiance: Rgb,
+        /// How it varies over the surface, if it does.
+        pattern: Option<Arc<Pattern>>,
+        /// Whether it emits on both sides.
+        two_sided: bool,
     },
     /// Radiance from all around.
     Environment(Environment),
@@ -103,6 +111,8 @@ pub struct EmissionSample {
     pub pdf_dir: f32,
     /// Density of the position per area (infinite for point and spot lights).
     pub pdf_pos: f32,
+    /// Triangle of a mesh that emits.
+    pub primitive: u32,
 }
 
 /// Light towards a point, for shadow rays.
@@ -112,6 +122,8 @@ pub struct DirectSample {
     pub wi: Vec3,
     /// Unit normal of the light where it is met; the direction back, where it has none.
     pub normal: Vec3,
+    /// Triangle of a mesh that emits.
+    pub primitive: u32,
     /// Distance, infinite for directional and environment lights.
     pub distance: f32,
     /// Radiance towards the point over `pdf`: for delta lights the irradiance across `wi`. No visibility, no medium.
@@ -122,11 +134,22 @@ pub struct DirectSample {
     pub delta: bool,
 }
 
+/// Where on an area light something is.
+#[derive(Clone, Copy, Debug)]
+pub struct LightPoint {
+    /// Unit geometric normal there, pointing outside.
+    pub normal: Vec3,
+    /// Triangle within a mesh.
+    pub primitive: u32,
+}
+
 /// Where a ray met a light.
 #[derive(Clone, Copy, Debug)]
 pub struct LightHit {
     /// Unit geometric normal there, pointing outside.
     pub normal: Vec3,
+    /// Triangle within a mesh.
+    pub primitive: u32,
     /// Distance along the ray.
     pub distance: f32,
 }
@@ -165,18 +188,46 @@ impl Light {
             } => *intensity * spot::effective_solid_angle(*beam_width, *cutoff),
             LightKind::Projector(projector) => projector.power(),
             LightKind::Directional { irradiance, .. } => *irradiance * bounds.disc_area(),
-            LightKind::Area { object, radiance } => *radiance * (PI * objects[*object as usize].shape.area()),
+            LightKind::Area { object, radiance, .. } => {
+                *radiance * (self.sides() * PI * objects[*object as usize].shape.area())
+            }
             LightKind::Environment(environment) => environment.fluence() * bounds.disc_area(),
         }
     }
 
-    /// Radiance that an area light emits at an angle to its geometric normal, W/(m^2 sr); zero for the other kinds.
+    /// Radiance that an area light emits from a point at an angle to its geometric normal, W/(m^2 sr); zero for the
+    /// other kinds.
     #[inline]
-    pub fn radiance_area(&self, cos: f32) -> Rgb {
+    pub fn radiance_area(&self, cos: f32, at: &TexturePoint) -> Rgb {
         match &self.kind {
-            LightKind::Area { radiance, .. } if cos > 0.0 => *radiance,
+            LightKind::Area {
+                radiance,
+                pattern,
+                two_sided,
+                ..
+            } if cos > 0.0 || *two_sided => match pattern {
+                None => *radiance,
+                Some(pattern) => pattern.radiance(at),
+            },
             _ => Rgb::ZERO,
         }
+    }
+
+    /// How many sides of a surface emit.
+    #[inline]
+    pub(crate) fn sides(&self) -> f32 {
+        if self.is_two_sided() { 2.0 } else { 1.0 }
+    }
+
+    /// Whether it is an area light that emits on both sides.
+    #[inline]
+    pub(crate) fn is_two_sided(&self) -> bool {
+        matches!(self.kind, LightKind::Area { two_sided: true, .. })
+    }
+
+    /// Whether it is an area light whose radiance varies over its surface.
+    pub(crate) fn has_pattern(&self) -> bool {
+        matches!(self.kind, LightKind::Area { pattern: Some(_), .. })
     }
 }
 

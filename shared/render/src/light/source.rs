@@ -115,7 +115,9 @@ impl Source {
                 let half = 0.5 * (max - min);
                 let (radius, region) = match (shape, plane(shape)) {
                     (Shape::Sphere { .. }, _) => (half.max_element(), Region::Everywhere),
-                    (_, Some((point, normal))) => (half.length(), Region::Before { point, normal }),
+                    (_, Some((point, normal))) if !light.is_two_sided() => {
+                        (half.length(), Region::Before { point, normal })
+                    }
                     _ => (half.length(), Region::Everywhere),
                 };
                 let solid_angle = match region {
@@ -138,10 +140,7 @@ fn plane(shape: &Shape) -> Option<(Vec3, Vec3)> {
     let at = shape.sample_area(glam::Vec2::splat(0.4), 0.4);
     match shape {
         Shape::Disc { .. } => Some((at.point, at.normal)),
-        Shape::Mesh { mesh, .. } if mesh.triangles.len() <= 2 => {
-            let flat = (0..mesh.triangles.len()).all(|i| mesh.normal(i as u32).dot(at.normal) > 1.0 - 1e-6);
-            flat.then_some((at.point, at.normal))
-        }
+        Shape::Mesh { mesh, .. } if mesh.triangles.len() <= 2 => mesh.is_flat().then_some((at.point, at.normal)),
         _ => None,
     }
 }

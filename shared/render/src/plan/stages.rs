@@ -1,6 +1,7 @@
 //! What the plan says of each stage: whether a scene has it, and why.
 
 use super::{Contents, RenderPlan};
+use crate::camera::Projection;
 use crate::medium::{Heterogeneous, Medium};
 use crate::world::Scene;
 use beamfarm_image::layer::Layer;
@@ -265,12 +266,16 @@ fn visibility_rules(scene: &Scene, plan: &RenderPlan) -> Stage {
 }
 
 fn thin_lens(scene: &Scene) -> Stage {
-    let aperture = scene.description().camera.aperture;
+    let camera = &scene.description().camera;
+    let aperture = camera.aperture;
     Stage::either(
         "thin lens",
         aperture > 0.0,
         || format!("aperture {aperture}"),
-        "aperture 0: a pinhole",
+        match camera.projection {
+            Projection::Perspective => "aperture 0: a pinhole",
+            Projection::Orthographic => "aperture 0: parallel rays",
+        },
     )
 }
 

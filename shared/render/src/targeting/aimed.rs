@@ -116,7 +116,13 @@ impl Light {
             _ => {
                 let start = self.sample_emission(objects, bounds, u);
                 let dir = (point - start.origin).normalize_or_zero();
-                EmissionSample { dir, ..start }
+                let normal = start
+                    .normal
+                    .map(|normal| match self.is_two_sided() && normal.dot(dir) < 0.0 {
+                        true => -normal,
+                        false => normal,
+                    });
+                EmissionSample { dir, normal, ..start }
             }
         };
         let is_front = drawn.disc.normal.dot(start.dir) < 0.0;
@@ -142,6 +148,7 @@ impl Light {
             power: Rgb::ZERO,
             pdf_dir: 0.0,
             pdf_pos: 0.0,
+            primitive: 0,
         };
         self.aimed_density(bounds, discs, &ray, None).pdf / self.plain_density(bounds, &start).pdf
     }
@@ -163,9 +170,21 @@ impl Light {
             }
             LightKind::Projector(projector) => projector.intensity(start.dir),
             LightKind::Directional { irradiance, .. } => *irradiance,
-            LightKind::Area { radiance, .. } => *radiance * (cos_at(start).max(0.0) / start.pdf_pos),
+            LightKind::Area {
+                radiance,
+                pattern: None,
+                ..
+            } => *radiance * (self.cos_at(start) / start.pdf_pos),
+            // As it was drawn: the radiance there times pi over the density, for each side.
+            LightKind::Area { pattern: Some(_), .. } => start.power * (self.cos_at(start) / (self.sides() * PI)),
             LightKind::Environment(environment) => environment.radiance(-start.dir),
         }
+    }
+
+    /// Cosine of the angle to an area light's normal, zero on a side that does not emit.
+    fn cos_at(&self, start: &EmissionSample) -> f32 {
+        let cos = start.normal.map_or(0.0, |normal| normal.dot(start.dir));
+        if self.is_two_sided() { cos.abs() } else { cos.max(0.0) }
     }
 
     /// Density of [`Light::sample_emission`]; of an area light's directions, the point being given.
@@ -184,7 +203,7 @@ impl Light {
             }
             LightKind::Projector(projector) => projector.pdf(start.dir),
             LightKind::Directional { .. } => of_point,
-            LightKind::Area { .. } => cos_at(start).max(0.0) / PI,
+            LightKind::Area { .. } => self.cos_at(start) / (self.sides() * PI),
             LightKind::Environment(environment) => environment.pdf(-start.dir) * of_point,
         };
         Density { pdf, of_point }
@@ -230,10 +249,6 @@ fn own_directions(environment: &Environment) -> f32 {
         true => OWN_DIRECTIONS,
         false => 0.0,
     }
-}
-
-fn cos_at(start: &EmissionSample) -> f32 {
-    start.normal.map_or(0.0, |normal| normal.dot(start.dir))
 }
 
 #[cfg(test)]

@@ -139,10 +139,11 @@ impl<V: Sight> Pilot<'_, V> {
         let scene = self.scene;
         let camera = &scene.description().camera;
         let image = sampler.next_2d() * Vec2::new(camera.width as f32, camera.height as f32);
+        let ray = camera.ray(image, sampler.next_2d());
         let mut path = Path {
-            ray: camera.ray(image, sampler.next_2d()),
+            ray,
             hidden: self.sight.from(Start::Camera),
-            medium: scene.camera_medium,
+            medium: scene.medium_of_camera(ray.origin),
             beta: Rgb::ONE,
             depth: 0,
             scattered: 0,
@@ -185,6 +186,7 @@ impl<V: Sight> Pilot<'_, V> {
             if let Some(light) = scene.objects()[hit.object as usize].light {
                 let at = LightHit {
                     normal: hit.ng,
+                    primitive: hit.primitive,
                     distance: path.distance,
                 };
                 self.meet(&path, light as usize, Some((at, &hit)), out);

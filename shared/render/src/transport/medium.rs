@@ -89,6 +89,7 @@ impl<V: Sight> CameraTracer<'_, V> {
                     }
                     let at = LightHit {
                         normal: hit.ng,
+                        primitive: hit.primitive,
                         distance: arrived.distance,
                     };
                     (scene.emitted(hit, dir), Some(at))

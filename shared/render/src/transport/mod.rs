@@ -157,7 +157,7 @@ impl<V: Sight> CameraTracer<'_, V> {
             hidden: self.sight.from(Start::Camera),
             beta: Rgb::ONE,
             track: Rgb::ONE,
-            medium: self.scene.camera_medium,
+            medium: self.scene.medium_of_camera(ray.origin),
             way: Way::default(),
             depth: 0,
             is_blurred: false,
@@ -274,15 +274,15 @@ impl<V: Sight> CameraTracer<'_, V> {
         context: &mut PathContext<'_>,
     ) {
         let scene = self.scene;
-        let mut add = |light: usize, emitted: Rgb, normal: Option<Vec3>| {
-            let arriving = path.beta * emitted * self.share_of_lobe(path, light, normal);
+        let mut add = |light: usize, emitted: Rgb, hit: Option<&SurfaceHit>| {
+            let arriving = path.beta * emitted * self.share_of_lobe(path, light, hit);
             context.record.add(Part::Direct, light, arriving);
             *radiance += arriving;
         };
         match hit {
             Some(hit) => {
                 if let Some(light) = scene.objects()[hit.object as usize].light {
-                    add(light as usize, scene.emitted(hit, path.ray.dir), Some(hit.ng));
+                    add(light as usize, scene.emitted(hit, path.ray.dir), Some(hit));
                 }
             }
             None => {
@@ -325,9 +325,9 @@ impl<V: Sight> CameraTracer<'_, V> {
         delta
     }
 
-    /// Weight of a light that the path has met, where light was sampled at a lobe that it followed last. `normal`: of
+    /// Weight of a light that the path has met, where light was sampled at a lobe that it followed last. `hit`: of
     /// an area light.
-    fn share_of_lobe(&self, path: &Path<V::Hidden>, light: usize, normal: Option<Vec3>) -> f32 {
+    fn share_of_lobe(&self, path: &Path<V::Hidden>, light: usize, hit: Option<&SurfaceHit>) -> f32 {
         let Some(lobe) = &path.drawn else {
             return 1.0;
         };
@@ -336,8 +336,9 @@ impl<V: Sight> CameraTracer<'_, V> {
         if self.sight.links_shadows(light) || self.sight.hides_light(shadow, light) {
             return 0.0;
         }
-        let hit = normal.map(|normal| LightHit {
-            normal,
+        let hit = hit.map(|hit| LightHit {
+            normal: hit.ng,
+            primitive: hit.primitive,
             distance: lobe.distance,
         });
         let dir = path.ray.dir;

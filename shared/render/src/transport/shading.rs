@@ -228,6 +228,7 @@ impl<V: Sight> CameraTracer<'_, V> {
         let weight = |choice: LightChoice, direct: &DirectSample, wi: Vec3| {
             let at = LightHit {
                 normal: direct.normal,
+                primitive: direct.primitive,
                 distance: direct.distance,
             };
             let density = scene.lights()[choice.light].photon_density(

@@ -9,7 +9,7 @@ use crate::beam::estimate::{CameraSegment, CameraSegments};
 use crate::bsdf::{Material, TransportMode};
 use crate::estimators::Estimators;
 use crate::geometry::SurfaceHit;
-use crate::light::{DirectSample, Environment, LightChoice, LightHit, LocalChoice, Place};
+use crate::light::{DirectSample, Environment, LightChoice, LightHit, LightPoint, LocalChoice, Place};
 use crate::math::{Ray, Rgb, Vec3};
 use crate::medium::{Flight, MediumId};
 use crate::odds::{MAX_SURVIVAL, ROULETTE_FACTOR, TRAPPED_DEPTH, gather_share};
@@ -53,8 +53,8 @@ pub(super) struct Walk<'v, H> {
 /// How a path has met a light.
 #[derive(Clone, Copy)]
 enum Met<'a> {
-    /// As a surface, with this normal.
-    Surface(Vec3),
+    /// As a surface.
+    Surface(&'a SurfaceHit),
     /// All around, with the direction's place in it.
     Around(&'a Environment, &'a Place),
 }
@@ -118,7 +118,7 @@ impl<V: Sight> CameraTracer<'_, V> {
             {
                 let emitted = scene.emitted(&hit, walk.ray.dir);
                 if emitted != Rgb::ZERO {
-                    let share = self.share(&walk, light as usize, Met::Surface(hit.ng));
+                    let share = self.share(&walk, light as usize, Met::Surface(&hit));
                     radiance += self.found(&walk, light as usize, emitted * share, context);
                 }
             }
@@ -168,9 +168,12 @@ impl<V: Sight> CameraTracer<'_, V> {
         }
         let scene = self.scene;
         let pdf = match met {
-            Met::Surface(normal) => {
-                let distance = drawn.distance;
-                let hit = Some(LightHit { normal, distance });
+            Met::Surface(hit) => {
+                let hit = Some(LightHit {
+                    normal: hit.ng,
+                    primitive: hit.primitive,
+                    distance: drawn.distance,
+                });
                 scene.lights()[light].pdf_direct(scene.objects(), drawn.point, wi, hit)
             }
             Met::Around(environment, place) => environment.pdf_at(place),
@@ -188,11 +191,17 @@ impl<V: Sight> CameraTracer<'_, V> {
             (odds, Some(projected)) => {
                 let (objects, bounds) = (self.scene.objects(), self.scene.bounds());
                 let dir = -walk.ray.dir;
-                let along = match met {
-                    Met::Surface(normal) => normal,
-                    Met::Around(..) => dir,
+                let on = match met {
+                    Met::Surface(hit) => LightPoint {
+                        normal: hit.ng,
+                        primitive: hit.primitive,
+                    },
+                    Met::Around(..) => LightPoint {
+                        normal: dir,
+                        primitive: 0,
+                    },
                 };
-                let density = self.scene.lights()[light].emitted_density(objects, bounds, dir, along);
+                let density = self.scene.lights()[light].emitted_density(objects, bounds, dir, on);
                 gather_share(odds * density, projected)
             }
         }

@@ -14,12 +14,12 @@ use crate::math::{Ray, Vec2, Vec3};
 use crate::medium::MediumId;
 use crate::rules::HiddenSet;
 
-/// The medium around a light.
+/// The medium around a light or the camera.
 #[derive(Clone, Copy, Debug)]
-pub(crate) enum LightMedium {
+pub(crate) enum StartMedium {
     /// The same on all sides.
     One(MediumId),
-    /// Some of the light is in one, some in another.
+    /// Some of it is in one, some in another.
     ByPlace,
 }
 
@@ -155,12 +155,43 @@ impl Scene {
         misplaced.collect()
     }
 
+    /// The medium that a ray of the camera starts in.
+    #[inline]
+    pub(crate) fn medium_of_camera(&self, origin: Vec3) -> MediumId {
+        match self.camera_medium {
+            StartMedium::One(medium) => medium,
+            StartMedium::ByPlace => self.medium_seen(origin, self.hidden_from_camera()),
+        }
+    }
+
+    fn hidden_from_camera(&self) -> Option<HiddenSet> {
+        let rules = self.description().rules.as_ref();
+        rules.map(|rules| rules.camera)
+    }
+
+    /// The media that rays of the camera start in.
+    pub(super) fn find_camera_medium(&self) -> StartMedium {
+        let camera = &self.description().camera;
+        if let Some(named) = self.description().camera_medium {
+            return StartMedium::One(named);
+        }
+        let numbers = 0..self.objects().len() as u32;
+        let meets_film = |object: u32| camera.film_meets(self.boxes[object as usize]);
+        match numbers
+            .into_iter()
+            .any(|object| !self.bounds_nothing(object) && meets_film(object))
+        {
+            true => StartMedium::ByPlace,
+            false => StartMedium::One(self.medium_seen(camera.position, self.hidden_from_camera())),
+        }
+    }
+
     /// The medium that photons of a light start in, at a point off its surface.
     #[inline]
     pub(crate) fn medium_of_light(&self, light: usize, point: Vec3) -> MediumId {
         match self.light_media[light] {
-            LightMedium::One(medium) => medium,
-            LightMedium::ByPlace => self.medium_seen(point, self.hidden_from_light(light)),
+            StartMedium::One(medium) => medium,
+            StartMedium::ByPlace => self.medium_seen(point, self.hidden_from_light(light)),
         }
     }
 
@@ -170,29 +201,33 @@ impl Scene {
     }
 
     /// The media that photons of a light start in.
-    pub(crate) fn find_light_medium(&self, light: usize) -> LightMedium {
+    pub(crate) fn find_light_medium(&self, light: usize) -> StartMedium {
         let hidden = self.hidden_from_light(light);
         let medium = match &self.lights()[light].kind {
             LightKind::Point { position, .. } | LightKind::Spot { position, .. } => self.medium_seen(*position, hidden),
             LightKind::Projector(projector) => self.medium_seen(projector.position, hidden),
-            LightKind::Area { object, .. } => {
+            LightKind::Area { object, two_sided, .. } => {
                 let object = &self.objects()[*object as usize];
-                if let Some(boundary) = object.boundary {
-                    return LightMedium::One(boundary.exterior);
+                match object.boundary {
+                    Some(boundary) if !two_sided => return StartMedium::One(boundary.exterior),
+                    Some(_) => return StartMedium::ByPlace,
+                    None => {}
                 }
-                let mut media = places_on(object).map(|on| {
-                    let point = on.point + on.normal * self.clearance(on.point);
-                    self.medium_seen(point, hidden)
+                let sides: &[f32] = if *two_sided { &[1.0, -1.0] } else { &[1.0] };
+                let points = places_on(object).flat_map(|on| {
+                    let off = on.normal * self.clearance(on.point);
+                    sides.iter().map(move |side| on.point + off * *side)
                 });
+                let mut media = points.map(|point| self.medium_seen(point, hidden));
                 let first = media.next().flatten();
                 if media.any(|other| other != first) {
-                    return LightMedium::ByPlace;
+                    return StartMedium::ByPlace;
                 }
                 first
             }
             LightKind::Directional { .. } | LightKind::Environment(_) => self.description().world_medium,
         };
-        LightMedium::One(medium)
+        StartMedium::One(medium)
     }
 }
 

@@ -14,7 +14,7 @@ use crate::light::{EmissionSample, Environment, Light, LightKind, LightSources, 
 use crate::math::{Ray, Rgb, Vec3};
 use crate::medium::{Medium, MediumId};
 use crate::sampler::Sampler;
-use crossing::LightMedium;
+use crossing::StartMedium;
 pub use description::{Motion, RenderDefaults, SceneDescription};
 pub(crate) use interaction::SurfaceInteraction;
 pub use pick::Seen;
@@ -32,9 +32,9 @@ pub struct Scene {
     /// The lights as those who choose among them see them.
     pub(crate) light_sources: LightSources,
     /// Medium that camera rays start in.
-    pub(crate) camera_medium: MediumId,
+    camera_medium: StartMedium,
     /// By light: medium that photons start in.
-    pub(crate) light_media: Vec<LightMedium>,
+    pub(crate) light_media: Vec<StartMedium>,
     /// By light: the object that shadow rays to it pass through, because it cannot hide itself.
     pub(crate) unshadowing: Vec<Option<u32>>,
     /// Indices of the environment lights.
@@ -70,7 +70,14 @@ impl Scene {
     fn made(description: SceneDescription, previous: Option<&Self>) -> Self {
         let (selectors, aimed_at) = (Selectors::of_all(&description), Selectors::aimed_at(&description));
         let material = |o: &Object| &description.materials[o.material as usize];
-        let has_uv = description.objects.iter().map(|o| material(o).reads_uv());
+        let has_pattern = |o: &Object| {
+            o.light
+                .is_some_and(|light| description.lights[light as usize].has_pattern())
+        };
+        let has_uv = description
+            .objects
+            .iter()
+            .map(|o| material(o).reads_uv() || has_pattern(o));
         let known = |number: usize| {
             let (object, known) = (&description.objects[number], previous?.objects().get(number)?);
             object
@@ -99,9 +106,9 @@ impl Scene {
         let shadow_rays_walk =
             materials.any(|m| m.may_be_passed() && !m.is_null()) || (has_boundaries && !description.media.is_empty());
         let unshadowing = |light: &Light| match light.kind {
-            LightKind::Area { object, .. } => description.objects[object as usize]
+            LightKind::Area { object, two_sided, .. } => description.objects[object as usize]
                 .shape
-                .never_shadows_itself()
+                .never_shadows_itself(two_sided)
                 .then_some(object),
             _ => None,
         };
@@ -112,7 +119,7 @@ impl Scene {
             selectors,
             aimed_at,
             light_sources,
-            camera_medium: None,
+            camera_medium: StartMedium::One(None),
             light_media: Vec::new(),
             unshadowing: description.lights.iter().map(unshadowing).collect(),
             environments: (0..description.lights.len())
@@ -127,13 +134,7 @@ impl Scene {
             bounds_any: description.objects.iter().any(|object| object.boundary.is_some()),
             description,
         };
-        scene.camera_medium = match scene.description.camera_medium {
-            Some(named) => named,
-            None => {
-                let hidden = scene.description.rules.as_ref().map(|rules| rules.camera);
-                scene.medium_seen(scene.description.camera.position, hidden)
-            }
-        };
+        scene.camera_medium = scene.find_camera_medium();
         scene.light_media = match same.filter(|previous| scene.has_media_of(previous)) {
             Some(previous) => previous.light_media.clone(),
             None => (0..scene.lights().len()).map(|i| scene.find_light_medium(i)).collect(),
@@ -147,7 +148,14 @@ impl Scene {
         let mut objects = self.objects().iter().zip(other.objects());
         let mut lights = self.lights().iter().zip(other.lights());
         let is_like = |(light, other): (&Light, &Light)| match (&light.kind, &other.kind) {
-            (LightKind::Area { object, .. }, LightKind::Area { object: other, .. }) => object == other,
+            (
+                LightKind::Area { object, two_sided, .. },
+                LightKind::Area {
+                    object: other,
+                    two_sided: also,
+                    ..
+                },
+            ) => object == other && two_sided == also,
             (LightKind::Point { position, .. }, LightKind::Point { position: other, .. })
             | (LightKind::Spot { position, .. }, LightKind::Spot { position: other, .. }) => position == other,
             (LightKind::Projector(projector), LightKind::Projector(other)) => projector.position == other.position,
@@ -260,7 +268,7 @@ impl Scene {
     #[inline]
     pub(crate) fn emitted(&self, hit: &SurfaceHit, dir: Vec3) -> Rgb {
         match self.objects()[hit.object as usize].light {
-            Some(light) => self.lights()[light as usize].radiance_area(-hit.ng.dot(dir)),
+            Some(light) => self.lights()[light as usize].radiance_area(-hit.ng.dot(dir), &hit.at),
             None => Rgb::ZERO,
         }
     }

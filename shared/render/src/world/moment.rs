@@ -19,11 +19,12 @@ impl Scene {
             return Ok(None);
         };
         let time = motion.time(seed, pass_index);
-        let description = motion.at(time).map_err(|why| format!("at {time} frames: {why}"))?;
+        let mut description = motion.at(time).map_err(|why| format!("at {time} frames: {why}"))?;
         let (here, now) = (&self.description.camera, &description.camera);
         if (here.width, here.height) != (now.width, now.height) {
             return Err(format!("at {time} frames the image has another size"));
         }
+        description.interrupt = self.description.interrupt.clone();
         Ok(Some(Self::new_like(self, description)))
     }
 
@@ -49,7 +50,9 @@ impl Scene {
             })
             && media.into_iter().all(|(one, other)| one.scatters() == other.scatters())
             && lights.all(|(one, other)| {
-                one.group == other.group && std::mem::discriminant(&one.kind) == std::mem::discriminant(&other.kind)
+                one.group == other.group
+                    && one.is_two_sided() == other.is_two_sided()
+                    && std::mem::discriminant(&one.kind) == std::mem::discriminant(&other.kind)
             })
     }
 }

@@ -6,7 +6,7 @@ use crate::assets::gltf::{self, Choice, LightUnit};
 use crate::assets::mesh::RawMesh;
 use crate::files::Source;
 use crate::parse::{
-    CameraRecord, Eye, Fault, FovAxis, GltfCameraRecord, GltfRecord, LightUnitName, PieceRecord, SceneRecord,
+    CameraRecord, Extent, Eye, Fault, FovAxis, GltfCameraRecord, GltfRecord, LightUnitName, PieceRecord, SceneRecord,
 };
 use crate::values::Spanned;
 use crate::{source, transform};
@@ -173,8 +173,11 @@ impl Assets<'_> {
             origin: read.origin,
             target: Spanned::new(span.clone(), read.target),
             up: Some(Spanned::new(span.clone(), read.up)),
-            fov: Spanned::new(span, read.fov),
-            fov_axis: FovAxis::Y,
+            extent: match (read.fov, read.view_width) {
+                (Some(fov), _) => Extent::Angle(Spanned::new(span, fov), FovAxis::Y),
+                (None, Some(width)) => Extent::Width(Spanned::new(span, width)),
+                (None, None) => return Err(Fault::new(span, "the camera has no field of view").into()),
+            },
         })
     }
 }

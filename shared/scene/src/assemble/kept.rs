@@ -33,6 +33,7 @@ pub enum Purpose {
 type Used = [u64; 2];
 
 /// Things by what they are made from.
+#[derive(Clone)]
 pub struct Shelf<K, V>(BTreeMap<K, (Used, V)>);
 
 impl<K, V> Default for Shelf<K, V> {
@@ -84,6 +85,7 @@ impl<K: Ord, V: Clone> Shelf<K, V> {
 }
 
 /// Counts scenes, by purpose.
+#[derive(Clone)]
 pub struct Clock {
     purpose: Purpose,
     /// Of the scene that is made now, from one.
@@ -133,8 +135,13 @@ pub enum Normals {
 }
 
 /// A mesh that stays alive as long as its address is a name for it.
-#[derive(Clone)]
 pub struct Pinned<T>(pub Arc<T>);
+
+impl<T> Clone for Pinned<T> {
+    fn clone(&self) -> Self {
+        Self(self.0.clone())
+    }
+}
 
 impl<T> Pinned<T> {
     fn address(&self) -> usize {
@@ -211,7 +218,8 @@ type ImageLight = (Pinned<Image>, [u32; 3], [u32; 9]);
 /// A glTF file's path and content, and what is taken of it.
 type PieceKey = (String, Content, Choice);
 
-/// All of it.
+/// All of it. A clone shares the things.
+#[derive(Clone)]
 pub struct Kept {
     pub clock: Clock,
     pub images: Shelf<(Content, Encoding), Arc<Image>>,
@@ -221,8 +229,8 @@ pub struct Kept {
     pub channels: Shelf<(Pinned<Image>, Channel), Arc<Image>>,
     /// Sky and suns.
     pub environments: Shelf<ImageLight, Vec<Environment>>,
-    /// By content, the ending of the file's name, and which mesh of the file it is.
-    pub meshes: Shelf<(Content, String, u32), Arc<Decoded>>,
+    /// By content, the ending of the file's name, which mesh of the file it is, and whether with colours.
+    pub meshes: Shelf<(Content, String, u32, bool), Arc<Decoded>>,
     /// Likewise, and by grid.
     pub densities: Shelf<(Content, String, Option<String>), Arc<Bricks>>,
     /// One channel or three.

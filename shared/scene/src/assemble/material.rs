@@ -150,6 +150,9 @@ pub(super) fn normal_perturbation(
             }))
         }
         (None, Some(map)) => {
+            if let TextureRecord::VertexColors(_) = map.get_ref() {
+                return Err(Fault::new(map.span(), "colours of vertices are no normals; expected an image").into());
+            }
             let mut map = map.get_ref().clone();
             if let TextureRecord::Image(image) = &mut map {
                 image.raw = true;

@@ -26,6 +26,7 @@ use crate::files::{Content, Source};
 use crate::values::Spanned;
 use beamfarm_image::bundle;
 use beamfarm_image::job::{Finders, MAX_PASSES};
+use beamfarm_render::camera::Projection;
 use beamfarm_render::interrupt::Interrupt;
 use beamfarm_render::medium::MediumId;
 use beamfarm_render::medium::bricks::{Bricks, RawDensity};
@@ -144,6 +145,7 @@ pub fn assemble(snapshot: &Snapshot, source: Source<'_>, kept: &mut Kept, space:
     if parts.lights.is_empty() {
         notes.push(Fault::new(0..0, "there are no lights: the picture will be black").into());
     } else if rules.is_none()
+        && camera.projection == Projection::Perspective
         && let Some(object) = enclosed::around_camera(&parts.objects, &parts.materials.list, &parts.lights)
     {
         let message = format!(
@@ -295,16 +297,16 @@ impl<'a> Assets<'a> {
         })
     }
 
-    /// `index`: which of the meshes of a file that has several.
-    fn mesh(&mut self, path: &Spanned<String>, index: u32) -> Result<Arc<Decoded>, Problem> {
+    /// `index`: which of the meshes of a file that has several. `colored`: with the colours of its vertices.
+    fn mesh(&mut self, path: &Spanned<String>, index: u32, colored: bool) -> Result<Arc<Decoded>, Problem> {
         let key = bundle::key(path.get_ref());
         if let Some(mesh) = self.meshes.get(&key) {
             return Ok(mesh.clone());
         }
         let (source, Kept { meshes, clock, .. }) = (self.source, &mut *self.kept);
-        meshes.get_or(clock, (source.content(&key), ending(path), index), || {
+        meshes.get_or(clock, (source.content(&key), ending(path), index, colored), || {
             decoded(source, path, |name, bytes| {
-                RawMesh::read_nth(name, bytes, index).map(Decoded::new)
+                RawMesh::read_nth(name, bytes, index, colored).map(Decoded::new)
             })
         })
     }

@@ -1,14 +1,16 @@
 //! Shapes: placed, flipped, made of their materials, bounding their media, emitting.
 
 use super::kept::{Baked, Decoded, Kept, Normals, Pinned, Shared, linear_bits, map_bits};
-use super::{Parts, Problem, check_reach, required};
-use crate::parse::{Fault, ShapeRecord, ShapeType, TowardRecord};
+use super::texture::texture;
+use super::{Parts, Problem, asset_problem, check_reach, required};
+use crate::assets::mesh::RawMesh;
+use crate::parse::{EmissionRecord, Fault, ShapeRecord, ShapeType, TextureRecord, TowardRecord};
 use crate::transform;
 use crate::values::Spanned;
 use beamfarm_image::layer::LightGroup;
 use beamfarm_render::geometry::shape::Placement;
 use beamfarm_render::geometry::{Boundary, Object, Shape, accel};
-use beamfarm_render::light::{Light, LightKind};
+use beamfarm_render::light::{Light, LightKind, Pattern};
 use beamfarm_render::math::Rgb;
 use glam::{DAffine3, DMat3, DVec3};
 use std::f64::consts::PI;
@@ -116,6 +118,16 @@ impl Parts<'_> {
 
     /// Resolve the record's names and its mesh.
     fn surface<'r>(&mut self, record: &'r ShapeRecord) -> Result<Surface<'r>, Problem> {
+        let material = match &record.material {
+            Some(name) => self.materials.resolve(name)?,
+            None => self.materials.default(record.emission.is_some()),
+        };
+        let is_read = self.materials.list[material as usize].reads_colors();
+        let emission = record.emission.as_ref().map(Spanned::get_ref);
+        let is_emitted = matches!(
+            emission.and_then(|emission| emission.radiance.as_ref()),
+            Some(TextureRecord::VertexColors(_))
+        );
         let form = match record.kind.get_ref() {
             ShapeType::Sphere => Form::Sphere,
             ShapeType::Disc => Form::Disc,
@@ -125,7 +137,11 @@ impl Parts<'_> {
             ShapeType::Mesh => {
                 let file = required(&record.file, &record.kind, "file")?;
                 let index = record.shape_index.as_ref().map_or(0, |index| *index.get_ref());
-                let mesh = self.assets.mesh(file, index)?;
+                let takes_colors = is_read || is_emitted;
+                let mesh = self.assets.mesh(file, index, takes_colors)?;
+                if takes_colors {
+                    check_colors(&mesh.raw, is_read).map_err(|flaw| asset_problem(file, flaw))?;
+                }
                 Form::Mesh(match &record.toward {
                     Some(toward) => self.on_its_way(&mesh, toward, index)?,
                     None => mesh,
@@ -136,10 +152,15 @@ impl Parts<'_> {
                 return Err(Fault::new(record.kind.span(), message).into());
             }
         };
-        let material = match &record.material {
-            Some(name) => self.materials.resolve(name)?,
-            None => self.materials.default(record.emission.is_some()),
-        };
+        if (is_read || is_emitted) && *record.kind.get_ref() != ShapeType::Mesh {
+            let place = match (&record.material, &record.emission) {
+                (Some(material), _) if is_read => material.span(),
+                (_, Some(emission)) => emission.span(),
+                _ => record.kind.span(),
+            };
+            let message = "it takes the colours of vertices, which meshes from files alone have";
+            return Err(Fault::new(place, message).into());
+        }
         let boundary = self.boundary(record, &form, material)?;
         Ok(Surface {
             form,
@@ -157,7 +178,7 @@ impl Parts<'_> {
         index: u32,
     ) -> Result<Arc<Decoded>, Problem> {
         let TowardRecord { file, weight } = toward.get_ref();
-        let other = self.assets.mesh(file, index)?;
+        let other = self.assets.mesh(file, index, false)?;
         let between = mesh.raw.toward(&other.raw, weight.0);
         let between = between.map_err(|why| Fault::new(file.span(), format!("\"{}\": {why}", file.get_ref())))?;
         Ok(Arc::new(Decoded::new(between)))
@@ -352,11 +373,33 @@ impl Parts<'_> {
         let Some(emission) = &surface.record.emission else {
             return Ok(None);
         };
-        let radiance = match (&emission.get_ref().radiance, &emission.get_ref().power) {
-            (Some(radiance), None) => radiance.rgb(),
+        let EmissionRecord {
+            radiance,
+            scale,
+            power,
+            two_sided,
+            ..
+        } = emission.get_ref();
+        let two_sided = *two_sided;
+        if let (Some(scale), None | Some(TextureRecord::Color(_))) = (scale, radiance) {
+            return Err(Fault::new(scale.span(), "it multiplies a texture; `radiance` is none").into());
+        }
+        let mut pattern = None;
+        let radiance = match (radiance, power) {
+            (Some(TextureRecord::Color(radiance)), None) => radiance.rgb(),
+            (Some(varying), None) => {
+                let texture = texture(varying, &mut self.assets)?;
+                let scale = scale.as_ref().map_or(Rgb::ONE, |scale| scale.get_ref().rgb());
+                let Some((found, mean)) = Pattern::new(texture, scale, shape) else {
+                    return Ok(None);
+                };
+                pattern = Some(Arc::new(found));
+                mean
+            }
             (None, Some(power)) => {
                 let area = self.area(surface, map, shape);
-                Rgb::from_array(power.0.map(|watts| (watts / (PI * area)) as f32))
+                let sides = if two_sided { 2.0 } else { 1.0 };
+                Rgb::from_array(power.0.map(|watts| (watts / (sides * PI * area)) as f32))
             }
             _ => {
                 let message = "emission is given by `radiance` (W/(m^2 sr)) or by `power` (W): exactly one of them";
@@ -376,9 +419,38 @@ impl Parts<'_> {
             kind: LightKind::Area {
                 object: self.objects.len() as u32,
                 radiance,
+                pattern,
+                two_sided,
             },
         });
         Ok(Some((self.lights.len() - 1) as u32))
+    }
+}
+
+/// Whether vertices have the colours that are asked for. `reflects`: nothing reflects more than arrives.
+fn check_colors(mesh: &RawMesh, reflects: bool) -> Result<(), String> {
+    if mesh.colors.is_empty() {
+        return Err(
+            "its vertices have no colours, which its material or emission takes (`attribute = \"color\"`); \
+             expected `red`, `green` and `blue`, or `r`, `g` and `b`, of each vertex of a PLY file"
+                .to_owned(),
+        );
+    }
+    let most = if reflects { 1.0 } else { f32::MAX };
+    let is_wrong = |color: &Rgb| !color.to_array().iter().all(|x| (0.0..=most).contains(x));
+    match mesh.colors.iter().position(is_wrong) {
+        None => Ok(()),
+        Some(i) => {
+            let expected = if reflects {
+                "numbers from 0 to 1"
+            } else {
+                "numbers that are not negative"
+            };
+            let color = mesh.colors[i];
+            Err(format!(
+                "vertex {i} (from zero) has the colour {color}; expected {expected}"
+            ))
+        }
     }
 }
 

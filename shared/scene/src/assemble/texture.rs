@@ -17,6 +17,10 @@ pub fn texture<R: Range>(record: &TextureRecord<R>, assets: &mut Assets<'_>) -> 
     match record {
         TextureRecord::Color(color) => Ok(Texture::Constant(color.rgb())),
         TextureRecord::Image(record) => image::<R>(record, assets),
+        TextureRecord::VertexColors(None) => Ok(Texture::VertexColors(None)),
+        TextureRecord::VertexColors(Some(record)) => {
+            Ok(Texture::VertexColors(Some(Arc::new(image::<R>(record, assets)?))))
+        }
         TextureRecord::Checkerboard { colors, uv } => Ok(Texture::Checkerboard {
             colors: [colors[0].rgb(), colors[1].rgb()],
             squares_from_uv: from_uv(uv.as_ref())?,

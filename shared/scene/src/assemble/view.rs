@@ -1,8 +1,8 @@
 //! The camera.
 
-use crate::parse::{CameraRecord, CropRecord, Eye, Fault, FovAxis, ImageRecord};
+use crate::parse::{CameraRecord, CropRecord, Extent, Eye, Fault, FovAxis, ImageRecord};
 use crate::values::Spanned;
-use beamfarm_render::camera::Camera;
+use beamfarm_render::camera::{Camera, Projection};
 use beamfarm_render::math::{Frame, Vec2, Vec3};
 use glam::{DVec2, DVec3};
 
@@ -57,18 +57,24 @@ pub fn camera(image: &ImageRecord, record: &CameraRecord, eye: &Eye) -> Result<C
     }
     let right = right.normalize();
 
-    let tan = libm::tan(0.5 * eye.fov.get_ref().0.to_radians());
-    let aspect = f64::from(width) / f64::from(height);
-    let horizontal = match eye.fov_axis {
-        FovAxis::X => true,
-        FovAxis::Y => false,
-        FovAxis::Smaller => width <= height,
-        FovAxis::Larger => width >= height,
+    let (projection, half, place) = match &eye.extent {
+        Extent::Angle(fov, axis) => {
+            let tan = libm::tan(0.5 * fov.get_ref().0.to_radians());
+            let aspect = f64::from(width) / f64::from(height);
+            let horizontal = match axis {
+                FovAxis::X => true,
+                FovAxis::Y => false,
+                FovAxis::Smaller => width <= height,
+                FovAxis::Larger => width >= height,
+            };
+            let tan = if horizontal { tan } else { tan * aspect };
+            (Projection::Perspective, tan, fov.span())
+        }
+        Extent::Width(width) => (Projection::Orthographic, 0.5 * width.get_ref().0, width.span()),
     };
     // Everything below is of the window; its middle is off that of the image, whose plane it lies in.
     let window = window(image, [width, height])?;
-    let tan = if horizontal { tan } else { tan * aspect };
-    let pixel = 2.0 * tan / f64::from(width);
+    let pixel = 2.0 * half / f64::from(width);
     let [x, y] = record.principal_point.as_ref().map_or([0.0; 2], |p| p.get_ref().0);
     let off_middle = |start: u32, side: u32, all: u32, offset: f64| {
         f64::from(start) + 0.5 * f64::from(side) + (offset - 0.5) * f64::from(all)
@@ -82,26 +88,30 @@ pub fn camera(image: &ImageRecord, record: &CameraRecord, eye: &Eye) -> Result<C
     {
         return Err(Fault::new(point.span(), "too far from the middle for single precision"));
     }
-    let tan_half_fov_x = (tan * (f64::from(window.width) / f64::from(width))) as f32;
+    let half_width = (half * (f64::from(window.width) / f64::from(width))) as f32;
     let focus_distance = match record.focus_distance {
         Some(distance) => distance.f32(),
         None => view.length() as f32,
     };
-    if !(1e-12..1e12).contains(&tan_half_fov_x) || !(1e-15..1e15).contains(&focus_distance) {
+    if !(1e-12..1e12).contains(&half_width) || !(1e-15..1e15).contains(&focus_distance) {
         return Err(Fault::new(
-            eye.fov.span(),
-            "field of view or focus distance too extreme for single precision",
+            place,
+            match projection {
+                Projection::Perspective => "field of view or focus distance too extreme for single precision",
+                Projection::Orthographic => "width or focus distance too extreme for single precision",
+            },
         ));
     }
     let to_the_right = if record.flip_x { -right } else { right };
     Ok(Camera {
+        projection,
         position: Vec3::ZERO,
         frame: Frame {
             s: to_the_right.as_vec3(),
             t: right.cross(forward).as_vec3(),
             n: forward.as_vec3(),
         },
-        tan_half_fov_x,
+        half_width,
         // The difference of equal halves may be -0.
         shift: shift.as_vec2() + Vec2::ZERO,
         aperture: record.aperture.map_or(0.0, |radius| radius.f32()),

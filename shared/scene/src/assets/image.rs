@@ -215,7 +215,7 @@ impl Encoding {
 }
 
 /// The sRGB transfer function (IEC 61966-2-1), from [0, 1] to [0, 1].
-fn linear_from_srgb(v: f64) -> f32 {
+pub(super) fn linear_from_srgb(v: f64) -> f32 {
     let linear = if v <= 0.04045 {
         v / 12.92
     } else {

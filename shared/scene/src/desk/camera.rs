@@ -1,11 +1,11 @@
 //! Where the camera is, and another place for it.
 
 use super::digits;
-use super::set::{document, put};
+use super::set::{document, put, refuse_keys};
 use crate::SceneError;
 use crate::assemble;
 use crate::files::{Files, Source};
-use crate::parse::{FovAxis, SceneRecord};
+use crate::parse::{Extent, FovAxis, SceneRecord};
 use crate::source;
 use glam::DVec3;
 use std::path::Path;
@@ -33,10 +33,9 @@ pub struct Eye {
     pub target: [f64; 3],
     /// Direction towards the top of the image.
     pub up: [f64; 3],
-    /// Field of view, degrees.
-    pub fov: f64,
-    /// The side of the image that it spans: `x`, `y`, `smaller` or `larger`.
-    pub fov_axis: &'static str,
+    /// Field of view, degrees, and the side of the image that it spans: `x`, `y`, `smaller` or `larger`. `None`: rays
+    /// are parallel.
+    pub fov: Option<(f64, &'static str)>,
 }
 
 /// Fields that a glTF file's camera comes from.
@@ -55,14 +54,20 @@ pub fn eye(files: &Files) -> Result<Eye, SceneError> {
         origin: eye.origin.0.to_array(),
         target: eye.target.get_ref().0.to_array(),
         up: eye.up.as_ref().map_or(DVec3::Y, |up| up.get_ref().0).to_array(),
-        fov: eye.fov.get_ref().0,
-        fov_axis: match eye.fov_axis {
-            FovAxis::X => "x",
-            FovAxis::Y => "y",
-            FovAxis::Smaller => "smaller",
-            FovAxis::Larger => "larger",
+        fov: match &eye.extent {
+            Extent::Angle(fov, axis) => Some((fov.get_ref().0, word(*axis))),
+            Extent::Width(_) => None,
         },
     })
+}
+
+fn word(axis: FovAxis) -> &'static str {
+    match axis {
+        FovAxis::X => "x",
+        FovAxis::Y => "y",
+        FovAxis::Smaller => "smaller",
+        FovAxis::Larger => "larger",
+    }
 }
 
 /// The text with the camera elsewhere. A camera of a glTF file becomes one of the scene's own; then the move has all
@@ -80,6 +85,7 @@ pub fn camera(text: &str, to: CameraMove) -> Result<String, String> {
     let mut document = document(text)?;
     let camera = document.get_mut("camera").and_then(Item::as_table_like_mut);
     let camera = camera.ok_or("the scene has no camera")?;
+    refuse_keys(camera)?;
     let is_gltf = FROM_GLTF.iter().any(|name| camera.contains_key(name));
     if is_gltf {
         if to.up.is_none() || to.fov.is_none() {
@@ -88,6 +94,9 @@ pub fn camera(text: &str, to: CameraMove) -> Result<String, String> {
             );
         }
         make_own(camera);
+    }
+    if to.fov.is_some() && camera.contains_key("view_width") {
+        return Err("the camera is orthographic: it has no field of view".to_owned());
     }
     let place = |point: DVec3| digits::vector(digits::pointed(point, distance, DIGITS));
     put(camera, "origin", place(origin));

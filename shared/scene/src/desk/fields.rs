@@ -241,7 +241,7 @@ impl Panel<'_> {
 fn is_open(name: &str, part: &Part<'_>) -> bool {
     let has = |other: &str| part.get(other).is_some();
     match name {
-        "fov" => !has("gltf"),
+        "fov" => !has("gltf") && !has("projection"),
         "ior" => !has("specular"),
         // Of what is in a file or a recipe.
         "scale" => has("image") || has("density"),

@@ -1,10 +1,11 @@
 //! Things moved and turned, by their ids.
 
-use super::set::document;
+use super::set::{document, refuse_keys};
 use super::{digits, lights, shapes};
 use crate::parse::SceneRecord;
+use crate::place::Place;
 use glam::DVec3;
-use toml_edit::DocumentMut;
+use toml_edit::{DocumentMut, Item};
 
 /// Significant digits of how far a pointer moves something.
 const DIGITS: i32 = 5;
@@ -41,6 +42,18 @@ impl Thing {
     }
 }
 
+impl Thing {
+    /// Refuse what moves by keys.
+    fn refuse_keys(&self, root: &mut Item) -> Result<(), String> {
+        let table = match self {
+            Self::Light(i) | Self::Target(i) => format!("lights.{i}.type"),
+            Self::Shape(i) | Self::Instance(i, _) => format!("shapes.{i}.type"),
+        };
+        let (place, _) = Place::find(root, &table)?;
+        refuse_keys(place.table()?)
+    }
+}
+
 /// A text, and what it means.
 fn read(text: &str) -> Result<(DocumentMut, SceneRecord), String> {
     let record = SceneRecord::parse(text).map_err(|fault| fault.message)?;
@@ -57,6 +70,7 @@ pub fn translate(text: &str, thing: &str, by: [f64; 3]) -> Result<String, String
     }
     let (mut document, record) = read(text)?;
     let root = document.as_item_mut();
+    Thing::of(thing)?.refuse_keys(root)?;
     match Thing::of(thing)? {
         Thing::Light(i) => lights::translate(root, &record, i, by, false)?,
         Thing::Target(i) => lights::translate(root, &record, i, by, true)?,
@@ -82,6 +96,7 @@ pub fn turn(text: &str, thing: &str, axis: [f64; 3], degrees: f64) -> Result<Str
     }
     let (mut document, record) = read(text)?;
     let root = document.as_item_mut();
+    Thing::of(thing)?.refuse_keys(root)?;
     match Thing::of(thing)? {
         Thing::Light(i) => lights::turn(root, &record, i, axis, degrees)?,
         Thing::Target(_) => return Err("a point looks the same from all sides".to_owned()),

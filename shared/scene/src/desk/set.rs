@@ -65,6 +65,52 @@ fn toml(value: &Json) -> Result<Value, String> {
     }
 }
 
+/// Fields that say where things are.
+const PLACES: [&str; 11] = [
+    "origin",
+    "target",
+    "up",
+    "position",
+    "direction",
+    "center",
+    "p0",
+    "p1",
+    "transform",
+    "transforms",
+    "rotate_y",
+];
+
+/// Refuse to put what moves by keys elsewhere, which would be at one of its frames alone.
+pub fn refuse_keys(table: &dyn TableLike) -> Result<(), String> {
+    let moving = PLACES
+        .into_iter()
+        .find(|name| table.get(name).is_some_and(item_has_keys));
+    match moving {
+        Some(name) => Err(format!("its `{name}` moves by keys, and is where they say")),
+        None => Ok(()),
+    }
+}
+
+fn item_has_keys(item: &Item) -> bool {
+    match item {
+        Item::None => false,
+        Item::Value(value) => has_keys(value),
+        Item::Table(table) => table.contains_key("keys") || table.iter().any(|(_, item)| item_has_keys(item)),
+        Item::ArrayOfTables(tables) => tables
+            .iter()
+            .flat_map(|table| table.iter())
+            .any(|(_, item)| item_has_keys(item)),
+    }
+}
+
+fn has_keys(value: &Value) -> bool {
+    match value {
+        Value::Array(items) => items.iter().any(has_keys),
+        Value::InlineTable(table) => table.contains_key("keys") || table.iter().any(|(_, value)| has_keys(value)),
+        _ => false,
+    }
+}
+
 /// Put a value in the place of another, written as that was.
 pub fn replace(before: &mut Value, mut after: Value) {
     if let (Value::Array(old), Value::Array(new)) = (&mut *before, &after)

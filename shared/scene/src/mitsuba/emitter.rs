@@ -20,7 +20,7 @@ impl Converter<'_> {
             "spot" => "spot",
             "projector" => "projector",
             "directional" => "directional",
-            "constant" | "envmap" => "environment",
+            "constant" | "envmap" | "sunsky" | "sky" | "sun" => "environment",
             "area" => {
                 let message = "an emitter \"area\" that no shape has does not shine";
                 self.log.note(place, message);
@@ -55,6 +55,7 @@ impl Converter<'_> {
                 self.emission(id, "irradiance", &mut light);
             }
             "constant" => self.emission(id, "radiance", &mut light),
+            "sunsky" | "sky" | "sun" => self.sunsky(id, &mut light),
             _ => self.envmap(id, &mut light),
         }
         if kind == "environment" {

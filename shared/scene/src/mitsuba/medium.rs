@@ -1,14 +1,12 @@
 //! Media.
 
-use super::transform::{self, Step};
+use super::transform;
 use super::value::Value;
 use super::write::{Section, Toml};
 use super::xml::{Content, Id, Kind, Member};
 use super::{Converter, Place, cie, property, unique};
 use glam::DVec3;
 use std::collections::BTreeSet;
-use std::io::Read;
-use std::path::Path;
 
 /// An extinction or albedo.
 enum Coefficient {
@@ -209,6 +207,16 @@ impl Converter<'_> {
         section: &mut Section,
     ) {
         let place = self.objects.list[id].place;
+        let grid_place = self.objects.list[sigma_t.value].place;
+        if self.channels(sigma_t.value) == Some(3) {
+            let message = format!(
+                "{}: sigma_t: a grid of extinctions that differ by colour is not supported; expected one channel",
+                self.title(id)
+            );
+            self.log.unsupported(grid_place, message);
+            // Nothing at all, where it is left out.
+            return self.nothing(place, section);
+        }
         section.set("type", Toml::string("heterogeneous"), place);
         section.set("sigma_t", Toml::Float(1.0), sigma_t.place);
         if scale != 1.0 {
@@ -218,7 +226,6 @@ impl Converter<'_> {
         let Some((file, steps)) = self.grid(sigma_t.value) else {
             return;
         };
-        let grid_place = self.objects.list[sigma_t.value].place;
         section.set("density", file, grid_place);
         if !steps.is_empty() {
             section.set("transform", transform::write(&steps), grid_place);
@@ -316,38 +323,6 @@ impl Converter<'_> {
         self.in_range(id, member, color, cie::Kind::Unbounded)
     }
 
-    /// A volume file and its place.
-    fn grid(&mut self, id: Id) -> Option<(Toml, Vec<Step>)> {
-        let place = self.objects.list[id].place;
-        let file = self.member(id, "filename").map_or(place, |m| m.place);
-        let asset = self.asset(id, "filename");
-        if self.word(id, "filter_type", &["trilinear", "nearest"]) == Some("nearest")
-            && let Some(member) = self.member(id, "filter_type")
-        {
-            self.unsupported(id, member, "densities without interpolation are not supported");
-        }
-        // Nothing is looked up outside of the grid, and numbers are numbers.
-        self.ignore(id, &["wrap_mode", "raw", "accel"]);
-        let mut steps = Vec::new();
-        if self.boolean(id, "use_grid_bbox") == Some(true)
-            && let Some((_, path)) = &asset
-        {
-            match bounding_box(path) {
-                Ok([low, high]) => {
-                    steps.push(Step::Scale(std::array::from_fn(|i| high[i] - low[i])));
-                    steps.push(Step::Translate(low));
-                }
-                Err(reason) => {
-                    let message = format!("volume \"gridvolume\": {}: {reason}", path.display());
-                    self.log.invalid(Some(file), message);
-                }
-            }
-        }
-        steps.extend_from_slice(self.transform(id, "to_world"));
-        self.finish(id);
-        Some((Toml::table([("file", asset?.0)]), steps))
-    }
-
     /// The medium outside of all shapes: what lies outside of some shape and inside of none; if that does not decide,
     /// what the sensor stands in.
     pub fn world_medium(&self, scene: Id) -> Option<Id> {
@@ -385,28 +360,5 @@ impl Converter<'_> {
             (Some(world), None) => *world,
             _ => sensor,
         }
-    }
-}
-
-/// The box that a .vol file names for itself.
-fn bounding_box(path: &Path) -> Result<[[f64; 3]; 2], String> {
-    // "VOL", version, encoding, resolution, channels, box.
-    let mut header = [0; 48];
-    let file = std::fs::File::open(path).map_err(|e| e.to_string())?;
-    let mut file = file.take(header.len() as u64);
-    file.read_exact(&mut header).map_err(|e| e.to_string())?;
-    if !header.starts_with(b"VOL") {
-        return Err("not a Mitsuba volume: it does not begin with \"VOL\"".to_string());
-    }
-    let (numbers, _) = header[24..].as_chunks::<4>();
-    let number = |i: usize| f64::from(f32::from_le_bytes(numbers[i]));
-    let corners = [[number(0), number(1), number(2)], [number(3), number(4), number(5)]];
-    if (0..3).all(|i| corners[0][i] < corners[1][i] && corners[0][i].is_finite() && corners[1][i].is_finite()) {
-        Ok(corners)
-    } else {
-        Err(format!(
-            "its bounding box from {:?} to {:?} is empty",
-            corners[0], corners[1]
-        ))
     }
 }

@@ -3,6 +3,7 @@
 //! Sources for what the format means: Mitsuba 3's documentation, and what Mitsuba 3.9.1 (variants `scalar_rgb` and
 //! `llvm_ad_rgb`) makes of a scene.
 
+mod attribute;
 mod attributes;
 mod bsdf;
 mod cie;
@@ -14,9 +15,11 @@ mod phase;
 mod property;
 mod sensor;
 mod shape;
+mod sky;
 mod texture;
 mod transform;
 mod value;
+mod volume;
 mod write;
 mod xml;
 
@@ -56,6 +59,8 @@ pub struct Imported {
     pub notes: Vec<String>,
     /// What is not supported and was left out, each with its file and line.
     pub left_out: Vec<String>,
+    /// Files that are not on the disk, by the names that the native scene has for them.
+    pub made: BTreeMap<String, Vec<u8>>,
     origin: Origin,
 }
 
@@ -108,7 +113,7 @@ impl Imported {
 pub fn import(path: &Path, folder: &Path, options: &ImportOptions) -> Result<Imported, SceneError> {
     let mut log = Log::default();
     let written = xml::read(path, &options.parameters, &mut log)
-        .map(|objects| Converter::new(&objects, folder, &mut log).convert(path));
+        .map(|objects| Converter::new(&objects, path, folder, &mut log).convert(path));
     let files = log.files.clone();
     let [notes, left_out] = log.finish(path, options.skip_unsupported)?;
     // Without an error everything was read.
@@ -117,6 +122,7 @@ pub fn import(path: &Path, folder: &Path, options: &ImportOptions) -> Result<Imp
         text: written.text,
         notes,
         left_out,
+        made: written.made,
         origin: Origin {
             files,
             places: written.places,
@@ -130,6 +136,9 @@ struct Converter<'a> {
     log: &'a mut Log,
     /// What paths of files are relative to.
     folder: &'a Path,
+    /// What files that are made are named after.
+    stem: String,
+    made: BTreeMap<String, Vec<u8>>,
     materials: bsdf::Materials,
     media: BTreeMap<Id, String>,
     media_names: BTreeSet<String>,
@@ -145,7 +154,7 @@ struct Converter<'a> {
 }
 
 impl<'a> Converter<'a> {
-    fn new(objects: &'a Objects, folder: &'a Path, log: &'a mut Log) -> Self {
+    fn new(objects: &'a Objects, path: &Path, folder: &'a Path, log: &'a mut Log) -> Self {
         let ids = |kind: Kind| {
             let of_kind = objects.list.iter().filter(move |o| o.kind == kind);
             of_kind.filter_map(|o| o.id.clone())
@@ -154,6 +163,8 @@ impl<'a> Converter<'a> {
             objects,
             log,
             folder,
+            stem: path.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
+            made: BTreeMap::new(),
             materials: bsdf::Materials::new(ids(Kind::Bsdf)),
             media: BTreeMap::new(),
             media_names: ids(Kind::Medium).chain(["none".to_string()]).collect(),
@@ -247,7 +258,9 @@ impl<'a> Converter<'a> {
         sections.extend(lights);
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         let comment = format!("Converted by beamfarm from Mitsuba's {name}.");
-        Written::new(&comment, &sections)
+        let mut written = Written::new(&comment, &sections);
+        written.made = self.made;
+        written
     }
 }
 

@@ -284,6 +284,7 @@ impl<'a> Converter<'a> {
                 self.ignore(id, &["wavelength_min", "wavelength_max"]);
                 kelvin.map(|kelvin| cie::to_rgb(&value::planck(kelvin, scale), kind))
             }
+            "volume" => self.volume_color(id, kind),
             // In RGB mode white light: Mitsuba's white is D65.
             "d65" if kind == cie::Kind::Emission => {
                 let scale = self.float(id, "scale").unwrap_or(1.0);
@@ -308,7 +309,7 @@ impl<'a> Converter<'a> {
     }
 
     /// Numbers in a string.
-    fn number_list(&mut self, id: Id, name: &str) -> Option<Vec<f64>> {
+    pub fn number_list(&mut self, id: Id, name: &str) -> Option<Vec<f64>> {
         let member = self.member(id, name)?;
         match attributes::numbers(self.string(id, name)?) {
             Ok(numbers) => Some(numbers),

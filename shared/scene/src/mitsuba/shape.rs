@@ -3,7 +3,7 @@
 use super::bsdf::Through;
 use super::write::{Section, Toml};
 use super::xml::{Content, Id, Kind};
-use super::{Converter, Place, transform};
+use super::{Converter, Place, cie, transform};
 use std::collections::{BTreeMap, BTreeSet};
 
 impl Converter<'_> {
@@ -156,7 +156,8 @@ impl Converter<'_> {
             }
             "mesh" => {
                 let file = self.member(id, "filename").map_or(place, |m| m.place);
-                if let Some((asset, _)) = self.asset(id, "filename") {
+                if let Some((asset, path)) = self.asset(id, "filename") {
+                    let asset = self.with_attribute(id, asset, &path);
                     shape.set("file", asset, file);
                 }
                 if let Some(member) = self.member(id, "shape_index")
@@ -231,7 +232,7 @@ impl Converter<'_> {
             shape.set("material", Toml::String(material.name), member.place);
         }
         for (member, emitter) in self.nested(id, Kind::Emitter) {
-            self.area_light(emitter, shape, member.place);
+            self.area_light(emitter, shape, member.place, turned);
         }
         self.boundary(id, through, geometry, shape);
         // Only Mitsuba's differentiable integrators ask for it.
@@ -239,12 +240,19 @@ impl Converter<'_> {
         self.finish(id);
     }
 
-    fn area_light(&mut self, id: Id, shape: &mut Section, place: Place) {
+    fn area_light(&mut self, id: Id, shape: &mut Section, place: Place, turned: bool) {
         if self.objects.list[id].plugin != "area" {
             return self.unsupported_plugin(id);
         }
         let mut emission = Section::table("emission", place);
-        self.emission(id, "radiance", &mut emission);
+        match self.member(id, "radiance") {
+            Some(member) => {
+                if let Some(radiance) = self.textured_member(id, member, cie::Kind::Emission, turned) {
+                    emission.set("radiance", radiance, place);
+                }
+            }
+            None => emission.set("radiance", Toml::Float(1.0), place),
+        }
         self.sampling(id);
         self.finish(id);
         if !emission.is_empty() {

@@ -33,13 +33,18 @@ impl Converter<'_> {
             },
             Content::Object(id) => match self.spectrum(*id, kind) {
                 Some(color) => self.in_range(object, member, color?, kind).map(Toml::color),
-                None => self.texture(*id, turned).map(Toml::Table),
+                None => self.texture_of(*id, turned, kind).map(Toml::Table),
             },
         }
     }
 
-    /// A texture as the fields of a table.
+    /// A texture of factors as the fields of a table.
     pub fn texture(&mut self, id: Id, turned: bool) -> Option<Vec<(&'static str, Toml)>> {
+        self.texture_of(id, turned, cie::Kind::Factor)
+    }
+
+    /// A texture of a kind of colours as the fields of a table.
+    fn texture_of(&mut self, id: Id, turned: bool, kind: cie::Kind) -> Option<Vec<(&'static str, Toml)>> {
         match self.objects.list[id].plugin.as_str() {
             "bitmap" => {
                 let image = self.asset(id, "filename");
@@ -64,7 +69,7 @@ impl Converter<'_> {
                 Some(fields)
             }
             "checkerboard" => {
-                let mut color = |name: &str, default: f64| match self.color(id, name, cie::Kind::Factor) {
+                let mut color = |name: &str, default: f64| match self.color(id, name, kind) {
                     Some(color) => Toml::color(color),
                     None => Toml::Float(default),
                 };
@@ -75,6 +80,12 @@ impl Converter<'_> {
                 Some(fields)
             }
             "scale" => self.scaled(id, turned),
+            // Of the copy that shapes with it get, see `with_attribute`.
+            "mesh_attribute" => {
+                self.ignore(id, &["name", "scale"]);
+                self.finish(id);
+                Some(vec![("attribute", Toml::string("color"))])
+            }
             _ => {
                 self.unsupported_plugin(id);
                 None

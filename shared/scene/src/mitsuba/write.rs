@@ -1,6 +1,7 @@
 //! The native scene file, and which line of it comes from which place.
 
 use super::Place;
+use std::collections::BTreeMap;
 use std::fmt::Write;
 
 /// A TOML value on one line.
@@ -179,6 +180,8 @@ pub struct Written {
     pub text: String,
     /// By line, from the first; `None` for blank lines and comments.
     pub places: Vec<Option<Place>>,
+    /// Files that are not on the disk, by their names in the text.
+    pub made: BTreeMap<String, Vec<u8>>,
 }
 
 impl Written {

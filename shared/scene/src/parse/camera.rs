@@ -1,7 +1,7 @@
 //! The image and the camera.
 
 use super::schema::{described, table};
-use super::{Fault, given};
+use super::{Fault, given, only_takes};
 use crate::values::*;
 use beamfarm_render::filter::PixelFilter;
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
@@ -132,11 +132,16 @@ pub struct CameraRecord {
     pub target: Option<Spanned<Vector>>,
     /// Direction towards the top of the image. Default: [0, 1, 0].
     pub up: Option<Spanned<Vector>>,
-    /// Field of view, degrees. Required without `gltf`.
+    /// Whether rays meet in one point, or are parallel. Default: perspective.
+    pub projection: Option<Spanned<ProjectionName>>,
+    /// Field of view, degrees. Required without `gltf`, of a perspective camera.
     pub fov: Option<Spanned<Number<Degrees>>>,
     /// The side of the image that `fov` spans. Default: x.
     pub fov_axis: Option<Spanned<FovAxis>>,
-    /// In place of `origin`, `target`, `up`, `fov` and `fov_axis`: the first camera of this glTF file.
+    /// Width of the image, scene units. Required of an orthographic camera, and of no other.
+    pub view_width: Option<Spanned<Number<Positive>>>,
+    /// In place of `origin`, `target`, `up`, `projection`, `fov`, `fov_axis` and `view_width`: the first camera of this
+    /// glTF file.
     pub gltf: Option<Spanned<String>>,
     /// Name of the camera of the glTF file, or of its node. Default: the first.
     pub gltf_camera: Option<Spanned<String>>,
@@ -168,20 +173,38 @@ pub enum FovAxis {
     Larger,
 }
 
+/// What the camera's rays have in common.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ProjectionName {
+    /// They meet in one point.
+    Perspective,
+    /// They are parallel.
+    Orthographic,
+}
+
 /// Where a camera is and how much it sees.
 #[derive(Clone, Debug)]
 pub struct Eye {
     pub origin: Vector,
     pub target: Spanned<Vector>,
     pub up: Option<Spanned<Vector>>,
-    pub fov: Spanned<Number<Degrees>>,
-    pub fov_axis: FovAxis,
+    pub extent: Extent,
+}
+
+/// How much a camera sees.
+#[derive(Clone, Debug)]
+pub enum Extent {
+    /// The field of view, and the side of the image that it spans.
+    Angle(Spanned<Number<Degrees>>, FovAxis),
+    /// The width of the image, rays being parallel.
+    Width(Spanned<Number<Positive>>),
 }
 
 impl CameraRecord {
     /// With `gltf`, nothing is given that its file says.
     pub fn check(&self) -> Result<(), Fault> {
-        let given = given!(self, origin, target, up, fov, fov_axis);
+        let given = given!(self, origin, target, up, projection, fov, fov_axis, view_width);
         let twice = given.into_iter().find_map(|(name, span)| Some((name, span?)));
         match (&self.gltf, &self.gltf_camera, twice) {
             (Some(_), _, Some((name, span))) => Err(Fault::new(
@@ -199,12 +222,26 @@ impl CameraRecord {
     /// The eye of a camera without `gltf`; `place`: where the camera is in the file.
     pub fn eye(&self, place: std::ops::Range<usize>) -> Result<Eye, Fault> {
         let missing = |name: &str| Fault::new(place.clone(), format!("missing field `{name}`"));
+        let projection = self.projection.as_ref().map(|name| *name.get_ref());
+        let (name, takes) = match projection.unwrap_or(ProjectionName::Perspective) {
+            ProjectionName::Perspective => ("perspective", &["fov", "fov_axis"][..]),
+            ProjectionName::Orthographic => ("orthographic", &["view_width"][..]),
+        };
+        only_takes(name, takes, &[], &given!(self, fov, fov_axis, view_width))?;
+        let extent = match projection {
+            Some(ProjectionName::Orthographic) => {
+                Extent::Width(self.view_width.clone().ok_or_else(|| missing("view_width"))?)
+            }
+            _ => Extent::Angle(
+                self.fov.clone().ok_or_else(|| missing("fov"))?,
+                self.fov_axis.as_ref().map_or(FovAxis::X, |axis| *axis.get_ref()),
+            ),
+        };
         Ok(Eye {
             origin: *self.origin.as_ref().ok_or_else(|| missing("origin"))?.get_ref(),
             target: self.target.clone().ok_or_else(|| missing("target"))?,
             up: self.up.clone(),
-            fov: self.fov.clone().ok_or_else(|| missing("fov"))?,
-            fov_axis: self.fov_axis.as_ref().map_or(FovAxis::X, |axis| *axis.get_ref()),
+            extent,
         })
     }
 }

@@ -54,5 +54,6 @@ pub struct GltfCameraRecord {
     pub origin: Vector,
     pub target: Vector,
     pub up: Vector,
-    pub fov: Number<Degrees>,
+    pub fov: Option<Number<Degrees>>,
+    pub view_width: Option<Number<Positive>>,
 }

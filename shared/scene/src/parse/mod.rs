@@ -180,10 +180,15 @@ impl SceneRecord {
             let toward = s.toward.as_ref().map(|toward| &toward.get_ref().file);
             s.file.iter().chain(toward)
         });
+        let glowing = self.shapes.iter().filter_map(|s| {
+            let emission = s.emission.as_ref()?.get_ref();
+            emission.radiance.as_ref()?.file()
+        });
         let images = self.lights.iter().filter_map(|l| l.image.as_ref());
         let volumes = self.media.values().flat_map(MediumRecord::files);
         textures
             .chain(meshes)
+            .chain(glowing)
             .chain(images)
             .chain(volumes)
             .chain(self.gltf_files())

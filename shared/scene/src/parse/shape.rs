@@ -1,6 +1,7 @@
 //! Shapes.
 
 use super::schema::by_type;
+use super::texture::TextureRecord;
 use super::transform::Steps;
 use super::words::RayType;
 use super::{Fault, given, only_takes};
@@ -162,12 +163,17 @@ pub struct TowardRecord {
     pub weight: Number<Unit>,
 }
 
-/// Either radiance or power.
+/// Either radiance or power. Where radiance is a texture, `scale` multiplies it.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct EmissionRecord {
-    /// W/(m^2 sr).
-    pub radiance: Option<Color<NonNegative>>,
+    /// W/(m^2 sr), or a texture of it.
+    pub radiance: Option<TextureRecord<NonNegative>>,
+    /// Emit on both sides.
+    #[serde(default)]
+    pub two_sided: bool,
+    /// What a texture is multiplied by. Default: 1.
+    pub scale: Option<Spanned<Color<NonNegative>>>,
     /// W, of the whole surface.
     pub power: Option<Color<NonNegative>>,
     /// Lights of one group share a layer. Default: the shape's name.

@@ -12,7 +12,7 @@ use std::borrow::Cow;
 use std::fmt;
 use std::marker::PhantomData;
 
-/// A colour, `{ image = "file", ... }` or `{ checkerboard = [colour, colour], ... }`.
+/// A colour, `{ image = "file", ... }`, `{ checkerboard = [colour, colour], ... }` or `{ attribute = "color" }`.
 #[derive(Clone, Debug)]
 pub enum TextureRecord<R> {
     /// The same everywhere.
@@ -22,6 +22,16 @@ pub enum TextureRecord<R> {
         colors: [Color<R>; 2],
         uv: Option<UvSteps>,
     },
+    /// The colours of a mesh's vertices, times an image, if there is one.
+    VertexColors(Option<ImageTextureRecord>),
+}
+
+/// What a mesh says of its vertices.
+#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Attribute {
+    /// Their colours.
+    Color,
 }
 
 #[derive(Clone, Debug)]
@@ -62,7 +72,7 @@ impl<R: Range> JsonSchema for ScalarRecord<R> {
         format!("ScalarRecord of {}", R::EXPECTED).into()
     }
     fn json_schema(generator: &mut SchemaGenerator) -> Schema {
-        let [image, checkerboard] = tables::<Unit>(generator);
+        let [image, checkerboard, _] = tables::<Unit>(generator, false);
         json_schema!({ "anyOf": [R::schema(), image, checkerboard] })
     }
 }
@@ -83,9 +93,12 @@ impl<'de, R: Range> Deserialize<'de> for ScalarRecord<R> {
                 self.visit_f64(x as f64)
             }
             fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Self::Value, A::Error> {
-                TextureVisitor(ColorVisitor(PhantomData))
-                    .visit_map(map)
-                    .map(ScalarRecord::Texture)
+                match TextureVisitor(ColorVisitor(PhantomData)).visit_map(map)? {
+                    TextureRecord::VertexColors(_) => Err(A::Error::custom(
+                        "colours of vertices are no number; expected a number or an image",
+                    )),
+                    texture => Ok(ScalarRecord::Texture(texture)),
+                }
             }
         }
         deserializer.deserialize_any(ScalarVisitor(PhantomData))
@@ -94,12 +107,15 @@ impl<'de, R: Range> Deserialize<'de> for ScalarRecord<R> {
 
 const CHANNEL: &str = "Only this one, as grey. Default: all of them; where a number is wanted, luminance.";
 
-/// The schemas of an image and of a checkerboard.
-fn tables<R: Range>(generator: &mut SchemaGenerator) -> [Schema; 2] {
+const ATTRIBUTE: &str = "The colours of the mesh's vertices, which an image is multiplied by.";
+
+/// The schemas of an image, of a checkerboard and of colours of vertices, which images may have beside them.
+fn tables<R: Range>(generator: &mut SchemaGenerator, has_attributes: bool) -> [Schema; 3] {
     let uv = generator.subschema_for::<UvSteps>();
     let color = Color::<R>::json_schema(generator);
     let colors = json_schema!({ "type": "array", "items": color, "minItems": 2, "maxItems": 2 });
-    let image = json_schema!({
+    let attribute = described(generator.subschema_for::<Attribute>(), ATTRIBUTE);
+    let mut image = json_schema!({
         "image": { "type": "string", "description": ".png or .exr, relative to the scene file." },
         "raw": { "type": "boolean", "description": "Take the numbers of a PNG as they are, not as sRGB." },
         "filter": generator.subschema_for::<TextureFilter>(),
@@ -107,9 +123,13 @@ fn tables<R: Range>(generator: &mut SchemaGenerator) -> [Schema; 2] {
         "channel": described(generator.subschema_for::<Channel>(), CHANNEL),
         "uv": uv,
     });
+    if has_attributes {
+        image.insert("attribute".to_owned(), attribute.clone().to_value());
+    }
     [
         table(&["image"], image),
         table(&["checkerboard"], json_schema!({ "checkerboard": colors, "uv": uv })),
+        table(&["attribute"], json_schema!({ "attribute": attribute })),
     ]
 }
 
@@ -117,8 +137,8 @@ impl<R> TextureRecord<R> {
     /// The file that it names.
     pub fn file(&self) -> Option<&Spanned<String>> {
         match self {
-            Self::Image(image) => Some(&image.file),
-            Self::Color(_) | Self::Checkerboard { .. } => None,
+            Self::Image(image) | Self::VertexColors(Some(image)) => Some(&image.file),
+            Self::Color(_) | Self::Checkerboard { .. } | Self::VertexColors(None) => None,
         }
     }
 }
@@ -150,8 +170,8 @@ impl<R: Range> JsonSchema for TextureRecord<R> {
     }
     fn json_schema(generator: &mut SchemaGenerator) -> Schema {
         let color = Color::<R>::json_schema(generator);
-        let [image, checkerboard] = tables::<R>(generator);
-        json_schema!({ "anyOf": [color, image, checkerboard] })
+        let [image, checkerboard, attribute] = tables::<R>(generator, true);
+        json_schema!({ "anyOf": [color, image, checkerboard, attribute] })
     }
 }
 
@@ -184,6 +204,7 @@ impl<'de, R: Range> Visitor<'de> for TextureVisitor<R> {
         #[serde(deny_unknown_fields, bound = "R: Range")]
         struct Table<R> {
             image: Option<Spanned<String>>,
+            attribute: Option<Attribute>,
             checkerboard: Option<Vec<Color<R>>>,
             raw: Option<bool>,
             filter: Option<TextureFilter>,
@@ -192,22 +213,36 @@ impl<'de, R: Range> Visitor<'de> for TextureVisitor<R> {
             uv: Option<UvSteps>,
         }
         let table = Table::<R>::deserialize(MapAccessDeserializer::new(map))?;
-        match (table.image, table.checkerboard) {
-            (Some(file), None) => Ok(TextureRecord::Image(ImageTextureRecord {
-                file,
-                raw: table.raw.unwrap_or_default(),
-                filter: table.filter.unwrap_or_default(),
-                wrap: table.wrap.unwrap_or_default(),
-                channel: table.channel,
-                uv: table.uv,
-            })),
-            (None, Some(colors)) => {
-                let of_image = [
-                    table.raw.is_some(),
-                    table.filter.is_some(),
-                    table.wrap.is_some(),
-                    table.channel.is_some(),
-                ];
+        let of_image = [
+            table.raw.is_some(),
+            table.filter.is_some(),
+            table.wrap.is_some(),
+            table.channel.is_some(),
+        ];
+        match (table.image, table.checkerboard, table.attribute) {
+            (Some(file), None, attribute) => {
+                let image = ImageTextureRecord {
+                    file,
+                    raw: table.raw.unwrap_or_default(),
+                    filter: table.filter.unwrap_or_default(),
+                    wrap: table.wrap.unwrap_or_default(),
+                    channel: table.channel,
+                    uv: table.uv,
+                };
+                Ok(match attribute {
+                    None => TextureRecord::Image(image),
+                    Some(Attribute::Color) => TextureRecord::VertexColors(Some(image)),
+                })
+            }
+            (None, None, Some(Attribute::Color)) => {
+                if of_image.contains(&true) || table.uv.is_some() {
+                    return Err(A::Error::custom(
+                        "an `attribute` takes no other field, but for an `image` and its fields",
+                    ));
+                }
+                Ok(TextureRecord::VertexColors(None))
+            }
+            (None, Some(colors), None) => {
                 if of_image.contains(&true) {
                     return Err(A::Error::custom(
                         "a checkerboard takes only `uv`; `raw`, `filter`, `wrap` and `channel` are for an `image`",

@@ -11,11 +11,11 @@ use toml::de::{DeTable, DeValue, ValueDeserializer};
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct AnimationRecord {
-    /// The first and the last frame: whole numbers.
-    pub frames: Spanned<[i64; 2]>,
+    /// The first and the last frame: whole numbers. No picture depends on them.
+    pub frames: Option<Spanned<[i64; 2]>>,
     /// When the shutter opens and closes, in frames after the frame's own time. Default: [0, 0], no motion blur.
     pub shutter: Option<Spanned<Pair>>,
-    /// The frame that is rendered. Default: the first.
+    /// The frame that is rendered. Default: the first, or 1.
     pub frame: Option<Spanned<Number<Finite>>>,
 }
 
@@ -80,7 +80,7 @@ pub fn frames(root: &DeTable<'_>) -> Result<Option<[i64; 2]>, Fault> {
         return Ok(None);
     };
     animation.clock()?;
-    Ok(Some(*animation.frames.get_ref()))
+    Ok(animation.frames.map(|frames| *frames.get_ref()))
 }
 
 impl AnimationRecord {
@@ -91,17 +91,19 @@ impl AnimationRecord {
         let place = value.span();
         let table = DeValue::Table(match value.get_ref() {
             DeValue::Table(table) => table.clone(),
-            _ => return Err(Fault::new(place, "expected a table with `frames`")),
+            _ => return Err(Fault::new(place, "expected a table, with `frames` for example")),
         });
         let deserializer = ValueDeserializer::from(toml::Spanned::new(place, table));
         Ok(Some(Self::deserialize(deserializer)?))
     }
 
     fn clock(&self) -> Result<Clock, Fault> {
-        let [first, last] = *self.frames.get_ref();
-        if first > last || [first, last].iter().any(|frame| frame.unsigned_abs() > 1_000_000) {
+        let [first, last] = self.frames.as_ref().map_or([1, 1], |frames| *frames.get_ref());
+        if let Some(frames) = &self.frames
+            && (first > last || [first, last].iter().any(|frame| frame.unsigned_abs() > 1_000_000))
+        {
             let message = "expected the first frame and the last one, not before it, within a million";
-            return Err(Fault::new(self.frames.span(), message));
+            return Err(Fault::new(frames.span(), message));
         }
         let shutter = self.shutter.as_ref().map_or([0.0; 2], |pair| pair.get_ref().0);
         if let Some(pair) = &self.shutter

@@ -211,6 +211,12 @@ fn lights_and_emission_are_checked() {
     5: shapes[0].emission: emission is given by `radiance` (W/(m^2 sr)) or by `power` (W): exactly one of them
 [[shapes]] | type = "sphere" | emission = {}
     5: shapes[0].emission: emission is given by `radiance` (W/(m^2 sr)) or by `power` (W): exactly one of them
+[[shapes]] | type = "sphere" | emission = { radiance = 1, scale = 2 }
+    5: shapes[0].emission.scale: it multiplies a texture; `radiance` is none
+[[shapes]] | type = "sphere" | emission = { power = 1, scale = 2 }
+    5: shapes[0].emission.scale: it multiplies a texture; `radiance` is none
+[[shapes]] | type = "sphere" | emission = { radiance = { checkerboard = [1, -1] } }
+    5: shapes[0].emission.radiance.checkerboard[1]: expected a number that is not negative, found -1.0
 [[shapes]] | type = "sphere" | emission = { radience = 1 }
     5: shapes[0].emission.radience: unknown field `radience`; did you mean `radiance`?
 [[shapes]] | type = "sphere" | emission = { power = -1 }
@@ -344,6 +350,31 @@ fn cameras_and_images_are_checked() {
             "fov = 40",
             "fov = 40, fov_axis = \"z\"",
             "2: camera.fov_axis: unknown variant `z`, expected one of `x`, `y`, `smaller`, `larger`",
+        ),
+        (
+            "fov = 40",
+            "fov = 40, view_width = 2",
+            "2: camera.view_width: \"perspective\" does not take this field; expected one of fov, fov_axis",
+        ),
+        (
+            "fov = 40",
+            "projection = \"orthographic\", fov = 40, view_width = 2",
+            "2: camera.fov: \"orthographic\" does not take this field; expected one of view_width",
+        ),
+        (
+            "fov = 40",
+            "projection = \"orthographic\"",
+            "2: camera: missing field `view_width`",
+        ),
+        (
+            "fov = 40",
+            "projection = \"orthographic\", view_width = 0",
+            "2: camera.view_width: expected a number above 0, found 0.0",
+        ),
+        (
+            "fov = 40",
+            "projection = \"parallel\", view_width = 1",
+            "2: camera.projection: unknown variant `parallel`, expected `perspective` or `orthographic`",
         ),
         (
             "fov = 40",

@@ -36,8 +36,61 @@ fn textures_are_checked() {
     5: materials.x.reflectance.uv[0]: expected three rows of three numbers as `matrix`
 [materials.x] | type = "diffuse" | reflectance = { checkerboard = [0, 1], uv = [{ scale = 1e20 }, { scale = 1e20 }] }
     5: materials.x.reflectance.uv: the numbers of this transform are too large for single precision
+[materials.x] | type = "diffuse" | reflectance = { attribute = "colour" }
+    5: materials.x.reflectance.attribute: unknown variant `colour`, expected `color`
+[materials.x] | type = "diffuse" | reflectance = { attribute = "color", wrap = "clamp" }
+    5: materials.x.reflectance: an `attribute` takes no other field, but for an `image` and its fields
+[materials.x] | type = "diffuse" | reflectance = { attribute = "color", checkerboard = [0, 1] }
+    5: materials.x.reflectance: a texture is given by `image` or by `checkerboard`: one of the two ways
+[materials.x] | type = "principled" | roughness = { attribute = "color" }
+    5: materials.x.roughness: colours of vertices are no number; expected a number or an image
+[materials.x] | type = "diffuse" | normal_map = { attribute = "color" }
+    5: materials.x.normal_map: colours of vertices are no normals; expected an image
+[materials.x] | type = "diffuse" | reflectance = { attribute = "color" } | [[shapes]] | type = "sphere" | material = "x"
+    8: shapes[0].material: it takes the colours of vertices, which meshes from files alone have
+[[shapes]] | type = "cube" | emission = { radiance = { attribute = "color" } }
+    5: shapes[0].emission: it takes the colours of vertices, which meshes from files alone have
 "#,
     );
+}
+
+/// A mesh whose vertices have no colours, or such that reflect more than arrives.
+#[test]
+fn meshes_have_the_colours_that_materials_take() {
+    let scene = |of_shape: &str| {
+        format!(
+            "{VIEW}[materials.x]\ntype = \"diffuse\"\nreflectance = {{ attribute = \"color\" }}\n\
+             [[shapes]]\ntype = \"mesh\"\nfile = \"a.ply\"\n{of_shape}"
+        )
+    };
+    let file = |property: &str, value: &str| {
+        let names = ["red", "green", "blue"].map(|name| format!("property {property} {name}\n"));
+        let vertex = |place: &str| format!("{place} {value} 0 0\n");
+        format!(
+            "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n{}\
+             element face 1\nproperty list uchar int vertex_indices\nend_header\n{}{}{}3 0 1 2\n",
+            names.concat(),
+            vertex("0 0 0"),
+            vertex("1 0 0"),
+            vertex("0 1 0"),
+        )
+    };
+    let error = |of_shape: &str, file: String| error_of(&scene(of_shape), &[("a.ply", file.into_bytes())]).to_string();
+    let glowing = "emission = { radiance = { attribute = \"color\" } }";
+    let plain = file("float", "0").replace("red", "scarlet");
+    for of_shape in ["material = \"x\"", glowing] {
+        let said = error(of_shape, plain.clone());
+        assert!(said.starts_with("a.ply: its vertices have no colours"), "{said}");
+    }
+    let said = error("material = \"x\"", file("float", "2"));
+    assert!(
+        said.starts_with("a.ply: vertex 0 (from zero) has the colour [2, 0, 0]; expected numbers from 0 to 1"),
+        "{said}"
+    );
+    let said = error(glowing, file("float", "nan"));
+    assert!(said.starts_with("a.ply: vertex 0 (from zero) has the colour"), "{said}");
+    let said = error(glowing, file("ushort", "3"));
+    assert!(said.starts_with("a.ply"), "{said}");
 }
 
 #[test]

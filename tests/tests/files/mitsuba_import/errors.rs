@@ -8,7 +8,7 @@ const MANY: &str = r#"<shape type="teapot"/>
 <float name="abbe" value="30"/></bsdf>
 <emitter type="projector"/>
 <medium type="homogeneous"><phase type="sggx"/></medium>
-<bsdf type="diffuse"><texture type="volume" name="reflectance"/></bsdf>"#;
+<bsdf type="diffuse"><texture type="wireframe" name="reflectance"/></bsdf>"#;
 
 #[test]
 fn everything_that_is_not_supported_is_named_at_once() {
@@ -19,7 +19,7 @@ fn everything_that_is_not_supported_is_named_at_once() {
         "scene.xml:3: shape \"sphere\": the parameter \"colour\" is not supported",
         "scene.xml:5: bsdf \"dielectric\": the parameter \"abbe\" is not supported",
         "scene.xml:7: phase \"sggx\" is not supported",
-        "scene.xml:8: texture \"volume\" is not supported",
+        "scene.xml:8: texture \"wireframe\" is not supported",
     ];
     let mut found: Vec<_> = found.iter().map(String::as_str).collect();
     found.sort_unstable();

@@ -16,7 +16,7 @@ fn camera_sees_right_and_up() {
     assert!((corner - Vec3::new(1.0, 0.5, -1.0).normalize()).length() < 1e-6);
     for (axis, tan_half_x) in [("x", 1.0), ("y", 2.0), ("smaller", 2.0), ("larger", 1.0)] {
         let text = VIEW.replace("fov = 90", &format!("fov = 90, fov_axis = \"{axis}\""));
-        assert!((load_with(&text, &[]).camera.tan_half_fov_x - tan_half_x).abs() < 1e-6);
+        assert!((load_with(&text, &[]).camera.half_width - tan_half_x).abs() < 1e-6);
     }
 }
 

@@ -1,13 +1,14 @@
 //! Light towards a point: samples, their densities, and the irradiance that they add up to.
 
 use crate::lights::setup::{
-    RADIANCE, SAMPLES, SIGNIFICANCE, ball, cylinder, disc, emitter, light, point, rectangle, shapes, sky, spot, sun,
+    RADIANCE, SAMPLES, SIGNIFICANCE, ball, cylinder, disc, emitter, light, patterned, point, rectangle, shapes, sky,
+    spot, sun,
 };
-use beamfarm_render::geometry::{Geometry, Object, bounds};
+use beamfarm_render::geometry::{Geometry, Object, Shape, bounds};
 use beamfarm_render::light::{DirectSample, Environment, Light, LightHit, LightKind};
 use beamfarm_render::math::{Frame, PI, Ray, Rgb, Vec2, Vec3};
 use beamfarm_render::sampler::{Purpose, Sampler};
-use beamfarm_render::texture::Image;
+use beamfarm_render::texture::{Image, TexturePoint};
 use beamfarm_render::warp;
 use beamfarm_tests::quadrature::Rect;
 use beamfarm_tests::{Chi2, MeanEstimate, Suite};
@@ -26,10 +27,17 @@ fn traced_pdf(light: &Light, objects: &[Object], geometry: &Geometry, from: Vec3
         .intersect(objects, &ray, f32::INFINITY, |_| false)
         .map(|hit| LightHit {
             normal: hit.ng,
+            primitive: hit.primitive,
             distance: hit.t,
         });
     light.pdf_direct(objects, from, wi, hit)
 }
+
+const FROM: [Vec3; 3] = [
+    Vec3::new(0.2, 2.0, 0.4),
+    Vec3::new(2.0, 0.4, -0.5),
+    Vec3::new(-0.5, -1.5, 0.0),
+];
 
 /// Inverse densities sum to the solid angle that the light fills, octant by octant, which rays in random directions
 /// measure too. (Outlines cut through chi-square bins, so that quadrature of the density would be hard.)
@@ -38,13 +46,9 @@ fn direct_sampling_covers_the_solid_angle() {
     let mut suite = Suite::new(SIGNIFICANCE);
     for (name, shape) in shapes() {
         let (low, high) = bounds(&shape);
-        let (objects, light) = emitter(shape);
-        let geometry = Geometry::new(&objects);
-        for from in [
-            Vec3::new(0.2, 2.0, 0.4),
-            Vec3::new(2.0, 0.4, -0.5),
-            Vec3::new(-0.5, -1.5, 0.0),
-        ] {
+        let patterned = [emitter(shape.clone()), patterned(shape)];
+        for ((objects, light), from) in patterned.iter().flat_map(|emitter| FROM.map(|from| (emitter, from))) {
+            let geometry = Geometry::new(objects);
             let to_center = 0.5 * (low + high) - from;
             let frame = Frame::from_normal(to_center.normalize());
             let ratio = 0.5 * (high - low).length() / to_center.length();
@@ -58,9 +62,9 @@ fn direct_sampling_covers_the_solid_angle() {
                 2 * sector + (1.0 - local.z > 0.25 * (1.0 - cos)) as usize
             };
             let mut sampled = [MeanEstimate::new(); 16];
-            for sample in directs(&light, &objects, from) {
+            for sample in directs(light, objects, from) {
                 let inverse = sample.map_or((usize::MAX, 0.0), |sample| {
-                    let pdf = traced_pdf(&light, &objects, &geometry, from, sample.wi);
+                    let pdf = traced_pdf(light, objects, &geometry, from, sample.wi);
                     // Within a rounding of the outline a ray may just miss; there the density is high.
                     (bin(sample.wi), if pdf > 0.0 { 1.0 / pdf } else { 0.0 })
                 });
@@ -72,7 +76,7 @@ fn direct_sampling_covers_the_solid_angle() {
             let mut traced = [MeanEstimate::new(); 16];
             for _ in 0..SAMPLES {
                 let wi = frame.to_world(warp::uniform_cone(rng.next_2d(), cos));
-                let lit = traced_pdf(&light, &objects, &geometry, from, wi) > 0.0;
+                let lit = traced_pdf(light, objects, &geometry, from, wi) > 0.0;
                 for (i, estimate) in traced.iter_mut().enumerate() {
                     let solid_angle = 1.0 / warp::uniform_cone_pdf(cos);
                     estimate.add(if lit && i == bin(wi) {
@@ -103,6 +107,7 @@ fn cones_around_spheres_are_sampled_uniformly() {
         let height = sin2 / (1.0 + (1.0 - sin2).sqrt());
         let hit = Some(LightHit {
             normal: -towards,
+            primitive: 0,
             distance: distance - radius,
         });
         // Height of the cap in units of the whole cone's, and azimuth in units of a turn.
@@ -131,8 +136,11 @@ fn cones_around_spheres_are_sampled_uniformly() {
 
 #[test]
 fn direct_samples_lie_on_the_light_at_their_distance_with_their_density() {
-    for (name, shape) in shapes() {
-        let (objects, light) = emitter(shape);
+    let emitters = |(name, shape): (&'static str, Shape)| {
+        let plain = emitter(shape.clone());
+        [(name, plain, 1e-4), (name, patterned(shape), 3e-3)]
+    };
+    for (name, (objects, light), precision) in shapes().into_iter().flat_map(emitters) {
         let geometry = Geometry::new(&objects);
         let from = Vec3::new(0.2, 2.0, 0.4);
         let samples: Vec<DirectSample> = directs(&light, &objects, from).take(5000).flatten().collect();
@@ -155,7 +163,10 @@ fn direct_samples_lie_on_the_light_at_their_distance_with_their_density() {
             let pdf = traced_pdf(&light, &objects, &geometry, from, sample.wi);
             assert!((pdf / sample.pdf - 1.0).abs() < 1e-3, "{name}");
             let radiance = sample.weight * sample.pdf;
-            assert!((radiance - light.radiance_area(cos)).length() < 1e-4, "{name}");
+            assert!(
+                (radiance - light.radiance_area(cos, &hit.at)).length() < precision,
+                "{name}"
+            );
         }
         // Within a rounding of the outline a ray may just miss.
         let all: f32 = samples.iter().map(|sample| 1.0 / sample.pdf).sum();
@@ -291,6 +302,6 @@ fn delta_lights_follow_the_inverse_square_law() {
 fn delta_lights_have_no_density() {
     for light in [point(Vec3::ONE), sun(Vec3::X), spot(Vec3::ONE, Vec3::X, 3.0, 5.0)] {
         assert_eq!(light.pdf_direct(&[], Vec3::ZERO, Vec3::X, None), 0.0);
-        assert_eq!(light.radiance_area(1.0), Rgb::ZERO);
+        assert_eq!(light.radiance_area(1.0, &TexturePoint::default()), Rgb::ZERO);
     }
 }

@@ -4,4 +4,6 @@ mod choice;
 mod direct;
 mod emission;
 mod environment;
+mod pattern;
 mod setup;
+mod two_sides;

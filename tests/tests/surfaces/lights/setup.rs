@@ -2,11 +2,11 @@
 
 use beamfarm_image::layer::LightGroup;
 use beamfarm_render::geometry::{Mesh, Object, Placement, Shape};
-use beamfarm_render::light::{Environment, Light, LightKind, SceneBounds};
+use beamfarm_render::light::{Environment, Light, LightKind, Pattern, SceneBounds};
 use beamfarm_render::math::{Frame, Rgb, Vec3};
 use beamfarm_render::sampler::{Purpose, Sampler};
-use beamfarm_render::texture::Image;
-use glam::{Affine3A, Mat3};
+use beamfarm_render::texture::{Image, Texture, TextureFilter, Wrap};
+use glam::{Affine2, Affine3A, Mat3};
 use std::sync::Arc;
 
 /// Chance of a false alarm per test function, if all is right and the seeds were new.
@@ -103,8 +103,34 @@ pub fn emitter(shape: Shape) -> (Vec<Object>, Light) {
     let kind = LightKind::Area {
         object: 0,
         radiance: RADIANCE,
+        pattern: None,
+        two_sided: false,
     };
     (vec![object], light(kind))
+}
+
+/// The same, its radiance varying by an image.
+pub fn patterned(shape: Shape) -> (Vec<Object>, Light) {
+    let texture = Texture::Image {
+        image: Arc::new(speckled(3, 2, 2.0)),
+        filter: TextureFilter::Bilinear,
+        wrap: Wrap::Repeat,
+        image_from_uv: Affine2::IDENTITY,
+    };
+    let pattern = Pattern::new(texture, RADIANCE, &shape).map(|(pattern, mean)| (Arc::new(pattern), mean));
+    let (objects, mut light) = emitter(shape);
+    if let (
+        LightKind::Area {
+            radiance,
+            pattern: of_light,
+            ..
+        },
+        Some((pattern, mean)),
+    ) = (&mut light.kind, pattern)
+    {
+        (*radiance, *of_light) = (mean, Some(pattern));
+    }
+    (objects, light)
 }
 
 pub fn point(position: Vec3) -> Light {

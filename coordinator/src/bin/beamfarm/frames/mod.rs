@@ -53,7 +53,7 @@ pub fn run(args: &JobArgs, list: &FrameList, site: Site) -> Result<(), Failure> 
     let options = of.import.options(&of.scene)?;
     let Some(range) = beamfarm_scene::frames(&of.scene, &options)? else {
         return Err(Failure::usage(format!(
-            "{}: --frames: the scene has no frames; expected a table such as `[animation]` with `frames = [1, 48]`",
+            "{}: --frames: the scene does not say which frames there are; expected a table such as `[animation]` with `frames = [1, 48]`",
             of.scene.display()
         )));
     };

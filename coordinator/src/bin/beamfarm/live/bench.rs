@@ -5,12 +5,14 @@ use crate::failure::Failure;
 use crate::job::SceneArgs;
 use beamfarm_coordinator::revisions::Style;
 use beamfarm_image::atomic::write_file;
+use beamfarm_image::bundle;
 use beamfarm_image::job::{Finders, JobSettings};
 use beamfarm_proto::bytes::Bytes;
 use beamfarm_proto::{FileEntry, FileHash, Manifest, Revision, RevisionNumber};
+use beamfarm_render::camera::Projection;
 use beamfarm_render::world::{RenderDefaults, Scene, SceneDescription, Seen};
 use beamfarm_scene::desk::{self, CameraMove, Thing};
-use beamfarm_scene::{Edits, Files, ImportOptions, SceneError, SceneFile, Store, is_gltf, is_mitsuba};
+use beamfarm_scene::{Edits, File, Files, ImportOptions, SceneError, SceneFile, Store, is_gltf, is_mitsuba};
 use glam::DVec3;
 use serde_json::Value;
 use std::collections::BTreeMap;
@@ -25,6 +27,8 @@ const FAR: f32 = 0.5;
 /// Where in the picture lights are drawn that stand nowhere, to be turned there: at so much of the distance of the
 /// camera's target, and so much of that above it.
 const SKY: [f64; 2] = [1.0, 0.22];
+/// Where a page has parallel rays come from: so many radii of the scene and the image behind the camera.
+const FAR_BEHIND: f64 = 1e5;
 
 /// Why a change cannot be.
 #[derive(Debug)]
@@ -128,6 +132,8 @@ pub struct Bench {
     /// Files of the last text that could be rendered, as it is written and as it is meant.
     files: Files,
     meant: Files,
+    /// Files that are on no disk until the scene is saved, by the names that the text has for them.
+    made: BTreeMap<String, File>,
     looks: Looks,
     number: RevisionNumber,
     store: Store,
@@ -156,6 +162,9 @@ impl Bench {
         let file = args.scene.with_extension("toml");
         let file = if is_native { args.scene.clone() } else { file };
         let files = Files::from(read.bundle).revised(&file, &text, &options.edits)?;
+        let made = read.made.into_iter();
+        let made = made.filter_map(|name| Some((name.clone(), files.files.get(&bundle::key(&name))?.clone())));
+        let made = made.collect();
         let meant = files.clone().canonical();
         let eye = desk::eye(&meant)?;
         let mut store = Store::default();
@@ -171,6 +180,7 @@ impl Bench {
             looks: Looks::of(&files),
             files,
             meant,
+            made,
             number: RevisionNumber(1),
             store,
             description,
@@ -265,6 +275,10 @@ impl Bench {
                 "{file} is there already, and was not made from this scene: move it away"
             ));
         }
+        for (name, file) in &self.made {
+            write_file(&self.folder().join(name), file.bytes()).map_err(|error| error.to_string())?;
+        }
+        self.made.clear();
         write_file(&self.file, self.text.as_bytes()).map_err(|error| error.to_string())?;
         self.on_disk = Some(self.text.clone());
         Ok(format!("saved {file}"))
@@ -407,22 +421,37 @@ impl Bench {
         let forward = camera.frame.n;
         let origin: [f64; 3] = std::array::from_fn(|i| f64::from(camera.position[i]) + self.origin[i]);
         let target = std::array::from_fn(|i| origin[i] + f64::from(forward[i]));
+        // The page knows rays that meet in one point: parallel ones meet very far behind.
+        let back = match camera.projection {
+            Projection::Perspective => 0.0,
+            Projection::Orthographic => FAR_BEHIND * f64::from(self.description.bounds.radius + camera.half_width),
+        };
+        let on_plane = |size: f32| match camera.projection {
+            Projection::Perspective => f64::from(size),
+            Projection::Orthographic => f64::from(size) / back,
+        };
+        let fov = eye.and_then(|eye| eye.fov);
+        let fixed = match (eye, camera.projection) {
+            (None, _) => Some("the scene's camera cannot be found"),
+            (_, Projection::Orthographic) => Some("an orthographic camera is moved in the scene's text"),
+            _ => None,
+        };
         let sense = camera.frame.s.cross(camera.frame.t).dot(camera.frame.n);
         Camera {
-            origin: eye.map_or(origin, |eye| eye.origin),
+            origin: std::array::from_fn(|i| eye.map_or(origin, |eye| eye.origin)[i] - back * f64::from(forward[i])),
             target: eye.map_or(target, |eye| eye.target),
             up: eye.map_or([0.0, 1.0, 0.0], |eye| eye.up),
-            fov: eye.map_or(40.0, |eye| eye.fov),
-            fov_axis: eye.map_or("x", |eye| eye.fov_axis),
-            tan_x: f64::from(camera.tan_half_fov_x),
+            fov: fov.map_or(40.0, |(fov, _)| fov),
+            fov_axis: fov.map_or("x", |(_, axis)| axis),
+            tan_x: on_plane(camera.half_width),
             width: camera.width,
             height: camera.height,
-            shift: [f64::from(camera.shift.x), f64::from(camera.shift.y)],
+            shift: [on_plane(camera.shift.x), on_plane(camera.shift.y)],
             // Left-handed, unless the image is mirrored.
             flip_x: sense > 0.0,
             aperture: f64::from(camera.aperture),
             focus_distance: f64::from(camera.focus_distance),
-            fixed: eye.is_none().then(|| "the scene's camera cannot be found".to_owned()),
+            fixed: fixed.map(str::to_owned),
         }
     }
 
@@ -435,8 +464,12 @@ impl Bench {
         let [origin, target] = [eye.origin, eye.target].map(DVec3::from);
         let up = self.description.camera.frame.t.as_dvec3();
         let distance = (target - origin).length();
-        let tan = f64::from(self.description.camera.tan_half_fov_x);
-        let place = origin + (target - origin) * SKY[0] + up * (distance * tan * SKY[1]);
+        let half_width = f64::from(self.description.camera.half_width);
+        let half_width = match self.description.camera.projection {
+            Projection::Perspective => distance * half_width,
+            Projection::Orthographic => half_width,
+        };
+        let place = origin + (target - origin) * SKY[0] + up * (half_width * SKY[1]);
         for thing in things.iter_mut().filter(|thing| thing.kind == "directional") {
             thing.at = Some(place.to_array());
         }

@@ -5,6 +5,7 @@ use super::open::open;
 use super::write::{number, vector};
 use crate::assets::Flaw;
 use glam::{DAffine3, DVec3};
+use gltf::camera::{Orthographic, Projection};
 
 /// The camera of that name, or the first one: `origin`, `target`, `up` and `fov`, as TOML.
 pub fn camera(bytes: &[u8], wanted: Option<&str>, world_from_file: &DAffine3) -> Result<String, Flaw> {
@@ -29,10 +30,10 @@ pub fn camera(bytes: &[u8], wanted: Option<&str>, world_from_file: &DAffine3) ->
         let wanted = wanted.map_or(String::new(), |wanted| format!(" {wanted:?}"));
         return Err(format!("its scene has no camera{wanted}; it has {known}").into());
     };
-    let gltf::camera::Projection::Perspective(perspective) = camera.projection() else {
-        return Err(format!("the camera {:?} is orthographic; expected a perspective one", node.name).into());
-    };
-    Ok(fields(node, f64::from(perspective.yfov())))
+    Ok(match camera.projection() {
+        Projection::Perspective(perspective) => place(node) + &angle(f64::from(perspective.yfov())),
+        Projection::Orthographic(orthographic) => place(node) + &width(&orthographic),
+    })
 }
 
 /// The nodes that are cameras.
@@ -40,15 +41,24 @@ pub fn cameras<'p, 'a>(placed: &'p [Placed<'a>]) -> impl Iterator<Item = (&'p Pl
     placed.iter().filter_map(|node| Some((node, node.node.camera()?)))
 }
 
-/// A perspective camera's fields. `yfov`: radians.
-pub fn fields(node: &Placed<'_>, yfov: f64) -> String {
+/// Fields of where a camera is.
+pub fn place(node: &Placed<'_>) -> String {
     let place = &node.world_from_node;
     let direction = |v| place.transform_vector3(v).normalize_or_zero();
     format!(
-        "origin = {}\ntarget = {}\nup = {}\nfov = {}\n",
+        "origin = {}\ntarget = {}\nup = {}\n",
         vector(place.translation),
         vector(place.translation + direction(DVec3::NEG_Z)),
         vector(direction(DVec3::Y)),
-        number(yfov.to_degrees()),
     )
+}
+
+/// The field of a perspective camera. `yfov`: radians.
+pub fn angle(yfov: f64) -> String {
+    format!("fov = {}\n", number(yfov.to_degrees()))
+}
+
+/// The field of an orthographic camera, whose magnification is half of what it sees.
+pub fn width(camera: &Orthographic<'_>) -> String {
+    format!("view_width = {}\n", number(2.0 * f64::from(camera.xmag()).abs()))
 }

@@ -19,8 +19,10 @@ pub struct Surface {
     pub name: String,
     /// Which of a mesh's texture coordinates it takes.
     pub uv_set: u32,
-    /// Radiance, as TOML.
+    /// Radiance, as TOML: three numbers or a texture.
     pub emission: Option<String>,
+    /// Whether both sides of what is open emit.
+    pub emits_on_both: bool,
     /// Whether light goes through to the inside.
     pub is_glass: bool,
     /// What is inside.
@@ -31,7 +33,7 @@ pub struct Surface {
 pub struct Materials<'a, 'b> {
     record: &'a Record,
     pub textures: Textures<'a, 'b>,
-    made: BTreeMap<Option<usize>, Surface>,
+    made: BTreeMap<(Option<usize>, bool), Surface>,
     /// Materials and media, as TOML.
     pub text: String,
     /// Lengths in the world of a length of the file.
@@ -50,9 +52,10 @@ impl<'a, 'b> Materials<'a, 'b> {
         }
     }
 
-    /// What shapes of a material are told, by its number; without one, the default material.
-    pub fn surface(&mut self, index: Option<usize>, notes: &mut Notes) -> Result<Surface, Flaw> {
-        if let Some(made) = self.made.get(&index) {
+    /// What shapes of a material are told, by its number; without one, the default material. `colored`: its base
+    /// colour is multiplied by the colours of vertices.
+    pub fn surface(&mut self, index: Option<usize>, colored: bool, notes: &mut Notes) -> Result<Surface, Flaw> {
+        if let Some(made) = self.made.get(&(index, colored)) {
             return Ok(made.clone());
         }
         let default = Material::default();
@@ -64,6 +67,7 @@ impl<'a, 'b> Materials<'a, 'b> {
             (Some(i), None) => (format!("material{i}"), i.to_string()),
             (None, _) => ("default".to_string(), "that is the default".to_string()),
         };
+        let id = if colored { format!("{id}_colored") } else { id };
         let in_material = |flaw: Flaw| Flaw::from(format!("the material {name}: {}", flaw.message));
         let mut writer = Writer {
             material,
@@ -72,6 +76,7 @@ impl<'a, 'b> Materials<'a, 'b> {
             textures: &mut self.textures,
             notes,
             uv_set: main_uv_set(material),
+            colored,
         };
         let emission = writer.emission().map_err(in_material)?;
         let written = writer.write(self.scale).map_err(in_material)?;
@@ -79,12 +84,13 @@ impl<'a, 'b> Materials<'a, 'b> {
         let surface = Surface {
             uv_set: main_uv_set(material),
             emission,
+            emits_on_both: material.double_sided,
             is_glass: written.is_glass,
             interior: written.has_medium.then(|| id.clone()),
             id: id.clone(),
             name: name.clone(),
         };
-        self.made.insert(index, surface.clone());
+        self.made.insert((index, colored), surface.clone());
         Ok(surface)
     }
 }
@@ -113,7 +119,7 @@ struct Written {
 }
 
 impl Writer<'_, '_, '_> {
-    /// Radiance, if there is any. A texture counts by its mean.
+    /// Radiance, if there is any.
     fn emission(&mut self) -> Result<Option<String>, Flaw> {
         let strength = self.material.extensions.emissive_strength.as_ref();
         let strength = strength.map_or(1.0, |s| s.emissive_strength);
@@ -121,21 +127,8 @@ impl Writer<'_, '_, '_> {
         if factor == [0.0; 3] {
             return Ok(None);
         }
-        let mean = match &self.material.emissive_texture {
-            None => [1.0; 3],
-            Some(used) => {
-                self.note("textures of emission count by their mean: materials");
-                mean(&*self.textures.picture(used, Encoding::Srgb)?)
-            }
-        };
-        let radiance: [f64; 3] = std::array::from_fn(|c| factor[c] * mean[c]);
-        if radiance == [0.0; 3] {
-            return Ok(None);
-        }
-        if self.material.double_sided {
-            self.note("surfaces with two sides give light from the front alone: materials");
-        }
-        Ok(Some(numbers(&radiance)))
+        let radiance = self.color(factor, self.material.emissive_texture.as_ref(), ".emission")?;
+        Ok(Some(radiance))
     }
 
     /// The index of refraction whose reflectance at normal incidence is that of `ior` and KHR_materials_specular.
@@ -249,6 +242,7 @@ impl Writer<'_, '_, '_> {
             glass = Some(made);
         }
         let ior = self.reflecting_ior(ior)?;
+        let lobes = self.lobes()?;
         let (name, own) = match &glass {
             Some(_) => (format!("\"{id}.base\""), ""),
             None => (id.to_owned(), &common[..]),
@@ -262,6 +256,7 @@ impl Writer<'_, '_, '_> {
         if ior != 1.5 {
             let _ = writeln!(text, "ior = {}", number(ior));
         }
+        text.push_str(&lobes);
         Ok(Written {
             text,
             is_glass: glass.as_ref().is_some_and(|glass| glass.is_glass),
@@ -274,6 +269,9 @@ impl Writer<'_, '_, '_> {
         let x = &self.material.extensions;
         if x.specular.is_some() {
             self.note("KHR_materials_specular of glass does not count: materials");
+        }
+        if x.clearcoat.as_ref().is_some_and(|coat| coat.clearcoat_factor > 0.0) {
+            self.note("KHR_materials_clearcoat of glass does not count: materials");
         }
         let volume = x.volume.clone().unwrap_or_default();
         let is_solid = volume.thickness_factor > 0.0;
@@ -318,15 +316,6 @@ impl Writer<'_, '_, '_> {
         }
         if x.unlit.is_some() {
             self.note("KHR_materials_unlit does not count, they are lit as others are: materials");
-        }
-        if x.clearcoat.as_ref().is_some_and(|coat| coat.clearcoat_factor > 0.0) {
-            self.note("KHR_materials_clearcoat does not count: materials");
-        }
-        if x.sheen
-            .as_ref()
-            .is_some_and(|sheen| sheen.sheen_color_factor != [0.0; 3])
-        {
-            self.note("KHR_materials_sheen does not count: materials");
         }
         for name in x.others.keys() {
             self.note(format!("{name} is not supported and does not count: materials"));

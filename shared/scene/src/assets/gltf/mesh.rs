@@ -4,7 +4,9 @@ use super::accessor::Buffers;
 use super::node::Placed;
 use crate::assets::Flaw;
 use crate::assets::mesh::RawMesh;
+use beamfarm_render::math::Rgb;
 use glam::{DAffine3, DMat3, DVec2, DVec3};
+use gltf::accessor::Dimensions;
 use gltf::mesh::Mode;
 use gltf::{Accessor, Semantic};
 
@@ -127,6 +129,35 @@ pub fn mesh(
         _ => indices.as_chunks::<3>().0.to_vec(),
     };
     Ok(Some(raw))
+}
+
+/// Linear colours of a primitive's vertices, and whether any is not opaque. `None`: it has none, or all are white.
+pub fn colors(primitive: &gltf::Primitive<'_>, buffers: &Buffers) -> Result<Option<(Vec<Rgb>, bool)>, Flaw> {
+    let Some(accessor) = primitive.get(&Semantic::Colors(0)) else {
+        return Ok(None);
+    };
+    let what = "colours of vertices";
+    let colors: Vec<[f64; 4]> = match accessor.dimensions() {
+        Dimensions::Vec4 => buffers.numbers::<4>(&accessor, what)?,
+        _ => {
+            let colors = buffers.numbers::<3>(&accessor, what)?;
+            colors.into_iter().map(|[r, g, b]| [r, g, b, 1.0]).collect()
+        }
+    };
+    let count = primitive
+        .get(&Semantic::Positions)
+        .map_or(0, |positions| positions.count());
+    if colors.len() != count {
+        return Err(format!("it has {count} positions and {} {what}", colors.len()).into());
+    }
+    // Nothing reflects more than arrives.
+    let color = |[r, g, b, _]: &[f64; 4]| Rgb::from_array([r, g, b].map(|x| x.clamp(0.0, 1.0) as f32));
+    let is_cut = colors.iter().any(|[.., a]| *a < 1.0);
+    let colors: Vec<Rgb> = colors.iter().map(color).collect();
+    Ok(colors
+        .iter()
+        .any(|color| *color != Rgb::ONE)
+        .then_some((colors, is_cut)))
 }
 
 /// Take vertices where their joints are: up to four of each.

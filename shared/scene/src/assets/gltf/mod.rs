@@ -5,6 +5,7 @@ mod accessor;
 mod camera;
 mod gloss;
 mod light;
+mod lobes;
 mod material;
 mod mesh;
 mod node;

@@ -2,7 +2,7 @@
 
 use super::Beside;
 use super::accessor::Buffers;
-use super::camera::{cameras, fields};
+use super::camera::{angle, cameras, place, width};
 use super::mesh::{Pose, mesh};
 use super::node::{self, Placed};
 use super::notes::Notes;
@@ -46,14 +46,14 @@ pub fn scene(file: &str, bytes: &[u8], beside: &Beside<'_>) -> Result<Whole, Fla
         Some(view) => view,
         None => {
             let buffers = Buffers::new(&opened.document, opened.blob.as_deref(), beside)?;
-            notes.add("it is looked at from in front, all of it, since it has no perspective camera");
+            notes.add("it is looked at from in front, all of it, since it has no camera");
             View::of_all(corners(&placed, &buffers)?)
         }
     };
     let [width, height] = view.size;
     let file = quoted(file);
     let mut text = format!(
-        "[image]\nwidth = {width}\nheight = {height}\n\n[camera]\n{}fov_axis = \"y\"\n\n[[gltf]]\nfile = {file}\n",
+        "[image]\nwidth = {width}\nheight = {height}\n\n[camera]\n{}\n[[gltf]]\nfile = {file}\n",
         view.fields
     );
     if !has_lights(&opened, &placed) {
@@ -88,24 +88,32 @@ fn key(right: DVec3, up: DVec3, back: DVec3) -> DVec3 {
     (right * 0.6 - up - back * 0.7).normalize_or(DVec3::NEG_Y)
 }
 
-/// What the file's first perspective camera sees.
+/// What the file's first camera sees.
 fn own_view(placed: &[Placed<'_>], notes: &mut Notes) -> Option<View> {
     let mut found: Vec<View> = Vec::new();
     for (node, camera) in cameras(placed) {
-        let perspective = match camera.projection() {
-            Projection::Perspective(perspective) => perspective,
-            Projection::Orthographic(_) => {
-                notes.add_of("cameras without perspective are left out", &format!("{:?}", node.name));
-                continue;
+        let (aspect, extent) = match camera.projection() {
+            Projection::Perspective(perspective) => {
+                let aspect = perspective.aspect_ratio().map_or(ASPECT, f64::from);
+                let extent = angle(f64::from(perspective.yfov()));
+                (aspect, format!("{extent}fov_axis = \"y\"\n"))
+            }
+            Projection::Orthographic(orthographic) => {
+                let aspect = f64::from(orthographic.xmag()) / f64::from(orthographic.ymag());
+                let extent = width(&orthographic);
+                (aspect.abs(), format!("projection = \"orthographic\"\n{extent}"))
             }
         };
-        let aspect = perspective.aspect_ratio().map_or(ASPECT, f64::from);
-        let aspect = if aspect > 0.0 { aspect } else { ASPECT };
+        let aspect = if aspect > 0.0 && aspect.is_finite() {
+            aspect
+        } else {
+            ASPECT
+        };
         let pixels = |share: f64| ((LONGER_SIDE * share).round() as u32).max(1);
-        let place = &node.world_from_node;
-        let direction = |v| place.transform_vector3(v).normalize_or_zero();
+        let world_from_node = &node.world_from_node;
+        let direction = |v| world_from_node.transform_vector3(v).normalize_or_zero();
         found.push(View {
-            fields: fields(node, f64::from(perspective.yfov())),
+            fields: place(node) + &extent,
             size: [pixels(aspect.min(1.0)), pixels(aspect.recip().min(1.0))],
             key: key(direction(DVec3::X), direction(DVec3::Y), direction(DVec3::Z)),
         });
@@ -138,7 +146,7 @@ impl View {
         }
         Self {
             fields: format!(
-                "origin = {}\ntarget = {}\nup = [0.0, 1.0, 0.0]\nfov = {}\n",
+                "origin = {}\ntarget = {}\nup = [0.0, 1.0, 0.0]\nfov = {}\nfov_axis = \"y\"\n",
                 vector(middle + back * distance),
                 vector(middle),
                 number(FOV)

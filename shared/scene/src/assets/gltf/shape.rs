@@ -9,7 +9,7 @@ use super::write::{matrix, quoted};
 use crate::assets::Flaw;
 use crate::assets::mesh::RawMesh;
 use glam::DAffine3;
-use gltf::Semantic;
+use gltf::material::AlphaMode;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
@@ -82,22 +82,31 @@ impl<'a> Shapes<'_, 'a, '_> {
                     flaw.message
                 )
             };
+            let colors = match &self.materials {
+                None => None,
+                Some(_) => mesh::colors(&primitive, self.buffers).map_err(in_mesh)?,
+            };
             let surface = match &mut self.materials {
                 None => None,
-                Some(materials) => Some(materials.surface(primitive.material().index(), self.notes)?),
+                Some(materials) => {
+                    Some(materials.surface(primitive.material().index(), colors.is_some(), self.notes)?)
+                }
             };
             let uv_set = surface.as_ref().map_or(0, |surface| surface.uv_set);
             let raw = mesh::mesh(&primitive, self.buffers, uv_set, &users.pose).map_err(in_mesh)?;
-            let Some(raw) = raw else {
+            let Some(mut raw) = raw else {
                 self.notes
                     .add_of("points and lines are left out: of nodes", &format!("{:?}", first.name));
                 continue;
             };
-            if self.materials.is_some() && primitive.get(&Semantic::Colors(0)).is_some() {
-                self.notes.add_of(
-                    "colours of vertices do not count: of nodes",
-                    &format!("{:?}", first.name),
-                );
+            if let Some((colors, is_cut)) = colors {
+                raw.colors = colors;
+                if is_cut && primitive.material().alpha_mode() != AlphaMode::Opaque {
+                    self.notes.add_of(
+                        "the opacity of colours of vertices does not count: of nodes",
+                        &format!("{:?}", first.name),
+                    );
+                }
             }
             let raw = raw.checked().map_err(in_mesh)?;
             self.add_primitive(users, &primitive, raw, surface.as_ref());
@@ -126,7 +135,12 @@ impl<'a> Shapes<'_, 'a, '_> {
             fields.extend(self.inside(&raw, surface));
             if let Some(radiance) = &surface.emission {
                 emits = true;
-                fields.push(format!("emission = {{ radiance = {radiance} }}"));
+                // Light inside of what is closed stays there.
+                let sides = match surface.emits_on_both && raw.opening().is_some() {
+                    true => ", two_sided = true",
+                    false => "",
+                };
+                fields.push(format!("emission = {{ radiance = {radiance}{sides} }}"));
             }
         }
         self.meshes.insert(file, raw);

@@ -91,6 +91,33 @@ impl<'a, 'b> Textures<'a, 'b> {
         Ok(text)
     }
 
+    /// A colour or picture, as TOML, times the colours of vertices. A colour becomes a picture of one pixel.
+    pub fn times_vertices(&mut self, color: &str, id: &str) -> String {
+        const ATTRIBUTE: &str = "attribute = \"color\"";
+        if let Some(picture) = color.strip_suffix(" }") {
+            return format!("{picture}, {ATTRIBUTE} }}");
+        }
+        let numbers = color.trim_matches(['[', ']']).split(',');
+        let numbers: Vec<f32> = numbers.filter_map(|x| x.trim().parse().ok()).collect();
+        let pixel = match numbers[..] {
+            [r, g, b] => Rgb::new(r, g, b),
+            _ => Rgb::ONE,
+        };
+        if pixel == Rgb::ONE {
+            return format!("{{ {ATTRIBUTE} }}");
+        }
+        let file = format!("{}:{id}.factor", self.file);
+        let text = format!("{{ image = {}, {ATTRIBUTE} }}", quoted(&file));
+        let image = Image {
+            width: 1,
+            height: 1,
+            pixels: vec![pixel],
+            alpha: Vec::new(),
+        };
+        self.images.insert(file, Arc::new(image));
+        text
+    }
+
     /// Whether a texture lies otherwise beyond its edges along v than along u.
     pub fn wraps_in_two_ways(&self, used: &TextureUse) -> bool {
         let sampler = self.textures.get(used.index).map(gltf::Texture::sampler);

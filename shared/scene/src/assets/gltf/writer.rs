@@ -43,6 +43,8 @@ pub struct Writer<'w, 'a, 'b> {
     pub textures: &'w mut Textures<'a, 'b>,
     pub notes: &'w mut Notes,
     pub uv_set: u32,
+    /// Whether the base colour is multiplied by the colours of vertices.
+    pub colored: bool,
 }
 
 impl Writer<'_, '_, '_> {
@@ -141,6 +143,17 @@ impl Writer<'_, '_, '_> {
 
     /// Of the metallic and roughness model, or of the specular and glossiness one.
     pub fn base(&mut self) -> Result<Base, Flaw> {
+        let base = self.plain_base()?;
+        Ok(match self.colored {
+            true => Base {
+                color: self.textures.times_vertices(&base.color, self.id),
+                ..base
+            },
+            false => base,
+        })
+    }
+
+    fn plain_base(&mut self) -> Result<Base, Flaw> {
         let material = self.material;
         if let Some(gloss) = &material.extensions.specular_glossiness {
             return self.base_of_gloss(gloss);

@@ -6,6 +6,7 @@ mod serialized;
 
 use super::Flaw;
 use beamfarm_render::geometry::Mesh;
+use beamfarm_render::math::Rgb;
 use glam::{DAffine3, DVec2, DVec3};
 
 /// A mesh in double precision, as its file gives it.
@@ -17,6 +18,8 @@ pub struct RawMesh {
     pub normals: Vec<DVec3>,
     /// One UV a vertex, or none at all.
     pub uvs: Vec<DVec2>,
+    /// One linear colour a vertex, if they were asked for, or none at all.
+    pub colors: Vec<Rgb>,
     /// Vertex indices, counter-clockwise seen from outside.
     pub triangles: Vec<[u32; 3]>,
 }
@@ -46,6 +49,7 @@ impl RawMesh {
             positions: self.positions.iter().zip(&other.positions).map(between).collect(),
             normals: self.normals.iter().zip(&other.normals).map(turned).collect(),
             uvs: self.uvs.clone(),
+            colors: self.colors.clone(),
             triangles: self.triangles.clone(),
         })
     }
@@ -53,17 +57,17 @@ impl RawMesh {
     /// [`Self::read_nth`] of a file that has one.
     #[cfg(test)]
     pub fn read(name: &str, bytes: &[u8]) -> Result<Self, Flaw> {
-        Self::read_nth(name, bytes, 0)
+        Self::read_nth(name, bytes, 0, true)
     }
 
     /// Read a PLY, OBJ or .serialized file; its name's ending tells which. Of the latter the mesh of this index, from
-    /// zero.
-    pub fn read_nth(name: &str, bytes: &[u8], index: u32) -> Result<Self, Flaw> {
+    /// zero. `colored`: with the colours of vertices, which OBJ files do not have.
+    pub fn read_nth(name: &str, bytes: &[u8], index: u32, colored: bool) -> Result<Self, Flaw> {
         let ending = name.rsplit_once('.').map(|(_, ending)| ending.to_ascii_lowercase());
         let mesh = match ending.as_deref() {
-            Some("ply") => ply::read(bytes)?,
+            Some("ply") => ply::read(bytes, colored)?,
             Some("obj") => obj::read(bytes)?,
-            Some("serialized") => serialized::read(bytes, index)?,
+            Some("serialized") => serialized::read(bytes, index, colored)?,
             _ => return Err("unsupported kind of mesh file; expected .ply, .obj or .serialized".into()),
         };
         mesh.checked()
@@ -218,6 +222,7 @@ impl RawMesh {
                 .map(|n| (normal_map * *n).normalize().as_vec3())
                 .collect(),
             uvs: self.uvs.iter().map(|uv| uv.as_vec2()).collect(),
+            colors: self.colors.clone(),
             triangles: self.triangles.clone(),
             ..Mesh::default()
         };
@@ -293,8 +298,8 @@ mod tests {
         RawMesh {
             normals: positions.iter().map(|p| p.normalize()).collect(),
             positions,
-            uvs: Vec::new(),
             triangles: vec![[0, 2, 1], [0, 3, 2], [0, 1, 3], [1, 2, 3]],
+            ..RawMesh::default()
         }
     }
 

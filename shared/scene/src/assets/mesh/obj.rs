@@ -21,7 +21,35 @@ pub fn read(bytes: &[u8]) -> Result<RawMesh, Flaw> {
     {
         return Ok(mesh);
     }
-    read_objects(bytes)
+    let read = read_objects(bytes);
+    match read {
+        Err(flaw) => split_by_kind(&text)
+            .and_then(|split| read_objects(split.as_bytes()).ok())
+            .ok_or(flaw),
+        Ok(mesh) => Ok(mesh),
+    }
+}
+
+/// A file in which some faces of one object have UVs or normals and some have none, each kind made an object of its own.
+fn split_by_kind(text: &str) -> Option<String> {
+    let mut split = String::with_capacity(text.len() + 64);
+    let mut last = None;
+    let mut is_mixed = false;
+    for line in text.lines() {
+        let mut words = line.split_whitespace();
+        if words.next() == Some("f") {
+            let parts = words.next().into_iter().flat_map(|word| word.split('/'));
+            let kind: Vec<bool> = parts.map(|part| !part.is_empty()).collect();
+            if last.as_ref().is_some_and(|last| *last != kind) {
+                is_mixed = true;
+                split.push_str("o kind\n");
+            }
+            last = Some(kind);
+        }
+        split.push_str(line);
+        split.push('\n');
+    }
+    is_mixed.then_some(split)
 }
 
 /// The first index that counts back to before the file's start: the library computes with what it makes of it.
@@ -181,6 +209,19 @@ mod tests {
         bytes.extend(b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
         let mesh = RawMesh::read("a.obj", &bytes).unwrap();
         assert_eq!(mesh.triangles, [[0, 1, 2]]);
+    }
+
+    /// Faces without UVs have (0, 0).
+    #[test]
+    fn some_faces_of_an_object_have_uvs() {
+        let text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0.5 1\nvn 0 0 1\nf 1/1/1 2/1/1 3/1/1\nf 1//1 2//1 3//1\nf 3/1/1 2/1/1 1/1/1\n";
+        let mesh = RawMesh::read("a.obj", text.as_bytes()).unwrap();
+        let uvs: Vec<[DVec2; 3]> = mesh.triangles.iter().map(|t| t.map(|v| mesh.uvs[v as usize])).collect();
+        let some = DVec2::new(0.5, 1.0);
+        assert_eq!(uvs, [[some; 3], [DVec2::ZERO; 3], [some; 3]]);
+        // What is wrong with a file is told with its own lines.
+        let flaw = RawMesh::read("a.obj", text.replace("3//1", "9//1").as_bytes()).unwrap_err();
+        assert_eq!(flaw.line, Some(7));
     }
 
     #[test]

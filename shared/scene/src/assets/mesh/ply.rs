@@ -2,15 +2,17 @@
 
 use super::RawMesh;
 use crate::assets::Flaw;
+use crate::assets::image::linear_from_srgb;
+use beamfarm_render::math::Rgb;
 use glam::{DVec2, DVec3};
 use ply_rs_bw::parser::{ParseError, Parser, Reader};
 use ply_rs_bw::ply::{
     DefaultElement, ElementDef, Encoding, Property, PropertyAccess, PropertyAccessResult, PropertyType, ScalarType,
 };
 
-/// Read a mesh: element `vertex` with x, y, z, optional normals and UVs, element `face` with a list of vertex indices.
+/// Read a mesh: element `vertex` with x, y, z, optional normals, UVs and, if they are asked for, colours, element `face` with a list of vertex indices.
 /// Polygons become fans of triangles. Other elements and properties are skipped.
-pub fn read(bytes: &[u8]) -> Result<RawMesh, Flaw> {
+pub fn read(bytes: &[u8], colored: bool) -> Result<RawMesh, Flaw> {
     let mut reader = Reader::new(bytes);
     let header = Parser::<DefaultElement>::new()
         .read_header(&mut reader)
@@ -35,9 +37,18 @@ pub fn read(bytes: &[u8]) -> Result<RawMesh, Flaw> {
                 if !has(&["x", "y", "z"]) {
                     return Err("the element `vertex` lacks x, y or z".into());
                 }
-                let vertices = Parser::<Vertex>::new()
-                    .read_payload_for_element(&mut reader, element, &header)
-                    .map_err(place)?;
+                let vertices = match colored && COLOR_NAMES.iter().any(|names| has(names)) {
+                    false => Parser::<Vertex>::new()
+                        .read_payload_for_element(&mut reader, element, &header)
+                        .map_err(place)?,
+                    true => {
+                        let colored = Parser::<Colored>::new()
+                            .read_payload_for_element(&mut reader, element, &header)
+                            .map_err(place)?;
+                        mesh.colors = colored.iter().map(|v| v.color).collect();
+                        colored.into_iter().map(|v| v.vertex).collect()
+                    }
+                };
                 mesh.positions = vertices.iter().map(|v| v.position).collect();
                 if has(&["nx", "ny", "nz"]) {
                     mesh.normals = vertices.iter().map(|v| v.normal).collect();
@@ -75,6 +86,7 @@ const UV_NAMES: [[&str; 2]; 4] = [
     ["texture_u", "texture_v"],
     ["texture_s", "texture_t"],
 ];
+const COLOR_NAMES: [[&str; 3]; 2] = [["red", "green", "blue"], ["r", "g", "b"]];
 const INDEX_NAMES: [&str; 2] = ["vertex_indices", "vertex_index"];
 
 fn flaw(error: &ParseError, has_lines: bool) -> Flaw {
@@ -146,6 +158,36 @@ impl PropertyAccess for Vertex {
             Property::UShort(x) => x.into(),
             Property::Int(x) => x.into(),
             Property::UInt(x) => x.into(),
+            _ => return PropertyAccessResult::UnsupportedType,
+        };
+        PropertyAccessResult::Set
+    }
+}
+
+struct Colored {
+    vertex: Vertex,
+    color: Rgb,
+}
+
+impl PropertyAccess for Colored {
+    fn new() -> Self {
+        Self {
+            vertex: Vertex::new(),
+            color: Rgb::ZERO,
+        }
+    }
+    fn set_property(&mut self, name: &str, value: Property) -> PropertyAccessResult {
+        let target = match name {
+            "red" | "r" => &mut self.color.x,
+            "green" | "g" => &mut self.color.y,
+            "blue" | "b" => &mut self.color.z,
+            _ => return self.vertex.set_property(name, value),
+        };
+        // Bytes are as in pictures, as Blender and MeshLab write them.
+        *target = match value {
+            Property::Float(x) => x,
+            Property::Double(x) => x as f32,
+            Property::UChar(x) => linear_from_srgb(f64::from(x) / 255.0),
             _ => return PropertyAccessResult::UnsupportedType,
         };
         PropertyAccessResult::Set
@@ -239,6 +281,29 @@ mod tests {
             }
             assert!(mesh.normals.is_empty());
         }
+    }
+
+    /// Floats as they are, bytes as sRGB, and nothing of them where they are not asked for.
+    #[test]
+    fn colours_of_vertices_are_linear() {
+        let linear = linear_from_srgb(7.0 / 255.0);
+        for (kind, names, value, expected) in [
+            ("uchar", ["red", "green", "blue"], "7", linear),
+            ("float", ["r", "g", "b"], "0.25", 0.25),
+            ("double", ["red", "green", "blue"], "0.75", 0.75),
+        ] {
+            let properties: String = names.iter().map(|name| format!("property {kind} {name}\n")).collect();
+            let text = String::from_utf8(ascii()).unwrap();
+            let text = text.replace("property uchar red\n", &properties);
+            let text = text.replace(" 5e-1 7 ", &format!(" 5e-1 {value} 0 {value} "));
+            let mesh = RawMesh::read_nth("a.ply", text.as_bytes(), 0, true).unwrap();
+            assert_eq!(mesh.colors, [Rgb::new(expected, 0.0, expected); 4]);
+            assert_eq!(mesh.uvs[2], DVec2::ONE);
+            let without = RawMesh::read_nth("a.ply", text.as_bytes(), 0, false).unwrap();
+            assert!(without.colors.is_empty() && without.positions == mesh.positions);
+        }
+        // One channel is no colour.
+        assert!(RawMesh::read("a.ply", &ascii()).unwrap().colors.is_empty());
     }
 
     #[test]

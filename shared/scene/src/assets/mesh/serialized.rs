@@ -17,7 +17,7 @@ const FACE_NORMALS: u32 = 0x10;
 const DOUBLE: u32 = 0x2000;
 
 /// Read the mesh of an index, from zero.
-pub fn read(bytes: &[u8], index: u32) -> Result<RawMesh, Flaw> {
+pub fn read(bytes: &[u8], index: u32, colored: bool) -> Result<RawMesh, Flaw> {
     let start = |at: usize| -> Option<[u16; 2]> {
         let head = bytes.get(at..at.checked_add(4)?)?;
         Some([
@@ -40,7 +40,7 @@ pub fn read(bytes: &[u8], index: u32) -> Result<RawMesh, Flaw> {
     }
     let compressed = bytes.get(at + 4..).ok_or_else(beyond)?;
     let data = ZlibDecoder::new(compressed).take(MOST);
-    Data { data }.mesh(version)
+    Data { data }.mesh(version, colored)
 }
 
 /// Where a mesh begins: the file ends with a table of places, and their number.
@@ -70,7 +70,7 @@ struct Data<R> {
 }
 
 impl<R: Read> Data<R> {
-    fn mesh(&mut self, version: u16) -> Result<RawMesh, Flaw> {
+    fn mesh(&mut self, version: u16, colored: bool) -> Result<RawMesh, Flaw> {
         let flags = u32::from_le_bytes(self.array()?);
         if version == 4 {
             // A name, up to a zero.
@@ -95,7 +95,10 @@ impl<R: Read> Data<R> {
             mesh.uvs = numbers.as_chunks().0.iter().map(|uv| DVec2::from_array(*uv)).collect();
         }
         if flags & COLORS != 0 {
-            self.numbers(3 * vertices, double)?;
+            let colors = self.triples(vertices, double)?;
+            if colored {
+                mesh.colors = colors.iter().map(|color| color.as_vec3()).collect();
+            }
         }
         let bytes = self.bytes(12 * triangles)?;
         let (words, _) = bytes.as_chunks::<4>();
@@ -161,6 +164,9 @@ fn split(mesh: &mut RawMesh) -> Result<(), Flaw> {
     if !mesh.uvs.is_empty() {
         mesh.uvs = corners.iter().map(|v| mesh.uvs[*v]).collect();
     }
+    if !mesh.colors.is_empty() {
+        mesh.colors = corners.iter().map(|v| mesh.colors[*v]).collect();
+    }
     mesh.normals.clear();
     mesh.triangles = (0..mesh.triangles.len() as u32)
         .map(|t| [3 * t, 3 * t + 1, 3 * t + 2])
@@ -172,6 +178,7 @@ fn split(mesh: &mut RawMesh) -> Result<(), Flaw> {
 mod tests {
     use super::*;
     use crate::assets::tests::damage;
+    use beamfarm_render::math::Rgb;
     use flate2::{Compression, write::ZlibEncoder};
     use std::io::Write;
 
@@ -232,22 +239,28 @@ mod tests {
             let flags = [0x1000, DOUBLE | NORMALS | UVS | COLORS, 0x1000 | NORMALS | FACE_NORMALS];
             let bytes = file(version, &flags);
             for (i, flags) in flags.into_iter().enumerate() {
-                let mesh = read(&bytes, i as u32).unwrap();
+                let mesh = read(&bytes, i as u32, i == 1).unwrap();
                 assert_eq!(mesh.triangles, [[0, 1, 2]]);
                 assert_eq!(mesh.positions[2], DVec3::new(0.0, 1.0, i as f64));
                 let normals = flags & NORMALS != 0 && flags & FACE_NORMALS == 0;
                 assert_eq!(mesh.normals, vec![DVec3::Z; if normals { 3 } else { 0 }]);
                 let uvs = [[0.0, 0.25], [1.0, 0.25], [0.0, 0.75]].map(DVec2::from_array);
+                assert_eq!(mesh.colors, vec![Rgb::splat(0.5); if i == 1 { 3 } else { 0 }]);
                 assert_eq!(mesh.uvs, if flags & UVS != 0 { uvs.to_vec() } else { vec![] });
             }
-            assert!(read(&bytes, 3).unwrap_err().message.contains("there is no mesh 3"));
+            assert!(
+                read(&bytes, 3, true)
+                    .unwrap_err()
+                    .message
+                    .contains("there is no mesh 3")
+            );
         }
     }
 
     #[test]
     fn damaged_files_are_errors_or_meshes() {
         damage(&[file(3, &[0x1000, UVS]), file(4, &[NORMALS, FACE_NORMALS])], |bytes| {
-            let _ = read(bytes, 1).and_then(RawMesh::checked);
+            let _ = read(bytes, 1, true).and_then(RawMesh::checked);
         });
         // A claim of four thousand million vertices costs nothing.
         let mut data = 0u32.to_le_bytes().to_vec();
@@ -257,6 +270,6 @@ mod tests {
         let mut bytes = [0x1c, 4, 3, 0].to_vec();
         bytes.extend(encoder.finish().unwrap());
         bytes.extend([0, 0, 0, 0, 1, 0, 0, 0]);
-        assert!(read(&bytes, 0).unwrap_err().message.contains("cut off"));
+        assert!(read(&bytes, 0, true).unwrap_err().message.contains("cut off"));
     }
 }

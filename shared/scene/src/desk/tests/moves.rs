@@ -205,6 +205,13 @@ fn the_camera_goes_elsewhere() {
     assert_comments(of_file, &own);
     let commented = "[camera]\n# The file's own.\ngltf = \"a.glb\" # good\naperture = 1\n";
     assert_comments(commented, &camera(commented, tilted).unwrap());
+    let parallel = "[camera]\nprojection = \"orthographic\"\nview_width = 2\norigin = [0, 0, 1]\ntarget = [0, 0, 0]\n";
+    assert!(
+        camera(parallel, to)
+            .unwrap()
+            .contains("view_width = 2\norigin = [0.12346, 1, 5]\n")
+    );
+    assert!(camera(parallel, tilted).unwrap_err().contains("no field of view"));
     let nowhere = CameraMove {
         target: to.origin,
         ..to
@@ -238,4 +245,44 @@ proptest! {
             prop_assert!(changed.parse::<toml::Table>().is_ok(), "{}: {}", path, changed);
         }
     }
+}
+
+/// What keys say is not overwritten by what it is at one frame.
+#[test]
+fn what_moves_by_keys_stays() {
+    let text = "\
+[image]
+width = 8
+height = 8
+[animation]
+frames = [1, 9]
+[camera]
+origin = { keys = [[1, [0, 0, 5]], [9, [1, 0, 5]]] }
+target = [0, 0, 0]
+fov = 40
+[[shapes]]
+type = \"sphere\"
+transform = [{ translate = { keys = [[1, [0, 0, 0]], [9, [1, 0, 0]]] } }]
+[[lights]]
+type = \"point\"
+position = { keys = [[1, [0, 3, 0]], [9, [1, 3, 0]]] }
+power = { keys = [[1, 3], [9, 4]] }
+[[lights]]
+type = \"point\"
+position = [0, 1, 0]
+power = { keys = [[1, 3], [9, 4]] }
+";
+    for thing in ["lights.0", "shapes.0"] {
+        let said = translate(text, thing, [1.0, 0.0, 0.0]).unwrap_err();
+        assert!(said.contains("moves by keys"), "{said}");
+    }
+    let moved = translate(text, "lights.1", [1.0, 0.0, 0.0]).unwrap();
+    assert_eq!(moved, text.replace("position = [0, 1, 0]", "position = [1, 1, 0]"));
+    let to = CameraMove {
+        origin: [0.0, 0.0, 4.0],
+        target: [0.0; 3],
+        up: None,
+        fov: None,
+    };
+    assert!(camera(text, to).unwrap_err().contains("`origin` moves by keys"));
 }

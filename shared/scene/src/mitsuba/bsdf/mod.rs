@@ -1,5 +1,6 @@
 //! BSDFs.
 
+mod mix;
 mod nearest;
 mod parameters;
 mod plain;
@@ -131,6 +132,7 @@ impl Converter<'_> {
                 self.inside(id, nested.first().map(|(_, inner)| *inner), around, turned, section)
             }
             "blendbsdf" => self.blend(id, around, turned, section),
+            "mixturebsdf" => self.mixture(id, around, turned, section),
             "mask" => {
                 let opacity = match self.member(id, "opacity") {
                     Some(_) => self.textured(id, "opacity", cie::Kind::Factor, turned),
@@ -202,48 +204,6 @@ impl Converter<'_> {
                 Some(self.finish_material(&kind, around, section))
             }
         }
-    }
-
-    /// Two BSDFs, mixed. What is around them is for both.
-    fn blend(&mut self, id: Id, mut around: Around, turned: bool, section: &mut Section) -> Option<Through> {
-        let place = self.objects.list[id].place;
-        let nested = self.nested(id, Kind::Bsdf);
-        let weight = self.number_or_texture(id, "weight", turned);
-        let [(_, first), (_, second)] = nested[..] else {
-            let message = format!("{}: expected two nested BSDFs, found {}", self.title(id), nested.len());
-            return self.log.fatal(Some(place), message);
-        };
-        self.finish(id);
-        let two_sided = around.two_sided.take();
-        let mut names = Vec::new();
-        let mut through = Through::No;
-        for inner in [first, second] {
-            let object = &self.objects.list[inner];
-            let name = object.id.as_deref().unwrap_or(&object.plugin);
-            let name = unique(&mut self.materials.names, &format!("{name}-part"));
-            let mut part = Section::named("materials", &name, object.place);
-            let sides = Around {
-                two_sided,
-                fields: Vec::new(),
-            };
-            through = match (through, self.bsdf(inner, sides, turned, &mut part)?) {
-                (Through::Sheet, _) | (_, Through::Sheet) => Through::Sheet,
-                (Through::Boundary, _) | (_, Through::Boundary) => Through::Boundary,
-                (Through::No, Through::No) => Through::No,
-            };
-            self.materials.sections.push(part);
-            names.push(Toml::String(name));
-        }
-        section.set("type", Toml::string("blend"), place);
-        section.set("materials", Toml::Array(names), place);
-        section.set("weight", weight.unwrap_or(Toml::Float(0.5)), place);
-        let kind = Plain {
-            place,
-            through,
-            two_sided: None,
-            null: false,
-        };
-        Some(self.finish_material(&kind, around, section))
     }
 
     /// The one BSDF within another.

@@ -2,7 +2,7 @@
 
 use crate::mitsuba::value::Value;
 use crate::mitsuba::write::{Section, Toml};
-use crate::mitsuba::xml::{Content, Id};
+use crate::mitsuba::xml::{Content, Id, Member};
 use crate::mitsuba::{Converter, cie, named};
 
 /// The roughness that the native format takes.
@@ -128,6 +128,13 @@ impl Converter<'_> {
                 Some(_) => self.float(id, "alpha"),
                 None => Some(0.1),
             },
+            (Some(one), Some(other)) if takes_texture && [one, other].into_iter().any(is_object) => {
+                if let Some(mean) = self.mean_roughness(id, one, turned) {
+                    section.set("alpha", mean, one.place);
+                }
+                self.distribution_field(id, section);
+                return;
+            }
             (Some(member), Some(_)) => {
                 let (u, v) = (self.float(id, "alpha_u"), self.float(id, "alpha_v"));
                 match (u, v) {
@@ -156,6 +163,30 @@ impl Converter<'_> {
         }
         section.set("alpha", Toml::Float(within), place);
         self.distribution_field(id, section);
+    }
+
+    /// The geometric mean of the roughnesses of two directions, one of which at least is a texture.
+    fn mean_roughness(&mut self, id: Id, member: &Member, turned: bool) -> Option<Toml> {
+        let u = self.number_or_texture(id, "alpha_u", turned)?;
+        let v = self.number_or_texture(id, "alpha_v", turned)?;
+        if u == v {
+            return Some(u);
+        }
+        match geometric_mean(&u, &v) {
+            Some(mean) => {
+                let message = format!(
+                    "{}: a roughness that differs by direction becomes its geometric mean",
+                    self.title(id)
+                );
+                self.log.note(member.place, message);
+                Some(mean)
+            }
+            None => {
+                let message = "of two textures that differ only checkerboards of the same squares are supported";
+                self.unsupported(id, member, message);
+                Some(u)
+            }
+        }
     }
 
     fn distribution_field(&mut self, id: Id, section: &mut Section) {
@@ -227,10 +258,16 @@ impl Converter<'_> {
     /// The lobes of `principled` beside its base. Returns whether light may go through.
     pub(super) fn lobes(&mut self, id: Id, turned: bool, section: &mut Section) -> bool {
         if let Some(member) = self.member(id, "anisotropic")
-            && let Some(value) = self.float(id, "anisotropic")
-            && value != 0.0
+            && let Some(value) = self.number_or_texture(id, "anisotropic", turned)
+            && value != Toml::Float(0.0)
         {
-            self.unsupported(id, member, "this lobe is not supported; expected 0");
+            // In Mitsuba the square of the roughness is divided by the aspect in one direction and multiplied with it
+            // in the other.
+            let message = format!(
+                "{}: anisotropic: gloss is as wide in all directions, with the geometric mean of its roughnesses",
+                self.title(id)
+            );
+            self.log.note(member.place, message);
         }
         let mut goes_through = false;
         for name in [
@@ -265,5 +302,36 @@ impl Converter<'_> {
             }
         }
         goes_through
+    }
+}
+
+fn is_object(member: &Member) -> bool {
+    matches!(member.content, Content::Object(_))
+}
+
+/// Of a checkerboard and a number, or of two checkerboards of the same squares.
+fn geometric_mean(u: &Toml, v: &Toml) -> Option<Toml> {
+    let mean = |a: &Toml, b: &Toml| match (a, b) {
+        (Toml::Float(a), Toml::Float(b)) if *a >= 0.0 && *b >= 0.0 => Some(Toml::Float((a * b).sqrt())),
+        _ => None,
+    };
+    let of_number = |fields: &[(&'static str, Toml)], other: [&Toml; 2]| match fields {
+        [("checkerboard", Toml::Array(colors)), rest @ ..] => {
+            let colors: Option<Vec<Toml>> = colors.iter().zip(other).map(|(a, b)| mean(a, b)).collect();
+            Some(Toml::Table([&[("checkerboard", Toml::Array(colors?))], rest].concat()))
+        }
+        _ => None,
+    };
+    match (u, v) {
+        (Toml::Table(fields), number @ Toml::Float(_)) | (number @ Toml::Float(_), Toml::Table(fields)) => {
+            of_number(fields, [number; 2])
+        }
+        (Toml::Table(one), Toml::Table(two)) => match &two[..] {
+            [("checkerboard", Toml::Array(colors)), rest @ ..] if *rest == one[1..] && colors.len() == 2 => {
+                of_number(one, [&colors[0], &colors[1]])
+            }
+            _ => None,
+        },
+        _ => None,
     }
 }

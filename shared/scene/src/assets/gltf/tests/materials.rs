@@ -341,3 +341,38 @@ fn lights_have_the_unit_of_the_program_that_wrote_them() {
     assert_eq!(intensity("by hand", ""), (1366.0, false));
     assert_eq!(intensity("by hand", "light_unit = \"lumen\""), (2.0, false));
 }
+
+#[test]
+fn coats_and_sheen_are_lobes_of_principled() {
+    let coated = json!({
+        "name": "car",
+        "extensions": {
+            "KHR_materials_clearcoat": { "clearcoatFactor": 0.75, "clearcoatRoughnessFactor": 0.2 },
+            "KHR_materials_sheen": { "sheenColorFactor": [0.5, 0.5, 0.5], "sheenRoughnessFactor": 0.5 },
+        }
+    });
+    let description = of_material(coated, json!({}));
+    let MaterialKind::Principled {
+        extras: Some(extras), ..
+    } = &material(&description).kind
+    else {
+        panic!("{:?}", material(&description));
+    };
+    assert_eq!(extras.clearcoat.range(), [0.75; 2]);
+    // A lobe of that width: 0.2^2 is as far from 0.1 as this from 0, 0.001 being as far as 1.
+    let gloss = (0.1 - 0.04) / 0.099;
+    assert!(extras.clearcoat_gloss.range().iter().all(|x| (x - gloss).abs() < 1e-6));
+    assert!(extras.sheen.range().iter().all(|x| (x - 0.5).abs() < 1e-6));
+    for words in [
+        "KHR_materials_clearcoat is the lobe clearcoat of principled, which has longer tails",
+        "KHR_materials_sheen is the lobe sheen of principled, which is white",
+    ] {
+        assert!(says(&description, words), "{words}: {:?}", description.notes);
+    }
+    let none = json!({ "extensions": { "KHR_materials_clearcoat": { "clearcoatFactor": 0 } } });
+    let description = of_material(none, json!({}));
+    assert!(matches!(
+        &material(&description).kind,
+        MaterialKind::Principled { extras: None, .. }
+    ));
+}

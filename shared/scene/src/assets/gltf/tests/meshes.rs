@@ -1,8 +1,10 @@
 //! Accessors, and poses.
 
-use super::{bytes, file, load, load_with, says, uri};
+use super::{bytes, file, load, load_with, material, png, says, uri};
+use beamfarm_render::bsdf::MaterialKind;
 use beamfarm_render::geometry::{Mesh, Shape};
-use beamfarm_render::math::Vec3;
+use beamfarm_render::math::{Rgb, Vec2, Vec3};
+use beamfarm_render::texture::TexturePoint;
 use beamfarm_render::world::SceneDescription;
 use serde_json::json;
 
@@ -180,4 +182,62 @@ fn damaged_files_are_refused_or_read() {
         let _ = super::super::scene("a.gltf", bytes, &beside);
         let _ = super::super::files(bytes);
     });
+}
+
+/// Bytes are linear and go from 0 to 1; the base colour, or its texture, is multiplied by them. White ones are none.
+#[test]
+fn colours_of_vertices_are_multiplied_by_the_base_colour() {
+    let colored = |alpha: u8, material: serde_json::Value| {
+        let mut colored = file(json!({ "materials": [material] }));
+        with_bytes(&mut colored, &[255, 0, 51, alpha].repeat(4));
+        let accessor =
+            json!({ "bufferView": 3, "componentType": 5121, "normalized": true, "count": 4, "type": "VEC4" });
+        colored["accessors"].as_array_mut().unwrap().push(accessor);
+        colored["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"] = json!(3);
+        colored
+    };
+    let color_of = |description: &SceneDescription| {
+        let MaterialKind::Principled { base_color, .. } = &material(description).kind else {
+            panic!();
+        };
+        assert_eq!(mesh(description).colors, [Rgb::new(1.0, 0.0, 0.2); 4]);
+        let at = TexturePoint {
+            uv: Vec2::new(0.25, 0.5),
+            color: mesh(description).colors[0],
+        };
+        base_color.eval(&at)
+    };
+    let plain = load(&colored(255, json!({})));
+    assert_eq!(color_of(&plain), Rgb::new(1.0, 0.0, 0.2));
+    assert!(material(&plain).reads_colors());
+    let factor = json!({ "pbrMetallicRoughness": { "baseColorFactor": [0.5, 1, 0.5, 1] } });
+    assert_eq!(color_of(&load(&colored(255, factor.clone()))), Rgb::new(0.5, 0.0, 0.1));
+    let mut textured = colored(0, factor);
+    textured["images"] = json!([{ "uri": png([[255, 255, 255, 255], [0, 0, 0, 255]]) }]);
+    textured["samplers"] = json!([{ "magFilter": 9728 }]);
+    textured["textures"] = json!([{ "source": 0, "sampler": 0 }]);
+    textured["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"] = json!({ "index": 0 });
+    assert_eq!(color_of(&load(&textured)), Rgb::new(0.5, 0.0, 0.1));
+    assert!(!says(&load(&textured), "the opacity of colours"));
+    textured["materials"][0]["alphaMode"] = json!("BLEND");
+    assert!(says(
+        &load(&textured),
+        "the opacity of colours of vertices does not count: of nodes \"thing\""
+    ));
+
+    // Without materials nothing reads them; white ones change nothing.
+    assert!(
+        mesh(&load_with(&textured, "materials = false").unwrap())
+            .colors
+            .is_empty()
+    );
+    textured["buffers"][1] = json!({ "byteLength": 16, "uri": uri("application/octet-stream", &[255; 16]) });
+    let white = load(&textured);
+    assert!(mesh(&white).colors.is_empty() && !material(&white).reads_colors());
+    textured["accessors"][3]["count"] = json!(3);
+    let error = load_with(&textured, "").unwrap_err();
+    assert!(
+        error.contains("it has 4 positions and 3 colours of vertices"),
+        "{error}"
+    );
 }

@@ -1,6 +1,8 @@
 //! Mitsuba's scenes as they are published: what their old and odd parts become. Numbers that are said to be Mitsuba's
 //! were read back from Mitsuba 3.9.1.
 
+mod parts;
+
 use beamfarm_scene::{ImportOptions, Imported, SceneFile, import};
 use std::path::Path;
 use tempfile::TempDir;

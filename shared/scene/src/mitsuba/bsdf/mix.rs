@@ -1,0 +1,165 @@
+//! BSDFs that mix others.
+
+use super::plain::Plain;
+use super::{Around, Through};
+use crate::mitsuba::write::{Section, Toml};
+use crate::mitsuba::xml::{Id, Kind};
+use crate::mitsuba::{Converter, Place, unique};
+
+/// A material within a mixture.
+struct Part {
+    name: String,
+    through: Through,
+}
+
+/// A part that has a share of the light by a number.
+struct Share {
+    part: Part,
+    weight: f64,
+}
+
+impl Converter<'_> {
+    /// Two BSDFs, mixed. What is around them is for both.
+    pub(super) fn blend(&mut self, id: Id, mut around: Around, turned: bool, section: &mut Section) -> Option<Through> {
+        let place = self.objects.list[id].place;
+        let nested = self.nested(id, Kind::Bsdf);
+        let weight = self.number_or_texture(id, "weight", turned);
+        let [(_, first), (_, second)] = nested[..] else {
+            let message = format!("{}: expected two nested BSDFs, found {}", self.title(id), nested.len());
+            return self.log.fatal(Some(place), message);
+        };
+        self.finish(id);
+        let two_sided = around.two_sided.take();
+        let parts = [
+            self.part(first, two_sided, turned)?,
+            self.part(second, two_sided, turned)?,
+        ];
+        let through = blended(parts, weight.unwrap_or(Toml::Float(0.5)), place, section);
+        Some(self.finish_mix(place, through, around, section))
+    }
+
+    /// Any number of BSDFs, each with its share of the light; what the shares leave is absorbed.
+    pub(super) fn mixture(
+        &mut self,
+        id: Id,
+        mut around: Around,
+        turned: bool,
+        section: &mut Section,
+    ) -> Option<Through> {
+        let place = self.objects.list[id].place;
+        let nested = self.nested(id, Kind::Bsdf);
+        let given = self.number_list(id, "weights");
+        let conserves = self.boolean(id, "ensure_energy_conservation").unwrap_or(true);
+        self.finish(id);
+        let weights = given.unwrap_or_default();
+        let total: f64 = weights.iter().sum();
+        if weights.len() != nested.len() || weights.iter().any(|w| *w < 0.0) || total <= 0.0 {
+            let message = format!(
+                "{}: weights: expected {} numbers that are not negative, one for each nested BSDF, and not all 0; found \
+                 {weights:?}",
+                self.title(id),
+                nested.len()
+            );
+            return self.log.fatal(Some(place), message);
+        }
+        if total > 1.0 + 1e-6 {
+            let message = format!("{}: the weights add up to {total}, and are made less", self.title(id));
+            match conserves {
+                true => self.log.note(place, message),
+                false => self.log.unsupported(place, message),
+            }
+        }
+        let weighted = nested.iter().zip(&weights).filter(|(_, weight)| **weight > 0.0);
+        let weighted: Vec<(Id, f64)> = weighted.map(|((_, inner), weight)| (*inner, *weight)).collect();
+        let rest = 1.0 - total;
+        if let [(only, _)] = weighted[..]
+            && rest < 1e-6
+        {
+            return self.inside(id, Some(only), around, turned, section);
+        }
+        let two_sided = around.two_sided.take();
+        let mut shares = Vec::new();
+        for (inner, weight) in weighted {
+            let part = self.part(inner, two_sided, turned)?;
+            shares.push(Share { part, weight });
+        }
+        if rest >= 1e-6 {
+            let part = self.black(place);
+            shares.push(Share { part, weight: rest });
+        }
+        let through = self.mixed(shares, place, section)?;
+        Some(self.finish_mix(place, through, around, section))
+    }
+
+    /// Write shares into a section, as blends of blends.
+    fn mixed(&mut self, mut shares: Vec<Share>, place: Place, section: &mut Section) -> Option<Through> {
+        let second = shares.split_off(shares.len().div_ceil(2));
+        let [one, two] = [&shares, &second].map(|half| half.iter().map(|share| share.weight).sum::<f64>());
+        let parts = [self.half(shares, place)?, self.half(second, place)?];
+        Some(blended(parts, Toml::Float(two / (one + two)), place, section))
+    }
+
+    /// A half of some shares as one material.
+    fn half(&mut self, mut shares: Vec<Share>, place: Place) -> Option<Part> {
+        if shares.len() < 2 {
+            return shares.pop().map(|share| share.part);
+        }
+        let name = unique(&mut self.materials.names, "mix");
+        let mut section = Section::named("materials", &name, place);
+        let through = self.mixed(shares, place, &mut section)?;
+        self.materials.sections.push(section);
+        Some(Part { name, through })
+    }
+
+    /// A BSDF within a mixture as a material of its own.
+    fn part(&mut self, id: Id, two_sided: Option<Place>, turned: bool) -> Option<Part> {
+        let object = &self.objects.list[id];
+        let name = object.id.as_deref().unwrap_or(&object.plugin);
+        let name = unique(&mut self.materials.names, &format!("{name}-part"));
+        let mut section = Section::named("materials", &name, object.place);
+        let sides = Around {
+            two_sided,
+            fields: Vec::new(),
+        };
+        let through = self.bsdf(id, sides, turned, &mut section)?;
+        self.materials.sections.push(section);
+        Some(Part { name, through })
+    }
+
+    /// What reflects nothing.
+    fn black(&mut self, place: Place) -> Part {
+        let name = unique(&mut self.materials.names, "black");
+        let mut section = Section::named("materials", &name, place);
+        section.set("type", Toml::string("diffuse"), place);
+        section.set("reflectance", Toml::Float(0.0), place);
+        self.materials.sections.push(section);
+        Part {
+            name,
+            through: Through::No,
+        }
+    }
+
+    fn finish_mix(&mut self, place: Place, through: Through, around: Around, section: &mut Section) -> Through {
+        let kind = Plain {
+            place,
+            through,
+            two_sided: None,
+            null: false,
+        };
+        self.finish_material(&kind, around, section)
+    }
+}
+
+/// Write a blend of two parts; returns whether light goes through it.
+fn blended(parts: [Part; 2], weight: Toml, place: Place, section: &mut Section) -> Through {
+    let through = match parts.each_ref().map(|part| part.through) {
+        [Through::Sheet, _] | [_, Through::Sheet] => Through::Sheet,
+        [Through::Boundary, _] | [_, Through::Boundary] => Through::Boundary,
+        [Through::No, Through::No] => Through::No,
+    };
+    let names = parts.map(|part| Toml::String(part.name));
+    section.set("type", Toml::string("blend"), place);
+    section.set("materials", Toml::Array(names.into()), place);
+    section.set("weight", weight, place);
+    through
+}

@@ -1,0 +1,86 @@
+//! Colours of a mesh's vertices: interpolated over triangles, times images, reflected and emitted.
+
+use beamfarm_image::job::ReferenceSettings;
+use beamfarm_render::world::Scene;
+use beamfarm_tests::Suite;
+use beamfarm_tests::render::{Blocks, blocks, reference_images, scene_with};
+
+/// The square [-1, 1]^2 in the xy plane. Its colours are (x + 1) / 2, (y + 1) / 4 and 1/4: the same in both triangles.
+const SQUARE: &[u8] =
+    b"ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n\
+    property float u\nproperty float v\nproperty float red\nproperty float green\nproperty float blue\n\
+    element face 1\nproperty list uchar int vertex_indices\nend_header\n\
+    -1 -1 0 0 0 0 0 0.25\n1 -1 0 1 0 1 0 0.25\n1 1 0 1 1 1 0.5 0.25\n-1 1 0 0 1 0 0.5 0.25\n4 0 1 2 3\n";
+
+fn square(what: &str) -> Scene {
+    let text = format!(
+        r#"
+[image]
+width = 8
+height = 8
+[render]
+passes = 200
+[camera]
+origin = [0, 0, 1]
+target = [0, 0, 0]
+projection = "orthographic"
+view_width = 2
+[[lights]]
+type = "environment"
+radiance = 1.0
+[[shapes]]
+type = "mesh"
+file = "square.ply"
+{what}
+"#
+    );
+    scene_with(&text, &[("square.ply", SQUARE)])
+}
+
+/// Mean over a block of 4 x 4 pixels, a quarter of the square, of a channel.
+fn expected(block: usize, channel: usize) -> f64 {
+    let (x, y) = ([-0.5, 0.5][block % 2], [0.5, -0.5][block / 2]);
+    [0.5 * (x + 1.0), 0.25 * (y + 1.0), 0.25][channel]
+}
+
+fn check(name: &str, found: &Blocks, by: [f64; 3], suite: &mut Suite) {
+    for (i, block) in found.blocks.iter().enumerate() {
+        for (channel, mean) in block.iter().enumerate() {
+            // A surface in an even sky of 1 is as bright as it reflects.
+            let expected = expected(i, channel) * by[channel];
+            suite.mean_within(format!("{name}, {i}, {channel}"), mean, expected, 1e-5);
+            assert!(mean.std_error() < 0.04 * expected, "{name}: {}", mean.std_error());
+        }
+    }
+}
+
+/// By passes and by the path tracer, as reflectance, in a blend, where the mesh stands and where it is one of several.
+#[test]
+fn a_square_reflects_what_its_vertices_say() {
+    let mut suite = Suite::new(1e-2);
+    let colored = "[materials.colored]\ntype = \"diffuse\"\nreflectance = { attribute = \"color\" }\n";
+    let own = square(&format!("material = \"colored\"\n{colored}"));
+    check("diffuse", &blocks(&own, 4), [1.0; 3], &mut suite);
+    let settings = ReferenceSettings {
+        seed: 2,
+        max_depth: None,
+    };
+    let reference = Blocks::new(reference_images(&own, settings, 40, 8), 4);
+    check("reference", &reference, [1.0; 3], &mut suite);
+    let blend = format!(
+        "material = \"half\"\n[materials.half]\ntype = \"blend\"\nmaterials = [\"black\", \"colored\"]\nweight = 0.5\n\
+         [materials.black]\ntype = \"diffuse\"\nreflectance = 0\n{colored}"
+    );
+    check("blend", &blocks(&square(&blend), 4), [0.5; 3], &mut suite);
+    suite.finish();
+}
+
+/// Light that the square gives is that of its vertices times `scale`.
+#[test]
+fn a_square_emits_what_its_vertices_say() {
+    let glowing = square("emission = { radiance = { attribute = \"color\" }, scale = [2, 3, 4] }");
+    assert_eq!(glowing.description().lights.len(), 2);
+    let mut suite = Suite::new(1e-2);
+    check("emission", &blocks(&glowing, 4), [2.0, 3.0, 4.0], &mut suite);
+    suite.finish();
+}

@@ -3,6 +3,7 @@
 import math
 import unittest
 
+import bpy
 import compare
 import numpy as np
 import scenes

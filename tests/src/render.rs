@@ -3,7 +3,7 @@
 use crate::MeanEstimate;
 use beamfarm_image::bundle::Bundle;
 use beamfarm_image::film::Film;
-use beamfarm_image::job::{JobSettings, ReferenceSettings};
+use beamfarm_image::job::{Finders, JobSettings, ReferenceSettings};
 use beamfarm_image::merge::{Average, Node, TreeSum};
 use beamfarm_render::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
@@ -126,8 +126,23 @@ impl Blocks {
 /// Means over blocks of `side` x `side` pixels of the scene's passes.
 pub fn blocks(scene: &Scene, side: usize) -> Blocks {
     let plan = RenderPlan::new(scene, scene.description().defaults.job_settings());
+    blocks_of(scene, &plan, side)
+}
+
+/// The same, the light found by these, with random numbers of its own.
+pub fn blocks_by(scene: &Scene, finders: Finders, seed: u64, side: usize) -> Blocks {
+    let settings = JobSettings {
+        seed,
+        finders,
+        ..scene.description().defaults.job_settings()
+    };
+    blocks_of(scene, &RenderPlan::new(scene, settings), side)
+}
+
+/// The same of a plan.
+pub fn blocks_of(scene: &Scene, plan: &RenderPlan, side: usize) -> Blocks {
     let passes = 0..scene.description().defaults.passes;
-    let images = passes.map(|pass_index| render_pass(scene, &plan, pass_index).film);
+    let images = passes.map(|pass_index| render_pass(scene, plan, pass_index).film);
     Blocks::new(images, side)
 }
 

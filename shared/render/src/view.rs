@@ -10,8 +10,8 @@
 //! ```
 //!
 //! so that (n + (a / F) forward).p + a >= 0 for all of their points p. Of parallel rays the planes go through the edges
-//! of the image where it stands, which is h within it, and a ray through q of the image and x of its lens has the points
-//! q + (1 - s) x + z forward: then (n + (a / F) forward).p + a + h >= 0.
+//! of the image where it stands, which is h within it, and a ray through q of the image and x of its lens has the
+//! points q + (1 - s) x + z forward: then (n + (a / F) forward).p + a + h >= 0.
 
 use crate::camera::Projection;
 use crate::math::Vec3;

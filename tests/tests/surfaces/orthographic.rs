@@ -9,7 +9,7 @@ use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::sampler::{Purpose, Sampler};
 use beamfarm_render::world::Scene;
 use beamfarm_tests::Suite;
-use beamfarm_tests::render::{Blocks, blocks, reference_images, scene};
+use beamfarm_tests::render::{Blocks, blocks, blocks_by, reference_images, scene};
 
 fn loaded(image: &str, camera: &str) -> Camera {
     let text = format!(
@@ -193,18 +193,15 @@ const ALL: &str = "width = 32, height = 32";
 const EYE: &str = "target = [0, -0.1, 0], projection = \"orthographic\", view_width = 2.4";
 
 fn by(scene: &Scene, media: Finder, seed: u64) -> Blocks {
-    let defaults = scene.description().defaults;
-    let mut settings = defaults.job_settings();
-    settings.seed = seed;
-    settings.finders = Finders {
+    let finders = Finders {
         media: Some(media),
-        ..Finders::default()
+        ..scene.description().defaults.finders
     };
-    let plan = RenderPlan::new(scene, settings);
-    Blocks::new((0..defaults.passes).map(|i| render_pass(scene, &plan, i).film), 8)
+    blocks_by(scene, finders, seed, 8)
 }
 
-/// The path tracer's picture, and that of a camera 500 units away, for which all of the stage is as wide within four thousandths.
+/// The path tracer's picture, and that of a camera 500 units away, for which all of the stage is as wide within four
+/// thousandths.
 /// The camera's plane lies before the stage, or cuts through the fog and the ball, much wider than it is far away.
 /// Significance 1e-2 for all blocks together.
 #[test]

@@ -2,11 +2,10 @@
 //! beams and photons, by camera paths, and by the path tracer.
 
 use beamfarm_image::job::{Finder, Finders, JobSettings, ReferenceSettings};
-use beamfarm_render::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::Scene;
 use beamfarm_tests::Suite;
-use beamfarm_tests::render::{Blocks, reference_images, scene};
+use beamfarm_tests::render::{Blocks, blocks_of, reference_images, scene};
 
 const ROOM: &str = r#"
 [image]
@@ -105,11 +104,10 @@ const fn finders(media: Option<Finder>, surfaces: Option<Finder>, caustics: Opti
 
 /// Images of the scene, its light found by these.
 fn by(scene: &Scene, finders: Finders, seed: u64) -> Blocks {
-    let defaults = scene.description().defaults;
     let settings = JobSettings {
         seed,
         finders,
-        ..defaults.job_settings()
+        ..scene.description().defaults.job_settings()
     };
     let plan = RenderPlan::new(scene, settings);
     let estimators = &plan.estimators;
@@ -117,7 +115,7 @@ fn by(scene: &Scene, finders: Finders, seed: u64) -> Blocks {
     assert_eq!(estimators.ends, finders.surfaces == PHOTONS);
     assert_eq!(estimators.is_met, [finders.caustics == PATHS]);
     assert_eq!(estimators.is_shared, [finders.caustics.is_none()]);
-    Blocks::new((0..defaults.passes).map(|i| render_pass(scene, &plan, i).film), 8)
+    blocks_of(scene, &plan, 8)
 }
 
 /// Two pictures are the same, and sharp enough to tell.
@@ -227,8 +225,7 @@ radiance = [0.5, 0.7, 1.0]
             plan.surface_photons = true;
             plan.emitters = None;
         }
-        let passes = 0..scene.description().defaults.passes;
-        Blocks::new(passes.map(|i| render_pass(&scene, &plan, i).film), 8)
+        blocks_of(&scene, &plan, 8)
     });
     same_means("photons of the sky", &met, &brought, &mut suite);
     same_means("photons of the sky, and paths", &met, &shared, &mut suite);

@@ -1,11 +1,25 @@
 //! Triangle meshes.
 
-use super::shape::SurfacePoint;
 use super::tree::{Item, ItemTree};
 use super::triangles::TriangleId;
 use crate::math::{Rgb, Vec2, Vec3};
 use crate::warp;
 use std::sync::{Arc, OnceLock};
+
+/// A point drawn uniformly by area.
+#[derive(Clone, Copy, Debug)]
+pub struct SurfacePoint {
+    /// The point.
+    pub point: Vec3,
+    /// Unit geometric normal, pointing outside.
+    pub normal: Vec3,
+    /// Density per area.
+    pub pdf_area: f32,
+    /// Triangle within a mesh.
+    pub primitive: u32,
+    /// Within the triangle: the weights of its second and third corner.
+    pub weights: Vec2,
+}
 
 /// Triangles with optional normals and UVs per vertex. Counter-clockwise seen from outside.
 #[derive(Clone, Debug, Default)]

@@ -8,9 +8,9 @@ mod tree;
 mod triangles;
 
 pub use accel::{Geometry, bounds};
-pub use mesh::Mesh;
+pub use mesh::{Mesh, SurfacePoint};
 pub(crate) use shape::clearance;
-pub use shape::{Placement, Shape, SurfaceHit, SurfacePoint};
+pub use shape::{Placement, Shape, SurfaceHit};
 
 use crate::math::Vec3;
 use crate::medium::MediumId;

@@ -1,6 +1,6 @@
 //! Shapes: what a hit on them looks like, and how points on them are drawn. The search for hits is in `accel`.
 
-use super::mesh::{self, Mesh};
+use super::mesh::{self, Mesh, SurfacePoint};
 use crate::math::{PI, Ray, Rgb, Vec2, Vec3, acos, atan2, sin_cos};
 use crate::texture::TexturePoint;
 use crate::warp;
@@ -167,21 +167,6 @@ impl SurfaceHit {
 #[inline]
 pub(crate) fn clearance(scale: f32) -> f32 {
     (scale * 4e-6).max(1e-30)
-}
-
-/// A point drawn uniformly by area.
-#[derive(Clone, Copy, Debug)]
-pub struct SurfacePoint {
-    /// The point.
-    pub point: Vec3,
-    /// Unit geometric normal, pointing outside.
-    pub normal: Vec3,
-    /// Density per area.
-    pub pdf_area: f32,
-    /// Triangle within a mesh.
-    pub primitive: u32,
-    /// Within the triangle: the weights of its second and third corner.
-    pub weights: Vec2,
 }
 
 /// A hit as the search finds it.

@@ -3,6 +3,7 @@
 
 mod blend;
 mod bounds;
+mod emission;
 mod enclosed;
 mod extents;
 mod gltf;

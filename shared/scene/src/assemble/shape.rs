@@ -1,24 +1,20 @@
 //! Shapes: placed, flipped, made of their materials, bounding their media, emitting.
 
 use super::kept::{Baked, Decoded, Kept, Normals, Pinned, Shared, linear_bits, map_bits};
-use super::texture::texture;
 use super::{Parts, Problem, asset_problem, check_reach, required};
 use crate::assets::mesh::RawMesh;
-use crate::parse::{EmissionRecord, Fault, ShapeRecord, ShapeType, TextureRecord, TowardRecord};
+use crate::parse::{Fault, ShapeRecord, ShapeType, TextureRecord, TowardRecord};
 use crate::transform;
 use crate::values::Spanned;
-use beamfarm_image::layer::LightGroup;
 use beamfarm_render::geometry::shape::Placement;
 use beamfarm_render::geometry::{Boundary, Object, Shape, accel};
-use beamfarm_render::light::{Light, LightKind, Pattern};
 use beamfarm_render::math::Rgb;
 use glam::{DAffine3, DMat3, DVec3};
-use std::f64::consts::PI;
 use std::ops::Range;
 use std::sync::{Arc, OnceLock};
 
 /// A shape in its own space.
-enum Form {
+pub(super) enum Form {
     Sphere,
     Disc,
     Cylinder,
@@ -26,9 +22,9 @@ enum Form {
 }
 
 /// Everything about a shape but where it stands.
-struct Surface<'r> {
-    form: Form,
-    record: &'r ShapeRecord,
+pub(super) struct Surface<'r> {
+    pub(super) form: Form,
+    pub(super) record: &'r ShapeRecord,
     material: u32,
     boundary: Option<Boundary>,
 }
@@ -284,7 +280,7 @@ impl Parts<'_> {
     }
 
     /// The mesh in render space.
-    fn baked(&mut self, decoded: &Arc<Decoded>, record: &ShapeRecord, map: &DAffine3) -> Baked {
+    pub(super) fn baked(&mut self, decoded: &Arc<Decoded>, record: &ShapeRecord, map: &DAffine3) -> Baked {
         let (flip, normals) = (flips(record), normals(decoded, record));
         let Kept { baked, clock, .. } = &mut *self.assets.kept;
         let key = (Pinned(decoded.clone()), map_bits(map), flip, normals);
@@ -331,99 +327,6 @@ impl Parts<'_> {
         };
         check_shape_reach(&shape, place(surface.record))?;
         Ok(shape)
-    }
-
-    /// Area in scene units squared.
-    fn area(&mut self, surface: &Surface<'_>, map: &DAffine3, shape: &Shape) -> f64 {
-        let m = map.matrix3;
-        match &surface.form {
-            Form::Sphere => match placement(map).uniform_scale() {
-                Some(_) => {
-                    let radius = libm::cbrt(m.determinant().abs());
-                    4.0 * PI * radius * radius
-                }
-                None => f64::from(shape.area()),
-            },
-            Form::Disc => PI * m.x_axis.cross(m.y_axis).length(),
-            Form::Cylinder => {
-                // The mean over the circle of a tangent's cross product with the axis.
-                let [x, y] = [m.x_axis, m.y_axis].map(|v| v.cross(m.z_axis));
-                const N: u32 = 4096;
-                let stretch = |i: u32| {
-                    let (sin, cos) = libm::sincos(2.0 * PI * f64::from(i) / f64::from(N));
-                    (y * cos - x * sin).length()
-                };
-                2.0 * PI * (0..N).map(stretch).sum::<f64>() / f64::from(N)
-            }
-            Form::Mesh(decoded) => {
-                let Baked { area, .. } = self.baked(decoded, surface.record, map);
-                *area.get_or_init(|| decoded.raw.area(map))
-            }
-        }
-    }
-
-    /// The light of an emitting shape, which the next object will be.
-    fn area_light(
-        &mut self,
-        surface: &Surface<'_>,
-        map: &DAffine3,
-        shape: &Shape,
-        name: &str,
-    ) -> Result<Option<u32>, Problem> {
-        let Some(emission) = &surface.record.emission else {
-            return Ok(None);
-        };
-        let EmissionRecord {
-            radiance,
-            scale,
-            power,
-            two_sided,
-            ..
-        } = emission.get_ref();
-        let two_sided = *two_sided;
-        if let (Some(scale), None | Some(TextureRecord::Color(_))) = (scale, radiance) {
-            return Err(Fault::new(scale.span(), "it multiplies a texture; `radiance` is none").into());
-        }
-        let mut pattern = None;
-        let radiance = match (radiance, power) {
-            (Some(TextureRecord::Color(radiance)), None) => radiance.rgb(),
-            (Some(varying), None) => {
-                let texture = texture(varying, &mut self.assets)?;
-                let scale = scale.as_ref().map_or(Rgb::ONE, |scale| scale.get_ref().rgb());
-                let Some((found, mean)) = Pattern::new(texture, scale, shape) else {
-                    return Ok(None);
-                };
-                pattern = Some(Arc::new(found));
-                mean
-            }
-            (None, Some(power)) => {
-                let area = self.area(surface, map, shape);
-                let sides = if two_sided { 2.0 } else { 1.0 };
-                Rgb::from_array(power.0.map(|watts| (watts / (sides * PI * area)) as f32))
-            }
-            _ => {
-                let message = "emission is given by `radiance` (W/(m^2 sr)) or by `power` (W): exactly one of them";
-                return Err(Fault::new(emission.span(), message).into());
-            }
-        };
-        if !radiance.is_finite() {
-            return Err(Fault::new(emission.span(), "the radiance is too large for single precision").into());
-        }
-        if radiance == Rgb::ZERO {
-            return Ok(None);
-        }
-        let group = emission.get_ref().group.as_deref().unwrap_or(name);
-        self.lights.push(Light {
-            name: name.to_string(),
-            group: LightGroup::named(group),
-            kind: LightKind::Area {
-                object: self.objects.len() as u32,
-                radiance,
-                pattern,
-                two_sided,
-            },
-        });
-        Ok(Some((self.lights.len() - 1) as u32))
     }
 }
 
@@ -595,7 +498,7 @@ fn normals(decoded: &Decoded, record: &ShapeRecord) -> Normals {
     }
 }
 
-fn placement(map: &DAffine3) -> Placement {
+pub(super) fn placement(map: &DAffine3) -> Placement {
     let single = |map: &DAffine3| glam::Affine3A {
         matrix3: glam::Mat3A::from(map.matrix3.as_mat3()),
         translation: map.translation.as_vec3a(),

@@ -4,6 +4,8 @@ use super::transform::{self, Step};
 use super::write::{Section, Toml};
 use super::xml::{Content, Id, Kind};
 use super::{Converter, cie};
+use crate::assets::image::{self, Encoding};
+use beamfarm_image::bundle;
 use glam::DVec3;
 
 impl Converter<'_> {
@@ -144,6 +146,7 @@ impl Converter<'_> {
             self.log.note(place, message);
         }
         let mut color = [1.0; 3];
+        let mut aspect = 1.0;
         if let Some(member) = self.member(id, "irradiance") {
             let picture = match member.content {
                 Content::Object(texture) if self.objects.list[texture].plugin == "bitmap" => Some(texture),
@@ -152,6 +155,7 @@ impl Converter<'_> {
             match picture {
                 Some(texture) => {
                     self.picture(texture, light);
+                    aspect = self.aspect(texture).unwrap_or(aspect);
                 }
                 None => color = self.color(id, "irradiance", cie::Kind::Emission).unwrap_or(color),
             }
@@ -159,16 +163,17 @@ impl Converter<'_> {
         // What Mitsuba 3.9 makes of it: pi times the number, in the picture's middle.
         let scale = std::f64::consts::PI * self.float(id, "scale").unwrap_or(1.0);
         light.set("intensity", Toml::color(color.map(|c| c * scale)), place);
-        if let Some(member) = self.member(id, "fov")
-            && let Some(fov) = self.float(id, "fov")
-        {
-            light.set("fov", Toml::Float(fov), member.place);
-            if self.word(id, "fov_axis", &["x", "y", "diagonal", "smaller", "larger"]) != Some("x")
-                && let Some(member) = self.member(id, "fov_axis")
-            {
-                self.unsupported(id, member, "expected x");
-            }
+        if let Some((fov, place)) = self.width_angle(id, aspect) {
+            light.set("fov", Toml::Float(fov), place);
         }
+    }
+
+    /// Width over height of a bitmap; what is wrong with its file is told when it is read.
+    fn aspect(&mut self, texture: Id) -> Option<f64> {
+        let (_, path) = self.asset(texture, "filename")?;
+        let bytes = crate::read_file(&path, bundle::MAX_BYTES).ok()?;
+        let image = image::read(&bytes, Encoding::Raw).ok()?;
+        Some(f64::from(image.width) / f64::from(image.height))
     }
 
     /// Where y points to.

@@ -23,7 +23,8 @@ mod volume;
 mod write;
 mod xml;
 
-use crate::{Edits, SceneError};
+use crate::SceneError;
+use crate::options::ImportOptions;
 use log::Log;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -37,17 +38,6 @@ pub struct Place {
     pub file: usize,
     /// From one.
     pub line: usize,
-}
-
-/// What reading a scene may be told.
-#[derive(Clone, Debug, Default)]
-pub struct ImportOptions {
-    /// Values of `$name` parameters, in place of the file's defaults.
-    pub parameters: Vec<(String, String)>,
-    /// Leave out what is not supported instead of failing.
-    pub skip_unsupported: bool,
-    /// What to change of the native scene.
-    pub edits: Edits,
 }
 
 /// A scene in the native format, and where it comes from.

@@ -296,6 +296,37 @@ impl Converter<'_> {
     }
 
     fn field_of_view(&mut self, id: Id, aspect: f64, camera: &mut Section) {
+        let Some((degrees, axis, place)) = self.view_angle(id, aspect) else {
+            return;
+        };
+        camera.set("fov", Toml::Float(degrees), place);
+        if axis != "x" {
+            let place = self.member(id, "fov_axis").map_or(place, |m| m.place);
+            camera.set("fov_axis", Toml::string(axis), place);
+        }
+    }
+
+    /// The angle that an image of this aspect spans along the axis x, in degrees, by default that of a lens of 50 mm.
+    pub(super) fn width_angle(&mut self, id: Id, aspect: f64) -> Option<(f64, Place)> {
+        let (degrees, axis, place) = self.view_angle(id, aspect)?;
+        let along_x = match axis {
+            "smaller" => aspect <= 1.0,
+            "larger" => aspect >= 1.0,
+            axis => axis == "x",
+        };
+        let half = libm::tan(0.5 * degrees.to_radians()) * if along_x { 1.0 } else { aspect };
+        Some((
+            if along_x {
+                degrees
+            } else {
+                2.0 * libm::atan(half).to_degrees()
+            },
+            place,
+        ))
+    }
+
+    /// A field of view in degrees, and the axis that it is along; not the diagonal one. `None` after an error.
+    fn view_angle(&mut self, id: Id, aspect: f64) -> Option<(f64, &'static str, Place)> {
         const AXES: [&str; 5] = ["x", "y", "diagonal", "smaller", "larger"];
         let place = self.objects.list[id].place;
         let fov = self.member(id, "fov");
@@ -303,10 +334,7 @@ impl Converter<'_> {
         let (degrees, axis, place) = match (fov, focal_length) {
             (Some(member), None) => {
                 let axis = self.word(id, "fov_axis", &AXES).unwrap_or("x");
-                let Some(degrees) = self.float(id, "fov") else {
-                    return;
-                };
-                (degrees, axis, member.place)
+                (self.float(id, "fov")?, axis, member.place)
             }
             (None, member) => {
                 let text = self.string(id, "focal_length").unwrap_or("50mm");
@@ -318,7 +346,7 @@ impl Converter<'_> {
                             let message = format!("expected a length such as 50mm, found \"{text}\"");
                             self.wrong(id, member, &message);
                         }
-                        return;
+                        return None;
                     }
                 };
                 // The diagonal of 36 x 24 mm.
@@ -326,7 +354,8 @@ impl Converter<'_> {
                 (2.0 * half.to_degrees(), "diagonal", member.map_or(place, |m| m.place))
             }
             (Some(_), Some(member)) => {
-                return self.wrong(id, member, "expected fov or focal_length, not both");
+                self.wrong(id, member, "expected fov or focal_length, not both");
+                return None;
             }
         };
         if !(degrees > 0.0 && degrees < 180.0) {
@@ -334,21 +363,16 @@ impl Converter<'_> {
                 "{}: fov: expected an angle between 0 and 180 degrees, found {degrees}",
                 self.title(id)
             );
-            return self.log.invalid(Some(place), message);
+            return self.log.fatal(Some(place), message);
         }
-        let (degrees, axis) = match axis {
+        Some(match axis {
             "diagonal" => {
                 let diagonal = libm::tan(0.5 * degrees.to_radians());
                 let half_width = diagonal / (1.0 + 1.0 / (aspect * aspect)).sqrt();
-                (2.0 * libm::atan(half_width).to_degrees(), "x")
+                (2.0 * libm::atan(half_width).to_degrees(), "x", place)
             }
-            axis => (degrees, axis),
-        };
-        camera.set("fov", Toml::Float(degrees), place);
-        if axis != "x" {
-            let place = self.member(id, "fov_axis").map_or(place, |m| m.place);
-            camera.set("fov_axis", Toml::string(axis), place);
-        }
+            axis => (degrees, axis, place),
+        })
     }
 
     fn lens(&mut self, id: Id, camera: &mut Section) {

@@ -248,3 +248,54 @@ fn attributes_become_colours_of_a_copy() {
         assert_has(&convert(folder.path(), true).unwrap().left_out.join("\n"), &[words]);
     }
 }
+
+/// A lens of 50 mm where nothing is said, by the diagonal; the angle along y or the smaller side becomes that along x.
+#[test]
+#[allow(clippy::unwrap_used)]
+fn projectors_have_the_angle_of_their_pictures() {
+    // 2 x 1 pixels of 24 bits: a header of 14 bytes, one of 40, and a row filled up to 8 bytes.
+    let mut bmp = b"BM".to_vec();
+    bmp.extend([62u32, 0, 54, 40, 2, 1].map(u32::to_le_bytes).concat());
+    bmp.extend([1, 0, 24, 0]);
+    bmp.extend([0; 24]);
+    bmp.extend([255, 0, 0, 0, 0, 255, 0, 0]);
+    let fov = |fields: &str| {
+        let picture = r#"<texture name="irradiance" type="bitmap"><string name="filename" value="a.bmp"/></texture>"#;
+        let folder = folder(
+            "3.0.0",
+            &format!(r#"<emitter type="projector">{picture}{fields}</emitter>"#),
+        );
+        std::fs::write(folder.path().join("a.bmp"), &bmp).unwrap();
+        let text = convert(folder.path(), false).unwrap().text;
+        let line = text
+            .lines()
+            .filter_map(|line| line.strip_prefix("fov = "))
+            .next_back()
+            .unwrap();
+        line.parse::<f64>().unwrap()
+    };
+    let half = |degrees: f64| libm::tan(0.5 * degrees.to_radians());
+    for (fields, expected) in [
+        ("", f64::hypot(36.0, 24.0) / 100.0 / 1.25f64.sqrt()),
+        (
+            r#"<string name="focal_length" value="100mm"/>"#,
+            f64::hypot(36.0, 24.0) / 200.0 / 1.25f64.sqrt(),
+        ),
+        (r#"<float name="fov" value="30"/>"#, half(30.0)),
+        (
+            r#"<float name="fov" value="30"/><string name="fov_axis" value="y"/>"#,
+            2.0 * half(30.0),
+        ),
+        (
+            r#"<float name="fov" value="30"/><string name="fov_axis" value="smaller"/>"#,
+            2.0 * half(30.0),
+        ),
+        (
+            r#"<float name="fov" value="30"/><string name="fov_axis" value="larger"/>"#,
+            half(30.0),
+        ),
+    ] {
+        let found = half(fov(fields));
+        assert!((found / expected - 1.0).abs() < 1e-9, "{fields}: {found}, {expected}");
+    }
+}

@@ -148,7 +148,7 @@ fn materials_are_checked() {
 [materials.x] | type = "diffuse" | reflectance = "red"
     5: materials.x.reflectance: invalid type: string "red", expected a number from 0 to 1, or three of them in brackets, or { image = "file" }, or { checkerboard = [color, color] }
 [materials.x] | type = "diffuse" | reflectance = { file = "a.png" }
-    5: materials.x.reflectance.file: unknown field `file`, expected one of `image`, `checkerboard`, `raw`, `filter`, `wrap`, `channel`, `uv`
+    5: materials.x.reflectance.file: unknown field `file`, expected one of `image`, `attribute`, `checkerboard`, `raw`, `filter`, `wrap`, `channel`, `uv`
 [materials.x] | type = "diffuse" | ior = 2
     5: materials.x.ior: "diffuse" does not take this field; expected one of reflectance, two_sided, opacity, bump, normal_map
 [materials.x] | type = "dielectric"

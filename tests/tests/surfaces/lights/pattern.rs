@@ -1,12 +1,10 @@
 //! Surfaces whose radiance varies by a texture: how points on them are drawn, and pictures by their light.
 
-use crate::lights::setup::{BOUNDS, SIGNIFICANCE, patterned, rectangle, shapes};
-use beamfarm_image::job::{Finder, Finders, ReferenceSettings};
+use crate::lights::setup::{BOUNDS, PATHS, PHOTONS, SIGNIFICANCE, found_once, patterned, rectangle, shapes};
+use beamfarm_image::job::ReferenceSettings;
 use beamfarm_render::geometry::{Mesh, Placement, Shape};
 use beamfarm_render::light::{EmissionUniforms, LightKind, Pattern};
 use beamfarm_render::math::{Rgb, Vec2, Vec3};
-use beamfarm_render::pass::render_pass;
-use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::sampler::{Purpose, Sampler};
 use beamfarm_render::texture::Texture;
 use beamfarm_render::world::Scene;
@@ -268,37 +266,17 @@ radius = 0.1
 emission = { radiance = { checkerboard = [[3, 0, 2], [0, 3, 1]] } }
 "#;
 
-/// Whatever finds the light: it is that of the path tracer.
 #[test]
 fn all_estimators_find_the_light_once() {
-    const PHOTONS: Option<Finder> = Some(Finder::Photons);
-    const PATHS: Option<Finder> = Some(Finder::Paths);
-    let mut suite = Suite::new(SIGNIFICANCE);
     let scene = scene(ROOM);
     assert_eq!(scene.description().lights.len(), 4);
-    let settings = ReferenceSettings {
-        seed: 5,
-        max_depth: None,
-    };
-    let truth = Blocks::new(reference_images(&scene, settings, 120, 8), 8);
-    let ways = [
-        [PHOTONS, PHOTONS, PHOTONS],
-        [PHOTONS, PATHS, PHOTONS],
-        [PATHS, PATHS, PATHS],
-        [PATHS, PATHS, None],
-    ];
-    for (seed, [media, surfaces, caustics]) in (0..).zip(ways) {
-        let finders = Finders {
-            media,
-            surfaces,
-            caustics,
-        };
-        let mut settings = scene.description().defaults.job_settings();
-        (settings.seed, settings.finders) = (seed, finders);
-        let plan = RenderPlan::new(&scene, settings);
-        let found = Blocks::new((0..300).map(|i| render_pass(&scene, &plan, i).film), 8);
-        suite.same_blocks(&finders.to_string(), &found, &truth, 5e-3);
-        assert!(found.noise(&truth) < 0.03, "{finders}: {}", found.noise(&truth));
-    }
-    suite.finish();
+    found_once(
+        &scene,
+        &[
+            [PHOTONS, PHOTONS, PHOTONS],
+            [PHOTONS, PATHS, PHOTONS],
+            [PATHS, PATHS, PATHS],
+            [PATHS, PATHS, None],
+        ],
+    );
 }

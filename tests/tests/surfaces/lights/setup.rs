@@ -1,11 +1,15 @@
 //! Lights and shapes of every kind.
 
+use beamfarm_image::job::{Finder, Finders, ReferenceSettings};
 use beamfarm_image::layer::LightGroup;
 use beamfarm_render::geometry::{Mesh, Object, Placement, Shape};
 use beamfarm_render::light::{Environment, Light, LightKind, Pattern, SceneBounds};
 use beamfarm_render::math::{Frame, Rgb, Vec3};
 use beamfarm_render::sampler::{Purpose, Sampler};
 use beamfarm_render::texture::{Image, Texture, TextureFilter, Wrap};
+use beamfarm_render::world::Scene;
+use beamfarm_tests::Suite;
+use beamfarm_tests::render::{Blocks, blocks_by, reference_images};
 use glam::{Affine2, Affine3A, Mat3};
 use std::sync::Arc;
 
@@ -207,4 +211,28 @@ pub fn shapes() -> Vec<(&'static str, Shape)> {
         ),
         ("tetrahedron", tetrahedron(Vec3::new(0.5, 0.3, -1.0), 0.8)),
     ]
+}
+
+pub const PHOTONS: Option<Finder> = Some(Finder::Photons);
+pub const PATHS: Option<Finder> = Some(Finder::Paths);
+
+/// Whatever finds the light, of media, surfaces and caustics: it is that of the path tracer.
+pub fn found_once(scene: &Scene, ways: &[[Option<Finder>; 3]]) {
+    let mut suite = Suite::new(SIGNIFICANCE);
+    let settings = ReferenceSettings {
+        seed: 5,
+        max_depth: None,
+    };
+    let truth = Blocks::new(reference_images(scene, settings, 120, 8), 8);
+    for (seed, &[media, surfaces, caustics]) in (0..).zip(ways) {
+        let finders = Finders {
+            media,
+            surfaces,
+            caustics,
+        };
+        let found = blocks_by(scene, finders, seed, 8);
+        suite.same_blocks(&finders.to_string(), &found, &truth, 5e-3);
+        assert!(found.noise(&truth) < 0.03, "{finders}: {}", found.noise(&truth));
+    }
+    suite.finish();
 }

@@ -1,15 +1,12 @@
 //! Surfaces that emit on both sides.
 
-use crate::lights::setup::{BOUNDS, SIGNIFICANCE, emitter, patterned, shapes};
-use beamfarm_image::job::{Finder, Finders, ReferenceSettings};
+use crate::lights::setup::{BOUNDS, PATHS, PHOTONS, SIGNIFICANCE, emitter, found_once, patterned, shapes};
 use beamfarm_render::geometry::{Geometry, Object};
 use beamfarm_render::light::{EmissionUniforms, Light, LightKind};
 use beamfarm_render::math::{PI, Ray, Vec3};
-use beamfarm_render::pass::render_pass;
-use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::sampler::{Purpose, Sampler};
 use beamfarm_render::warp;
-use beamfarm_tests::render::{Blocks, blocks, reference_images, scene};
+use beamfarm_tests::render::{blocks, scene};
 use beamfarm_tests::{MeanEstimate, Suite};
 
 fn on_both((objects, mut light): (Vec<Object>, Light)) -> (Vec<Object>, Light) {
@@ -139,33 +136,10 @@ radius = 0.15
 emission = { radiance = [2, 1, 1], two_sided = true }
 "#;
 
-/// Whatever finds the light: it is that of the path tracer.
 #[test]
 fn all_estimators_find_the_light_once() {
-    const PHOTONS: Option<Finder> = Some(Finder::Photons);
-    const PATHS: Option<Finder> = Some(Finder::Paths);
-    let mut suite = Suite::new(SIGNIFICANCE);
-    let scene = scene(SHEET);
-    let settings = ReferenceSettings {
-        seed: 5,
-        max_depth: None,
-    };
-    let truth = Blocks::new(reference_images(&scene, settings, 120, 8), 8);
     let ways = [[PHOTONS, PHOTONS, PHOTONS], [PATHS, PATHS, PATHS], [PATHS, PATHS, None]];
-    for (seed, [media, surfaces, caustics]) in (0..).zip(ways) {
-        let finders = Finders {
-            media,
-            surfaces,
-            caustics,
-        };
-        let mut settings = scene.description().defaults.job_settings();
-        (settings.seed, settings.finders) = (seed, finders);
-        let plan = RenderPlan::new(&scene, settings);
-        let found = Blocks::new((0..300).map(|i| render_pass(&scene, &plan, i).film), 8);
-        suite.same_blocks(&finders.to_string(), &found, &truth, 5e-3);
-        assert!(found.noise(&truth) < 0.03, "{finders}: {}", found.noise(&truth));
-    }
-    suite.finish();
+    found_once(&scene(SHEET), &ways);
 }
 
 /// A sheet that emits on both sides is two sheets back to back, each with half of the power.

@@ -131,7 +131,8 @@ pub fn mesh(
     Ok(Some(raw))
 }
 
-/// Linear colours of a primitive's vertices, and whether any is not opaque. `None`: it has none, or all are white.
+/// Linear colours of a primitive's vertices, and whether any is not opaque. `None`: it has none, or all are white
+/// and opaque.
 pub fn colors(primitive: &gltf::Primitive<'_>, buffers: &Buffers) -> Result<Option<(Vec<Rgb>, bool)>, Flaw> {
     let Some(accessor) = primitive.get(&Semantic::Colors(0)) else {
         return Ok(None);
@@ -154,10 +155,8 @@ pub fn colors(primitive: &gltf::Primitive<'_>, buffers: &Buffers) -> Result<Opti
     let color = |[r, g, b, _]: &[f64; 4]| Rgb::from_array([r, g, b].map(|x| x.clamp(0.0, 1.0) as f32));
     let is_cut = colors.iter().any(|[.., a]| *a < 1.0);
     let colors: Vec<Rgb> = colors.iter().map(color).collect();
-    Ok(colors
-        .iter()
-        .any(|color| *color != Rgb::ONE)
-        .then_some((colors, is_cut)))
+    let matters = is_cut || colors.iter().any(|color| *color != Rgb::ONE);
+    Ok(matters.then_some((colors, is_cut)))
 }
 
 /// Take vertices where their joints are: up to four of each.

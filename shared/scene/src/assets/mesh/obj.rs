@@ -30,7 +30,8 @@ pub fn read(bytes: &[u8]) -> Result<RawMesh, Flaw> {
     }
 }
 
-/// A file in which some faces of one object have UVs or normals and some have none, each kind made an object of its own.
+/// A file in which some faces of one object have UVs or normals and some have none, each kind made an object of its
+/// own.
 fn split_by_kind(text: &str) -> Option<String> {
     let mut split = String::with_capacity(text.len() + 64);
     let mut last = None;

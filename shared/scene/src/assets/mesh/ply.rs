@@ -10,7 +10,8 @@ use ply_rs_bw::ply::{
     DefaultElement, ElementDef, Encoding, Property, PropertyAccess, PropertyAccessResult, PropertyType, ScalarType,
 };
 
-/// Read a mesh: element `vertex` with x, y, z, optional normals, UVs and, if they are asked for, colours, element `face` with a list of vertex indices.
+/// Read a mesh: element `vertex` with x, y, z, optional normals, UVs and, if they are asked for, colours, element
+/// `face` with a list of vertex indices.
 /// Polygons become fans of triangles. Other elements and properties are skipped.
 pub fn read(bytes: &[u8], colored: bool) -> Result<RawMesh, Flaw> {
     let mut reader = Reader::new(bytes);

@@ -1,7 +1,7 @@
 //! The emitters `sunsky`, `sky` and `sun`: a picture of the sky, which is made here.
 //!
-//! Source: Hosek and Wilkie, "An analytic model for full spectral sky-dome radiance" (2012) in RGB, as Mitsuba 3 has it,
-//! and a table of what the sun sends in Mitsuba 3.9.1.
+//! Source: Hosek and Wilkie, "An analytic model for full spectral sky-dome radiance" (2012) in RGB, as Mitsuba 3 has
+//! it, and a table of what the sun sends in Mitsuba 3.9.1.
 
 mod map;
 mod sun;

@@ -65,9 +65,9 @@ pub fn irradiance(turbidity: f64, elevation: f64) -> [f64; 3] {
     })
 }
 
-/// Read back from Mitsuba 3.9.1: the integral of what `sunsky` without its sky sends, less than nothing taken as nothing.
-/// Linear between the entries, as the data that it is made from (Hosek and Wilkie, "Adding a solar-radiance function to
-/// the Hosek-Wilkie skylight model", 2013).
+/// Read back from Mitsuba 3.9.1: the integral of what `sunsky` without its sky sends, less than nothing taken as
+/// nothing. Linear between the entries, as the data that it is made from (Hosek and Wilkie, "Adding a solar-radiance
+/// function to the Hosek-Wilkie skylight model", 2013).
 #[rustfmt::skip]
 const IRRADIANCE: [[[f64; 3]; 15]; 10] = [
     [
@@ -141,8 +141,8 @@ const ELEVATIONS: [f64; 15] = [
 mod tests {
     use super::*;
 
-    /// Read back from Mitsuba 3.9.1, which computes with single precision: its day is off by up to an eighth, its sun by
-    /// up to an eighth of a degree, and the directions here are means of random ones.
+    /// Read back from Mitsuba 3.9.1, which computes with single precision: its day is off by up to an eighth, its sun
+    /// by up to an eighth of a degree, and the directions here are means of random ones.
     #[test]
     fn the_sun_stands_where_mitsubas_does() {
         let tokyo = |hour: f64| Moment {

@@ -135,16 +135,16 @@ fn the_scene_may_stand_in_another_folder() {
     beside["buffers"][0]["uri"] = json!("a%20b.bin");
     std::fs::write(at("models/a.gltf"), beside.to_string()).unwrap();
     std::fs::write(at("models/a b.bin"), bytes()).unwrap();
-    let read = SceneFile::read_for(&at("models/a.gltf"), &at("out"), &ImportOptions::default()).unwrap();
+    let read = SceneFile::read_for(&at("models/a.gltf"), &at("out"), &Default::default()).unwrap();
     std::fs::write(at("out/a.toml"), read.text()).unwrap();
-    let written = SceneFile::read(&at("out/a.toml"), &ImportOptions::default()).unwrap();
+    let written = SceneFile::read(&at("out/a.toml"), &Default::default()).unwrap();
     assert_eq!(written.text(), read.text());
     assert_eq!(written.bundle.files.len(), 3);
     assert_eq!(written.load().unwrap().objects.len(), 1);
 
     std::fs::remove_file(at("models/a b.bin")).unwrap();
     for path in ["models/a.gltf", "models/none.glb"] {
-        let error = SceneFile::read(&at(path), &ImportOptions::default()).unwrap_err();
+        let error = SceneFile::read(&at(path), &Default::default()).unwrap_err();
         assert_eq!(error.file, at(path));
         assert!(error.message.contains("No such file"), "{error}");
     }

@@ -222,7 +222,7 @@ fn colours_of_vertices_are_multiplied_by_the_base_colour() {
     textured["materials"][0]["alphaMode"] = json!("BLEND");
     assert!(says(
         &load(&textured),
-        "the opacity of colours of vertices does not count: of nodes \"thing\""
+        "the opacity of colours of vertices does not count: of nodes: \"thing\""
     ));
 
     // Without materials nothing reads them; white ones change nothing.

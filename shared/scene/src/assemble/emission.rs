@@ -1,0 +1,109 @@
+//! Shapes that emit: their lights, by radiance, by power, or by a texture.
+
+use super::kept::Baked;
+use super::shape::{Form, Surface, placement};
+use super::texture::texture;
+use super::{Parts, Problem};
+use crate::parse::{EmissionRecord, Fault, TextureRecord};
+use beamfarm_image::layer::LightGroup;
+use beamfarm_render::geometry::Shape;
+use beamfarm_render::light::{Light, LightKind, Pattern};
+use beamfarm_render::math::Rgb;
+use glam::DAffine3;
+use std::f64::consts::PI;
+use std::sync::Arc;
+
+impl Parts<'_> {
+    /// Area in scene units squared.
+    fn area(&mut self, surface: &Surface<'_>, map: &DAffine3, shape: &Shape) -> f64 {
+        let m = map.matrix3;
+        match &surface.form {
+            Form::Sphere => match placement(map).uniform_scale() {
+                Some(_) => {
+                    let radius = libm::cbrt(m.determinant().abs());
+                    4.0 * PI * radius * radius
+                }
+                None => f64::from(shape.area()),
+            },
+            Form::Disc => PI * m.x_axis.cross(m.y_axis).length(),
+            Form::Cylinder => {
+                // The mean over the circle of a tangent's cross product with the axis.
+                let [x, y] = [m.x_axis, m.y_axis].map(|v| v.cross(m.z_axis));
+                const N: u32 = 4096;
+                let stretch = |i: u32| {
+                    let (sin, cos) = libm::sincos(2.0 * PI * f64::from(i) / f64::from(N));
+                    (y * cos - x * sin).length()
+                };
+                2.0 * PI * (0..N).map(stretch).sum::<f64>() / f64::from(N)
+            }
+            Form::Mesh(decoded) => {
+                let Baked { area, .. } = self.baked(decoded, surface.record, map);
+                *area.get_or_init(|| decoded.raw.area(map))
+            }
+        }
+    }
+
+    /// The light of an emitting shape, which the next object will be.
+    pub(super) fn area_light(
+        &mut self,
+        surface: &Surface<'_>,
+        map: &DAffine3,
+        shape: &Shape,
+        name: &str,
+    ) -> Result<Option<u32>, Problem> {
+        let Some(emission) = &surface.record.emission else {
+            return Ok(None);
+        };
+        let EmissionRecord {
+            radiance,
+            scale,
+            power,
+            two_sided,
+            ..
+        } = emission.get_ref();
+        let two_sided = *two_sided;
+        if let (Some(scale), None | Some(TextureRecord::Color(_))) = (scale, radiance) {
+            return Err(Fault::new(scale.span(), "it multiplies a texture; `radiance` is none").into());
+        }
+        let mut pattern = None;
+        let radiance = match (radiance, power) {
+            (Some(TextureRecord::Color(radiance)), None) => radiance.rgb(),
+            (Some(varying), None) => {
+                let texture = texture(varying, &mut self.assets)?;
+                let scale = scale.as_ref().map_or(Rgb::ONE, |scale| scale.get_ref().rgb());
+                let Some((found, mean)) = Pattern::new(texture, scale, shape) else {
+                    return Ok(None);
+                };
+                pattern = Some(Arc::new(found));
+                mean
+            }
+            (None, Some(power)) => {
+                let area = self.area(surface, map, shape);
+                let sides = if two_sided { 2.0 } else { 1.0 };
+                Rgb::from_array(power.0.map(|watts| (watts / (sides * PI * area)) as f32))
+            }
+            _ => {
+                let message = "emission is given by `radiance` (W/(m^2 sr)) or by `power` (W): exactly one of them";
+                return Err(Fault::new(emission.span(), message).into());
+            }
+        };
+        if !radiance.is_finite() {
+            return Err(Fault::new(emission.span(), "the radiance is too large for single precision").into());
+        }
+        if radiance == Rgb::ZERO {
+            return Ok(None);
+        }
+        let group = emission.get_ref().group.as_deref().unwrap_or(name);
+        self.lights.push(Light {
+            name: name.to_string(),
+            group: LightGroup::named(group),
+            kind: LightKind::Area {
+                object: self.objects.len() as u32,
+                radiance,
+                pattern,
+                two_sided,
+            },
+        });
+        Ok(Some((self.lights.len() - 1) as u32))
+    }
+}

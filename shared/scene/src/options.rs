@@ -1,0 +1,14 @@
+//! What reading a scene may be told.
+
+use crate::edits::Edits;
+
+/// What reading a scene may be told.
+#[derive(Clone, Debug, Default)]
+pub struct ImportOptions {
+    /// Values of `$name` parameters, in place of the file's defaults.
+    pub parameters: Vec<(String, String)>,
+    /// Leave out what is not supported instead of failing.
+    pub skip_unsupported: bool,
+    /// What to change of the native scene.
+    pub edits: Edits,
+}

@@ -3,9 +3,9 @@
 use crate::arriving::Arriving;
 use crate::farm::Farm;
 use crate::intake::Intake;
+use crate::keys::Seat;
 use crate::watch::Watch;
 use beamfarm_image::exr::encoded_size;
-use std::collections::VecDeque;
 use std::convert::Infallible;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
@@ -23,8 +23,8 @@ pub(crate) struct Place {
     pub intake: Arc<Intake>,
     /// Leases whose block is on its way in.
     pub arriving: Arriving,
-    /// When workers that are on the way were called.
-    called: Mutex<VecDeque<Instant>>,
+    /// Workers that are on the way, by where they were called from, and when.
+    called: Mutex<Vec<(Seat, Instant)>>,
 }
 
 impl Place {
@@ -53,22 +53,20 @@ impl Place {
         error_span!("job", job = self.watch.id())
     }
 
-    /// Call one more worker if there is work for more than those that are on the way.
-    pub fn call(&self, openings: u64) -> bool {
+    /// Call this worker, if there is work for more than those that are on the way.
+    pub fn call(&self, worker: Seat, openings: u64) -> bool {
         let mut called = self.called();
-        while called.front().is_some_and(|call| call.elapsed() > ON_THE_WAY) {
-            called.pop_front();
+        called.retain(|(other, call)| *other != worker && call.elapsed() <= ON_THE_WAY);
+        let is_wanted = openings > called.len() as u64;
+        if is_wanted {
+            called.push((worker, Instant::now()));
         }
-        let wanted = openings > called.len() as u64;
-        if wanted {
-            called.push_back(Instant::now());
-        }
-        wanted
+        is_wanted
     }
 
-    /// A worker has come.
-    pub fn came(&self) {
-        self.called().pop_front();
+    /// The worker has come, here or elsewhere.
+    pub fn expect_no_more(&self, worker: Seat) {
+        self.called().retain(|(other, _)| *other != worker);
     }
 
     /// Do what time brings, forever.
@@ -86,7 +84,7 @@ impl Place {
         }
     }
 
-    fn called(&self) -> MutexGuard<'_, VecDeque<Instant>> {
+    fn called(&self) -> MutexGuard<'_, Vec<(Seat, Instant)>> {
         self.called.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

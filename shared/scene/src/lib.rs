@@ -278,14 +278,25 @@ impl SceneFile {
         Ok(extents.list(&description.objects))
     }
 
+    /// The same, but what scenes before it had as well is taken from `store`.
+    pub fn load_from(&self, store: &mut Store) -> Result<SceneDescription, SceneError> {
+        let files = Files::from(self.bundle.clone());
+        store.load(&files).map_err(|error| self.as_given(error))
+    }
+
     fn load_with_extents(&self) -> Result<(SceneDescription, Extents), SceneError> {
-        load_with_extents(&self.bundle).map_err(|error| match &self.origin {
+        load_with_extents(&self.bundle).map_err(|error| self.as_given(error))
+    }
+
+    /// The error with the file's name as [`Self::read`] was given it.
+    fn as_given(&self, error: SceneError) -> SceneError {
+        match &self.origin {
             Some(origin) if error.file == Path::new(&self.bundle.scene) => origin.relocate(error),
             _ => SceneError {
                 file: self.folder.join(&error.file),
                 ..error
             },
-        })
+        }
     }
 }
 

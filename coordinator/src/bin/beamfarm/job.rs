@@ -246,9 +246,17 @@ impl SceneArgs {
 impl SettingsArgs {
     /// Read the scene.
     pub fn load(&self) -> Result<Loaded, Failure> {
+        self.load_by(SceneFile::load)
+    }
+
+    /// Read the scene, and decode its files by `decode`.
+    pub fn load_by(
+        &self,
+        decode: impl FnOnce(&SceneFile) -> Result<SceneDescription, SceneError>,
+    ) -> Result<Loaded, Failure> {
         let file = self.of.file()?;
         let options = self.of.import.options(&self.of.scene)?;
-        let description = file.load().map_err(|error| self.of.failure(error, &options))?;
+        let description = decode(&file).map_err(|error| self.of.failure(error, &options))?;
         let defaults = description.defaults;
         let Chosen { settings, choice } = self.of.choose(&description)?;
         let mut notes = description.notes.clone();
@@ -438,6 +446,11 @@ fn crop(text: &str) -> Result<[u32; 4], String> {
 }
 
 impl ImportArgs {
+    /// Whether the command line says which frame it is.
+    pub fn says_frame(&self) -> bool {
+        self.parameters.iter().any(|(name, _)| name == FRAME)
+    }
+
     /// What the reader is told about a scene.
     pub fn options(&self, scene: &Path) -> Result<ImportOptions, Failure> {
         let is_mitsuba = is_mitsuba(scene);

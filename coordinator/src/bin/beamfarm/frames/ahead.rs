@@ -10,12 +10,13 @@ use crate::output::Output;
 use beamfarm_coordinator::{JobSpec, Start};
 use beamfarm_image::exr::MadeOf;
 use beamfarm_render::world::RenderDefaults;
-use beamfarm_scene::SceneFile;
+use beamfarm_scene::{SceneFile, Store};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Instant;
 use tokio::sync::mpsc::Sender;
-use tracing::Span;
+use tracing::{Span, debug};
 
 /// What is to be rendered, and how.
 pub struct Order {
@@ -27,6 +28,8 @@ pub struct Order {
     pub audit_every: u64,
     /// Keep a job folder of each frame even if nobody asked for it.
     pub keeps_jobs: bool,
+    /// What frames have in common is decoded once.
+    pub store: Mutex<Store>,
 }
 
 /// A frame that can be rendered.
@@ -103,7 +106,12 @@ impl Order {
                 return Ok(Prepared::Kept(frame, image, Box::new(made)));
             }
         }
-        let loaded = args.settings.load()?;
+        let begun = Instant::now();
+        let loaded = args.settings.load_by(|file| {
+            let mut store = self.store.lock().unwrap_or_else(PoisonError::into_inner);
+            file.load_from(&mut store)
+        })?;
+        debug!(frame, seconds = begun.elapsed().as_secs_f64(), "loaded");
         let exposure = args.exposure(&loaded)?;
         let output = args.image_called(&ending, &loaded)?;
         let (notes, left_out) = loaded.news();

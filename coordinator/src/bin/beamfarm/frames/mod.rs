@@ -24,7 +24,7 @@ use stage::Stage;
 use std::collections::{BTreeMap, BTreeSet};
 use std::net::SocketAddr;
 use std::path::Path;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 use tokio::net::TcpListener;
 use tokio::sync::mpsc;
 use tokio::task::JoinSet;
@@ -50,6 +50,11 @@ pub struct Site {
 /// Render frames of the scene's animation.
 pub fn run(args: &JobArgs, list: &FrameList, site: Site) -> Result<(), Failure> {
     let of = &args.settings.of;
+    if of.import.says_frame() {
+        let message =
+            "--frames says which frames are rendered, and -D animation.frame another one: expected one of them";
+        return Err(Failure::usage(message));
+    }
     let options = of.import.options(&of.scene)?;
     let Some(range) = beamfarm_scene::frames(&of.scene, &options)? else {
         return Err(Failure::usage(format!(
@@ -70,6 +75,7 @@ pub fn run(args: &JobArgs, list: &FrameList, site: Site) -> Result<(), Failure> 
         args: args.clone(),
         audit_every: site.audit_every,
         keeps_jobs: site.keeps_jobs,
+        store: Mutex::default(),
         frames,
         names,
     };

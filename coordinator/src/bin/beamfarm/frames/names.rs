@@ -21,11 +21,17 @@ impl Names {
     pub fn new(args: &JobArgs) -> Result<Self, Failure> {
         if let Some(path) = &args.output {
             let name = path.file_name().map(|name| name.to_string_lossy());
-            if !name.is_some_and(|name| name.contains('#')) {
+            if !name.is_some_and(|name| name.contains('#') && name.ends_with(".exr")) {
                 return Err(Failure::usage(format!(
-                    "--frames: {}: expected a run of # for the frame's number in the name, as in frame.####.exr",
+                    "--frames: {}: expected a name with a run of # for the frame's number that ends in .exr, as in \
+                     frame.####.exr",
                     path.display()
                 )));
+            }
+            // Images of an animation have a folder of their own.
+            if let Some(folder) = path.parent() {
+                let made = std::fs::create_dir_all(folder);
+                made.map_err(|error| Failure::io(format!("cannot make {}: {error}", folder.display())))?;
             }
         }
         let stem = args.settings.of.scene.file_stem().unwrap_or_default();

@@ -7,8 +7,6 @@
 
 mod frames;
 mod place;
-#[cfg(test)]
-mod tests;
 mod workers;
 
 pub use frames::{FrameState, FrameView};

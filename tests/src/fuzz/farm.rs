@@ -196,7 +196,7 @@ impl Worker {
         };
         match Grant::try_from(taken(self.farm.lease(request).await)) {
             Ok(Grant::Lease(lease, block)) => Some((lease.0, block)),
-            Ok(Grant::NotNow | Grant::Done) => None,
+            Ok(Grant::NotNow | Grant::Done | Grant::Elsewhere) => None,
             Err(error) => panic!("{error}"),
         }
     }

@@ -10,6 +10,9 @@ use axum::response::{IntoResponse, Response};
 use serde::Deserialize;
 use std::sync::Arc;
 
+/// Pixels of the longer side of a small picture, for screens of two pixels a point.
+const SIDE: u32 = 192;
+
 #[derive(Template)]
 #[template(path = "watch/frames.html")]
 struct FramesPiece {
@@ -69,15 +72,29 @@ pub(super) struct Which {
 }
 
 /// Its picture, as the job wrote it.
-pub(super) async fn png(State(web): State<Arc<Web>>, Query(Which { frame }): Query<Which>) -> Response {
-    let none = || (StatusCode::NOT_FOUND, "there is no picture of this frame\n").into_response();
-    let mut frames = web.series.frames().into_iter();
-    let Some(picture) = frames.find(|view| view.frame == frame).and_then(|view| view.picture) else {
-        return none();
+pub(super) async fn png(State(web): State<Arc<Web>>, Query(which): Query<Which>) -> Response {
+    answer(written(&web, which).await)
+}
+
+/// The same, but small.
+pub(super) async fn thumbnail(State(web): State<Arc<Web>>, Query(which): Query<Which>) -> Response {
+    let Some(bytes) = written(&web, which).await else {
+        return answer(None);
     };
-    match tokio::fs::read(picture).await {
-        Ok(bytes) => ([(CONTENT_TYPE, "image/png")], bytes).into_response(),
-        Err(_) => none(),
+    let small = tokio::task::spawn_blocking(move || beamfarm_image::png::thumbnail(&bytes, SIDE));
+    answer(small.await.ok().flatten())
+}
+
+async fn written(web: &Web, Which { frame }: Which) -> Option<Vec<u8>> {
+    let mut frames = web.series.frames().into_iter();
+    let picture = frames.find(|view| view.frame == frame)?.picture?;
+    tokio::fs::read(picture).await.ok()
+}
+
+fn answer(png: Option<Vec<u8>>) -> Response {
+    match png {
+        Some(bytes) => ([(CONTENT_TYPE, "image/png")], bytes).into_response(),
+        None => (StatusCode::NOT_FOUND, "there is no picture of this frame\n").into_response(),
     }
 }
 
@@ -104,7 +121,7 @@ mod tests {
         assert!(text.contains("1 of 2 frames are there, 1 failed"), "{text}");
         assert!(text.contains("&#60;script") && !text.contains("<script"), "{text}");
         assert!(
-            text.contains("/frame.png?frame=8") && !text.contains("/frame.png?frame=7"),
+            text.contains("/thumbnail.png?frame=8") && !text.contains("/thumbnail.png?frame=7"),
             "{text}"
         );
         assert!(text.contains("1.2 %") && text.contains("5.0 s"), "{text}");

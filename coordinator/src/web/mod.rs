@@ -58,6 +58,7 @@ pub(crate) fn routes(series: Arc<Series>) -> Router {
         .route("/image.exr", get(picture::exr))
         .route("/pixel", get(picture::pixel))
         .route("/frame.png", get(frames::png))
+        .route("/thumbnail.png", get(frames::thumbnail))
         .route("/live", get(live::stream))
         .route(WRITE, post(buttons::write))
         .route(PAUSE, post(buttons::pause))

@@ -202,14 +202,14 @@ fn served_frames_are_shown_in_a_list() {
         page => Err(page.into_owned()),
     });
     assert!(page.contains("0 of 3 frames are there"), "{page}");
-    assert!(!page.contains("/frame.png?frame="), "{page}");
+    assert!(!page.contains("/thumbnail.png?frame="), "{page}");
     assert!(succeed(path, &["pause", &url]).contains("paused"));
     let mut workers = [(); 2].map(|()| start_worker(path, &url, &[]));
     succeed(path, &["resume", &url]);
     wait_until("thumbnail of the first frame", || {
         let page = String::from_utf8_lossy(&get(&address, "/")).into_owned();
-        let picture = get(&address, "/frame.png?frame=1");
-        let is_there = page.contains("/frame.png?frame=1") && picture.windows(4).any(|bytes| bytes == b"\x89PNG");
+        let picture = get(&address, "/thumbnail.png?frame=1");
+        let is_there = page.contains("/thumbnail.png?frame=1") && picture.windows(4).any(|bytes| bytes == b"\x89PNG");
         is_there.then_some(()).ok_or(page)
     });
     // It shows what is at hand, under its own name.

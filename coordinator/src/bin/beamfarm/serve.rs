@@ -23,7 +23,6 @@ Examples:
                                                         on each machine that is to work
   beamfarm serve scene.toml --listen 0.0.0.0:7325 --tls-cert a.pem --tls-key a.key --tls-client-ca ca.pem
                                                         encrypted, for workers with a certificate
-
   beamfarm serve scene.toml --frames all -o out/frame.####.exr --job jobs
                                                         frames of its animation, each with a folder below jobs
 

@@ -138,7 +138,7 @@ impl Work {
             };
             match prepared {
                 None => return self.conclude(*drain.borrow()),
-                Some(Prepared::Ready(ready)) => match self.begin(*ready, Vec::new()) {
+                Some(Prepared::Ready(ready)) => match self.begin(*ready, Vec::new())? {
                     Some(begun) => break begun,
                     None => continue,
                 },
@@ -177,7 +177,7 @@ impl Work {
                     None => is_last = true,
                 },
                 wanted = series.wants_another(), if next.is_some() => if let Some(ready) = next.take_if(|_| wanted)
-                    && let Some((begun, breaker)) = self.begin(*ready, series.convicted())
+                    && let Some((begun, breaker)) = self.begin(*ready, series.convicted())?
                 {
                     series.open(begun.watch.clone());
                     self.start(&mut stage, begun, breaker);
@@ -195,14 +195,17 @@ impl Work {
     }
 
     /// A frame whose turn has come; nothing when it fails at once.
-    fn begin(&mut self, ready: ahead::Ready, convicted: Vec<String>) -> Option<(Begun, stage::Breaker)> {
+    fn begin(
+        &mut self,
+        ready: ahead::Ready,
+        convicted: Vec<String>,
+    ) -> Result<Option<(Begun, stage::Breaker)>, Failure> {
         let share = self.order.share(ready.frame);
         match Begun::new(ready, share, convicted, &mut self.said) {
-            Ok(begun) => Some(begun),
+            Ok(begun) => Ok(Some(begun)),
             Err(failed) => {
-                self.fail(failed.frame, failed.message.clone().unwrap_or_default());
-                self.through.insert(failed.frame, failed.view());
-                None
+                self.skip(Prepared::Failed(Box::new(failed)))?;
+                Ok(None)
             }
         }
     }

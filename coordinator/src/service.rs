@@ -261,7 +261,11 @@ impl FarmService for Service {
         let hash = FileHash::from_wire(&request.into_inner().hash, "hash")?;
         let Some(bytes) = self.series.file(hash) else {
             let message = format!("no file of this scene has the hash {hash}");
-            return Err(Status::invalid_argument(message));
+            return Err(match self.series.is_of_several() {
+                // One of a job that is over meanwhile: register again.
+                true => Status::not_found(message),
+                false => Status::invalid_argument(message),
+            });
         };
         Ok(Response::new(in_chunks(bytes)))
     }

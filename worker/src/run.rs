@@ -46,6 +46,16 @@ pub async fn run(config: Config, drain: watch::Receiver<bool>) -> Result<Summary
     Ok(summary)
 }
 
+/// What a worker does next.
+enum Next {
+    /// Passes of this job, which is loaded.
+    Job(Box<Registration>, Arc<Prepared>),
+    /// It registers again, and has had this key until now.
+    Again(WorkerKey),
+    /// There is no farm.
+    NoFarm,
+}
+
 async fn work(config: &Config, drain: &watch::Receiver<bool>, summary: &mut Summary) -> Result<(), WorkerError> {
     let address = |message| WorkerError::Address {
         url: config.url.clone(),
@@ -80,7 +90,7 @@ async fn work(config: &Config, drain: &watch::Receiver<bool>, summary: &mut Summ
             let registration = match known.take() {
                 Some(registration) => registration,
                 None => match client.register(&introduction, scene, Vec::new(), key).await {
-                    Err(CallError::NoFarm) => return Ok(None),
+                    Err(CallError::NoFarm) => return Ok(Next::NoFarm),
                     registered => registered.map_err(fail)?,
                 },
             };
@@ -89,7 +99,11 @@ async fn work(config: &Config, drain: &watch::Receiver<bool>, summary: &mut Summ
             let prepared = match &loaded {
                 Some((known, prepared)) if known == job => prepared.clone(),
                 _ if registration.in_series => {
-                    let files = kept.fetch(&client, &cache, job).await.map_err(fail)?;
+                    let files = match kept.fetch(&client, &cache, job).await {
+                        // That job has ended before this worker had its files.
+                        Err(CallError::Forgotten) => return Ok(Next::Again(registration.key)),
+                        files => files.map_err(fail)?,
+                    };
                     let before = loaded.as_ref().map(|(_, prepared)| prepared.clone());
                     let source = Source::Shared(files, kept.store.clone(), before);
                     renderer.prepare(source, job).await?
@@ -100,21 +114,28 @@ async fn work(config: &Config, drain: &watch::Receiver<bool>, summary: &mut Summ
                 }
             };
             debug!(scene = %job.scene, seconds = begun.elapsed().as_secs_f64(), "loaded");
-            Ok::<_, WorkerError>(Some((registration, prepared)))
+            Ok::<_, WorkerError>(Next::Job(Box::new(registration), prepared))
         };
         let ready = tokio::select! {
             ready = get_ready => ready?,
             () = drained(drain.clone()) => return Ok(()),
         };
-        let Some((registration, prepared)) = ready else {
-            let tools = live::Tools {
-                client: &client,
-                renderer: renderer.clone(),
-                cache: cache.clone(),
-                introduction: &introduction,
-            };
-            summary.passes += live::attend(tools, drain.clone()).await.map_err(fail)?;
-            return Ok(());
+        let (registration, prepared) = match ready {
+            Next::Job(registration, prepared) => (*registration, prepared),
+            Next::Again(own) => {
+                key = Some(own);
+                continue;
+            }
+            Next::NoFarm => {
+                let tools = live::Tools {
+                    client: &client,
+                    renderer: renderer.clone(),
+                    cache: cache.clone(),
+                    introduction: &introduction,
+                };
+                summary.passes += live::attend(tools, drain.clone()).await.map_err(fail)?;
+                return Ok(());
+            }
         };
         loaded = Some((registration.job.clone(), prepared.clone()));
         info!(
@@ -137,7 +158,10 @@ async fn work(config: &Config, drain: &watch::Receiver<bool>, summary: &mut Summ
             Ok(SessionEnd::Over) => return Ok(()),
             Ok(SessionEnd::Stuck(message)) => return Err(WorkerError::Stuck(message)),
             Ok(SessionEnd::OtherJob(registration)) => {
-                warn!("the coordinator has another job now");
+                match registration.in_series {
+                    true => debug!("that job is over"),
+                    false => warn!("the coordinator has another job now"),
+                }
                 key = Some(registration.key);
                 known = Some(*registration);
             }
@@ -196,10 +220,9 @@ struct Kept {
 impl Kept {
     /// The files of a job. Those that the one before had are not fetched again.
     async fn fetch(&mut self, client: &Client, cache: &Cache, job: &Job) -> Result<Files, CallError> {
-        let before: BTreeMap<[u8; 32], File> = {
-            let files = std::mem::take(&mut self.files.files).into_values();
-            files.map(|file| (file.hash(), file)).collect()
-        };
+        // Kept until all files of this one are there: another job may come first.
+        let before = self.files.files.values().map(|file| (file.hash(), file.clone()));
+        let before: BTreeMap<[u8; 32], File> = before.collect();
         let mut files = Files {
             scene: job.manifest.scene.clone(),
             ..Files::default()

@@ -238,6 +238,7 @@ impl Series {
         let mut running: BTreeMap<u64, AbortHandle> = BTreeMap::new();
         loop {
             let news = self.news.notified();
+            while tasks.try_join_next().is_some() {}
             let open = self.open_places();
             running.retain(|number, task| {
                 let stays = open.iter().any(|place| place.number == *number);

@@ -1,5 +1,6 @@
 //! The list of frames, and their pictures as they were written.
 
+use super::thumbnail::thumbnail as small;
 use super::{Web, curve};
 use crate::series::{FrameState, FrameView};
 use askama::Template;
@@ -81,8 +82,8 @@ pub(super) async fn thumbnail(State(web): State<Arc<Web>>, Query(which): Query<W
     let Some(bytes) = written(&web, which).await else {
         return answer(None);
     };
-    let small = tokio::task::spawn_blocking(move || beamfarm_image::png::thumbnail(&bytes, SIDE));
-    answer(small.await.ok().flatten())
+    let made = tokio::task::spawn_blocking(move || small(&bytes, SIDE));
+    answer(made.await.ok().flatten())
 }
 
 async fn written(web: &Web, Which { frame }: Which) -> Option<Vec<u8>> {

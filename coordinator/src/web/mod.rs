@@ -8,6 +8,7 @@ mod live;
 mod metrics;
 mod page;
 mod picture;
+mod thumbnail;
 
 use crate::security::{CANCEL, ENTER, ENTER_SCRIPT, EXTEND, HEALTH, PAUSE, RESUME, WRITE};
 use crate::series::Series;

@@ -20,8 +20,9 @@ pub(super) fn thumbnail(png: &[u8], side: u32) -> Option<Vec<u8>> {
         let (x, y) = (square % columns * step, square / columns * step);
         let (x, y) = (x..(x + step).min(width), y..(y + step).min(height));
         for channel in 0..3 {
-            let row = |y: usize| x.clone().map(move |x| u64::from(data[3 * (y * width + x) + channel]));
-            let sum: u64 = y.clone().flat_map(row).sum();
+            let value = |(x, y): (usize, usize)| u64::from(data[3 * (y * width + x) + channel]);
+            let row = |y: usize| x.clone().map(move |x| (x, y));
+            let sum: u64 = y.clone().flat_map(row).map(value).sum();
             small.push((sum / (x.len() * y.len()) as u64) as u8);
         }
     }

@@ -12,7 +12,7 @@ use beamfarm_image::exr::MadeOf;
 use beamfarm_render::world::RenderDefaults;
 use beamfarm_scene::{SceneFile, Store};
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 use tokio::sync::mpsc::Sender;
@@ -49,8 +49,8 @@ pub struct Ready {
 /// What became of a frame before its turn.
 pub enum Prepared {
     Ready(Box<Ready>),
-    /// Its image is there: this one.
-    Kept(i64, PathBuf, Box<MadeOf>),
+    /// Its image is there.
+    Kept(Box<FrameRecord>),
     Failed(Box<FrameRecord>),
 }
 
@@ -102,8 +102,12 @@ impl Order {
         {
             // No pilot is needed to see that nothing is to be done.
             let file = of.file()?;
-            if self.is_there(frame, &args, &made, file)? {
-                return Ok(Prepared::Kept(frame, image, Box::new(made)));
+            if self.is_there(frame, &args, (&image, &made), file)? {
+                let known = self.known.get(&frame).filter(|known| known.is_of(&image, &made));
+                let record = known
+                    .cloned()
+                    .unwrap_or_else(|| FrameRecord::kept(frame, &args, &image, made));
+                return Ok(Prepared::Kept(Box::new(record)));
             }
         }
         let begun = Instant::now();
@@ -133,10 +137,16 @@ impl Order {
     }
 
     /// Whether the image is the one that this command would make.
-    fn is_there(&self, frame: i64, args: &JobArgs, made: &MadeOf, file: SceneFile) -> Result<bool, Failure> {
+    fn is_there(
+        &self,
+        frame: i64,
+        args: &JobArgs,
+        (image, made): (&Path, &MadeOf),
+        file: SceneFile,
+    ) -> Result<bool, Failure> {
         let defaults = file.defaults()?;
         let is_enough = match self.known.get(&frame) {
-            Some(known) if known.answers(args) && known.passes == made.passes => true,
+            Some(known) if known.answers(args) && known.is_of(image, made) => true,
             _ => has_passes(args, made, &defaults),
         };
         Ok(

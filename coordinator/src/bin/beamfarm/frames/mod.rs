@@ -15,7 +15,6 @@ use crate::progress;
 use ahead::{Order, Prepared, prepare_all};
 use beamfarm_coordinator::security::Security;
 use beamfarm_coordinator::{FrameState, FrameView};
-use beamfarm_image::exr::MadeOf;
 use beamfarm_worker::{say, signals};
 use names::Names;
 use one::{Begun, Outcome};
@@ -23,7 +22,6 @@ use record::{FrameRecord, Record};
 use stage::Stage;
 use std::collections::{BTreeMap, BTreeSet};
 use std::net::SocketAddr;
-use std::path::Path;
 use std::sync::{Arc, Mutex};
 use tokio::net::TcpListener;
 use tokio::sync::mpsc;
@@ -237,15 +235,22 @@ impl Work {
     fn skip(&mut self, prepared: Prepared) -> Result<(), Failure> {
         match prepared {
             Prepared::Ready(_) => Ok(()),
-            Prepared::Kept(frame, image, made) => {
+            Prepared::Kept(kept) => {
+                let (frame, passes) = (kept.frame, kept.passes);
                 if !self.order.args.quiet {
-                    let passes = made.passes;
                     let label = self.order.share(frame).label(frame);
-                    let path = image.display();
-                    progress::print(&format!("{label}: {path} is there already, with {passes} passes"));
+                    let image = kept.image.as_deref().unwrap_or_default();
+                    progress::print(&format!("{label}: {image} is there already, with {passes} passes"));
                 }
-                self.through.insert(frame, view_of_kept(frame, &image, &made));
-                Ok(())
+                let view = FrameView {
+                    state: FrameState::Kept,
+                    ..kept.view()
+                };
+                self.through.insert(frame, view);
+                match self.record.get(frame) == Some(&*kept) {
+                    true => Ok(()),
+                    false => self.record.enter(*kept),
+                }
             }
             Prepared::Failed(failed) => {
                 self.fail(failed.frame, failed.message.clone().unwrap_or_default());
@@ -318,17 +323,6 @@ impl Work {
                 "stopped before the first pass of a frame was complete",
             )),
         }
-    }
-}
-
-fn view_of_kept(frame: i64, image: &Path, made: &MadeOf) -> FrameView {
-    FrameView {
-        state: FrameState::Kept,
-        passes: made.passes,
-        error: Some(made.relative_error).filter(|error| error.is_finite()),
-        seconds: Some(made.seconds),
-        picture: Some(image.with_extension("png")),
-        ..FrameView::waiting(frame)
     }
 }
 

@@ -5,6 +5,7 @@ use crate::job::JobArgs;
 use beamfarm_coordinator::store::{Report, Stopped};
 use beamfarm_coordinator::{FrameState, FrameView};
 use beamfarm_image::atomic::write_file;
+use beamfarm_image::exr::{MadeOf, pixel_hash, read_rgb};
 use beamfarm_proto::VERSION;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -57,6 +58,31 @@ impl FrameRecord {
             relative_standard_error: report.relative_standard_error,
             seconds: report.seconds,
         }
+    }
+
+    /// A frame whose image is there, of which nothing was said: the command that wrote it was killed.
+    pub fn kept(frame: i64, args: &JobArgs, image: &Path, made: MadeOf) -> Self {
+        Self {
+            frame,
+            stopped: Stopped::Complete.as_str().into(),
+            message: None,
+            asked: asked(args),
+            seed: Some(made.seed),
+            image: Some(image.display().to_string()),
+            pixels: read_rgb(image).ok().map(|film| pixel_hash(&film)),
+            passes: made.passes,
+            relative_standard_error: Some(made.relative_error).filter(|error| error.is_finite()),
+            seconds: made.seconds,
+            scene: Some(made.scene),
+        }
+    }
+
+    /// Whether it tells of this image.
+    pub fn is_of(&self, image: &Path, made: &MadeOf) -> bool {
+        self.image.as_deref() == Some(&*image.to_string_lossy())
+            && self.passes == made.passes
+            && self.seed == Some(made.seed)
+            && self.scene.as_ref() == Some(&made.scene)
     }
 
     /// A frame of which nothing could be rendered.

@@ -20,7 +20,7 @@ use std::sync::Arc;
 use std::time::Duration;
 use tokio::time::{sleep, timeout};
 use tonic::service::Routes;
-use tracing::{Instrument, error_span};
+use tracing::{Instrument, Span, error_span};
 
 /// Bytes of a message: a chunk, with what is around it.
 pub const MESSAGE_BYTES: usize = CHUNK_BYTES + (64 << 10);
@@ -73,10 +73,14 @@ pub async fn router(series: &Arc<Series>, limits: Limits) -> Router {
     let (health, health_service) = tonic_health::server::health_reporter();
     health.set_serving::<FarmServer<Service>>().await;
     health.set_serving::<ControlServer<control::Service>>().await;
-    // Every line of the log says which job it is about.
-    let job: Arc<str> = series.name().into();
-    let name_job =
-        from_fn(move |request: Request, next: Next| next.run(request).instrument(error_span!("job", job = &*job)));
+    // Every line of the log says which job it is about. Where there are several, each call finds out.
+    let job: Option<Arc<str>> = (!series.is_of_several()).then(|| series.current().id().into());
+    let name_job = from_fn(move |request: Request, next: Next| {
+        let span = job
+            .as_ref()
+            .map_or(Span::none(), |job| error_span!("job", job = &**job));
+        next.run(request).instrument(span)
+    });
     Routes::from(web::routes(series.clone()))
         .add_service(calls)
         .add_service(steering.max_decoding_message_size(MESSAGE_BYTES))

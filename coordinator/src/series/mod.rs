@@ -30,8 +30,8 @@ const LOOK: Duration = Duration::from_millis(200);
 
 /// Jobs one after the other.
 pub struct Series {
-    /// What all of them are called; `None` for a single job.
-    name: Option<String>,
+    /// There are other jobs than one.
+    is_of_several: bool,
     state: Mutex<State>,
     /// Told when a job is opened, ends or is closed, and when no more will come.
     news: Notify,
@@ -57,17 +57,17 @@ struct State {
 impl Series {
     /// A single job.
     pub fn of(watch: Arc<Watch>) -> Arc<Self> {
-        let series = Self::made(None, watch);
+        let series = Self::made(false, watch);
         series.seal();
         series
     }
 
-    /// The first of several jobs that are called this together.
-    pub fn beginning_with(watch: Arc<Watch>, name: String) -> Arc<Self> {
-        Self::made(Some(name), watch)
+    /// The first of several jobs.
+    pub fn beginning_with(watch: Arc<Watch>) -> Arc<Self> {
+        Self::made(true, watch)
     }
 
-    fn made(name: Option<String>, first: Arc<Watch>) -> Arc<Self> {
+    fn made(is_of_several: bool, first: Arc<Watch>) -> Arc<Self> {
         let first = Place::new(1, first);
         let state = State {
             places: vec![first.clone()],
@@ -80,7 +80,7 @@ impl Series {
             frames: BTreeMap::new(),
         };
         Arc::new(Self {
-            name,
+            is_of_several,
             state: Mutex::new(state),
             news: Notify::new(),
             hunger: Notify::new(),
@@ -89,12 +89,7 @@ impl Series {
 
     /// Whether there are other jobs than one.
     pub(crate) fn is_of_several(&self) -> bool {
-        self.name.is_some()
-    }
-
-    /// Name in logs.
-    pub fn name(&self) -> String {
-        self.name.clone().unwrap_or_else(|| self.current().id().to_owned())
+        self.is_of_several
     }
 
     /// One more job, the last in line.

@@ -25,7 +25,7 @@ fn workers_stay_and_load_nothing_twice() {
     assert_eq!(log.matches("rendering scene ").count(), 3, "{log}");
     // Lines say which frame they are about.
     for frame in 1..=3 {
-        let leased = |line: &&str| line.contains("leased ") && line.contains(&format!("job{{job=f.{frame}-"));
+        let leased = |line: &&str| line.contains("leased ") && line.contains(&format!("job{{job=\"f.{frame}-"));
         assert!(log.lines().any(|line| leased(&line)), "frame {frame}: {log}");
     }
 }
@@ -52,7 +52,7 @@ fn a_frame_begins_while_the_last_passes_of_the_one_before_are_out() {
     let log = text(&output.stderr);
     assert!(output.status.success(), "{log}");
     let of = |frame: u32, what: &str| {
-        let is_of = move |line: &&str| line.contains(&format!("job=f.{frame}-"));
+        let is_of = move |line: &&str| line.contains(&format!("job{{job=\"f.{frame}-"));
         let lines = log.lines().enumerate().filter(move |(_, line)| is_of(line));
         let places = lines.filter(|(_, line)| line.contains(what)).map(|(place, _)| place);
         places.collect::<Vec<usize>>()
@@ -129,7 +129,7 @@ fn a_killed_worker_changes_no_frame() {
     let mut render = spawn(command);
     let rest = render.log.wait_for("started worker process ");
     let first = rest.split(' ').next().unwrap().to_owned();
-    render.log.wait_for("job=f.2-");
+    render.log.wait_for("job{job=\"f.2-");
     signal("-KILL", &first);
     let output = render.finish();
     assert!(output.status.success(), "{}", text(&output.stderr));

@@ -72,7 +72,7 @@ fn job(number: u64, passes: u64) -> Arc<Watch> {
 impl Site {
     fn start(passes: u64, security: Security) -> Self {
         let first = job(1, passes);
-        let series = Series::beginning_with(first.clone(), "film".into());
+        let series = Series::beginning_with(first.clone());
         let listener = free_port();
         let address = listener.local_addr().unwrap();
         let entrance = Entrance {

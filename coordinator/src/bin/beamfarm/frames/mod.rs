@@ -144,8 +144,7 @@ impl Work {
             }
         };
         let (begun, breaker) = first;
-        let title = self.order.names.title();
-        let mut stage = Stage::open(begun.watch.clone(), title, listener, site, hang_ups, &self.order)?;
+        let mut stage = Stage::open(begun.watch.clone(), listener, site, hang_ups, &self.order)?;
         self.tell_all(&stage);
         self.start(&mut stage, begun, breaker);
         let series = stage.series.clone();

@@ -59,8 +59,8 @@ impl Names {
         Some(self.jobs.as_ref()?.join(numbered("####", frame)))
     }
 
-    /// What people call all of them.
-    pub fn title(&self) -> String {
+    /// What people call all of them: the name without its ending.
+    fn title(&self) -> String {
         match self.asked.as_deref().and_then(Path::file_stem) {
             Some(stem) => stem.to_string_lossy().into_owned(),
             None => format!("{}.####", self.stem),

@@ -41,7 +41,6 @@ impl Stage {
     /// Serve the first of several jobs, and start the workers.
     pub fn open(
         first: Arc<Watch>,
-        title: String,
         listener: TcpListener,
         site: Site,
         hang_ups: mpsc::Receiver<()>,
@@ -60,7 +59,7 @@ impl Stage {
                 open_page(&plan.url, token);
             }
         }
-        let series = Series::beginning_with(first, title);
+        let series = Series::beginning_with(first);
         let entrance = Entrance {
             security: site.security,
             ..Entrance::from(listener)

@@ -13,7 +13,9 @@ use beamfarm_scene::{Files, Store};
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Instant;
 use tokio::sync::oneshot;
+use tracing::debug;
 
 /// Where a scene comes from.
 pub enum Source {
@@ -89,6 +91,7 @@ impl Renderer {
         let (settings, layers) = (job.settings, job.layers.clone());
         let (width, height) = (job.width, job.height);
         let prepare = move || {
+            let begun = Instant::now();
             let (description, before) = match source {
                 Source::Whole(bundle) => (beamfarm_scene::load(&bundle)?, None),
                 Source::Shared(files, store, before) => {
@@ -104,13 +107,21 @@ impl Renderer {
                 );
                 return Err(WorkerError::Refused(message));
             }
+            let decoded = begun.elapsed();
             let scene = match before {
                 Some(before) => Scene::new_like(&before.scene, description),
                 None => Scene::new(description),
             };
+            let built = begun.elapsed();
             let plan = RenderPlan::new(&scene, settings)
                 .with_layers(&scene, &layers)
                 .map_err(|error| WorkerError::Refused(error.to_string()))?;
+            debug!(
+                files = decoded.as_secs_f64(),
+                hierarchies = (built - decoded).as_secs_f64(),
+                pilots = (begun.elapsed() - built).as_secs_f64(),
+                "the scene is ready, seconds"
+            );
             Ok(Arc::new(Prepared { scene, plan }))
         };
         match self.run(prepare).await {

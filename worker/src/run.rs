@@ -15,7 +15,7 @@ use beamfarm_scene::{File, Files, Store};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 use tokio::sync::watch;
 use tracing::{debug, info, warn};
 
@@ -95,7 +95,6 @@ async fn work(config: &Config, drain: &watch::Receiver<bool>, summary: &mut Summ
                 },
             };
             let job = &registration.job;
-            let begun = Instant::now();
             let prepared = match &loaded {
                 Some((known, prepared)) if known == job => prepared.clone(),
                 _ if registration.in_series => {
@@ -113,7 +112,6 @@ async fn work(config: &Config, drain: &watch::Receiver<bool>, summary: &mut Summ
                     renderer.prepare(Source::Whole(bundle), job).await?
                 }
             };
-            debug!(scene = %job.scene, seconds = begun.elapsed().as_secs_f64(), "loaded");
             Ok::<_, WorkerError>(Next::Job(Box::new(registration), prepared))
         };
         let ready = tokio::select! {

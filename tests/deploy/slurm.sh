@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# A Slurm of this machine alone, the batch script on it, and the image against one that was rendered without: the same
-# bits, also when the job is requeued in the middle. Usage: slurm.sh PATH/TO/beamfarm
+# A Slurm of this machine alone, the batch scripts on it, and images and frames against those that were rendered without:
+# the same bits, also when jobs are requeued in the middle. Usage: slurm.sh PATH/TO/beamfarm
 #
 # Needs root, and slurmctld, slurmd, the client commands and munge. Where they are missing it says so and ends
 # with 77, as automake's skipped tests do, or with 1 if BEAMFARM_NEED_SLURM=1.
@@ -85,7 +85,7 @@ JobRequeue=1
 ReturnToService=2
 SchedulerParameters=sched_interval=1,sched_min_interval=0
 KillWait=15
-NodeName=$host NodeAddr=127.0.0.1 CPUs=4 State=UNKNOWN
+NodeName=$host NodeAddr=127.0.0.1 CPUs=8 State=UNKNOWN
 PartitionName=all Nodes=ALL Default=YES MaxTime=INFINITE State=UP
 CONF
 

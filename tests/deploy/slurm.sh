@@ -143,9 +143,25 @@ sed -e 's/^width = .*/width = 64/; s/^height = .*/height = 48/' \
     -e 's/^target = \[-0.1, 1.2, 0.0\]/target = { keys = [[1, [-0.1, 1.2, 0]], [3, [0.1, 1, 0]]] }/' \
     sphere-caustic.toml >moving.toml
 printf '\n[animation]\nframes = [1, 3]\n' >>moving.toml
-each=$((short * 2))
+
+# Requeued jobs wait for a while: all three of them at the same time.
+job=$(submit requeued "$long")
+# Some passes are there and some are not.
+begun() { [[ -s requeued.job/checkpoint-0 && -s requeued.job/checkpoint-1 ]]; }
+wait_for 120 "the first passes" begun
+scontrol requeue "$job"
+
+farm=$(BEAMFARM_HOST=127.0.0.1 sbatch --parsable --ntasks=2 --ntasks-per-node=2 --cpus-per-task=1 --output=farm.log \
+    "$repository/deploy/slurm/beamfarm.sbatch" moving.toml farm/f.##.exr --frames 1-3 --passes "$long")
+array=$(sbatch --parsable --array=1-3%3 --cpus-per-task=1 --output=array-%a.log \
+    "$repository/deploy/slurm/frames.sbatch" moving.toml array/f.##.exr --passes "$long")
+wait_for 120 "the second task" test -s array/f.02.job/checkpoint-0
+scontrol requeue "${array}_2"
+wait_for 120 "the first frame" test -s farm/f.01.exr
+scontrol requeue "$farm"
+
 for frame in 1 2 3; do
-    "$BEAMFARM" render moving.toml -D "animation.frame=$frame" --passes "$each" -o "local-$frame.exr" \
+    "$BEAMFARM" render moving.toml -D "animation.frame=$frame" --passes "$long" -o "local-$frame.exr" \
         >"local-$frame.log"
     pixels "local-$frame.log"
 done >frames
@@ -153,22 +169,6 @@ done >frames
     echo "three frames that differ were expected" >&2
     exit 1
 }
-
-# Requeued jobs wait for a while: all three of them at the same time.
-job=$(submit requeued "$long")
-# Some passes are there and some are not.
-begun() { [[ -s $1.job/checkpoint-0 && -s $1.job/checkpoint-1 ]]; }
-wait_for 120 "the first passes" begun requeued
-scontrol requeue "$job"
-
-farm=$(BEAMFARM_HOST=127.0.0.1 sbatch --parsable --ntasks=2 --ntasks-per-node=2 --cpus-per-task=1 --output=farm.log \
-    "$repository/deploy/slurm/beamfarm.sbatch" moving.toml farm/f.##.exr --frames 1-3 --passes "$each")
-array=$(sbatch --parsable --array=1-3%1 --cpus-per-task=1 --output=array-%a.log \
-    "$repository/deploy/slurm/frames.sbatch" moving.toml array/f.##.exr --passes "$each")
-wait_for 120 "the first frame" test -s farm/f.01.exr
-scontrol requeue "$farm"
-wait_for 120 "the second task" begun array/f.02
-scontrol requeue "${array}_2"
 
 wait_for 300 "job $job after it was requeued" completed "$job"
 grep -q 'start number 2' requeued.log || {
@@ -187,15 +187,16 @@ done | cmp frames - || {
     echo "the array's frames have other pixels" >&2
     exit 1
 }
-grep -q 'resuming array/f.02.job' array-2.log || {
-    echo "the array's second task did not go on from its folder" >&2
+resumed=$(sed -n 's|^resuming array/f.02.job with \([0-9]*\) passes|\1|p' array-2.log)
+((${resumed:-0} > 0 && resumed < long)) || {
+    echo "the array's second task was not requeued in mid-job: it went on from '$resumed' passes" >&2
     exit 1
 }
-echo "slurm: the frames of an array have the bits of local ones, one of them requeued"
+echo "slurm: the frames of an array have the bits of local ones, one requeued in mid-job"
 
 wait_for 120 "job $farm after it was requeued" completed "$farm"
-# A start that was stopped may have said a frame's line as well.
-sed -n 's/^frame \(.\) .*: wrote .* pixels /\1 pixels /p' farm.log | sort -u | cut -d' ' -f2- | cmp frames - || {
+# A start that is stopped also writes what it has of the frame at hand.
+sed -n "s/^frame .*: wrote .*, $long passes .* pixels /pixels /p" farm.log | cmp frames - || {
     echo "the farm's frames have other pixels" >&2
     exit 1
 }

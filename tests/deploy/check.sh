@@ -85,7 +85,8 @@ chmod 600 "$work/job/token"
 "$work/venv/bin/python" - "$program" "$work/job" "$work/all.yaml" kubernetes/frames.yaml >"$work/kubernetes" <<'PYTHON'
 import subprocess, sys, yaml
 program, job, *files = sys.argv[1:]
-jobs = {one["metadata"]["name"]: one for file in files for one in yaml.safe_load_all(open(file)) if one["kind"] == "Job"}
+parts = [part for file in files for part in yaml.safe_load_all(open(file))]
+jobs = {part["metadata"]["name"]: part for part in parts if part["kind"] == "Job"}
 def run(name, *more):
     container, = jobs[name]["spec"]["template"]["spec"]["containers"]
     known = ["$(%s)" % one["name"] for one in container.get("env", [])]

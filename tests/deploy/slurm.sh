@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# A Slurm of this machine alone, the batch scripts on it, and images and frames against those that were rendered without:
-# the same bits, also when jobs are requeued in the middle. Usage: slurm.sh PATH/TO/beamfarm
+# A Slurm of this machine alone, the batch scripts on it, and images and frames against those that were rendered
+# without: the same bits, also when jobs are requeued in the middle. Usage: slurm.sh PATH/TO/beamfarm
 #
 # Needs root, and slurmctld, slurmd, the client commands and munge. Where they are missing it says so and ends
 # with 77, as automake's skipped tests do, or with 1 if BEAMFARM_NEED_SLURM=1.

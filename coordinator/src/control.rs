@@ -1,7 +1,8 @@
 //! The calls of control.proto.
 
-use crate::farm::{End, Event, ExtendError, Farm};
+use crate::farm::{End, Event, ExtendError};
 use crate::ledger::WorkerView;
+use crate::series::Series;
 use crate::watch::{Watch, unix_time};
 use beamfarm_proto::bytes::Bytes;
 use beamfarm_proto::wire::control_server::Control;
@@ -15,19 +16,20 @@ use tracing::info;
 const EVENTS: usize = 100;
 
 pub(crate) struct Service {
-    watch: Arc<Watch>,
+    series: Arc<Series>,
 }
 
 impl Service {
-    pub fn new(watch: Arc<Watch>) -> Self {
-        Self { watch }
+    pub fn new(series: Arc<Series>) -> Self {
+        Self { series }
     }
 
-    /// The farm, if there is anything left to steer.
-    fn running(&self) -> Result<&Farm, Status> {
-        match self.watch.farm().end() {
-            None => Ok(self.watch.farm()),
-            Some(_) => Err(Status::failed_precondition("the job is over")),
+    /// The job that is first in line, if there is anything left to steer.
+    fn running(&self) -> Result<Arc<Watch>, Status> {
+        let watch = self.series.current();
+        match watch.farm().end() {
+            Some(_) if self.series.is_over() => Err(Status::failed_precondition("the job is over")),
+            _ => Ok(watch),
         }
     }
 }
@@ -61,7 +63,7 @@ fn event(event: Event) -> wire::Event {
 #[tonic::async_trait]
 impl Control for Service {
     async fn status(&self, _: Request<wire::StatusRequest>) -> Result<Response<wire::StatusReply>, Status> {
-        let watch = &self.watch;
+        let watch = self.series.current();
         // For its error; there is nothing to be said of it before the first pass.
         let _ = watch.picture().await;
         let progress = watch.farm().progress();
@@ -116,25 +118,27 @@ impl Control for Service {
     }
 
     async fn cancel(&self, _: Request<wire::CancelRequest>) -> Result<Response<wire::CancelReply>, Status> {
-        let farm = self.running()?;
+        let watch = self.running()?;
         info!("cancelled by a call");
-        farm.stop();
-        let prefix = farm.progress().prefix;
+        self.series.cancel();
+        let prefix = watch.farm().progress().prefix;
         Ok(Response::new(wire::CancelReply { prefix }))
     }
 
     async fn pause(&self, _: Request<wire::PauseRequest>) -> Result<Response<wire::PauseReply>, Status> {
-        self.running()?.pause(true);
+        self.running()?;
+        self.series.pause(true);
         Ok(Response::new(wire::PauseReply {}))
     }
 
     async fn resume(&self, _: Request<wire::ResumeRequest>) -> Result<Response<wire::ResumeReply>, Status> {
-        self.running()?.pause(false);
+        self.running()?;
+        self.series.pause(false);
         Ok(Response::new(wire::ResumeReply {}))
     }
 
     async fn extend(&self, request: Request<wire::ExtendRequest>) -> Result<Response<wire::ExtendReply>, Status> {
-        match self.running()?.extend(request.into_inner().passes) {
+        match self.running()?.farm().extend(request.into_inner().passes) {
             Ok(()) => Ok(Response::new(wire::ExtendReply {})),
             Err(error @ ExtendError::Over) => Err(Status::failed_precondition(error.to_string())),
             Err(error) => Err(Status::invalid_argument(error.to_string())),
@@ -142,8 +146,7 @@ impl Control for Service {
     }
 
     async fn write_now(&self, _: Request<wire::WriteNowRequest>) -> Result<Response<wire::WriteNowReply>, Status> {
-        self.running()?;
-        match self.watch.write_now().await {
+        match self.running()?.write_now().await {
             Ok(message) => Ok(Response::new(wire::WriteNowReply { message })),
             Err(message) => Err(Status::internal(message)),
         }

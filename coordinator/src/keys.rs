@@ -3,24 +3,48 @@
 
 use beamfarm_proto::WorkerId;
 use std::collections::HashMap;
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use tonic::Status;
+
+/// A worker at a job of the coordinator.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Seat {
+    /// The job's number.
+    pub job: u64,
+    /// The worker's number there.
+    pub worker: WorkerId,
+}
+
+/// A worker at its job, and at those where it was before.
+#[derive(Clone, Debug)]
+pub(crate) struct Seats {
+    pub now: Seat,
+    pub before: Vec<Seat>,
+}
+
+impl Seats {
+    /// Its number at a job, if it was ever there.
+    pub fn at(&self, job: u64) -> Option<WorkerId> {
+        let mut seats = [self.now].into_iter().chain(self.before.iter().copied());
+        seats.find(|seat| seat.job == job).map(|seat| seat.worker)
+    }
+}
 
 /// The keys of a coordinator's workers. One that was restarted knows none of those given out before.
 #[derive(Default)]
 pub(crate) struct Keys {
-    workers: Mutex<HashMap<u64, WorkerId>>,
+    workers: Mutex<HashMap<u64, Seats>>,
 }
 
 impl Keys {
     /// A key that nobody can guess. `knows`: whether a worker is still remembered; the keys of others open nothing.
-    pub fn issue(&self, worker: WorkerId, knows: impl Fn(WorkerId) -> bool) -> Result<u64, Status> {
+    pub fn issue(&self, seats: Seats, knows: impl Fn(Seat) -> bool) -> Result<u64, Status> {
         let key = getrandom::u64().map_err(|error| Status::internal(format!("no random numbers: {error}")))?;
-        let mut workers = self.workers.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut workers = self.workers();
         if workers.len() == workers.capacity() {
-            workers.retain(|_, worker| knows(*worker));
+            workers.retain(|_, seats| knows(seats.now));
         }
-        match workers.insert(key, worker) {
+        match workers.insert(key, seats) {
             None => Ok(key),
             // Once in 2^64 attempts. The other one has to register again.
             Some(_) => Err(Status::unavailable("two workers have the same key")),
@@ -28,9 +52,21 @@ impl Keys {
     }
 
     /// Whose key it is.
-    pub fn worker(&self, key: u64) -> Result<WorkerId, Status> {
-        let workers = self.workers.lock().unwrap_or_else(PoisonError::into_inner);
-        let known = workers.get(&key).copied();
-        known.ok_or_else(|| Status::not_found("no worker with this key is registered here"))
+    pub fn seats(&self, key: u64) -> Result<Seats, Status> {
+        self.known(key).ok_or_else(unknown)
     }
+
+    /// The same, if it is anybody's.
+    pub fn known(&self, key: u64) -> Option<Seats> {
+        self.workers().get(&key).cloned()
+    }
+
+    fn workers(&self) -> MutexGuard<'_, HashMap<u64, Seats>> {
+        self.workers.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// What a worker hears whom nobody knows.
+pub(crate) fn unknown() -> Status {
+    Status::not_found("no worker with this key is registered here")
 }

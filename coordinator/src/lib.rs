@@ -1,10 +1,12 @@
 //! The coordinator: hands passes out, checks what comes back, and adds it up.
 //!
 //! [`ledger`] decides who renders what and knows neither clock nor network; [`farm`] is the job as a whole, shared by
-//! all calls; [`server`] is the way in, for workers and those who [`watch`], as far as [`security`] lets them pass.
+//! all calls, and a [`series`] is several of them one after the other; [`server`] is the way in, for workers and those
+//! who [`watch`], as far as [`security`] lets them pass.
 //! [`revisions`] are for scenes that change while they are looked at. The renderer is not needed here: a scene is bytes
 //! and a hash.
 
+mod arriving;
 mod chunks;
 mod control;
 mod examine;
@@ -18,6 +20,7 @@ mod plausible;
 mod rarely;
 pub mod revisions;
 pub mod security;
+pub mod series;
 pub mod server;
 mod service;
 pub mod store;
@@ -31,4 +34,5 @@ pub use farm::{
 };
 pub use ledger::{WorkerState, WorkerView};
 pub use listener::Entrance;
+pub use series::{FrameState, FrameView, Series};
 pub use watch::{Terms, Watch};

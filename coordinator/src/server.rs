@@ -1,10 +1,10 @@
 //! The way into a farm.
 
 use crate::control;
-use crate::farm::Farm;
 use crate::limits::Limits;
 use crate::listener::{self, Entrance};
 use crate::revisions::{self, Revisions};
+use crate::series::Series;
 use crate::service::Service;
 use crate::watch::Watch;
 use crate::web;
@@ -18,9 +18,9 @@ use beamfarm_proto::wire::revisions_server::RevisionsServer;
 use std::future::Future;
 use std::sync::Arc;
 use std::time::Duration;
-use tokio::time::{MissedTickBehavior, interval, sleep, timeout};
+use tokio::time::{sleep, timeout};
 use tonic::service::Routes;
-use tracing::{Instrument, error_span};
+use tracing::{Instrument, Span, error_span};
 
 /// Bytes of a message: a chunk, with what is around it.
 pub const MESSAGE_BYTES: usize = CHUNK_BYTES + (64 << 10);
@@ -38,10 +38,14 @@ const LAST_WORDS: Duration = Duration::from_secs(2);
 ///
 /// To end well, end the job first: that is what workers wait to hear.
 pub async fn run(entrance: impl Into<Entrance>, watch: Arc<Watch>, shutdown: impl Future<Output = ()>) {
+    serve(entrance, Series::of(watch), shutdown).await;
+}
+
+/// The same with several jobs, one after the other.
+pub async fn serve(entrance: impl Into<Entrance>, series: Arc<Series>, shutdown: impl Future<Output = ()>) {
     let (closing, mut closed) = tokio::sync::watch::channel(false);
     let entrance = entrance.into();
-    let farm = watch.farm().clone();
-    let router = router(&watch, entrance.limits).await;
+    let router = router(&series, entrance.limits).await;
     let server = listener::serve(entrance, router, async move {
         // An error means that the sender is gone, with the same consequence.
         let _ = closed.wait_for(|closing| *closing).await;
@@ -49,31 +53,35 @@ pub async fn run(entrance: impl Into<Entrance>, watch: Arc<Watch>, shutdown: imp
     let farewell = async {
         shutdown.await;
         // Calls are answered meanwhile: nobody who asks for the last time shall find a closed door.
-        let _ = tokio::join!(watch.left_alone(LAST_LOOK), timeout(FAREWELL, farm.deserted()));
+        let watch = series.current();
+        let _ = tokio::join!(watch.left_alone(LAST_LOOK), timeout(FAREWELL, series.deserted()));
         closing.send_replace(true);
         sleep(LAST_WORDS).await;
     };
     tokio::select! {
         () = server => {}
         () = farewell => {}
-        () = expire(&farm) => {}
-        () = watch.run() => {}
+        never = series.run() => match never {},
     }
 }
 
 /// All that the port answers. Who may ask is decided before.
-pub async fn router(watch: &Arc<Watch>, limits: Limits) -> Router {
-    let service = Service::new(watch.farm().clone(), limits);
+pub async fn router(series: &Arc<Series>, limits: Limits) -> Router {
+    let service = Service::new(series.clone(), limits);
     let calls = FarmServer::new(service).max_decoding_message_size(MESSAGE_BYTES);
-    let steering = ControlServer::new(control::Service::new(watch.clone()));
+    let steering = ControlServer::new(control::Service::new(series.clone()));
     let (health, health_service) = tonic_health::server::health_reporter();
     health.set_serving::<FarmServer<Service>>().await;
     health.set_serving::<ControlServer<control::Service>>().await;
-    // Every line of the log says which job it is about.
-    let job: Arc<str> = watch.id().into();
-    let name_job =
-        from_fn(move |request: Request, next: Next| next.run(request).instrument(error_span!("job", job = &*job)));
-    Routes::from(web::routes(watch.clone()))
+    // Every line of the log says which job it is about. Where there are several, each call finds out.
+    let job: Option<Arc<str>> = (!series.is_of_several()).then(|| series.current().id().into());
+    let name_job = from_fn(move |request: Request, next: Next| {
+        let span = job
+            .as_ref()
+            .map_or(Span::none(), |job| error_span!("job", job = &**job));
+        next.run(request).instrument(span)
+    });
+    Routes::from(web::routes(series.clone()))
         .add_service(calls)
         .add_service(steering.max_decoding_message_size(MESSAGE_BYTES))
         .add_service(health_service)
@@ -93,14 +101,5 @@ pub async fn look(entrance: Entrance, page: Router, revisions: Arc<Revisions>, s
             // For workers to hear of it.
             sleep(LAST_BREATH).await;
         }
-    }
-}
-
-async fn expire(farm: &Farm) {
-    let mut ticks = interval(farm.timing().heartbeat);
-    ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
-    loop {
-        ticks.tick().await;
-        farm.expire();
     }
 }

@@ -1,20 +1,20 @@
-//! The calls of farm.proto. Each unwraps its message, asks the [`Farm`], and wraps the answer.
+//! The calls of farm.proto. Each unwraps its message, asks the farm at which the worker is, and wraps the answer.
 
 use crate::chunks::{FileStream, in_chunks};
 use crate::examine::{Claim, Flaw};
 use crate::farm::{Farm, Refusal, Unwelcome};
-use crate::intake::{Delivery, Intake};
-use crate::keys::Keys;
-use crate::ledger::{Accepted, LedgerError};
+use crate::intake::Delivery;
+use crate::keys::{Keys, Seat, Seats, unknown};
+use crate::ledger::{Accepted, LedgerError, Sentence};
 use crate::limits::{Limits, Pace};
 use crate::rarely::Rarely;
+use crate::series::{Place, Series};
 use beamfarm_image::exr::encoded_size;
 use beamfarm_image::job::{Block, SceneHash};
 use beamfarm_proto::wire::farm_server::Farm as FarmService;
 use beamfarm_proto::wire::submit_request::Part;
-use beamfarm_proto::{FileHash, LeaseId, VERSION, WireHash, WorkerId, wire};
-use std::collections::BTreeSet;
-use std::sync::{Arc, Mutex, PoisonError};
+use beamfarm_proto::{FileHash, LeaseId, VERSION, WireHash, wire};
+use std::sync::Arc;
 use tokio::sync::{Semaphore, mpsc};
 use tokio::time::{sleep, timeout};
 use tokio_stream::wrappers::ReceiverStream;
@@ -27,74 +27,94 @@ const TEXT_BYTES: usize = 1000;
 const NAME_BYTES: usize = 200;
 /// Blocks that a worker may claim.
 const HELD: usize = 16;
-/// Deliveries of one worker at the same time. It sends one after the other.
-const DELIVERIES: usize = 2;
 
 pub(crate) struct Service {
-    farm: Arc<Farm>,
+    series: Arc<Series>,
     /// Deliveries that are decoded at the same time; others wait as bytes.
     decoders: Arc<Semaphore>,
     limits: Limits,
-    intake: Arc<Intake>,
     keys: Keys,
-    /// Leases whose block is on its way in.
-    arriving: Arriving,
     /// Registrations that are refused for their version.
     other_versions: Rarely,
 }
 
-/// Each lease has one delivery at a time, and each worker a few.
-#[derive(Clone, Default)]
-struct Arriving(Arc<Mutex<BTreeSet<(WorkerId, LeaseId)>>>);
-
-impl Arriving {
-    /// A place for the delivery of a lease, until it is dropped.
-    fn begin(&self, claim: &Claim) -> Result<Arrival, Status> {
-        let Claim { worker, lease, .. } = *claim;
-        let mut leases = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        let of_worker = (worker, LeaseId(0))..=(worker, LeaseId(u64::MAX));
-        // Those before may be the remains of a connection that broke.
-        if leases.range(of_worker).count() >= DELIVERIES || !leases.insert((worker, lease)) {
-            return Err(Status::resource_exhausted("this block is on its way in already"));
-        }
-        Ok(Arrival(self.clone(), (worker, lease)))
-    }
-}
-
-struct Arrival(Arriving, (WorkerId, LeaseId));
-
-impl Drop for Arrival {
-    fn drop(&mut self) {
-        let Self(Arriving(leases), lease) = self;
-        leases.lock().unwrap_or_else(PoisonError::into_inner).remove(lease);
-    }
-}
-
 impl Service {
-    pub fn new(farm: Arc<Farm>, limits: Limits) -> Self {
+    pub fn new(series: Arc<Series>, limits: Limits) -> Self {
         let cores = std::thread::available_parallelism().map_or(1, usize::from);
-        let job = farm.job();
-        let largest = encoded_size(job.width, job.height, &job.layers) as u64;
-        let intake = Arc::new(Intake::new(largest));
         Self {
-            farm,
+            series,
             decoders: Arc::new(Semaphore::new(cores)),
             limits,
-            intake,
             keys: Keys::default(),
-            arriving: Arriving::default(),
             other_versions: Rarely::default(),
         }
     }
 
-    fn check_scene(&self, scene: SceneHash) -> Result<(), Status> {
-        let expected = self.farm.job().scene;
-        if scene == expected {
-            return Ok(());
-        }
-        let message = format!("scene {scene}; this job renders {expected}");
-        Err(Status::failed_precondition(message))
+    /// Whose key it is, and the job at which that worker is.
+    fn at_work(&self, key: u64) -> Result<(Arc<Place>, Seats), Status> {
+        let seats = self.keys.seats(key)?;
+        let place = self.series.place(seats.now.job).ok_or_else(unknown)?;
+        Ok((place, seats))
     }
+
+    /// The lines that a call writes say which job it is about.
+    fn span(&self, place: &Place) -> Span {
+        match self.series.is_of_several() {
+            true => place.span(),
+            false => Span::none(),
+        }
+    }
+
+    /// Where the worker was before: at jobs that are still open.
+    fn seats_before(&self, key: u64) -> Option<Seats> {
+        let mut seats = self.keys.known(key).filter(|_| key != 0)?;
+        seats.before.retain(|seat| self.series.place(seat.job).is_some());
+        Some(seats)
+    }
+
+    /// Take a worker in where it belongs.
+    fn welcome(&self, place: &Place, before: Option<Seats>, request: &wire::RegisterRequest) -> Result<Seats, Status> {
+        let name = shortened(&request.name, NAME_BYTES);
+        let canary = FileHash::from_wire(&request.canary, "canary")?;
+        let farm = place.farm();
+        if self.series.is_of_several() && self.series.convicted().iter().any(|convicted| convicted == name) {
+            return Err(Unwelcome::Sentenced(Sentence::Name).into());
+        }
+        let known = before.as_ref().and_then(|seats| seats.at(place.number));
+        let worker = match known.filter(|worker| farm.knows(*worker)) {
+            Some(worker) => {
+                farm.welcome_back(worker)?;
+                worker
+            }
+            None => farm.register(name, request.threads, canary.0)?,
+        };
+        let now = Seat {
+            job: place.number,
+            worker,
+        };
+        let mut seats = Seats {
+            now,
+            before: Vec::new(),
+        };
+        for earlier in before
+            .into_iter()
+            .flat_map(|seats| [vec![seats.now], seats.before].concat())
+        {
+            if seats.at(earlier.job).is_none() {
+                seats.before.push(earlier);
+            }
+        }
+        Ok(seats)
+    }
+}
+
+fn check_scene(farm: &Farm, scene: SceneHash) -> Result<(), Status> {
+    let expected = farm.job().scene;
+    if scene == expected {
+        return Ok(());
+    }
+    let message = format!("scene {scene}; this job renders {expected}");
+    Err(Status::failed_precondition(message))
 }
 
 impl From<LedgerError> for Status {
@@ -190,30 +210,45 @@ impl FarmService for Service {
             let message = format!("version {version}; this coordinator is version {VERSION}");
             return Err(Status::failed_precondition(message));
         }
-        if !request.scene.is_empty() {
-            // A worker with another scene may stay: the reply tells it what to fetch.
-            SceneHash::from_wire(&request.scene, "scene")?;
-        }
-        let canary = FileHash::from_wire(&request.canary, "canary")?;
-        let worker = self.farm.register(name, request.threads, canary.0)?;
-        let key = self.keys.issue(worker, |worker| self.farm.knows(worker))?;
-        let mut leases = Vec::new();
-        if request.scene == self.farm.job().scene.to_wire() {
-            let held = request.held.into_iter().take(HELD);
-            let held = held.filter_map(|block| Block::try_from(block).ok());
-            leases = self.farm.claim(worker, held);
-        }
+        // A worker with another scene may stay: the reply tells it what to fetch.
+        let scene = match request.scene.is_empty() {
+            true => None,
+            false => Some(SceneHash::from_wire(&request.scene, "scene")?),
+        };
+        let before = self.seats_before(request.before);
+        let held = scene.filter(|_| !request.held.is_empty());
+        let Some(place) = self.series.place_for(before.as_ref(), held).await else {
+            return Err(Status::resource_exhausted("there is no job yet"));
+        };
+        let farm = place.farm();
+        let (seats, leases) = self.span(&place).in_scope(|| {
+            let seats = self.welcome(&place, before, &request)?;
+            let mut leases = Vec::new();
+            if scene == Some(farm.job().scene) {
+                let held = request.held.iter().take(HELD);
+                let held = held.filter_map(|block| Block::try_from(*block).ok());
+                leases = farm.claim(seats.now.worker, held);
+            }
+            Ok::<_, Status>((seats, leases))
+        })?;
+        let worker = seats.now.worker;
+        let knows = |seat: Seat| {
+            let place = self.series.place(seat.job);
+            place.is_some_and(|place| place.farm().knows(seat.worker))
+        };
+        let key = self.keys.issue(seats, knows)?;
         let lease = |(lease, block): (LeaseId, Block)| wire::Lease {
             lease: lease.0,
             block: Some(block.into()),
         };
-        let heartbeat = self.farm.timing().heartbeat;
+        let heartbeat = farm.timing().heartbeat;
         Ok(Response::new(wire::RegisterReply {
             worker: key,
             number: worker.0,
-            job: Some(self.farm.job().into()),
+            job: Some(farm.job().into()),
             heartbeat_ms: u32::try_from(heartbeat.as_millis()).unwrap_or(u32::MAX),
             leases: leases.into_iter().map(lease).collect(),
+            in_series: self.series.goes_on(),
         }))
     }
 
@@ -224,9 +259,13 @@ impl FarmService for Service {
         request: Request<wire::FetchFileRequest>,
     ) -> Result<Response<Self::FetchFileStream>, Status> {
         let hash = FileHash::from_wire(&request.into_inner().hash, "hash")?;
-        let Some(bytes) = self.farm.file(hash) else {
+        let Some(bytes) = self.series.file(hash) else {
             let message = format!("no file of this scene has the hash {hash}");
-            return Err(Status::invalid_argument(message));
+            return Err(match self.series.is_of_several() {
+                // One of a job that is over meanwhile: register again.
+                true => Status::not_found(message),
+                false => Status::invalid_argument(message),
+            });
         };
         Ok(Response::new(in_chunks(bytes)))
     }
@@ -241,8 +280,10 @@ impl FarmService for Service {
         let Some(first) = beats.message().await? else {
             return Err(Status::invalid_argument("no heartbeat"));
         };
-        let (key, worker) = (first.worker, self.keys.worker(first.worker)?);
-        let farm = self.farm.clone();
+        let key = first.worker;
+        let (place, seats) = self.at_work(key)?;
+        let span = self.span(&place);
+        let (series, farm, worker) = (self.series.clone(), place.farm().clone(), seats.now.worker);
         farm.beat(worker, leases(&first))?;
         let attendance = farm.attend(worker)?;
         let (sender, receiver) = mpsc::channel(1);
@@ -253,6 +294,7 @@ impl FarmService for Service {
                 tokio::select! {
                     beat = beats.message() => match beat {
                         Ok(Some(beat)) if beat.worker == key => {
+                            series.seen(&seats);
                             if let Err(error) = farm.beat(worker, leases(&beat)) {
                                 let _ = sender.send(Err(error.into())).await;
                                 break;
@@ -264,7 +306,8 @@ impl FarmService for Service {
                     },
                     _ = farm.ended() => {
                         // Fails when the worker has gone.
-                        let _ = sender.send(Ok(wire::Notice { done: true })).await;
+                        let elsewhere = series.goes_on();
+                        let _ = sender.send(Ok(wire::Notice { done: !elsewhere, elsewhere })).await;
                         // It is there until it hangs up.
                         while let Ok(Ok(Some(_))) = timeout(farm.timing().lease, beats.message()).await {}
                         break;
@@ -274,17 +317,18 @@ impl FarmService for Service {
                 }
             }
         };
-        tokio::spawn(attend.in_current_span());
+        tokio::spawn(attend.instrument(span).in_current_span());
         Ok(Response::new(ReceiverStream::new(receiver)))
     }
 
     async fn lease(&self, request: Request<wire::LeaseRequest>) -> Result<Response<wire::LeaseReply>, Status> {
         let request = request.into_inner();
-        let worker = self.keys.worker(request.worker)?;
+        let (place, seats) = self.at_work(request.worker)?;
         // A worker of the coordinator before, with another scene, shall hear that it is unknown, and register again.
-        self.farm.beat(worker, [])?;
-        self.check_scene(SceneHash::from_wire(&request.scene, "scene")?)?;
-        let grant = self.farm.lease(worker).await?;
+        place.farm().beat(seats.now.worker, [])?;
+        check_scene(place.farm(), SceneHash::from_wire(&request.scene, "scene")?)?;
+        let lease = self.series.lease(&place, &seats);
+        let grant = lease.instrument(self.span(&place)).await?;
         Ok(Response::new(grant.into()))
     }
 
@@ -297,47 +341,50 @@ impl FarmService for Service {
         let Some(Part::Header(header)) = first else {
             return Err(Status::invalid_argument("expected a header first"));
         };
-        let worker = self.keys.worker(header.worker)?;
-        let claim = Claim::of(worker, header)?;
-        self.farm.check(&claim)?;
+        let (place, seats) = self.at_work(header.worker)?;
+        let (farm, span) = (place.farm(), self.span(&place));
+        let claim = Claim::of(seats.now.worker, header)?;
+        farm.check(&claim)?;
         let refuse = |message: String| {
             let flaw = Flaw::Foreign(message);
-            self.farm.reject(&claim, &flaw);
+            span.in_scope(|| farm.reject(&claim, &flaw));
             Err(Status::from(Refusal::Flaw(flaw)))
         };
-        let job = self.farm.job();
+        let job = farm.job();
         let limit = encoded_size(job.width, job.height, &job.layers) as u64;
         if claim.size > limit {
             return refuse(format!("{} bytes; expected at most {limit}", claim.size));
         }
-        let _arrival = self.arriving.begin(&claim)?;
-        let mut delivery = self.intake.begin();
+        let _arrival = place.arriving.begin(&claim)?;
+        let mut delivery = place.intake.begin();
         let bytes = match read_body(&mut parts, claim.size, &mut delivery).await {
             Ok(bytes) => bytes,
             Err(BodyError::Cut(status)) => return Err(status),
             Err(BodyError::Wrong(message)) => return refuse(message),
         };
         let permit = self.decoders.clone().acquire_owned().await;
-        let farm = self.farm.clone();
-        let span = Span::current();
+        let (of_call, adding) = (Span::current(), farm.clone());
         let submitted = tokio::task::spawn_blocking(move || {
+            let _call = of_call.entered();
             let _job = span.entered();
             let _permit = permit;
-            let accepted = farm.submit(&claim, &bytes);
+            let accepted = adding.submit(&claim, &bytes);
             (accepted, bytes)
         });
         let (accepted, bytes) = submitted.await.map_err(|error| Status::internal(error.to_string()))?;
         drop(bytes);
-        self.farm.set_intake(self.intake.seconds_per_block());
+        farm.set_intake(place.intake.seconds_per_block());
         let duplicate = accepted? != Accepted::New;
         Ok(Response::new(wire::SubmitReply { duplicate }))
     }
 
     async fn fail(&self, request: Request<wire::FailRequest>) -> Result<Response<wire::FailReply>, Status> {
         let request = request.into_inner();
-        let (worker, lease) = (self.keys.worker(request.worker)?, LeaseId(request.lease));
+        let (place, seats) = self.at_work(request.worker)?;
         let message = shortened(&request.message, TEXT_BYTES);
-        self.farm.fail(worker, lease, request.pass_index, message)?;
+        let _job = self.span(&place).entered();
+        let (worker, lease) = (seats.now.worker, LeaseId(request.lease));
+        place.farm().fail(worker, lease, request.pass_index, message)?;
         Ok(Response::new(wire::FailReply {}))
     }
 
@@ -347,8 +394,9 @@ impl FarmService for Service {
     ) -> Result<Response<wire::GiveBackReply>, Status> {
         let request = request.into_inner();
         let leases = request.leases.into_iter().map(LeaseId).collect();
-        let worker = self.keys.worker(request.worker)?;
-        self.farm.give_back(worker, &leases, request.leaving)?;
+        let (place, seats) = self.at_work(request.worker)?;
+        let _job = self.span(&place).entered();
+        place.farm().give_back(seats.now.worker, &leases, request.leaving)?;
         Ok(Response::new(wire::GiveBackReply {}))
     }
 }

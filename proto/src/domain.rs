@@ -106,4 +106,6 @@ pub enum Grant {
     NotNow,
     /// Nothing will come any more.
     Done,
+    /// Another job has something.
+    Elsewhere,
 }

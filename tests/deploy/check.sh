@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # The files of deploy/ against what reads them: Kubernetes' API schemas, OpenJD's, the Compose specification's, systemd's
-# own check, bash. The OpenJD template is run as well, and its image's bits compared. Usage: check.sh PATH/TO/beamfarm
+# own check, bash. The OpenJD templates are run as well, and the command of Kubernetes' frames, and their images' bits
+# compared. Usage: check.sh PATH/TO/beamfarm
 #
 # Ends with 77, as automake's tests do, where something that it needs is missing and that part was skipped.
 set -euo pipefail
@@ -28,12 +29,12 @@ elif command -v kustomize >/dev/null; then
 else
     skipped "kustomize: neither kubectl nor kustomize is here; the files are checked one by one"
     for file in kubernetes/*.yaml; do
-        [[ $file == */kustomization.yaml ]] || { echo ---; cat "$file"; }
+        [[ $file == */kustomization.yaml || $file == */frames.yaml ]] || { echo ---; cat "$file"; }
     done >"$work/all.yaml"
 fi
 # The oldest version in which pods may be replaced and indices fail as these files ask for, and the newest.
 for version in 1.31 1.37; do
-    "$work/venv/bin/kubernetes-validate" --quiet --strict -k "$version" "$work/all.yaml"
+    "$work/venv/bin/kubernetes-validate" --quiet --strict -k "$version" "$work/all.yaml" kubernetes/frames.yaml
 done
 echo "kubernetes: valid for 1.31 and 1.37"
 
@@ -51,6 +52,60 @@ if [[ -z $pixels ]] || ! grep -q "$pixels" "$work/openjd"; then
     exit 1
 fi
 echo "openjd: the template's image has the bits of a local one"
+
+# A light that moves, small.
+sed -e 's/^width = .*/width = 64/; s/^height = .*/height = 48/; s/^passes = .*/passes = 2/' \
+    -e 's/^target = \[-0.1, 1.2, 0.0\]/target = { keys = [[1, [-0.1, 1.2, 0]], [3, [0.1, 1, 0]]] }/' \
+    ../scenes/sphere-caustic.toml >"$work/moving.toml"
+printf '\n[animation]\nframes = [1, 3]\n' >>"$work/moving.toml"
+"$program" render "$work/moving.toml" --frames 1-2 -o "$work/local.##.exr" >"$work/local"
+pixels=$(sed -n 's/^frame .* pixels //p' "$work/local")
+if [[ $(sort -u <<<"$pixels" | wc -l) != 2 ]]; then
+    echo "two frames that differ were expected" >&2
+    exit 1
+fi
+
+"$work/venv/bin/openjd" check openjd/frames.yaml
+"$work/venv/bin/openjd" run openjd/frames.yaml --step render -p "Program=$program" -p Frames=1-2 -p Passes=2 \
+    -p "Scene=$work/moving.toml" -p "Output=$work/openjd-frames/f.##.exr" >"$work/openjd" 2>&1 || {
+    cat "$work/openjd" >&2
+    exit 1
+}
+if [[ $(sed -n 's/.*\tpixels //p' "$work/openjd") != "$pixels" || ! -s $work/openjd-frames/f.02.exr ]]; then
+    echo "the frames of the OpenJD job have other bits" >&2
+    exit 1
+fi
+echo "openjd: the frames have the bits of local ones"
+
+# What the pod of index 2 runs; then the coordinator with the same frame, which is there, and so it ends at once.
+mkdir "$work/job"
+cp "$work/moving.toml" "$work/job/scene.toml"
+head -c 32 /dev/urandom | od -An -v -tx1 | tr -d ' \n' >"$work/job/token"
+chmod 600 "$work/job/token"
+"$work/venv/bin/python" - "$program" "$work/job" "$work/all.yaml" kubernetes/frames.yaml >"$work/kubernetes" <<'PYTHON'
+import subprocess, sys, yaml
+program, job, *files = sys.argv[1:]
+parts = [part for file in files for part in yaml.safe_load_all(open(file))]
+jobs = {part["metadata"]["name"]: part for part in parts if part["kind"] == "Job"}
+def run(name, *more):
+    container, = jobs[name]["spec"]["template"]["spec"]["containers"]
+    known = ["$(%s)" % one["name"] for one in container.get("env", [])]
+    arguments = [one for one in container["args"] if not one.startswith("--tls-")]
+    for before, after in [("/job/out.exr", "/job/frame.#.exr"), ("/secrets/token/", "/job/"), ("/job/", job + "/")] \
+            + [(name, "2") for name in known]:
+        arguments = [one.replace(before, after) for one in arguments]
+    assert not any("$(" in one for one in arguments), arguments
+    subprocess.run([program, *arguments, *more], check=True, timeout=120)
+run("frames")
+run("coordinator", "--frames=2")
+PYTHON
+if [[ $(sed -n 's/^pixels //p' "$work/kubernetes") != "$(tail -n 1 <<<"$pixels")" ]] ||
+    ! grep -q 'frame.2.exr is there already' "$work/kubernetes"; then
+    cat "$work/kubernetes" >&2
+    echo "the frame of Kubernetes' indexed job has other bits, or is not kept by the coordinator" >&2
+    exit 1
+fi
+echo "kubernetes: the frame of an index has the bits of a local one, and a coordinator keeps it"
 
 "$work/venv/bin/python" - <<'PYTHON'
 import pathlib, yaml
@@ -80,4 +135,5 @@ else
 fi
 
 bash -n slurm/beamfarm.sbatch
+bash -n slurm/frames.sbatch
 exit "$code"

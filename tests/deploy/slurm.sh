@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# A Slurm of this machine alone, the batch script on it, and the image against one that was rendered without: the same
-# bits, also when the job is requeued in the middle. Usage: slurm.sh PATH/TO/beamfarm
+# A Slurm of this machine alone, the batch scripts on it, and images and frames against those that were rendered
+# without: the same bits, also when jobs are requeued in the middle. Usage: slurm.sh PATH/TO/beamfarm
 #
 # Needs root, and slurmctld, slurmd, the client commands and munge. Where they are missing it says so and ends
 # with 77, as automake's skipped tests do, or with 1 if BEAMFARM_NEED_SLURM=1.
@@ -85,7 +85,7 @@ JobRequeue=1
 ReturnToService=2
 SchedulerParameters=sched_interval=1,sched_min_interval=0
 KillWait=15
-NodeName=$host NodeAddr=127.0.0.1 CPUs=4 State=UNKNOWN
+NodeName=$host NodeAddr=127.0.0.1 CPUs=8 State=UNKNOWN
 PartitionName=all Nodes=ALL Default=YES MaxTime=INFINITE State=UP
 CONF
 
@@ -138,11 +138,38 @@ wait_for 240 "job $job" completed "$job"
 same plain local
 echo "slurm: the batch script's image has the bits of a local one"
 
+# A light that moves, small: three frames, of tasks of an array and of one coordinator.
+sed -e 's/^width = .*/width = 64/; s/^height = .*/height = 48/' \
+    -e 's/^target = \[-0.1, 1.2, 0.0\]/target = { keys = [[1, [-0.1, 1.2, 0]], [3, [0.1, 1, 0]]] }/' \
+    sphere-caustic.toml >moving.toml
+printf '\n[animation]\nframes = [1, 3]\n' >>moving.toml
+
+# Requeued jobs wait for a while: all three of them at the same time.
 job=$(submit requeued "$long")
 # Some passes are there and some are not.
 begun() { [[ -s requeued.job/checkpoint-0 && -s requeued.job/checkpoint-1 ]]; }
 wait_for 120 "the first passes" begun
 scontrol requeue "$job"
+
+farm=$(BEAMFARM_HOST=127.0.0.1 sbatch --parsable --ntasks=2 --ntasks-per-node=2 --cpus-per-task=1 --output=farm.log \
+    "$repository/deploy/slurm/beamfarm.sbatch" moving.toml farm/f.##.exr --frames 1-3 --passes "$long")
+array=$(sbatch --parsable --array=1-3%3 --cpus-per-task=1 --output=array-%a.log \
+    "$repository/deploy/slurm/frames.sbatch" moving.toml array/f.##.exr --passes "$long")
+wait_for 120 "the second task" test -s array/f.02.job/checkpoint-0
+scontrol requeue "${array}_2"
+wait_for 120 "the first frame" test -s farm/f.01.exr
+scontrol requeue "$farm"
+
+for frame in 1 2 3; do
+    "$BEAMFARM" render moving.toml -D "animation.frame=$frame" --passes "$long" -o "local-$frame.exr" \
+        >"local-$frame.log"
+    pixels "local-$frame.log"
+done >frames
+[[ $(sort -u frames | wc -l) == 3 ]] || {
+    echo "three frames that differ were expected" >&2
+    exit 1
+}
+
 wait_for 300 "job $job after it was requeued" completed "$job"
 grep -q 'start number 2' requeued.log || {
     echo "the job was not requeued in mid-job" >&2
@@ -150,6 +177,34 @@ grep -q 'start number 2' requeued.log || {
 }
 same requeued local-long
 echo "slurm: requeued in mid-job, the image has the same bits"
+
+# All tasks of the array have the state of one.
+each_completed() { [[ -n $(state "$1") ]] && [[ $(state "$1" | sort -u) == COMPLETED ]]; }
+wait_for 120 "array $array" each_completed "$array"
+for frame in 1 2 3; do
+    pixels "array-$frame.log"
+done | cmp frames - || {
+    echo "the array's frames have other pixels" >&2
+    exit 1
+}
+resumed=$(sed -n 's|^resuming array/f.02.job with \([0-9]*\) passes|\1|p' array-2.log)
+((${resumed:-0} > 0 && resumed < long)) || {
+    echo "the array's second task was not requeued in mid-job: it went on from '$resumed' passes" >&2
+    exit 1
+}
+echo "slurm: the frames of an array have the bits of local ones, one requeued in mid-job"
+
+wait_for 120 "job $farm after it was requeued" completed "$farm"
+# A start that is stopped also writes what it has of the frame at hand.
+sed -n "s/^frame .*: wrote .*, $long passes .* pixels /pixels /p" farm.log | cmp frames - || {
+    echo "the farm's frames have other pixels" >&2
+    exit 1
+}
+grep -q 'farm/f.01.exr is there already' farm.log || {
+    echo "the farm that was requeued did not keep its first frame" >&2
+    exit 1
+}
+echo "slurm: the frames of one coordinator have the bits of local ones, requeued after the first"
 
 # Workers wait for minutes for a coordinator; not for one that will never come.
 job=$(BEAMFARM_HOST=127.0.0.1 sbatch --parsable --ntasks=3 --ntasks-per-node=3 --cpus-per-task=1 --output=misspelt.log \

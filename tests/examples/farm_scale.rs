@@ -229,7 +229,7 @@ async fn worker(url: String, index: u64, ready: Arc<ReadyMade>, taken: Arc<Atomi
             let (lease, block) = match grant {
                 Grant::Lease(lease, block) => (lease, block),
                 Grant::NotNow => continue,
-                Grant::Done => return Ok::<(), AnyError>(()),
+                Grant::Done | Grant::Elsewhere => return Ok::<(), AnyError>(()),
             };
             let (ready, scene_hash) = (ready.clone(), scene.clone());
             let made = tokio::task::spawn_blocking(move || ready.image(block, &scene_hash));

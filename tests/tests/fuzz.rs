@@ -262,6 +262,7 @@ fn write_seeds() {
             layers: layers().iter().map(|layer| layer.to_string()).collect(),
         }),
         heartbeat_ms: 100,
+        in_series: false,
         leases: vec![wire::Lease {
             lease: 4,
             block: Some(block.into()),

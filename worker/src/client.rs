@@ -50,6 +50,8 @@ pub struct Registration {
     pub heartbeat: Duration,
     /// Leases of those of the blocks held that are still wanted.
     pub leases: Vec<(LeaseId, Block)>,
+    /// Jobs follow that have much in common with it.
+    pub in_series: bool,
 }
 
 /// How a worker introduces itself.
@@ -97,12 +99,13 @@ impl Client {
         }
     }
 
-    /// Introduce the worker, which holds this scene already, if any, and these blocks of it.
+    /// Introduce the worker, which holds this scene already, if any, and these blocks of it, and had this key until now.
     pub async fn register(
         &self,
         introduction: &Introduction,
         scene: Option<SceneHash>,
         held: Vec<Block>,
+        before: Option<WorkerKey>,
     ) -> Result<Registration, CallError> {
         let request = wire::RegisterRequest {
             version: VERSION.into(),
@@ -111,6 +114,7 @@ impl Client {
             threads: introduction.threads,
             canary: FileHash(introduction.canary).to_wire(),
             held: held.into_iter().map(wire::Block::from).collect(),
+            before: before.map_or(0, |key| key.0),
         };
         let reply = self
             .persist(|mut farm| {
@@ -132,6 +136,7 @@ impl Client {
             key: WorkerKey(reply.worker),
             job: Job::try_from(job).map_err(refused)?,
             heartbeat: Duration::from_millis(reply.heartbeat_ms.max(1).into()),
+            in_series: reply.in_series,
         })
     }
 

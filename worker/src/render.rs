@@ -9,10 +9,21 @@ use beamfarm_proto::Job;
 use beamfarm_render::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::Scene;
+use beamfarm_scene::{Files, Store};
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Instant;
 use tokio::sync::oneshot;
+use tracing::debug;
+
+/// Where a scene comes from.
+pub enum Source {
+    /// From its files alone.
+    Whole(Bundle),
+    /// From its files, and from what scenes before it have in common with it.
+    Shared(Files, Arc<Mutex<Store>>, Option<Arc<Prepared>>),
+}
 
 /// A scene ready to render.
 #[derive(Debug)]
@@ -76,11 +87,18 @@ impl Renderer {
     }
 
     /// Read a scene and build what rendering it needs. The image must have the size that the job says.
-    pub async fn prepare(&self, bundle: Bundle, job: &Job) -> Result<Arc<Prepared>, WorkerError> {
+    pub async fn prepare(&self, source: Source, job: &Job) -> Result<Arc<Prepared>, WorkerError> {
         let (settings, layers) = (job.settings, job.layers.clone());
         let (width, height) = (job.width, job.height);
         let prepare = move || {
-            let description = beamfarm_scene::load(&bundle)?;
+            let begun = Instant::now();
+            let (description, before) = match source {
+                Source::Whole(bundle) => (beamfarm_scene::load(&bundle)?, None),
+                Source::Shared(files, store, before) => {
+                    let mut store = store.lock().unwrap_or_else(PoisonError::into_inner);
+                    (store.load(&files)?, before)
+                }
+            };
             let camera = &description.camera;
             if (camera.width, camera.height) != (width, height) {
                 let message = format!(
@@ -89,10 +107,21 @@ impl Renderer {
                 );
                 return Err(WorkerError::Refused(message));
             }
-            let scene = Scene::new(description);
+            let decoded = begun.elapsed();
+            let scene = match before {
+                Some(before) => Scene::new_like(&before.scene, description),
+                None => Scene::new(description),
+            };
+            let built = begun.elapsed();
             let plan = RenderPlan::new(&scene, settings)
                 .with_layers(&scene, &layers)
                 .map_err(|error| WorkerError::Refused(error.to_string()))?;
+            debug!(
+                files = decoded.as_secs_f64(),
+                hierarchies = (built - decoded).as_secs_f64(),
+                pilots = (begun.elapsed() - built).as_secs_f64(),
+                "the scene is ready, seconds"
+            );
             Ok(Arc::new(Prepared { scene, plan }))
         };
         match self.run(prepare).await {

@@ -4,14 +4,17 @@ use crate::cache::Cache;
 use crate::client::{CallError, Client, Introduction, Registration};
 use crate::error::WorkerError;
 use crate::live;
-use crate::render::{Prepared, Renderer};
+use crate::render::{Prepared, Renderer, Source};
 use crate::security::{Credentials, with_hint};
 use crate::session::{Session, SessionEnd, Summary};
 use crate::signals::drained;
-use beamfarm_image::bundle::Bundle;
-use beamfarm_proto::Job;
+use beamfarm_image::bundle::{self, Bundle};
+use beamfarm_image::job::SceneHash;
+use beamfarm_proto::{FileEntry, Job, WorkerKey};
+use beamfarm_scene::{File, Files, Store};
+use std::collections::BTreeMap;
 use std::path::PathBuf;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 use std::time::Duration;
 use tokio::sync::watch;
 use tracing::{debug, info, warn};
@@ -43,6 +46,16 @@ pub async fn run(config: Config, drain: watch::Receiver<bool>) -> Result<Summary
     Ok(summary)
 }
 
+/// What a worker does next.
+enum Next {
+    /// Passes of this job, which is loaded.
+    Job(Box<Registration>, Arc<Prepared>),
+    /// It registers again, and has had this key until now.
+    Again(WorkerKey),
+    /// There is no farm.
+    NoFarm,
+}
+
 async fn work(config: &Config, drain: &watch::Receiver<bool>, summary: &mut Summary) -> Result<(), WorkerError> {
     let address = |message| WorkerError::Address {
         url: config.url.clone(),
@@ -68,39 +81,59 @@ async fn work(config: &Config, drain: &watch::Receiver<bool>, summary: &mut Summ
     };
     let mut loaded: Option<(Job, Arc<Prepared>)> = None;
     let mut known: Option<Registration> = None;
+    let mut key: Option<WorkerKey> = None;
+    // What was loaded for the jobs before, as far as this one has it as well.
+    let mut kept = Kept::default();
     loop {
         let scene = loaded.as_ref().map(|(job, _)| job.scene);
         let get_ready = async {
             let registration = match known.take() {
                 Some(registration) => registration,
-                None => match client.register(&introduction, scene, Vec::new()).await {
-                    Err(CallError::NoFarm) => return Ok(None),
+                None => match client.register(&introduction, scene, Vec::new(), key).await {
+                    Err(CallError::NoFarm) => return Ok(Next::NoFarm),
                     registered => registered.map_err(fail)?,
                 },
             };
             let job = &registration.job;
             let prepared = match &loaded {
                 Some((known, prepared)) if known == job => prepared.clone(),
+                _ if registration.in_series => {
+                    let files = match kept.fetch(&client, &cache, job).await {
+                        // That job has ended before this worker had its files.
+                        Err(CallError::Forgotten) => return Ok(Next::Again(registration.key)),
+                        files => files.map_err(fail)?,
+                    };
+                    let before = loaded.as_ref().map(|(_, prepared)| prepared.clone());
+                    let source = Source::Shared(files, kept.store.clone(), before);
+                    renderer.prepare(source, job).await?
+                }
                 _ => {
                     let bundle = fetch(&client, &cache, job).await.map_err(fail)?;
-                    renderer.prepare(bundle, job).await?
+                    renderer.prepare(Source::Whole(bundle), job).await?
                 }
             };
-            Ok::<_, WorkerError>(Some((registration, prepared)))
+            Ok::<_, WorkerError>(Next::Job(Box::new(registration), prepared))
         };
         let ready = tokio::select! {
             ready = get_ready => ready?,
             () = drained(drain.clone()) => return Ok(()),
         };
-        let Some((registration, prepared)) = ready else {
-            let tools = live::Tools {
-                client: &client,
-                renderer: renderer.clone(),
-                cache: cache.clone(),
-                introduction: &introduction,
-            };
-            summary.passes += live::attend(tools, drain.clone()).await.map_err(fail)?;
-            return Ok(());
+        let (registration, prepared) = match ready {
+            Next::Job(registration, prepared) => (*registration, prepared),
+            Next::Again(own) => {
+                key = Some(own);
+                continue;
+            }
+            Next::NoFarm => {
+                let tools = live::Tools {
+                    client: &client,
+                    renderer: renderer.clone(),
+                    cache: cache.clone(),
+                    introduction: &introduction,
+                };
+                summary.passes += live::attend(tools, drain.clone()).await.map_err(fail)?;
+                return Ok(());
+            }
         };
         loaded = Some((registration.job.clone(), prepared.clone()));
         info!(
@@ -123,8 +156,16 @@ async fn work(config: &Config, drain: &watch::Receiver<bool>, summary: &mut Summ
             Ok(SessionEnd::Over) => return Ok(()),
             Ok(SessionEnd::Stuck(message)) => return Err(WorkerError::Stuck(message)),
             Ok(SessionEnd::OtherJob(registration)) => {
-                warn!("the coordinator has another job now");
+                match registration.in_series {
+                    true => debug!("that job is over"),
+                    false => warn!("the coordinator has another job now"),
+                }
+                key = Some(registration.key);
                 known = Some(*registration);
+            }
+            Ok(SessionEnd::Elsewhere(own)) => {
+                debug!("the coordinator has another job for this worker");
+                key = Some(own);
             }
             Err(error) => return Err(fail(error)),
         }
@@ -137,23 +178,66 @@ async fn fetch(client: &Client, cache: &Cache, job: &Job) -> Result<Bundle, Call
         ..Bundle::default()
     };
     for file in &job.manifest.files {
-        let bytes = match cache.get(file.hash) {
-            Some(bytes) => bytes,
-            None => {
-                debug!("fetching {} ({} bytes)", file.path, file.size);
-                let bytes = client.fetch(file).await?;
-                if let Err(error) = cache.put(file.hash, &bytes) {
-                    warn!("cannot cache {}: {error}", file.path);
-                }
-                bytes
-            }
-        };
+        let bytes = fetch_file(client, cache, file).await?;
         bundle.files.insert(file.path.clone(), bytes);
     }
-    let hash = bundle.hash();
-    if hash != job.scene {
-        let message = format!("its files make scene {hash}, not {}", job.scene);
-        return Err(CallError::Refused(message));
-    }
+    check(job, bundle.hash())?;
     Ok(bundle)
+}
+
+async fn fetch_file(client: &Client, cache: &Cache, file: &FileEntry) -> Result<Vec<u8>, CallError> {
+    if let Some(bytes) = cache.get(file.hash) {
+        return Ok(bytes);
+    }
+    debug!("fetching {} ({} bytes)", file.path, file.size);
+    let bytes = client.fetch(file).await?;
+    if let Err(error) = cache.put(file.hash, &bytes) {
+        warn!("cannot cache {}: {error}", file.path);
+    }
+    Ok(bytes)
+}
+
+fn check(job: &Job, hash: SceneHash) -> Result<(), CallError> {
+    match hash == job.scene {
+        true => Ok(()),
+        false => {
+            let message = format!("its files make scene {hash}, not {}", job.scene);
+            Err(CallError::Refused(message))
+        }
+    }
+}
+
+/// What jobs that follow each other have in common.
+#[derive(Default)]
+struct Kept {
+    /// Files of the last one.
+    files: Files,
+    store: Arc<Mutex<Store>>,
+}
+
+impl Kept {
+    /// The files of a job. Those that the one before had are not fetched again.
+    async fn fetch(&mut self, client: &Client, cache: &Cache, job: &Job) -> Result<Files, CallError> {
+        // Kept until all files of this one are there: another job may come first.
+        let before = self.files.files.values().map(|file| (file.hash(), file.clone()));
+        let before: BTreeMap<[u8; 32], File> = before.collect();
+        let mut files = Files {
+            scene: job.manifest.scene.clone(),
+            ..Files::default()
+        };
+        for entry in &job.manifest.files {
+            let file = match before.get(&entry.hash.0) {
+                Some(file) => file.clone(),
+                None => {
+                    let bytes = fetch_file(client, cache, entry).await?;
+                    File::known(entry.hash.0, bytes.into())
+                }
+            };
+            files.files.insert(entry.path.clone(), file);
+        }
+        let hashes = files.files.iter().map(|(path, file)| (path.as_str(), file.hash()));
+        check(job, bundle::hash_of(&files.scene, hashes))?;
+        self.files = files.clone();
+        Ok(files)
+    }
 }

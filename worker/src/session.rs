@@ -1,7 +1,8 @@
 //! The time between a registration and the end of the job.
 //!
 //! A coordinator that was restarted does not know its workers. They register again, claim the blocks that they have in
-//! hand or are rendering, and go on; only another job ends the session.
+//! hand or are rendering, and go on; only another job ends the session. So does the coordinator's word that it has
+//! another one for this worker, once what it has is delivered.
 
 use crate::client::{CallError, Client, Delivery, Introduction, Registration};
 use crate::pulse::Pulse;
@@ -41,6 +42,8 @@ pub(crate) enum SessionEnd {
     Over,
     /// The coordinator has another job.
     OtherJob(Box<Registration>),
+    /// The worker is wanted at another job of the coordinator, which knows it by this key.
+    Elsewhere(WorkerKey),
     /// Rendering does not get on.
     Stuck(String),
 }
@@ -63,6 +66,8 @@ struct State {
     /// For the heartbeat: from the moment they are leased until they are delivered.
     held: BTreeMap<Block, Held>,
     other_job: Option<Registration>,
+    /// The worker was told that it is wanted elsewhere.
+    is_wanted_elsewhere: bool,
 }
 
 /// A block that is rendered and not yet delivered.
@@ -113,6 +118,7 @@ impl<'a> Session<'a> {
                 generation: 0,
                 held: BTreeMap::new(),
                 other_job: None,
+                is_wanted_elsewhere: false,
             }),
             delivering: watch::Sender::new(false),
             pulse: Pulse::default(),
@@ -155,7 +161,13 @@ impl<'a> Session<'a> {
             self.give_back(|_| true, true).await;
             return Ok(SessionEnd::Over);
         }
-        end.map(|()| SessionEnd::Over)
+        end.map(|()| {
+            let state = self.state();
+            match state.is_wanted_elsewhere {
+                true => SessionEnd::Elsewhere(state.key),
+                false => SessionEnd::Over,
+            }
+        })
     }
 
     /// Lease and render, one block after the other, until there is nothing more to do.
@@ -295,6 +307,10 @@ impl<'a> Session<'a> {
                 // A coordinator takes its time with that answer; one that does not shall not be asked all the time.
                 Ok(Grant::NotNow) => sleep(ASK_AGAIN.saturating_sub(asked.elapsed())).await,
                 Ok(Grant::Done) => return Ok(None),
+                Ok(Grant::Elsewhere) => {
+                    self.state().is_wanted_elsewhere = true;
+                    return Ok(None);
+                }
                 Err(CallError::Forgotten) => self.renew(generation).await?,
                 Err(error) => return Err(error),
             }
@@ -380,7 +396,8 @@ impl<'a> Session<'a> {
         );
         let held: Vec<Block> = self.state().held.keys().copied().collect();
         let scene = Some(self.job.scene);
-        let registration = self.client.register(self.introduction, scene, held).await?;
+        let before = Some(self.identity().0);
+        let registration = self.client.register(self.introduction, scene, held, before).await?;
         let mut state = self.state();
         if registration.job != self.job {
             state.other_job = Some(registration);
@@ -421,6 +438,10 @@ impl<'a> Session<'a> {
                 tokio::select! {
                     notice = notices.message() => match notice {
                         Ok(Some(notice)) if notice.done => return Ok(()),
+                        Ok(Some(notice)) if notice.elsewhere => {
+                            self.state().is_wanted_elsewhere = true;
+                            return Ok(());
+                        }
                         Ok(Some(_)) => {}
                         Err(status) if status.code() == tonic::Code::PermissionDenied => {
                             return Err(CallError::Refused(status.message().into()));

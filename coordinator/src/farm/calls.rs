@@ -51,6 +51,38 @@ impl Farm {
         self.state().ledger.knows(worker)
     }
 
+    /// A worker that is known, and was at another job meanwhile, is here again.
+    pub(crate) fn welcome_back(&self, worker: WorkerId) -> Result<(), LedgerError> {
+        let now = self.now();
+        self.state().ledger.welcome_back(worker, now)
+    }
+
+    /// Blocks that this worker, or one that is yet to come, would be given now: at most so many. `is_idle`: it has
+    /// nothing else to do.
+    pub(crate) fn openings(&self, worker: Option<WorkerId>, is_idle: bool) -> u64 {
+        let state = self.state();
+        match self.end.borrow().is_some() || state.progress.paused {
+            true => 0,
+            false => state.ledger.openings(worker, is_idle, self.now()),
+        }
+    }
+
+    /// The worker is told that another job has work. It may be called back.
+    pub(crate) fn send_away(&self, worker: WorkerId) {
+        self.state().ledger.send_away(worker);
+    }
+
+    /// A sign of life from a worker that is at another job.
+    pub(crate) fn seen_away(&self, worker: WorkerId) {
+        let now = self.now();
+        self.state().ledger.seen_away(worker, now);
+    }
+
+    /// Names of workers that delivered wrong pixels.
+    pub(crate) fn convicted(&self) -> Vec<String> {
+        self.state().ledger.convicted().cloned().collect()
+    }
+
     /// Leases of blocks that the worker has or is rendering, as far as they are wanted.
     pub(crate) fn claim(&self, worker: WorkerId, blocks: impl IntoIterator<Item = Block>) -> Vec<(LeaseId, Block)> {
         let now = self.now();
@@ -94,7 +126,7 @@ impl Farm {
                         return Ok(grant);
                     }
                 }
-                Grant::NotNow => {}
+                Grant::NotNow | Grant::Elsewhere => {}
             }
             let again = again.map(|again| self.started + again);
             let until = again.map_or(patience, |again| again.min(patience));
@@ -309,7 +341,11 @@ impl Drop for Attendance {
         if farm.end.borrow().is_none() {
             state.progress.lost_leases += lost as u64;
             let name = state.ledger.name(*worker).to_owned();
-            let mut text = format!("worker {} ({name:?}) is gone", worker.0);
+            let how = match state.ledger.is_away(*worker) {
+                true => "goes on to another job",
+                false => "is gone",
+            };
+            let mut text = format!("worker {} ({name:?}) {how}", worker.0);
             if lost > 0 {
                 text += &format!("; its {lost} leases are handed out again");
                 warn!(worker = worker.0, name, "{text}");

@@ -115,7 +115,7 @@ impl Ledger {
     pub fn is_over(&self, now: Duration) -> bool {
         let waits = |audit: &Audit| {
             let judges = self.workers.iter();
-            let mut judges = judges.filter(|(_, worker)| worker.is_present(&self.rules, now));
+            let mut judges = judges.filter(|(_, worker)| worker.is_at_hand(&self.rules, now));
             let judge = judges.any(|(id, _)| self.may_judge(audit, *id));
             // Somebody may still come and decide.
             judge || (audit.is_disputed() && now < audit.since + self.rules.lease)

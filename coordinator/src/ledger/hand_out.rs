@@ -20,7 +20,9 @@ impl Ledger {
     /// The next block for this worker, if there is one: something to be checked, the lowest open passes, or what others
     /// take long for.
     pub fn lease(&mut self, worker: WorkerId, now: Duration) -> Result<Grant, LedgerError> {
-        self.admitted(worker)?.seen(now);
+        let entry = self.admitted(worker)?;
+        entry.seen(now);
+        entry.away = false;
         self.expire(now);
         if self.is_over(now) {
             return Ok(Grant::Done);
@@ -36,6 +38,25 @@ impl Ledger {
             Some(block) => Grant::Lease(self.grant(worker, block, audit.is_some(), now), block),
             None => Grant::NotNow,
         })
+    }
+
+    /// Blocks that this worker, or one that is yet to come, would be given now, as far as they can be counted: at most
+    /// so many. `is_idle`: it has nothing else to do, so that what others take long for counts.
+    pub fn openings(&self, worker: Option<WorkerId>, is_idle: bool, now: Duration) -> u64 {
+        let known = worker.and_then(|worker| self.workers.get(&worker));
+        let waits = known.is_some_and(|known| known.shut_out.is_some() || known.not_before > now);
+        // One that no worker has.
+        let worker = worker.unwrap_or(WorkerId(u64::MAX));
+        if self.is_over(now) || waits || self.has_enough(worker) {
+            return 0;
+        }
+        let open = match self.next_block(worker, now) {
+            Some(_) => self.open.count(),
+            None => 0,
+        };
+        let straggler = is_idle.then(|| self.straggler(worker, now)).flatten();
+        let again = [self.audit_for(worker), straggler];
+        open + again.iter().flatten().count() as u64
     }
 
     /// The worker holds as many leases as one may.
@@ -85,7 +106,7 @@ impl Ledger {
                 let somebody_else = self
                     .workers
                     .iter()
-                    .any(|(id, w)| w.is_present(&self.rules, now) && !attempts.workers.contains(id));
+                    .any(|(id, w)| w.is_at_hand(&self.rules, now) && !attempts.workers.contains(id));
                 if !attempts.workers.contains(&worker) || !somebody_else {
                     return Some(Block::leaf(start));
                 }

@@ -373,7 +373,7 @@ impl Ledger {
         attempts.workers.insert(worker);
         let attempts = attempts.clone();
         // Whoever has never rendered anything says nothing about the pass, as long as others have not tried it.
-        let mut present = self.workers.iter().filter(|(_, other)| other.is_present(&rules, now));
+        let mut present = self.workers.iter().filter(|(_, other)| other.is_at_hand(&rules, now));
         let by_all = present.all(|(id, _)| attempts.workers.contains(id));
         let counted = if by_all { attempts.count } else { attempts.by_able };
         if counted >= rules.failures_per_pass && pass_index < self.limit() {

@@ -166,6 +166,38 @@ impl Ledger {
         }
     }
 
+    /// The worker is told that another job has work.
+    pub fn send_away(&mut self, worker: WorkerId) {
+        if let Some(entry) = self.workers.get_mut(&worker) {
+            entry.away = true;
+        }
+    }
+
+    /// Whether it was.
+    pub fn is_away(&self, worker: WorkerId) -> bool {
+        self.workers.get(&worker).is_some_and(|entry| entry.away)
+    }
+
+    /// A sign of life from a worker that is at another job.
+    pub fn seen_away(&mut self, worker: WorkerId, now: Duration) {
+        if let Some(entry) = self.workers.get_mut(&worker).filter(|entry| entry.away) {
+            entry.last_seen = entry.last_seen.max(now);
+        }
+    }
+
+    /// A worker that was sent away comes back.
+    pub fn welcome_back(&mut self, worker: WorkerId, now: Duration) -> Result<(), LedgerError> {
+        let entry = self.admitted(worker)?;
+        entry.seen(now);
+        entry.away = false;
+        Ok(())
+    }
+
+    /// Names of workers that delivered wrong pixels.
+    pub fn convicted(&self) -> impl Iterator<Item = &String> {
+        self.convicted.iter()
+    }
+
     /// Some worker has neither hung up nor signed off. It may be silent, or shut out.
     pub fn has_company(&self) -> bool {
         self.workers.values().any(|worker| !worker.gone)

@@ -53,6 +53,8 @@ pub(super) struct Worker {
     /// Open streams of heartbeats.
     pub attending: u32,
     pub gone: bool,
+    /// It was told that another job has work, and may come back.
+    pub away: bool,
     pub shut_out: Option<Sentence>,
     /// Passes that count.
     pub passes: u64,
@@ -77,6 +79,7 @@ impl Worker {
             last_seen: now,
             attending: 0,
             gone: canary.is_none(),
+            away: false,
             shut_out: None,
             passes: 0,
             seconds_per_pass: None,
@@ -91,6 +94,12 @@ impl Worker {
     pub fn is_present(&self, rules: &Rules, now: Duration) -> bool {
         let seen = self.last_seen + rules.lease > now;
         !self.gone && self.shut_out.is_none() && seen
+    }
+
+    /// There, or at another job of the same coordinator, from where it can be called back.
+    pub fn is_at_hand(&self, rules: &Rules, now: Duration) -> bool {
+        let seen = self.last_seen + rules.lease > now;
+        self.is_present(rules, now) || (self.away && self.shut_out.is_none() && seen)
     }
 
     pub fn seen(&mut self, now: Duration) {

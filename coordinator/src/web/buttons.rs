@@ -2,7 +2,7 @@
 //! the words, forms go back to the page.
 
 use super::Web;
-use crate::farm::Farm;
+use crate::watch::Watch;
 use axum::extract::{Query, State};
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::{IntoResponse, Redirect, Response};
@@ -21,32 +21,32 @@ fn answer(headers: &HeaderMap, done: Done) -> Response {
     }
 }
 
-/// The farm, if there is anything left to steer.
-fn running(web: &Web) -> Result<&Farm, String> {
-    match web.watch.farm().end() {
-        None => Ok(web.watch.farm()),
-        Some(_) => Err("the job is over".into()),
+/// The job that is first in line, if there is anything left to steer.
+fn running(web: &Web) -> Result<Arc<Watch>, String> {
+    match web.series.is_over() {
+        false => Ok(web.watch()),
+        true => Err("the job is over".into()),
     }
 }
 
 pub(super) async fn write(State(web): State<Arc<Web>>, headers: HeaderMap) -> Response {
-    answer(&headers, web.watch.write_now().await)
+    answer(&headers, web.watch().write_now().await)
 }
 
 pub(super) async fn pause(State(web): State<Arc<Web>>, headers: HeaderMap) -> Response {
-    let paused = running(&web).map(|farm| farm.pause(true));
+    let paused = running(&web).map(|_| web.series.pause(true));
     answer(&headers, paused.map(|()| "paused".into()))
 }
 
 pub(super) async fn resume(State(web): State<Arc<Web>>, headers: HeaderMap) -> Response {
-    let resumed = running(&web).map(|farm| farm.pause(false));
+    let resumed = running(&web).map(|_| web.series.pause(false));
     answer(&headers, resumed.map(|()| "resumed".into()))
 }
 
 pub(super) async fn cancel(State(web): State<Arc<Web>>, headers: HeaderMap) -> Response {
-    let cancelled = running(&web).map(|farm| {
+    let cancelled = running(&web).map(|_| {
         info!("cancelled from the page");
-        farm.stop();
+        web.series.cancel();
     });
     answer(
         &headers,
@@ -65,6 +65,6 @@ pub(super) async fn extend(
     headers: HeaderMap,
     Query(Passes { passes }): Query<Passes>,
 ) -> Response {
-    let extended = running(&web).and_then(|farm| farm.extend(passes).map_err(|error| error.to_string()));
+    let extended = running(&web).and_then(|watch| watch.farm().extend(passes).map_err(|error| error.to_string()));
     answer(&headers, extended.map(|()| format!("{passes} passes in all")))
 }

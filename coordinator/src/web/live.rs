@@ -2,7 +2,7 @@
 //! there are any.
 
 use super::{Web, page};
-use crate::watch::Watch;
+use crate::series::Series;
 use axum::extract::State;
 use axum::http::StatusCode;
 use axum::response::sse::{Event, KeepAlive, Sse};
@@ -21,21 +21,26 @@ const LOOK: Duration = Duration::from_secs(1);
 /// Time for pages to fetch the last picture when the job is over.
 const LAST_LOOK: Duration = Duration::from_secs(1);
 
-/// A piece of the page: the name of its place, and what stands there. `over` is the last.
+/// Nothing more will come.
+const OVER: &str = "over";
+/// Another job is shown from now on.
+const NEXT: &str = "next";
+
+/// A piece of the page: the name of its place, and what stands there. `over` or `next` is the last.
 type Piece = (&'static str, Arc<str>);
 type Pieces = Vec<Piece>;
 
 /// What open pages are told.
 pub(super) struct Live {
-    watch: Arc<Watch>,
+    series: Arc<Series>,
     pieces: watch::Sender<Pieces>,
     maker: Mutex<Option<JoinHandle<()>>>,
 }
 
 impl Live {
-    pub fn new(watch: Arc<Watch>) -> Self {
+    pub fn new(series: Arc<Series>) -> Self {
         Self {
-            watch,
+            series,
             pieces: watch::Sender::default(),
             maker: Mutex::default(),
         }
@@ -46,37 +51,43 @@ impl Live {
         let receiver = self.pieces.subscribe();
         if maker.as_ref().is_none_or(JoinHandle::is_finished) {
             self.pieces.send_replace(Pieces::new());
-            let make = make(self.watch.clone(), self.pieces.clone());
+            let make = make(self.series.clone(), self.pieces.clone());
             *maker = Some(tokio::spawn(make.in_current_span()));
         }
         receiver
     }
 }
 
-/// Make the pieces as long as somebody wants them.
-async fn make(watch: Arc<Watch>, pieces: watch::Sender<Pieces>) {
+/// Make the pieces as long as somebody wants them. What is shown is the job that is first in line; when that is another
+/// one, pages are told to begin anew.
+async fn make(series: Arc<Series>, pieces: watch::Sender<Pieces>) {
     let mut ticks = interval(LOOK);
     ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    let watch = series.current();
     loop {
         let over = tokio::select! {
             biased;
-            _ = watch.farm().ended() => true,
+            () = series.over() => true,
             _ = ticks.tick() => false,
             () = pieces.closed() => return,
         };
-        let made = page::pieces(&watch).await.into_iter();
+        let made = page::pieces(&series, &watch).await.into_iter();
+        let last = match over {
+            true => Some(OVER),
+            false => (!Arc::ptr_eq(&series.current(), &watch)).then_some(NEXT),
+        };
         // Browsers drop events without data.
-        let over_piece = over.then(|| ("over", Arc::from("over")));
+        let last_piece = last.map(|last| (last, Arc::from(last)));
         let made = made.map(|(name, text)| (name, text.into()));
-        pieces.send_replace(made.chain(over_piece).collect());
-        if over {
+        pieces.send_replace(made.chain(last_piece).collect());
+        if last.is_some() {
             return;
         }
     }
 }
 
 pub(super) async fn stream(State(web): State<Arc<Web>>) -> Response {
-    let Some(place) = web.watch.sit_down() else {
+    let Some(place) = web.watch().sit_down() else {
         let message = "too many pages are open\n";
         return (StatusCode::SERVICE_UNAVAILABLE, message).into_response();
     };
@@ -95,7 +106,7 @@ pub(super) async fn stream(State(web): State<Arc<Web>>) -> Response {
                     return;
                 }
             }
-            if pieces.last().is_some_and(|(name, _)| *name == "over") {
+            if pieces.last().is_some_and(|(name, _)| [OVER, NEXT].contains(name)) {
                 break;
             }
             sent = pieces;

@@ -20,7 +20,7 @@ use std::sync::Arc;
 
 pub(super) async fn serve(State(web): State<Arc<Web>>) -> Response {
     let mut registry = Registry::with_prefix("beamfarm");
-    registry.register_collector(Box::new(Numbers(web.watch.clone())));
+    registry.register_collector(Box::new(Numbers(web.watch())));
     let mut page = String::new();
     match text::encode(&mut page, &registry) {
         Ok(()) => {

@@ -3,12 +3,15 @@
 
 mod buttons;
 mod curve;
+mod frames;
 mod live;
 mod metrics;
 mod page;
 mod picture;
+mod thumbnail;
 
 use crate::security::{CANCEL, ENTER, ENTER_SCRIPT, EXTEND, HEALTH, PAUSE, RESUME, WRITE};
+use crate::series::Series;
 use crate::watch::Watch;
 use crate::watch::views::{Curve, View};
 use axum::Router;
@@ -33,21 +36,30 @@ const EXPOSURES: std::ops::RangeInclusive<f32> = -20.0..=20.0;
 
 /// What the handlers share.
 pub(crate) struct Web {
-    watch: Arc<Watch>,
+    series: Arc<Series>,
     live: Live,
 }
 
+impl Web {
+    /// The job that is shown: the first in line.
+    fn watch(&self) -> Arc<Watch> {
+        self.series.current()
+    }
+}
+
 /// The routes of the page.
-pub(crate) fn routes(watch: Arc<Watch>) -> Router {
+pub(crate) fn routes(series: Arc<Series>) -> Router {
     let web = Arc::new(Web {
-        live: Live::new(watch.clone()),
-        watch,
+        live: Live::new(series.clone()),
+        series,
     });
     let page = Router::new()
         .route("/", get(show))
         .route("/image.png", get(picture::png))
         .route("/image.exr", get(picture::exr))
         .route("/pixel", get(picture::pixel))
+        .route("/frame.png", get(frames::png))
+        .route("/thumbnail.png", get(frames::thumbnail))
         .route("/live", get(live::stream))
         .route(WRITE, post(buttons::write))
         .route(PAUSE, post(buttons::pause))

@@ -227,7 +227,7 @@ function drawRates() {
 }
 
 const news = new EventSource("/live");
-for (const place of ["state", "curve", "workers", "failures", "log"]) {
+for (const place of ["state", "curve", "workers", "failures", "log", "frames"].filter(at)) {
   news.addEventListener(place, (event) => {
     at(place).innerHTML = event.data;
     if (place === "workers") drawRates();
@@ -238,6 +238,11 @@ for (const place of ["state", "curve", "workers", "failures", "log"]) {
 news.addEventListener("image", (event) => {
   available = Number(event.data);
   look();
+});
+// Another frame is first in line: its page has another picture, and another name.
+news.addEventListener("next", () => {
+  news.close();
+  location.reload();
 });
 news.addEventListener("over", () => {
   news.close();

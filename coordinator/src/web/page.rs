@@ -1,9 +1,10 @@
 //! The page and its pieces. They are made here whole, numbers, tables and curve, so that the page is complete without a
 //! script; the script only puts newer pieces in their places.
 
-use super::{Asked, EXPOSURES, Web, curve};
+use super::{Asked, EXPOSURES, Web, curve, frames};
 use crate::farm::{End, Event, EventKind, Progress};
 use crate::ledger::{WorkerState, WorkerView};
+use crate::series::Series;
 use crate::watch::picture::Picture;
 use crate::watch::views::Curve;
 use crate::watch::{Watch, heat, unix_time};
@@ -92,6 +93,8 @@ struct Page {
     width: u32,
     height: u32,
     pieces: [String; 5],
+    /// The list of frames, where there are several jobs.
+    frames: Option<String>,
     /// The job has no passes from zero on, and so no image.
     is_part: bool,
     /// Passes of the picture; zero when there is none.
@@ -113,18 +116,20 @@ struct Page {
 }
 
 /// The pieces, by the names of their places; `image` is the number of passes of the picture that there is.
-pub(super) async fn pieces(watch: &Watch) -> Vec<(&'static str, String)> {
+pub(super) async fn pieces(series: &Series, watch: &Watch) -> Vec<(&'static str, String)> {
     let picture = watch.picture().await;
     let shown = picture.as_ref().map_or(0, |picture| picture.average.passes);
     let [state, curve, workers, failures, log] = texts(watch, picture.as_deref());
-    vec![
+    let pieces = [
         ("state", state),
         ("image", shown.to_string()),
         ("curve", curve),
         ("workers", workers),
         ("failures", failures),
         ("log", log),
-    ]
+    ];
+    let frames = frames::list(&series.frames()).map(|frames| ("frames", frames));
+    pieces.into_iter().chain(frames).collect()
 }
 
 fn views(watch: &Watch) -> Vec<(String, String)> {
@@ -137,7 +142,7 @@ fn views(watch: &Watch) -> Vec<(String, String)> {
 
 /// The page.
 pub(super) async fn page(web: &Web, asked: &Asked) -> Response {
-    let watch = &*web.watch;
+    let watch = &*web.watch();
     let picture = watch.picture().await;
     let job = watch.farm().job();
     let progress = watch.farm().progress();
@@ -152,6 +157,7 @@ pub(super) async fn page(web: &Web, asked: &Asked) -> Response {
         width: job.width,
         height: job.height,
         pieces: texts(watch, picture.as_deref()),
+        frames: frames::list(&web.series.frames()),
         is_part: watch.terms().first_pass > 0,
         shown: picture.as_ref().map_or(0, |picture| picture.average.passes),
         exposure: asked.exposure(watch),
@@ -163,7 +169,7 @@ pub(super) async fn page(web: &Web, asked: &Asked) -> Response {
         scale: heat::scale(),
         done: asked.done,
         limit: if progress.limit < MAX_PASSES { progress.limit } else { 0 },
-        is_over: watch.farm().end().is_some(),
+        is_over: web.series.is_over(),
         is_paused: progress.paused,
     };
     match page.render() {

@@ -21,12 +21,13 @@ fn none() -> Response {
 }
 
 pub(super) async fn png(State(web): State<Arc<Web>>, Query(asked): Query<Asked>) -> Response {
-    let pictures = web.watch.pictures();
+    let watch = web.watch();
+    let pictures = watch.pictures();
     let Some(picture) = pictures.of(asked.passes).await else {
         return none();
     };
     let passes = picture.average.passes.to_string();
-    match pictures.png(picture, asked.view(&web.watch)).await {
+    match pictures.png(picture, asked.view(&watch)).await {
         Ok(png) => ([(CONTENT_TYPE, "image/png".to_owned()), (PASSES, passes)], png).into_response(),
         Err(error) => (StatusCode::INTERNAL_SERVER_ERROR, error.to_string()).into_response(),
     }
@@ -34,28 +35,29 @@ pub(super) async fn png(State(web): State<Arc<Web>>, Query(asked): Query<Asked>)
 
 /// The image as the job would write it now, with its standard error and layers.
 pub(super) async fn exr(State(web): State<Arc<Web>>, Query(asked): Query<Asked>) -> Response {
-    let Some(picture) = web.watch.pictures().of(asked.passes).await else {
+    let watch = web.watch();
+    let Some(picture) = watch.pictures().of(asked.passes).await else {
         return none();
     };
-    let farm = web.watch.farm();
+    let farm = watch.farm();
     let meta = ImageMeta {
         scene: farm.job().scene,
         scene_file: None,
         maker: Maker::Passes(farm.job().settings),
-        render_seconds: web.watch.elapsed_in_all().as_secs_f64(),
+        render_seconds: watch.elapsed_in_all().as_secs_f64(),
         version: VERSION.into(),
         layers: farm.job().layers.clone(),
         standard_error: true,
-        drops_photons: web.watch.terms().drops_photons,
-        names: web.watch.terms().names.clone(),
-        empty_depth: web.watch.terms().empty_depth,
+        drops_photons: watch.terms().drops_photons,
+        names: watch.terms().names.clone(),
+        empty_depth: watch.terms().empty_depth,
     };
     let passes = picture.average.passes.to_string();
     let encoded = tokio::task::spawn_blocking(move || encode_image(&picture.average, &meta)).await;
     let wrong = |error: String| (StatusCode::INTERNAL_SERVER_ERROR, error).into_response();
     match encoded {
         Ok(Ok(exr)) => {
-            let name = format!("{}-{passes}.exr", plain(&web.watch.terms().title));
+            let name = format!("{}-{passes}.exr", plain(&watch.terms().title));
             let attachment = format!("attachment; filename=\"{name}\"");
             let headers = [
                 (CONTENT_TYPE, "image/x-exr".to_owned()),
@@ -89,7 +91,8 @@ fn plain(title: &str) -> String {
 
 /// What a pixel holds, by layer.
 pub(super) async fn pixel(State(web): State<Arc<Web>>, Query(asked): Query<Asked>) -> Response {
-    let Some(picture) = web.watch.pictures().of(asked.passes).await else {
+    let watch = web.watch();
+    let Some(picture) = watch.pictures().of(asked.passes).await else {
         return none();
     };
     let average = &picture.average;
@@ -101,7 +104,7 @@ pub(super) async fn pixel(State(web): State<Arc<Web>>, Query(asked): Query<Asked
     let place = asked.y as usize * film.width as usize + asked.x as usize;
     let values = |film: &Film| Value::from(film.pixels[place].map(f64::from).to_vec());
     let mut layers = Map::new();
-    for (layer, film) in web.watch.farm().job().layers.iter().zip(&average.layers) {
+    for (layer, film) in watch.farm().job().layers.iter().zip(&average.layers) {
         layers.insert(layer.to_string(), values(film));
     }
     let text = json!({

@@ -7,6 +7,9 @@ mod bench;
 #[cfg(unix)]
 mod chaos;
 mod edits;
+#[cfg(unix)]
+mod frame_farm;
+mod frames;
 mod live;
 mod logs;
 mod lone_gltf;

@@ -280,6 +280,7 @@ impl From<Grant> for wire::LeaseReply {
             }),
             Grant::NotNow => Outcome::NotNow(wire::NotNow {}),
             Grant::Done => Outcome::Done(wire::Done {}),
+            Grant::Elsewhere => Outcome::Elsewhere(wire::Elsewhere {}),
         };
         Self { outcome: Some(outcome) }
     }
@@ -295,6 +296,7 @@ impl TryFrom<wire::LeaseReply> for Grant {
             }
             Outcome::NotNow(_) => Self::NotNow,
             Outcome::Done(_) => Self::Done,
+            Outcome::Elsewhere(_) => Self::Elsewhere,
         })
     }
 }
@@ -347,7 +349,12 @@ mod tests {
     #[test]
     fn grants_survive_the_wire() {
         let block = Block { level: 3, index: 9 };
-        for grant in [Grant::Lease(LeaseId(4), block), Grant::NotNow, Grant::Done] {
+        for grant in [
+            Grant::Lease(LeaseId(4), block),
+            Grant::NotNow,
+            Grant::Done,
+            Grant::Elsewhere,
+        ] {
             assert_eq!(Grant::try_from(wire::LeaseReply::from(grant)), Ok(grant));
         }
     }

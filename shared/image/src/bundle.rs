@@ -23,18 +23,25 @@ pub struct Bundle {
 impl Bundle {
     /// BLAKE3 over the scene's key and, in key order, every file's key and BLAKE3.
     pub fn hash(&self) -> SceneHash {
-        let mut hasher = blake3::Hasher::new();
-        let mut field = |bytes: &[u8]| {
-            hasher.update(&(bytes.len() as u64).to_le_bytes());
-            hasher.update(bytes);
-        };
-        field(self.scene.as_bytes());
-        for (path, bytes) in &self.files {
-            field(path.as_bytes());
-            field(blake3::hash(bytes).as_bytes());
-        }
-        SceneHash(*hasher.finalize().as_bytes())
+        let hashed = |(path, bytes): (_, &Vec<u8>)| (path, *blake3::hash(bytes).as_bytes());
+        let files = self.files.iter().map(|(path, bytes)| (path.as_str(), bytes));
+        hash_of(&self.scene, files.map(hashed))
     }
+}
+
+/// The hash of the bundle with this scene and these files: key and BLAKE3 of each, in the order of keys.
+pub fn hash_of<'a>(scene: &str, files: impl IntoIterator<Item = (&'a str, [u8; 32])>) -> SceneHash {
+    let mut hasher = blake3::Hasher::new();
+    let mut field = |bytes: &[u8]| {
+        hasher.update(&(bytes.len() as u64).to_le_bytes());
+        hasher.update(bytes);
+    };
+    field(scene.as_bytes());
+    for (path, hash) in files {
+        field(path.as_bytes());
+        field(&hash);
+    }
+    SceneHash(*hasher.finalize().as_bytes())
 }
 
 /// The key of a file that a scene names by this path: a relative path that stays below its folder on every system.

@@ -52,6 +52,7 @@ mod edits;
 mod error;
 mod faults;
 mod files;
+mod frames;
 mod lone;
 mod meaning;
 mod mitsuba;
@@ -76,6 +77,7 @@ pub use error::SceneError;
 pub use faults::errors;
 use files::Source;
 pub use files::{ContentHash, File, Files};
+pub use frames::{frames, numbered};
 use glam::DVec3;
 pub use lone::is_gltf;
 pub use meaning::differences;
@@ -289,14 +291,25 @@ impl SceneFile {
         Ok(extents.list(&description.objects))
     }
 
+    /// The same, but what scenes before it had as well is taken from `store`.
+    pub fn load_from(&self, store: &mut Store) -> Result<SceneDescription, SceneError> {
+        let files = Files::from(self.bundle.clone());
+        store.load(&files).map_err(|error| self.as_given(error))
+    }
+
     fn load_with_extents(&self) -> Result<(SceneDescription, Extents), SceneError> {
-        load_with_extents(&self.bundle).map_err(|error| match &self.origin {
+        load_with_extents(&self.bundle).map_err(|error| self.as_given(error))
+    }
+
+    /// The error with the file's name as [`Self::read`] was given it.
+    fn as_given(&self, error: SceneError) -> SceneError {
+        match &self.origin {
             Some(origin) if error.file == Path::new(&self.bundle.scene) => origin.relocate(error),
             _ => SceneError {
                 file: self.folder.join(&error.file),
                 ..error
             },
-        })
+        }
     }
 }
 

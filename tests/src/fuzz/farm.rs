@@ -6,7 +6,7 @@
 use axum::Router;
 use beamfarm_coordinator::ledger::Done;
 use beamfarm_coordinator::limits::Limits;
-use beamfarm_coordinator::{End, Farm, JobSpec, Start, Terms, Timing, Watch, WorkerState, server};
+use beamfarm_coordinator::{End, Farm, JobSpec, Series, Start, Terms, Timing, Watch, WorkerState, server};
 use beamfarm_image::bundle::Bundle;
 use beamfarm_image::exr::{BlockMeta, decode_block, encode_block};
 use beamfarm_image::film::Film;
@@ -134,7 +134,7 @@ impl Site {
         };
         let farm = Farm::new(spec(passes), timing, Start::default());
         let watch = Watch::new(farm.clone(), Terms::default());
-        let router = server::router(&watch, Limits::default()).await;
+        let router = server::router(&Series::of(watch), Limits::default()).await;
         Self { farm, router }
     }
 
@@ -196,7 +196,7 @@ impl Worker {
         };
         match Grant::try_from(taken(self.farm.lease(request).await)) {
             Ok(Grant::Lease(lease, block)) => Some((lease.0, block)),
-            Ok(Grant::NotNow | Grant::Done) => None,
+            Ok(Grant::NotNow | Grant::Done | Grant::Elsewhere) => None,
             Err(error) => panic!("{error}"),
         }
     }

@@ -29,7 +29,7 @@ async fn work(worker: Arc<RawWorker>, lies: Option<u64>) -> Result<(), Status> {
         let (lease, block) = match worker.grant().await? {
             Grant::Lease(lease, block) => (lease, block),
             Grant::NotNow => continue,
-            Grant::Done => return Ok(()),
+            Grant::Done | Grant::Elsewhere => return Ok(()),
         };
         let mut node = node(block);
         if lies.is_some_and(|lies| count % lies == 0) {

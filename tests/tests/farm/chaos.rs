@@ -231,7 +231,7 @@ async fn mischief(coordinator: Arc<Coordinator>, truth: Arc<Truth>, round: u64) 
         let leased = match worker.grant().await {
             Ok(Grant::Lease(lease, block)) => (lease, block),
             Ok(Grant::NotNow) => continue,
-            Ok(Grant::Done) => return,
+            Ok(Grant::Done | Grant::Elsewhere) => return,
             Err(status) if status.code() == tonic::Code::PermissionDenied => {
                 // Shut out for rubbish: as a new one.
                 kept.clear();

@@ -14,6 +14,7 @@ use beamfarm_proto::wire::farm_client::FarmClient;
 use beamfarm_proto::wire::submit_request::Part;
 use beamfarm_proto::{FileHash, Grant, LeaseId, VERSION, WireHash, wire};
 use beamfarm_render::sampler::{Purpose, Sampler};
+use beamfarm_worker::security::Credentials;
 use std::net::SocketAddr;
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
@@ -263,16 +264,36 @@ pub fn start_worker(url: String, threads: usize, patience: Duration) -> WorkerHa
 }
 
 pub fn start_worker_with(url: String, threads: usize, patience: Duration, grace: Duration) -> WorkerHandle {
-    let (drain, receiver) = watch::channel(false);
-    let config = beamfarm_worker::Config {
-        url,
-        credentials: Default::default(),
+    start(beamfarm_worker::Config {
         threads,
-        name: "test".into(),
-        cache: None,
         patience,
         grace,
-    };
+        ..config(url)
+    })
+}
+
+/// A worker of one thread that shows these.
+pub fn start_worker_with_credentials(url: String, credentials: Credentials) -> WorkerHandle {
+    start(beamfarm_worker::Config {
+        credentials,
+        ..config(url)
+    })
+}
+
+fn config(url: String) -> beamfarm_worker::Config {
+    beamfarm_worker::Config {
+        url,
+        credentials: Credentials::default(),
+        threads: 1,
+        name: "test".into(),
+        cache: None,
+        patience: LONG,
+        grace: LONG,
+    }
+}
+
+fn start(config: beamfarm_worker::Config) -> WorkerHandle {
+    let (drain, receiver) = watch::channel(false);
     let task = tokio::spawn(beamfarm_worker::run(config, receiver));
     WorkerHandle { drain, task }
 }
@@ -349,6 +370,7 @@ impl RawWorker {
                 Grant::Lease(lease, block) => return (lease, block),
                 Grant::NotNow => refusals += 1,
                 Grant::Done => panic!("the job is over"),
+                Grant::Elsewhere => panic!("another job has work"),
             }
         }
         panic!("no lease in {PATIENCE:?}: {refusals} times there was none");

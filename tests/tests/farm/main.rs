@@ -12,6 +12,7 @@ mod limits;
 mod resumed;
 mod revisions;
 mod security;
+mod series;
 mod stopping;
 mod submissions;
 mod tev;

@@ -18,22 +18,23 @@ use tonic::transport::{Certificate, Identity};
 
 const TOKEN: &str = "a-token-for-tests-alone";
 
-struct Authority(CertifiedIssuer<'static, KeyPair>);
+/// Who vouches for certificates.
+pub struct Authority(CertifiedIssuer<'static, KeyPair>);
 
 impl Authority {
-    fn new() -> Self {
+    pub fn new() -> Self {
         let mut params = CertificateParams::default();
         params.is_ca = IsCa::Ca(BasicConstraints::Unconstrained);
         let key = KeyPair::generate().unwrap();
         Self(CertifiedIssuer::self_signed(params, key).unwrap())
     }
 
-    fn pem(&self) -> String {
+    pub fn pem(&self) -> String {
         self.0.pem()
     }
 
     /// Certificate and key of whoever has this name.
-    fn issue(&self, name: &str) -> (String, String) {
+    pub fn issue(&self, name: &str) -> (String, String) {
         let key = KeyPair::generate().unwrap();
         let params = CertificateParams::new([name.to_string()]).unwrap();
         let certificate = params.signed_by(&key, &self.0).unwrap();

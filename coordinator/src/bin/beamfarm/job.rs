@@ -1,6 +1,7 @@
 //! The scene and the settings of a job, from the command line.
 
 use crate::failure::Failure;
+use crate::frame_list::{self as frames, FrameArgs};
 use crate::onlookers::OnlookerArgs;
 use crate::output::Output;
 use beamfarm_coordinator::{JobSpec, Target};
@@ -43,6 +44,10 @@ pub struct SceneArgs {
     /// scene's]
     #[arg(long, value_name = "A")]
     pub alpha: Option<f64>,
+
+    /// The frame whose number goes into the seed.
+    #[arg(skip)]
+    pub seed_of_frame: Option<i64>,
 }
 
 /// What passes depend on, and what is rendered beside the image.
@@ -119,10 +124,31 @@ pub enum Aov {
 }
 
 impl Aov {
-    fn all(asked: &[Self]) -> Vec<Self> {
+    /// Those that were asked for, each once.
+    pub fn all(asked: &[Self]) -> Vec<Self> {
         let wanted = |aov: &Self| asked.contains(aov) || asked.contains(&Self::All);
         let kinds = Self::value_variants().iter().copied();
         kinds.filter(wanted).collect()
+    }
+
+    /// What the names of its channels in an image begin with.
+    pub fn channels(self) -> &'static str {
+        match self {
+            Self::Alpha => "A",
+            Self::Depth => "depth.",
+            Self::Normal => "normal.",
+            Self::Albedo => "albedo.",
+            Self::Direct => "direct.",
+            Self::Surface => "surface.",
+            Self::Volume => "volume.",
+            Self::Lights => "light_",
+            Self::Stderr => "stderr.",
+            Self::BeamDensity => "beam_density.",
+            Self::Targets => "targets.",
+            Self::CryptoObject => "CryptoObject",
+            Self::CryptoMaterial => "CryptoMaterial",
+            Self::All => "",
+        }
     }
 
     fn layers(self, description: &SceneDescription) -> Vec<Layer> {
@@ -193,11 +219,20 @@ impl SceneArgs {
         args
     }
 
+    /// The seed of a job of the scene, whose own is this.
+    pub fn seed_or(&self, seed: u64) -> u64 {
+        let seed = self.seed.unwrap_or(seed);
+        match self.seed_of_frame {
+            Some(frame) => frames::seed_of(seed, frame),
+            None => seed,
+        }
+    }
+
     /// The settings of a job of the scene, by a pilot what nobody says.
     pub fn choose(&self, description: &SceneDescription) -> Result<Chosen, Failure> {
         let defaults = description.defaults;
         let settings = JobSettings {
-            seed: self.seed.unwrap_or(defaults.seed),
+            seed: self.seed_or(defaults.seed),
             alpha: self.alpha.unwrap_or(defaults.alpha),
             ..defaults.job_settings()
         };
@@ -216,9 +251,17 @@ impl SceneArgs {
 impl SettingsArgs {
     /// Read the scene.
     pub fn load(&self) -> Result<Loaded, Failure> {
+        self.load_by(SceneFile::load)
+    }
+
+    /// Read the scene, and decode its files by `decode`.
+    pub fn load_by(
+        &self,
+        decode: impl FnOnce(&SceneFile) -> Result<SceneDescription, SceneError>,
+    ) -> Result<Loaded, Failure> {
         let file = self.of.file()?;
         let options = self.of.import.options(&self.of.scene)?;
-        let description = file.load().map_err(|error| self.of.failure(error, &options))?;
+        let description = decode(&file).map_err(|error| self.of.failure(error, &options))?;
         let defaults = description.defaults;
         let Chosen { settings, choice } = self.of.choose(&description)?;
         let mut notes = description.notes.clone();
@@ -320,6 +363,11 @@ pub struct Loaded {
 }
 
 impl Loaded {
+    /// What became of the scene: notes, and what was left out.
+    pub fn news(&self) -> (&[String], &[String]) {
+        (&self.notes, &self.left_out)
+    }
+
     /// Say on stderr what became of the scene. Returns what was left out, for the summary.
     pub fn announce(&self) -> Vec<String> {
         announce(&self.notes, &self.left_out);
@@ -336,6 +384,9 @@ pub fn announce(notes: &[String], left_out: &[String]) {
         complain!("left out: {part}");
     }
 }
+
+/// The field of a scene that says which frame of it is rendered.
+const FRAME: &str = "animation.frame";
 
 /// How a scene is read, and what is changed of it.
 #[derive(Args, Clone, Debug)]
@@ -364,6 +415,10 @@ pub struct ImportArgs {
     /// Leave out the parts of a Mitsuba scene that are not supported, and say which, instead of failing
     #[arg(long)]
     skip_unsupported: bool,
+
+    /// Read the scene as it is at this frame.
+    #[arg(skip)]
+    pub frame: Option<i64>,
 }
 
 fn parameter(text: &str) -> Result<(String, String), String> {
@@ -396,6 +451,11 @@ fn crop(text: &str) -> Result<[u32; 4], String> {
 }
 
 impl ImportArgs {
+    /// Whether the command line says which frame it is.
+    pub fn says_frame(&self) -> bool {
+        self.parameters.iter().any(|(name, _)| name == FRAME)
+    }
+
     /// What the reader is told about a scene.
     pub fn options(&self, scene: &Path) -> Result<ImportOptions, Failure> {
         let is_mitsuba = is_mitsuba(scene);
@@ -404,10 +464,11 @@ impl ImportArgs {
             let message = format!("{path}: --skip-unsupported is for Mitsuba scenes, whose names end in .xml");
             return Err(Failure::usage(message));
         }
-        let (parameters, fields) = match is_mitsuba {
+        let (parameters, mut fields) = match is_mitsuba {
             true => (self.parameters.clone(), Vec::new()),
             false => (Vec::new(), self.parameters.clone()),
         };
+        fields.extend(self.frame.map(|frame| (FRAME.to_owned(), frame.to_string())));
         Ok(ImportOptions {
             parameters,
             skip_unsupported: self.skip_unsupported,
@@ -428,8 +489,9 @@ pub struct JobArgs {
     #[command(flatten)]
     pub settings: SettingsArgs,
 
-    /// Where to write the image: OUT.exr, with OUT.png and OUT.csv beside it [default: the scene's name, in the current
-    /// folder; FOLDER-NAME.exr where another folder's scene has that]
+    /// Where to write the image: OUT.exr, with OUT.png and OUT.csv beside it; with --frames a run of # in its name is the
+    /// frame's number, as in frame.####.exr [default: the scene's name, in the current folder; FOLDER-NAME.exr where
+    /// another folder's scene has that]
     #[arg(short, long, value_name = "OUT.exr")]
     pub output: Option<PathBuf>,
 
@@ -484,6 +546,9 @@ pub struct JobArgs {
 
     #[command(flatten)]
     pub onlookers: OnlookerArgs,
+
+    #[command(flatten)]
+    pub frames: FrameArgs,
 }
 
 /// A share of one: with a percent sign, or below one.
@@ -512,12 +577,17 @@ impl JobArgs {
 
     /// Where the image goes, and what it says of itself.
     pub fn image(&self, loaded: &Loaded) -> Result<Output, Failure> {
+        self.image_called("", loaded)
+    }
+
+    /// The same. `ending`: of its name, where none was asked for.
+    pub fn image_called(&self, ending: &str, loaded: &Loaded) -> Result<Output, Failure> {
         let output = self.output.as_deref();
         Ok(Output {
             drops_photons: loaded.defaults.targeting == Targeting::Reject,
             names: loaded.description.names(),
             empty_depth: loaded.defaults.empty_depth,
-            ..Output::new(output, &self.settings.of.scene, "", loaded.standard_error)?
+            ..Output::new(output, &self.settings.of.scene, ending, loaded.standard_error)?
         })
     }
 

@@ -1,11 +1,14 @@
 //! The command `beamfarm`: one file a subcommand, those that measure in a folder, and what they share.
 
+mod at_work;
 mod conduct;
 mod convert;
 mod directory;
 mod documents;
 mod explain;
 mod failure;
+mod frame_list;
+mod frames;
 mod history;
 mod image;
 mod job;

@@ -44,12 +44,12 @@ fn tev_address(text: &str) -> Result<String, String> {
 
 impl OnlookerArgs {
     /// Tell them about the job until it ends. To be awaited at the end.
-    pub fn tell(&self, watch: &Arc<Watch>) -> Told {
+    pub fn tell(&self, watch: &Arc<Watch>, share: Share) -> Told {
         let tev = self
             .display_server
             .clone()
             .map(|address| tokio::spawn(tev::show(watch.clone(), address).in_current_span()));
-        let openjd = self.openjd.then(|| tokio::spawn(print_progress(watch.clone())));
+        let openjd = self.openjd.then(|| tokio::spawn(print_progress(watch.clone(), share)));
         Told { tev, openjd }
     }
 
@@ -58,6 +58,32 @@ impl OnlookerArgs {
         if let (true, Err(failure)) = (self.openjd, end) {
             openjd("fail", &failure.to_string());
         }
+    }
+}
+
+/// Which part of all that is to be done a job is.
+#[derive(Clone, Copy, Debug)]
+pub struct Share {
+    /// Jobs before it.
+    pub before: usize,
+    /// Jobs in all.
+    pub of: usize,
+}
+
+impl Default for Share {
+    fn default() -> Self {
+        Self { before: 0, of: 1 }
+    }
+}
+
+impl Share {
+    /// `frame 12 (3/48)`.
+    pub fn label(self, frame: i64) -> String {
+        format!("frame {frame} ({}/{})", self.before + 1, self.of)
+    }
+
+    fn of_all(self, fraction: f64) -> f64 {
+        (self.before as f64 + fraction) / self.of.max(1) as f64
     }
 }
 
@@ -79,7 +105,7 @@ impl Told {
     }
 }
 
-async fn print_progress(watch: Arc<Watch>) {
+async fn print_progress(watch: Arc<Watch>, share: Share) {
     let mut ticks = interval(LOOK);
     ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
     let mut printed = None;
@@ -90,7 +116,7 @@ async fn print_progress(watch: Arc<Watch>) {
         };
         let progress = watch.farm().progress();
         // Rounded down: nothing looks finished that is not.
-        let permille = (1000.0 * watch.fraction(&progress)) as u64;
+        let permille = (1000.0 * share.of_all(watch.fraction(&progress))) as u64;
         if printed != Some((permille, progress.prefix)) {
             printed = Some((permille, progress.prefix));
             openjd("progress", &format!("{}.{}", permille / 10, permille % 10));

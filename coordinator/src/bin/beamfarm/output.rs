@@ -46,10 +46,7 @@ impl Output {
     /// `ending`: of the default's stem. An image that another kind of command made is only overwritten by name.
     pub fn new(asked: Option<&Path>, scene: &Path, ending: &str, standard_error: bool) -> Result<Self, Failure> {
         let scene_file = name_of(scene);
-        let exr = match asked {
-            Some(path) => path.to_owned(),
-            None => default_name(scene, ending, scene_file.as_deref())?,
-        };
+        let exr = Self::path(asked, scene, ending)?;
         if exr.extension() != Some(OsStr::new("exr")) {
             let message = format!("{}: expected a name that ends in .exr", exr.display());
             return Err(Failure::usage(message));
@@ -77,6 +74,14 @@ impl Output {
             names: Names::default(),
             empty_depth: None,
         })
+    }
+
+    /// The EXR's path: what was asked for, or what is named after the scene.
+    pub fn path(asked: Option<&Path>, scene: &Path, ending: &str) -> Result<PathBuf, Failure> {
+        match asked {
+            Some(path) => Ok(path.to_owned()),
+            None => default_name(scene, ending, name_of(scene).as_deref()),
+        }
     }
 
     /// What people call the picture: its file's name.

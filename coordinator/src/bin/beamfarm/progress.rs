@@ -2,7 +2,7 @@
 
 use beamfarm_coordinator::watch::Rates;
 use beamfarm_coordinator::{Progress, Watch};
-use beamfarm_worker::say;
+use beamfarm_worker::{complain, say};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::io::{IsTerminal, Write};
 use std::sync::{Arc, OnceLock};
@@ -39,8 +39,8 @@ impl Write for LogWriter {
     }
 }
 
-/// Show the job's progress, forever.
-pub async fn show(watch: Arc<Watch>) {
+/// Show the job's progress in lines that begin with `label`, forever.
+pub async fn show(watch: Arc<Watch>, label: &str) {
     let bar = bar();
     let mut ticks = interval(if bar.is_some() { REDRAW } else { LINE });
     ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
@@ -54,6 +54,7 @@ pub async fn show(watch: Arc<Watch>) {
         let remaining = watch.remaining(&progress);
         let relative_error = error.update(&watch).await;
         let line = line(&progress, fraction, watch.rates(), remaining, relative_error);
+        let line = format!("{label}{line}");
         match bar {
             Some(bar) => {
                 bar.set_position((fraction * BAR_LENGTH as f64) as u64);
@@ -84,6 +85,22 @@ pub fn bar() -> Option<&'static ProgressBar> {
             bar
         })
     })
+}
+
+/// Print a line on stdout while the bar may be there.
+pub fn print(line: &str) {
+    match BAR.get() {
+        Some(bar) => bar.suspend(|| say!("{line}")),
+        None => say!("{line}"),
+    }
+}
+
+/// The same on stderr.
+pub fn complain(line: &str) {
+    match BAR.get() {
+        Some(bar) => bar.suspend(|| complain!("{line}")),
+        None => complain!("{line}"),
+    }
 }
 
 /// Take the bar away.

@@ -3,6 +3,7 @@
 use crate::conduct::conduct;
 use crate::directory::prepare;
 use crate::failure::Failure;
+use crate::frames::{self, Site};
 use crate::job::JobArgs;
 use crate::local::{self, Crew};
 use crate::open_page::{open_page, tell_page};
@@ -21,6 +22,8 @@ Examples:
   beamfarm render scene.toml --time 60s             as many passes as a minute allows
   beamfarm render scene.toml --passes 1000 -o a.exr
   beamfarm render scene.toml --workers 1 --threads 8
+  beamfarm render scene.toml --frames 1-48 -o out/frame.####.exr
+                                                    frames of its animation, one after the other
   beamfarm render scene.xml -D spp=256              a scene of Mitsuba 3, with a value for its $spp
   beamfarm render model.glb -D camera.fov=40        a glTF file, with its camera and lights or made-up ones
 
@@ -52,21 +55,45 @@ pub fn main(args: RenderArgs, log: &LogArgs) -> Result<(), Failure> {
     if args.with_parent {
         end_with_parent().map_err(Failure::io)?;
     }
-    let loaded = args.job.settings.load()?;
-    let exposure = args.job.exposure(&loaded)?;
-    let output = args.job.image(&loaded)?;
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let (workers, threads) = local::split(args.workers.map(usize::from), args.threads.map(usize::from), cores);
-    let left_out = match args.job.quiet {
-        true => Vec::new(),
-        false => loaded.announce(),
-    };
-    let mut spec = args.job.spec(loaded)?;
     // Other users of this machine reach the port as well.
     let token = match Token::read(None).map_err(Failure::usage)? {
         Some(token) => token,
         None => Token::random().map_err(Failure::io)?,
     };
+    let crew = Crew {
+        workers,
+        threads,
+        url: String::new(),
+        token: Some(token.clone()),
+        log: log.log.as_deref().unwrap_or("warn").to_owned(),
+        log_format: log.log_format,
+    };
+    let security = Security {
+        token: Some(token.clone()),
+        ..Security::default()
+    };
+    if let Some(list) = &args.job.frames.frames {
+        let site = Site {
+            listen: (Ipv4Addr::LOCALHOST, 0).into(),
+            security,
+            crew: Some(crew),
+            audit_every: 0,
+            keeps_jobs: false,
+            open: args.open,
+            says_address: false,
+        };
+        return frames::run(&args.job, list, site);
+    }
+    let loaded = args.job.settings.load()?;
+    let exposure = args.job.exposure(&loaded)?;
+    let output = args.job.image(&loaded)?;
+    let left_out = match args.job.quiet {
+        true => Vec::new(),
+        false => loaded.announce(),
+    };
+    let mut spec = args.job.spec(loaded)?;
     let (directory, start) = prepare(&args.job, &mut spec, &output, exposure, false)?;
     let runtime = tokio::runtime::Runtime::new().map_err(Failure::io)?;
     runtime.block_on(async {
@@ -76,12 +103,8 @@ pub fn main(args: RenderArgs, log: &LogArgs) -> Result<(), Failure> {
         let address = listener.local_addr().map_err(Failure::io)?;
         let farm = Farm::new(spec, Timing::default(), start);
         let crew = Crew {
-            workers,
-            threads,
             url: format!("http://{address}"),
-            token: Some(token.clone()),
-            log: log.log.as_deref().unwrap_or("warn").to_owned(),
-            log_format: log.log_format,
+            ..crew
         };
         if !args.job.quiet && log.log_format == LogFormat::Text {
             tell_page(&crew.url, &token);
@@ -100,10 +123,7 @@ pub fn main(args: RenderArgs, log: &LogArgs) -> Result<(), Failure> {
         };
         let crew = local::run(crew, ended, delivered);
         let entrance = Entrance {
-            security: Security {
-                token: Some(token),
-                ..Security::default()
-            },
+            security,
             ..Entrance::from(listener)
         };
         conduct(&args.job, &output, exposure, farm, directory, entrance, crew).await

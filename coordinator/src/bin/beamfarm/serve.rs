@@ -3,6 +3,7 @@
 use crate::conduct::conduct;
 use crate::directory::prepare;
 use crate::failure::Failure;
+use crate::frames::{self, Site};
 use crate::job::JobArgs;
 use crate::security::ListenArgs;
 use beamfarm_coordinator::{Entrance, Farm, Timing};
@@ -22,6 +23,8 @@ Examples:
                                                         on each machine that is to work
   beamfarm serve scene.toml --listen 0.0.0.0:7325 --tls-cert a.pem --tls-key a.key --tls-client-ca ca.pem
                                                         encrypted, for workers with a certificate
+  beamfarm serve scene.toml --frames all -o out/frame.####.exr --job jobs
+                                                        frames of its animation, each with a folder below jobs
 
 SIGINT and SIGTERM write the passes that are complete; another one after a second kills.";
 
@@ -53,6 +56,18 @@ pub fn main(args: ServeArgs) -> Result<(), Failure> {
         end_with_parent().map_err(Failure::io)?;
     }
     let security = args.security.read(args.listen)?;
+    if let Some(list) = &args.job.frames.frames {
+        let site = Site {
+            listen: args.listen,
+            security,
+            crew: None,
+            audit_every: args.audit_share,
+            keeps_jobs: true,
+            open: false,
+            says_address: true,
+        };
+        return frames::run(&args.job, list, site);
+    }
     let loaded = args.job.settings.load()?;
     let exposure = args.job.exposure(&loaded)?;
     let output = args.job.image(&loaded)?;

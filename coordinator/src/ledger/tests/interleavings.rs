@@ -243,7 +243,7 @@ impl Farm {
                         done = false;
                     }
                     Some(Grant::NotNow) => done = false,
-                    Some(Grant::Done) | None => {}
+                    Some(Grant::Done | Grant::Elsewhere) | None => {}
                 }
             }
             if done {

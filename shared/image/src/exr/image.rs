@@ -242,6 +242,31 @@ pub struct Provenance {
     pub scene_file: Option<String>,
 }
 
+/// What passes an image that [`write_image`] wrote is made of.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MadeOf {
+    /// Hash of the scene's bundle, as text.
+    pub scene: String,
+    /// Passes.
+    pub passes: u64,
+    /// The job's seed.
+    pub seed: u64,
+    /// [`JobSettings::alpha`].
+    pub alpha: f64,
+    /// Photon paths of a pass.
+    pub paths_per_pass: u64,
+    /// The budget in words, if there was one.
+    pub budget: Option<String>,
+    /// Estimated relative standard error.
+    pub relative_error: f64,
+    /// Time that it took, seconds.
+    pub seconds: f64,
+    /// Version of the program.
+    pub version: String,
+    /// Names of its channels.
+    pub channels: Vec<String>,
+}
+
 impl Provenance {
     /// Of the image at `path`. `None` where there is none.
     pub fn read(path: &Path) -> Option<Self> {
@@ -256,6 +281,37 @@ impl Provenance {
         Some(Self {
             of_samples: find("beamfarmSamples").is_some(),
             scene_file,
+        })
+    }
+}
+
+impl MadeOf {
+    /// Of the image at `path`. `None` where there is none, or where it is not made of passes.
+    pub fn read(path: &Path) -> Option<Self> {
+        let meta = exr::meta::MetaData::read_from_file(path, false).ok()?;
+        let attributes = &meta.headers.first()?.own_attributes.other;
+        let find = |name: &str| attributes.get(&exr::prelude::Text::from(name));
+        let text = |name: &str| match find(name) {
+            Some(AttributeValue::Text(text)) => Some(text.to_string()),
+            _ => None,
+        };
+        let float = |name: &str| match find(name) {
+            Some(AttributeValue::F64(number)) => Some(*number),
+            _ => None,
+        };
+        let number = |name: &str| text(name)?.parse::<u64>().ok();
+        let channels = meta.headers.iter().flat_map(|header| &header.channels.list);
+        Some(Self {
+            scene: text("beamfarmScene")?,
+            passes: number("beamfarmPasses")?,
+            seed: number("beamfarmSeed")?,
+            alpha: float("beamfarmAlpha")?,
+            paths_per_pass: number("beamfarmPathsPerPass")?,
+            budget: text("beamfarmBudget"),
+            relative_error: float("beamfarmRelativeError")?,
+            seconds: float("beamfarmRenderSeconds")?,
+            version: text("beamfarmVersion")?,
+            channels: channels.map(|channel| channel.name.to_string()).collect(),
         })
     }
 }

@@ -367,7 +367,8 @@ fn unknown_name<'n>(what: &str, name: &Spanned<String>, known: impl Iterator<Ite
     )
 }
 
-fn defaults(record: &RenderRecord) -> Result<RenderDefaults, Fault> {
+/// What a scene file says of its jobs.
+pub fn defaults(record: &RenderRecord) -> Result<RenderDefaults, Fault> {
     let standard = RenderDefaults::default();
     let passes = match &record.passes {
         Some(passes) => count(passes, MAX_PASSES)?,

@@ -44,16 +44,10 @@ pub const FPS: f64 = 24.0;
 impl Clock {
     /// Read the table `animation` of a scene file, if there is one.
     pub fn of(root: &DeTable<'_>) -> Result<Self, Fault> {
-        let Some((_, value)) = root.iter().find(|(key, _)| key.get_ref() == "animation") else {
-            return Ok(Self { open: None, fps: FPS });
-        };
-        let place = value.span();
-        let table = DeValue::Table(match value.get_ref() {
-            DeValue::Table(table) => table.clone(),
-            _ => return Err(Fault::new(place, "expected a table, with `frames` for example")),
-        });
-        let deserializer = ValueDeserializer::from(toml::Spanned::new(place, table));
-        AnimationRecord::deserialize(deserializer)?.clock()
+        match AnimationRecord::of(root)? {
+            Some(animation) => animation.clock(),
+            None => Ok(Self { open: None, fps: FPS }),
+        }
     }
 
     /// Whether the scene file has frames.
@@ -91,7 +85,29 @@ impl Clock {
     }
 }
 
+/// The first frame of a scene file and the last, if it has frames.
+pub fn frames(root: &DeTable<'_>) -> Result<Option<[i64; 2]>, Fault> {
+    let Some(animation) = AnimationRecord::of(root)? else {
+        return Ok(None);
+    };
+    animation.clock()?;
+    Ok(animation.frames.map(|frames| *frames.get_ref()))
+}
+
 impl AnimationRecord {
+    fn of(root: &DeTable<'_>) -> Result<Option<Self>, Fault> {
+        let Some((_, value)) = root.iter().find(|(key, _)| key.get_ref() == "animation") else {
+            return Ok(None);
+        };
+        let place = value.span();
+        let table = DeValue::Table(match value.get_ref() {
+            DeValue::Table(table) => table.clone(),
+            _ => return Err(Fault::new(place, "expected a table, with `frames` for example")),
+        });
+        let deserializer = ValueDeserializer::from(toml::Spanned::new(place, table));
+        Ok(Some(Self::deserialize(deserializer)?))
+    }
+
     fn clock(&self) -> Result<Clock, Fault> {
         let [first, last] = self.frames.as_ref().map_or([1, 1], |frames| *frames.get_ref());
         if let Some(frames) = &self.frames

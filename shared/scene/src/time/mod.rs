@@ -10,10 +10,11 @@ mod sequence;
 mod tests;
 
 use crate::source::Fault;
-pub use clock::{AnimationRecord, Clock, FPS, When};
+pub use clock::{AnimationRecord, Clock, FPS, When, frames};
 pub use curve::{Curve, Interpolation};
 pub use form::Parts;
 use keys::Track;
+pub use sequence::numbered;
 use std::collections::BTreeSet;
 use std::ops::Range;
 use toml::Spanned;

@@ -120,6 +120,7 @@ pub fn main(args: ReferenceArgs) -> Result<(), Failure> {
             paths: Some(1),
             seed: args.seed,
             alpha: None,
+            seed_of_frame: None,
         },
         budget: None,
         aov: args.aov.iter().flat_map(|aov| aov.of_passes()).collect(),

@@ -1,0 +1,38 @@
+//! Deliveries under way, so that none comes twice at the same time.
+
+use crate::examine::Claim;
+use beamfarm_proto::{LeaseId, WorkerId};
+use std::collections::BTreeSet;
+use std::sync::{Arc, Mutex, PoisonError};
+use tonic::Status;
+
+/// Deliveries of one worker at the same time. It sends one after the other.
+const DELIVERIES: usize = 2;
+
+/// Each lease has one delivery at a time, and each worker a few.
+#[derive(Clone, Default)]
+pub(crate) struct Arriving(Arc<Mutex<BTreeSet<(WorkerId, LeaseId)>>>);
+
+impl Arriving {
+    /// A place for the delivery of a lease, until it is dropped.
+    pub fn begin(&self, claim: &Claim) -> Result<Arrival, Status> {
+        let Claim { worker, lease, .. } = *claim;
+        let mut leases = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let of_worker = (worker, LeaseId(0))..=(worker, LeaseId(u64::MAX));
+        // Those before may be the remains of a connection that broke.
+        if leases.range(of_worker).count() >= DELIVERIES || !leases.insert((worker, lease)) {
+            return Err(Status::resource_exhausted("this block is on its way in already"));
+        }
+        Ok(Arrival(self.clone(), (worker, lease)))
+    }
+}
+
+/// A delivery that is on its way in until this is dropped.
+pub(crate) struct Arrival(Arriving, (WorkerId, LeaseId));
+
+impl Drop for Arrival {
+    fn drop(&mut self) {
+        let Self(Arriving(leases), lease) = self;
+        leases.lock().unwrap_or_else(PoisonError::into_inner).remove(lease);
+    }
+}

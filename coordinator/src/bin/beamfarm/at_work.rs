@@ -1,0 +1,160 @@
+//! A job while it runs: what is shown and kept of it, and what ends it.
+
+use crate::failure::Failure;
+use crate::history::History;
+use crate::image::{Written, write, write_now};
+use crate::job::JobArgs;
+use crate::onlookers::write_on_request;
+use crate::output::Output;
+use crate::progress;
+use crate::summary::Stop;
+use beamfarm_coordinator::Watch;
+use beamfarm_image::merge::Average;
+use beamfarm_worker::complain;
+use std::convert::Infallible;
+use std::future::{Future, pending};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+use tokio::sync::mpsc;
+use tokio::time::{MissedTickBehavior, interval};
+
+/// Time between looks for the first pass.
+const FIRST_LOOK: Duration = Duration::from_millis(500);
+
+/// The record beside the image, from where an earlier coordinator of the job left it.
+fn begin_history(watch: &Watch, output: &Output) -> Arc<History> {
+    let before = watch.farm().snapshot();
+    let seconds = Duration::try_from_secs_f64(before.seconds).unwrap_or_default();
+    let history = History::new(&output.exr, before.sum.prefix(), seconds);
+    watch.recall(history.points());
+    history
+}
+
+/// A job that runs.
+pub struct AtWork<'a> {
+    args: &'a JobArgs,
+    output: &'a Output,
+    watch: &'a Arc<Watch>,
+    history: Arc<History>,
+    /// What lines of progress begin with.
+    label: String,
+    /// It was said that the image is black.
+    is_dark: AtomicBool,
+}
+
+impl<'a> AtWork<'a> {
+    /// Time starts now.
+    pub fn begin(args: &'a JobArgs, output: &'a Output, watch: &'a Arc<Watch>, label: String) -> Self {
+        Self {
+            args,
+            output,
+            watch,
+            history: begin_history(watch, output),
+            label,
+            is_dark: AtomicBool::new(false),
+        }
+    }
+
+    /// A job that does not begin with the first pass makes no image.
+    fn makes_image(&self) -> bool {
+        self.args.first_pass == 0
+    }
+
+    /// Show and keep what there is, and write it when somebody asks, until no more passes are to be taken. Its time runs
+    /// from its turn on; `broken` says what had to keep running and does not.
+    pub async fn until_it_stops(
+        &self,
+        turn: impl Future<Output = ()>,
+        drain: impl Future<Output = ()>,
+        hang_ups: &mut mpsc::Receiver<()>,
+        broken: impl Future<Output = String>,
+    ) -> Stop {
+        let farm = self.watch.farm();
+        let exposure = self.watch.terms().exposure;
+        let run = async {
+            turn.await;
+            let time = async {
+                match self.args.time {
+                    Some(time) => tokio::time::sleep(time).await,
+                    None => pending().await,
+                }
+            };
+            tokio::select! {
+                () = time => Stop::Time,
+                never = self.look_for_light() => match never {},
+                never = self.show() => match never {},
+            }
+        };
+        let write_on_request = write_on_request(self.watch, hang_ups, || write_now(farm, self.output, exposure));
+        tokio::select! {
+            // First: a job that was finished before needs no crew.
+            biased;
+            end = farm.ended() => Stop::Ended(end),
+            () = drain => Stop::Signal,
+            message = broken => Stop::Broken(message),
+            stop = run => stop,
+            never = self.keep() => match never {},
+            never = write_on_request => match never {},
+        }
+    }
+
+    async fn show(&self) -> Infallible {
+        if !self.args.quiet {
+            progress::show(self.watch.clone(), &self.label).await;
+        }
+        pending().await
+    }
+
+    /// Say early that nothing will come of it.
+    async fn look_for_light(&self) -> Infallible {
+        let mut looks = interval(FIRST_LOOK);
+        looks.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        while self.makes_image() && !self.args.quiet {
+            looks.tick().await;
+            let farm = self.watch.farm().clone();
+            if farm.progress().prefix == 0 {
+                continue;
+            }
+            let average = tokio::task::spawn_blocking(move || farm.average()).await;
+            if let Ok(Some(average)) = average {
+                self.tell_of_darkness(&average);
+            }
+            break;
+        }
+        pending().await
+    }
+
+    fn tell_of_darkness(&self, average: &Average) {
+        let is_black = average.beauty.pixels.as_flattened().iter().all(|value| *value == 0.0);
+        if is_black && !self.is_dark.swap(true, Ordering::Relaxed) {
+            let passes = average.passes;
+            complain!(
+                "warning: after {passes} passes the image is black. No light reaches what the camera sees: is it inside of \
+                 something opaque, or the light; is what it should see behind it? `beamfarm explain` prints where things are"
+            );
+        }
+    }
+
+    async fn keep(&self) -> Infallible {
+        if self.makes_image() {
+            let history = self.history.clone();
+            history.keep(self.watch.farm().clone()).await;
+        }
+        pending().await
+    }
+
+    /// Write the image for the last time, if the job makes one.
+    pub async fn write(&self) -> Result<Option<Written>, Failure> {
+        if !self.makes_image() {
+            return Ok(None);
+        }
+        let exposure = self.watch.terms().exposure;
+        let history = Some(self.history.clone());
+        let written = write(self.watch.farm(), self.output, exposure, history).await?;
+        if let Some(Written { average, .. }) = written.as_ref().filter(|_| !self.args.quiet) {
+            self.tell_of_darkness(average);
+        }
+        Ok(written)
+    }
+}

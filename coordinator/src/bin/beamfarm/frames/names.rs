@@ -1,0 +1,110 @@
+//! Where the images of frames go, and what is said of all of them.
+
+use crate::failure::Failure;
+use crate::job::JobArgs;
+use beamfarm_scene::numbered;
+use std::path::{Path, PathBuf};
+
+/// Names of the files of frames.
+#[derive(Clone, Debug)]
+pub struct Names {
+    /// What was asked for, with a run of `#`.
+    asked: Option<PathBuf>,
+    /// What holds a job folder of each frame, where one was asked for.
+    jobs: Option<PathBuf>,
+    /// Stem of the scene's file.
+    stem: String,
+}
+
+impl Names {
+    /// The names that were asked for, or those after the scene.
+    pub fn new(args: &JobArgs) -> Result<Self, Failure> {
+        if let Some(path) = &args.output {
+            let name = path.file_name().map(|name| name.to_string_lossy());
+            if !name.is_some_and(|name| name.contains('#') && name.ends_with(".exr")) {
+                return Err(Failure::usage(format!(
+                    "--frames: {}: expected a name with a run of # for the frame's number that ends in .exr, as in \
+                     frame.####.exr",
+                    path.display()
+                )));
+            }
+            // Images of an animation have a folder of their own.
+            if let Some(folder) = path.parent() {
+                let made = std::fs::create_dir_all(folder);
+                made.map_err(|error| Failure::io(format!("cannot make {}: {error}", folder.display())))?;
+            }
+        }
+        let stem = args.settings.of.scene.file_stem().unwrap_or_default();
+        Ok(Self {
+            asked: args.output.clone(),
+            jobs: args.job.clone(),
+            stem: stem.to_string_lossy().into_owned(),
+        })
+    }
+
+    /// The image that was asked for, of a frame.
+    pub fn image(&self, frame: i64) -> Option<PathBuf> {
+        let asked = self.asked.as_ref()?;
+        let name = asked.file_name()?.to_string_lossy();
+        Some(asked.with_file_name(numbered(&name, frame)))
+    }
+
+    /// What the name ends in that an image of a frame has by default.
+    pub fn ending(frame: i64) -> String {
+        numbered(".####", frame)
+    }
+
+    /// The job folder of a frame, where one was asked for.
+    pub fn job(&self, frame: i64) -> Option<PathBuf> {
+        Some(self.jobs.as_ref()?.join(numbered("####", frame)))
+    }
+
+    /// What people call all of them: the name without its ending.
+    fn title(&self) -> String {
+        match self.asked.as_deref().and_then(Path::file_stem) {
+            Some(stem) => stem.to_string_lossy().into_owned(),
+            None => format!("{}.####", self.stem),
+        }
+    }
+
+    /// The file that tells of all: beside the images, named as they are without the number.
+    pub fn report(&self) -> PathBuf {
+        let title = self.title();
+        let plain: String = match title.rfind('#') {
+            Some(last) => {
+                let before = title[..=last].trim_end_matches('#');
+                format!("{}{}", before.trim_end_matches(['.', '_', '-']), &title[last + 1..])
+            }
+            None => title,
+        };
+        let plain = if plain.is_empty() { "frames".into() } else { plain };
+        let name = format!("{plain}.report.json");
+        self.asked
+            .as_ref()
+            .map_or_else(|| PathBuf::from(&name), |asked| asked.with_file_name(&name))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_last_run_is_the_number() {
+        let names = |asked: Option<&str>| Names {
+            asked: asked.map(PathBuf::from),
+            jobs: Some("jobs".into()),
+            stem: "disco".into(),
+        };
+        let own = names(Some("out#/frame.####.exr"));
+        assert_eq!(own.image(12), Some("out#/frame.0012.exr".into()));
+        assert_eq!(own.job(12), Some("jobs/0012".into()));
+        assert_eq!(own.title(), "frame.####");
+        assert_eq!(own.report(), PathBuf::from("out#/frame.report.json"));
+        assert_eq!(names(Some("##_a.exr")).report(), PathBuf::from("_a.report.json"));
+        assert_eq!(names(Some("####.exr")).report(), PathBuf::from("frames.report.json"));
+        let default = names(None);
+        assert_eq!((default.image(1), Names::ending(-3)), (None, ".-003".into()));
+        assert_eq!(default.report(), PathBuf::from("disco.report.json"));
+    }
+}

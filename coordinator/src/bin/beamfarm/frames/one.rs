@@ -1,0 +1,163 @@
+//! A frame while it renders.
+
+use super::ahead::Ready;
+use super::record::FrameRecord;
+use crate::at_work::AtWork;
+use crate::conduct::{terms, warn_of_bias};
+use crate::failure::Failure;
+use crate::job::JobArgs;
+use crate::onlookers::{Share, log_configuration};
+use crate::output::Output;
+use crate::progress;
+use crate::summary::{Stop, Summary};
+use beamfarm_coordinator::store::Keeper;
+use beamfarm_coordinator::{End, Farm, FrameState, FrameView, Series, Timing, Watch};
+use std::collections::BTreeSet;
+use std::future::pending;
+use std::net::SocketAddr;
+use std::sync::Arc;
+use tokio::sync::{mpsc, oneshot};
+
+/// A frame whose turn has come.
+pub struct Begun {
+    pub frame: i64,
+    pub args: JobArgs,
+    pub output: Output,
+    pub watch: Arc<Watch>,
+    keeper: Option<Keeper>,
+    /// `frame 12 (3/48)`.
+    label: String,
+    share: Share,
+    /// Says that what it needs does not run any more.
+    broken: oneshot::Receiver<String>,
+}
+
+/// How a frame ended.
+pub struct Outcome {
+    pub watch: Arc<Watch>,
+    pub record: FrameRecord,
+    pub label: String,
+}
+
+impl Begun {
+    /// Time starts now. `convicted`: workers that delivered wrong pixels for others. Whoever drops the sender says
+    /// nothing.
+    pub fn new(
+        ready: Ready,
+        share: Share,
+        convicted: Vec<String>,
+        said: &mut BTreeSet<String>,
+    ) -> Result<(Self, oneshot::Sender<String>), FrameRecord> {
+        let Ready { frame, args, .. } = ready;
+        if !args.quiet {
+            for (kind, texts) in [("note", ready.notes), ("left out", ready.left_out)] {
+                for text in texts {
+                    let line = format!("{kind}: {text}");
+                    // Most are the same for all frames.
+                    if !said.contains(&line) {
+                        progress::complain(&line);
+                        said.insert(line);
+                    }
+                }
+            }
+        }
+        let mut start = ready.start;
+        start.convicted.extend(convicted);
+        let farm = Farm::new(ready.spec, Timing::default(), start);
+        let keeper = ready.directory.map(|directory| {
+            let kept = Keeper::start(directory.folder, farm.clone(), directory.entries);
+            kept.map_err(|error| FrameRecord::failed(frame, &args, error.to_string()))
+        });
+        let (sender, broken) = oneshot::channel();
+        let begun = Self {
+            frame,
+            keeper: keeper.transpose()?,
+            watch: Watch::new(farm, terms(&args, &ready.output, ready.exposure)),
+            label: share.label(frame),
+            output: ready.output,
+            args,
+            share,
+            broken,
+        };
+        Ok((begun, sender))
+    }
+
+    /// For the page.
+    pub fn view(&self) -> FrameView {
+        FrameView {
+            state: FrameState::Rendering,
+            ..FrameView::waiting(self.frame)
+        }
+    }
+
+    /// From its first pass to its image.
+    pub async fn render(self, series: Arc<Series>, address: SocketAddr) -> Outcome {
+        let Self {
+            frame,
+            args,
+            output,
+            watch,
+            keeper,
+            label,
+            share,
+            broken,
+        } = self;
+        let (args, output, watch) = (&args, &output, &watch);
+        let farm = watch.farm();
+        log_configuration(watch, address, &output.exr, farm.progress().limit);
+        warn_of_bias(output);
+        let job = AtWork::begin(args, output, watch, format!("{label}  "));
+        let told = async {
+            series.first_in_line(watch).await;
+            args.onlookers.tell(watch, share)
+        };
+        let broken = async {
+            match broken.await {
+                Ok(message) => message,
+                Err(_) => pending().await,
+            }
+        };
+        // Signals are for all frames, and reach this one as the end of its farm.
+        let (_, mut hang_ups) = mpsc::channel(1);
+        let turn = series.first_in_line(watch);
+        let (stop, told) = tokio::join!(
+            async {
+                let stop = job.until_it_stops(turn, pending(), &mut hang_ups, broken).await;
+                farm.stop();
+                stop
+            },
+            told
+        );
+        let (folder, kept) = match keeper {
+            None => (None, Ok(())),
+            Some(keeper) => match tokio::task::spawn_blocking(|| keeper.finish()).await {
+                Ok((folder, kept)) => (folder, kept.map_err(Failure::from)),
+                Err(error) => (None, Err(Failure::io(error))),
+            },
+        };
+        let (image, unwritten) = match job.write().await {
+            Ok(image) => (image, Ok(())),
+            Err(failure) => (None, Err(failure)),
+        };
+        told.last_words().await;
+        // One that was ended before its first pass has no image, which is no failure of it.
+        let has_nothing = image.is_none() && matches!(stop, Stop::Ended(End::Stopped));
+        let summary = Summary {
+            args,
+            output,
+            farm,
+            image,
+            stop,
+        };
+        let report = summary.report();
+        let reported = folder.map_or(Ok(()), |folder| folder.write_report(&report).map_err(Failure::from));
+        let verdict = if has_nothing { Ok(()) } else { summary.verdict() };
+        let done = unwritten.and(kept).and(reported).and(verdict);
+        let message = done.err().map(|failure| failure.to_string());
+        Outcome {
+            record: FrameRecord::of(frame, args, &report, message),
+            label,
+            watch: watch.clone(),
+        }
+    }
+}

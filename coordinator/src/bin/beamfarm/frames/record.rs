@@ -1,0 +1,241 @@
+//! What is known of all frames: one file that grows with each of them, and stays right when a command is killed.
+
+use crate::failure::Failure;
+use crate::job::JobArgs;
+use beamfarm_coordinator::store::{Report, Stopped};
+use beamfarm_coordinator::{FrameState, FrameView};
+use beamfarm_image::atomic::write_file;
+use beamfarm_image::exr::{MadeOf, pixel_hash, read_rgb};
+use beamfarm_proto::VERSION;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// Version of the format.
+const FORMAT: u32 = 1;
+
+/// How a frame ended.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FrameRecord {
+    /// Which one.
+    pub frame: i64,
+    /// `complete`, `target-error`, `time`, `asked` or `failed`, as in the report of a job.
+    pub stopped: String,
+    /// Why it failed.
+    pub message: Option<String>,
+    /// What the command asked of it: another number of passes, say, is another question.
+    pub asked: String,
+    /// Hash of the scene bundle.
+    pub scene: Option<String>,
+    pub seed: Option<u64>,
+    /// The image, if there is one.
+    pub image: Option<String>,
+    /// Hash of its pixels.
+    pub pixels: Option<String>,
+    /// Passes of it.
+    pub passes: u64,
+    pub relative_standard_error: Option<f64>,
+    /// Time that it took, over all commands.
+    pub seconds: f64,
+}
+
+impl FrameRecord {
+    /// A frame that was rendered.
+    pub fn of(frame: i64, args: &JobArgs, report: &Report, message: Option<String>) -> Self {
+        Self {
+            frame,
+            stopped: match message {
+                Some(_) => Stopped::Failed.as_str().into(),
+                None => report.stopped.as_str().into(),
+            },
+            message,
+            asked: asked(args),
+            scene: Some(report.scene.clone()),
+            seed: Some(report.seed),
+            image: report.image.clone(),
+            pixels: report.pixels.clone(),
+            passes: report.prefix,
+            relative_standard_error: report.relative_standard_error,
+            seconds: report.seconds,
+        }
+    }
+
+    /// A frame whose image is there, of which nothing was said: the command that wrote it was killed.
+    pub fn kept(frame: i64, args: &JobArgs, image: &Path, made: MadeOf) -> Self {
+        Self {
+            frame,
+            stopped: Stopped::Complete.as_str().into(),
+            message: None,
+            asked: asked(args),
+            seed: Some(made.seed),
+            image: Some(image.display().to_string()),
+            pixels: read_rgb(image).ok().map(|film| pixel_hash(&film)),
+            passes: made.passes,
+            relative_standard_error: Some(made.relative_error).filter(|error| error.is_finite()),
+            seconds: made.seconds,
+            scene: Some(made.scene),
+        }
+    }
+
+    /// Whether it tells of this image.
+    pub fn is_of(&self, image: &Path, made: &MadeOf) -> bool {
+        self.image.as_deref() == Some(&*image.to_string_lossy())
+            && self.passes == made.passes
+            && self.seed == Some(made.seed)
+            && self.scene.as_ref() == Some(&made.scene)
+    }
+
+    /// A frame of which nothing could be rendered.
+    pub fn failed(frame: i64, args: &JobArgs, message: String) -> Self {
+        Self {
+            frame,
+            stopped: Stopped::Failed.as_str().into(),
+            message: Some(message),
+            asked: asked(args),
+            scene: None,
+            seed: None,
+            image: None,
+            pixels: None,
+            passes: 0,
+            relative_standard_error: None,
+            seconds: 0.0,
+        }
+    }
+
+    /// Whether it has what was asked for.
+    pub fn is_complete(&self) -> bool {
+        let ends = [Stopped::Complete, Stopped::TargetError, Stopped::Time];
+        ends.iter().any(|end| end.as_str() == self.stopped)
+    }
+
+    /// Whether this command would ask the same.
+    pub fn answers(&self, args: &JobArgs) -> bool {
+        self.is_complete() && self.asked == asked(args)
+    }
+
+    /// For the page.
+    pub fn view(&self) -> FrameView {
+        FrameView {
+            state: match self.is_complete() {
+                true => FrameState::Done,
+                false if self.message.is_some() => FrameState::Failed,
+                false => FrameState::Stopped,
+            },
+            passes: self.passes,
+            error: self.relative_standard_error,
+            seconds: Some(self.seconds),
+            message: self.message.clone(),
+            picture: self.image.as_ref().map(|image| Path::new(image).with_extension("png")),
+            ..FrameView::waiting(self.frame)
+        }
+    }
+}
+
+/// When a frame is to end, in words.
+fn asked(args: &JobArgs) -> String {
+    let passes = args.passes.map(|passes| format!("{passes} passes"));
+    let time = args.time.map(|time| format!("{} s", time.as_secs_f64()));
+    let error = args.target_error.map(|error| match args.target_percentile {
+        Some(percentile) => format!("error {error} at {percentile} %"),
+        None => format!("error {error}"),
+    });
+    let all: Vec<String> = [passes, time, error].into_iter().flatten().collect();
+    match all.is_empty() {
+        true => "the scene's passes".into(),
+        false => all.join(", "),
+    }
+}
+
+/// The file.
+#[derive(Serialize, Deserialize)]
+struct Whole {
+    format: u32,
+    version: String,
+    /// Frames that failed, in order.
+    failed: Vec<i64>,
+    /// All that were ever rendered to here, in order.
+    frames: Vec<FrameRecord>,
+}
+
+/// What is known of all frames.
+pub struct Record {
+    path: PathBuf,
+    frames: BTreeMap<i64, FrameRecord>,
+}
+
+impl Record {
+    /// What there is: nothing where there is no such file, or another one.
+    pub fn open(path: PathBuf) -> Self {
+        let known = std::fs::read(&path).ok();
+        let known = known.and_then(|bytes| serde_json::from_slice::<Whole>(&bytes).ok());
+        let known = known.filter(|whole| whole.format == FORMAT);
+        let frames = known.into_iter().flat_map(|whole| whole.frames);
+        Self {
+            path,
+            frames: frames.map(|frame| (frame.frame, frame)).collect(),
+        }
+    }
+
+    /// What is known of a frame.
+    pub fn get(&self, frame: i64) -> Option<&FrameRecord> {
+        self.frames.get(&frame)
+    }
+
+    /// Enter how a frame ended.
+    pub fn enter(&mut self, frame: FrameRecord) -> Result<(), Failure> {
+        self.frames.insert(frame.frame, frame);
+        let frames: Vec<FrameRecord> = self.frames.values().cloned().collect();
+        let failed = frames.iter().filter(|frame| frame.message.is_some());
+        let whole = Whole {
+            format: FORMAT,
+            version: VERSION.into(),
+            failed: failed.map(|frame| frame.frame).collect(),
+            frames,
+        };
+        let mut json = serde_json::to_vec_pretty(&whole).map_err(Failure::io)?;
+        json.push(b'\n');
+        Ok(write_file(&self.path, &json)?)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn record(frame: i64, stopped: &str, message: Option<&str>) -> FrameRecord {
+        FrameRecord {
+            frame,
+            stopped: stopped.into(),
+            message: message.map(Into::into),
+            asked: "4 passes".into(),
+            scene: None,
+            seed: Some(u64::MAX),
+            image: Some("a.0001.exr".into()),
+            pixels: None,
+            passes: 4,
+            relative_standard_error: Some(0.125),
+            seconds: 0.5,
+        }
+    }
+
+    #[test]
+    fn frames_of_other_commands_stay() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.report.json");
+        let mut first = Record::open(path.clone());
+        first.enter(record(2, "complete", None)).unwrap();
+        first.enter(record(1, "failed", Some("no"))).unwrap();
+        let mut again = Record::open(path.clone());
+        assert_eq!(again.get(2), Some(&record(2, "complete", None)));
+        again.enter(record(3, "asked", None)).unwrap();
+        let text = std::fs::read_to_string(&path).unwrap();
+        let whole: Whole = serde_json::from_str(&text).unwrap();
+        assert_eq!(whole.failed, [1]);
+        let states = whole.frames.iter().map(|frame| frame.view().state);
+        let states: Vec<FrameState> = states.collect();
+        assert_eq!(states, [FrameState::Failed, FrameState::Done, FrameState::Stopped]);
+        // What is no such file is begun anew.
+        std::fs::write(&path, "{").unwrap();
+        assert_eq!(Record::open(path).get(2), None);
+    }
+}

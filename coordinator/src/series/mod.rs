@@ -1,0 +1,306 @@
+//! Jobs one after the other with the same workers, as the frames of an animation are. A single job is a series of one.
+//!
+//! Of the jobs that are open, at most two, workers belong at the first that has something for them. One for which its
+//! job has nothing is told to go to another that has, and back when there is something again: a block that was lost, a
+//! copy that nobody else may check. A job that follows is opened as soon as those that are open have nothing to lease,
+//! so that nobody waits for the last passes of others.
+
+mod frames;
+mod place;
+mod workers;
+
+pub use frames::{FrameState, FrameView};
+pub(crate) use place::Place;
+
+use crate::watch::Watch;
+use beamfarm_proto::FileHash;
+use beamfarm_proto::bytes::Bytes;
+use std::collections::{BTreeMap, BTreeSet};
+use std::convert::Infallible;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+use tokio::sync::Notify;
+use tokio::task::{AbortHandle, JoinSet};
+use tracing::Instrument;
+
+/// Jobs that are open at the same time.
+const OPEN: usize = 2;
+/// Time between looks at what is not told at once.
+const LOOK: Duration = Duration::from_millis(200);
+
+/// Jobs one after the other.
+pub struct Series {
+    /// There are other jobs than one.
+    is_of_several: bool,
+    state: Mutex<State>,
+    /// Told when a job is opened, ends or is closed, and when no more will come.
+    news: Notify,
+    /// Told when a worker finds nothing to do.
+    hunger: Notify,
+}
+
+struct State {
+    /// Those that are open, in line.
+    places: Vec<Arc<Place>>,
+    /// The last that was opened.
+    last: Arc<Place>,
+    /// No more will be.
+    is_sealed: bool,
+    is_cancelled: bool,
+    is_paused: bool,
+    /// Passes of those that are closed.
+    passes: u64,
+    convicted: BTreeSet<String>,
+    frames: BTreeMap<i64, FrameView>,
+}
+
+impl Series {
+    /// A single job.
+    pub fn of(watch: Arc<Watch>) -> Arc<Self> {
+        let series = Self::made(false, watch);
+        series.seal();
+        series
+    }
+
+    /// The first of several jobs.
+    pub fn beginning_with(watch: Arc<Watch>) -> Arc<Self> {
+        Self::made(true, watch)
+    }
+
+    fn made(is_of_several: bool, first: Arc<Watch>) -> Arc<Self> {
+        let first = Place::new(1, first);
+        let state = State {
+            places: vec![first.clone()],
+            last: first,
+            is_sealed: false,
+            is_cancelled: false,
+            is_paused: false,
+            passes: 0,
+            convicted: BTreeSet::new(),
+            frames: BTreeMap::new(),
+        };
+        Arc::new(Self {
+            is_of_several,
+            state: Mutex::new(state),
+            news: Notify::new(),
+            hunger: Notify::new(),
+        })
+    }
+
+    /// Whether there are other jobs than one.
+    pub(crate) fn is_of_several(&self) -> bool {
+        self.is_of_several
+    }
+
+    /// One more job, the last in line.
+    pub fn open(&self, watch: Arc<Watch>) {
+        let mut state = self.state();
+        if state.is_paused {
+            watch.farm().pause(true);
+        }
+        if state.is_cancelled {
+            watch.farm().stop();
+        }
+        let place = Place::new(state.last.number + 1, watch);
+        state.last = place.clone();
+        state.places.push(place);
+        drop(state);
+        self.tell();
+    }
+
+    /// The job is over, and all that it leaves is written.
+    pub fn close(&self, watch: &Arc<Watch>) {
+        let mut state = self.state();
+        let Some(i) = state.places.iter().position(|place| Arc::ptr_eq(&place.watch, watch)) else {
+            return;
+        };
+        let place = state.places.remove(i);
+        state.passes += place.farm().progress().passes;
+        state.convicted.extend(place.farm().convicted());
+        drop(state);
+        self.tell();
+    }
+
+    /// No more jobs will be opened.
+    pub fn seal(&self) {
+        self.state().is_sealed = true;
+        self.tell();
+    }
+
+    /// End all jobs with what is there, and open no more.
+    pub fn cancel(&self) {
+        let mut state = self.state();
+        state.is_cancelled = true;
+        let open = state.places.clone();
+        drop(state);
+        open.iter().for_each(|place| place.farm().stop());
+        self.tell();
+    }
+
+    /// Whether somebody did so.
+    pub fn is_cancelled(&self) -> bool {
+        self.state().is_cancelled
+    }
+
+    /// Give no more passes away, or do so again.
+    pub fn pause(&self, paused: bool) {
+        let mut state = self.state();
+        state.is_paused = paused;
+        let open = state.places.clone();
+        drop(state);
+        open.iter().for_each(|place| place.farm().pause(paused));
+        self.tell();
+    }
+
+    /// The job that is first in line; the last one when all are over.
+    pub fn current(&self) -> Arc<Watch> {
+        let state = self.state();
+        let first = state.places.iter().find(|place| !place.has_ended());
+        first.unwrap_or(&state.last).watch.clone()
+    }
+
+    /// All jobs are over, and no more will come.
+    pub fn is_over(&self) -> bool {
+        let state = self.state();
+        (state.is_sealed || state.is_cancelled) && state.places.iter().all(|place| place.has_ended())
+    }
+
+    /// Resolves when it is.
+    pub async fn over(&self) {
+        self.until(|| self.is_over()).await;
+    }
+
+    /// Resolves when this job is the first in line, or over.
+    pub async fn first_in_line(&self, watch: &Arc<Watch>) {
+        let is_first = || Arc::ptr_eq(&self.current(), watch) || watch.farm().end().is_some();
+        self.until(is_first).await;
+    }
+
+    /// Resolves when the job that follows is wanted, or when there shall be none; whether it is.
+    pub async fn wants_another(&self) -> bool {
+        loop {
+            let news = self.news.notified();
+            if self.state().is_cancelled {
+                return false;
+            }
+            if self.has_room() {
+                return true;
+            }
+            tokio::select! {
+                () = news => {}
+                () = self.hunger.notified() => {}
+            }
+        }
+    }
+
+    /// There are not too many, and those that there are have nothing to lease.
+    fn has_room(&self) -> bool {
+        let state = self.state();
+        let (open, is_paused) = (state.places.clone(), state.is_paused);
+        drop(state);
+        open.len() < OPEN && !is_paused && open.iter().all(|place| place.farm().openings(None, false) == 0)
+    }
+
+    /// Passes that counted, of all jobs so far.
+    pub fn passes(&self) -> u64 {
+        let state = self.state();
+        let (open, before) = (state.places.clone(), state.passes);
+        drop(state);
+        before + open.iter().map(|place| place.farm().progress().passes).sum::<u64>()
+    }
+
+    /// Names of workers that delivered wrong pixels for any of the jobs.
+    pub fn convicted(&self) -> Vec<String> {
+        let state = self.state();
+        let open = state.places.iter().flat_map(|place| place.farm().convicted());
+        let names: BTreeSet<String> = open.chain(state.convicted.iter().cloned()).collect();
+        names.into_iter().collect()
+    }
+
+    /// Enter a frame into the list, or how it stands now.
+    pub fn note_frame(&self, view: FrameView) {
+        self.state().frames.insert(view.frame, view);
+    }
+
+    /// The list.
+    pub fn frames(&self) -> Vec<FrameView> {
+        self.state().frames.values().cloned().collect()
+    }
+
+    /// Do what time brings to the jobs that are open, forever.
+    pub(crate) async fn run(self: &Arc<Self>) -> Infallible {
+        let mut tasks = JoinSet::new();
+        let mut running: BTreeMap<u64, AbortHandle> = BTreeMap::new();
+        loop {
+            let news = self.news.notified();
+            while tasks.try_join_next().is_some() {}
+            let open = self.open_places();
+            running.retain(|number, task| {
+                let stays = open.iter().any(|place| place.number == *number);
+                if !stays {
+                    task.abort();
+                }
+                stays
+            });
+            for place in open {
+                let series = self.clone();
+                running.entry(place.number).or_insert_with(|| {
+                    let span = place.span();
+                    let run = async move {
+                        let ended = async {
+                            place.farm().ended().await;
+                            series.tell();
+                        };
+                        tokio::join!(ended, place.run());
+                    };
+                    tasks.spawn(run.instrument(span))
+                });
+            }
+            news.await;
+        }
+    }
+
+    /// Resolves when no worker is left at the last of them.
+    pub(crate) async fn deserted(&self) {
+        let last = self.state().last.clone();
+        last.farm().deserted().await;
+    }
+
+    /// A file of the jobs that are open.
+    pub(crate) fn file(&self, hash: FileHash) -> Option<Bytes> {
+        let state = self.state();
+        let mut places = state.places.iter().chain([&state.last]);
+        places.find_map(|place| place.farm().file(hash))
+    }
+
+    /// The job of this number, as long as it is open or the last.
+    pub(crate) fn place(&self, job: u64) -> Option<Arc<Place>> {
+        let state = self.state();
+        let mut places = state.places.iter().chain([&state.last]);
+        places.find(|place| place.number == job).cloned()
+    }
+
+    fn open_places(&self) -> Vec<Arc<Place>> {
+        self.state().places.clone()
+    }
+
+    async fn until(&self, is_so: impl Fn() -> bool) {
+        loop {
+            let news = self.news.notified();
+            if is_so() {
+                return;
+            }
+            // Ends of jobs are told a moment after they are there.
+            let _ = tokio::time::timeout(LOOK, news).await;
+        }
+    }
+
+    fn tell(&self) {
+        self.news.notify_waiters();
+        self.hunger.notify_one();
+    }
+
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}

@@ -1,0 +1,90 @@
+//! A job of a series.
+
+use crate::arriving::Arriving;
+use crate::farm::Farm;
+use crate::intake::Intake;
+use crate::keys::Seat;
+use crate::watch::Watch;
+use beamfarm_image::exr::encoded_size;
+use std::convert::Infallible;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+use tokio::time::{Instant, MissedTickBehavior, interval};
+use tracing::{Span, error_span};
+
+/// A worker that was called and has not come by then will not come.
+const ON_THE_WAY: Duration = Duration::from_secs(5);
+
+/// A job that workers may be at.
+pub(crate) struct Place {
+    /// Of the job in its series.
+    pub number: u64,
+    pub watch: Arc<Watch>,
+    pub intake: Arc<Intake>,
+    /// Leases whose block is on its way in.
+    pub arriving: Arriving,
+    /// Workers that are on the way, by where they were called from, and when.
+    called: Mutex<Vec<(Seat, Instant)>>,
+}
+
+impl Place {
+    pub fn new(number: u64, watch: Arc<Watch>) -> Arc<Self> {
+        let job = watch.farm().job();
+        let largest = encoded_size(job.width, job.height, &job.layers) as u64;
+        Arc::new(Self {
+            number,
+            intake: Arc::new(Intake::new(largest)),
+            arriving: Arriving::default(),
+            called: Mutex::default(),
+            watch,
+        })
+    }
+
+    pub fn farm(&self) -> &Arc<Farm> {
+        self.watch.farm()
+    }
+
+    pub fn has_ended(&self) -> bool {
+        self.farm().end().is_some()
+    }
+
+    /// For lines of the log, in a series of several.
+    pub fn span(&self) -> Span {
+        error_span!("job", job = self.watch.id())
+    }
+
+    /// Call this worker, if there is work for more than those that are on the way.
+    pub fn call(&self, worker: Seat, openings: u64) -> bool {
+        let mut called = self.called();
+        called.retain(|(other, call)| *other != worker && call.elapsed() <= ON_THE_WAY);
+        let is_wanted = openings > called.len() as u64;
+        if is_wanted {
+            called.push((worker, Instant::now()));
+        }
+        is_wanted
+    }
+
+    /// The worker has come, here or elsewhere.
+    pub fn expect_no_more(&self, worker: Seat) {
+        self.called().retain(|(other, _)| *other != worker);
+    }
+
+    /// Do what time brings, forever.
+    pub async fn run(&self) -> Infallible {
+        tokio::join!(self.expire(), self.watch.run());
+        std::future::pending().await
+    }
+
+    async fn expire(&self) {
+        let mut ticks = interval(self.farm().timing().heartbeat);
+        ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        loop {
+            ticks.tick().await;
+            self.farm().expire();
+        }
+    }
+
+    fn called(&self) -> MutexGuard<'_, Vec<(Seat, Instant)>> {
+        self.called.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}

@@ -1,0 +1,139 @@
+//! At which of the jobs workers are.
+
+use super::{Place, Series};
+use crate::keys::{Seat, Seats};
+use crate::ledger::LedgerError;
+use beamfarm_image::job::SceneHash;
+use beamfarm_proto::Grant;
+use std::sync::Arc;
+use std::time::Duration;
+use tokio::time::{Instant, timeout_at};
+
+/// Time between looks at whether another job has work again, of which nothing tells.
+const LOOK: Duration = Duration::from_millis(200);
+/// A worker that registers when nothing is to be leased waits so long for the job that follows.
+const FOR_WORK: Duration = Duration::from_secs(1);
+/// The same when there is no job at all.
+const FOR_A_JOB: Duration = Duration::from_secs(5);
+
+/// Where a worker that registers belongs.
+enum Belongs {
+    At(Arc<Place>),
+    /// Nothing is to be leased anywhere; there if it stays like this.
+    Nowhere(Option<Arc<Place>>),
+}
+
+impl Series {
+    /// Where a worker that registers belongs, who may have been elsewhere before. `held`: the scene of which it has
+    /// blocks. `None` after a while in which there was no job.
+    pub(crate) async fn place_for(&self, seats: Option<&Seats>, held: Option<SceneHash>) -> Option<Arc<Place>> {
+        let begun = Instant::now();
+        // Wherever it was called to, it is not on the way any more.
+        if let Some(seats) = seats {
+            self.open_places()
+                .iter()
+                .for_each(|place| place.expect_no_more(seats.now));
+        }
+        loop {
+            let news = self.news.notified();
+            match self.belongs(seats, held) {
+                Belongs::At(place) => return Some(place),
+                Belongs::Nowhere(fallback) => {
+                    self.hunger.notify_one();
+                    let patience = if fallback.is_some() { FOR_WORK } else { FOR_A_JOB };
+                    if timeout_at(begun + patience, news).await.is_err() {
+                        return fallback;
+                    }
+                }
+            }
+        }
+    }
+
+    fn belongs(&self, seats: Option<&Seats>, held: Option<SceneHash>) -> Belongs {
+        let is_over = self.is_over();
+        let state = self.state();
+        let last = state.last.clone();
+        let running: Vec<Arc<Place>> = state.places.iter().filter(|p| !p.has_ended()).cloned().collect();
+        let may_grow = !state.is_sealed && !state.is_cancelled;
+        drop(state);
+        if is_over || !self.is_of_several() {
+            return Belongs::At(last);
+        }
+        let has_it = |place: &&Arc<Place>| held.is_some_and(|scene| place.farm().job().scene == scene);
+        let has_work = |is_idle| {
+            move |place: &&Arc<Place>| {
+                place
+                    .farm()
+                    .openings(seats.and_then(|seats| seats.at(place.number)), is_idle)
+                    > 0
+            }
+        };
+        let place = running.iter().find(has_it);
+        let place = place.or_else(|| running.iter().find(has_work(false)));
+        let place = place.or_else(|| running.iter().find(has_work(true)));
+        match (place, running.first()) {
+            (Some(place), _) => Belongs::At(place.clone()),
+            (None, Some(first)) if !may_grow => Belongs::At(first.clone()),
+            (None, first) => Belongs::Nowhere(first.cloned()),
+        }
+    }
+
+    /// The next block for a worker at its job, or the word that it is wanted at another.
+    pub(crate) async fn lease(&self, place: &Arc<Place>, seats: &Seats) -> Result<Grant, LedgerError> {
+        let worker = seats.now.worker;
+        if !self.is_of_several() {
+            return place.farm().lease(worker).await;
+        }
+        if self.is_called(seats, false, |other| other.number < place.number) {
+            return Ok(self.send(place, seats));
+        }
+        tokio::select! {
+            // A block that was leased has to arrive.
+            biased;
+            grant = place.farm().lease(worker) => match grant? {
+                Grant::Done if self.goes_on() => Ok(self.send(place, seats)),
+                grant => Ok(grant),
+            },
+            () = self.work_elsewhere(seats) => Ok(self.send(place, seats)),
+        }
+    }
+
+    fn send(&self, place: &Place, seats: &Seats) -> Grant {
+        place.farm().send_away(seats.now.worker);
+        Grant::Elsewhere
+    }
+
+    /// There are jobs that are not over, or will be.
+    pub(crate) fn goes_on(&self) -> bool {
+        self.is_of_several() && !self.is_over()
+    }
+
+    /// Resolves when another job has something for a worker whose own has not.
+    async fn work_elsewhere(&self, seats: &Seats) {
+        loop {
+            let news = self.news.notified();
+            if self.is_called(seats, true, |_| true) {
+                return;
+            }
+            self.hunger.notify_one();
+            let _ = timeout_at(Instant::now() + LOOK, news).await;
+        }
+    }
+
+    /// Whether one of these jobs, and not the worker's own, calls it.
+    fn is_called(&self, seats: &Seats, is_idle: bool, which: impl Fn(&Place) -> bool) -> bool {
+        let mut others = self.open_places();
+        others.retain(|place| place.number != seats.now.job && !place.has_ended() && which(place));
+        let mut others = others.iter();
+        others.any(|place| place.call(seats.now, place.farm().openings(seats.at(place.number), is_idle)))
+    }
+
+    /// A sign of life, for the jobs that the worker may be called back to.
+    pub(crate) fn seen(&self, seats: &Seats) {
+        for Seat { job, worker } in &seats.before {
+            if let Some(place) = self.place(*job) {
+                place.farm().seen_away(*worker);
+            }
+        }
+    }
+}

@@ -1,0 +1,69 @@
+//! Which frames a scene has.
+
+use crate::files::Source;
+use crate::source::{self, Fault};
+use crate::time::{self, When};
+use crate::{ImportOptions, SceneError, SceneFile, assemble, is_gltf, is_mitsuba};
+use crate::{read_file, scene_file, snapshot, text_of};
+use beamfarm_image::bundle;
+use beamfarm_render::world::RenderDefaults;
+use std::path::Path;
+use toml::de::DeTable;
+
+/// A name of files with a frame in the place of its last run of `#`, which is as many digits at least.
+pub fn numbered(name: &str, frame: i64) -> String {
+    time::numbered(name, frame)
+}
+
+/// The first frame of a scene file and the last, as its `animation.frames` says; `None` where it has no frames. Nothing
+/// else of the scene is looked at.
+pub fn frames(path: &Path, options: &ImportOptions) -> Result<Option<[i64; 2]>, SceneError> {
+    if is_mitsuba(path) || is_gltf(path) {
+        return Ok(None);
+    }
+    let unreadable = |message: String| SceneError {
+        file: path.to_path_buf(),
+        line: None,
+        message,
+    };
+    let bytes = read_file(path, bundle::MAX_BYTES).map_err(unreadable)?;
+    let text = text_of(path, &bytes)?;
+    let edited = options.edits.apply(path, text)?;
+    let text = edited.as_deref().unwrap_or(text);
+    let found = DeTable::parse(text).map_err(Fault::from);
+    let found = found.and_then(|root| time::frames(root.get_ref()));
+    found.map_err(|fault| source::locate(path, text, &fault))
+}
+
+impl SceneFile {
+    /// What the scene file says of a job of it, without any of its assets.
+    pub fn defaults(&self) -> Result<RenderDefaults, SceneError> {
+        let source = Source::Bundle(&self.bundle);
+        let snapshot = snapshot(source, When::Middle)?;
+        let (file, text) = scene_file(source)?;
+        assemble::defaults(&snapshot.record.render).map_err(|fault| source::locate(file, text, &fault))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_scene_says_its_frames() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.toml");
+        let of = |text: &str| {
+            std::fs::write(&path, text).unwrap();
+            frames(&path, &ImportOptions::default())
+        };
+        assert_eq!(of("[animation]\nframes = [3, 48]\n").unwrap(), Some([3, 48]));
+        assert_eq!(of("[camera]\nfov = 3\n").unwrap(), None);
+        let said = of("[camera]\n[animation]\nframes = [3, 2]\n").unwrap_err();
+        assert_eq!(said.line, Some(3));
+        assert!(
+            said.message.contains("animation.frames: expected the first frame"),
+            "{said}"
+        );
+    }
+}

@@ -3,8 +3,8 @@
 use beamfarm_image::png::encode_rgb;
 use std::io::Cursor;
 
-/// A small one of a picture that [`write_png`](beamfarm_image::png::write_png) wrote, with the longer side at most `side`: means of squares of pixels, as
-/// they are encoded. `None` where it is no such picture.
+/// A small one of a picture as [`write_png`](beamfarm_image::png::write_png) writes it, with the longer side at most
+/// `side`: means of squares of pixels, as they are encoded. `None` where it is no such picture.
 pub(super) fn thumbnail(png: &[u8], side: u32) -> Option<Vec<u8>> {
     let mut reader = png::Decoder::new(Cursor::new(png)).read_info().ok()?;
     let mut data = vec![0; reader.output_buffer_size()?];

@@ -38,16 +38,7 @@ fn a_frame_begins_while_the_last_passes_of_the_one_before_are_out() {
     let args = ["render", "scene.toml", "--frames", "1-4", "-o", "f.#.exr"];
     let mut command = beamfarm(path, &args);
     // Long passes: what two workers have to say to the coordinator takes no time beside them.
-    command.args([
-        "--workers",
-        "2",
-        "--threads",
-        "1",
-        "--paths",
-        "150000",
-        "--log",
-        "debug",
-    ]);
+    command.args(["--workers", "2", "--threads", "1", "--paths", "40000", "--log", "debug"]);
     let output = output(command);
     let log = text(&output.stderr);
     assert!(output.status.success(), "{log}");
@@ -61,7 +52,7 @@ fn a_frame_begins_while_the_last_passes_of_the_one_before_are_out() {
     assert!(ahead.count() >= 2, "{log}");
     let all = report(&path.join("f.report.json"));
     for frame in 1..=4 {
-        let own = alone(path, frame, &["--paths", "150000"]);
+        let own = alone(path, frame, &["--paths", "40000"]);
         assert_eq!(of_frame(&all, frame)["pixels"], own, "frame {frame}");
     }
 }

@@ -61,8 +61,8 @@ impl<'a> AtWork<'a> {
         self.args.first_pass == 0
     }
 
-    /// Show and keep what there is, and write it when somebody asks, until no more passes are to be taken. Its time runs
-    /// from its turn on; `broken` says what had to keep running and does not.
+    /// Show and keep what there is, and write it when somebody asks, until no more passes are to be taken. Its time
+    /// runs from its turn on; `broken` says what had to keep running and does not.
     pub async fn until_it_stops(
         &self,
         turn: impl Future<Output = ()>,

@@ -250,6 +250,7 @@ mod tests {
             notes: Vec::new(),
             photon_rules: Vec::new(),
             motion: None,
+            has_frames: false,
             interrupt: Interrupt::default(),
         })
     }

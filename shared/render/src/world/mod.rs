@@ -90,10 +90,15 @@ impl Scene {
         let boxes: Vec<_> = (known.iter().zip(&description.objects))
             .map(|(known, object)| known.copied().unwrap_or_else(|| bounds(&object.shape)))
             .collect();
-        let same = previous.filter(|previous| known.len() == previous.boxes.len() && known.iter().all(Option::is_some));
+        let has_all_of = |previous: &&Self| {
+            known.len() == previous.boxes.len()
+                && known.iter().all(Option::is_some)
+                && previous.description.has_frames == description.has_frames
+        };
+        let same = previous.filter(has_all_of);
         let geometry = match same {
             Some(previous) => previous.geometry.shared(),
-            None => Geometry::in_boxes(&description.objects, &boxes),
+            None => Geometry::in_boxes(&description.objects, &boxes, description.has_frames),
         };
         let geometry = geometry.with_uv(has_uv.collect());
         let passable: Vec<bool> = description

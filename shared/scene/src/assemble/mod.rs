@@ -172,6 +172,7 @@ pub fn assemble(snapshot: &Snapshot, source: Source<'_>, kept: &mut Kept, space:
         notes: Vec::new(),
         photon_rules: Vec::new(),
         motion: None,
+        has_frames: snapshot.clock.is_given(),
         interrupt: Interrupt::default(),
     };
     Ok(Assembled {

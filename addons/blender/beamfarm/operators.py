@@ -9,6 +9,11 @@ from . import frame, told
 from .export import write_scene
 
 
+def _go_to(scene: bpy.types.Scene, time: float) -> None:
+    whole, subframe = frame.parts(time)
+    scene.frame_set(whole, subframe=subframe)
+
+
 class BEAMFARM_OT_export(bpy.types.Operator):
     """Write the scene of this frame as scene.toml into a folder, with its meshes and images beside it"""
 
@@ -27,7 +32,8 @@ class BEAMFARM_OT_export(bpy.types.Operator):
         depsgraph = context.evaluated_depsgraph_get()
         scene = depsgraph.scene_eval
         try:
-            result = write_scene(depsgraph, folder, frame.export_settings(scene, frame.of_scene(scene)))
+            settings = frame.export_settings(scene, frame.of_scene(scene))
+            result = write_scene(depsgraph, folder, settings, lambda time: _go_to(context.scene, time))
         except (ValueError, OSError) as error:
             self.report({"ERROR"}, f"The scene cannot be written: {error}")
             return {"CANCELLED"}

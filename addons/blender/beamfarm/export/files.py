@@ -27,6 +27,12 @@ class Files:
             partial.replace(target)
         return path
 
+    def drop(self, path):
+        """Removes a file that this object wrote and that no scene takes after all."""
+        self.used.discard(path)
+        if path not in self.kept:
+            (self.folder / path).unlink(missing_ok=True)
+
     def use(self, path):
         """Marks a file that was written before as one of this scene."""
         self.used.add(path)

@@ -1,5 +1,8 @@
 """Evaluated meshes as binary PLY files."""
 
+import hashlib
+from dataclasses import dataclass
+
 import numpy as np
 
 
@@ -10,11 +13,18 @@ class MeshArrays:
         mesh.calc_loop_triangles()
         self.mesh = mesh
         triangles = mesh.loop_triangles
-        self.positions = _read(mesh.vertices, "co", np.float32, 3)
+        self.positions = positions_of(mesh)
         self.corners = _read(triangles, "loops", np.int32, 3)
         self.slots = _read(triangles, "material_index", np.int32)
         self.vertex_of = _read(mesh.loops, "vertex_index", np.int32)
         self._normals = None
+
+    def triangulation(self):
+        """The same for meshes that have the same triangles in the same order, and normals in both or in none."""
+        digest = hashlib.blake2b(self.corners.tobytes(), digest_size=16)
+        for numbers in (self.vertex_of, self.slots):
+            digest.update(numbers.tobytes())
+        return digest.digest(), len(self.positions), self.mesh.normals_domain == "FACE"
 
     def normals(self):
         """Shading normals of corners, or None where every face is flat."""
@@ -58,6 +68,11 @@ class MeshArrays:
         return black
 
 
+def positions_of(mesh):
+    """Places of its vertices."""
+    return _read(mesh.vertices, "co", np.float32, 3)
+
+
 # Field of an attribute's data, its kind and how many numbers it has.
 NUMBERS = {
     "FLOAT_COLOR": ("color", np.float32, 4),
@@ -82,6 +97,24 @@ def ply(arrays, slot, uv_name=None, attribute=None):
 
     Vertices are split where corners differ. `attribute`: what becomes the colours of vertices, None for no colours.
     """
+    corners = corners_of(arrays, slot, uv_name, attribute)
+    return None if corners is None else plys([corners])[0]
+
+
+@dataclass
+class Corners:
+    """What the corners of triangles hold."""
+
+    columns: list
+    """Names of the numbers of each."""
+    records: np.ndarray
+    """One row for each corner, three for each triangle."""
+    vertex_of: np.ndarray
+    """The mesh's vertex of each."""
+
+
+def corners_of(arrays, slot, uv_name=None, attribute=None):
+    """`Corners` of a slot's triangles (of all for None), or None where it has none."""
     chosen = np.arange(len(arrays.corners)) if slot is None else np.flatnonzero(arrays.slots == slot)
     corners = arrays.corners[chosen]
     if len(corners) == 0:
@@ -101,8 +134,19 @@ def ply(arrays, slot, uv_name=None, attribute=None):
         columns.append(("red", "green", "blue"))
         values.append(arrays.colors(attribute, loops, chosen))
     records = np.ascontiguousarray(np.concatenate(values, axis=1), dtype="<f4")
-    vertices, indices = _weld(records, arrays.vertex_of[loops])
-    return _encode([name for group in columns for name in group], vertices, indices.reshape(-1, 3))
+    return Corners([name for group in columns for name in group], records, arrays.vertex_of[loops])
+
+
+def plys(series):
+    """Bytes of PLY files of one mesh at several times, `Corners` of the same triangles: all have the same vertices."""
+    width = len(series[0].columns)
+    beside = np.concatenate([corners.records for corners in series], axis=1) if len(series) > 1 else series[0].records
+    vertices, indices = _weld(beside, series[0].vertex_of)
+    triangles = indices.reshape(-1, 3)
+    return [
+        _encode(corners.columns, np.ascontiguousarray(vertices[:, k * width : (k + 1) * width]), triangles)
+        for k, corners in enumerate(series)
+    ]
 
 
 def _weld(records, vertex_of):

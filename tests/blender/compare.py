@@ -110,17 +110,25 @@ def with_cycles(folder, runs=RUNS, times=None):
     """`times`: where it blurs no motion, the mean of stills at these."""
     scene = bpy.context.scene
     images = []
-    for seed in range(runs):
+    for _ in range(runs):
+        if times is None:
+            images.append(_of_cycles(folder, len(images) + 1))
+            continue
+        scene.render.use_motion_blur = False
         stills = []
-        for time in times or [None]:
-            if time is not None:
-                go_to(time)
-            scene.cycles.seed = len(images) * len(times or [None]) + len(stills) + 1
-            scene.render.filepath = str(folder / f"cycles-{seed}.exr")
-            bpy.ops.render.render(write_still=True)
-            stills.append(read(scene.render.filepath))
+        for time in times:
+            go_to(time)
+            stills.append(_of_cycles(folder, len(images) * len(times) + len(stills) + 1))
         images.append(np.mean(stills, 0))
     return Estimate.of(images)
+
+
+def _of_cycles(folder, seed):
+    scene = bpy.context.scene
+    scene.cycles.seed = seed
+    scene.render.filepath = str(folder / f"cycles-{seed}.exr")
+    bpy.ops.render.render(write_still=True)
+    return read(scene.render.filepath)
 
 
 @dataclass

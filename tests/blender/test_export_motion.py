@@ -1,7 +1,8 @@
 """What moves while the shutter is open, against Cycles with the same shutter.
 
 Cycles blurs no lights, colours or materials: for those the truth is the mean of its stills at the middles of equal parts
-of the time. Pictures may differ by what `compare.check` allows.
+of the time. Pictures may differ by what `compare.check` allows: means by 1 % and 3 standard errors, blocks by 5 standard
+errors, 4 % of the block and 2 % of the mean.
 """
 
 import math
@@ -27,15 +28,12 @@ def room(shutter=1.0, position="START"):
     return scene
 
 
-def moves(block, path, *values, frames=(1, 2), index=-1):
-    """Straight keys of a property."""
-    for frame, value in zip(frames, values):
-        if path.startswith('["') or index == -1 and not isinstance(value, (tuple, list)):
-            setattr(block, path, value)
-        else:
-            setattr(block, path, value)
+def moves(block, path, *values):
+    """Straight keys of a property, from frame 1 on."""
+    for frame, value in enumerate(values, start=1):
+        setattr(block, path, value)
         block.keyframe_insert(path, frame=frame)
-    straighten(block)
+    straighten(block.id_data)
     bpy.context.scene.frame_set(1)
 
 
@@ -121,13 +119,7 @@ class Blur(unittest.TestCase):
         for point in key.data:
             point.co.x += 1.5 * (point.co.z + 0.5)
             point.co.z *= 0.6
-        moves(key, "value", 0.0, 1.0) if False else None
-        keys = ball.data.shape_keys
-        for frame, value in ((1, 0.0), (2, 1.0)):
-            key.value = value
-            key.keyframe_insert("value", frame=frame)
-        straighten(keys)
-        bpy.context.scene.frame_set(1)
+        moves(key, "value", 0.0, 1.0)
         result = self.check("a mesh that deforms")
         self.assertIn("toward", result.text)
 
@@ -147,7 +139,8 @@ class Blur(unittest.TestCase):
             if k:
                 moves(empty, "location", (-0.6, -0.2, 0.0), (0.6, -0.2, 0.3))
         result = self.check("instances")
-        self.assertEqual(result.text.count("keys"), 2 if "transforms" not in result.text else result.text.count("keys"))
+        # Two balls, each in one of the two collections' instances.
+        self.assertEqual(result.text.count("keys ="), 2)
 
     def test_lights_that_move(self):
         for kind, energy, values in (
@@ -173,12 +166,7 @@ class Blur(unittest.TestCase):
         moves(light.data, "color", (1.0, 0.2, 0.1), (0.1, 0.3, 1.0))
         world = bpy.context.scene.world.node_tree
         world.nodes["Background"].inputs["Color"].default_value = (0.5, 0.6, 0.7, 1.0)
-        strength = world.nodes["Background"].inputs["Strength"]
-        for frame, value in ((1, 0.0), (2, 0.4)):
-            strength.default_value = value
-            strength.keyframe_insert("default_value", frame=frame)
-        straighten(world)
-        bpy.context.scene.frame_set(1)
+        moves(world.nodes["Background"].inputs["Strength"], "default_value", 0.0, 0.4)
         self.check("light that changes", times=middles())
 
     def test_materials_that_change(self):
@@ -193,11 +181,7 @@ class Blur(unittest.TestCase):
             (glow, "EMISSION", "Strength", (0.0, 4.0)),
         ):
             socket = next(node for node in owner.node_tree.nodes if node.type == kind).inputs[name]
-            for frame, value in zip((1, 2), values):
-                socket.default_value = value
-                socket.keyframe_insert("default_value", frame=frame)
-            straighten(owner.node_tree)
-        bpy.context.scene.frame_set(1)
+            moves(socket, "default_value", *values)
         self.check("materials that change", times=middles())
 
 

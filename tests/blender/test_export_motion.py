@@ -142,6 +142,31 @@ class Blur(unittest.TestCase):
         # Two balls, each in one of the two collections' instances.
         self.assertEqual(result.text.count("keys ="), 2)
 
+    def test_instances_of_points(self):
+        room()
+        lamp()
+        red = scenes.diffuse("Red", (0.8, 0.3, 0.2))
+        bar = scenes.cube("Bar", 0.4, material=red)
+        bar.scale = (1.0, 0.3, 0.3)
+        points = scenes.mesh("Points", [(-1.0, 0.0, 0.0), (0.0, 0.5, 0.0), (1.0, 0.0, 0.2)], [])
+        node = points.modifiers.new("Nodes", "NODES")
+        node.node_group = tree = bpy.data.node_groups.new("Copies", "GeometryNodeTree")
+        tree.interface.new_socket("Geometry", in_out="INPUT", socket_type="NodeSocketGeometry")
+        tree.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
+        kinds = ("NodeGroupInput", "GeometryNodeInstanceOnPoints", "GeometryNodeObjectInfo", "NodeGroupOutput")
+        start, copies, of_bar, end = (tree.nodes.new(kind) for kind in kinds)
+        of_bar.inputs["Object"].default_value, of_bar.transform_space = bar, "ORIGINAL"
+        of_bar.inputs["As Instance"].default_value = True
+        tree.links.new(start.outputs[0], copies.inputs["Points"])
+        tree.links.new(of_bar.outputs["Geometry"], copies.inputs["Instance"])
+        tree.links.new(copies.outputs[0], end.inputs[0])
+        moves(copies.inputs["Rotation"], "default_value", Euler((0.0, 0.0, 0.0)), Euler((0.0, 0.0, 1.5)))
+        bar.location, points.location = (0.0, 0.0, -2.0), (0.0, 0.0, 0.4)
+        points.cycles.motion_steps = bar.cycles.motion_steps = 2
+        result = self.check("instances of points")
+        self.assertIn("transforms = { keys", result.text)
+        self.assertEqual(result.text.count("keys ="), 1)
+
     def test_lights_that_move(self):
         for kind, energy, values in (
             ("POINT", 60.0, {"shadow_soft_size": 0.2, "use_soft_falloff": False}),
@@ -163,7 +188,8 @@ class Blur(unittest.TestCase):
         room()
         light = scenes.light("POINT", (0.5, 0.3, 2.0), 50.0, shadow_soft_size=0.0, use_soft_falloff=False)
         moves(light.data, "energy", 0.0, 80.0)
-        moves(light.data, "color", (1.0, 0.2, 0.1), (0.1, 0.3, 1.0))
+        other = scenes.light("POINT", (-1.0, -0.3, 1.0), 20.0, shadow_soft_size=0.1, use_soft_falloff=False)
+        moves(other.data, "color", (1.0, 0.2, 0.1), (0.1, 0.3, 1.0))
         world = bpy.context.scene.world.node_tree
         world.nodes["Background"].inputs["Color"].default_value = (0.5, 0.6, 0.7, 1.0)
         moves(world.nodes["Background"].inputs["Strength"], "default_value", 0.0, 0.4)

@@ -5,7 +5,7 @@ import math
 from mathutils import Matrix, Quaternion, Vector
 
 # What a field is where a table does not have it.
-DEFAULTS = {"opacity": 1.0, "scale": 1.0, "principal_point": [0.0, 0.0]}
+DEFAULTS = {"opacity": 1.0, "scale": 1.0, "principal_point": [0.0, 0.0], "transform": []}
 # Directions go along chords between keys: no two of these are further apart, so that a turn is one at an even speed.
 FINE = math.radians(5.0)
 

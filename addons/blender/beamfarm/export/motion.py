@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 
 from mathutils import Matrix
 
-from .keys import on_its_way, over_time, turning
+from .keys import keys, on_its_way, over_time, turning
 from .meshes import MeshArrays
 from .names import Names
 from .transforms import matrix_step
@@ -41,7 +41,8 @@ def motion_of(object, parent=None):
     """(motion steps, 0 for none; whether what the vertices do is blurred) of an object, or of an instance by `parent`."""
     steps, deforms = 1, True
     for each in (object, parent):
-        settings = getattr(each, "cycles", None)
+        # The copy that is evaluated may have them as they were before a change.
+        settings = None if each is None else getattr(each.original, "cycles", None)
         if settings is None:
             continue
         if not getattr(settings, "use_motion_blur", True):
@@ -211,21 +212,21 @@ class _Keys:
             return own
         what = f"'{own['name']}'"
         if "transforms" in own:
-            inner = {"shape": dict(own["shape"])}
-            inner["transforms"] = [self._place(what, times, key, {"transform": steps})
-                                   for key, steps in zip(source.keys, own["transforms"])]
-            table = own | inner
+            places = [self._places(what, times, key, steps) for key, steps in zip(source.keys, own["transforms"])]
+            table = own | {"transforms": keys(times, [list(at_time) for at_time in zip(*places)])}
             return self._deforming(what, source, times, table, table["shape"])
         table = self._over_time(what, times, [self.reads[time].part(source.keys[0]) for time in times], own)
         if source.within is not None and table["transform"] != own["transform"]:
             table = table | {"transform": _around(table["transform"], source.within)}
         return self._deforming(what, source, times, table, table)
 
-    def _place(self, what, times, key, own):
-        """Transform of one of the instances."""
-        found = [self.reads[time].part(key) for time in times]
-        places = [part and {"transform": part["transform"]} for part in found]
-        return self._over_time(what, times, places, own)["transform"]
+    def _places(self, what, times, key, own):
+        """Transforms of one of the instances at these times."""
+        moved = self._over_time(
+            what, times, [(part := self.reads[time].part(key)) and {"transform": part["transform"]} for time in times],
+            {"transform": own},
+        )["transform"]
+        return [steps for _, steps in moved["keys"]] if isinstance(moved, dict) else [moved] * len(times)
 
     def _over_time(self, what, times, values, own):
         if not times:
@@ -280,8 +281,8 @@ def _lit(tables):
 def _around(transform, within):
     """The same keys, with the matrix that comes before the object's by itself: the object's is what is interpolated."""
     inverse = within.inverted()
-    keys = [
-        [time, [matrix_step(within), matrix_step(Matrix(steps[0]["matrix"]) @ inverse)]] for time, steps in
-        transform["keys"]
+    both = [
+        [time, [matrix_step(within), matrix_step(Matrix(steps[0]["matrix"]) @ inverse)]]
+        for time, steps in transform["keys"]
     ]
-    return transform | {"keys": keys}
+    return transform | {"keys": both}

@@ -120,6 +120,7 @@ def read_world(context):
     reader = WorldReader(context, owner)
     emission = reader.surface(Place(output.inputs["Surface"])).emission
     if emission is None:
+        _add(context, world, owner, [0.0, 0.0, 0.0])
         return
     if emission.special is not None:
         context.report.leave_out(f"a texture of {owner} that is no image")

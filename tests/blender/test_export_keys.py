@@ -1,6 +1,7 @@
 """What gets keys while the shutter is open, and what does not. No renderer is needed."""
 
 import math
+import re
 import tempfile
 import tomllib
 import unittest
@@ -98,20 +99,23 @@ class Keys(unittest.TestCase):
         self.assertTrue(any("comes or goes" in note for note in result.notes), result.notes)
 
     def test_only_files_of_the_scene_are_left(self):
-        room()
-        ball = scenes.ball("Ball", 0.5, material=scenes.diffuse("Red"), segments=8)
-        ball.shape_key_add(name="Basis")
-        key = ball.shape_key_add(name="Long")
-        key.data[0].co.z += 1.0
-        moves(key, "value", 0.0, 1.0)
-        with tempfile.TemporaryDirectory() as folder:
-            depsgraph = bpy.context.evaluated_depsgraph_get()
-            result = write_scene(depsgraph, folder, ExportSettings(64, 48), compare.go_to)
-            text = result.scene.read_text()
-            files = [path.name for path in result.scene.parent.glob("meshes/*")]
-        # The floor, and the ball at three times.
-        self.assertEqual(len(files), 4)
-        self.assertTrue(all(name in text for name in files))
+        for position in ("START", "CENTER", "END"):
+            with self.subTest(position):
+                room(position=position)
+                ball = scenes.ball("Ball", 0.5, material=scenes.diffuse("Red"), segments=8)
+                ball.shape_key_add(name="Basis")
+                key = ball.shape_key_add(name="Long")
+                key.slider_min, key.slider_max = -2.0, 2.0
+                key.data[0].co.z += 1.0
+                moves(key, "value", 0.0, 1.0)
+                with tempfile.TemporaryDirectory() as folder:
+                    depsgraph = bpy.context.evaluated_depsgraph_get()
+                    result = write_scene(depsgraph, folder, ExportSettings(64, 48), compare.go_to)
+                    named = set(re.findall(r"meshes/[^\"]+", result.scene.read_text()))
+                    files = {f"meshes/{path.name}" for path in result.scene.parent.glob("meshes/*")}
+                # The floor, and the ball at three times.
+                self.assertEqual(len(files), 4)
+                self.assertEqual(files, named)
 
     def test_a_mesh_goes_by_all_of_its_files(self):
         times = [0.0, 0.25, 0.5, 0.75, 1.0]

@@ -1,8 +1,8 @@
 """What moves while the shutter is open, against Cycles with the same shutter.
 
-Cycles blurs no lights, colours or materials: for those the truth is the mean of its stills at the middles of equal parts
-of the time. Pictures may differ by what `compare.check` allows: means by 1 % and 3 standard errors, blocks by 5 standard
-errors, 4 % of the block and 2 % of the mean.
+Cycles blurs no lights, colours or materials: for those the truth is the mean of its stills at the middles of equal
+parts of the time. Pictures may differ by what `compare.check` allows: means by 1 % and 3 standard errors, blocks by 5
+standard errors, 4 % of the block and 2 % of the mean.
 """
 
 import math

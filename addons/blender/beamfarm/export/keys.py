@@ -67,8 +67,8 @@ def _transform(times, values, own, tell):
 
 
 def turning(times, tables):
-    """(times, tables) with more times between, where what looks from `origin` or `position` to `target`, or shines along
-    `direction`, turns by much from one to the next: as it turns at an even speed. All else goes straight."""
+    """(times, tables) with more times between, where what looks from `origin` or `position` to `target`, or shines
+    along `direction`, turns by much from one to the next: as it turns at an even speed. All else goes straight."""
     finer, filled = times[:1], tables[:1]
     for k in range(1, len(times)):
         before, after = tables[k - 1], tables[k]

@@ -38,7 +38,7 @@ def shutter_of(depsgraph):
 
 
 def motion_of(object, parent=None):
-    """(motion steps, 0 for none; whether what the vertices do is blurred) of an object, or of an instance by `parent`."""
+    """(motion steps, 0 for none; whether what the vertices do is blurred) of an object, or of an instance of `parent`."""
     steps, deforms = 1, True
     for each in (object, parent):
         # The copy that is evaluated may have them as they were before a change.
@@ -184,7 +184,7 @@ class _Keys:
             tables[kind] = {name: self._named(kind, name, table) for name, table in own[kind].items()}
         for kind in ("shapes", "lights"):
             tables[kind] = [self._part(table) for table in own[kind]]
-        taken = repr([shape.get("shape", shape).get("file") for shape in tables["shapes"]])
+        taken = repr(tables["shapes"])
         for path in self.replaced:
             if path not in taken:
                 self.context.files.drop(path)
@@ -242,8 +242,10 @@ class _Keys:
         index = finer.index(self.shutter.frame)
 
         def tell(field):
-            report.note(f"{what}: how {field or 'it'} changes while the shutter is open has nothing between: it is as at "
-                        "the frame's own time")
+            report.note(
+                f"{what}: how {field or 'it'} changes while the shutter is open has nothing between: it is as at the "
+                "frame's own time"
+            )
 
         merged = over_time(finer, filled, index, tell)
         return own if merged == own else merged
@@ -272,7 +274,9 @@ class _Keys:
 def _lit(tables):
     """Shapes that do not shine at some of the times shine with nothing there."""
     shining = [table for table in tables if "emission" in table]
-    if not shining or len(shining) == len(tables) or isinstance(shining[0]["emission"].get("radiance"), (dict, type(None))):
+    if not shining or len(shining) == len(tables):
+        return tables
+    if isinstance(shining[0]["emission"].get("radiance"), (dict, type(None))):
         return tables
     dark = shining[0]["emission"] | {"radiance": 0.0}
     return [table if "emission" in table else table | {"emission": dark} for table in tables]

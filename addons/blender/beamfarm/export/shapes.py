@@ -106,7 +106,8 @@ class Shapes:
             transform = steps(placed.matrix)
             if transform:
                 shape["transform"] = transform
-            context.add_shape(placed, shape, ("mesh", index), geometry=group.geometry, variant=_variant(group, index, found))
+            source = {"geometry": group.geometry, "variant": _variant(group, index, found)}
+            context.add_shape(placed, shape, ("mesh", index), **source)
 
     def _shines_inside(self, group, placed):
         """Whether what shines does so to both sides, as all does in Cycles: not where nobody can see the inside."""

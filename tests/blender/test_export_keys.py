@@ -76,14 +76,14 @@ class Keys(unittest.TestCase):
         scene.camera = first
         self.assertNotIn("keys", exported(text=True))
 
-    def test_other_triangles_are_told(self):
+    def test_other_polygons_are_told(self):
         scene = room()
         ball = scenes.ball("Ball", 0.5, material=scenes.diffuse("Red"), segments=8)
         modifier = ball.modifiers.new("Build", "BUILD")
         modifier.frame_start, modifier.frame_duration = 1, 10
         scene.frame_set(4)
         _, result = exported()
-        self.assertTrue(any("other triangles" in note for note in result.notes), result.notes)
+        self.assertTrue(any("other polygons" in note for note in result.notes), result.notes)
         self.assertNotIn("keys", result.text)
 
     def test_what_comes_or_goes_is_told(self):

@@ -13,10 +13,11 @@ class Deforming:
         self.name = name
         self.moves = {}
         """By time a dict of `meshes.Corners` by what goes into a file: slot, UV map, attribute."""
-        self.has_other_triangles = False
+        self.has_other_polygons = False
         self._positions = arrays.positions
         self._polygons = len(arrays.mesh.polygons)
-        self._triangulation = arrays.triangulation()
+        self._triangles = arrays.corners, arrays.slots
+        self._topology = arrays.topology()
         self._contents = {}
 
     def meet(self, mesh, time, variants):
@@ -24,18 +25,19 @@ class Deforming:
         if len(mesh.polygons) == self._polygons and np.array_equal(positions_of(mesh), self._positions):
             return
         arrays = MeshArrays(mesh)
-        if arrays.triangulation() != self._triangulation:
-            self.has_other_triangles = True
+        if arrays.topology() != self._topology:
+            self.has_other_polygons = True
             return
         self.keep(arrays, time, variants)
 
     @property
     def moves_at_all(self):
         """Whether there is something to be blurred."""
-        return bool(self.moves) and not self.has_other_triangles
+        return bool(self.moves) and not self.has_other_polygons
 
     def keep(self, arrays, time, variants):
         """Keeps how the mesh is at a time."""
+        arrays.triangulate_as(*self._triangles)
         self.moves[time] = {variant: corners_of(arrays, *variant) for variant in variants}
 
     def paths(self, files, variant, times, own):

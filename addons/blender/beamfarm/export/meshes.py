@@ -19,12 +19,15 @@ class MeshArrays:
         self.vertex_of = _read(mesh.loops, "vertex_index", np.int32)
         self._normals = None
 
-    def triangulation(self):
-        """The same for meshes that have the same triangles in the same order, and normals in both or in none."""
-        digest = hashlib.blake2b(self.corners.tobytes(), digest_size=16)
-        for numbers in (self.vertex_of, self.slots):
-            digest.update(numbers.tobytes())
+    def topology(self):
+        """The same for meshes that have the same polygons in the same order, and normals in both or in none."""
+        digest = hashlib.blake2b(self.vertex_of.tobytes(), digest_size=16)
+        digest.update(_read(self.mesh.polygons, "loop_start", np.int32).tobytes())
         return digest.digest(), len(self.positions), self.mesh.normals_domain == "FACE"
+
+    def triangulate_as(self, corners, slots):
+        """Takes the triangles of a mesh of the same topology: how Blender cuts a polygon depends on its shape."""
+        self.corners, self.slots = corners, slots
 
     def normals(self):
         """Shading normals of corners, or None where every face is flat."""

@@ -255,8 +255,8 @@ class _Keys:
         deforming = source.geometry and source.geometry.deforming
         if not deforming or not source.deforms:
             return table
-        if deforming.has_other_triangles:
-            self.context.report.note(f"{what} has other triangles at other times: its shape is not blurred")
+        if deforming.has_other_polygons:
+            self.context.report.note(f"{what} has other polygons at other times: its shape is not blurred")
             return table
         if not deforming.moves:
             return table

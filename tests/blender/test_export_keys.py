@@ -147,11 +147,16 @@ class Keys(unittest.TestCase):
 
     def test_what_has_nothing_between_is_told(self):
         said = []
-        self.assertEqual(over_time([0.0, 1.0], [{"type": "a"}, {"type": "b"}], 0, said.append), {"type": "a"})
+
+        def otherwise(values, field):
+            said.append(field)
+            return values[0]
+
+        self.assertEqual(over_time([0.0, 1.0], [{"type": "a"}, {"type": "b"}], otherwise), {"type": "a"})
         self.assertEqual(said, ["type"])
-        grey = over_time([0.0, 1.0], [0.5, [0.1, 0.2, 0.3]], 0, said.append)
+        grey = over_time([0.0, 1.0], [0.5, [0.1, 0.2, 0.3]], otherwise)
         self.assertEqual(grey, {"keys": [[0.0, 0.5], [1.0, [0.1, 0.2, 0.3]]]})
-        faded = over_time([0.0, 1.0], [{}, {"opacity": 0.5}], 0, said.append)
+        faded = over_time([0.0, 1.0], [{}, {"opacity": 0.5}], otherwise)
         self.assertEqual(faded, {"opacity": {"keys": [[0.0, 1.0], [1.0, 0.5]]}})
 
     def test_instances_move_by_themselves(self):

@@ -15,13 +15,17 @@ def _go_to(scene: bpy.types.Scene, time: float) -> None:
 
 
 class BEAMFARM_OT_export(bpy.types.Operator):
-    """Write the scene of this frame as scene.toml into a folder, with its meshes and images beside it"""
+    """Write the scene as scene.toml into a folder, with its meshes and images beside it"""
 
     bl_idname = "export_scene.beamfarm"
     bl_label = "Export beamfarm scene"
 
     directory: StringProperty(name="Folder", subtype="DIR_PATH")
     filter_folder: BoolProperty(default=True, options={"HIDDEN"})
+    all_frames: BoolProperty(
+        name="All Frames",
+        description="One scene of all frames from the first to the last, not of this one alone",
+    )
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
         context.window_manager.fileselect_add(self)
@@ -33,7 +37,9 @@ class BEAMFARM_OT_export(bpy.types.Operator):
         scene = depsgraph.scene_eval
         try:
             settings = frame.export_settings(scene, frame.of_scene(scene))
-            result = write_scene(depsgraph, folder, settings, lambda time: _go_to(context.scene, time))
+            result = write_scene(
+                depsgraph, folder, settings, lambda time: _go_to(context.scene, time), self.all_frames
+            )
         except (ValueError, OSError) as error:
             self.report({"ERROR"}, f"The scene cannot be written: {error}")
             return {"CANCELLED"}

@@ -77,7 +77,7 @@ class Context:
     """Names of shapes and lights by `session_uid` of the object that they come from."""
 
     motion: object = None
-    """`motion.Moment`: set where the scene is read at several times."""
+    """`motion.Moment`, where the scene is read at several times."""
     sources: dict = field(default_factory=dict)
     """`Source` by `id` of a table of shapes or lights."""
     counts: dict = field(default_factory=dict)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from .meshes import MeshArrays, corners_of, plys, positions_of
+from .meshes import MeshArrays, corners_of, ply_of, plys, positions_of
 from .names import file_name
 
 
@@ -18,34 +18,53 @@ class Deforming:
         self._polygons = len(arrays.mesh.polygons)
         self._triangles = arrays.corners, arrays.slots
         self._topology = arrays.topology()
-        self._contents = {}
+        self._paths = {}
 
-    def meet(self, mesh, time, variants):
-        """Looks at the mesh at another time than the frame's own."""
+    def meet(self, mesh, time, variants, is_long):
+        """Looks at the mesh at another time than its own. `is_long`: there are many times, and any polygons will do."""
         if len(mesh.polygons) == self._polygons and np.array_equal(positions_of(mesh), self._positions):
             return
         arrays = MeshArrays(mesh)
-        if arrays.topology() != self._topology:
-            self.has_other_polygons = True
+        if arrays.topology() == self._topology:
+            self.keep(arrays, time, variants, is_long)
             return
-        self.keep(arrays, time, variants)
+        self.has_other_polygons = True
+        if is_long:
+            self._keep(arrays, time, variants, is_long)
 
-    @property
-    def moves_at_all(self):
-        """Whether there is something to be blurred."""
-        return bool(self.moves) and not self.has_other_polygons
-
-    def keep(self, arrays, time, variants):
-        """Keeps how the mesh is at a time."""
+    def keep(self, arrays, time, variants, is_long):
+        """Keeps how the mesh is at a time at which it has the same polygons."""
         arrays.triangulate_as(*self._triangles)
-        self.moves[time] = {variant: corners_of(arrays, *variant) for variant in variants}
+        self._keep(arrays, time, variants, is_long)
+
+    def _keep(self, arrays, time, variants, is_long):
+        kept = {variant: corners_of(arrays, *variant) for variant in variants}
+        if is_long:
+            for corners in kept.values():
+                if corners is not None:
+                    corners.put_aside()
+        self.moves[time] = kept
 
     def paths(self, files, variant, times, own):
-        """Files of the mesh at these times; `own` is the frame's, at which it was kept as well."""
-        if variant not in self._contents:
+        """Files of the mesh at these times; `own` is the span's, at which it was kept as well."""
+        if variant not in self._paths:
+            kept = {time: self.moves[time][variant] for time in sorted(self.moves)}
+            there = {time: corners for time, corners in kept.items() if corners is not None}
+            if self.has_other_polygons:
+                contents = (ply_of(corners) for corners in there.values())
+            else:
+                contents = plys(list(there.values()))
+            stem = file_name(self.name)
+            self._paths[variant] = {
+                time: files.put("meshes", stem, ".ply", content) for time, content in zip(there, contents)
+            }
+        of_time = self._paths[variant]
+        return [of_time.get(time, of_time[own]) for time in times]
+
+    def sequence(self, files, variant, times, own):
+        """Name of the files of all these frames, with #### in the place of the number."""
+        if variant not in self._paths:
             kept = sorted(self.moves)
-            contents = plys([self.moves[time][variant] for time in kept])
-            self._contents[variant] = dict(zip(kept, contents))
-        of_time = self._contents[variant]
-        stem = file_name(self.name)
-        return [files.put("meshes", stem, ".ply", of_time.get(time, of_time[own])) for time in times]
+            contents = zip(kept, plys([self.moves[time][variant] for time in kept]))
+            self._paths[variant] = files.put_frames("meshes", file_name(self.name), ".ply", contents, times, own)
+        return self._paths[variant]

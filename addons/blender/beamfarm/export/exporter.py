@@ -10,11 +10,12 @@ from .files import Files
 from .groups import add_light_groups
 from .lights import add_light
 from .links import add_rules
-from .motion import blurred, motion_of, shutter_of
+from .motion import moving
 from .pictures import Pictures
 from .points import add_points
 from .report import Report
 from .shapes import Shapes
+from .spans import Exposure, Frames
 from .visibility import rays
 from .volumes import add_volume
 from .world import name_world_medium, read_world
@@ -46,14 +47,15 @@ class Exporter:
         self._slots = {}
         self._geometries = {}
 
-    def write(self, depsgraph, settings, go_to=None):
+    def write(self, depsgraph, settings, go_to=None, all_frames=False):
         """Writes the scene as `settings` ask for it, all anew.
 
         `go_to`: function of a time in frames that takes the depsgraph there; with it there is motion blur, where the
-        scene asks for it. In the end it is called with the time at which the scene was found.
+        scene asks for it. In the end it is called with the time at which the scene was found. `all_frames`: one scene
+        of all frames, not of this one alone.
         """
         self._slots, self._geometries = {}, {}
-        return self._write(depsgraph, settings, go_to)
+        return self._write(depsgraph, settings, go_to, all_frames)
 
     def update(self, depsgraph, settings=None):
         """Writes the scene again after a change: geometry and materials that the depsgraph calls changed, and places.
@@ -69,18 +71,17 @@ class Exporter:
             self._slots = {}
         return self._write(depsgraph, settings or self.settings)
 
-    def _write(self, depsgraph, settings, go_to=None):
+    def _write(self, depsgraph, settings, go_to=None, all_frames=False):
         self.settings = settings
         self.folder.mkdir(parents=True, exist_ok=True)
         context = Context(
             depsgraph, depsgraph.scene_eval, settings, self.files, self.pictures, Report(), self._slots,
             self._geometries,
         )
-        shutter = None if go_to is None else shutter_of(depsgraph)
-        if shutter is None:
-            tables = _read(context)
-        else:
-            tables = blurred(context, shutter, go_to, _read)
+        span = None
+        if go_to is not None:
+            span = (Frames if all_frames else Exposure).of(depsgraph)
+        tables = _read(context) if span is None else moving(context, span, go_to, _read)
         _say_of_scene(context, go_to is not None)
         path = self.folder / "scene.toml"
         partial = path.with_name("scene.toml.part")
@@ -137,7 +138,7 @@ def _add_objects(context):
         key = (uid, *(() if parent is None else (instancer, *instance.persistent_id)))
         placed = Placed(object, object.name, uid, key, instance.matrix_world.copy(), instancer)
         if context.motion is not None:
-            placed.steps, placed.deforms = motion_of(object, parent)
+            placed.steps, placed.deforms = context.motion.steps_of(object, parent, context.report)
         if object.type == "LIGHT":
             add_light(placed, context)
         elif object.type not in MADE_OF_CURVES:

@@ -18,27 +18,28 @@ def keys(times, values, interpolation=None):
     return table if interpolation is None else table | {"interpolation": interpolation}
 
 
-def over_time(times, values, own, tell, field=""):
-    """What stands for `values` at `times`. Where there is nothing between two of them, it is the one at index `own`,
-    and `tell` is called with the name of the field."""
-    if all(value == values[own] for value in values):
-        return values[own]
+def over_time(times, values, otherwise, field=""):
+    """What stands for `values` at `times`. Where there is nothing between two of them, it is what `otherwise` makes of
+    the values and the name of the field."""
+    if all(value == values[0] for value in values):
+        return values[0]
     if field == "transform":
-        return _transform(times, values, own, tell)
+        return _transform(times, values, otherwise)
     if all(isinstance(value, dict) for value in values):
         names = set().union(*values)
         if all(name in value or name in DEFAULTS for value in values for name in names):
-            order = [*values[own], *sorted(names - set(values[own]))]
+            order = [*values[0], *sorted(names - set(values[0]))]
             return {
-                name: over_time(times, [value.get(name, DEFAULTS.get(name)) for value in values], own, tell, name)
+                name: over_time(times, [value.get(name, DEFAULTS.get(name)) for value in values], otherwise, name)
                 for name in order
             }
     elif _are_numbers(values):
         return keys(times, values)
     elif all(isinstance(value, list) for value in values) and len({len(value) for value in values}) == 1:
-        return [over_time(times, list(items), own, tell, field) for items in zip(*values)]
-    tell(field)
-    return values[own]
+        items = values[0] and not any(isinstance(item, str) for value in values for item in value)
+        if items:
+            return [over_time(times, list(items), otherwise, field) for items in zip(*values)]
+    return otherwise(values, field)
 
 
 def _are_numbers(values):
@@ -56,14 +57,20 @@ def _are_numbers(values):
 IDENTITY = [{"matrix": [[float(row == column) for column in range(4)] for row in range(4)]}]
 
 
-def _transform(times, values, own, tell):
+def _transform(times, values, otherwise):
     """Of lists of steps, all of which are one matrix."""
     values = [value or IDENTITY for value in values]
     signs = {Matrix(value[0]["matrix"]).to_3x3().determinant() > 0.0 for value in values}
-    if len(signs) > 1:
-        tell("transform")
-        return values[own]
-    return keys(times, values)
+    return otherwise(values, "transform") if len(signs) > 1 else keys(times, values)
+
+
+def stepped(times, values, opens):
+    """A value that holds from when the shutter opens at one time to when it does at the next."""
+    changes = []
+    for time, value in zip(times, values):
+        if not changes or value != changes[-1][1]:
+            changes.append([time + opens, value])
+    return _steps(changes, times[-1])
 
 
 def turning(times, tables):

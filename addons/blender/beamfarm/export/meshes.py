@@ -1,6 +1,7 @@
 """Evaluated meshes as binary PLY files."""
 
 import hashlib
+import tempfile
 from dataclasses import dataclass
 
 import numpy as np
@@ -101,7 +102,7 @@ def ply(arrays, slot, uv_name=None, attribute=None):
     Vertices are split where corners differ. `attribute`: what becomes the colours of vertices, None for no colours.
     """
     corners = corners_of(arrays, slot, uv_name, attribute)
-    return None if corners is None else plys([corners])[0]
+    return None if corners is None else ply_of(corners)
 
 
 @dataclass
@@ -114,6 +115,13 @@ class Corners:
     """One row for each corner, three for each triangle."""
     vertex_of: np.ndarray
     """The mesh's vertex of each."""
+
+    def put_aside(self):
+        """Keeps the records in a file that is gone when they are."""
+        with tempfile.TemporaryFile() as file:
+            self.records.tofile(file)
+            file.flush()
+            self.records = np.memmap(file, dtype="<f4", mode="r", shape=self.records.shape)
 
 
 def corners_of(arrays, slot, uv_name=None, attribute=None):
@@ -140,22 +148,30 @@ def corners_of(arrays, slot, uv_name=None, attribute=None):
     return Corners([name for group in columns for name in group], records, arrays.vertex_of[loops])
 
 
+def ply_of(corners):
+    """Bytes of the PLY file of `Corners`."""
+    rows, indices = _weld(corners.records, corners.vertex_of)
+    return _encode(corners.columns, corners.records[rows], indices.reshape(-1, 3))
+
+
 def plys(series):
-    """Bytes of PLY files of one mesh at several times, `Corners` of the same triangles: all have the same vertices."""
-    width = len(series[0].columns)
-    beside = np.concatenate([corners.records for corners in series], axis=1) if len(series) > 1 else series[0].records
-    vertices, indices = _weld(beside, series[0].vertex_of)
-    triangles = indices.reshape(-1, 3)
-    return [
-        _encode(corners.columns, np.ascontiguousarray(vertices[:, k * width : (k + 1) * width]), triangles)
-        for k, corners in enumerate(series)
-    ]
+    """Bytes of PLY files of one mesh at several times, one after the other; they have the same vertices.
+
+    `series`: `Corners` of the same triangles. Corners are one vertex where they are alike at all times.
+    """
+    rows, indices = None, series[0].vertex_of
+    for k, corners in enumerate(series):
+        rows, indices = _weld(np.asarray(corners.records), indices, are_apart=k > 0)
+    for corners in series:
+        yield _encode(corners.columns, np.ascontiguousarray(corners.records[rows]), indices.reshape(-1, 3))
 
 
-def _weld(records, vertex_of):
-    """Rows of `records` that differ, and for each row which of these it is. `vertex_of`: the mesh's vertex of each row.
+def _weld(records, vertex_of, are_apart=False):
+    """Numbers of rows of `records` that differ, and for each row which of these it is. `vertex_of`: the mesh's vertex of
+    each row.
 
-    Most corners of a vertex are alike: only those unlike its first corner are sorted.
+    Most corners of a vertex are alike: only those unlike its first corner are sorted. `are_apart`: two vertices at one
+    place stay two.
     """
     count = len(records)
     first = np.full(int(vertex_of.max()) + 1, -1, dtype=np.int64)
@@ -168,10 +184,13 @@ def _weld(records, vertex_of):
     indices = rank[vertex_of]
     rows = first[used]
     if len(unlike):
-        kept, which = _different(bits[unlike])
+        words = bits[unlike]
+        if are_apart:
+            words = np.concatenate([words, vertex_of[unlike, None].astype(np.uint32)], axis=1)
+        kept, which = _different(words)
         indices[unlike] = len(used) + which
         rows = np.concatenate([rows, unlike[kept]])
-    return records[rows], indices.astype("<i4")
+    return rows, indices.astype("<i4")
 
 
 def _different(bits):

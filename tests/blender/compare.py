@@ -147,13 +147,13 @@ def go_to(time):
     bpy.context.scene.frame_set(whole, subframe=time - whole)
 
 
-def export_scene(folder=None):
+def export_scene(folder=None, all_frames=False):
     """Exports bpy's scene at its own resolution."""
     with tempfile.TemporaryDirectory() as temporary:
         render = bpy.context.scene.render
         settings = ExportSettings(render.resolution_x, render.resolution_y)
         depsgraph = bpy.context.evaluated_depsgraph_get()
-        result = write_scene(depsgraph, pathlib.Path(folder or temporary), settings, go_to)
+        result = write_scene(depsgraph, pathlib.Path(folder or temporary), settings, go_to, all_frames)
         return Exported(result.scene, result.scene.read_text(encoding="utf-8"), result.left_out, result.notes)
 
 

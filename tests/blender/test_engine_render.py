@@ -244,6 +244,8 @@ class Render(unittest.TestCase):
             harness.command("render", folder / "scene" / "scene.toml", "-o", output, "--quiet")
             np.testing.assert_array_equal(picture("blurred", number), by_blender(output))
             self.assertGreater(abs(picture("blurred", number) - picture("sharp", number)).max(), 0.0)
+        bpy.ops.export_scene.beamfarm(directory=str(folder / "all"), all_frames=True)
+        self.assertIn("frames = [1, 3]", (folder / "all" / "scene.toml").read_text())
 
     def test_what_moves_the_camera_counts(self) -> None:
         scene = harness.lit_floor((32, 24))

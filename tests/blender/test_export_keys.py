@@ -1,7 +1,9 @@
 """What gets keys while the shutter is open, and what does not. No renderer is needed."""
 
 import math
+import pathlib
 import re
+import subprocess
 import tempfile
 import tomllib
 import unittest
@@ -173,6 +175,104 @@ class Keys(unittest.TestCase):
             empty.location = (k, 0.0, 0.0)
         table, _ = exported()
         self.assertEqual(str(table).count("'keys'"), 3)
+
+
+class Frames(unittest.TestCase):
+    def moving_room(self, shutter=None):
+        scene = room(shutter or 0.5, "CENTER")
+        scene.render.use_motion_blur = shutter is not None
+        scene.frame_start, scene.frame_end = 1, 4
+        lamp()
+        ball = scenes.ball("Ball", 0.5, (0.0, 0.0, 0.5), scenes.diffuse("Red", (0.8, 0.3, 0.2)), segments=8)
+        moves(ball, "location", (-1.0, 0.0, 0.5), (-0.5, 0.2, 0.5))
+        jelly = scenes.cube("Jelly", 0.6, (1.0, 0.0, 0.4), scenes.diffuse("Green", (0.2, 0.7, 0.3)))
+        jelly.shape_key_add(name="Basis")
+        key = jelly.shape_key_add(name="Long")
+        key.slider_min, key.slider_max = -4.0, 4.0
+        key.data[0].co.x += 0.3
+        moves(key, "value", 0.0, 0.5)
+        camera = scene.camera
+        moves(camera, "location", (0.0, -4.0, 3.0), (0.1, -4.0, 3.0))
+        return scene
+
+    def test_one_key_a_frame(self):
+        for shutter, times in ((None, [1, 2, 3, 4]), (0.5, [0, 1, 2, 3, 4, 5])):
+            with self.subTest(shutter=shutter), tempfile.TemporaryDirectory() as folder:
+                scene = self.moving_room(shutter)
+                scene.frame_set(3)
+                result = compare.export_scene(folder, all_frames=True)
+                table = tomllib.loads(result.text)
+                self.assertEqual(scene.frame_current_final, 3.0)
+                self.assertEqual(table["animation"]["frames"], [1, 4])
+                self.assertEqual(table["animation"]["fps"], 24.0)
+                self.assertEqual(table["animation"].get("shutter"), shutter and [-0.25, 0.25])
+                floor, ball, jelly = table["shapes"]
+                self.assertNotIn("keys", str(floor) + str(table["materials"]) + str(table["lights"]))
+                for value in (ball["transform"], table["camera"]["origin"]):
+                    self.assertEqual([time for time, _ in value["keys"]], times)
+                self.assertRegex(jelly["file"], r"_####\.ply$")
+                files = {f"meshes/{path.name}" for path in result.scene.parent.glob("meshes/*")}
+                frames = {jelly["file"].replace("####", f"{time:04}") for time in times}
+                self.assertEqual(files, {floor["file"], ball["file"], *frames})
+
+    @unittest.skipUnless(compare.program(), "no beamfarm: set BEAMFARM, or build it")
+    def test_each_frame_is_that_of_its_own_export(self):
+        for shutter in (None, 0.5):
+            with self.subTest(shutter=shutter), tempfile.TemporaryDirectory() as folder:
+                folder = pathlib.Path(folder)
+                scene = self.moving_room(shutter)
+                whole = compare.export_scene(folder / "all", all_frames=True).scene
+                for frame in (1, 3, 4):
+                    scene.frame_set(frame)
+                    one = compare.export_scene(folder / f"{frame}").scene
+                    pictures = []
+                    for file, more in ((whole, ["-D", f"animation.frame={frame}"]), (one, [])):
+                        output = folder / "a.exr"
+                        line = [compare.program(), "render", file, "-o", output, "--passes", "8", "--quiet", *more]
+                        subprocess.run(list(map(str, line)), check=True, capture_output=True)
+                        pictures.append(compare.read(output))
+                    # The same but for rounding: few rays meet another thing for that.
+                    difference = abs(pictures[0] - pictures[1]).mean() / pictures[1].mean()
+                    self.assertLess(difference, 2e-3, frame)
+
+    def test_what_comes_and_goes(self):
+        scene = self.moving_room()
+        ball = bpy.data.objects["Ball"]
+        for frame, hidden in ((1, False), (3, True)):
+            ball.hide_viewport = ball.hide_render = hidden
+            ball.keyframe_insert("hide_viewport", frame=frame)
+            ball.keyframe_insert("hide_render", frame=frame)
+        scene.frame_set(1)
+        table = tomllib.loads(compare.export_scene(all_frames=True).text)
+        seen = table["shapes"][1]["visible"]
+        self.assertEqual(seen["interpolation"], "step")
+        self.assertEqual([(time, len(rays)) for time, rays in seen["keys"]], [(1.0, 5), (3.0, 0), (4.0, 0)])
+
+    def test_cuts_between_cameras(self):
+        scene = self.moving_room(0.5)
+        first = scene.camera
+        second = scenes.camera((3.0, -4.0, 3.0), (0.0, 0.0, 0.0))
+        for frame, camera in ((1, first), (3, second)):
+            scene.timeline_markers.new(camera.name, frame=frame).camera = camera
+        scene.frame_set(4)
+        table = tomllib.loads(compare.export_scene(all_frames=True).text)
+        times, places = zip(*((time, place[0]) for time, place in table["camera"]["origin"]["keys"]))
+        # Until then the first one stays where it was at frame 2.
+        np.testing.assert_allclose(np.interp([2.25, 2.74], times, places), [0.1, 0.1], atol=1e-5)
+        np.testing.assert_allclose(np.interp([2.75, 3.0, 3.25], times, places), [3.0, 3.0, 3.0], atol=1e-5)
+
+    def test_other_polygons_have_files_of_their_own(self):
+        scene = self.moving_room()
+        modifier = bpy.data.objects["Ball"].modifiers.new("Build", "BUILD")
+        modifier.frame_start, modifier.frame_duration = 0, 10
+        scene.frame_set(1)
+        with tempfile.TemporaryDirectory() as folder:
+            result = compare.export_scene(folder, all_frames=True)
+            of_ball = tomllib.loads(result.text)["shapes"][1]["file"]
+            self.assertEqual(of_ball["interpolation"], "step")
+            paths = [path for _, path in of_ball["keys"]]
+            self.assertEqual(len(set(paths)), 4)
+            self.assertTrue(all((result.scene.parent / path).is_file() for path in paths))
 
 
 if __name__ == "__main__":

@@ -167,8 +167,9 @@ def plys(series):
 
 
 def _weld(records, vertex_of, are_apart=False):
-    """Numbers of rows of `records` that differ, and for each row which of these it is. `vertex_of`: the mesh's vertex of
-    each row.
+    """Numbers of rows of `records` that differ, and for each row which of these it is.
+
+    `vertex_of`: the mesh's vertex of each row.
 
     Most corners of a vertex are alike: only those unlike its first corner are sorted. `are_apart`: two vertices at one
     place stay two.

@@ -1,5 +1,5 @@
-"""Scenes that move: they are read at several times, while the shutter is open or frame by frame, and what is not the same
-at all of them gets keys."""
+"""Scenes that move: they are read at several times, while the shutter is open or frame by frame, and what is not the
+same at all of them gets keys."""
 
 import re
 from dataclasses import dataclass, field, replace
@@ -66,15 +66,19 @@ def moving(context, span, go_to, read):
     first = Moment(span, span.own)
     context.motion = first
 
+    def settings_now():
+        seen = settings.camera or camera
+        if span.is_long and settings.camera is None:
+            # The evaluated scene may still have the one before the last marker.
+            seen = context.depsgraph.scene.camera
+        # In one frame that of the frame, even where another one takes over while the shutter is open.
+        return replace(settings, camera=seen and seen.original.evaluated_get(context.depsgraph))
+
     def read_at(time, **how):
-        seen = settings.camera
-        if camera is not None and not span.is_long:
-            # The camera of the frame, even where another one takes over while the shutter is open.
-            seen = camera.original.evaluated_get(context.depsgraph)
         other = replace(
             context,
             scene=context.depsgraph.scene_eval,
-            settings=replace(settings, camera=seen),
+            settings=settings_now(),
             slots={key: slot for key, slot in context.slots.items() if not slot.is_animated},
             motion=Moment(span, time, False, geometries=first.geometries, **how),
             names=Names(),
@@ -88,8 +92,9 @@ def moving(context, span, go_to, read):
             here = span.own
             go_to(here)
             context.scene = context.depsgraph.scene_eval
-        own = Read(context, read(context))
         camera = (settings.camera or context.scene.camera) if settings.view is None else None
+        context.settings = settings_now()
+        own = Read(context, read(context))
         camera_steps = 0 if camera is None else motion_of(camera)[0]
         steps = [source.steps for source in context.sources.values()]
         reads = {span.own: own}

@@ -83,7 +83,7 @@ class Frames:
 
 
 def motion_of(object, parent=None):
-    """(motion steps, 0 for none; whether what the vertices do is blurred) of an object, or of an instance of `parent`."""
+    """(motion steps, 0 for none; whether what vertices do is blurred) of an object, or of an instance of `parent`."""
     steps, deforms = 1, True
     for each in (object, parent):
         # The copy that is evaluated may have them as they were before a change.

@@ -5,6 +5,7 @@ error, and the block of 8 x 8 pixels that is off by most.
 """
 
 import json
+import math
 import os
 import pathlib
 import shutil
@@ -105,15 +106,29 @@ def use_cycles(width=64, height=48, samples=256):
     return scene
 
 
-def with_cycles(folder, runs=RUNS):
+def with_cycles(folder, runs=RUNS, times=None):
+    """`times`: where it blurs no motion, the mean of stills at these."""
     scene = bpy.context.scene
     images = []
-    for seed in range(runs):
-        scene.cycles.seed = seed + 1
-        scene.render.filepath = str(folder / f"cycles-{seed}.exr")
-        bpy.ops.render.render(write_still=True)
-        images.append(read(scene.render.filepath))
+    for _ in range(runs):
+        if times is None:
+            images.append(_of_cycles(folder, len(images) + 1))
+            continue
+        scene.render.use_motion_blur = False
+        stills = []
+        for time in times:
+            go_to(time)
+            stills.append(_of_cycles(folder, len(images) * len(times) + len(stills) + 1))
+        images.append(np.mean(stills, 0))
     return Estimate.of(images)
+
+
+def _of_cycles(folder, seed):
+    scene = bpy.context.scene
+    scene.cycles.seed = seed
+    scene.render.filepath = str(folder / f"cycles-{seed}.exr")
+    bpy.ops.render.render(write_still=True)
+    return read(scene.render.filepath)
 
 
 @dataclass
@@ -126,12 +141,19 @@ class Exported:
     notes: list
 
 
-def export_scene(folder=None):
+def go_to(time):
+    """Takes bpy's scene to a time, frames."""
+    whole = math.floor(time)
+    bpy.context.scene.frame_set(whole, subframe=time - whole)
+
+
+def export_scene(folder=None, all_frames=False):
     """Exports bpy's scene at its own resolution."""
     with tempfile.TemporaryDirectory() as temporary:
         render = bpy.context.scene.render
         settings = ExportSettings(render.resolution_x, render.resolution_y)
-        result = write_scene(bpy.context.evaluated_depsgraph_get(), pathlib.Path(folder or temporary), settings)
+        depsgraph = bpy.context.evaluated_depsgraph_get()
+        result = write_scene(depsgraph, pathlib.Path(folder or temporary), settings, go_to, all_frames)
         return Exported(result.scene, result.scene.read_text(encoding="utf-8"), result.left_out, result.notes)
 
 
@@ -198,12 +220,12 @@ def check(test, name, tolerance=TOLERANCE, blocks=1.0, **how):
     return found.result
 
 
-def compare(name, passes=16, arguments=(), keep=None, runs=RUNS):
-    """Renders the scene that bpy holds both ways."""
+def compare(name, passes=16, arguments=(), keep=None, runs=RUNS, times=None):
+    """Renders the scene that bpy holds both ways; see `with_cycles`."""
     with tempfile.TemporaryDirectory() as temporary:
         folder = pathlib.Path(keep or temporary)
         folder.mkdir(parents=True, exist_ok=True)
         ours, result = with_beamfarm(folder, passes, runs, arguments)
-        comparison = Comparison(name, ours, with_cycles(folder, runs), result)
+        comparison = Comparison(name, ours, with_cycles(folder, runs, times), result)
     print(comparison.line(), flush=True)
     return comparison

@@ -23,8 +23,8 @@ fi
 
 tests=("$@")
 if ((!${#tests[@]})); then
-    tests=(test_engine_*.py test_export_text.py test_export_lights.py)
-    # Materials and whole scenes beside Cycles take minutes.
+    tests=(test_engine_*.py test_export_text.py test_export_keys.py test_export_lights.py)
+    # Materials, motion and whole scenes beside Cycles take minutes.
     [[ -z ${BEAMFARM_LONG:-} ]] || tests=(test_*.py)
 fi
 export BEAMFARM=$program

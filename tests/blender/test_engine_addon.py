@@ -51,6 +51,7 @@ class AddOn(unittest.TestCase):
             "DATA_PT_camera",
         }
         self.assertLessEqual(wanted, shown)
+        self.assertIn("CYCLES_OBJECT_PT_motion_blur", shown)
         self.assertFalse([name for name in shown if "RENDER_PT_motion_blur" in name or "RENDER_PT_sampling" in name])
         self.assertNotIn("DATA_PT_light", shown)
         self.assertTrue(hasattr(bpy.types.Scene, "beamfarm"))

@@ -215,6 +215,37 @@ class Render(unittest.TestCase):
         self.assertLess(columns[0], 16)
         self.assertGreater(columns[1], 16)
 
+    def test_an_animation_has_motion_blur(self) -> None:
+        scene = harness.lit_floor((32, 24))
+        scene.frame_start, scene.frame_end = 1, 3
+        lamp = bpy.data.objects["lamp"]
+        lamp.keyframe_insert("location", frame=1)
+        lamp.location.x = 1.2
+        lamp.keyframe_insert("location", frame=3)
+        folder = harness.folder()
+        scene.render.filepath = str(folder / "sharp_")
+        bpy.ops.render.render(animation=True)
+        scene.render.use_motion_blur, scene.render.motion_blur_shutter = True, 0.8
+        scene.render.filepath = str(folder / "blurred_")
+        bpy.ops.render.render(animation=True)
+        self.assertEqual(len(list(folder.iterdir())), 6)
+
+        def picture(name: str, number: int) -> np.ndarray:
+            channels = harness.module("exr").read((folder / f"{name}_{number:04}.exr").read_bytes())
+            return np.stack([channels[f"ViewLayer.Combined.{channel}"] for channel in "RGB"], axis=-1)
+
+        for number in (1, 2, 3):
+            scene.frame_set(number)
+            bpy.ops.export_scene.beamfarm(directory=str(folder / "scene"))
+            self.assertEqual(scene.frame_current_final, number)
+            text = (folder / "scene" / "scene.toml").read_text()
+            self.assertIn(f"frame = {number}\n", text)
+            output = folder / "scene" / "a.exr"
+            harness.command("render", folder / "scene" / "scene.toml", "-o", output, "--quiet")
+            np.testing.assert_array_equal(picture("blurred", number), by_blender(output))
+            self.assertGreater(abs(picture("blurred", number) - picture("sharp", number)).max(), 0.0)
+        bpy.ops.export_scene.beamfarm(directory=str(folder / "all"), all_frames=True)
+        self.assertIn("frames = [1, 3]", (folder / "all" / "scene.toml").read_text())
 
     def test_what_moves_the_camera_counts(self) -> None:
         scene = harness.lit_floor((32, 24))

@@ -104,9 +104,8 @@ class Said(unittest.TestCase):
         curves.add_curves([4])
         scenes.link("Hair", curves)
         bpy.data.objects["Ball"].is_shadow_catcher = True
-        bpy.context.scene.render.use_motion_blur = True
         _, result = exported()
-        self.assertEqual(len(result.left_out), 3, result.left_out)
+        self.assertEqual(len(result.left_out), 2, result.left_out)
 
     def test_light_through_a_world_of_fog(self):
         room()

@@ -158,13 +158,17 @@ class BeamfarmRenderEngine(bpy.types.RenderEngine):
         if self.camera_override is not None:
             settings.camera = self.camera_override.evaluated_get(depsgraph)
         try:
-            result = write_scene(depsgraph, folder, settings)
+            result = write_scene(depsgraph, folder, settings, self._go_to)
         except (ValueError, OSError) as error:
             raise Failed(f"The scene cannot be written: {error}") from error
         told.remember(depsgraph.scene.name, result.left_out, result.notes)
         if result.left_out:
             self.report({"WARNING"}, told.warning(result.left_out))
         return result.scene
+
+    def _go_to(self, time: float) -> None:
+        """Take the depsgraph of this render to a time, frames."""
+        self.frame_set(*frame.parts(time))
 
     def _follow(self, running: job.Job, picture: Picture, path: Path, workers: list) -> bool:
         """Show how it goes until its end. Returns whether it was cancelled."""

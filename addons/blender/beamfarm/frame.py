@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -37,6 +38,12 @@ def of_scene(scene) -> Frame:
         return Frame(width, height)
     crop = left, height - top, right - left, top - bottom
     return Frame(width, height, None if crop == (0, 0, width, height) else crop)
+
+
+def parts(time: float) -> tuple[int, float]:
+    """Whole frame and subframe of a time."""
+    whole = math.floor(time)
+    return whole, time - whole
 
 
 def _pixel(edge: float, size: int) -> int:

@@ -9,14 +9,23 @@ from . import frame, told
 from .export import write_scene
 
 
+def _go_to(scene: bpy.types.Scene, time: float) -> None:
+    whole, subframe = frame.parts(time)
+    scene.frame_set(whole, subframe=subframe)
+
+
 class BEAMFARM_OT_export(bpy.types.Operator):
-    """Write the scene of this frame as scene.toml into a folder, with its meshes and images beside it"""
+    """Write the scene as scene.toml into a folder, with its meshes and images beside it"""
 
     bl_idname = "export_scene.beamfarm"
     bl_label = "Export beamfarm scene"
 
     directory: StringProperty(name="Folder", subtype="DIR_PATH")
     filter_folder: BoolProperty(default=True, options={"HIDDEN"})
+    all_frames: BoolProperty(
+        name="All Frames",
+        description="One scene of all frames from the first to the last, not of this one alone",
+    )
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
         context.window_manager.fileselect_add(self)
@@ -27,7 +36,10 @@ class BEAMFARM_OT_export(bpy.types.Operator):
         depsgraph = context.evaluated_depsgraph_get()
         scene = depsgraph.scene_eval
         try:
-            result = write_scene(depsgraph, folder, frame.export_settings(scene, frame.of_scene(scene)))
+            settings = frame.export_settings(scene, frame.of_scene(scene))
+            result = write_scene(
+                depsgraph, folder, settings, lambda time: _go_to(context.scene, time), self.all_frames
+            )
         except (ValueError, OSError) as error:
             self.report({"ERROR"}, f"The scene cannot be written: {error}")
             return {"CANCELLED"}

@@ -108,6 +108,25 @@ class BEAMFARM_RENDER_PT_photons(_Panel, bpy.types.Panel):
         layout.prop(settings, "radius")
 
 
+class BEAMFARM_RENDER_PT_motion_blur(_Panel, bpy.types.Panel):
+    """Blender's own settings; those of objects are in the panels of Cycles."""
+
+    bl_label = "Motion Blur"
+    bl_context = "render"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw_header(self, context: bpy.types.Context) -> None:
+        self.layout.prop(context.scene.render, "use_motion_blur", text="")
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout, render = self.layout, context.scene.render
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        layout.active = render.use_motion_blur
+        layout.prop(render, "motion_blur_position", text="Position")
+        layout.prop(render, "motion_blur_shutter")
+
+
 class BEAMFARM_RENDER_PT_left_out(_Panel, bpy.types.Panel):
     """Lists what the last picture lacks."""
 
@@ -161,6 +180,7 @@ class BEAMFARM_VIEWLAYER_PT_passes(_Panel, bpy.types.Panel):
 CLASSES = (
     BEAMFARM_RENDER_PT_sampling,
     BEAMFARM_RENDER_PT_photons,
+    BEAMFARM_RENDER_PT_motion_blur,
     BEAMFARM_RENDER_PT_left_out,
     BEAMFARM_VIEWLAYER_PT_passes,
 )

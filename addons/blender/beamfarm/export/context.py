@@ -28,6 +28,25 @@ class Placed:
     """The rays that see it, None for all: of objects that are not lights."""
     mesh: tuple | None = None
     """One for each mesh that is written: object, data, the evaluated data's place in memory, instancer."""
+    steps: int = 0
+    """Motion steps as Cycles counts them: keys at 2**steps + 1 times; 0 for what is not blurred."""
+    deforms: bool = False
+    """Whether the motion of its vertices is blurred."""
+
+
+@dataclass
+class Source:
+    """What a table of shapes or lights comes from, for keys at other times."""
+
+    keys: list
+    """One for each place, the same at all times: of the object at its place, and which part of it this is."""
+    steps: int
+    deforms: bool = False
+    geometry: object = None
+    """`geometry.Geometry` and what of it goes into the file; None for what is no mesh."""
+    variant: tuple | None = None
+    within: object = None
+    """Matrix that comes before that of the object, if the object's is to be moved by itself."""
 
 
 @dataclass
@@ -56,6 +75,46 @@ class Context:
     rules: list = field(default_factory=list)
     shown: dict = field(default_factory=dict)
     """Names of shapes and lights by `session_uid` of the object that they come from."""
+
+    motion: object = None
+    """`motion.Moment`, where the scene is read at several times."""
+    sources: dict = field(default_factory=dict)
+    """`Source` by `id` of a table of shapes or lights."""
+    counts: dict = field(default_factory=dict)
+    """How many parts of an object at its place there are so far."""
+
+    def part(self, placed, kind):
+        """The key of one more part of this kind of an object at its place."""
+        count = self.counts.get((placed.key, kind), 0)
+        self.counts[placed.key, kind] = count + 1
+        return placed.key, kind, count
+
+    def add_medium(self, placed, name, medium):
+        """Adds to `[media]` what moves with an object."""
+        self.media[name] = medium
+        self.sources[id(medium)] = Source([], placed.steps)
+
+    def add_light(self, placed, light):
+        """Adds to `[[lights]]`."""
+        self.lights.append(light)
+        self.sources[id(light)] = Source([self.part(placed, "light")], placed.steps)
+
+    def add_surroundings(self, light):
+        """Adds the light of the world."""
+        self.lights.append(light)
+        self.sources[id(light)] = Source([("world",)], 1)
+
+    def add_shape(self, placed, shape, kind="shape", **source):
+        """Adds to `[[shapes]]` what is at one place."""
+        self.shapes.append(shape)
+        self.sources[id(shape)] = Source([self.part(placed, kind)], placed.steps, placed.deforms, **source)
+
+    def add_copies(self, places, shape, kind="shape", **source):
+        """Adds to `[[shapes]]` instances of one thing at these places, with a number at each."""
+        self.shapes.append(shape)
+        keys = [self.part(placed, (kind, number)) for placed, number in places]
+        placed = places[0][0]
+        self.sources[id(shape)] = Source(keys, placed.steps, placed.deforms, **source)
 
     def show(self, placed, name):
         """Notes that `name` stands for an object and for what makes it as an instance, for rules."""

@@ -10,10 +10,12 @@ from .files import Files
 from .groups import add_light_groups
 from .lights import add_light
 from .links import add_rules
+from .motion import moving
 from .pictures import Pictures
 from .points import add_points
 from .report import Report
 from .shapes import Shapes
+from .spans import Exposure, Frames
 from .visibility import rays
 from .volumes import add_volume
 from .world import name_world_medium, read_world
@@ -45,10 +47,15 @@ class Exporter:
         self._slots = {}
         self._geometries = {}
 
-    def write(self, depsgraph, settings):
-        """Writes the scene as `settings` ask for it, all anew."""
+    def write(self, depsgraph, settings, go_to=None, all_frames=False):
+        """Writes the scene as `settings` ask for it, all anew.
+
+        `go_to`: function of a time in frames that takes the depsgraph there; with it there is motion blur, where the
+        scene asks for it. In the end it is called with the time at which the scene was found. `all_frames`: one scene
+        of all frames, not of this one alone.
+        """
         self._slots, self._geometries = {}, {}
-        return self._write(depsgraph, settings)
+        return self._write(depsgraph, settings, go_to, all_frames)
 
     def update(self, depsgraph, settings=None):
         """Writes the scene again after a change: geometry and materials that the depsgraph calls changed, and places.
@@ -64,21 +71,21 @@ class Exporter:
             self._slots = {}
         return self._write(depsgraph, settings or self.settings)
 
-    def _write(self, depsgraph, settings):
+    def _write(self, depsgraph, settings, go_to=None, all_frames=False):
         self.settings = settings
         self.folder.mkdir(parents=True, exist_ok=True)
-        scene = depsgraph.scene_eval
         context = Context(
-            depsgraph, scene, settings, self.files, self.pictures, Report(), self._slots, self._geometries
+            depsgraph, depsgraph.scene_eval, settings, self.files, self.pictures, Report(), self._slots,
+            self._geometries,
         )
-        read_world(context)
-        _add_objects(context)
-        add_light_groups(context)
-        add_rules(context)
-        _say_of_scene(context)
+        span = None
+        if go_to is not None:
+            span = (Frames if all_frames else Exposure).of(depsgraph)
+        tables = _read(context) if span is None else moving(context, span, go_to, _read)
+        _say_of_scene(context, go_to is not None)
         path = self.folder / "scene.toml"
         partial = path.with_name("scene.toml.part")
-        partial.write_text(toml.document(_tables(context)), encoding="utf-8", newline="\n")
+        partial.write_text(toml.document(tables), encoding="utf-8", newline="\n")
         partial.replace(path)
         self.files.sweep()
         return Result(path, context.report.left_out, context.report.notes)
@@ -88,7 +95,12 @@ class Exporter:
 PLACED = {"OBJECT", "MESH", "CURVE", "META", "CAMERA", "LIGHT", "SCENE", "COLLECTION", "LATTICE", "ARMATURE"}
 
 
-def _tables(context):
+def _read(context):
+    """Tables of the scene file as the depsgraph is now."""
+    read_world(context)
+    _add_objects(context)
+    add_light_groups(context)
+    add_rules(context)
     settings = context.settings
     image = {"width": settings.width, "height": settings.height}
     if settings.crop is not None:
@@ -125,6 +137,8 @@ def _add_objects(context):
         uid = object.original.session_uid
         key = (uid, *(() if parent is None else (instancer, *instance.persistent_id)))
         placed = Placed(object, object.name, uid, key, instance.matrix_world.copy(), instancer)
+        if context.motion is not None:
+            placed.steps, placed.deforms = context.motion.steps_of(object, parent, context.report)
         if object.type == "LIGHT":
             add_light(placed, context)
         elif object.type not in MADE_OF_CURVES:
@@ -170,10 +184,15 @@ def _say_of_object(object, context):
             report.leave_out(f"the particles '{system.name}' of '{object.name}'")
 
 
-def _say_of_scene(context):
+def _say_of_scene(context, has_times):
     scene, report = context.scene, context.report
     if scene.render.use_motion_blur:
-        report.leave_out("motion blur")
+        if not has_times:
+            report.note("motion blur is for renders alone, as with Cycles: not for the viewport")
+        elif getattr(getattr(scene, "cycles", None), "rolling_shutter_type", "NONE") != "NONE":
+            report.leave_out("the rolling shutter: it opens for all of the picture at once")
+        if any(point.location[1] < 0.999 for point in scene.render.motion_blur_shutter_curve.curves[0].points):
+            report.leave_out("the shutter's curve: it is wide open all the time")
     exposure = getattr(getattr(scene, "cycles", None), "film_exposure", 1.0)
     if exposure != 1.0:
         report.leave_out(f"the exposure of Cycles' film, {exposure:.3g}: set Color Management > Exposure")

@@ -17,15 +17,45 @@ class Files:
         """Relative path of a file with `content` in the subfolder `place`."""
         digest = hashlib.blake2b(content, digest_size=6).hexdigest()
         path = f"{place}/{stem}-{digest}{ending}"
+        target = self.folder / path
+        if path in self.kept or target.exists() and target.stat().st_size == len(content):
+            self.use(path)
+        else:
+            self._put_at(path, content)
+        return path
+
+    def _put_at(self, path, content):
         self.use(path)
         target = self.folder / path
-        if path not in self.kept and not (target.exists() and target.stat().st_size == len(content)):
-            target.parent.mkdir(parents=True, exist_ok=True)
-            # Whole or not at all: who reads while we write sees no half of a file.
-            partial = target.with_name(target.name + ".part")
-            partial.write_bytes(content)
-            partial.replace(target)
-        return path
+        target.parent.mkdir(parents=True, exist_ok=True)
+        # Whole or not at all: who reads while we write sees no half of a file.
+        partial = target.with_name(target.name + ".part")
+        partial.write_bytes(content)
+        partial.replace(target)
+
+    def put_frames(self, place, stem, ending, contents, times, own):
+        """Writes a file for each of these frames under one name, #### for the number, and returns that.
+
+        `contents`: (time, bytes) of some; the others are as at the time `own`.
+        """
+        pattern, first, whole = None, None, {float(time) for time in times}
+        for time, content in contents:
+            if pattern is None:
+                digest = hashlib.blake2b(content, digest_size=6).hexdigest()
+                pattern = f"{place}/{stem}-{digest}_####{ending}"
+            if time == own:
+                first = content
+            whole.discard(time)
+            self._put_at(pattern.replace("####", f"{int(time):04}"), content)
+        for time in whole:
+            self._put_at(pattern.replace("####", f"{int(time):04}"), first)
+        return pattern
+
+    def drop(self, path):
+        """Removes a file that this object wrote and that no scene takes after all."""
+        self.used.discard(path)
+        if path not in self.kept:
+            (self.folder / path).unlink(missing_ok=True)
 
     def use(self, path):
         """Marks a file that was written before as one of this scene."""

@@ -1,5 +1,6 @@
 """Geometry of objects, written once and kept as long as it does not change."""
 
+from .deforming import Deforming
 from .meshes import MeshArrays, is_closed, ply
 from .names import file_name
 
@@ -17,6 +18,8 @@ class Geometry:
         self._closed = None
         self._points = None
         self._triangles = None
+        self.deforming = None
+        """`Deforming`, once it is to be seen whether the mesh moves."""
 
     def hold(self, mesh):
         self.mesh = mesh
@@ -64,3 +67,10 @@ class Geometry:
         files.use(self._files[key])
         return self._files[key]
 
+    def variants(self):
+        """What goes into each of its files: slot, UV map, attribute."""
+        return list(self._files)
+
+    def may_move(self):
+        """Keeps how the mesh is now, to see whether it moves."""
+        self.deforming = Deforming(self._read(), self.name)

@@ -10,6 +10,7 @@ import math
 import numpy as np
 from mathutils import Matrix, Vector
 
+from .animated import is_animated
 from .graph import Place, output_node
 from .nodes import Reader
 from .transforms import matrix_step
@@ -27,7 +28,7 @@ def add_light(placed, context):
         # It tells Cycles where the world's light comes in, and gives none itself.
         return
     color = _color(light, context)
-    if not any(color):
+    if not any(color) and not (context.motion is not None and is_animated(light)):
         return
     name = context.names.get(("object", placed.key), object.name)
     context.show(placed, name)
@@ -97,27 +98,27 @@ def _list(vector):
 LAMP = "lamp"
 
 
-def _lamp(fields, shape, color, context):
+def _lamp(placed, fields, shape, color, context):
     """Adds a shape that emits and is nothing else; `color` is its power."""
     material = context.material_names.get(("lamp",), LAMP)
     context.materials[material] = {"type": "null"}
     shape = {"name": fields["name"]} | shape | {"material": material, "emission": {"power": color}}
     if "visible" in fields:
         shape["visible"] = fields["visible"]
-    context.shapes.append(shape)
+    context.add_shape(placed, shape)
 
 
 def _point(placed, light, color, fields, context):
     position, radius = placed.matrix.translation, light.shadow_soft_size
     if radius == 0.0:
         intensity = [number / (4.0 * math.pi) for number in color]
-        context.lights.append(fields | {"type": "point", "position": _list(position), "intensity": intensity})
+        context.add_light(placed, fields | {"type": "point", "position": _list(position), "intensity": intensity})
         return
     if not _is_normalized(light):
         color = [number * 4.0 * math.pi * radius * radius for number in color]
     if light.use_soft_falloff:
         context.report.note("point lights with a radius shine as balls, as they do in Blender without soft falloff")
-    _lamp(fields, {"type": "sphere", "center": _list(position), "radius": float(radius)}, color, context)
+    _lamp(placed, fields, {"type": "sphere", "center": _list(position), "radius": float(radius)}, color, context)
 
 
 def _spot(placed, light, color, fields, context):
@@ -142,7 +143,7 @@ def _spot(placed, light, color, fields, context):
         for inner, outer, share in steps:
             intensity = [number * share / (4.0 * math.pi * len(places)) for number in color]
             angles = {"cutoff_angle": math.degrees(outer), "beam_width": math.degrees(inner)}
-            context.lights.append(fields | stands | {"intensity": intensity} | angles)
+            context.add_light(placed, fields | stands | {"intensity": intensity} | angles)
 
 
 def spot_steps(half, blend):
@@ -188,7 +189,7 @@ def _sun(placed, light, color, fields, context):
         down = 1.0 - cap * (x * x + y * y)
         around = math.sqrt((1.0 + down) * cap)
         direction = (turn @ Vector((around * x, around * y, -down))).normalized()
-        context.lights.append(fields | {"direction": _list(direction), "irradiance": irradiance})
+        context.add_light(placed, fields | {"direction": _list(direction), "irradiance": irradiance})
 
 
 SPOTS = 16
@@ -218,7 +219,7 @@ def _area(placed, light, color, fields, context):
     if not _is_normalized(light):
         color = [number * area for number in color]
     shape = {"type": "disc" if is_round else "rectangle", "transform": [matrix_step(matrix)]}
-    _lamp(fields, shape, color, context)
+    _lamp(placed, fields, shape, color, context)
 
 
 ADD = {"POINT": _point, "SPOT": _spot, "SUN": _sun, "AREA": _area}

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 
 from . import records
+from .animated import is_animated
 from .media import read_volume
 from .surfaces import BLACK, read_surface
 from .values import NotShown, Value, constant
@@ -23,6 +24,8 @@ class Slot:
     """`media.Medium` inside, or None."""
     uv_map: str = ""
     attribute: str | None = None
+    is_animated: bool = False
+    """True where it may be another at another time."""
     """Name of what the mesh holds as colours of its vertices."""
     extra: dict = field(default_factory=dict)
     """Further tables that `material` names, by name."""
@@ -55,6 +58,7 @@ def slot(context, material):
     key = ("material", material.original.session_uid if material is not None else None)
     if key not in context.slots:
         context.slots[key] = _read(context, material)
+        context.slots[key].is_animated = is_animated(material)
     found = context.slots[key]
     if found.material is not None:
         context.materials[found.material] = found.table

@@ -1,5 +1,9 @@
 """Evaluated meshes as binary PLY files."""
 
+import hashlib
+import tempfile
+from dataclasses import dataclass
+
 import numpy as np
 
 
@@ -10,11 +14,21 @@ class MeshArrays:
         mesh.calc_loop_triangles()
         self.mesh = mesh
         triangles = mesh.loop_triangles
-        self.positions = _read(mesh.vertices, "co", np.float32, 3)
+        self.positions = positions_of(mesh)
         self.corners = _read(triangles, "loops", np.int32, 3)
         self.slots = _read(triangles, "material_index", np.int32)
         self.vertex_of = _read(mesh.loops, "vertex_index", np.int32)
         self._normals = None
+
+    def topology(self):
+        """The same for meshes that have the same polygons in the same order, and normals in both or in none."""
+        digest = hashlib.blake2b(self.vertex_of.tobytes(), digest_size=16)
+        digest.update(_read(self.mesh.polygons, "loop_start", np.int32).tobytes())
+        return digest.digest(), len(self.positions), self.mesh.normals_domain == "FACE"
+
+    def triangulate_as(self, corners, slots):
+        """Takes the triangles of a mesh of the same topology: how Blender cuts a polygon depends on its shape."""
+        self.corners, self.slots = corners, slots
 
     def normals(self):
         """Shading normals of corners, or None where every face is flat."""
@@ -58,6 +72,11 @@ class MeshArrays:
         return black
 
 
+def positions_of(mesh):
+    """Places of its vertices."""
+    return _read(mesh.vertices, "co", np.float32, 3)
+
+
 # Field of an attribute's data, its kind and how many numbers it has.
 NUMBERS = {
     "FLOAT_COLOR": ("color", np.float32, 4),
@@ -82,6 +101,31 @@ def ply(arrays, slot, uv_name=None, attribute=None):
 
     Vertices are split where corners differ. `attribute`: what becomes the colours of vertices, None for no colours.
     """
+    corners = corners_of(arrays, slot, uv_name, attribute)
+    return None if corners is None else ply_of(corners)
+
+
+@dataclass
+class Corners:
+    """What the corners of triangles hold."""
+
+    columns: list
+    """Names of the numbers of each."""
+    records: np.ndarray
+    """One row for each corner, three for each triangle."""
+    vertex_of: np.ndarray
+    """The mesh's vertex of each."""
+
+    def put_aside(self):
+        """Keeps the records in a file that is gone when they are."""
+        with tempfile.TemporaryFile() as file:
+            self.records.tofile(file)
+            file.flush()
+            self.records = np.memmap(file, dtype="<f4", mode="r", shape=self.records.shape)
+
+
+def corners_of(arrays, slot, uv_name=None, attribute=None):
+    """`Corners` of a slot's triangles (of all for None), or None where it has none."""
     chosen = np.arange(len(arrays.corners)) if slot is None else np.flatnonzero(arrays.slots == slot)
     corners = arrays.corners[chosen]
     if len(corners) == 0:
@@ -101,14 +145,34 @@ def ply(arrays, slot, uv_name=None, attribute=None):
         columns.append(("red", "green", "blue"))
         values.append(arrays.colors(attribute, loops, chosen))
     records = np.ascontiguousarray(np.concatenate(values, axis=1), dtype="<f4")
-    vertices, indices = _weld(records, arrays.vertex_of[loops])
-    return _encode([name for group in columns for name in group], vertices, indices.reshape(-1, 3))
+    return Corners([name for group in columns for name in group], records, arrays.vertex_of[loops])
 
 
-def _weld(records, vertex_of):
-    """Rows of `records` that differ, and for each row which of these it is. `vertex_of`: the mesh's vertex of each row.
+def ply_of(corners):
+    """Bytes of the PLY file of `Corners`."""
+    rows, indices = _weld(corners.records, corners.vertex_of)
+    return _encode(corners.columns, corners.records[rows], indices.reshape(-1, 3))
 
-    Most corners of a vertex are alike: only those unlike its first corner are sorted.
+
+def plys(series):
+    """Bytes of PLY files of one mesh at several times, one after the other; they have the same vertices.
+
+    `series`: `Corners` of the same triangles. Corners are one vertex where they are alike at all times.
+    """
+    rows, indices = None, series[0].vertex_of
+    for k, corners in enumerate(series):
+        rows, indices = _weld(np.asarray(corners.records), indices, are_apart=k > 0)
+    for corners in series:
+        yield _encode(corners.columns, np.ascontiguousarray(corners.records[rows]), indices.reshape(-1, 3))
+
+
+def _weld(records, vertex_of, are_apart=False):
+    """Numbers of rows of `records` that differ, and for each row which of these it is.
+
+    `vertex_of`: the mesh's vertex of each row.
+
+    Most corners of a vertex are alike: only those unlike its first corner are sorted. `are_apart`: two vertices at one
+    place stay two.
     """
     count = len(records)
     first = np.full(int(vertex_of.max()) + 1, -1, dtype=np.int64)
@@ -121,10 +185,13 @@ def _weld(records, vertex_of):
     indices = rank[vertex_of]
     rows = first[used]
     if len(unlike):
-        kept, which = _different(bits[unlike])
+        words = bits[unlike]
+        if are_apart:
+            words = np.concatenate([words, vertex_of[unlike, None].astype(np.uint32)], axis=1)
+        kept, which = _different(words)
         indices[unlike] = len(used) + which
         rows = np.concatenate([rows, unlike[kept]])
-    return records[rows], indices.astype("<i4")
+    return rows, indices.astype("<i4")
 
 
 def _different(bits):

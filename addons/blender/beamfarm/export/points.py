@@ -13,6 +13,7 @@ def add_points(placed, context):
     radii = np.empty(len(points), dtype=np.float32)
     points.foreach_get("co", places)
     points.foreach_get("radius", radii)
+    numbers = _numbers(object.data)[radii > 0.0]
     places = places.reshape(-1, 3)[radii > 0.0].astype(np.float64)
     radii = radii[radii > 0.0].astype(np.float64)
     if len(radii) == 0:
@@ -34,4 +35,15 @@ def add_points(placed, context):
     steps = np.tile(np.eye(4), (len(radii), 1, 1))
     steps[:, :3, :3] *= radii[:, None, None]
     steps[:, :3, 3] = places
-    context.shapes.append(shape | {"shape": ball, "transforms": [[matrix_step(to_world @ step)] for step in steps]})
+    shape |= {"shape": ball, "transforms": [[matrix_step(to_world @ step)] for step in steps]}
+    context.add_copies([(placed, int(number)) for number in numbers], shape, "point")
+
+
+def _numbers(cloud):
+    """By what each point is known at another time: its id, where it has one."""
+    ids = cloud.attributes.get("id")
+    if ids is None or ids.data_type != "INT" or ids.domain != "POINT":
+        return np.arange(len(cloud.points))
+    numbers = np.empty(len(cloud.points), dtype=np.int32)
+    ids.data.foreach_get("value", numbers)
+    return numbers

@@ -31,19 +31,29 @@ class Shapes:
         placed.matrix = solid(placed.matrix)
         if placed.matrix is None:
             return
-        mesh = object.data
+        mesh, motion = object.data, context.motion
         key = placed.mesh = (placed.uid, mesh.original.session_uid, mesh.as_pointer(), placed.instancer)
-        if key in self.groups:
-            self.groups[key].placed.append(placed)
-            return
-        geometry = context.geometries.get(key)
+        group = self.groups.get(key)
+        if motion is not None and not motion.is_first:
+            geometry = motion.known(context, placed, mesh)
+            if geometry is None:
+                return
+        else:
+            geometry = context.geometries.get(key) if group is None else group.geometry
         if geometry is None:
             geometry = context.geometries[key] = Geometry(object.name)
+        if motion is not None and motion.is_first:
+            motion.remember(context, placed, geometry)
+        if group is not None:
+            group.placed.append(placed)
+            return
         geometry.hold(mesh)
         try:
             slots = [(index, slot(context, _material(context, object, mesh, index))) for index in geometry.slots()]
             group = Group([placed], geometry, slots)
             self._write(group)
+            if motion is not None and motion.is_first and placed.deforms:
+                geometry.may_move()
             self.groups[key] = group
         finally:
             geometry.release()
@@ -84,7 +94,7 @@ class Shapes:
             if len(entries) == 1:
                 plain.append(entries[0][0])
             else:
-                self._instances(group, found, file, entries)
+                self._instances(group, index, found, file, entries)
         for placed in plain:
             name = self._name(placed)
             media = interiors.fields(group, found, placed)
@@ -96,7 +106,8 @@ class Shapes:
             transform = steps(placed.matrix)
             if transform:
                 shape["transform"] = transform
-            context.shapes.append(shape)
+            source = {"geometry": group.geometry, "variant": _variant(group, index, found)}
+            context.add_shape(placed, shape, ("mesh", index), **source)
 
     def _shines_inside(self, group, placed):
         """Whether what shines does so to both sides, as all does in Cycles: not where nobody can see the inside."""
@@ -115,7 +126,7 @@ class Shapes:
         places = [(placed, placed.matrix.translation) for group in self.groups.values() for placed in group.placed]
         return places if camera is None else [*places, (None, camera.matrix_world.translation)]
 
-    def _instances(self, group, found, file, entries):
+    def _instances(self, group, index, found, file, entries):
         context = self.context
         first, media = entries[0]
         shape = {"name": self._name(first), "type": "instances"}
@@ -123,7 +134,8 @@ class Shapes:
             shape["visible"] = first.visible
         shape["shape"] = {"type": "mesh", "file": file} | _look(found) | media
         shape["transforms"] = [[matrix_step(placed.matrix)] for placed, _ in entries]
-        context.shapes.append(shape)
+        source = {"geometry": group.geometry, "variant": _variant(group, index, found)}
+        context.add_copies([(placed, index) for placed, _ in entries], shape, "mesh", **source)
 
     def _name(self, placed):
         """All slots of an object at one place have one name, as have all copies of instances."""

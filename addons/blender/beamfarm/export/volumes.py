@@ -50,7 +50,7 @@ def add_volume(placed, context):
     key = ("volume", placed.key)
     medium_name = context.media_names.get(key, object.name)
     table = {"type": "heterogeneous"} | medium.table() | {"density": density}
-    context.media[medium_name] = table | {"transform": [matrix_step(placed.matrix)]}
+    context.add_medium(placed, medium_name, table | {"transform": [matrix_step(placed.matrix)]})
     material_name = context.material_names.get(("boundary",), "boundary")
     context.materials[material_name] = {"type": "null"}
     corners = [Vector(corner) for corner in object.bound_box]
@@ -62,4 +62,4 @@ def add_volume(placed, context):
     shape = {"name": name, "type": "cube", "material": material_name, "interior": medium_name}
     if placed.visible is not None:
         shape["visible"] = placed.visible
-    context.shapes.append(shape | {"transform": [matrix_step(placed.matrix @ box)]})
+    context.add_shape(placed, shape | {"transform": [matrix_step(placed.matrix @ box)]}, within=box)

@@ -3,6 +3,7 @@
 import numpy as np
 from mathutils import Euler, Matrix, Vector
 
+from .animated import is_animated
 from .graph import Place, follow, output_node
 from .interiors import medium_name
 from .media import read_volume
@@ -119,6 +120,7 @@ def read_world(context):
     reader = WorldReader(context, owner)
     emission = reader.surface(Place(output.inputs["Surface"])).emission
     if emission is None:
+        _add(context, world, owner, [0.0, 0.0, 0.0])
         return
     if emission.special is not None:
         context.report.leave_out(f"a texture of {owner} that is no image")
@@ -142,7 +144,7 @@ def _image(context, value):
 
 
 def _add(context, world, owner, radiance, fields=None):
-    if radiance is not None and not any(radiance):
+    if radiance is not None and not any(radiance) and not (context.motion is not None and is_animated(world)):
         return
     if context.world_medium is not None:
         context.report.leave_out(f"the light of {owner}: none gets through the medium that fills it")
@@ -151,7 +153,7 @@ def _add(context, world, owner, radiance, fields=None):
     visible = _visible(context, world)
     if visible is not None:
         light["visible"] = visible
-    context.lights.append(light | (fields or {"radiance": radiance}))
+    context.add_surroundings(light | (fields or {"radiance": radiance}))
 
 
 def _visible(context, world):

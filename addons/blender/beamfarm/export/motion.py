@@ -1,0 +1,126 @@
+"""Scenes that move: they are read at several times, while the shutter is open or frame by frame, and what is not the
+same at all of them gets keys."""
+
+import re
+from dataclasses import dataclass, field, replace
+
+from .merging import Merging, Read
+from .meshes import MeshArrays
+from .names import Names
+from .spans import motion_of, now
+
+
+@dataclass
+class Moment:
+    """One of the times at which the scene is read."""
+
+    span: object
+    """`spans.Exposure` or `spans.Frames`."""
+    time: float
+    is_first: bool = True
+    """The span's own time, which says what there is and what it is made of."""
+    is_again: bool = False
+    """The same once more, for the meshes that are known by now to move."""
+    geometries: dict = field(default_factory=dict)
+    """By part, of the first moment."""
+
+    def steps_of(self, object, parent, report):
+        """`spans.motion_of` an object, or of an instance of `parent`."""
+        steps, deforms = motion_of(object, parent)
+        if not self.span.is_long:
+            return steps, deforms
+        if self.span.opens != self.span.closes and not (steps and deforms):
+            report.note(f"'{object.name}' is blurred, whatever its settings say: it moves from frame to frame")
+        return 1, True
+
+    def remember(self, context, placed, geometry):
+        """Keeps what an object has at this place at the frame's own time."""
+        self.geometries[context.part(placed, "geometry")] = geometry
+
+    def known(self, context, placed, mesh):
+        """The geometry that an object had at this place at the frame's own time; how its vertices are now is kept."""
+        geometry = self.geometries.get(context.part(placed, "geometry"))
+        if geometry is None:
+            if self.span.is_long:
+                context.report.leave_out(f"'{placed.name}', where it is not there in the first frame")
+            else:
+                context.report.note(f"'{placed.name}' is not there at the frame's own time: it is not seen in its blur")
+            return None
+        deforming = geometry.deforming
+        if deforming is None or self.time in deforming.moves:
+            return geometry
+        if not self.is_again:
+            deforming.meet(mesh, self.time, geometry.variants(), self.span.is_long)
+        elif deforming.moves:
+            deforming.keep(MeshArrays(mesh), self.time, geometry.variants(), self.span.is_long)
+        return geometry
+
+
+def moving(context, span, go_to, read):
+    """Tables of the scene with keys for what moves in a `spans.Exposure` or in `spans.Frames`.
+
+    `read`: function from a `Context` to its tables.
+    """
+    found_at = here = now(context.depsgraph)
+    settings = context.settings
+    first = Moment(span, span.own)
+    context.motion = first
+
+    def settings_now():
+        seen = settings.camera or camera
+        if span.is_long and settings.camera is None:
+            # The evaluated scene may still have the one before the last marker.
+            seen = context.depsgraph.scene.camera
+        # In one frame that of the frame, even where another one takes over while the shutter is open.
+        return replace(settings, camera=seen and seen.original.evaluated_get(context.depsgraph))
+
+    def read_at(time, **how):
+        other = replace(
+            context,
+            scene=context.depsgraph.scene_eval,
+            settings=settings_now(),
+            slots={key: slot for key, slot in context.slots.items() if not slot.is_animated},
+            motion=Moment(span, time, False, geometries=first.geometries, **how),
+            names=Names(),
+            media_names=Names(),
+            **{name: type(getattr(context, name))() for name in GROWING},
+        )
+        return Read(other, read(other))
+
+    try:
+        if here != span.own:
+            here = span.own
+            go_to(here)
+            context.scene = context.depsgraph.scene_eval
+        camera = (settings.camera or context.scene.camera) if settings.view is None else None
+        context.settings = settings_now()
+        own = Read(context, read(context))
+        camera_steps = 0 if camera is None else motion_of(camera)[0]
+        steps = [source.steps for source in context.sources.values()]
+        reads = {span.own: own}
+        for time in span.times(max([1, camera_steps, *steps])):
+            if time != span.own:
+                here = time
+                go_to(here)
+                reads[time] = read_at(time)
+        if any(geometry.deforming and geometry.deforming.moves for geometry in first.geometries.values()):
+            here = span.own
+            go_to(here)
+            read_at(span.own, is_again=True)
+    finally:
+        if here != found_at:
+            go_to(found_at)
+    tables = Merging(span, reads).tables(camera_steps)
+    written = repr(tables)
+    for path in list(context.files.used):
+        if path not in written and OF_A_FRAME.sub("_####", path) not in written:
+            context.files.drop(path)
+    if tables == own.tables and not span.is_long:
+        return own.tables
+    return {"image": tables.pop("image"), "render": tables.pop("render"), "animation": span.table()} | tables
+
+
+# What files of a sequence have in the place of the number.
+OF_A_FRAME = re.compile(r"_-?\d+(?=\.\w+\Z)")
+# Fields of a context that a read fills.
+GROWING = ["media", "materials", "shapes", "lights", "groups", "rules", "shown", "sources", "counts"]

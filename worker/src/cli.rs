@@ -39,8 +39,8 @@ pub struct WorkerArgs {
     #[arg(long, value_name = "DIR", env = "BEAMFARM_CACHE")]
     pub cache: Option<PathBuf>,
 
-    /// Keep files of scenes in memory only
-    #[arg(long, conflicts_with = "cache")]
+    /// Keep files of scenes in memory only, whatever --cache and BEAMFARM_CACHE say
+    #[arg(long)]
     pub no_cache: bool,
 
     /// How long to go on trying to reach the coordinator, at the start or when it is lost: 90s, 10m, 2h

@@ -1,5 +1,7 @@
 //! Passes of scenes in which things move, against what blur is by hand and against the path tracer.
 
+#![allow(clippy::unwrap_used, reason = "helpers of tests")]
+
 use beamfarm_image::bundle::Bundle;
 use beamfarm_image::job::ReferenceSettings;
 use beamfarm_image::layer::Layer;

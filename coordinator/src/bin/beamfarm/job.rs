@@ -143,6 +143,7 @@ impl Aov {
             Self::Volume => "volume.",
             Self::Lights => "light_",
             Self::Stderr => "stderr.",
+            Self::Motion => "motion.",
             Self::BeamDensity => "beam_density.",
             Self::Targets => "targets.",
             Self::CryptoObject => "CryptoObject",

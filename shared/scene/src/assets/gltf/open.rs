@@ -44,8 +44,14 @@ fn unusable(reason: &str) -> Flaw {
     Flaw::from(format!("not a usable glTF file: {reason}"))
 }
 
-/// The JSON, and the binary part of a file that has one.
-fn parts(bytes: &[u8]) -> Result<(Cow<'_, [u8]>, Option<Cow<'_, [u8]>>), Flaw> {
+/// What a file consists of.
+struct Parts<'b> {
+    json: Cow<'b, [u8]>,
+    /// The binary part of a file that has one.
+    blob: Option<Cow<'b, [u8]>>,
+}
+
+fn parts(bytes: &[u8]) -> Result<Parts<'_>, Flaw> {
     // Magic number, version, and the length of all of it.
     let length = bytes.get(8..).and_then(|rest| rest.first_chunk());
     let is_binary = bytes.starts_with(b"glTF");
@@ -55,23 +61,29 @@ fn parts(bytes: &[u8]) -> Result<(Cow<'_, [u8]>, Option<Cow<'_, [u8]>>), Flaw> {
     match is_binary {
         true => {
             let parts = gltf::Glb::from_slice(bytes).map_err(|e| unusable(&e.to_string()))?;
-            Ok((parts.json, parts.bin))
+            Ok(Parts {
+                json: parts.json,
+                blob: parts.bin,
+            })
         }
-        false => Ok((bytes.into(), None)),
+        false => Ok(Parts {
+            json: bytes.into(),
+            blob: None,
+        }),
     }
 }
 
 /// Whether a file has animations. One that is not usable has none.
 pub fn is_animated(bytes: &[u8]) -> bool {
-    let text = parts(bytes).ok().map(|(text, _)| text);
-    let record = text.and_then(|text| serde_json::from_slice::<Record>(&text).ok());
+    let parts = parts(bytes).ok();
+    let record = parts.and_then(|parts| serde_json::from_slice::<Record>(&parts.json).ok());
     record.is_some_and(|record| !record.animations.is_empty())
 }
 
 /// Read the JSON and validate it. What the `gltf` crate's validation and accessors take for granted is looked at
 /// before.
 pub fn open(bytes: &[u8]) -> Result<Opened, Flaw> {
-    let (text, blob) = parts(bytes)?;
+    let Parts { json: text, blob } = parts(bytes)?;
     let blob = blob.map(Cow::into_owned);
     let json = |e: serde_json::Error| unusable(&e.to_string());
     let mut text = serde_json::from_slice::<Value>(&text).map_err(json)?;

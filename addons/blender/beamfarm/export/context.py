@@ -92,29 +92,34 @@ class Context:
     def add_medium(self, placed, name, medium):
         """Adds to `[media]` what moves with an object."""
         self.media[name] = medium
-        self.sources[id(medium)] = Source([], placed.steps)
+        if self.motion is not None:
+            self.sources[id(medium)] = Source([], placed.steps)
 
     def add_light(self, placed, light):
         """Adds to `[[lights]]`."""
         self.lights.append(light)
-        self.sources[id(light)] = Source([self.part(placed, "light")], placed.steps)
+        if self.motion is not None:
+            self.sources[id(light)] = Source([self.part(placed, "light")], placed.steps)
 
     def add_surroundings(self, light):
         """Adds the light of the world."""
         self.lights.append(light)
-        self.sources[id(light)] = Source([("world",)], 1)
+        if self.motion is not None:
+            self.sources[id(light)] = Source([("world",)], 1)
 
     def add_shape(self, placed, shape, kind="shape", **source):
         """Adds to `[[shapes]]` what is at one place."""
         self.shapes.append(shape)
-        self.sources[id(shape)] = Source([self.part(placed, kind)], placed.steps, placed.deforms, **source)
+        if self.motion is not None:
+            self.sources[id(shape)] = Source([self.part(placed, kind)], placed.steps, placed.deforms, **source)
 
     def add_copies(self, places, shape, kind="shape", **source):
         """Adds to `[[shapes]]` instances of one thing at these places, with a number at each."""
         self.shapes.append(shape)
-        keys = [self.part(placed, (kind, number)) for placed, number in places]
-        placed = places[0][0]
-        self.sources[id(shape)] = Source(keys, placed.steps, placed.deforms, **source)
+        if self.motion is not None:
+            keys = [self.part(placed, (kind, number)) for placed, number in places]
+            placed = places[0][0]
+            self.sources[id(shape)] = Source(keys, placed.steps, placed.deforms, **source)
 
     def show(self, placed, name):
         """Notes that `name` stands for an object and for what makes it as an instance, for rules."""

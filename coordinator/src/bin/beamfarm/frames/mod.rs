@@ -201,7 +201,7 @@ impl Work {
         match Begun::new(ready, share, convicted, &mut self.said) {
             Ok(begun) => Ok(Some(begun)),
             Err(failed) => {
-                self.skip(Prepared::Failed(Box::new(failed)))?;
+                self.skip(Prepared::Failed(failed))?;
                 Ok(None)
             }
         }

@@ -47,7 +47,7 @@ impl Begun {
         share: Share,
         convicted: Vec<String>,
         said: &mut BTreeSet<String>,
-    ) -> Result<(Self, oneshot::Sender<String>), FrameRecord> {
+    ) -> Result<(Self, oneshot::Sender<String>), Box<FrameRecord>> {
         let Ready { frame, args, .. } = ready;
         if !args.quiet {
             for (kind, texts) in [("note", ready.notes), ("left out", ready.left_out)] {
@@ -66,7 +66,7 @@ impl Begun {
         let farm = Farm::new(ready.spec, Timing::default(), start);
         let keeper = ready.directory.map(|directory| {
             let kept = Keeper::start(directory.folder, farm.clone(), directory.entries);
-            kept.map_err(|error| FrameRecord::failed(frame, &args, error.to_string()))
+            kept.map_err(|error| Box::new(FrameRecord::failed(frame, &args, error.to_string())))
         });
         let (sender, broken) = oneshot::channel();
         let begun = Self {

@@ -99,7 +99,8 @@ impl Client {
         }
     }
 
-    /// Introduce the worker, which holds this scene already, if any, and these blocks of it, and had this key until now.
+    /// Introduce the worker, which holds this scene already, if any, and these blocks of it, and had this key until
+    /// now.
     pub async fn register(
         &self,
         introduction: &Introduction,

@@ -40,8 +40,8 @@ fn average(scene: &Scene, passes: u64) -> Average {
 }
 
 /// A card that shines moves by four pixels while the shutter is open: each pixel shows it for the time that it is
-/// there. Within six of the standard errors that the image has, which tests them as well: fifteen degrees of freedom, so
-/// that one of 48 pixels is beyond them with a probability of a tenth of a percent.
+/// there. Within six of the standard errors that the image has, which tests them as well: fifteen degrees of freedom,
+/// so that one of 48 pixels is beyond them with a probability of a tenth of a percent.
 #[test]
 fn a_moving_edge_is_a_ramp() {
     let text = "\

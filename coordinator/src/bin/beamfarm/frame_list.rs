@@ -10,9 +10,9 @@ const MOST: usize = 100_000;
 /// Frames of an animation.
 #[derive(Args, Clone, Debug)]
 pub struct FrameArgs {
-    /// Render these frames of the scene's animation, one after the other: 1-100, every second one as in 1-100x2, several
-    /// as in 1-10,20,30-40x5, or all. Each is the image of `-D animation.frame=N`, in a file of its own: see -o. Those
-    /// that are there already stay as they are
+    /// Render these frames of the scene's animation, one after the other: 1-100, every second one as in 1-100x2,
+    /// several as in 1-10,20,30-40x5, or all. Each is the image of `-D animation.frame=N`, in a file of its own: see
+    /// -o. Those that are there already stay as they are
     #[arg(long, value_name = "LIST", allow_hyphen_values = true, conflicts_with_all = ["first_pass", "resume"])]
     pub frames: Option<FrameList>,
 

@@ -490,9 +490,9 @@ pub struct JobArgs {
     #[command(flatten)]
     pub settings: SettingsArgs,
 
-    /// Where to write the image: OUT.exr, with OUT.png and OUT.csv beside it; with --frames a run of # in its name is the
-    /// frame's number, as in frame.####.exr [default: the scene's name, in the current folder; FOLDER-NAME.exr where
-    /// another folder's scene has that]
+    /// Where to write the image: OUT.exr, with OUT.png and OUT.csv beside it; with --frames a run of # in its name is
+    /// the frame's number, as in frame.####.exr [default: the scene's name, in the current folder; FOLDER-NAME.exr
+    /// where another folder's scene has that]
     #[arg(short, long, value_name = "OUT.exr")]
     pub output: Option<PathBuf>,
 

@@ -186,8 +186,8 @@ impl RenderPlan {
         plan.with_stages(scene, &contents, "the plan is provisional".into())
     }
 
-    /// The plan of the same job for another moment of its exposure. Whatever plans passes have, each is right by itself;
-    /// with the same one they cost least.
+    /// The plan of the same job for another moment of its exposure. Whatever plans passes have, each is right by
+    /// itself; with the same one they cost least.
     pub(crate) fn at(&self, middle: &Scene, moment: &Scene) -> Self {
         if !middle.is_like(moment) {
             let mut plan = Self::new(moment, self.settings);

@@ -45,8 +45,8 @@ pub struct SceneDescription {
     pub photon_rules: Vec<String>,
     /// What moves, if something does. All is as it is in the middle of the time that the shutter is open.
     pub motion: Option<Motion>,
-    /// Scenes like it follow, as frames do or moments of an exposure, in which some of its meshes stand still: large ones
-    /// have hierarchies of their own, which are built once for all of them.
+    /// Scenes like it follow, as frames do or moments of an exposure, in which some of its meshes stand still: large
+    /// ones have hierarchies of their own, which are built once for all of them.
     pub has_frames: bool,
     /// Stops what is done with the scene, and with clones of this description.
     pub interrupt: Interrupt,

@@ -344,3 +344,114 @@ center = { keys = [[1, [0, 3, -1]], [5, [0, 3, 3]]] }
         "{middle:?} for {expected}"
     );
 }
+
+const VIEW: &str = "\
+[image]
+width = 8
+height = 8
+[animation]
+frames = [1, 48]
+shutter = [0, 0.5]
+";
+
+/// What is said of a scene that cannot be.
+fn refused(text: &str) -> beamfarm_scene::SceneError {
+    let mut bundle = Bundle {
+        scene: "moving.toml".into(),
+        ..Bundle::default()
+    };
+    bundle.files.insert("moving.toml".into(), text.into());
+    beamfarm_scene::load(&bundle).map(|_| text).unwrap_err()
+}
+
+/// Line and message of what is wrong.
+fn fault(fields: &str) -> (usize, String) {
+    let view = VIEW.replace(
+        "[animation]",
+        "[camera]\norigin = [0, 0, 5]\ntarget = [0, 0, 0]\nfov = 40\n[animation]",
+    );
+    let text = format!("{view}{fields}");
+    let error = refused(&text);
+    (error.line.unwrap() - view.lines().count(), error.message)
+}
+
+#[test]
+fn what_is_wrong_has_its_line() {
+    let light = "[[lights]]\ntype = \"point\"\nposition = [0, 0, 0]\npower = ";
+    for (power, words) in [
+        (
+            "{ keys = [[3, 1], [2, 4]] }",
+            "keys must be in the order of their times: 2 comes after 3",
+        ),
+        ("{ keys = [[1, 1]] }", "expected { keys = [[frame, value]"),
+        ("{ keys = [[1, 1], [50, [1, 2]]] }", "another form"),
+        ("{ keys = [[1, 1], [50]] }", "expected [frame, value]"),
+        ("{ keys = [[1, 1], [nan, 2]] }", "expected a finite number"),
+        (
+            "{ keys = [[2, 1], [50, 2]] }",
+            "the shutter is open from 1 to 1.5, and the keys tell of 2 to 50",
+        ),
+        ("{ keys = [[1, 1], [1.25, 2]] }", "the shutter is open from 1 to 1.5"),
+        (
+            "{ keys = [[1, 1], [50, 2]], interpolation = \"cubic\" }",
+            "expected \"linear\", \"smooth\" or \"step\"",
+        ),
+        ("{ keys = [[1, 1], [50, 2]], ease = 1 }", "unknown field `ease`"),
+        ("{ keys = [[1, \"a\"], [50, \"b\"]] }", "interpolation = \"step\""),
+        // What comes of them is checked as if it stood there.
+        (
+            "{ keys = [[1, -1], [50, 2]] }",
+            "expected a number that is not negative",
+        ),
+    ] {
+        let (line, message) = fault(&format!("{light}{power}\n"));
+        assert_eq!(line, 4, "{power}: {message}");
+        assert!(message.contains(words), "{power}: {message}");
+    }
+    let still = VIEW.replace("[animation]\nframes = [1, 48]\nshutter = [0, 0.5]\n", "");
+    let text = format!("{still}[world]\nvalue = {{ keys = [[1, 1], [2, 2]] }}\n");
+    let fault = refused(&text);
+    assert!(fault.message.contains("the scene has no frames"), "{}", fault.message);
+    for (before, after, words) in [
+        ("frames = [1, 48]", "frames = [48, 1]", "not before it"),
+        ("shutter = [0, 0.5]", "shutter = [0.5, 0]", "not before that"),
+        ("shutter = [0, 0.5]", "shuter = [0.5, 0]", "did you mean `shutter`"),
+    ] {
+        let text = VIEW.replace(before, after);
+        let fault = refused(&text);
+        assert!(fault.message.contains(words), "{}", fault.message);
+    }
+}
+
+/// Lists of which every item moves are written as tables of their own by who writes scenes anew.
+#[test]
+fn all_copies_may_move() {
+    let text = "\
+[image]
+width = 4
+height = 4
+[animation]
+frame = 2
+[camera]
+origin = [0, 0, 5]
+target = [0, 0, 0]
+fov = 40
+[[shapes]]
+type = \"instances\"
+shape = { type = \"sphere\" }
+";
+    let copies = |list: &str| format!("{text}{list}");
+    let inline = "transforms = [{ keys = [[1, [{ translate = [0, 0, 0] }]], [3, [{ translate = [2, 0, 0] }]]] }, \
+                  { keys = [[1, [{ translate = [0, 0, 0] }]], [3, [{ translate = [0, 4, 0] }]]] }]\n";
+    let tables = "[[shapes.transforms]]\nkeys = [[1, [{ translate = [0, 0, 0] }]], [3, [{ translate = [2, 0, 0] }]]]\n\
+                  [[shapes.transforms]]\nkeys = [[1, [{ translate = [0, 0, 0] }]], [3, [{ translate = [0, 4, 0] }]]]\n";
+    for list in [inline, tables] {
+        let scene = scene(&copies(list));
+        let places = scene.objects().iter().map(|object| match &object.shape {
+            beamfarm_render::geometry::Shape::Sphere { placement, .. } => placement.render_from_object.translation,
+            _ => panic!("no ball"),
+        });
+        let places: Vec<[f32; 3]> = places.map(|place| place.into()).collect();
+        assert_eq!(places, [[1.0, 0.0, -5.0], [0.0, 2.0, -5.0]]);
+    }
+}

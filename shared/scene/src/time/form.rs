@@ -1,6 +1,6 @@
 //! What values of all keys have in common: their form. What is left are numbers, between which there are others.
 
-use super::curve::{axis_and_angle, from_axis_and_angle};
+use super::turn::{axis_and_angle, from_axis_and_angle};
 use crate::source::Fault;
 use glam::{DMat3, DQuat, DVec3, DVec4};
 use std::fmt::Write;

@@ -8,6 +8,7 @@ mod keys;
 mod sequence;
 #[cfg(test)]
 mod tests;
+mod turn;
 
 use crate::source::Fault;
 pub use clock::{AnimationRecord, Clock, FPS, When, frames};
@@ -195,8 +196,13 @@ impl Walk<'_> {
 
 /// Everything whose place is that of a value that is to be put there.
 fn put<'t>(value: &mut Spanned<DeValue<'t>>, values: &mut std::slice::Iter<'t, Value>) -> Result<(), Fault> {
+    // A list of tables may have the place of its first one.
+    let may_move = match value.get_ref() {
+        DeValue::Table(table) => keys::are_in(table),
+        other => matches!(other, DeValue::String(_)),
+    };
     let next = values.as_slice().first();
-    if let Some(next) = next.filter(|next| next.place == value.span()) {
+    if let Some(next) = next.filter(|next| may_move && next.place == value.span()) {
         values.next();
         let placed = DeValue::parse(&next.text).map_err(|error| Fault::new(value.span(), error.message()))?;
         *value = moved(placed.into_inner(), value.span());

@@ -1,9 +1,5 @@
 //! Values between keys, and what is wrong with keys.
 
-use crate::parse::SceneRecord;
-use crate::source;
-use crate::time::When;
-use std::path::Path;
 use toml::de::DeTable;
 
 use super::{Clock, Moving};
@@ -135,66 +131,6 @@ fn matrices_are_turned_and_stretched() {
         for (found, expected) in found.zip(expected) {
             assert!((found.as_float().unwrap() - expected).abs() < 1e-12, "{text}");
         }
-    }
-}
-
-/// Line and message of what is wrong.
-fn fault(fields: &str) -> (usize, String) {
-    let view = VIEW.replace(
-        "[animation]",
-        "[camera]\norigin = [0, 0, 5]\ntarget = [0, 0, 0]\nfov = 40\n[animation]",
-    );
-    let text = format!("{view}{fields}");
-    let fault = SceneRecord::snapshot(&text, When::Middle).expect_err(&text);
-    let error = source::locate(Path::new("a.toml"), &text, &fault);
-    (error.line.unwrap() - view.lines().count(), error.message)
-}
-
-#[test]
-fn what_is_wrong_has_its_line() {
-    let light = "[[lights]]\ntype = \"point\"\nposition = [0, 0, 0]\npower = ";
-    for (power, words) in [
-        (
-            "{ keys = [[3, 1], [2, 4]] }",
-            "keys must be in the order of their times: 2 comes after 3",
-        ),
-        ("{ keys = [[1, 1]] }", "expected { keys = [[frame, value]"),
-        ("{ keys = [[1, 1], [50, [1, 2]]] }", "another form"),
-        ("{ keys = [[1, 1], [50]] }", "expected [frame, value]"),
-        ("{ keys = [[1, 1], [nan, 2]] }", "expected a finite number"),
-        (
-            "{ keys = [[2, 1], [50, 2]] }",
-            "the shutter is open from 1 to 1.5, and the keys tell of 2 to 50",
-        ),
-        ("{ keys = [[1, 1], [1.25, 2]] }", "the shutter is open from 1 to 1.5"),
-        (
-            "{ keys = [[1, 1], [50, 2]], interpolation = \"cubic\" }",
-            "expected \"linear\", \"smooth\" or \"step\"",
-        ),
-        ("{ keys = [[1, 1], [50, 2]], ease = 1 }", "unknown field `ease`"),
-        ("{ keys = [[1, \"a\"], [50, \"b\"]] }", "interpolation = \"step\""),
-        // What comes of them is checked as if it stood there.
-        (
-            "{ keys = [[1, -1], [50, 2]] }",
-            "expected a number that is not negative",
-        ),
-    ] {
-        let (line, message) = fault(&format!("{light}{power}\n"));
-        assert_eq!(line, 4, "{power}: {message}");
-        assert!(message.contains(words), "{power}: {message}");
-    }
-    let still = VIEW.replace("[animation]\nframes = [1, 48]\nshutter = [0, 0.5]\n", "");
-    let text = format!("{still}[world]\nvalue = {{ keys = [[1, 1], [2, 2]] }}\n");
-    let fault = SceneRecord::snapshot(&text, When::Middle).unwrap_err();
-    assert!(fault.message.contains("the scene has no frames"), "{}", fault.message);
-    for (before, after, words) in [
-        ("frames = [1, 48]", "frames = [48, 1]", "not before it"),
-        ("shutter = [0, 0.5]", "shutter = [0.5, 0]", "not before that"),
-        ("shutter = [0, 0.5]", "shuter = [0.5, 0]", "did you mean `shutter`"),
-    ] {
-        let text = VIEW.replace(before, after);
-        let fault = SceneRecord::snapshot(&text, When::Middle).unwrap_err();
-        assert!(fault.message.contains(words), "{}", fault.message);
     }
 }
 

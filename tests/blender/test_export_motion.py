@@ -179,6 +179,7 @@ class Blur(unittest.TestCase):
                 room()
                 scenes.ball("Ball", 0.3, (0.0, 0.0, 0.3), scenes.diffuse("Red", (0.8, 0.3, 0.2)), segments=32)
                 light = scenes.light(kind, (-1.0, 0.3, 2.0), energy, **values)
+                light.cycles.motion_steps = 3
                 moves(light, "location", (-1.0, 0.3, 2.0), (1.0, 0.3, 1.5))
                 turn = light.rotation_euler.copy()
                 moves(light, "rotation_euler", turn, Euler((turn.x + 0.3, turn.y - 0.5, turn.z)))

@@ -447,7 +447,7 @@ shape = { type = \"sphere\" }
                   [[shapes.transforms]]\nkeys = [[1, [{ translate = [0, 0, 0] }]], [3, [{ translate = [0, 4, 0] }]]]\n";
     for list in [inline, tables] {
         let scene = scene(&copies(list));
-        let places = scene.objects().iter().map(|object| match &object.shape {
+        let places = scene.description().objects.iter().map(|object| match &object.shape {
             beamfarm_render::geometry::Shape::Sphere { placement, .. } => placement.render_from_object.translation,
             _ => panic!("no ball"),
         });

@@ -284,7 +284,7 @@ fn settings_and_structure_are_checked() {
 [light]
     3: light: unknown field `light`; did you mean `lights`?
 x = 1
-    3: x: unknown field `x`, expected one of `image`, `render`, `world`, `camera`, `media`, `materials`, `shapes`, `lights`, `gltf`, `groups`, `rules`
+    3: x: unknown field `x`, expected one of `image`, `render`, `animation`, `world`, `camera`, `media`, `materials`, `shapes`, `lights`, `gltf`, `groups`, `rules`
 x = 1 | x = 2
     4: duplicate key
 "#,

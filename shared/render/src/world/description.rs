@@ -52,8 +52,8 @@ pub struct SceneDescription {
     pub interrupt: Interrupt,
 }
 
-/// A scene at all moments of an exposure. Every pass has one of them, at which everything stands still. Where the shutter
-/// is open for no time that is all the same, and only vectors of motion tell of what moves.
+/// A scene at all moments of an exposure. Every pass has one of them, at which everything stands still. Where the
+/// shutter is open for no time that is all the same, and only vectors of motion tell of what moves.
 #[derive(Clone)]
 pub struct Motion {
     /// When the shutter opens and closes, frames.
@@ -65,7 +65,8 @@ pub struct Motion {
 type At = dyn Fn(f64) -> Result<SceneDescription, String> + Send + Sync;
 
 impl Motion {
-    /// `at`: the description at a time within the shutter's or beside them, without motion and in the same render space.
+    /// `at`: the description at a time within the shutter's or beside them, without motion and in the same render
+    /// space.
     pub fn new(
         shutter: [f64; 2],
         at: impl Fn(f64) -> Result<SceneDescription, String> + Send + Sync + 'static,

@@ -159,8 +159,8 @@ fn lights_and_the_camera_move() {
     assert!((last - first - 8.0 / 24.0).abs() < 1e-5, "{first} {last}");
 }
 
-/// A cubic whose slopes are given: u^3 goes from 0 with a slope of 0 to 1 with a slope of 3. Over two seconds the slopes
-/// are half of that.
+/// A cubic whose slopes are given: u^3 goes from 0 with a slope of 0 to 1 with a slope of 3. Over two seconds the
+/// slopes are half of that.
 #[test]
 fn splines_have_the_slopes_of_their_keys() {
     let numbers = [

@@ -400,7 +400,7 @@ fn layers_stand_beside_the_same_beauty() {
     #[rustfmt::skip]
     let expected = [
         "A", "B", "G", "R", "albedo.B", "albedo.G", "albedo.R", "beam_density.Y", "depth.Z", "direct.B", "direct.G", "direct.R",
-        "light_lights[0].B", "light_lights[0].G", "light_lights[0].R", "normal.X", "normal.Y", "normal.Z",
+        "light_lights[0].B", "light_lights[0].G", "light_lights[0].R", "motion.u", "motion.v", "normal.X", "normal.Y", "normal.Z",
         "stderr.B", "stderr.G", "stderr.R", "surface.B", "surface.G", "surface.R", "targets.Y", "volume.B", "volume.G", "volume.R",
     ];
     let (mattes, others): (Vec<String>, Vec<String>) = channels("all.exr")

@@ -190,6 +190,14 @@ pub fn read(name: &str, bytes: &[u8], beside: &Beside<'_>, there: There<'_>, cho
     if !opened.record.animations.is_empty() && there.seconds.is_none() {
         notes.add("its animations do not play, since the scene has no [animation]: everything stands as its nodes say");
     }
+    let mut channels = opened
+        .record
+        .animations
+        .iter()
+        .flat_map(|animation| &animation.channels);
+    if there.seconds.is_some() && channels.any(|channel| channel.target.path == "pointer") {
+        notes.add("what KHR_animation_pointer moves stays as it is");
+    }
     for name in hidden {
         notes.add_of("animations that move what others move do not play", &name);
     }

@@ -12,7 +12,27 @@ pub struct Record {
     pub extensions_used: Vec<String>,
     pub extensions_required: Vec<String>,
     pub materials: Vec<Material>,
-    pub animations: Vec<IgnoredAny>,
+    pub animations: Vec<Animation>,
+}
+
+/// What moves.
+#[derive(Default, Deserialize)]
+#[serde(default)]
+pub struct Animation {
+    pub channels: Vec<Channel>,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(default)]
+pub struct Channel {
+    pub target: Target,
+}
+
+/// What a channel moves.
+#[derive(Default, Deserialize)]
+#[serde(default)]
+pub struct Target {
+    pub path: String,
 }
 
 /// Who wrote it.

@@ -206,6 +206,19 @@ fn what_moves_twice_moves_once() {
     assert!(says(&description, "do not play: \"a1\""), "{:?}", description.notes);
 }
 
+/// What is moved by a pointer has no node.
+#[test]
+fn pointers_are_told_of() {
+    let keys: Channel<'_> = (0, "scale", "STEP", &[0.0, 1.0], &[1.0, 1.0, 1.0, 2.0, 2.0, 2.0]);
+    let mut file = animate(file(json!({})), &[&[keys]]);
+    let told = |file: &Value| says(&at(file, 24.0), "KHR_animation_pointer");
+    assert!(!told(&file));
+    file["animations"][0]["channels"][0]["target"] = json!({ "path": "pointer", "extensions": {
+        "KHR_animation_pointer": { "pointer": "/nodes/0/scale" }
+    } });
+    assert!(told(&file));
+}
+
 /// Nothing is blurred that stands still.
 #[test]
 fn only_what_moves_is_blurred() {

@@ -3,7 +3,7 @@
 use crate::files::Source;
 use crate::source::{self, Fault};
 use crate::time::{self, When};
-use crate::{ImportOptions, SceneError, SceneFile, assemble, is_gltf, is_mitsuba};
+use crate::{ImportOptions, SceneError, SceneFile, assemble, is_gltf, is_mitsuba, lone};
 use crate::{read_file, scene_file, snapshot, text_of};
 use beamfarm_image::bundle;
 use beamfarm_render::world::RenderDefaults;
@@ -15,10 +15,10 @@ pub fn numbered(name: &str, frame: i64) -> String {
     time::numbered(name, frame)
 }
 
-/// The first frame of a scene file and the last, as its `animation.frames` says; `None` where it has no frames. Nothing
-/// else of the scene is looked at.
+/// The first frame of a scene file and the last, as its `animation.frames` says, or the animations of a glTF file; `None`
+/// where it has no frames. Nothing else of the scene is looked at.
 pub fn frames(path: &Path, options: &ImportOptions) -> Result<Option<[i64; 2]>, SceneError> {
-    if is_mitsuba(path) || is_gltf(path) {
+    if is_mitsuba(path) {
         return Ok(None);
     }
     let unreadable = |message: String| SceneError {
@@ -26,8 +26,13 @@ pub fn frames(path: &Path, options: &ImportOptions) -> Result<Option<[i64; 2]>, 
         line: None,
         message,
     };
-    let bytes = read_file(path, bundle::MAX_BYTES).map_err(unreadable)?;
-    let text = text_of(path, &bytes)?;
+    let text = match is_gltf(path) {
+        true => lone::scene(path, path.parent().unwrap_or(Path::new("")))?
+            .text
+            .into_bytes(),
+        false => read_file(path, bundle::MAX_BYTES).map_err(unreadable)?,
+    };
+    let text = text_of(path, &text)?;
     let edited = options.edits.apply(path, text)?;
     let text = edited.as_deref().unwrap_or(text);
     let found = DeTable::parse(text).map_err(Fault::from);

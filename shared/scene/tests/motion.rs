@@ -16,15 +16,16 @@ fn scene(text: &str) -> Scene {
 }
 
 fn scene_with(text: &str, files: &[(&str, &str)]) -> Scene {
-    let mut bundle = Bundle {
+    let description = beamfarm_scene::load(&bundle(text, files));
+    Scene::new(description.unwrap_or_else(|error| panic!("{error}")))
+}
+
+fn bundle(text: &str, files: &[(&str, &str)]) -> Bundle {
+    let files = files.iter().copied().chain([("moving.toml", text)]);
+    Bundle {
         scene: "moving.toml".into(),
-        ..Bundle::default()
-    };
-    bundle.files.insert("moving.toml".into(), text.into());
-    for (name, bytes) in files {
-        bundle.files.insert((*name).into(), (*bytes).into());
+        files: files.map(|(name, bytes)| (name.into(), bytes.into())).collect(),
     }
-    Scene::new(beamfarm_scene::load(&bundle).unwrap_or_else(|error| panic!("{error}")))
 }
 
 fn average(scene: &Scene, passes: u64) -> Average {
@@ -247,12 +248,7 @@ file = \"wave_##.ply\"
     for (time, expected) in [(1.0, 0.0), (1.25, 0.5), (1.5, 1.0)] {
         assert!((top(time) - expected).abs() < 1e-6, "{time}: {}", top(time));
     }
-    let mut bundle = Bundle {
-        scene: "moving.toml".into(),
-        ..Bundle::default()
-    };
-    bundle.files.insert("moving.toml".into(), text.into());
-    bundle.files.insert("wave_01.ply".into(), one.clone().into());
+    let mut bundle = bundle(text, &[("wave_01.ply", &one)]);
     let said = |bundle: &Bundle| beamfarm_scene::load(bundle).unwrap_err().to_string();
     assert!(
         said(&bundle).contains("moving.toml:14: ") && said(&bundle).contains("\"wave_02.ply\""),
@@ -356,12 +352,7 @@ shutter = [0, 0.5]
 
 /// What is said of a scene that cannot be.
 fn refused(text: &str) -> beamfarm_scene::SceneError {
-    let mut bundle = Bundle {
-        scene: "moving.toml".into(),
-        ..Bundle::default()
-    };
-    bundle.files.insert("moving.toml".into(), text.into());
-    beamfarm_scene::load(&bundle).map(|_| text).unwrap_err()
+    beamfarm_scene::load(&bundle(text, &[])).map(|_| text).unwrap_err()
 }
 
 /// Line and message of what is wrong.

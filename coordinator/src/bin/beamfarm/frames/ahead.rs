@@ -9,6 +9,7 @@ use crate::onlookers::Share;
 use crate::output::Output;
 use beamfarm_coordinator::{JobSpec, Start};
 use beamfarm_image::exr::MadeOf;
+use beamfarm_proto::VERSION;
 use beamfarm_render::world::RenderDefaults;
 use beamfarm_scene::{SceneFile, Store};
 use std::collections::BTreeMap;
@@ -178,7 +179,9 @@ fn has_settings(args: &JobArgs, made: &MadeOf, defaults: &RenderDefaults) -> boo
         }
     };
     let shown = |aov: &Aov| made.channels.iter().any(|name| name.starts_with(aov.channels()));
-    made.seed == of.seed_or(defaults.seed)
+    // Another version may render other bits.
+    made.version == VERSION
+        && made.seed == of.seed_or(defaults.seed)
         && made.alpha == of.alpha.unwrap_or(defaults.alpha)
         && paths.is_none_or(|paths| paths == made.paths_per_pass)
         && budget

@@ -219,6 +219,32 @@ fn pointers_are_told_of() {
     assert!(told(&file));
 }
 
+/// A file by itself has the frames of its animations, and is seen at the first.
+#[test]
+fn files_by_themselves_have_frames() {
+    let keys: Channel<'_> = (
+        0,
+        "translation",
+        "LINEAR",
+        &[0.5, 2.02],
+        &[1.0, 0.0, 0.0, 4.0, 0.0, 0.0],
+    );
+    let file = animate(file(json!({})), &[&[keys]]);
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("model.gltf");
+    std::fs::write(&path, file.to_string()).unwrap();
+    let options = crate::ImportOptions::default();
+    assert_eq!(crate::frames(&path, &options).unwrap(), Some([12, 49]));
+    let read = crate::SceneFile::read(&path, &options).unwrap();
+    let said = read
+        .notes
+        .iter()
+        .any(|note| note.contains("it moves, in frames 12 to 49"));
+    assert!(said, "{:?}", read.notes);
+    std::fs::write(&path, super::file(json!({})).to_string()).unwrap();
+    assert_eq!(crate::frames(&path, &options).unwrap(), None);
+}
+
 /// Nothing is blurred that stands still.
 #[test]
 fn only_what_moves_is_blurred() {

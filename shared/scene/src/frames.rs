@@ -15,8 +15,8 @@ pub fn numbered(name: &str, frame: i64) -> String {
     time::numbered(name, frame)
 }
 
-/// The first frame of a scene file and the last, as its `animation.frames` says, or the animations of a glTF file; `None`
-/// where it has no frames. Nothing else of the scene is looked at.
+/// The first frame of a scene file and the last, as its `animation.frames` says, or the animations of a glTF file;
+/// `None` where it has no frames. Nothing else of the scene is looked at.
 pub fn frames(path: &Path, options: &ImportOptions) -> Result<Option<[i64; 2]>, SceneError> {
     if is_mitsuba(path) {
         return Ok(None);

@@ -379,6 +379,9 @@ fn an_interrupted_command_keeps_what_is_there() {
             of_frame(&all, frame)["pixels"],
             alone(path, frame, &["--passes", &passes])
         );
-        assert!(path.join(format!("jobs/000{frame}/report.json")).exists());
+        // The image is written before it: a kill between the two leaves the image, and nothing to resume.
+        let was_killed_between = frame == 1 && stdout.contains("g.1.exr is there");
+        let report = path.join(format!("jobs/000{frame}/report.json"));
+        assert!(report.exists() || was_killed_between, "{stdout}");
     }
 }

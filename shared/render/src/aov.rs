@@ -238,6 +238,8 @@ pub struct Recorder<'a> {
     parts: Option<&'a mut Parts>,
     /// The part that everything counts for, whatever way light came: where the camera path was scattered by a medium.
     within: Option<Part>,
+    /// What all radiance is multiplied by, see [`crate::spectrum`].
+    tint: Rgb,
 }
 
 impl<'a> Recorder<'a> {
@@ -247,6 +249,7 @@ impl<'a> Recorder<'a> {
             plan,
             parts,
             within: None,
+            tint: Rgb::ONE,
         }
     }
 
@@ -271,6 +274,12 @@ impl<'a> Recorder<'a> {
         self.parts.is_some()
     }
 
+    /// From here on light has this weight.
+    #[inline]
+    pub(crate) fn set_tint(&mut self, tint: Rgb) {
+        self.tint = tint;
+    }
+
     /// Radiance at the film that comes from a light.
     #[inline]
     pub fn add(&mut self, part: Part, light: usize, radiance: Rgb) {
@@ -282,7 +291,7 @@ impl<'a> Recorder<'a> {
     /// Radiance at the film that comes from a group of lights, as [`LayerPlan::group`] numbers them.
     #[inline]
     pub fn add_of_group(&mut self, part: Part, group: Option<GroupNumber>, radiance: Rgb) {
-        let part = self.part_or(part);
+        let (part, radiance) = (self.part_or(part), radiance * self.tint);
         if let Some(parts) = &mut self.parts {
             parts.add(part, radiance);
             if let Some(sum) = group.and_then(|group| parts.groups.get_mut(group.index())) {

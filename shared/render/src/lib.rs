@@ -13,6 +13,7 @@
 //! | what are photons aimed at?                 | [`targeting`]                                   |
 //! | who sees what, by rules?                   | [`rules`], [`sight`]                            |
 //! | what becomes of a material's parameters?   | [`bsdf`]                                        |
+//! | which wavelengths has light that is split? | [`spectrum`]                                    |
 //! | which radii suit a known number of passes? | [`budget`]                                      |
 //! | what is the image compared with?           | [`reference`](mod@reference)                    |
 //! | does it converge as the theory says?       | [`convergence`]                                 |
@@ -45,6 +46,7 @@ pub mod rules;
 pub mod sampler;
 pub mod scalar;
 pub mod sight;
+pub mod spectrum;
 pub mod targeting;
 pub mod texture;
 pub mod transport;

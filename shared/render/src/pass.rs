@@ -2,7 +2,7 @@
 
 use crate::aov::{Parts, Recorder};
 use crate::beam::estimate::{CameraSegment, CameraSegments, Gather, Sharing, Vectors};
-use crate::beam::store::BeamMap;
+use crate::beam::store::{Beams, Traced};
 use crate::beam::trace::{Photons, trace_photons};
 use crate::flow::Flow;
 use crate::geometry::SurfaceHit;
@@ -133,18 +133,22 @@ impl PassPhotons {
         };
         stats.beams = (photons.beams.len() + photons.smooth_beams.len()) as u64;
         stats.surface_photons = photons.surface.len() as u64;
+        let waves = scene.waves(plan.settings.seed, pass_index);
         let (beams, surface) = rayon::join(
             || {
-                plan.beams.then(|| Beams {
-                    sharp: BeamMap::new(photons.beams, photons.steps),
-                    smooth: BeamMap::new(photons.smooth_beams, photons.smooth_steps),
-                })
+                let sharp = Traced {
+                    beams: photons.beams,
+                    steps: photons.steps,
+                };
+                let smooth = Traced {
+                    beams: photons.smooth_beams,
+                    steps: photons.smooth_steps,
+                };
+                plan.beams.then(|| Beams::new(sharp, smooth, waves.as_ref()))
             },
             || plan.surface_photons.then(|| SurfacePhotonMap::new(photons.surface)),
         );
-        stats.beam_bytes = beams
-            .as_ref()
-            .map_or(0, |beams| beams.sharp.bytes() + beams.smooth.bytes()) as u64;
+        stats.beam_bytes = beams.as_ref().map_or(0, Beams::bytes) as u64;
         Self {
             beams,
             surface,
@@ -205,6 +209,7 @@ impl PassPhotons {
                 caustic_odds: caustic_odds(scene, plan, pass_index),
                 gloss_odds: gloss_odds(scene, plan, pass_index),
                 least_flight: least_flight(plan, pass_index),
+                waves: scene.waves(plan.settings.seed, pass_index),
                 sight,
             },
             beams: self.beams.as_ref(),
@@ -214,14 +219,6 @@ impl PassPhotons {
             chord_key: mix64(mix64(plan.settings.seed) ^ mix64(pass_index) ^ Purpose::Chords as u64),
         }
     }
-}
-
-/// The beams of a pass.
-struct Beams {
-    /// Which each camera segment gathers for itself.
-    sharp: BeamMap,
-    /// Which segments share: see [`Sharing`].
-    smooth: BeamMap,
 }
 
 /// A square of the square that becomes the lens: where the rays of a tile go through in a pass, and those of a block in
@@ -386,13 +383,8 @@ impl<V: Sight> CameraPass<'_, V> {
             if let Some(flow) = self.flow {
                 scratch.parts[i].motion = flow.along(scene, &ray, self.first_hit(&ray).as_ref());
             }
-            let mut context = PathContext {
-                sampler,
-                pixel: i as u16,
-                segments: &mut scratch.camera,
-                record: Recorder::new(plan, scratch.parts.get_mut(i)),
-                rays: 0,
-            };
+            let record = Recorder::new(plan, scratch.parts.get_mut(i));
+            let mut context = PathContext::new(sampler, i as u16, &mut scratch.camera, record);
             *value = self.tracer.trace(ray, &mut context);
             work.rays += context.rays;
         }
@@ -451,18 +443,22 @@ impl<V: Sight> CameraPass<'_, V> {
         let mut sampler = Sampler::new(seed, self.pass_index, Purpose::Sharing, tile);
         let key = mix64(self.chord_key ^ tile);
         let mut work = CameraWork::default();
+        let kind = |s: &CameraSegment| (s.medium, s.way, s.wave);
         // Stable: within a run, in the order of pixels.
-        segments.sort_by_key(|s| (s.medium, s.way));
-        for run in segments.chunk_by(|a, b| (a.medium, a.way) == (b.medium, b.way)) {
+        segments.sort_by_key(kind);
+        for run in segments.chunk_by(|a, b| kind(a) == kind(b)) {
             if self.tracer.scene.is_interrupted() {
                 break;
             }
             let medium = run[0].medium;
+            let wave = run[0].wave;
+            let beams = beams.seen_by(wave);
             let sharp = Gather {
                 map: &beams.sharp,
                 medium: &self.tracer.scene.media()[medium as usize],
                 steps,
                 group: None,
+                wave,
                 key,
                 vectors: self.vectors,
             };
@@ -486,11 +482,12 @@ impl<V: Sight> CameraPass<'_, V> {
                 }
                 all
             };
+            let tint = self.tracer.tint_of(wave);
             let gathered = gather(None);
             work.evaluations += gathered.evaluations;
             work.blocks += gathered.blocks;
             for (segment, sum) in run.iter().zip(gathered.radiance) {
-                let scattered = segment.beta * sum;
+                let scattered = tint * (segment.beta * sum);
                 radiance[segment.pixel as usize] += scattered;
                 if let Some(parts) = parts.get_mut(segment.pixel as usize) {
                     parts.add(segment.part, scattered);
@@ -505,7 +502,7 @@ impl<V: Sight> CameraPass<'_, V> {
             }
             for group in self.tracer.plan.layers.group_numbers() {
                 for (segment, sum) in run.iter().zip(gather(Some(group)).radiance) {
-                    parts[segment.pixel as usize].groups[group.index()] += segment.beta * sum;
+                    parts[segment.pixel as usize].groups[group.index()] += tint * (segment.beta * sum);
                 }
             }
         }

@@ -3,6 +3,7 @@
 use crate::aov::GroupNumber;
 use crate::math::{PI, Rgb, Vec3};
 pub use crate::odds::Odds;
+use crate::spectrum::WaveNumber;
 use crate::wide::WideTree;
 use glam::{Vec3A, Vec4};
 use obvhs::aabb::Aabb;
@@ -67,6 +68,8 @@ pub struct SurfacePhoton {
     pub lobes: SeenBy,
     /// Group of the light that it comes from, see [`crate::aov::LayerPlan::group`].
     pub group: Option<GroupNumber>,
+    /// The wavelength of its light, if it has one: the power has no part of its weight.
+    pub wave: Option<WaveNumber>,
     /// That light's kind, see [`crate::sight::Sight::light_kind`].
     pub light_kind: u8,
 }
@@ -231,6 +234,7 @@ mod tests {
             odds: Odds::PHOTONS_ONLY,
             lobes: SeenBy::Wide,
             group: None,
+            wave: None,
             light_kind: 0,
         };
         let map = SurfacePhotonMap::new(vec![photon]);
@@ -262,6 +266,7 @@ mod tests {
                         odds: Odds::PHOTONS_ONLY,
                         lobes: SeenBy::Wide,
                         group: None,
+                        wave: None,
                         light_kind: 0,
                     }
                 })

@@ -29,6 +29,8 @@ pub enum Purpose {
     Film = 9,
     /// The moment of a pass, or of the path tracer's turn; the chunk is 0.
     Shutter = 10,
+    /// The wavelengths of a pass; the chunk is 0.
+    Wavelengths = 11,
     /// Numbers that tests draw.
     Test = 100,
 }

@@ -84,6 +84,7 @@ fn beams(medium: &Medium) -> BeamMap {
             radius_slope: 0.0,
             medium: 0,
             group: None,
+            wave: None,
             steps: segment.steps,
         }
     };
@@ -115,6 +116,7 @@ fn tiles(medium: &Medium) -> Vec<CameraSegments> {
                 pixel: pixel as u16,
                 way: Way::default(),
                 part: Part::Volume,
+                wave: None,
                 steps: segment.steps,
             });
         }
@@ -155,6 +157,7 @@ fn gathering(criterion: &mut Criterion) {
                             medium,
                             steps: &tile.steps,
                             group: None,
+                            wave: None,
                             key: 0,
                             vectors: Vectors::widest(),
                         };
@@ -200,6 +203,7 @@ fn peak(criterion: &mut Criterion) {
                 radius_slope: 0.0,
                 medium: 0,
                 group: None,
+                wave: None,
                 steps: 0,
             }
         };
@@ -215,6 +219,7 @@ fn peak(criterion: &mut Criterion) {
             pixel: i as u16,
             way: Way::default(),
             part: Part::Volume,
+            wave: None,
             steps: 0,
         };
         let segments: Vec<CameraSegment> = (0..BLOCK).map(segment).collect();
@@ -225,6 +230,7 @@ fn peak(criterion: &mut Criterion) {
                 medium: &medium,
                 steps: &steps,
                 group: None,
+                wave: None,
                 key: 0,
                 vectors,
             };

@@ -125,6 +125,7 @@ fn segments(medium: &Medium, kind: u64) -> CameraSegments {
             pixel: i as u16,
             way: Way::default(),
             part: Part::Volume,
+            wave: None,
             steps: segment.steps,
         });
     }
@@ -148,6 +149,7 @@ fn every_kind_of_vectors_gives_the_same_bits() {
                         medium: &medium,
                         steps: &camera.steps,
                         group: None,
+                        wave: None,
                         key: 7,
                         vectors,
                     };
@@ -177,6 +179,7 @@ fn no_beam_is_passed_over() {
                 medium: &medium,
                 steps: &steps,
                 group: None,
+                wave: None,
                 key: 7,
                 vectors: Vectors::widest(),
             };
@@ -222,6 +225,7 @@ fn picture(side: usize) -> Vec<CameraSegment> {
             pixel: i as u16,
             way: Way::default(),
             part: Part::Volume,
+            wave: None,
             steps: 0,
         }
     };
@@ -253,6 +257,7 @@ fn what_segments_share_is_what_one_of_them_gathers() {
             medium: &medium,
             steps: &steps,
             group: None,
+            wave: None,
             key: 7,
             vectors: Vectors::widest(),
         };

@@ -38,6 +38,7 @@ fn slanted_beam() -> PhotonBeam {
         radius_slope: 0.015,
         medium: 0,
         group: None,
+        wave: None,
         steps: 0,
     }
 }
@@ -89,6 +90,7 @@ fn radiance(map: &BeamMap, medium: &Medium, rays: &[Ray], length: f32, key: u64)
             pixel: i as u16,
             way: Way::default(),
             part: Part::Volume,
+            wave: None,
         });
     }
     gather(map, medium, &camera, key).along(&camera.segments).radiance
@@ -100,6 +102,7 @@ fn gather<'a>(map: &'a BeamMap, medium: &'a Medium, camera: &'a CameraSegments, 
         medium,
         steps: &camera.steps,
         group: None,
+        wave: None,
         key,
         vectors: Vectors::widest(),
     }
@@ -170,6 +173,7 @@ fn a_wall_of_rays_sees_what_the_beam_scatters_in_a_cloud() {
         radius: 0.01,
         radius_slope: 0.002,
         group: None,
+        wave: None,
         steps: 1,
         ..slanted_beam()
     };
@@ -292,6 +296,7 @@ fn the_estimate_along_one_ray_is_the_blurred_line() {
         radius_slope: 0.0,
         medium: 0,
         group: None,
+        wave: None,
         steps: 0,
     };
     let medium = medium(Phase::Isotropic);

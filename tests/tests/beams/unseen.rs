@@ -93,6 +93,7 @@ fn what_camera_rays_come_near_is_in_view() {
                 radius_slope: 0.0,
                 medium: 0,
                 group: None,
+                wave: None,
                 steps: 0,
             };
             view.meets(beam.ends(), beam.max_radius())

@@ -205,6 +205,7 @@ mod tests {
             kind,
             opacity: None,
             normal_perturbation: None,
+            dispersion: None,
         };
         let white = || Texture::Constant(Rgb::ONE);
         let pane = MaterialKind::ThinDielectric {
@@ -316,6 +317,7 @@ mod tests {
                         odds: Odds::PHOTONS_ONLY,
                         lobes: SeenBy::Wide,
                         group: None,
+                        wave: None,
                         light_kind: 0,
                     }]);
                     let mut flux = 0.0;

@@ -9,6 +9,7 @@ pub mod trace;
 
 use crate::aov::GroupNumber;
 use crate::math::{Rgb, Vec3};
+use crate::spectrum::WaveNumber;
 
 /// A segment of a photon path inside a scattering medium: a long beam, from where the photon entered or was scattered
 /// to the next surface, whatever happened to the photon on the way.
@@ -34,6 +35,8 @@ pub struct PhotonBeam {
     pub medium: u16,
     /// Group of the light that it comes from, see [`crate::aov::LayerPlan::group`].
     pub group: Option<GroupNumber>,
+    /// The wavelength of its light, if it has one: the power has no part of its weight.
+    pub wave: Option<WaveNumber>,
     /// Number of the beam's transmittance among the pass's step functions, in a heterogeneous medium.
     pub steps: u32,
 }

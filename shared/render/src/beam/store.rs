@@ -5,6 +5,7 @@ use super::lanes::{LANES, Lanes};
 use super::order::order;
 use crate::math::Vec3;
 use crate::medium::transmittance::StepFunctions;
+use crate::spectrum::{WaveNumber, WaveSet};
 use rayon::prelude::*;
 
 /// Pieces that a beam of mean length is cut into: bounds of pieces that are near each other are tight, those of long
@@ -23,6 +24,82 @@ pub struct BeamMap {
     steps: StepFunctions,
     /// By medium.
     media: Vec<PieceTree>,
+}
+
+/// The beams of a pass, as camera paths of light without a wavelength see them, and as those with one do.
+pub(crate) struct Beams {
+    /// Power has the weight of the beam's wavelength.
+    white: ByWidth,
+    /// Power counts for a path that has the beam's wavelength, where there are any.
+    of_waves: Option<ByWidth>,
+}
+
+/// Beams by how wide their kernels are.
+pub(crate) struct ByWidth {
+    /// Which each camera segment gathers for itself.
+    pub sharp: BeamMap,
+    /// Which segments share: see [`super::estimate::Sharing`].
+    pub smooth: BeamMap,
+}
+
+impl Beams {
+    /// Of the photons that a pass has traced. `waves`: where some surface bends light of each by another angle.
+    pub fn new(sharp: Traced, smooth: Traced, waves: Option<&WaveSet>) -> Self {
+        let of_waves = waves.map(|waves| ByWidth {
+            sharp: sharp.clone().seen_by(waves, true).map(),
+            smooth: smooth.clone().seen_by(waves, true).map(),
+        });
+        let white = |traced: Traced| match waves {
+            Some(waves) => traced.seen_by(waves, false).map(),
+            None => traced.map(),
+        };
+        Self {
+            white: ByWidth {
+                sharp: white(sharp),
+                smooth: white(smooth),
+            },
+            of_waves,
+        }
+    }
+
+    /// Those that camera paths of a wavelength, or of none, see.
+    pub fn seen_by(&self, wave: Option<WaveNumber>) -> &ByWidth {
+        match (wave, &self.of_waves) {
+            (Some(_), Some(of_waves)) => of_waves,
+            _ => &self.white,
+        }
+    }
+
+    /// Memory that they hold, bytes.
+    pub fn bytes(&self) -> usize {
+        let all = self.of_waves.iter().chain([&self.white]);
+        all.map(|kinds| kinds.sharp.bytes() + kinds.smooth.bytes()).sum()
+    }
+}
+
+/// Beams that were traced, and transmittance along those in heterogeneous media.
+#[derive(Clone, Debug, Default)]
+pub struct Traced {
+    /// In the order of paths.
+    pub beams: Vec<PhotonBeam>,
+    /// See [`PhotonBeam::steps`].
+    pub steps: StepFunctions,
+}
+
+impl Traced {
+    fn map(self) -> BeamMap {
+        BeamMap::new(self.beams, self.steps)
+    }
+
+    /// With the power that they have for camera paths, `with_wave` of their own or without.
+    fn seen_by(mut self, waves: &WaveSet, with_wave: bool) -> Self {
+        for beam in &mut self.beams {
+            if let Some(wave) = beam.wave {
+                beam.power *= waves.factor(wave, with_wave.then_some(wave));
+            }
+        }
+        self
+    }
 }
 
 /// Pieces of the beams in one medium, neighbours alike, and bounds of every [`LANES`] of them, of every [`LANES`] of

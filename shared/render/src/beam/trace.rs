@@ -19,6 +19,7 @@ use crate::photon_map::{Arrival, Odds, SeenBy, SurfacePhoton};
 use crate::plan::RenderPlan;
 use crate::sampler::{Purpose, Sampler};
 use crate::sight::{Ruled, Sight, Start, Unruled};
+use crate::spectrum::{Wave, WaveSet};
 use crate::targeting::{Aim, Targets};
 use crate::world::{Scene, SurfaceInteraction};
 use beamfarm_image::job::{JobSettings, ScheduleKind};
@@ -74,6 +75,7 @@ fn trace_with(scene: &Scene, plan: &RenderPlan, pass_index: u64, sight: impl Sig
         first_odds: first_odds(plan, pass_index),
         caustic_odds: caustic_odds(scene, plan, pass_index),
         least_flight: least_flight(plan, pass_index),
+        waves: scene.waves(plan.settings.seed, pass_index),
         sight,
     };
     let chunks: Vec<Photons> = (0..paths.div_ceil(CHUNK))
@@ -143,6 +145,8 @@ struct Tracer<'a, V> {
     first_odds: f32,
     caustic_odds: Vec<f32>,
     least_flight: f32,
+    /// Where some surface bends light of each wavelength by another angle.
+    waves: Option<WaveSet>,
     sight: V,
 }
 
@@ -153,6 +157,8 @@ struct Photon<H> {
     hidden: H,
     /// Flux, W, divided by the number of emitted paths.
     power: Rgb,
+    /// Since it met a surface that bends light of each by another angle. Its weight is no part of the power.
+    wave: Option<Wave>,
     medium: MediumId,
     footprint: Footprint,
     /// Normal of the surface that the ray starts on, if it does.
@@ -274,6 +280,7 @@ impl<V: Sight> Tracer<'_, V> {
             },
             hidden: self.sight.from(Start::Light(choice.light)),
             power: emission.power / (self.paths * choice.pmf * trials as f32),
+            wave: None,
             medium: self.scene.medium_of_light(choice.light, origin),
             footprint: Footprint::new(emission.dir, radius, spread(emission.pdf_dir, paths)),
             starts_on: emission.normal,
@@ -442,6 +449,7 @@ impl<V: Sight> Tracer<'_, V> {
             radius_slope: slope,
             medium: id,
             group: photon.group,
+            wave: photon.wave.map(|wave| wave.number),
             steps: segment.steps,
         }
     }
@@ -462,6 +470,13 @@ impl<V: Sight> Tracer<'_, V> {
             photon.medium = self.scene.medium_beyond(hit, dir, photon.medium);
             return;
         };
+        if let Some(waves) = self
+            .waves
+            .as_ref()
+            .filter(|_| photon.wave.is_none() && part.disperses())
+        {
+            photon.wave = Some(waves.choose(sampler.next_1d()));
+        }
         let SurfaceInteraction {
             mut bsdf,
             bump_shadowing,
@@ -469,7 +484,7 @@ impl<V: Sight> Tracer<'_, V> {
             wo,
             local_wo,
             ..
-        } = self.scene.interaction(part, hit, dir);
+        } = self.scene.interaction(part, hit, dir, photon.wave);
         if let Some(lobes) = self.seen_by(photon, material) {
             self.leave_surface_photon(photon, hit, lobes, sampler, out);
         }
@@ -508,7 +523,7 @@ impl<V: Sight> Tracer<'_, V> {
             let footprint = &photon.footprint;
             footprint.scattered(wi, sample.pdf, self.kernel_paths, !is_followed)
         } else if sample.transmitted {
-            let eta = part.eta_of_crossing(hit.ng.dot(dir) > 0.0);
+            let eta = part.eta_of_crossing(hit.ng.dot(dir) > 0.0, photon.wave);
             photon.footprint.refracted(dir, wi, n, hit.curvature, eta)
         } else {
             photon.footprint.reflected(dir, n, hit.curvature)
@@ -600,6 +615,7 @@ impl<V: Sight> Tracer<'_, V> {
             },
             lobes,
             group: photon.group,
+            wave: photon.wave.map(|wave| wave.number),
             light_kind: self.sight.light_kind(photon.light),
         });
     }

@@ -87,6 +87,14 @@ impl Layered {
         }
     }
 
+    /// The same with another index inside over the one outside.
+    pub(super) fn bending(self, eta: f32) -> Self {
+        Self {
+            base: Principled { eta, ..self.base },
+            ..self
+        }
+    }
+
     /// The gloss and the coat, and what is beneath.
     pub(super) fn gloss_and_base(self) -> [Self; 2] {
         let (gloss, coat, base) = (true, true, true);

@@ -9,11 +9,22 @@ use super::principled::Principled;
 use super::rough_dielectric::RoughDielectric;
 use super::{Bsdf, Material, MaterialKind};
 use crate::math::Rgb;
+use crate::spectrum::Wave;
 use crate::texture::TexturePoint;
 
 impl Material {
-    /// The scattering at a hit with these texture coordinates. Black for a blend: one of its parts is met, see
-    /// [`Self::met`].
+    /// [`Self::bsdf`] for light of a wavelength, if it has one.
+    #[inline]
+    pub fn bsdf_for(&self, at: &TexturePoint, wave: Option<Wave>) -> Bsdf<'_> {
+        let bsdf = self.bsdf(at);
+        match self.eta_at(wave) {
+            None => bsdf,
+            Some(eta) => bsdf.bending(eta),
+        }
+    }
+
+    /// The scattering at a hit with these texture coordinates, of light of the line d. Black for a blend: one of its
+    /// parts is met, see [`Self::met`].
     #[inline]
     pub fn bsdf(&self, at: &TexturePoint) -> Bsdf<'_> {
         let two_sided = self.two_sided;
@@ -114,6 +125,18 @@ impl Material {
             }
             MaterialKind::Null => Bsdf::Null,
             MaterialKind::Blend { .. } => Bsdf::Black,
+        }
+    }
+}
+
+impl Bsdf<'_> {
+    /// The same with another index inside over the one outside, of what light goes through.
+    fn bending(self, eta: f32) -> Self {
+        match self {
+            Self::Dielectric(b) => Self::Dielectric(Dielectric { eta, ..b }),
+            Self::RoughDielectric(b) => Self::RoughDielectric(RoughDielectric { eta, ..b }),
+            Self::Layered(b) => Self::Layered(b.bending(eta)),
+            other => other,
         }
     }
 }

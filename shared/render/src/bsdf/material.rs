@@ -1,5 +1,6 @@
 //! Materials as the scene says them.
 
+use super::dispersion::Dispersion;
 use super::microfacet::MIN_ALPHA;
 use super::plastic::{Coat, RoughCoat};
 use super::principled::{Extras, Interface};
@@ -7,6 +8,7 @@ use super::rough_dielectric::MIN_CONTRAST;
 use super::{Distribution, FOLLOWED_BELOW, GLOSS, NormalPerturbation};
 use crate::math::Rgb;
 use crate::scalar::Scalar;
+use crate::spectrum::Wave;
 use crate::texture::Texture;
 
 /// Largest part of a complex index of refraction; from here on a conductor is a mirror, and squares stay finite.
@@ -23,6 +25,9 @@ pub struct Material {
     pub opacity: Option<Texture>,
     /// Bump or normal map.
     pub normal_perturbation: Option<NormalPerturbation>,
+    /// Of dielectrics and principled surfaces that light goes through: their index by wavelength, where that is not the
+    /// same for all. The kind has that of the line d.
+    pub dispersion: Option<Box<Dispersion>>,
 }
 
 /// The kinds of surfaces. Inside is the side that the geometric normal points away from.
@@ -156,6 +161,7 @@ impl Material {
             two_sided,
             opacity: None,
             normal_perturbation: None,
+            dispersion: None,
         }
     }
 
@@ -288,12 +294,24 @@ impl Material {
                 _ => false,
             }
     }
+    /// Whether it bends light of each wavelength by another angle; of a blend, whether some part does.
+    #[inline]
+    pub fn disperses(&self) -> bool {
+        self.dispersion.is_some() || self.is_part(&Self::disperses)
+    }
+    /// Index inside over the one outside of light that has a wavelength, where that matters.
+    #[inline]
+    pub(super) fn eta_at(&self, wave: Option<Wave>) -> Option<f32> {
+        let (dispersion, wave) = (self.dispersion.as_ref()?, wave?);
+        Some(dispersion.eta(f64::from(wave.nm)))
+    }
     /// Index of refraction on the side that a ray comes from over the one that it goes to. 1 for anything that does not
     /// bend light.
-    pub fn eta_of_crossing(&self, from_inside: bool) -> f32 {
-        let eta = match &self.kind {
-            MaterialKind::Dielectric { eta, .. } | MaterialKind::RoughDielectric { eta, .. } => *eta,
-            MaterialKind::Principled { interface, .. } if self.refracts() => interface.eta_of_glass(),
+    pub fn eta_of_crossing(&self, from_inside: bool, wave: Option<Wave>) -> f32 {
+        let eta = match (self.eta_at(wave), &self.kind) {
+            (Some(eta), _) => eta,
+            (_, MaterialKind::Dielectric { eta, .. } | MaterialKind::RoughDielectric { eta, .. }) => *eta,
+            (_, MaterialKind::Principled { interface, .. }) if self.refracts() => interface.eta_of_glass(),
             _ => return 1.0,
         };
         if from_inside { eta } else { 1.0 / eta }

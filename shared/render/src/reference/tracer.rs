@@ -11,6 +11,7 @@ use crate::medium::{Flight, MediumId};
 use crate::phase::Phase;
 use crate::rules::{HiddenSet, ObjectSets, Rules};
 use crate::sampler::{Sampler, VERTEX};
+use crate::spectrum::Wave;
 use crate::warp::power_heuristic;
 use crate::world::Scene;
 
@@ -55,6 +56,7 @@ impl PathTracer<'_> {
             is_seen: true,
             part: Part::Direct,
             beta: Rgb::ONE,
+            wave: None,
             compression: 1.0,
             depth: 0,
             drawn_at: None,
@@ -193,9 +195,12 @@ impl PathTracer<'_> {
             return false;
         }
         let wo = -path.ray.dir;
+        if path.wave.is_none() && material.disperses() {
+            path.wave = Some(Wave::at(sampler.next_1d()));
+        }
         let bump_shadowing = scene.perturb_normal(material, hit, wo);
         let hit = &*hit;
-        let mut bsdf = material.bsdf(&hit.at);
+        let mut bsdf = material.bsdf_for(&hit.at, path.wave);
         if bsdf.is_black() {
             return false;
         }
@@ -262,7 +267,7 @@ impl PathTracer<'_> {
         path.beta *= sample.weight;
         if sample.transmitted {
             path.medium = scene.medium_beyond(hit, wi, path.medium);
-            let eta = material.eta_of_crossing(hit.ng.dot(path.ray.dir) > 0.0);
+            let eta = material.eta_of_crossing(hit.ng.dot(path.ray.dir) > 0.0, path.wave);
             path.compression *= eta * eta;
         }
         let follows = |sets: &ObjectSets| sample.delta || is_followed || sets.is_glossy;

@@ -283,7 +283,7 @@ impl<V: Sight> Pilot<'_, V> {
             wo,
             local_wo,
             ..
-        } = scene.interaction(material, hit, path.ray.dir);
+        } = scene.interaction(material, hit, path.ray.dir, None);
         let hit = &*hit;
         let is_specular = material.is_specular();
         let is_followed = is_specular || bsdf.is_followed() || material.has_delta() || material.has_narrow_lobe();

@@ -48,7 +48,7 @@ mod walk;
 
 use crate::aov::{Part, Recorder};
 use crate::beam::estimate::{CameraSegment, CameraSegments, Turn, Way};
-use crate::bsdf::{BsdfSample, TransportMode};
+use crate::bsdf::{BsdfSample, Material, TransportMode};
 use crate::estimators::Estimators;
 use crate::geometry::SurfaceHit;
 use crate::light::LightHit;
@@ -59,6 +59,7 @@ use crate::photon_map::{SurfacePhoton, SurfacePhotonMap};
 use crate::plan::RenderPlan;
 use crate::sampler::{Sampler, VERTEX};
 use crate::sight::{Sight, Start};
+use crate::spectrum::{Wave, WaveNumber, WaveSet};
 use crate::warp::power_heuristic;
 use crate::world::Scene;
 use direct::Seen;
@@ -81,6 +82,8 @@ pub struct CameraTracer<'a, V> {
     pub gloss_odds: f32,
     /// After a shorter flight camera paths go on, see `least_flight`.
     pub least_flight: f32,
+    /// The wavelengths of the pass, where some surface bends light of each by another angle.
+    pub waves: Option<WaveSet>,
     /// What rays see.
     pub sight: V,
 }
@@ -101,6 +104,8 @@ struct Path<H> {
     beta: Rgb,
     /// The same without what refraction compresses, and as if the path were no branch.
     track: Rgb,
+    /// Its wavelength, since it met a surface that bends light of each by another angle.
+    wave: Option<Wave>,
     medium: MediumId,
     way: Way,
     depth: u32,
@@ -132,10 +137,39 @@ pub struct PathContext<'a> {
     pub pixel: u16,
     /// Segments that beams are gathered along.
     pub segments: &'a mut CameraSegments,
+    /// The wavelength of the path that is followed, if it has one. Its weight is no part of any throughput: radiance
+    /// gets it when it is found.
+    wave: Option<Wave>,
     /// Layers.
     pub record: Recorder<'a>,
     /// Rays that were traced.
     pub rays: u64,
+}
+
+impl<'a> PathContext<'a> {
+    /// Of a pixel, counted within the tile.
+    pub fn new(sampler: Sampler, pixel: u16, segments: &'a mut CameraSegments, record: Recorder<'a>) -> Self {
+        Self {
+            sampler,
+            pixel,
+            segments,
+            wave: None,
+            record,
+            rays: 0,
+        }
+    }
+
+    /// Go on with light of a wavelength, or of none.
+    fn set_wave(&mut self, wave: Option<Wave>) {
+        self.wave = wave;
+        self.record.set_tint(self.tint());
+    }
+
+    /// Weight of the light that is found.
+    #[inline]
+    fn tint(&self) -> Rgb {
+        self.wave.map_or(Rgb::ONE, |wave| wave.weight)
+    }
 }
 
 /// Branches of a camera path that have yet to be followed.
@@ -157,6 +191,7 @@ impl<V: Sight> CameraTracer<'_, V> {
             hidden: self.sight.from(Start::Camera),
             beta: Rgb::ONE,
             track: Rgb::ONE,
+            wave: None,
             medium: self.scene.medium_of_camera(ray.origin),
             way: Way::default(),
             depth: 0,
@@ -167,7 +202,7 @@ impl<V: Sight> CameraTracer<'_, V> {
         };
         let mut radiance = Rgb::ZERO;
         loop {
-            radiance += self.follow(path, &mut branches, context);
+            self.follow(path, &mut branches, context, &mut radiance);
             match branches.waiting.pop() {
                 Some(next) => path = next,
                 None => return radiance,
@@ -179,30 +214,46 @@ impl<V: Sight> CameraTracer<'_, V> {
         &self.plan.estimators
     }
 
-    /// Follow one branch to its end.
+    /// Weight of the light that a path of a wavelength finds.
+    pub fn tint_of(&self, wave: Option<WaveNumber>) -> Rgb {
+        match (wave, &self.waves) {
+            (Some(wave), Some(waves)) => waves.factor(wave, None),
+            _ => Rgb::ONE,
+        }
+    }
+
+    /// A wavelength for a path that has none yet, where it meets a surface that bends light of each by another angle.
+    #[inline]
+    fn wave_at(&self, material: &Material, context: &mut PathContext<'_>) -> Option<Wave> {
+        let waves = self.waves.as_ref()?;
+        (context.wave.is_none() && material.disperses()).then(|| waves.choose(context.sampler.next_1d()))
+    }
+
+    /// Follow one branch to its end, and add what it finds.
     fn follow(
         &self,
         mut path: Path<V::Hidden>,
         branches: &mut Branches<V::Hidden>,
         context: &mut PathContext<'_>,
-    ) -> Rgb {
+        radiance: &mut Rgb,
+    ) {
         let scene = self.scene;
-        let mut radiance = Rgb::ZERO;
+        context.set_wave(path.wave);
         loop {
             context.rays += 1;
             context.sampler.align(VERTEX);
             let hit = scene.first_hit(&path.ray, |object| self.sight.hides(path.hidden, object));
             if let Some(id) = path.medium {
                 let length = hit.as_ref().map_or(f32::INFINITY, |h| h.t);
-                radiance += self.cross_medium(&mut path, id, length, context);
+                *radiance += context.tint() * self.cross_medium(&mut path, id, length, context);
             }
             if let (Some(drawn), Some(hit)) = (&mut path.drawn, &hit) {
                 drawn.distance += hit.t;
             }
-            self.add_met_light(&path, hit.as_ref(), &mut radiance, context);
+            *radiance += context.tint() * self.met_light(&path, hit.as_ref(), context);
             let Some(mut hit) = hit else {
                 context.record.meets_nothing(path.beta);
-                return radiance;
+                return;
             };
             let Some(material) = scene.material(&hit).met(&hit.at, || context.sampler.next_1d()) else {
                 path.medium = scene.medium_beyond(&hit, path.ray.dir, path.medium);
@@ -210,7 +261,11 @@ impl<V: Sight> CameraTracer<'_, V> {
                 path.way = path.way.then(Turn::Passed);
                 continue;
             };
-            let at = scene.interaction(material, &mut hit, path.ray.dir);
+            if let Some(wave) = self.wave_at(material, context) {
+                path.wave = Some(wave);
+                context.set_wave(path.wave);
+            }
+            let at = scene.interaction(material, &mut hit, path.ray.dir, path.wave);
             let mut vertex = Vertex::new(at, &hit, path.medium);
             context.record.first_surface(hit.object, || {
                 let camera = &scene.description().camera;
@@ -228,7 +283,7 @@ impl<V: Sight> CameraTracer<'_, V> {
                     }
                 }
             } else if vertex.bsdf.delta_probability(vertex.local_wo) > 0.0 {
-                self.delta_or_rest(&mut path, &mut vertex, &mut radiance, context)
+                self.delta_or_rest(&mut path, &mut vertex, radiance, context)
             } else {
                 let lobe = match vertex.bsdf.is_followed() {
                     true => OneLobe::followed(context.sampler.next_1d()),
@@ -239,17 +294,17 @@ impl<V: Sight> CameraTracer<'_, V> {
                 let beta = path.beta * path.rest;
                 if !lobe.is_followed {
                     if beta != Rgb::ZERO {
-                        radiance += self.scattered(&vertex, beta, context);
+                        *radiance += context.tint() * self.scattered(&vertex, beta, context);
                     }
-                    return radiance;
+                    return;
                 }
                 vertex.is_followed = true;
                 if beta != Rgb::ZERO {
                     let lights = self.light_choice(&vertex, Seen::First);
-                    radiance += self.lit_directly(&vertex, &lights, 1.0, beta, context);
+                    *radiance += context.tint() * self.lit_directly(&vertex, &lights, 1.0, beta, context);
                     if self.estimators().unmet_caustics {
                         let counts = |_: &SurfacePhoton, _: Vec3| 1.0;
-                        radiance += self.photon_radiance(&vertex, counts, beta, context);
+                        *radiance += context.tint() * self.photon_radiance(&vertex, counts, beta, context);
                     }
                 }
                 let u = context.sampler.next_2d();
@@ -257,27 +312,22 @@ impl<V: Sight> CameraTracer<'_, V> {
                 sample.filter(|s| s.wi.z * hit.ng.dot(vertex.frame.to_world(s.wi)) > 0.0)
             };
             let Some(sample) = sample else {
-                return radiance;
+                return;
             };
             if !path.turn(&vertex, &sample, scene, self.sight, &mut context.sampler) {
-                return radiance;
+                return;
             }
         }
     }
 
     /// Light that the path meets: of what is all around, where it meets no surface, or of the surface.
-    fn add_met_light(
-        &self,
-        path: &Path<V::Hidden>,
-        hit: Option<&SurfaceHit>,
-        radiance: &mut Rgb,
-        context: &mut PathContext<'_>,
-    ) {
+    fn met_light(&self, path: &Path<V::Hidden>, hit: Option<&SurfaceHit>, context: &mut PathContext<'_>) -> Rgb {
         let scene = self.scene;
+        let mut radiance = Rgb::ZERO;
         let mut add = |light: usize, emitted: Rgb, hit: Option<&SurfaceHit>| {
             let arriving = path.beta * emitted * self.share_of_lobe(path, light, hit);
             context.record.add(Part::Direct, light, arriving);
-            *radiance += arriving;
+            radiance += arriving;
         };
         match hit {
             Some(hit) => {
@@ -293,6 +343,7 @@ impl<V: Sight> CameraTracer<'_, V> {
                 });
             }
         }
+        radiance
     }
 
     /// At a surface with a delta lobe beside others: the path goes on along it, or its other lobes are all that counts,
@@ -317,7 +368,7 @@ impl<V: Sight> CameraTracer<'_, V> {
             vertex.bsdf = vertex.bsdf.without_delta();
             let beta = path.beta * (rest / (1.0 - p));
             if beta != Rgb::ZERO {
-                *radiance += self.scattered(vertex, beta, context);
+                *radiance += context.tint() * self.scattered(vertex, beta, context);
             }
         }
         path.share *= p;
@@ -496,7 +547,9 @@ impl<H> Path<H> {
         self.track *= sample.weight;
         if sample.transmitted {
             // The compression of radiance by refraction comes and goes along the path.
-            let eta = vertex.material.eta_of_crossing(hit.ng.dot(self.ray.dir) > 0.0);
+            let eta = vertex
+                .material
+                .eta_of_crossing(hit.ng.dot(self.ray.dir) > 0.0, self.wave);
             self.track /= eta * eta;
         }
         self.depth += 1;

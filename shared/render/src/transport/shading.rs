@@ -283,7 +283,7 @@ impl<V: Sight> CameraTracer<'_, V> {
                     return;
                 }
                 let weight = weight(photon, Vec3::new(0.0, 0.0, cos));
-                let reflected = f * photon.power * (kernel * weight);
+                let reflected = f * self.found_power(photon, context) * (kernel * weight);
                 radiance += reflected;
                 context.record.add_of_group(Part::Surface, photon.group, reflected);
             });
@@ -302,11 +302,22 @@ impl<V: Sight> CameraTracer<'_, V> {
             } else {
                 (wi.z / cos_g).min(MAX_COSINE_RATIO)
             };
-            let reflected = f * photon.power * (kernel * cosines * weight(photon, wi));
+            let reflected = f * self.found_power(photon, context) * (kernel * cosines * weight(photon, wi));
             radiance += reflected;
             context.record.add_of_group(Part::Surface, photon.group, reflected);
         });
         radiance
+    }
+}
+
+impl<V: Sight> CameraTracer<'_, V> {
+    /// Flux of a photon for the path that finds it.
+    #[inline]
+    fn found_power(&self, photon: &SurfacePhoton, context: &PathContext<'_>) -> Rgb {
+        match (photon.wave, &self.waves) {
+            (Some(wave), Some(waves)) => photon.power * waves.factor(wave, context.wave.map(|wave| wave.number)),
+            _ => photon.power,
+        }
     }
 }
 

@@ -75,9 +75,21 @@ pub(super) struct Drawn<'v> {
 }
 
 impl<V: Sight> CameraTracer<'_, V> {
-    /// Everything that is found along the path: radiance at the film.
-    pub(super) fn walk<'v>(&'v self, mut walk: Walk<'v, V::Hidden>, context: &mut PathContext<'_>) -> Rgb {
+    /// Everything that is found along the path: radiance at the film, but for the weight of the wavelength that it has at
+    /// the beginning.
+    pub(super) fn walk<'v>(&'v self, walk: Walk<'v, V::Hidden>, context: &mut PathContext<'_>) -> Rgb {
+        let before = context.wave;
+        let radiance = self.walk_on(walk, context);
+        if context.wave != before {
+            context.set_wave(before);
+        }
+        radiance
+    }
+
+    fn walk_on<'v>(&'v self, mut walk: Walk<'v, V::Hidden>, context: &mut PathContext<'_>) -> Rgb {
         let scene = self.scene;
+        // Of a wavelength that the path gets here.
+        let mut tint = Rgb::ONE;
         let mut radiance = Rgb::ZERO;
         while walk.beta.max_element() > 0.0 {
             context.rays += 1;
@@ -93,7 +105,7 @@ impl<V: Sight> CameraTracer<'_, V> {
                     if !walk.wanted.indirect {
                         return radiance;
                     }
-                    radiance += self.scatter_in_medium(&mut walk, id, distance, context);
+                    radiance += tint * self.scatter_in_medium(&mut walk, id, distance, context);
                     if !walk.survives(self.plan.patience, &mut context.sampler) {
                         return radiance;
                     }
@@ -105,7 +117,7 @@ impl<V: Sight> CameraTracer<'_, V> {
                     let share = self.share(&walk, light, Met::Around(environment, place));
                     if share > 0.0 {
                         let emitted = environment.radiance_at(place) * share;
-                        radiance += self.found(&walk, light, emitted, context);
+                        radiance += tint * self.found(&walk, light, emitted, context);
                     }
                 });
                 return radiance;
@@ -119,7 +131,7 @@ impl<V: Sight> CameraTracer<'_, V> {
                 let emitted = scene.emitted(&hit, walk.ray.dir);
                 if emitted != Rgb::ZERO {
                     let share = self.share(&walk, light as usize, Met::Surface(&hit));
-                    radiance += self.found(&walk, light as usize, emitted * share, context);
+                    radiance += tint * self.found(&walk, light as usize, emitted * share, context);
                 }
             }
             let Some(material) = scene.material(&hit).met(&hit.at, || context.sampler.next_1d()) else {
@@ -130,10 +142,14 @@ impl<V: Sight> CameraTracer<'_, V> {
             if !walk.wanted.indirect {
                 return radiance;
             }
+            if let Some(wave) = self.wave_at(material, context) {
+                tint = wave.weight;
+                context.set_wave(Some(wave));
+            }
             let Some(more) = self.meet_surface(&mut walk, material, &mut hit, context) else {
                 return radiance;
             };
-            radiance += more;
+            radiance += tint * more;
         }
         radiance
     }
@@ -240,6 +256,7 @@ impl<V: Sight> CameraTracer<'_, V> {
             segments.push(CameraSegment {
                 length: seen.range[1],
                 pixel: context.pixel,
+                wave: context.wave.map(|wave| wave.number),
                 steps: seen.steps,
                 ..segment
             });
@@ -329,7 +346,7 @@ impl<V: Sight> CameraTracer<'_, V> {
         context: &mut PathContext<'_>,
     ) -> Option<Rgb> {
         let scene = self.scene;
-        let at = scene.interaction(material, hit, walk.ray.dir);
+        let at = scene.interaction(material, hit, walk.ray.dir, context.wave);
         let hit = &*hit;
         let mut y = Vertex::new(at, hit, walk.medium);
         if y.bsdf.is_black() {
@@ -382,7 +399,7 @@ impl<V: Sight> CameraTracer<'_, V> {
         }
         walk.pass(weight);
         if sample.transmitted {
-            let eta = material.eta_of_crossing(hit.ng.dot(walk.ray.dir) > 0.0);
+            let eta = material.eta_of_crossing(hit.ng.dot(walk.ray.dir) > 0.0, context.wave);
             walk.track /= eta * eta;
             walk.medium = scene.medium_beyond(hit, wi, walk.medium);
         }

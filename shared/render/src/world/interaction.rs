@@ -4,6 +4,7 @@ use super::Scene;
 use crate::bsdf::{Bsdf, BumpShadowing, Material};
 use crate::geometry::SurfaceHit;
 use crate::math::{Frame, Vec3};
+use crate::spectrum::Wave;
 
 /// A surface at a hit, its shading normal perturbed and its textures looked up.
 pub(crate) struct SurfaceInteraction<'a> {
@@ -19,21 +20,22 @@ pub(crate) struct SurfaceInteraction<'a> {
 }
 
 impl Scene {
-    /// The surface at a hit of a ray of this direction, made of what the ray meets there ([`Material::met`]). Perturbs
-    /// the hit's shading normal.
+    /// The surface at a hit of a ray of this direction, made of what the ray meets there ([`Material::met`]), for light
+    /// of a wavelength, if it has one. Perturbs the hit's shading normal.
     #[inline]
     pub(crate) fn interaction<'a>(
         &self,
         material: &'a Material,
         hit: &mut SurfaceHit,
         dir: Vec3,
+        wave: Option<Wave>,
     ) -> SurfaceInteraction<'a> {
         let wo = -dir;
         let bump_shadowing = self.perturb_normal(material, hit, wo);
         let frame = Frame::from_normal(hit.ns);
         SurfaceInteraction {
             material,
-            bsdf: material.bsdf(&hit.at),
+            bsdf: material.bsdf_for(&hit.at, wave),
             bump_shadowing,
             frame,
             wo,

@@ -14,6 +14,7 @@ use crate::light::{EmissionSample, Environment, Light, LightKind, LightSources, 
 use crate::math::{Ray, Rgb, Vec3};
 use crate::medium::{Medium, MediumId};
 use crate::sampler::Sampler;
+use crate::spectrum::WaveSet;
 use crossing::StartMedium;
 pub use description::{Motion, RenderDefaults, SceneDescription};
 pub(crate) use interaction::SurfaceInteraction;
@@ -53,6 +54,8 @@ pub struct Scene {
     pub(crate) has_boundaries: bool,
     /// There are boundaries of media.
     pub(crate) bounds_any: bool,
+    /// Some surface bends light of each wavelength by another angle.
+    pub(crate) disperses: bool,
 }
 
 impl Scene {
@@ -137,6 +140,7 @@ impl Scene {
             shadow_rays_walk,
             has_boundaries,
             bounds_any: description.objects.iter().any(|object| object.boundary.is_some()),
+            disperses: description.objects.iter().any(|o| material(o).disperses()),
             description,
         };
         scene.camera_medium = scene.find_camera_medium();
@@ -189,6 +193,11 @@ impl Scene {
     pub fn resize(&mut self, width: u32, height: u32) {
         let camera = &mut self.description.camera;
         (camera.width, camera.height) = (width, height);
+    }
+
+    /// The wavelengths of a pass, where some surface bends light of each by another angle.
+    pub(crate) fn waves(&self, seed: u64, pass_index: u64) -> Option<WaveSet> {
+        self.disperses.then(|| WaveSet::of_pass(seed, pass_index))
     }
 
     /// Whether what is rendered is of no use any more.

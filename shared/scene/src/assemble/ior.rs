@@ -2,18 +2,12 @@
 
 use super::required;
 use crate::parse::{Fault, MaterialRecord};
+use beamfarm_render::bsdf::{Dispersion, Index, LINE_D};
 
-/// That of the inside over that of the outside. `default`: of the inside.
+/// That of the inside over that of the outside, at the line d. `default`: of the inside.
 pub fn relative_ior(record: &MaterialRecord, default: Option<f64>) -> Result<f32, Fault> {
-    let (ior, span) = match (&record.ior, default) {
-        (None, Some(ior)) => (ior, record.kind.span()),
-        (ior, _) => {
-            let ior = required(ior, &record.kind, "ior")?;
-            (ior.get_ref().0, ior.span())
-        }
-    };
-    let exterior = record.exterior_ior.as_ref().map_or(1.0, |ior| ior.get_ref().0);
-    let eta = (ior / exterior) as f32;
+    let (dispersion, span) = indices(record, default)?;
+    let eta = dispersion.eta(LINE_D);
     if !(1e-2..=1e2).contains(&eta) {
         return Err(Fault::new(
             span,
@@ -21,4 +15,30 @@ pub fn relative_ior(record: &MaterialRecord, default: Option<f64>) -> Result<f32
         ));
     }
     Ok(eta)
+}
+
+/// Both by wavelength, where one of them depends on it.
+pub fn dispersion(record: &MaterialRecord) -> Result<Option<Box<Dispersion>>, Fault> {
+    if record.ior.is_none() {
+        return Ok(None);
+    }
+    let (dispersion, _) = indices(record, None)?;
+    let is_constant = |index: &Index| matches!(index, Index::Constant(_));
+    let is_even = is_constant(&dispersion.inside) && is_constant(&dispersion.outside);
+    Ok((!is_even).then(|| Box::new(dispersion)))
+}
+
+fn indices(record: &MaterialRecord, default: Option<f64>) -> Result<(Dispersion, std::ops::Range<usize>), Fault> {
+    let (inside, span) = match (&record.ior, default) {
+        (None, Some(ior)) => (Index::Constant(ior), record.kind.span()),
+        (ior, _) => {
+            let ior = required(ior, &record.kind, "ior")?;
+            (ior.get_ref().index(ior.span())?, ior.span())
+        }
+    };
+    let outside = match &record.exterior_ior {
+        None => Index::Constant(1.0),
+        Some(ior) => ior.get_ref().index(ior.span())?,
+    };
+    Ok((Dispersion { inside, outside }, span))
 }

@@ -1,6 +1,6 @@
 //! What the fields of one material say.
 
-use super::ior::relative_ior;
+use super::ior::{dispersion, relative_ior};
 use super::{Assets, Problem, required};
 use super::{principled, texture};
 use crate::parse::{
@@ -42,11 +42,20 @@ pub(super) fn material(record: &MaterialRecord, assets: &mut Assets<'_>) -> Resu
         | MaterialKind::RoughPlastic { .. }
         | MaterialKind::Principled { .. } => said.unwrap_or(false),
     };
-    Ok(Material {
-        kind,
+    let material = Material {
         two_sided,
         opacity: opacity(record, assets)?,
         normal_perturbation: normal_perturbation(record, assets)?,
+        ..Material::new(kind, two_sided)
+    };
+    Ok(Material {
+        // A pane lets light of all wavelengths go straight on, and what coats reflect hardly depends on it.
+        dispersion: match material.kind {
+            MaterialKind::ThinDielectric { .. } => None,
+            _ if material.refracts() => dispersion(record)?,
+            _ => None,
+        },
+        ..material
     })
 }
 

@@ -1,5 +1,6 @@
 //! Materials.
 
+use super::ior::IorRecord;
 use super::schema::{by_type, defaults};
 use super::words::{TextureFilter, Wrap};
 use super::{Fault, ScalarRecord, TextureRecord, UvSteps, given, only_takes};
@@ -19,10 +20,10 @@ pub struct MaterialRecord {
     pub reflectance: Option<Spanned<TextureRecord<Unit>>>,
     /// Reflects on both sides. Default: only metals and mirrors.
     pub two_sided: Option<Spanned<bool>>,
-    /// Index of refraction inside. Default: 1.49 of plastics; of others none.
-    pub ior: Option<Spanned<Number<Positive>>>,
-    /// Index of refraction outside. Default: 1.
-    pub exterior_ior: Option<Spanned<Number<Positive>>>,
+    /// Index of refraction inside, a number or by wavelength. Default: 1.49 of plastics; of others none.
+    pub ior: Option<Spanned<IorRecord>>,
+    /// Index of refraction outside, likewise. Default: 1.
+    pub exterior_ior: Option<Spanned<IorRecord>>,
     /// Roughness of microfacets, 0.001 to 1.
     pub alpha: Option<Spanned<ScalarRecord<Roughness>>>,
     /// Real part of the index of refraction.

@@ -2,6 +2,7 @@
 
 mod camera;
 mod gltf;
+mod ior;
 mod light;
 mod material;
 mod medium;

@@ -20,6 +20,7 @@ fn beam(length: f32, radius: f32) -> PhotonBeam {
         radius_slope: 0.0,
         medium: 0,
         group: None,
+        wave: None,
         steps: 0,
     }
 }
@@ -42,12 +43,14 @@ fn seen(beams: Vec<PhotonBeam>, ray: Ray) -> Rgb {
         pixel: 0,
         way: Way::default(),
         part: Part::Volume,
+        wave: None,
     });
     let gather = Gather {
         map: &map,
         medium: &medium,
         steps: &camera.steps,
         group: None,
+        wave: None,
         key: 0,
         vectors: Vectors::widest(),
     };

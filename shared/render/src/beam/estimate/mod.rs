@@ -26,6 +26,7 @@ use crate::math::{Ray, Rgb};
 use crate::medium::Medium;
 use crate::medium::transmittance::StepFunctions;
 use crate::phase::Phase;
+use crate::spectrum::WaveNumber;
 use arrange::arrange;
 use line::Block;
 pub use share::Sharing;
@@ -88,6 +89,8 @@ pub struct CameraSegment {
     pub way: Way,
     /// What the light counts for that it gathers.
     pub part: Part,
+    /// The wavelength of the path, if it has one. Its weight is no part of the throughput.
+    pub wave: Option<WaveNumber>,
     /// Number of the segment's transmittance among the [`CameraSegments`]' functions, in a heterogeneous medium.
     pub steps: u32,
 }
@@ -103,6 +106,7 @@ impl CameraSegment {
             pixel: 0,
             way: Way::Turned,
             part: Part::Volume,
+            wave: None,
             steps: 0,
         }
     }
@@ -188,6 +192,8 @@ pub struct Gather<'a> {
     pub steps: &'a StepFunctions,
     /// Only the beams of this group of lights.
     pub group: Option<GroupNumber>,
+    /// Only the beams of this wavelength, and those of light that has none.
+    pub wave: Option<WaveNumber>,
     /// Addresses the random numbers of chords.
     pub key: u64,
     /// A kind of vectors that this machine has.

@@ -12,6 +12,7 @@ use super::ray_bundle::RayBundle;
 use super::search::{Waiting, find_in_list, find_in_tree};
 use super::{CameraSegment, Gather, Way};
 use crate::math::prefetch;
+use crate::spectrum::WaveNumber;
 
 /// A list of beams this short is compared with every block of the bundle; so is a longer one with those of so few
 /// segments.
@@ -80,6 +81,10 @@ pub(super) fn sum<const GREY: bool, const LOBES: usize, const VARYING: bool, con
             let group = gather.group;
             if group.is_some() {
                 near.retain(|&at| beams[list.ranges()[at as usize].beam as usize].group == group);
+            }
+            if let Some(wave) = gather.wave {
+                let is_seen = |of: Option<WaveNumber>| of.is_none_or(|of| of == wave);
+                near.retain(|&at| is_seen(beams[list.ranges()[at as usize].beam as usize].wave));
             }
         };
         if segments.len() <= LANES && apart {

@@ -5,6 +5,7 @@
 
 mod ball;
 mod car;
+mod cut;
 mod lathe;
 mod sea;
 
@@ -41,6 +42,8 @@ pub fn all() -> Vec<(&'static str, Mesh)> {
         ("sand.ply", sea::sand()),
         ("basin.ply", sea::basin()),
         ("fish.ply", sea::fish()),
+        ("prism.ply", cut::prism()),
+        ("brilliant.ply", cut::brilliant()),
     ]
 }
 

@@ -1,0 +1,232 @@
+//! Wavelengths, in scenes where some material bends light of each by another angle.
+//!
+//! Light is linear RGB until its path meets such a material. There it becomes light of one wavelength, which the path
+//! keeps, with a weight of a colour: the response of the sRGB primaries' matching functions to daylight (D65) of that
+//! wavelength, over the density with which wavelengths are drawn. The weight's mean is one in each channel, so that what
+//! is bent alike for all wavelengths keeps its colour. Colours outside the gamut of sRGB, as those of pure spectra are,
+//! have weights with negative channels.
+//!
+//! A pass has [`WAVES`] wavelengths, drawn from (seed, pass): photons and camera paths that meet must share them. They
+//! stand at equal steps of probability, all moved by the same number, which is even over the passes. A photon keeps its
+//! wavelength's number and leaves the weight to the camera path that finds it: see [`WaveSet::factor`].
+
+mod observer;
+
+use crate::math::Rgb;
+use crate::sampler::{Purpose, Sampler};
+use observer::{FIRST, OBSERVER, ROWS, STEP};
+use std::sync::LazyLock;
+
+/// Wavelengths of a pass. Measured on the prism, the diamond and the rainbow: see docs/measurements.md.
+pub const WAVES: usize = 8;
+
+/// A wavelength that a path has.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Wave {
+    /// In vacuum, nm.
+    pub nm: f32,
+    /// What the path's light is to be multiplied by, linear sRGB; its mean over wavelengths as they are drawn is one.
+    pub weight: Rgb,
+    /// Which one of its pass.
+    pub number: WaveNumber,
+}
+
+/// Which one of the wavelengths of a pass.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct WaveNumber(u8);
+
+impl WaveNumber {
+    /// From 0 on.
+    #[inline]
+    pub fn index(self) -> usize {
+        usize::from(self.0)
+    }
+}
+
+impl Wave {
+    /// By the distribution of wavelengths. `u`: uniform in [0, 1).
+    pub fn at(u: f32) -> Self {
+        let (nm, weight) = DISTRIBUTION.at(f64::from(u));
+        Self {
+            nm,
+            weight,
+            number: WaveNumber(0),
+        }
+    }
+}
+
+/// The wavelengths of a pass.
+#[derive(Clone, Debug)]
+pub struct WaveSet {
+    waves: [Wave; WAVES],
+}
+
+impl WaveSet {
+    /// Those of a pass.
+    pub fn of_pass(seed: u64, pass_index: u64) -> Self {
+        Self::moved_by(Sampler::even(seed, pass_index, Purpose::Wavelengths, 0).next_1d())
+    }
+
+    fn moved_by(u: f32) -> Self {
+        Self {
+            waves: std::array::from_fn(|i| Wave {
+                number: WaveNumber(i as u8),
+                ..Wave::at((i as f32 + u) / WAVES as f32)
+            }),
+        }
+    }
+
+    /// One of them. `u`: uniform in [0, 1).
+    #[inline]
+    pub fn choose(&self, u: f32) -> Wave {
+        self.waves[((u * WAVES as f32) as usize).min(WAVES - 1)]
+    }
+
+    /// All of them.
+    pub fn iter(&self) -> impl Iterator<Item = &Wave> {
+        self.waves.iter()
+    }
+
+    /// What a photon's power is to be multiplied by for a camera path. The path's own weight is no part of it. Both
+    /// have drawn a wavelength for itself: they agree once in [`WAVES`] times.
+    #[inline]
+    pub fn factor(&self, photon: WaveNumber, path: Option<WaveNumber>) -> Rgb {
+        match path {
+            None => self.waves[photon.index()].weight,
+            Some(path) if path == photon => Rgb::splat(WAVES as f32),
+            Some(_) => Rgb::ZERO,
+        }
+    }
+}
+
+/// How wavelengths are drawn: with a density that is constant between the observer's rows.
+struct Distribution {
+    /// Of the wavelengths below each row.
+    below: [f64; ROWS],
+    /// At each row: response of the sRGB primaries to daylight, per step, sums of trapezoids being one.
+    response: [[f64; 3]; ROWS],
+}
+
+/// From XYZ to linear sRGB (IEC 61966-2-1).
+const SRGB: [[f64; 3]; 3] = [
+    [3.240_454_2, -1.537_138_5, -0.498_531_4],
+    [-0.969_266_0, 1.876_010_8, 0.041_556_0],
+    [0.055_643_4, -0.204_025_9, 1.057_225_2],
+];
+
+/// Luminance of linear sRGB.
+const LUMINANCE: [f64; 3] = [0.2126, 0.7152, 0.0722];
+
+/// How much of the density of wavelengths goes by luminance: the rest goes by what is drawn for each channel. With all
+/// of it, luminance has no noise of colour, and blue much.
+const BY_LUMINANCE: f64 = 0.5;
+
+static DISTRIBUTION: LazyLock<Distribution> = LazyLock::new(Distribution::new);
+
+impl Distribution {
+    fn new() -> Self {
+        let mut response = OBSERVER
+            .map(|[x, y, z, daylight]| SRGB.map(|[by_x, by_y, by_z]| daylight * (by_x * x + by_y * y + by_z * z)));
+        for channel in 0..3 {
+            let trapezoids = response
+                .windows(2)
+                .map(|rows| 0.5 * (rows[0][channel] + rows[1][channel]));
+            let sum: f64 = trapezoids.sum();
+            response.iter_mut().for_each(|row| row[channel] /= sum);
+        }
+        let wanted = response.map(|row| {
+            let luminance: f64 = row.iter().zip(LUMINANCE).map(|(value, weight)| value * weight).sum();
+            let channels: f64 = row.iter().map(|value| value.abs()).sum();
+            BY_LUMINANCE * luminance.max(0.0) + (1.0 - BY_LUMINANCE) * channels / 3.0
+        });
+        let mut below = [0.0; ROWS];
+        for row in 1..ROWS {
+            below[row] = below[row - 1] + 0.5 * (wanted[row - 1] + wanted[row]);
+        }
+        let all = below[ROWS - 1];
+        below.iter_mut().for_each(|value| *value /= all);
+        Self { below, response }
+    }
+
+    /// The wavelength, nm, below which this share of all is, and its weight.
+    fn at(&self, u: f64) -> (f32, Rgb) {
+        let row = self.below.partition_point(|below| *below <= u).clamp(1, ROWS - 1) - 1;
+        let density = self.below[row + 1] - self.below[row];
+        let place = ((u - self.below[row]) / density).clamp(0.0, 1.0);
+        let (low, high) = (self.response[row], self.response[row + 1]);
+        let weight = |channel: usize| ((low[channel] * (1.0 - place) + high[channel] * place) / density) as f32;
+        let nm = FIRST + STEP * (row as f64 + place);
+        (nm as f32, Rgb::new(weight(0), weight(1), weight(2)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// By the midpoints of many parts of the unit interval.
+    #[test]
+    fn weights_have_a_mean_of_one() {
+        let parts = 1 << 16;
+        let mut sum = [0.0f64; 3];
+        for part in 0..parts {
+            let wave = Wave::at((part as f32 + 0.5) / parts as f32);
+            assert!((380.0..=780.0).contains(&wave.nm), "{wave:?}");
+            for (sum, weight) in sum.iter_mut().zip(wave.weight.to_array()) {
+                *sum += f64::from(weight);
+            }
+        }
+        for sum in sum {
+            assert!((sum / f64::from(parts) - 1.0).abs() < 1e-4, "{sum}");
+        }
+    }
+
+    /// Of a spectrum that is not even: its colour by the observer's table, and by wavelengths as they are drawn.
+    #[test]
+    fn colours_of_spectra_are_those_of_the_observer() {
+        let spectrum = |nm: f64| libm::exp(-0.5 * ((nm - 520.0) / 40.0) * ((nm - 520.0) / 40.0));
+        let mut xyz = [0.0; 3];
+        let mut white = 0.0;
+        for (row, [x, y, z, daylight]) in OBSERVER.into_iter().enumerate() {
+            let power = daylight * spectrum(FIRST + STEP * row as f64);
+            xyz = [xyz[0] + power * x, xyz[1] + power * y, xyz[2] + power * z];
+            white += daylight * y;
+        }
+        let expected = SRGB.map(|row| (row[0] * xyz[0] + row[1] * xyz[1] + row[2] * xyz[2]) / white);
+        let parts = 1 << 14;
+        let mut sum = [0.0; 3];
+        for part in 0..parts {
+            let wave = Wave::at((part as f32 + 0.5) / parts as f32);
+            for (sum, weight) in sum.iter_mut().zip(wave.weight.to_array()) {
+                *sum += f64::from(weight) * spectrum(f64::from(wave.nm)) / f64::from(parts);
+            }
+        }
+        for (sum, expected) in sum.into_iter().zip(expected) {
+            assert!((sum - expected).abs() < 2e-3, "{sum} {expected}");
+        }
+    }
+
+    /// The sets of a replication's passes have one wavelength in each of as many parts of the distribution.
+    #[test]
+    fn sets_are_even_over_passes() {
+        let mut shifts: Vec<f32> = (0..16).map(|pass| WaveSet::of_pass(7, pass).waves[0].nm).collect();
+        shifts.sort_by(f32::total_cmp);
+        for (part, nm) in shifts.iter().enumerate() {
+            let edge = |part: usize| Wave::at(part as f32 / (16.0 * WAVES as f32)).nm;
+            assert!((edge(part)..=edge(part + 1)).contains(nm), "{part}: {nm}");
+        }
+    }
+
+    #[test]
+    fn a_path_with_both_ends_bent_is_counted_once() {
+        let set = WaveSet::moved_by(0.3);
+        let mut sum = Rgb::ZERO;
+        for photon in set.iter() {
+            for path in set.iter() {
+                sum += path.weight * set.factor(photon.number, Some(path.number));
+            }
+        }
+        let once: Rgb = set.iter().map(|wave| set.factor(wave.number, None)).sum();
+        assert!((sum / (WAVES * WAVES) as f32 - once / WAVES as f32).abs().max_element() < 1e-5);
+    }
+}

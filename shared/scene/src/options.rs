@@ -9,6 +9,8 @@ pub struct ImportOptions {
     pub parameters: Vec<(String, String)>,
     /// Leave out what is not supported instead of failing.
     pub skip_unsupported: bool,
+    /// Let the substances that a Mitsuba scene names as dielectrics bend light of each wavelength by another angle.
+    pub spectral: bool,
     /// What to change of the native scene.
     pub edits: Edits,
 }

@@ -40,6 +40,7 @@ impl RandomScene {
         let mut camera = world::fill(&mut b);
         variations::vary(&mut b, seed);
         variations::vary_light_and_view(&mut b, &mut camera, seed);
+        variations::split_light(&mut b, seed);
         let side = Value::Integer(world::SIDE);
         let mut scene = table([
             ("image", table([("width", side.clone()), ("height", side)]).into()),

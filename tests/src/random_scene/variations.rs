@@ -1,6 +1,6 @@
 //! What is done to a scene once it is there, by random numbers of its own: lamps that rays pass, blends, lobes, and
-//! numbers by texture, surfaces that emit by a texture or on both sides, parallel rays. Every other scene is left as it
-//! was by each of the two parts.
+//! numbers by texture, surfaces that emit by a texture or on both sides, parallel rays, glass that splits light. Many
+//! scenes are left as they were by each of the parts.
 
 use super::builder::Builder;
 use super::draw::{Draw, colour, number, table};
@@ -61,6 +61,26 @@ pub fn vary(b: &mut Builder, seed: u64) {
             blend(&mut draw, b, &name, material, clear);
         } else {
             b.materials.insert(name, material.into());
+        }
+    }
+}
+
+/// Let glass split light, in one of four scenes.
+pub fn split_light(b: &mut Builder, seed: u64) {
+    let mut draw = Draw::new(seed ^ STREAM.rotate_left(16));
+    if !draw.chance(0.25) {
+        return;
+    }
+    for (_, material) in b.materials.iter_mut() {
+        let Value::Table(material) = material else { continue };
+        let Some(ior) = material.get("ior").and_then(Value::as_float) else {
+            continue;
+        };
+        // Strong, so that it is seen; never across the index of what is around.
+        let is_denser = ior > 1.1;
+        if is_denser {
+            let abbe = number(draw.between(8.0, 60.0));
+            material.insert("ior".into(), table([("nd", number(ior)), ("abbe", abbe)]).into());
         }
     }
 }

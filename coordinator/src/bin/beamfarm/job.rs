@@ -417,6 +417,10 @@ pub struct ImportArgs {
     #[arg(long)]
     skip_unsupported: bool,
 
+    /// Let glass, water and diamond that a Mitsuba scene names bend light of each wavelength by another angle
+    #[arg(long)]
+    spectral: bool,
+
     /// Read the scene as it is at this frame.
     #[arg(skip)]
     pub frame: Option<i64>,
@@ -465,6 +469,14 @@ impl ImportArgs {
             let message = format!("{path}: --skip-unsupported is for Mitsuba scenes, whose names end in .xml");
             return Err(Failure::usage(message));
         }
+        if !is_mitsuba && self.spectral {
+            let path = scene.display();
+            let message = format!(
+                "{path}: --spectral is for Mitsuba scenes, whose names end in .xml; here a material says `ior = {{ preset \
+                 = \"bk7\" }}`"
+            );
+            return Err(Failure::usage(message));
+        }
         let (parameters, mut fields) = match is_mitsuba {
             true => (self.parameters.clone(), Vec::new()),
             false => (Vec::new(), self.parameters.clone()),
@@ -473,6 +485,7 @@ impl ImportArgs {
         Ok(ImportOptions {
             parameters,
             skip_unsupported: self.skip_unsupported,
+            spectral: self.spectral,
             edits: Edits {
                 fields,
                 width: self.width,

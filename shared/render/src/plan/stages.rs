@@ -3,6 +3,7 @@
 use super::{Contents, RenderPlan};
 use crate::camera::Projection;
 use crate::medium::{Heterogeneous, Medium};
+use crate::spectrum::WAVES;
 use crate::world::Scene;
 use beamfarm_image::layer::Layer;
 use std::fmt;
@@ -67,7 +68,18 @@ pub(super) fn all(scene: &Scene, plan: &RenderPlan, contents: &Contents, on_targ
         visibility_rules(scene, plan),
         thin_lens(scene),
         motion_blur(scene),
+        dispersion(scene),
     ]
+}
+
+fn dispersion(scene: &Scene) -> Stage {
+    let said = || format!("{WAVES} wavelengths a pass: the index of some material depends on them");
+    Stage::either(
+        "dispersion",
+        scene.disperses,
+        said,
+        "no index depends on the wavelength",
+    )
 }
 
 fn motion_blur(scene: &Scene) -> Stage {

@@ -104,7 +104,7 @@ impl Imported {
 pub fn import(path: &Path, folder: &Path, options: &ImportOptions) -> Result<Imported, SceneError> {
     let mut log = Log::default();
     let written = xml::read(path, &options.parameters, &mut log)
-        .map(|objects| Converter::new(&objects, path, folder, &mut log).convert(path));
+        .map(|objects| Converter::new(&objects, path, folder, options.spectral, &mut log).convert(path));
     let files = log.files.clone();
     let [notes, left_out] = log.finish(path, options.skip_unsupported)?;
     // Without an error everything was read.
@@ -127,6 +127,8 @@ struct Converter<'a> {
     log: &'a mut Log,
     /// What paths of files are relative to.
     folder: &'a Path,
+    /// Named substances have an index by wavelength.
+    spectral: bool,
     /// What files that are made are named after.
     stem: String,
     made: BTreeMap<String, Vec<u8>>,
@@ -145,7 +147,7 @@ struct Converter<'a> {
 }
 
 impl<'a> Converter<'a> {
-    fn new(objects: &'a Objects, path: &Path, folder: &'a Path, log: &'a mut Log) -> Self {
+    fn new(objects: &'a Objects, path: &Path, folder: &'a Path, spectral: bool, log: &'a mut Log) -> Self {
         let ids = |kind: Kind| {
             let of_kind = objects.list.iter().filter(move |o| o.kind == kind);
             of_kind.filter_map(|o| o.id.clone())
@@ -154,6 +156,7 @@ impl<'a> Converter<'a> {
             objects,
             log,
             folder,
+            spectral,
             stem: path.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
             made: BTreeMap::new(),
             materials: bsdf::Materials::new(ids(Kind::Bsdf)),

@@ -22,6 +22,20 @@ pub fn iors() -> impl Iterator<Item = &'static str> {
     IORS.iter().map(|(name, _)| *name)
 }
 
+/// The substance of the native format whose index by wavelength is that of a name of Mitsuba's; case does not matter.
+pub fn dispersive(name: &str) -> Option<&'static str> {
+    let found = DISPERSIVE.iter().find(|(known, _)| known.eq_ignore_ascii_case(name));
+    found.map(|(_, preset)| *preset)
+}
+
+const DISPERSIVE: &[(&str, &str)] = &[
+    ("water", "water"),
+    ("fused quartz", "fused silica"),
+    ("acrylic glass", "acrylic"),
+    ("bk7", "bk7"),
+    ("diamond", "diamond"),
+];
+
 /// As listed in Mitsuba's documentation of `dielectric`, and read back from Mitsuba 3.9.1.
 const IORS: &[(&str, f64)] = &[
     ("vacuum", 1.0),

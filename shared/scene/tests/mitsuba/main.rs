@@ -320,3 +320,33 @@ fn curves_and_distances_are_refused_by_name_or_left_out() {
     let imported = convert(folder("3.0.0", elements).path(), true).unwrap();
     assert_eq!(imported.left_out.len(), 3, "{:?}", imported.left_out);
 }
+
+#[test]
+fn named_dielectrics_have_an_index_by_wavelength_where_that_is_asked_for() {
+    let elements = r#"
+        <bsdf type="dielectric" id="a"><string name="int_ior" value="diamond"/></bsdf>
+        <bsdf type="roughdielectric" id="b"><string name="ext_ior" value="Water"/></bsdf>
+        <bsdf type="dielectric" id="c"><float name="int_ior" value="1.7"/></bsdf>
+        <shape type="sphere"><ref id="a"/></shape><shape type="sphere"><ref id="b"/></shape>
+        <shape type="sphere"><ref id="c"/></shape>"#;
+    let folder = folder("3.0.0", elements);
+    let path = folder.path().join("scene.xml");
+    let text = |spectral| {
+        let options = ImportOptions {
+            spectral,
+            ..ImportOptions::default()
+        };
+        SceneFile::read(&path, &options).unwrap().load().unwrap();
+        import(&path, folder.path(), &options).unwrap().text
+    };
+    assert_has(&text(false), &["ior = 2.419", "exterior_ior = 1.333", "ior = 1.7"]);
+    assert_has(
+        &text(true),
+        &[
+            "ior = { preset = \"diamond\" }",
+            "ior = { preset = \"bk7\" }",
+            "exterior_ior = { preset = \"water\" }",
+            "ior = 1.7",
+        ],
+    );
+}

@@ -33,9 +33,23 @@ impl Converter<'_> {
         for (name, field, default) in [("int_ior", "ior", inside), ("ext_ior", "exterior_ior", "air")] {
             let place = self.member(id, name).map_or(self.objects.list[id].place, |m| m.place);
             if let Some(ior) = self.ior(id, name, default) {
-                section.set(field, Toml::Float(ior), place);
+                let by_wavelength = self.dispersive(id, name, default).filter(|_| self.spectral);
+                section.set(field, by_wavelength.unwrap_or(Toml::Float(ior)), place);
             }
         }
+    }
+
+    /// The index by wavelength of a substance that is named, if it is known.
+    fn dispersive(&self, id: Id, name: &str, default: &str) -> Option<Toml> {
+        let substance = match self.member(id, name) {
+            None => default,
+            Some(member) => match &member.content {
+                Content::Value(Value::String(name)) => name,
+                _ => return None,
+            },
+        };
+        let preset = named::dispersive(substance)?;
+        Some(Toml::table([("preset", Toml::String(preset.to_owned()))]))
     }
 
     pub(super) fn ior(&mut self, id: Id, name: &str, default: &str) -> Option<f64> {

@@ -133,7 +133,7 @@ impl PassPhotons {
         };
         stats.beams = (photons.beams.len() + photons.smooth_beams.len()) as u64;
         stats.surface_photons = photons.surface.len() as u64;
-        let waves = scene.waves(plan.settings.seed, pass_index);
+        let waves = plan.wave_set(pass_index);
         let (beams, surface) = rayon::join(
             || {
                 let sharp = Traced {
@@ -209,7 +209,7 @@ impl PassPhotons {
                 caustic_odds: caustic_odds(scene, plan, pass_index),
                 gloss_odds: gloss_odds(scene, plan, pass_index),
                 least_flight: least_flight(plan, pass_index),
-                waves: scene.waves(plan.settings.seed, pass_index),
+                waves: plan.wave_set(pass_index),
                 sight,
             },
             beams: self.beams.as_ref(),

@@ -5,7 +5,7 @@ use beamfarm_render::beam::trace::trace_photons;
 use beamfarm_render::bsdf::{Bsdf, Dielectric, Index, TransportMode};
 use beamfarm_render::math::{Frame, Rgb, Vec3};
 use beamfarm_render::plan::RenderPlan;
-use beamfarm_render::spectrum::WaveSet;
+use beamfarm_render::spectrum::{WAVES, WaveSet};
 use beamfarm_tests::render::scene;
 
 /// Fraunhofer's lines C, D, e, F and g, nm.
@@ -110,8 +110,13 @@ ior = { preset = "sf11" }
 type = "cube"
 material = "flint"
 transform = [{ scale = [40.0, 40.0, 1.0] }]
+# What it sends back would come by other ways.
+[materials.black]
+type = "diffuse"
+reflectance = 0.0
 [[shapes]]
 type = "rectangle"
+material = "black"
 transform = [{ scale = 200.0 }, { rotate = { axis = [1, 0, 0], angle = 180 } }, { translate = [0, 0, 0.9] }]
 [[lights]]
 type = "spot"
@@ -128,7 +133,7 @@ power = 1.0
         ..scene.description().defaults.job_settings()
     };
     let photons = trace_photons(&scene, &RenderPlan::new(&scene, settings), 3).surface;
-    let (waves, flint) = (WaveSet::of_pass(4, 3), Index::preset("sf11").unwrap());
+    let (waves, flint) = (WaveSet::of_pass(WAVES, 4, 3), Index::preset("sf11").unwrap());
     let entered = photons.iter().filter(|photon| photon.wave.is_some()).count();
     for wave in waves.iter() {
         let of_wave = photons.iter().filter(|photon| photon.wave == Some(wave.number));

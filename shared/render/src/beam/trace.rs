@@ -75,7 +75,7 @@ fn trace_with(scene: &Scene, plan: &RenderPlan, pass_index: u64, sight: impl Sig
         first_odds: first_odds(plan, pass_index),
         caustic_odds: caustic_odds(scene, plan, pass_index),
         least_flight: least_flight(plan, pass_index),
-        waves: scene.waves(plan.settings.seed, pass_index),
+        waves: plan.wave_set(pass_index),
         sight,
     };
     let chunks: Vec<Photons> = (0..paths.div_ceil(CHUNK))

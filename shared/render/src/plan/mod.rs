@@ -10,6 +10,7 @@ use crate::camera::Camera;
 use crate::estimators::{Estimators, widest_kernel};
 use crate::kernel::{Extent, KernelRadii};
 use crate::light::LightSelector;
+use crate::spectrum::{WAVES, WaveSet};
 use crate::targeting::Targets;
 use crate::view::View;
 use crate::world::{Scene, SceneDescription};
@@ -37,6 +38,10 @@ const MOST_WIDER: f32 = 4.0;
 const FEW_SURFACE_PATHS: u32 = 4;
 const FEW_SPLITS: u32 = 2;
 const LITTLE_PATIENCE: f32 = 0.5;
+
+fn waves(scene: &Scene) -> u8 {
+    if scene.disperses { WAVES } else { 0 }
+}
 
 /// What every pass of a job does. `Display` is what `beamfarm explain` prints.
 #[derive(Clone, Debug)]
@@ -69,12 +74,19 @@ pub struct RenderPlan {
     pub view: Option<View>,
     /// What photons are aimed at, if they are.
     pub targets: Option<Arc<Targets>>,
+    /// Wavelengths of a pass, in scenes where some surface bends light of each by another angle; 0 in others.
+    pub waves: u8,
     /// What is rendered beside the beauty.
     pub layers: LayerPlan,
     stages: Vec<Stage>,
 }
 
 impl RenderPlan {
+    /// The wavelengths of a pass, if it has any.
+    pub(crate) fn wave_set(&self, pass_index: u64) -> Option<WaveSet> {
+        (self.waves > 0).then(|| WaveSet::of_pass(self.waves, self.settings.seed, pass_index))
+    }
+
     /// Decide the stages.
     pub fn new(scene: &Scene, settings: JobSettings) -> Self {
         let description = scene.description();
@@ -126,6 +138,7 @@ impl RenderPlan {
             extent_seen,
             view: View::of(scene),
             targets: targets.map(Arc::new),
+            waves: waves(scene),
             layers: LayerPlan::default(),
             stages: Vec::new(),
         };
@@ -180,6 +193,7 @@ impl RenderPlan {
             extent_seen: None,
             view: View::of(scene),
             targets: None,
+            waves: waves(scene),
             layers: LayerPlan::default(),
             stages: Vec::new(),
         };

@@ -18,7 +18,7 @@ use observer::{FIRST, OBSERVER, ROWS, STEP};
 use std::sync::LazyLock;
 
 /// Wavelengths of a pass. Measured on the prism, the diamond and the rainbow: see docs/measurements.md.
-pub const WAVES: usize = 8;
+pub const WAVES: u8 = 8;
 
 /// A wavelength that a path has.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -58,28 +58,36 @@ impl Wave {
 /// The wavelengths of a pass.
 #[derive(Clone, Debug)]
 pub struct WaveSet {
-    waves: [Wave; WAVES],
+    waves: Vec<Wave>,
 }
 
 impl WaveSet {
-    /// Those of a pass.
-    pub fn of_pass(seed: u64, pass_index: u64) -> Self {
-        Self::moved_by(Sampler::even(seed, pass_index, Purpose::Wavelengths, 0).next_1d())
+    /// So many, of a pass.
+    pub fn of_pass(count: u8, seed: u64, pass_index: u64) -> Self {
+        Self::moved_by(
+            count,
+            Sampler::even(seed, pass_index, Purpose::Wavelengths, 0).next_1d(),
+        )
     }
 
-    fn moved_by(u: f32) -> Self {
+    fn moved_by(count: u8, u: f32) -> Self {
+        let wave = |i| Wave {
+            number: WaveNumber(i),
+            ..Wave::at((f32::from(i) + u) / f32::from(count))
+        };
         Self {
-            waves: std::array::from_fn(|i| Wave {
-                number: WaveNumber(i as u8),
-                ..Wave::at((i as f32 + u) / WAVES as f32)
-            }),
+            waves: (0..count).map(wave).collect(),
         }
+    }
+
+    fn count(&self) -> f32 {
+        self.waves.len() as f32
     }
 
     /// One of them. `u`: uniform in [0, 1).
     #[inline]
     pub fn choose(&self, u: f32) -> Wave {
-        self.waves[((u * WAVES as f32) as usize).min(WAVES - 1)]
+        self.waves[((u * self.count()) as usize).min(self.waves.len() - 1)]
     }
 
     /// All of them.
@@ -88,12 +96,12 @@ impl WaveSet {
     }
 
     /// What a photon's power is to be multiplied by for a camera path. The path's own weight is no part of it. Both
-    /// have drawn a wavelength for itself: they agree once in [`WAVES`] times.
+    /// have drawn a wavelength for itself: they agree once in as many times as there are.
     #[inline]
     pub fn factor(&self, photon: WaveNumber, path: Option<WaveNumber>) -> Rgb {
         match path {
             None => self.waves[photon.index()].weight,
-            Some(path) if path == photon => Rgb::splat(WAVES as f32),
+            Some(path) if path == photon => Rgb::splat(self.count()),
             Some(_) => Rgb::ZERO,
         }
     }
@@ -209,17 +217,19 @@ mod tests {
     /// The sets of a replication's passes have one wavelength in each of as many parts of the distribution.
     #[test]
     fn sets_are_even_over_passes() {
-        let mut shifts: Vec<f32> = (0..16).map(|pass| WaveSet::of_pass(7, pass).waves[0].nm).collect();
+        let mut shifts: Vec<f32> = (0..16)
+            .map(|pass| WaveSet::of_pass(WAVES, 7, pass).waves[0].nm)
+            .collect();
         shifts.sort_by(f32::total_cmp);
         for (part, nm) in shifts.iter().enumerate() {
-            let edge = |part: usize| Wave::at(part as f32 / (16.0 * WAVES as f32)).nm;
+            let edge = |part: usize| Wave::at(part as f32 / (16.0 * f32::from(WAVES))).nm;
             assert!((edge(part)..=edge(part + 1)).contains(nm), "{part}: {nm}");
         }
     }
 
     #[test]
     fn a_path_with_both_ends_bent_is_counted_once() {
-        let set = WaveSet::moved_by(0.3);
+        let set = WaveSet::moved_by(WAVES, 0.3);
         let mut sum = Rgb::ZERO;
         for photon in set.iter() {
             for path in set.iter() {
@@ -227,6 +237,11 @@ mod tests {
             }
         }
         let once: Rgb = set.iter().map(|wave| set.factor(wave.number, None)).sum();
-        assert!((sum / (WAVES * WAVES) as f32 - once / WAVES as f32).abs().max_element() < 1e-5);
+        assert!(
+            (sum / (set.count() * set.count()) - once / set.count())
+                .abs()
+                .max_element()
+                < 1e-5
+        );
     }
 }

@@ -14,7 +14,6 @@ use crate::light::{EmissionSample, Environment, Light, LightKind, LightSources, 
 use crate::math::{Ray, Rgb, Vec3};
 use crate::medium::{Medium, MediumId};
 use crate::sampler::Sampler;
-use crate::spectrum::WaveSet;
 use crossing::StartMedium;
 pub use description::{Motion, RenderDefaults, SceneDescription};
 pub(crate) use interaction::SurfaceInteraction;
@@ -193,11 +192,6 @@ impl Scene {
     pub fn resize(&mut self, width: u32, height: u32) {
         let camera = &mut self.description.camera;
         (camera.width, camera.height) = (width, height);
-    }
-
-    /// The wavelengths of a pass, where some surface bends light of each by another angle.
-    pub(crate) fn waves(&self, seed: u64, pass_index: u64) -> Option<WaveSet> {
-        self.disperses.then(|| WaveSet::of_pass(seed, pass_index))
     }
 
     /// Whether what is rendered is of no use any more.

@@ -202,7 +202,9 @@ impl<V: Sight> CameraTracer<'_, V> {
         };
         let mut radiance = Rgb::ZERO;
         loop {
-            self.follow(path, &mut branches, context, &mut radiance);
+            let mut found = Rgb::ZERO;
+            self.follow(path, &mut branches, context, &mut found);
+            radiance += found;
             match branches.waiting.pop() {
                 Some(next) => path = next,
                 None => return radiance,
@@ -250,7 +252,7 @@ impl<V: Sight> CameraTracer<'_, V> {
             if let (Some(drawn), Some(hit)) = (&mut path.drawn, &hit) {
                 drawn.distance += hit.t;
             }
-            *radiance += context.tint() * self.met_light(&path, hit.as_ref(), context);
+            self.add_met_light(&path, hit.as_ref(), radiance, context);
             let Some(mut hit) = hit else {
                 context.record.meets_nothing(path.beta);
                 return;
@@ -321,13 +323,19 @@ impl<V: Sight> CameraTracer<'_, V> {
     }
 
     /// Light that the path meets: of what is all around, where it meets no surface, or of the surface.
-    fn met_light(&self, path: &Path<V::Hidden>, hit: Option<&SurfaceHit>, context: &mut PathContext<'_>) -> Rgb {
+    fn add_met_light(
+        &self,
+        path: &Path<V::Hidden>,
+        hit: Option<&SurfaceHit>,
+        radiance: &mut Rgb,
+        context: &mut PathContext<'_>,
+    ) {
         let scene = self.scene;
-        let mut radiance = Rgb::ZERO;
+        let tint = context.tint();
         let mut add = |light: usize, emitted: Rgb, hit: Option<&SurfaceHit>| {
             let arriving = path.beta * emitted * self.share_of_lobe(path, light, hit);
             context.record.add(Part::Direct, light, arriving);
-            radiance += arriving;
+            *radiance += tint * arriving;
         };
         match hit {
             Some(hit) => {
@@ -343,7 +351,6 @@ impl<V: Sight> CameraTracer<'_, V> {
                 });
             }
         }
-        radiance
     }
 
     /// At a surface with a delta lobe beside others: the path goes on along it, or its other lobes are all that counts,

@@ -55,6 +55,19 @@ impl Wave {
     }
 }
 
+/// A number per wavelength, nm, as a linear sRGB colour under daylight. Negative channels become 0.
+pub fn to_rgb(of: impl Fn(f64) -> f64) -> Rgb {
+    let mut sum = [0.0; 3];
+    for (row, response) in DISTRIBUTION.response.iter().enumerate() {
+        let end = if row == 0 || row == ROWS - 1 { 0.5 } else { 1.0 };
+        let value = end * of(FIRST + STEP * row as f64);
+        for (sum, response) in sum.iter_mut().zip(response) {
+            *sum += response * value;
+        }
+    }
+    Rgb::from_array(sum.map(|value| value.max(0.0) as f32))
+}
+
 /// The wavelengths of a pass.
 #[derive(Clone, Debug)]
 pub struct WaveSet {
@@ -209,8 +222,10 @@ mod tests {
                 *sum += f64::from(weight) * spectrum(f64::from(wave.nm)) / f64::from(parts);
             }
         }
-        for (sum, expected) in sum.into_iter().zip(expected) {
+        let direct = to_rgb(spectrum).to_array();
+        for ((sum, expected), direct) in sum.into_iter().zip(expected).zip(direct) {
             assert!((sum - expected).abs() < 2e-3, "{sum} {expected}");
+            assert!((sum.max(0.0) - f64::from(direct)).abs() < 2e-3, "{sum} {direct}");
         }
     }
 

@@ -7,12 +7,13 @@ use crate::parse::{
     DistributionName, Fault, ImageTextureRecord, MaterialRecord, MaterialType, ScalarRecord, TextureRecord,
 };
 use crate::values::Spanned;
-use crate::values::{NonNegative, Number, Unit};
+use crate::values::{NonNegative, Number, Unit, Vector};
 use beamfarm_render::bsdf::{
     Coat, Distribution, Material, MaterialKind, NormalPerturbation, Tint, conductor_names, conductor_preset,
 };
 use beamfarm_render::math::Rgb;
 use beamfarm_render::scalar::Scalar;
+use beamfarm_render::spectrum::to_rgb;
 use beamfarm_render::texture::Texture;
 
 pub(super) fn opacity(record: &MaterialRecord, assets: &mut Assets<'_>) -> Result<Option<Texture>, Problem> {
@@ -201,15 +202,16 @@ fn alpha(record: &MaterialRecord, assets: &mut Assets<'_>) -> Result<Scalar, Pro
 const POLYPROPYLENE: f64 = 1.49;
 
 fn metal(record: &MaterialRecord) -> Result<(Rgb, Rgb), Fault> {
-    match (&record.preset, &record.eta, &record.k) {
-        (Some(preset), None, None) => conductor_preset(preset.get_ref()).ok_or_else(|| {
+    match (&record.preset, &record.eta, &record.k, &record.nk) {
+        (None, None, None, Some(rows)) => tabulated(rows),
+        (Some(preset), None, None, None) => conductor_preset(preset.get_ref()).ok_or_else(|| {
             let known = conductor_names().collect::<Vec<_>>().join(", ");
             Fault::new(
                 preset.span(),
                 format!("there is no metal \"{}\"; expected one of {known}", preset.get_ref()),
             )
         }),
-        (None, Some(eta), Some(k)) => {
+        (None, Some(eta), Some(k), None) => {
             let (eta, k) = (eta.get_ref().rgb(), k.get_ref().rgb());
             if (eta + k).min_element() <= 0.0 {
                 return Err(Fault::new(record.kind.span(), "eta and k are both 0 in one channel"));
@@ -218,7 +220,32 @@ fn metal(record: &MaterialRecord) -> Result<(Rgb, Rgb), Fault> {
         }
         _ => Err(Fault::new(
             record.kind.span(),
-            "a conductor is given by `preset`, or by `eta` and `k`: one of the two ways",
+            "a conductor is given by `preset`, by `eta` and `k`, or by `nk`: one of these ways",
         )),
     }
+}
+
+/// eta and k of rows of nm, eta and k: straight lines between them, the same beyond.
+fn tabulated(rows: &Spanned<Vec<Vector>>) -> Result<(Rgb, Rgb), Fault> {
+    let table: Vec<[f64; 3]> = rows.get_ref().iter().map(|row| row.0.to_array()).collect();
+    let is_good = |[nm, eta, k]: &[f64; 3]| *nm > 0.0 && *eta >= 0.0 && *k >= 0.0 && eta + k > 0.0;
+    if table.is_empty() || !table.iter().all(is_good) || !table.is_sorted_by(|a, b| a[0] < b[0]) {
+        return Err(Fault::new(
+            rows.span(),
+            "expected rows [nm, eta, k] in the order of their wavelengths, with numbers that are not negative, and eta and \
+             k not both 0",
+        ));
+    }
+    let at = |nm: f64, column: usize| {
+        let next = table.partition_point(|row| row[0] <= nm);
+        match (next.checked_sub(1).map(|i| table[i]), table.get(next)) {
+            (Some(low), Some(high)) => {
+                let place = (nm - low[0]) / (high[0] - low[0]);
+                low[column] * (1.0 - place) + high[column] * place
+            }
+            (Some(end), None) => end[column],
+            (None, first) => first.map_or(0.0, |first| first[column]),
+        }
+    };
+    Ok((to_rgb(|nm| at(nm, 1)), to_rgb(|nm| at(nm, 2))))
 }

@@ -30,6 +30,8 @@ pub struct MaterialRecord {
     pub eta: Option<Spanned<Color<NonNegative>>>,
     /// Imaginary part of the index of refraction.
     pub k: Option<Spanned<Color<NonNegative>>>,
+    /// Both parts by wavelength: rows of nm, eta and k.
+    pub nk: Option<Spanned<Vec<Vector>>>,
     /// A metal by name, such as gold.
     pub preset: Option<Spanned<String>>,
     /// Distribution of microfacets. Default: ggx.
@@ -107,6 +109,7 @@ impl MaterialRecord {
             alpha,
             eta,
             k,
+            nk,
             preset,
             distribution,
             specular_reflectance,
@@ -246,7 +249,7 @@ impl MaterialType {
                     "specular_transmittance",
                 ],
             ),
-            Self::Conductor => ("conductor", &["eta", "k", "preset", "reflectance", "two_sided"]),
+            Self::Conductor => ("conductor", &["eta", "k", "nk", "preset", "reflectance", "two_sided"]),
             Self::RoughConductor => (
                 "rough_conductor",
                 &[
@@ -254,6 +257,7 @@ impl MaterialType {
                     "distribution",
                     "eta",
                     "k",
+                    "nk",
                     "preset",
                     "reflectance",
                     "two_sided",

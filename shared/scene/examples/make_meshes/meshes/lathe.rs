@@ -1,6 +1,6 @@
-//! Solids and mirrors of revolution around the z axis: lamps, a goblet, a ring, a tyre.
+//! Solids and mirrors of revolution around the z axis: lamps, a goblet, a ring, a tyre, furniture.
 
-use super::Mesh;
+use super::{Mesh, loft};
 use glam::{DVec2, DVec3};
 use std::f64::consts::PI;
 
@@ -13,11 +13,11 @@ struct Point {
 
 /// An outline in the (r, z) half plane. Walking along it, the outside is on the right.
 #[derive(Default)]
-struct Profile(Vec<Point>);
+pub struct Profile(Vec<Point>);
 
 impl Profile {
     /// A straight stretch.
-    fn line(mut self, from: DVec2, to: DVec2) -> Self {
+    pub fn line(mut self, from: DVec2, to: DVec2) -> Self {
         let along = (to - from).normalize();
         let normal = DVec2::new(along.y, -along.x);
         self.0.extend([from, to].map(|at| Point { at, normal }));
@@ -36,7 +36,7 @@ impl Profile {
     }
 
     /// A circular arc around `center` from the angle `from` to the angle `to`, radians from the r axis.
-    fn arc(self, steps: u32, center: DVec2, radius: f64, from: f64, to: f64) -> Self {
+    pub fn arc(self, steps: u32, center: DVec2, radius: f64, from: f64, to: f64) -> Self {
         let angle = |t: f64| libm::sincos(from + (to - from) * t);
         let turn = (to - from).signum();
         self.curve(
@@ -52,6 +52,18 @@ impl Profile {
         )
     }
 
+    /// A Catmull-Rom spline through points (r, z), in `steps` chords from each to the next.
+    pub fn spline(mut self, steps: u32, points: &[[f64; 2]]) -> Self {
+        for i in 0..=steps * (points.len() as u32 - 1) {
+            let t = f64::from(i) / f64::from(steps);
+            let at = |t: f64| DVec2::from(loft::spline(points, t));
+            let along = (at(t + 1e-4) - at(t - 1e-4)).normalize();
+            let normal = DVec2::new(along.y, -along.x);
+            self.0.push(Point { at: at(t), normal });
+        }
+        self
+    }
+
     /// Stretches meet exactly: a point that is but for rounding where the one before it is moves there.
     fn join(&mut self) {
         for i in 1..self.0.len() {
@@ -62,7 +74,7 @@ impl Profile {
     }
 
     /// Turn the outline around the z axis, in `around` steps.
-    fn revolve(mut self, around: u32) -> Mesh {
+    pub fn revolve(mut self, around: u32) -> Mesh {
         self.join();
         let mut mesh = Mesh::default();
         let turns: Vec<(f64, f64)> = (0..around)
@@ -111,7 +123,7 @@ impl Profile {
     }
 }
 
-fn v(r: f64, z: f64) -> DVec2 {
+pub fn v(r: f64, z: f64) -> DVec2 {
     DVec2::new(r, z)
 }
 
@@ -211,6 +223,99 @@ pub fn headlight_housing() -> Mesh {
         v(HEADLIGHT_R, HEADLIGHT_FRONT),
     ])
     .revolve(48)
+}
+
+/// Outside of a headlight that stands on a wing: a bullet, open at the front.
+pub fn headlight_pod() -> Mesh {
+    let (lip, front) = (HEADLIGHT_R + 0.022, HEADLIGHT_FRONT);
+    let bullet = [
+        [0.001, -0.34],
+        [0.03, -0.325],
+        [0.07, -0.25],
+        [0.105, -0.13],
+        [0.125, 0.0],
+        [lip + 0.006, front - 0.015],
+    ];
+    Profile::default()
+        .spline(4, &bullet)
+        .line(v(lip + 0.006, front - 0.015), v(lip + 0.006, front))
+        .revolve(40)
+}
+
+/// Post of a street lamp, 3.6 high with a lantern's cap and foot; the lantern between them, from 3.0 to 3.35, is left
+/// out.
+pub fn lamp_post() -> Mesh {
+    let shaft = outline(&[
+        v(0.17, 0.0),
+        v(0.17, 0.12),
+        v(0.12, 0.18),
+        v(0.11, 0.55),
+        v(0.065, 0.65),
+        v(0.05, 2.55),
+        v(0.075, 2.6),
+        v(0.045, 2.66),
+        v(0.045, 2.85),
+        v(0.13, 2.97),
+        v(0.13, 3.0),
+        v(0.0, 3.0),
+    ]);
+    let mut mesh = shaft.revolve(16);
+    let cap = outline(&[
+        v(0.0, 3.35),
+        v(0.22, 3.35),
+        v(0.22, 3.38),
+        v(0.06, 3.5),
+        v(0.03, 3.6),
+        v(0.0, 3.62),
+    ]);
+    mesh.append(cap.revolve(16));
+    mesh
+}
+
+/// A bar stool of height 1, or, made wider, a table.
+pub fn stool() -> Mesh {
+    Profile::default()
+        .line(v(0.0, 0.0), v(0.24, 0.0))
+        .line(v(0.24, 0.0), v(0.24, 0.012))
+        .spline(3, &[[0.24, 0.012], [0.15, 0.03], [0.05, 0.05], [0.028, 0.10]])
+        .line(v(0.028, 0.10), v(0.028, 0.93))
+        .line(v(0.028, 0.93), v(0.17, 0.945))
+        .arc(5, v(0.17, 0.9725), 0.0275, -0.5 * PI, 0.5 * PI)
+        .line(v(0.17, 1.0), v(0.0, 1.0))
+        .revolve(32)
+}
+
+/// Front of a loudspeaker of radius 1, facing +z: its rim, its rubber ring, its cone and the cap in the middle.
+pub fn speaker() -> Mesh {
+    Profile::default()
+        .line(v(1.0, 0.0), v(1.0, 0.04))
+        .line(v(1.0, 0.04), v(0.9, 0.04))
+        .line(v(0.9, 0.04), v(0.9, 0.02))
+        .arc(5, v(0.82, 0.02), 0.08, 0.0, PI)
+        .line(v(0.74, 0.02), v(0.28, -0.22))
+        .spline(4, &[[0.28, -0.22], [0.2, -0.14], [0.1, -0.1], [0.0, -0.09]])
+        .revolve(32)
+}
+
+/// A bottle of height 1, without an inside.
+pub fn bottle() -> Mesh {
+    let body = [
+        [0.145, 0.02],
+        [0.15, 0.05],
+        [0.15, 0.5],
+        [0.148, 0.58],
+        [0.11, 0.67],
+        [0.055, 0.75],
+    ];
+    Profile::default()
+        .line(v(0.0, 0.0), v(0.13, 0.0))
+        .line(v(0.13, 0.0), v(0.145, 0.02))
+        .spline(4, &body)
+        .line(v(0.055, 0.75), v(0.05, 0.95))
+        .line(v(0.05, 0.95), v(0.058, 0.955))
+        .line(v(0.058, 0.955), v(0.058, 0.995))
+        .line(v(0.058, 0.995), v(0.0, 1.0))
+        .revolve(32)
 }
 
 /// Corners (r, z) of the goblet's outline: outside from the foot up to the rim, then down the inside.

@@ -3,7 +3,9 @@
 use crate::atomic;
 use crate::error::ImageError;
 use crate::film::Film;
-use crate::view::View;
+use crate::view::{View, ViewTransform};
+use std::fs::File;
+use std::io::BufReader;
 use std::path::Path;
 
 /// Write an 8-bit sRGB picture of linear Rec. 709 radiance as a view shows it.
@@ -23,11 +25,48 @@ pub fn encode_png(film: &Film, view: View) -> Result<Vec<u8>, ImageError> {
             data.extend(ready.encoded(*pixel).map(|v| (v * 255.0 + threshold) as u8));
         }
     }
-    encode_rgb(film.width, film.height, &data)
+    encode(film.width, film.height, &data, written(view))
+}
+
+/// What a PNG says of its view, where that is not the default; see [`view_of`].
+const VIEW: &str = "beamfarm view";
+
+fn written(view: View) -> Option<String> {
+    let View {
+        transform,
+        exposure,
+        white_balance,
+    } = view;
+    let words = || format!("{} exposure {exposure} white_balance {white_balance}", transform.name());
+    (view != View::default()).then(words)
+}
+
+/// The view of a picture that [`write_png`] wrote; `None` where it cannot be told.
+pub fn view_of(path: &Path) -> Option<View> {
+    let reader = png::Decoder::new(BufReader::new(File::open(path).ok()?))
+        .read_info()
+        .ok()?;
+    let mut texts = reader.info().uncompressed_latin1_text.iter();
+    let Some(text) = texts.find(|text| text.keyword == VIEW) else {
+        return Some(View::default());
+    };
+    let words: Vec<&str> = text.text.split(' ').collect();
+    let [transform, "exposure", exposure, "white_balance", white_balance] = words[..] else {
+        return None;
+    };
+    Some(View {
+        transform: ViewTransform::named(transform)?,
+        exposure: exposure.parse().ok()?,
+        white_balance: white_balance.parse().ok()?,
+    })
 }
 
 /// A PNG of sRGB bytes, three a pixel, row after row from the top.
 pub fn encode_rgb(width: u32, height: u32, data: &[u8]) -> Result<Vec<u8>, ImageError> {
+    encode(width, height, data, None)
+}
+
+fn encode(width: u32, height: u32, data: &[u8], view: Option<String>) -> Result<Vec<u8>, ImageError> {
     let failed = |error: png::EncodingError| ImageError::Encode {
         field: "PNG",
         message: error.to_string(),
@@ -37,6 +76,9 @@ pub fn encode_rgb(width: u32, height: u32, data: &[u8]) -> Result<Vec<u8>, Image
     encoder.set_color(png::ColorType::Rgb);
     encoder.set_depth(png::BitDepth::Eight);
     encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
+    if let Some(view) = view {
+        encoder.add_text_chunk(VIEW.into(), view).map_err(failed)?;
+    }
     let mut writer = encoder.write_header().map_err(failed)?;
     writer.write_image_data(data).map_err(failed)?;
     writer.finish().map_err(failed)?;
@@ -52,7 +94,6 @@ fn bayer(x: usize, y: usize) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::view::ViewTransform;
 
     fn decode(bytes: &[u8]) -> (u32, u32, Vec<u8>) {
         let mut reader = png::Decoder::new(std::io::Cursor::new(bytes)).read_info().unwrap();
@@ -87,7 +128,10 @@ mod tests {
                 for (channel, expected) in expected.into_iter().enumerate() {
                     let tile = pixels.iter().skip(channel).step_by(3);
                     let mean = tile.map(|v| f32::from(*v)).sum::<f32>() / 64.0;
-                    assert!((mean - 255.0 * expected).abs() <= 1.0 / 64.0, "{transform:?} {value}: {mean}");
+                    assert!(
+                        (mean - 255.0 * expected).abs() <= 1.0 / 64.0,
+                        "{transform:?} {value}: {mean}"
+                    );
                 }
             }
         }
@@ -101,7 +145,11 @@ mod tests {
             let value = libm::exp2f(i as f32 / 64.0 - 16.0);
             *pixel = [value, 0.3 * value, 1.2 - value];
         }
-        let hash = |view| blake3::hash(&decode(&encode_png(&film, view).unwrap()).2).to_hex().to_string();
+        let hash = |view| {
+            blake3::hash(&decode(&encode_png(&film, view).unwrap()).2)
+                .to_hex()
+                .to_string()
+        };
         assert_eq!(hash(View::default())[..16], *"389cea7c2d636dac");
         assert_eq!(hash(View::exposed(1.5))[..16], *"80cf51d9c617e541");
     }
@@ -151,6 +199,28 @@ mod tests {
         expected[12] = 255;
         expected[14] = 255;
         assert_eq!((width, height, pixels), (3, 2, expected));
+    }
+
+    #[test]
+    fn a_picture_says_its_view() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("image.png");
+        assert_eq!(view_of(&path), None);
+        let views = [
+            View::default(),
+            View::exposed(-0.1),
+            View {
+                transform: ViewTransform::Agx,
+                exposure: 1.0 / 3.0,
+                white_balance: 2856.5,
+            },
+        ];
+        for view in views {
+            write_png(&path, &flat(0.5), view).unwrap();
+            assert_eq!(view_of(&path), Some(view));
+        }
+        std::fs::write(&path, b"no picture").unwrap();
+        assert_eq!(view_of(&path), None);
     }
 
     #[test]

@@ -2,6 +2,7 @@
 
 use crate::harness::{Coordinator, RawWorker, spec, within};
 use beamfarm_coordinator::{End, Progress, WorkerState};
+use beamfarm_image::view::View;
 use beamfarm_proto::wire::control_client::ControlClient;
 use beamfarm_proto::{Grant, VERSION, wire};
 use std::time::{Duration, Instant};
@@ -133,7 +134,7 @@ async fn pictures_are_of_the_passes_that_they_name() {
     assert!(dark.body != two.body && error.body != two.body && error.body != dark.body);
     assert!(nonsense.body == two.body);
     let average = coordinator.farm.average().unwrap();
-    let expected = beamfarm_image::png::encode_png(&average.beauty, -3.0).unwrap();
+    let expected = beamfarm_image::png::encode_png(&average.beauty, View::exposed(-3.0)).unwrap();
     assert!(dark.body == expected);
 }
 

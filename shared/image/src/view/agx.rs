@@ -75,7 +75,9 @@ pub(crate) fn curve(v: f32) -> f32 {
 /// What is shown of finite linear Rec. 709, in the same space; not encoded, and clipped below but not above. `curve`:
 /// [`curve`], or what is as good.
 pub(crate) fn formed(light: [f32; 3], curve: impl Fn(f32) -> f32) -> [f32; 3] {
-    let light = within(product(&TO_REC2020, light), |light| 2.0 * dot(LUMINANCE, light) - least(light));
+    let light = within(product(&TO_REC2020, light), |light| {
+        2.0 * dot(LUMINANCE, light) - least(light)
+    });
     let before = product(&INSET, light);
     let mut formed = before.map(curve);
     // Curves that rise leave the order of channels.
@@ -185,7 +187,10 @@ mod tests {
         ];
         for (pixel, expected) in blender {
             let shown = shown(pixel);
-            assert!((0..3).all(|i| (shown[i] - expected[i]).abs() < 2.5), "{pixel:?}: {shown:?}, not {expected:?}");
+            assert!(
+                (0..3).all(|i| (shown[i] - expected[i]).abs() < 2.5),
+                "{pixel:?}: {shown:?}, not {expected:?}"
+            );
         }
     }
 
@@ -208,7 +213,10 @@ mod tests {
         ] {
             let pixel = shown(outside);
             assert!((0..3).all(|i| pixel[i] <= pixel[largest]), "{outside:?}: {pixel:?}");
-            assert!((0..3).all(|i| pixel[i] >= 0.0 && pixel[i] <= 255.0), "{outside:?}: {pixel:?}");
+            assert!(
+                (0..3).all(|i| pixel[i] >= 0.0 && pixel[i] <= 255.0),
+                "{outside:?}: {pixel:?}"
+            );
         }
         assert_eq!(shown([-1.0; 3]), [0.0; 3]);
     }

@@ -213,9 +213,15 @@ mod tests {
                 let exposed = 1e-4 * libm::exp2f(i as f32 / 150.0);
                 let now = grey(exposed);
                 // Where a screen's steps are 4e-3.
-                assert!((0..3).all(|c| now[c] >= before[c] - 1e-6), "{transform:?} {exposed}: {now:?}");
+                assert!(
+                    (0..3).all(|c| now[c] >= before[c] - 1e-6),
+                    "{transform:?} {exposed}: {now:?}"
+                );
                 assert!(now[0] - before[0] < 5e-3, "{transform:?} {exposed}: {now:?}");
-                assert!((now[0] - now[1]).abs() < 2e-6 && (now[0] - now[2]).abs() < 2e-6, "{now:?}");
+                assert!(
+                    (now[0] - now[1]).abs() < 2e-6 && (now[0] - now[2]).abs() < 2e-6,
+                    "{now:?}"
+                );
                 before = now;
             }
         }
@@ -251,7 +257,8 @@ mod tests {
                         let pixel = [i, i / values.len(), i / values.len() / values.len()].map(|i| i % values.len());
                         let pixel = pixel.map(|i| values[i]);
                         let shown = ready.encoded(pixel);
-                        let fits = |v: f32| (0.0..=1.0).contains(&v) || (v.is_nan() && transform == ViewTransform::Standard);
+                        let fits =
+                            |v: f32| (0.0..=1.0).contains(&v) || (v.is_nan() && transform == ViewTransform::Standard);
                         assert!(shown.into_iter().all(fits), "{transform:?} {pixel:?}: {shown:?}");
                     }
                 }

@@ -3,6 +3,8 @@
 use super::StoreError;
 use beamfarm_image::job::{Finder, Finders, JobSettings, ScheduleKind};
 use beamfarm_image::layer::Layer;
+use beamfarm_image::view::white::NEUTRAL;
+use beamfarm_image::view::{View, ViewTransform};
 use beamfarm_proto::{FileHash, VERSION};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
@@ -60,7 +62,13 @@ pub struct Description {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(super) scene_passes: Option<u64>,
     /// Exposure of the PNG in stops.
-    pub exposure: f32,
+    exposure: f32,
+    /// White balance of the PNG in kelvin; `None`: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    white_balance: Option<f32>,
+    /// The PNG's curve.
+    #[serde(default, skip_serializing_if = "is_standard")]
+    view: ViewTransform,
     /// Whether the image gets its standard error.
     pub standard_error: bool,
     /// Whether the scene has photons dropped that miss all targets.
@@ -71,11 +79,15 @@ pub struct Description {
     pub empty_depth: Option<f32>,
 }
 
+fn is_standard(transform: &ViewTransform) -> bool {
+    *transform == ViewTransform::Standard
+}
+
 /// How the image is written; no two jobs differ by it.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Looks {
-    /// Exposure of the PNG in stops.
-    pub exposure: f32,
+    /// How the PNG shows it.
+    pub view: View,
     /// Whether the image gets its standard error.
     pub standard_error: bool,
     /// Whether the scene has photons dropped that miss all targets.
@@ -125,7 +137,9 @@ impl Description {
             first_pass: spec.first_pass,
             passes: (spec.passes < beamfarm_image::job::MAX_PASSES).then_some(spec.passes),
             scene_passes: None,
-            exposure: looks.exposure,
+            exposure: looks.view.exposure,
+            white_balance: Some(looks.view.white_balance).filter(|kelvin| *kelvin != NEUTRAL),
+            view: looks.view.transform,
             standard_error: looks.standard_error,
             drops_photons: looks.drops_photons,
             empty_depth: looks.empty_depth,
@@ -155,6 +169,15 @@ impl Description {
         };
         settings.check().map_err(|error| foreign(error.to_string()))?;
         Ok(settings)
+    }
+
+    /// How the PNG shows the image.
+    pub fn view(&self) -> View {
+        View {
+            transform: self.view,
+            exposure: self.exposure,
+            white_balance: self.white_balance.unwrap_or(NEUTRAL),
+        }
     }
 
     /// Everything in which two jobs differ whose passes cannot become one image: nothing, if they can.

@@ -6,13 +6,14 @@
 pub(crate) mod heat;
 mod meter;
 pub(crate) mod picture;
-pub(crate) mod views;
+pub(crate) mod shown;
 
 pub use meter::{Meter, Rates};
 
 use crate::farm::{Farm, Progress};
 use beamfarm_image::exr::Names;
 use beamfarm_image::job::MAX_PASSES;
+use beamfarm_image::view::View;
 use beamfarm_proto::Job;
 use beamfarm_proto::wire;
 use picture::{Picture, Pictures};
@@ -42,8 +43,8 @@ pub struct Terms {
     pub target: Option<f64>,
     /// First pass that it renders. Only from zero on do passes make an image.
     pub first_pass: u64,
-    /// Exposure of the picture that is shown first, stops.
-    pub exposure: f32,
+    /// How the picture is shown at first.
+    pub view: View,
     /// Whether the scene has photons dropped that miss all targets: the image is biased, and says so.
     pub drops_photons: bool,
     /// What its mattes tell apart.

@@ -1,7 +1,7 @@
 //! Pictures of the job so far, for pages. They are made away from the threads that serve others, at a bounded rate, and
 //! only when somebody asks.
 
-use super::views::{self, View};
+use super::shown::{self, Shown};
 use crate::farm::Farm;
 use beamfarm_image::error::ImageError;
 use beamfarm_image::merge::{Average, Noise};
@@ -51,7 +51,7 @@ pub(crate) struct Pictures {
 struct Encoded {
     /// Not its number of passes: some may be taken out, and rendered again with other bits.
     of: Weak<Picture>,
-    view: View,
+    shown: Shown,
     png: Bytes,
 }
 
@@ -118,16 +118,16 @@ impl Pictures {
     }
 
     /// A picture as PNG.
-    pub async fn png(&self, picture: Arc<Picture>, view: View) -> Result<Bytes, ImageError> {
+    pub async fn png(&self, picture: Arc<Picture>, shown: Shown) -> Result<Bytes, ImageError> {
         let mut encoded = self.encoded.clone().lock_owned().await;
         let of = Arc::downgrade(&picture);
         let mut known = encoded.iter();
-        if let Some(known) = known.find(|known| known.of.ptr_eq(&of) && known.view == view) {
+        if let Some(known) = known.find(|known| known.of.ptr_eq(&of) && known.shown == shown) {
             return Ok(known.png.clone());
         }
         let started = Instant::now();
         let farm = self.farm.clone();
-        let encode = move || views::encode(&picture.average, &farm.job().layers, view);
+        let encode = move || shown::encode(&picture.average, &farm.job().layers, shown);
         let png = tokio::task::spawn_blocking(encode).await;
         let png = png.map_err(|error| ImageError::Encode {
             field: "PNG",
@@ -136,7 +136,7 @@ impl Pictures {
         let png = Bytes::from(png?);
         let known = Encoded {
             of,
-            view,
+            shown,
             png: png.clone(),
         };
         encoded.insert(0, known);

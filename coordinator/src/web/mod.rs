@@ -13,7 +13,7 @@ mod thumbnail;
 use crate::security::{CANCEL, ENTER, ENTER_SCRIPT, EXTEND, HEALTH, PAUSE, RESUME, WRITE};
 use crate::series::Series;
 use crate::watch::Watch;
-use crate::watch::views::{Curve, View};
+use crate::watch::shown::Shown;
 use axum::Router;
 use axum::extract::{Query, State};
 use axum::http::header::{
@@ -23,6 +23,7 @@ use axum::http::{HeaderName, HeaderValue, Request};
 use axum::middleware::{Next, from_fn};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
+use beamfarm_image::view::{View, ViewTransform, white};
 use live::Live;
 use serde::Deserialize;
 use std::sync::Arc;
@@ -121,8 +122,10 @@ struct Asked {
     exposure: Option<String>,
     /// `error` for the map of the error, `false` for luminance in false colours, or the name of a layer.
     view: Option<String>,
-    /// `filmic`, or the standard one.
+    /// `standard`, `filmic` or `agx`.
     curve: Option<String>,
+    /// Kelvin.
+    white_balance: Option<String>,
     passes: Option<u64>,
     /// What became of what a button asked for.
     done: Option<bool>,
@@ -137,31 +140,42 @@ impl Asked {
         let asked = self.exposure.as_deref().and_then(|text| text.parse().ok());
         let exposure: f32 = asked
             .filter(|stops: &f32| stops.is_finite())
-            .unwrap_or(watch.terms().exposure);
+            .unwrap_or(watch.terms().view.exposure);
         exposure.clamp(*EXPOSURES.start(), *EXPOSURES.end())
     }
 
-    fn curve(&self) -> Curve {
-        self.curve.as_deref().and_then(Curve::named).unwrap_or_default()
+    /// How radiance is shown, likewise: as the job's PNG where nothing else is asked for.
+    fn view(&self, watch: &Watch) -> View {
+        let job = watch.terms().view;
+        let white_balance = self.white_balance.as_deref().and_then(|text| text.parse().ok());
+        View {
+            transform: self
+                .curve
+                .as_deref()
+                .and_then(ViewTransform::named)
+                .unwrap_or(job.transform),
+            // As far as a slider goes, so that what it leaves and comes back to is the same.
+            exposure: (100.0 * self.exposure(watch)).round() / 100.0,
+            white_balance: white_balance
+                .filter(|kelvin| white::RANGE.contains(kelvin))
+                .unwrap_or(job.white_balance),
+        }
     }
 
-    fn view(&self, watch: &Watch) -> View {
-        let curve = self.curve();
-        let centistops = (100.0 * self.exposure(watch)).round() as i32;
+    fn shown(&self, watch: &Watch) -> Shown {
+        let view = self.view(watch);
         let asked = self.view.as_deref().unwrap_or_default();
         match asked {
-            "error" => View::Error,
-            "false" => View::FalseColour { centistops },
+            "error" => Shown::Error,
+            "false" => Shown::FalseColour {
+                exposure: view.exposure,
+            },
             _ => {
                 let mut layers = watch.farm().job().layers.iter();
                 let place = layers.position(|layer| layer.to_string() == asked);
                 match place {
-                    Some(place) => View::Layer {
-                        place,
-                        centistops,
-                        curve,
-                    },
-                    None => View::Beauty { centistops, curve },
+                    Some(place) => Shown::Layer { place, view },
+                    None => Shown::Beauty(view),
                 }
             }
         }

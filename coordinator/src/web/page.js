@@ -3,7 +3,7 @@
 "use strict";
 
 const at = (id) => document.getElementById(id);
-const shown = at("shown"), exposure = at("exposure"), view = at("view"), tone = at("tone"), zoom = at("zoom");
+const shown = at("shown"), exposure = at("exposure"), view = at("view"), tone = at("tone"), white = at("white"), zoom = at("zoom");
 const name = document.querySelector("h1").textContent;
 
 let available = 0;   // passes of the newest picture that the coordinator has
@@ -21,19 +21,20 @@ function describe(passes) {
   const which = passes === 1 ? "pass 0" : `passes 0 to ${passes - 1}`;
   if (view.value === "error") return `Error of ${which}`;
   const words = view.value === "image" ? "" : `, ${view.selectedOptions[0].textContent}`;
-  const film = tone.value === "filmic" && !tone.disabled ? ", filmic" : "";
-  return `${which[0].toUpperCase()}${which.slice(1)}${words} at ${exposure.value} EV${film}`;
+  const kelvin = Number(white.value) !== 6500 && !white.disabled ? `, ${white.value} K` : "";
+  const curve = tone.value !== "standard" && !tone.disabled ? `, ${tone.value}` : "";
+  return `${which[0].toUpperCase()}${which.slice(1)}${words} at ${exposure.value} EV${kelvin}${curve}`;
 }
 
 function look() {
   at("stops").textContent = `${exposure.value} EV`;
   const plain = ["error", "depth", "normal", "albedo", "beam_density", "targets"].includes(view.value);
   for (const control of [exposure, at("darker"), at("brighter")]) control.disabled = plain;
-  tone.disabled = plain || view.value === "false";
+  for (const control of [tone, white]) control.disabled = plain || view.value === "false";
   at("scale").hidden = view.value !== "error";
   if (available > 0) {
-    const film = tone.value === "filmic" ? "&curve=filmic" : "";
-    const settings = `exposure=${exposure.value}&view=${encodeURIComponent(view.value)}${film}`;
+    const look = `curve=${tone.value}&white_balance=${encodeURIComponent(white.value)}`;
+    const settings = `exposure=${exposure.value}&view=${encodeURIComponent(view.value)}&${look}`;
     wanted = `/image.png?passes=${available}&${settings}`;
     at("png").href = wanted;
     at("exr").href = `/image.exr?passes=${available}`;
@@ -171,7 +172,7 @@ addEventListener("resize", cover);
 for (const part of ["zooming", "wiping", "darker", "brighter", "extending"]) at(part).hidden = false;
 at("apply").hidden = true;
 at("controls").addEventListener("submit", (event) => event.preventDefault());
-for (const input of [exposure, view, tone]) input.addEventListener("input", look);
+for (const input of [exposure, view, tone, white]) input.addEventListener("input", look);
 for (const [button, step] of [["darker", -0.25], ["brighter", 0.25]]) {
   at(button).addEventListener("click", () => {
     exposure.value = Number(exposure.value) + step;

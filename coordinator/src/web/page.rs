@@ -6,12 +6,12 @@ use crate::farm::{End, Event, EventKind, Progress};
 use crate::ledger::{WorkerState, WorkerView};
 use crate::series::Series;
 use crate::watch::picture::Picture;
-use crate::watch::views::Curve;
 use crate::watch::{Watch, heat, unix_time};
 use askama::Template;
 use axum::http::StatusCode;
 use axum::response::{Html, IntoResponse, Response};
 use beamfarm_image::job::MAX_PASSES;
+use beamfarm_image::view::white;
 use beamfarm_proto::VERSION;
 use std::time::{Duration, SystemTime};
 
@@ -102,7 +102,10 @@ struct Page {
     exposure: f32,
     lowest: f32,
     highest: f32,
-    is_filmic: bool,
+    curve: &'static str,
+    white_balance: f32,
+    coldest: f32,
+    hottest: f32,
     /// What is shown: the name of a view.
     view: String,
     /// Those that there are beside the image: name and words.
@@ -146,6 +149,7 @@ pub(super) async fn page(web: &Web, asked: &Asked) -> Response {
     let picture = watch.picture().await;
     let job = watch.farm().job();
     let progress = watch.farm().progress();
+    let look = asked.view(watch);
     let page = Page {
         name: match watch.terms().title.as_str() {
             "" => "a job".into(),
@@ -160,10 +164,13 @@ pub(super) async fn page(web: &Web, asked: &Asked) -> Response {
         frames: frames::list(&web.series.frames()),
         is_part: watch.terms().first_pass > 0,
         shown: picture.as_ref().map_or(0, |picture| picture.average.passes),
-        exposure: asked.exposure(watch),
+        exposure: look.exposure,
         lowest: *EXPOSURES.start(),
         highest: *EXPOSURES.end(),
-        is_filmic: asked.curve() == Curve::Filmic,
+        curve: look.transform.name(),
+        white_balance: look.white_balance,
+        coldest: *white::RANGE.start(),
+        hottest: *white::RANGE.end(),
         view: asked.view.clone().unwrap_or_else(|| "image".into()),
         views: views(watch),
         scale: heat::scale(),

@@ -27,7 +27,7 @@ pub(super) async fn png(State(web): State<Arc<Web>>, Query(asked): Query<Asked>)
         return none();
     };
     let passes = picture.average.passes.to_string();
-    match pictures.png(picture, asked.view(&watch)).await {
+    match pictures.png(picture, asked.shown(&watch)).await {
         Ok(png) => ([(CONTENT_TYPE, "image/png".to_owned()), (PASSES, passes)], png).into_response(),
         Err(error) => (StatusCode::INTERNAL_SERVER_ERROR, error.to_string()).into_response(),
     }

@@ -34,6 +34,7 @@ mod tests {
     use super::*;
     use beamfarm_image::film::Film;
     use beamfarm_image::png::encode_png;
+    use beamfarm_image::view::View;
 
     fn decode(bytes: &[u8]) -> (u32, u32, Vec<u8>) {
         let mut reader = png::Decoder::new(Cursor::new(bytes)).read_info().unwrap();
@@ -48,7 +49,7 @@ mod tests {
         film.pixels.fill([0.0, 1.0, 0.0]);
         film.pixels[0] = [1.0; 3];
         film.pixels[4] = [1.0, 0.0, 1.0];
-        let png = encode_png(&film, 0.0).unwrap();
+        let png = encode_png(&film, View::default()).unwrap();
         let (width, height, pixels) = decode(&thumbnail(&png, 3).unwrap());
         assert_eq!((width, height), (3, 2));
         assert_eq!(pixels[..9], [63, 255, 63, 0, 255, 0, 127, 127, 127]);

@@ -1,6 +1,9 @@
 //! A picture is made by trying: what is changed of a scene, and what becomes of what is there.
 
 use crate::setup::{attribute, beamfarm, fail, folder_with, line, run, scene, spawn, succeed, text};
+use beamfarm_image::exr::read_rgb;
+use beamfarm_image::png::encode_png;
+use beamfarm_image::view::{View, ViewTransform};
 use std::path::Path;
 
 const SIZE: [u32; 2] = [16, 12];
@@ -28,6 +31,7 @@ fn what_changes_no_pixel_changes_nothing() {
             "fov = 50.0\ntarget = [0.0, 1.0, 0.0]",
         ),
         original.replace("render = {", "render = { exposure = 2,"),
+        original.replace("render = {", "render = { view = \"agx\", white_balance = 3000,"),
     ];
     for same in same {
         assert_ne!(same, original);
@@ -43,6 +47,57 @@ fn what_changes_no_pixel_changes_nothing() {
     let said = succeed(folder, &["render", "other.toml", "--job", "a.job"]);
     assert!(said.contains("resuming a.job with 4 passes"), "{said}");
     assert_eq!(attribute(&folder.join("other.exr"), "beamfarmPasses"), "6");
+}
+
+/// The PNG shows what the EXR holds in the view that is asked for; nothing else follows it.
+#[test]
+fn pictures_are_shown_in_the_view_that_is_asked_for() {
+    let plain = scene(SIZE, 2, 200);
+    let folder = folder_with(&plain);
+    let folder = folder.path();
+    let shows = |name: &str, view: View| {
+        let film = read_rgb(&folder.join(format!("{name}.exr"))).unwrap();
+        let png = std::fs::read(folder.join(format!("{name}.png"))).unwrap();
+        assert!(
+            png == encode_png(&film, view).unwrap(),
+            "{name} is not shown as {view:?}"
+        );
+    };
+    let first = pixels(&succeed(folder, &["render", "scene.toml", "--job", "a.job"]));
+    shows("scene", View::default());
+    let view = View {
+        transform: ViewTransform::Agx,
+        exposure: -0.5,
+        white_balance: 3200.0,
+    };
+    let said = "render = { view = \"agx\", exposure = -0.5, white_balance = 3200,";
+    write(folder, &plain.replace("render = {", said));
+    assert_eq!(
+        pixels(&succeed(folder, &["render", "scene.toml", "--job", "a.job"])),
+        first
+    );
+    shows("scene", view);
+    // The job knows it, and the command line has the last word.
+    let merged = succeed(folder, &["merge", "a.job", "-o", "merged.exr"]);
+    assert_eq!(pixels(&merged), first);
+    shows("merged", view);
+    let flags = ["--view", "filmic", "--exposure", "1", "--white-balance", "6500"];
+    let bright = View {
+        transform: ViewTransform::Filmic,
+        ..View::exposed(1.0)
+    };
+    succeed(folder, &[&["merge", "a.job", "-o", "merged.exr"][..], &flags].concat());
+    shows("merged", bright);
+    let reference = ["reference", "scene.toml", "--samples", "2", "-o", "truth.exr"];
+    succeed(folder, &[&reference[..], &flags].concat());
+    shows("truth", bright);
+    write(folder, &plain.replace("render = {", "render = { white_balance = 900,"));
+    let (code, stderr) = fail(folder, &["render", "scene.toml"]);
+    assert_eq!(code, 2);
+    assert!(
+        stderr.contains("render.white_balance: expected a temperature from 1000 to 25000 kelvin"),
+        "{stderr}"
+    );
 }
 
 /// Ten edits in a row, each rendered, and no folder removed by hand.

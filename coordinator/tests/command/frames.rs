@@ -160,6 +160,23 @@ fn later_frames_come_to_those_that_are_there() {
     let frames: Vec<i64> = frames.filter_map(|record| record["frame"].as_i64()).collect();
     assert_eq!(frames, [1, 2, 3, 4, 5, 6]);
 
+    // In another view only their PNGs are other ones.
+    let pngs = images
+        .each_ref()
+        .map(|image| std::fs::read(image.with_extension("png")).unwrap());
+    let stdout = render("1-5x2", &["--view", "agx"]);
+    assert_eq!(stdout.matches("is there already").count(), 3, "{stdout}");
+    assert_eq!(times, images.each_ref().map(|image| written(image)));
+    for (image, before) in images.iter().zip(&pngs) {
+        assert!(std::fs::read(image.with_extension("png")).unwrap() != *before);
+    }
+    render("1-5x2", &[]);
+    assert!(
+        pngs == images
+            .each_ref()
+            .map(|image| std::fs::read(image.with_extension("png")).unwrap())
+    );
+
     // With nothing left to do it says so.
     let stdout = render("1-6", &[]);
     assert_eq!(stdout.matches("is there already").count(), 6, "{stdout}");

@@ -282,11 +282,17 @@ fn what_cannot_be_is_told_and_taken_back() {
     let seq = view.change(json!({"type": "redo"}));
     view.hear_picture("redone", |picture| picture["seq"] == seq);
 
-    // Exposure makes no other picture.
+    // How it is shown makes no other picture.
     let revision = view.pictures.last().unwrap()["revision"].clone();
-    let seq = view.set("render.exposure", json!(1.5));
-    let picture = view.hear_picture("exposed", |picture| picture["seq"] == seq);
-    assert_eq!(picture["revision"], revision);
+    for (field, value) in [
+        ("exposure", json!(1.5)),
+        ("view", json!("agx")),
+        ("white_balance", json!(3200)),
+    ] {
+        let seq = view.set(&format!("render.{field}"), value);
+        let picture = view.hear_picture("shown otherwise", |picture| picture["seq"] == seq);
+        assert_eq!(picture["revision"], revision, "{field}");
+    }
 
     // What is no message is not heard.
     for wrong in ["", "[]", "{\"type\":\"set\"}", "{\"type\":\"size\",\"width\":-1}"] {

@@ -325,7 +325,7 @@ fn bad_scenes_are_named_by_file_and_line() {
 #[test]
 fn wrong_usage_is_told_before_anything_is_rendered() {
     let folder = folder();
-    let cases: [(&[&str], &str); 11] = [
+    let cases: [(&[&str], &str); 15] = [
         (&[], "Usage"),
         (&["rendr"], "render"),
         (&["render"], "SCENE"),
@@ -336,6 +336,16 @@ fn wrong_usage_is_told_before_anything_is_rendered() {
         (&["render", "scene.toml", "--alpha", "1"], "alpha is 1"),
         (&["render", "scene.toml", "--alpha", "NaN"], "alpha is NaN"),
         (&["render", "scene.toml", "--time", "soon"], "--time"),
+        (&["render", "scene.toml", "--view", "aces"], "standard, filmic, agx"),
+        (&["render", "scene.toml", "--exposure", "nan"], "a number of stops"),
+        (
+            &["reference", "scene.toml", "--white-balance", "500"],
+            "1000 to 25000 kelvin",
+        ),
+        (
+            &["merge", "a.job", "-o", "a.exr", "--view", "raw"],
+            "standard, filmic, agx",
+        ),
         (&["render", "scene.toml", "-o", "a.tiff"], "ends in .exr"),
     ];
     for (args, message) in cases {

@@ -2,47 +2,63 @@
 
 use crate::error::ImageError;
 use crate::film::Film;
-use crate::png::srgb;
+use crate::view::{View, ViewTransform, agx, filmic, finite, srgb};
 use jpeg_encoder::{ColorType, Encoder};
-use std::sync::OnceLock;
+use std::sync::LazyLock;
 
 /// Of 100: no blocks are seen, and a picture of 960 x 540 takes about 100 kB.
 const QUALITY: u8 = 88;
 
-/// Steps of a factor of two in the table of the sRGB transfer function, and factors of two: less than a step of 8 bits
-/// lies between neighbours, and below the last the curve is black.
+/// Steps of a factor of two in the tables of curves, and factors of two below 1: less than a step of 8 bits lies
+/// between neighbours, and below the last all curves are black.
 const STEPS_LEVEL: u32 = 9;
 const OCTAVES: u32 = 13;
-const ENTRIES: usize = (OCTAVES << STEPS_LEVEL) as usize;
 
 /// Bits of the mantissa that a step leaves out.
 const SHIFT: u32 = 23 - STEPS_LEVEL;
 const FIRST: u32 = (127 - OCTAVES) << 23 >> SHIFT;
 
-/// An 8-bit sRGB picture of linear Rec. 709 radiance, scaled by 2^`exposure_stops` and clamped to [0, 1]; as
-/// [`encode_png`](crate::png::encode_png) but for the noise of compression, and quicker.
-pub fn encode_jpeg(film: &Film, exposure_stops: f32) -> Result<Vec<u8>, ImageError> {
-    static TABLE: OnceLock<Vec<u8>> = OnceLock::new();
-    let table = TABLE.get_or_init(|| {
-        let middle = |entry| f32::from_bits((FIRST + entry as u32) << SHIFT | 1 << (SHIFT - 1));
-        (0..ENTRIES)
-            .map(|entry| (srgb(middle(entry)) * 255.0 + 0.5) as u8)
-            .collect()
-    });
-    let scale = libm::exp2f(exposure_stops);
-    let byte = |value: &f32| {
-        let scaled = value * scale;
-        // NaN is black.
-        match scaled {
-            1.0.. => 255,
+/// A curve by steps, which goes on beyond its ends as it is there.
+struct Table<T>(Vec<T>);
+
+impl<T: Copy> Table<T> {
+    /// `above`: factors of two above 1.
+    fn new(above: u32, curve: impl Fn(f32) -> T) -> Self {
+        let middle = |entry| f32::from_bits((FIRST + entry) << SHIFT | 1 << (SHIFT - 1));
+        let entries = (OCTAVES + above) << STEPS_LEVEL;
+        Self((0..entries).map(|entry| curve(middle(entry))).collect())
+    }
+
+    /// NaN is black.
+    fn at(&self, v: f32) -> T {
+        match v {
             0.0.. => {
-                let entry = (scaled.to_bits() >> SHIFT).checked_sub(FIRST);
-                entry.map_or(0, |entry| table[(entry as usize).min(ENTRIES - 1)])
+                let entry = (v.to_bits() >> SHIFT).saturating_sub(FIRST) as usize;
+                self.0[entry.min(self.0.len() - 1)]
             }
-            _ => 0,
+            _ => self.0[0],
         }
+    }
+}
+
+/// An 8-bit sRGB picture of linear Rec. 709 radiance as a view shows it; as [`encode_png`](crate::png::encode_png) but
+/// for the noise of compression, and quicker.
+pub fn encode_jpeg(film: &Film, view: View) -> Result<Vec<u8>, ImageError> {
+    static ENCODED: LazyLock<Table<u8>> = LazyLock::new(|| Table::new(0, |v| (srgb(v) * 255.0 + 0.5) as u8));
+    // White is between 16 and 32.
+    static AGX: LazyLock<Table<f32>> = LazyLock::new(|| Table::new(5, agx::curve));
+    let ready = view.ready();
+    let encoded = &*ENCODED;
+    let shown = |pixel: &[f32; 3]| {
+        let light = ready.light(*pixel);
+        let shown = match ready.transform {
+            ViewTransform::Standard => light,
+            ViewTransform::Filmic => light.map(filmic),
+            ViewTransform::Agx => agx::formed(light.map(finite), |v| AGX.at(v)),
+        };
+        shown.map(|v| encoded.at(v))
     };
-    let data: Vec<u8> = film.pixels.as_flattened().iter().map(byte).collect();
+    let data: Vec<u8> = film.pixels.iter().flat_map(shown).collect();
     let failed = |message: String| ImageError::Encode { field: "JPEG", message };
     let side = |side: u32| u16::try_from(side).map_err(|_| failed(format!("{side} pixels; expected at most 65535")));
     let mut bytes = Vec::new();
@@ -77,18 +93,24 @@ mod tests {
         ];
         for value in values {
             for stops in [-2.0, 0.0, 1.5] {
-                let mut film = Film::new(16, 16);
-                film.pixels.fill([value; 3]);
-                let bytes = encode_jpeg(&film, stops).unwrap();
-                let mut decoder = zune_jpeg::JpegDecoder::new(std::io::Cursor::new(&bytes));
-                let pixels = decoder.decode().unwrap();
-                let expected = srgb(value * libm::exp2f(stops)) * 255.0;
-                let off = pixels.iter().map(|pixel| (f32::from(*pixel) - expected).abs());
-                assert!(
-                    off.fold(0.0, f32::max) < 2.0,
-                    "{value} by {stops}: {expected}, {:?}",
-                    &pixels[..3]
-                );
+                for transform in [ViewTransform::Standard, ViewTransform::Filmic, ViewTransform::Agx] {
+                    let view = View {
+                        transform,
+                        ..View::exposed(stops)
+                    };
+                    let mut film = Film::new(16, 16);
+                    film.pixels.fill([value; 3]);
+                    let bytes = encode_jpeg(&film, view).unwrap();
+                    let mut decoder = zune_jpeg::JpegDecoder::new(std::io::Cursor::new(&bytes));
+                    let pixels = decoder.decode().unwrap();
+                    let expected = view.ready().encoded([value; 3])[0] * 255.0;
+                    let off = pixels.iter().map(|pixel| (f32::from(*pixel) - expected).abs());
+                    assert!(
+                        off.fold(0.0, f32::max) < 2.0,
+                        "{view:?} {value}: {expected}, {:?}",
+                        &pixels[..3]
+                    );
+                }
             }
         }
     }
@@ -100,6 +122,6 @@ mod tests {
             height: 1,
             pixels: vec![[0.0; 3]; 70_000],
         };
-        assert!(encode_jpeg(&film, 0.0).is_err());
+        assert!(encode_jpeg(&film, View::default()).is_err());
     }
 }

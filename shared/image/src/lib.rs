@@ -10,6 +10,7 @@
 //! | how are passes averaged?              | [`merge`]  |
 //! | how large is the bias of the average? | [`bias`]   |
 //! | how do two images differ?             | [`metrics`] |
+//! | how does a screen show radiance?      | [`view`]   |
 
 pub mod atomic;
 pub mod bias;
@@ -25,3 +26,4 @@ pub mod merge;
 pub mod metrics;
 pub mod png;
 pub mod radius;
+pub mod view;

@@ -3,30 +3,70 @@
 use crate::atomic;
 use crate::error::ImageError;
 use crate::film::Film;
+use crate::view::{View, ViewTransform};
+use std::fs::File;
+use std::io::BufReader;
 use std::path::Path;
 
-/// Write an 8-bit sRGB picture of linear Rec. 709 radiance, scaled by 2^`exposure_stops` and clamped to [0, 1].
+/// Write an 8-bit sRGB picture of linear Rec. 709 radiance as a view shows it.
 ///
 /// Smooth gradients are kept from banding by an ordered dither below one step; exact steps, black and white stay.
-pub fn write_png(path: &Path, film: &Film, exposure_stops: f32) -> Result<(), ImageError> {
-    atomic::write_file(path, &encode_png(film, exposure_stops)?)
+pub fn write_png(path: &Path, film: &Film, view: View) -> Result<(), ImageError> {
+    atomic::write_file(path, &encode_png(film, view)?)
 }
 
 /// The bytes of that file.
-pub fn encode_png(film: &Film, exposure_stops: f32) -> Result<Vec<u8>, ImageError> {
-    let scale = libm::exp2f(exposure_stops);
+pub fn encode_png(film: &Film, view: View) -> Result<Vec<u8>, ImageError> {
+    let ready = view.ready();
     let mut data = Vec::with_capacity(3 * film.pixels.len());
     for (y, row) in film.pixels.chunks(film.width.max(1) as usize).enumerate() {
         for (x, pixel) in row.iter().enumerate() {
             let threshold = bayer(x, y);
-            data.extend(pixel.map(|v| (srgb(v * scale) * 255.0 + threshold) as u8));
+            data.extend(ready.encoded(*pixel).map(|v| (v * 255.0 + threshold) as u8));
         }
     }
-    encode_rgb(film.width, film.height, &data)
+    encode(film.width, film.height, &data, written(view))
+}
+
+/// What a PNG says of its view, where that is not the default; see [`view_of`].
+const VIEW: &str = "beamfarm view";
+
+fn written(view: View) -> Option<String> {
+    let View {
+        transform,
+        exposure,
+        white_balance,
+    } = view;
+    let words = || format!("{} exposure {exposure} white_balance {white_balance}", transform.name());
+    (view != View::default()).then(words)
+}
+
+/// The view of a picture that [`write_png`] wrote; `None` where it cannot be told.
+pub fn view_of(path: &Path) -> Option<View> {
+    let reader = png::Decoder::new(BufReader::new(File::open(path).ok()?))
+        .read_info()
+        .ok()?;
+    let mut texts = reader.info().uncompressed_latin1_text.iter();
+    let Some(text) = texts.find(|text| text.keyword == VIEW) else {
+        return Some(View::default());
+    };
+    let words: Vec<&str> = text.text.split(' ').collect();
+    let [transform, "exposure", exposure, "white_balance", white_balance] = words[..] else {
+        return None;
+    };
+    Some(View {
+        transform: ViewTransform::named(transform)?,
+        exposure: exposure.parse().ok()?,
+        white_balance: white_balance.parse().ok()?,
+    })
 }
 
 /// A PNG of sRGB bytes, three a pixel, row after row from the top.
 pub fn encode_rgb(width: u32, height: u32, data: &[u8]) -> Result<Vec<u8>, ImageError> {
+    encode(width, height, data, None)
+}
+
+fn encode(width: u32, height: u32, data: &[u8], view: Option<String>) -> Result<Vec<u8>, ImageError> {
     let failed = |error: png::EncodingError| ImageError::Encode {
         field: "PNG",
         message: error.to_string(),
@@ -36,20 +76,13 @@ pub fn encode_rgb(width: u32, height: u32, data: &[u8]) -> Result<Vec<u8>, Image
     encoder.set_color(png::ColorType::Rgb);
     encoder.set_depth(png::BitDepth::Eight);
     encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
+    if let Some(view) = view {
+        encoder.add_text_chunk(VIEW.into(), view).map_err(failed)?;
+    }
     let mut writer = encoder.write_header().map_err(failed)?;
     writer.write_image_data(data).map_err(failed)?;
     writer.finish().map_err(failed)?;
     Ok(bytes)
-}
-
-/// The sRGB transfer function (IEC 61966-2-1) of a value clamped to [0, 1]; NaN is black.
-pub(crate) fn srgb(linear: f32) -> f32 {
-    let v = linear.clamp(0.0, 1.0);
-    if v <= 0.003_130_8 {
-        12.92 * v
-    } else {
-        1.055 * libm::powf(v, 1.0 / 2.4) - 0.055
-    }
 }
 
 /// The 8 x 8 Bayer matrix, in (0, 1): the bits of x ^ y and y, interleaved and reversed.
@@ -80,22 +113,45 @@ mod tests {
         film
     }
 
-    /// The mean over a tile of the dither is the curve itself. Values of IEC 61966-2-1 as published.
+    /// The mean over a tile of the dither is the curve itself, whatever the view.
     #[test]
-    fn curve_is_srgb() {
-        let published = [
-            (0.0, 0.0),
-            (0.002, 0.02584),
-            (0.18, 0.461_356),
-            (0.5, 0.735_357),
-            (1.0, 1.0),
-        ];
-        for (linear, encoded) in published {
-            assert!((srgb(linear) - encoded).abs() < 2e-6, "{linear}: {}", srgb(linear));
-            let (_, _, pixels) = decode(&encode_png(&flat(linear), 0.0).unwrap());
-            let mean = pixels.iter().map(|v| f32::from(*v)).sum::<f32>() / pixels.len() as f32;
-            assert!((mean - 255.0 * encoded).abs() <= 1.0 / 64.0, "{linear}: {mean}");
+    fn tiles_have_the_mean_of_the_curve() {
+        for transform in [ViewTransform::Standard, ViewTransform::Filmic, ViewTransform::Agx] {
+            let view = View {
+                transform,
+                exposure: 0.5,
+                white_balance: 4000.0,
+            };
+            for value in [0.0, 0.002, 0.18, 0.5, 1.0, 4.0] {
+                let (_, _, pixels) = decode(&encode_png(&flat(value), view).unwrap());
+                let expected = view.ready().encoded([value; 3]);
+                for (channel, expected) in expected.into_iter().enumerate() {
+                    let tile = pixels.iter().skip(channel).step_by(3);
+                    let mean = tile.map(|v| f32::from(*v)).sum::<f32>() / 64.0;
+                    assert!(
+                        (mean - 255.0 * expected).abs() <= 1.0 / 64.0,
+                        "{transform:?} {value}: {mean}"
+                    );
+                }
+            }
         }
+    }
+
+    /// The pixels of a standard picture by themselves, as the first version wrote them.
+    #[test]
+    fn the_standard_view_has_golden_bytes() {
+        let mut film = Film::new(40, 32);
+        for (i, pixel) in film.pixels.iter_mut().enumerate() {
+            let value = libm::exp2f(i as f32 / 64.0 - 16.0);
+            *pixel = [value, 0.3 * value, 1.2 - value];
+        }
+        let hash = |view| {
+            blake3::hash(&decode(&encode_png(&film, view).unwrap()).2)
+                .to_hex()
+                .to_string()
+        };
+        assert_eq!(hash(View::default())[..16], *"389cea7c2d636dac");
+        assert_eq!(hash(View::exposed(1.5))[..16], *"80cf51d9c617e541");
     }
 
     #[test]
@@ -107,18 +163,18 @@ mod tests {
             } else {
                 libm::pow((v + 0.055) / 1.055, 2.4)
             };
-            let (_, _, pixels) = decode(&encode_png(&flat(linear as f32), 0.0).unwrap());
+            let (_, _, pixels) = decode(&encode_png(&flat(linear as f32), View::default()).unwrap());
             assert!(pixels.iter().all(|value| *value == step), "{step}");
         }
     }
 
     #[test]
     fn exposure_doubles_and_the_ends_are_clamped() {
-        let half = encode_png(&flat(0.25), 1.0).unwrap();
-        assert_eq!(half, encode_png(&flat(0.5), 0.0).unwrap());
-        assert_eq!(half, encode_png(&flat(1.0), -1.0).unwrap());
+        let half = encode_png(&flat(0.25), View::exposed(1.0)).unwrap();
+        assert_eq!(half, encode_png(&flat(0.5), View::default()).unwrap());
+        assert_eq!(half, encode_png(&flat(1.0), View::exposed(-1.0)).unwrap());
         for (value, expected) in [(1e30, 255), (-1.0, 0), (f32::INFINITY, 255), (f32::NAN, 0)] {
-            let (_, _, pixels) = decode(&encode_png(&flat(value), 10.0).unwrap());
+            let (_, _, pixels) = decode(&encode_png(&flat(value), View::exposed(10.0)).unwrap());
             assert!(pixels.iter().all(|v| *v == expected), "{value}");
         }
     }
@@ -137,7 +193,7 @@ mod tests {
         film.pixels[4] = [1.0, 0.0, 1.0];
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("image.png");
-        write_png(&path, &film, 0.0).unwrap();
+        write_png(&path, &film, View::default()).unwrap();
         let (width, height, pixels) = decode(&std::fs::read(&path).unwrap());
         let mut expected = vec![0; 18];
         expected[12] = 255;
@@ -146,7 +202,29 @@ mod tests {
     }
 
     #[test]
+    fn a_picture_says_its_view() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("image.png");
+        assert_eq!(view_of(&path), None);
+        let views = [
+            View::default(),
+            View::exposed(-0.1),
+            View {
+                transform: ViewTransform::Agx,
+                exposure: 1.0 / 3.0,
+                white_balance: 2856.5,
+            },
+        ];
+        for view in views {
+            write_png(&path, &flat(0.5), view).unwrap();
+            assert_eq!(view_of(&path), Some(view));
+        }
+        std::fs::write(&path, b"no picture").unwrap();
+        assert_eq!(view_of(&path), None);
+    }
+
+    #[test]
     fn an_empty_film_is_an_error() {
-        assert!(encode_png(&Film::new(0, 4), 0.0).is_err());
+        assert!(encode_png(&Film::new(0, 4), View::default()).is_err());
     }
 }

@@ -102,7 +102,7 @@ fn measure(name: &str, files: &Files, pictures: Option<&Path>) -> Result<(), Fai
         let film = render_pass(&scene, &plan, 0).film;
         let stem = Path::new(name).file_stem().unwrap_or_default();
         let path = folder.join(stem).with_extension("png");
-        write_png(&path, &film, scene.description().defaults.exposure)?;
+        write_png(&path, &film, scene.description().defaults.view)?;
         println!("{plan}");
     }
     for paths in PATHS {

@@ -262,7 +262,7 @@ impl SceneFile {
     }
 
     /// The bundle that all files of the same meaning have: comments, white space, the order of keys, the number of
-    /// passes, exposure and the file's own name are left out.
+    /// passes, the view and the file's own name are left out.
     pub fn canonical_bundle(mut self) -> Bundle {
         let text = std::str::from_utf8(self.text()).ok();
         let text = text.and_then(meaning::canonical);

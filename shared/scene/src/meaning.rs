@@ -5,7 +5,7 @@ use std::fmt::Display;
 use toml::{Table, Value};
 
 /// Fields of `render` that no pixel depends on.
-const LOOKS: [&str; 3] = ["passes", "exposure", "empty_depth"];
+const LOOKS: [&str; 5] = ["passes", "exposure", "white_balance", "view", "empty_depth"];
 /// Whole numbers up to here are exact as floats.
 const EXACT: f64 = 9_007_199_254_740_992.0;
 /// Characters of a value in words.
@@ -136,6 +136,8 @@ width = 64
 [render]
 seed = 3
 exposure = 2.5
+white_balance = 3000
+view = \"agx\"
 empty_depth = 1e10
 [[lights]]
 power = 10.0

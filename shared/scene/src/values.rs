@@ -1,5 +1,6 @@
 //! Numbers and colours of a scene file, checked while they are read so that an error knows its line.
 
+use beamfarm_image::view::white;
 use beamfarm_render::math::Rgb;
 use glam::DVec3;
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
@@ -94,6 +95,8 @@ ranges! {
     Roughness: "a roughness from 0.001 to 1 (for less, take the smooth material)", |x| (1e-3..=1.0).contains(&x), { "minimum": 0.001, "maximum": 1 };
     /// Radius or standard deviation of a reconstruction filter, pixels.
     FilterSize: "a number of pixels from 0.01 to 100", |x| (0.01..=100.0).contains(&x), { "minimum": 0.01, "maximum": 100 };
+    /// Temperature of light.
+    Kelvin: "a temperature from 1000 to 25000 kelvin", |x| white::RANGE.contains(&x), { "minimum": 1000, "maximum": 25000 };
     /// Field of view and cone angles in degrees.
     Degrees: "an angle in degrees between 0 and 180, both excluded", |x| x > 0.0 && x < 180.0, { "exclusiveMinimum": 0, "exclusiveMaximum": 180 };
 }

@@ -2,6 +2,8 @@
 
 use crate::harness::{Coordinator, RawWorker, spec, within};
 use beamfarm_coordinator::{End, Progress, WorkerState};
+use beamfarm_image::png::encode_png;
+use beamfarm_image::view::{View, ViewTransform};
 use beamfarm_proto::wire::control_client::ControlClient;
 use beamfarm_proto::{Grant, VERSION, wire};
 use std::time::{Duration, Instant};
@@ -133,8 +135,18 @@ async fn pictures_are_of_the_passes_that_they_name() {
     assert!(dark.body != two.body && error.body != two.body && error.body != dark.body);
     assert!(nonsense.body == two.body);
     let average = coordinator.farm.average().unwrap();
-    let expected = beamfarm_image::png::encode_png(&average.beauty, -3.0).unwrap();
+    let expected = encode_png(&average.beauty, View::exposed(-3.0)).unwrap();
     assert!(dark.body == expected);
+    let look = View {
+        transform: ViewTransform::Agx,
+        exposure: 1.0,
+        white_balance: 3000.0,
+    };
+    let address = "GET /image.png?passes=2&exposure=1&curve=agx&white_balance=3000";
+    assert!(ask(&coordinator, address).await.body == encode_png(&average.beauty, look).unwrap());
+    // What makes no sense is as if it was not there.
+    let nonsense = ask(&coordinator, "GET /image.png?passes=2&curve=raw&white_balance=1").await;
+    assert!(nonsense.body == two.body);
 }
 
 #[tokio::test]

@@ -71,7 +71,7 @@ impl<'a> AtWork<'a> {
         broken: impl Future<Output = String>,
     ) -> Stop {
         let farm = self.watch.farm();
-        let exposure = self.watch.terms().exposure;
+        let view = self.watch.terms().view;
         let run = async {
             turn.await;
             let time = async {
@@ -86,7 +86,7 @@ impl<'a> AtWork<'a> {
                 never = self.show() => match never {},
             }
         };
-        let write_on_request = write_on_request(self.watch, hang_ups, || write_now(farm, self.output, exposure));
+        let write_on_request = write_on_request(self.watch, hang_ups, || write_now(farm, self.output, view));
         tokio::select! {
             // First: a job that was finished before needs no crew.
             biased;
@@ -149,9 +149,9 @@ impl<'a> AtWork<'a> {
         if !self.makes_image() {
             return Ok(None);
         }
-        let exposure = self.watch.terms().exposure;
+        let view = self.watch.terms().view;
         let history = Some(self.history.clone());
-        let written = write(self.watch.farm(), self.output, exposure, history).await?;
+        let written = write(self.watch.farm(), self.output, view, history).await?;
         if let Some(Written { average, .. }) = written.as_ref().filter(|_| !self.args.quiet) {
             self.tell_of_darkness(average);
         }

@@ -10,6 +10,7 @@ use crate::progress;
 use crate::summary::Summary;
 use beamfarm_coordinator::store::{Folder, Keeper, StoreError};
 use beamfarm_coordinator::{Entrance, Farm, Terms, Watch, server};
+use beamfarm_image::view::View;
 use beamfarm_worker::signals;
 use std::future::{Future, pending};
 use std::sync::Arc;
@@ -22,13 +23,13 @@ use tracing::{Instrument, error_span, warn};
 pub async fn conduct(
     args: &JobArgs,
     output: &Output,
-    exposure: f32,
+    view: View,
     farm: Arc<Farm>,
     directory: Option<Directory>,
     entrance: impl Into<Entrance>,
     crew: impl Future<Output = Result<(), String>>,
 ) -> Result<(), Failure> {
-    let watch = Watch::new(farm, terms(args, output, exposure));
+    let watch = Watch::new(farm, terms(args, output, view));
     let span = error_span!("job", job = watch.id());
     let job = run(args, output, &watch, directory, entrance.into(), crew);
     let done = job.instrument(span).await;
@@ -37,13 +38,13 @@ pub async fn conduct(
 }
 
 /// When the job ends, and what it is called.
-pub fn terms(args: &JobArgs, output: &Output, exposure: f32) -> Terms {
+pub fn terms(args: &JobArgs, output: &Output, view: View) -> Terms {
     Terms {
         title: output.title(),
         time: args.time,
         target: args.target_error,
         first_pass: args.first_pass,
-        exposure,
+        view,
         drops_photons: output.drops_photons,
         names: output.names.clone(),
         empty_depth: output.empty_depth,

@@ -6,6 +6,7 @@ use crate::output::Output;
 use beamfarm_coordinator::store::{Asked, Folder, Looks, Resumed, StoreError};
 use beamfarm_coordinator::{Entry, JobSpec, Start, Target};
 use beamfarm_image::merge::Errors;
+use beamfarm_image::view::View;
 use beamfarm_worker::say;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -28,7 +29,7 @@ pub fn prepare(
     args: &JobArgs,
     spec: &mut JobSpec,
     output: &Output,
-    exposure: f32,
+    view: View,
     by_default: bool,
 ) -> Result<(Option<Directory>, Start), Failure> {
     let mut start = Start {
@@ -48,7 +49,7 @@ pub fn prepare(
         return Err(StoreError::Missing(path).into());
     }
     let looks = Looks {
-        exposure,
+        view,
         standard_error: output.standard_error,
         drops_photons: output.drops_photons,
         empty_depth: output.empty_depth,

@@ -6,6 +6,7 @@ use crate::output::Output;
 use beamfarm_coordinator::Farm;
 use beamfarm_image::exr::{ImageMeta, Maker};
 use beamfarm_image::merge::Average;
+use beamfarm_image::view::View;
 use beamfarm_proto::VERSION;
 use std::sync::Arc;
 use tracing::Span;
@@ -17,8 +18,8 @@ pub struct Written {
 }
 
 /// Write the image of the complete prefix now, and go on. Returns what was written, for people.
-pub async fn write_now(farm: &Arc<Farm>, output: &Output, exposure: f32) -> Result<String, Failure> {
-    match write(farm, output, exposure, None).await? {
+pub async fn write_now(farm: &Arc<Farm>, output: &Output, view: View) -> Result<String, Failure> {
+    match write(farm, output, view, None).await? {
         Some(Written { average, .. }) => Ok(format!("wrote {} with {} passes", output.exr.display(), average.passes)),
         None => Err(Failure::nothing("no pass is complete")),
     }
@@ -28,7 +29,7 @@ pub async fn write_now(farm: &Arc<Farm>, output: &Output, exposure: f32) -> Resu
 pub async fn write(
     farm: &Arc<Farm>,
     output: &Output,
-    exposure: f32,
+    view: View,
     history: Option<Arc<History>>,
 ) -> Result<Option<Written>, Failure> {
     let (farm, output) = (farm.clone(), output.clone());
@@ -50,7 +51,7 @@ pub async fn write(
             names: output.names.clone(),
             empty_depth: output.empty_depth,
         };
-        output.write(&average, &meta, exposure)?;
+        output.write(&average, &meta, view)?;
         if let Some(history) = history {
             history.finish(&average, &farm.progress())?;
         }

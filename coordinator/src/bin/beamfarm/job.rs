@@ -4,6 +4,7 @@ use crate::failure::Failure;
 use crate::frame_list::{self as frames, FrameArgs};
 use crate::onlookers::OnlookerArgs;
 use crate::output::Output;
+use crate::view_args::ViewArgs;
 use beamfarm_coordinator::{JobSpec, Target};
 use beamfarm_image::bundle::Bundle;
 use beamfarm_image::job::Targeting;
@@ -550,9 +551,8 @@ pub struct JobArgs {
     #[arg(long, value_name = "K", default_value_t = 0, hide_default_value = true)]
     pub first_pass: u64,
 
-    /// Exposure of the PNG in stops: 1 doubles the brightness [default: the scene's]
-    #[arg(long, value_name = "EV", allow_negative_numbers = true)]
-    pub exposure: Option<f32>,
+    #[command(flatten)]
+    pub view: ViewArgs,
 
     /// Print nothing but errors
     #[arg(short, long)]
@@ -578,15 +578,6 @@ impl JobArgs {
     pub fn target(&self) -> Option<Target> {
         let percentile = self.target_percentile;
         self.target_error.map(|error| Target { error, percentile })
-    }
-
-    /// Exposure of the PNG, stops.
-    pub fn exposure(&self, loaded: &Loaded) -> Result<f32, Failure> {
-        let exposure = self.exposure.unwrap_or(loaded.defaults.exposure);
-        match exposure.is_finite() {
-            true => Ok(exposure),
-            false => Err(Failure::usage("--exposure: expected a number of stops")),
-        }
     }
 
     /// Where the image goes, and what it says of itself.

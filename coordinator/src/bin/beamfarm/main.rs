@@ -28,6 +28,7 @@ mod serve;
 mod status;
 mod steer;
 mod summary;
+mod view_args;
 
 use beamfarm_scene::json_schema;
 use beamfarm_worker::cli::{self, LogArgs, WorkerArgs};

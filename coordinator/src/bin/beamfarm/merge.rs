@@ -3,6 +3,7 @@
 use crate::failure::Failure;
 use crate::output::Output;
 use crate::summary::describe;
+use crate::view_args::ViewArgs;
 use beamfarm_coordinator::store::{Checkpoint, Description, Folder};
 use beamfarm_image::exr::{ImageMeta, Maker, Names};
 use beamfarm_image::job::{Block, PassStats, SceneHash};
@@ -37,9 +38,8 @@ pub struct MergeArgs {
     #[arg(long, value_name = "DIR")]
     job: Option<PathBuf>,
 
-    /// Exposure of the PNG in stops: 1 doubles the brightness [default: the first job's]
-    #[arg(long, value_name = "EV", allow_negative_numbers = true)]
-    exposure: Option<f32>,
+    #[command(flatten)]
+    view: ViewArgs,
 
     /// Print nothing but errors
     #[arg(short, long)]
@@ -163,10 +163,7 @@ fn write(args: &MergeArgs, merged: Merged) -> Result<(), Failure> {
     }
     let standard_error = merged.description.standard_error;
     let output = Output::new(Some(&args.output), &args.output, "", standard_error)?;
-    let exposure = args.exposure.unwrap_or(merged.description.exposure);
-    if !exposure.is_finite() {
-        return Err(Failure::usage("--exposure: expected a number of stops"));
-    }
+    let view = args.view.over(merged.description.view());
     if let Some(job) = &args.job {
         keep(job, &merged)?;
     }
@@ -206,7 +203,7 @@ fn write(args: &MergeArgs, merged: Merged) -> Result<(), Failure> {
         names,
         empty_depth: description.empty_depth,
     };
-    output.write(&average, &meta, exposure)?;
+    output.write(&average, &meta, view)?;
     if !args.quiet {
         if let Some(job) = &args.job {
             say!("made {}", job.display());

@@ -6,6 +6,7 @@ use beamfarm_image::error::ImageError;
 use beamfarm_image::exr::{ImageMeta, Names, Provenance, write_image};
 use beamfarm_image::merge::Average;
 use beamfarm_image::png::write_png;
+use beamfarm_image::view::View;
 use beamfarm_worker::visible;
 use std::ffi::OsStr;
 use std::io::{self, Write};
@@ -91,9 +92,9 @@ impl Output {
     }
 
     /// Write both.
-    pub fn write(&self, average: &Average, meta: &ImageMeta, exposure: f32) -> Result<(), ImageError> {
+    pub fn write(&self, average: &Average, meta: &ImageMeta, view: View) -> Result<(), ImageError> {
         write_image(&self.exr, average, meta)?;
-        write_png(&self.png, &average.beauty, exposure)
+        write_png(&self.png, &average.beauty, view)
     }
 }
 

@@ -87,14 +87,14 @@ pub fn main(args: RenderArgs, log: &LogArgs) -> Result<(), Failure> {
         return frames::run(&args.job, list, site);
     }
     let loaded = args.job.settings.load()?;
-    let exposure = args.job.exposure(&loaded)?;
+    let view = args.job.view.over(loaded.defaults.view);
     let output = args.job.image(&loaded)?;
     let left_out = match args.job.quiet {
         true => Vec::new(),
         false => loaded.announce(),
     };
     let mut spec = args.job.spec(loaded)?;
-    let (directory, start) = prepare(&args.job, &mut spec, &output, exposure, false)?;
+    let (directory, start) = prepare(&args.job, &mut spec, &output, view, false)?;
     let runtime = tokio::runtime::Runtime::new().map_err(Failure::io)?;
     runtime.block_on(async {
         let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0))
@@ -126,7 +126,7 @@ pub fn main(args: RenderArgs, log: &LogArgs) -> Result<(), Failure> {
             security,
             ..Entrance::from(listener)
         };
-        conduct(&args.job, &output, exposure, farm, directory, entrance, crew).await
+        conduct(&args.job, &output, view, farm, directory, entrance, crew).await
     })?;
     for part in left_out {
         say!("left out: {part}");

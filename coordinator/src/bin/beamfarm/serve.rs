@@ -69,7 +69,7 @@ pub fn main(args: ServeArgs) -> Result<(), Failure> {
         return frames::run(&args.job, list, site);
     }
     let loaded = args.job.settings.load()?;
-    let exposure = args.job.exposure(&loaded)?;
+    let view = args.job.view.over(loaded.defaults.view);
     let output = args.job.image(&loaded)?;
     let left_out = match args.job.quiet {
         true => Vec::new(),
@@ -77,7 +77,7 @@ pub fn main(args: ServeArgs) -> Result<(), Failure> {
     };
     let mut spec = args.job.spec(loaded)?;
     spec.audit_every = args.audit_share;
-    let (directory, start) = prepare(&args.job, &mut spec, &output, exposure, true)?;
+    let (directory, start) = prepare(&args.job, &mut spec, &output, view, true)?;
     let runtime = tokio::runtime::Runtime::new().map_err(Failure::io)?;
     runtime.block_on(async {
         let listener = TcpListener::bind(args.listen)
@@ -93,7 +93,7 @@ pub fn main(args: ServeArgs) -> Result<(), Failure> {
             ..listener.into()
         };
         let crew = std::future::pending();
-        conduct(&args.job, &output, exposure, farm, directory, entrance, crew).await
+        conduct(&args.job, &output, view, farm, directory, entrance, crew).await
     })?;
     for part in left_out {
         say!("left out: {part}");

@@ -9,6 +9,7 @@ use crate::medium::{Medium, MediumId};
 use crate::rules::Rules;
 use beamfarm_image::exr::Names;
 use beamfarm_image::job::{Finders, JobSettings, ScheduleKind, Targeting};
+use beamfarm_image::view::View;
 use std::collections::BTreeMap;
 use std::fmt;
 use std::sync::Arc;
@@ -132,8 +133,8 @@ pub struct RenderDefaults {
     pub schedule: ScheduleKind,
     /// Seed.
     pub seed: u64,
-    /// Stops of exposure of the PNG.
-    pub exposure: f32,
+    /// How the PNG shows it.
+    pub view: View,
     /// Depth that is written where nothing is; `None`: infinite.
     pub empty_depth: Option<f32>,
     /// Fixed base radius of beams and surface photons in scene units, in place of photon differentials.
@@ -170,7 +171,7 @@ impl Default for RenderDefaults {
             alpha: 2.0 / 3.0,
             schedule: ScheduleKind::Pass,
             seed: 0,
-            exposure: 0.0,
+            view: View::default(),
             empty_depth: None,
             radius: None,
             targeting: Targeting::Auto,

@@ -28,6 +28,7 @@ use crate::files::{Content, Source};
 use crate::values::Spanned;
 use beamfarm_image::bundle;
 use beamfarm_image::job::{Finders, MAX_PASSES};
+use beamfarm_image::view::View;
 use beamfarm_render::camera::Projection;
 use beamfarm_render::interrupt::Interrupt;
 use beamfarm_render::medium::MediumId;
@@ -385,7 +386,11 @@ pub fn defaults(record: &RenderRecord) -> Result<RenderDefaults, Fault> {
         alpha: record.alpha.map_or(standard.alpha, |alpha| alpha.0),
         schedule: record.schedule.map_or(standard.schedule, Into::into),
         seed: record.seed.unwrap_or(standard.seed),
-        exposure: record.exposure.map_or(standard.exposure, |stops| stops.f32()),
+        view: View {
+            transform: record.view.map_or(standard.view.transform, Into::into),
+            exposure: record.exposure.map_or(standard.view.exposure, |stops| stops.f32()),
+            white_balance: record.white_balance.map_or(standard.view.white_balance, |t| t.f32()),
+        },
         empty_depth: record.empty_depth.map(|depth| depth.f32()),
         radius: record.radius.map(|radius| radius.f32()),
         targeting: record.targeting.map_or(standard.targeting, Into::into),

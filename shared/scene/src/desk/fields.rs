@@ -10,11 +10,13 @@ use serde_json::Value as Json;
 use toml_edit::DocumentMut;
 
 /// Fields that are shown though the file leaves them out, if it is known what they are then.
-const OFFERED: [&str; 11] = [
+const OFFERED: [&str; 13] = [
     "fov",
     "aperture",
     "focus_distance",
     "exposure",
+    "white_balance",
+    "view",
     "reflectance",
     "base_color",
     "roughness",
@@ -23,6 +25,8 @@ const OFFERED: [&str; 11] = [
     "g",
     "scale",
 ];
+/// Those of `render`: how the picture is shown.
+const VIEW: [&str; 3] = ["exposure", "white_balance", "view"];
 /// What the camera is moved by.
 const MOVES: [&str; 3] = ["origin", "target", "up"];
 /// Significant digits of a distance that nobody wrote.
@@ -81,7 +85,7 @@ pub enum FieldKind {
     Choice,
 }
 
-/// All fields of a scene file that a panel shows: the camera's, the exposure, those of lights, of shapes that emit, of
+/// All fields of a scene file that a panel shows: the camera's, the view's, those of lights, of shapes that emit, of
 /// media and of materials, each in the order of the text. None of a text that is no TOML.
 pub fn fields(text: &str) -> Vec<Field> {
     let Ok(document) = text.parse::<DocumentMut>() else {
@@ -93,7 +97,7 @@ pub fn fields(text: &str) -> Vec<Field> {
         root: &root,
     };
     panel.table("camera", "camera", &|name| !MOVES.contains(&name));
-    panel.table("render", "render", &|name| name == "exposure");
+    panel.table("render", "render", &|name| VIEW.contains(&name));
     panel.list("lights", "light", |_| true);
     // Of a shape only the light that it emits.
     panel.list("shapes", "shape", |name| name == "emission");

@@ -3,7 +3,7 @@
 use serde_json::Value as Json;
 
 /// Units that descriptions use; of two that begin alike the longer one first.
-const UNITS: [&str; 9] = [
+const UNITS: [&str; 10] = [
     "W/(m^2 sr)",
     "W/m^2",
     "W/sr",
@@ -13,6 +13,7 @@ const UNITS: [&str; 9] = [
     "degrees",
     "pixels",
     "stops",
+    "kelvin",
 ];
 
 /// `W/sr, of a spot on its axis. Default: 1.` is of "W/sr", helps with "Of a spot on its axis." and is 1 where it is

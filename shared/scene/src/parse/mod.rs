@@ -94,6 +94,10 @@ pub struct RenderRecord {
     pub seed: Option<u64>,
     /// Stops, for the PNG only. Default: 0.
     pub exposure: Option<Number<Finite>>,
+    /// Kelvin, of the light that looks white in the PNG. Default: 6500.
+    pub white_balance: Option<Number<Kelvin>>,
+    /// The curve by which the PNG shows radiance. Default: standard.
+    pub view: Option<ViewTransform>,
     /// What layer `depth` holds where nothing is. Default: infinity.
     pub empty_depth: Option<Number<Finite>>,
     /// One base radius of all beams and surface photons, scene units, in place of photon differentials.

@@ -1,6 +1,6 @@
 //! Choices among words: what the renderer's enums are called in scene files.
 
-use beamfarm_image::job;
+use beamfarm_image::{job, view};
 use beamfarm_render::{rules, texture};
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -155,6 +155,28 @@ impl From<Targeting> for job::Targeting {
             Targeting::Off => Self::Off,
             Targeting::On => Self::On,
             Targeting::Reject => Self::Reject,
+        }
+    }
+}
+
+/// How linear radiance becomes what a screen shows.
+#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum ViewTransform {
+    /// As it is, clipped.
+    Standard,
+    /// By a curve of film that rolls lights off.
+    Filmic,
+    /// AgX, as Blender has it: what is bright and colourful becomes white by degrees.
+    Agx,
+}
+
+impl From<ViewTransform> for view::ViewTransform {
+    fn from(word: ViewTransform) -> Self {
+        match word {
+            ViewTransform::Standard => Self::Standard,
+            ViewTransform::Filmic => Self::Filmic,
+            ViewTransform::Agx => Self::Agx,
         }
     }
 }

@@ -279,6 +279,12 @@ fn settings_and_structure_are_checked() {
     4: render.paths: invalid type: floating point `1.5`, expected a whole number
 [render] | schedule = "pas"
     4: render.schedule: unknown variant `pas`, expected `pass` or `beam`
+[render] | view = "aces"
+    4: render.view: unknown variant `aces`, expected one of `standard`, `filmic`, `agx`
+[render] | white_balance = 999
+    4: render.white_balance: expected a temperature from 1000 to 25000 kelvin, found 999.0
+[render] | white_balance = "warm"
+    4: render.white_balance: invalid type: string "warm", expected a temperature from 1000 to 25000 kelvin
 [render] | radius = 0.0
     4: render.radius: expected a number above 0, found 0.0
 [light]

@@ -2,6 +2,7 @@
 
 use crate::scenes::setup::{OCTAHEDRON, VIEW, load, load_with, octahedron};
 use beamfarm_image::bundle::Bundle;
+use beamfarm_image::view::{View, ViewTransform};
 use beamfarm_render::bsdf::MaterialKind;
 use beamfarm_render::geometry::{Boundary, Shape};
 use beamfarm_render::light::LightKind;
@@ -34,6 +35,8 @@ alpha = 0.5
 schedule = "beam"
 seed = 7
 exposure = -1.5
+white_balance = 3200
+view = "agx"
 radius = 0.02
 targeting = "on"
 media = "photons"
@@ -195,7 +198,13 @@ fn every_field_of_the_format_is_read() {
     let scene = load_with(EVERY_FIELD, &every_file());
     let d = scene.defaults;
     assert_eq!((d.passes, d.paths_per_pass, d.alpha, d.seed), (10, Some(1000), 0.5, 7));
-    assert_eq!((d.exposure, d.radius), (-1.5, Some(0.02)));
+    assert_eq!(d.radius, Some(0.02));
+    let view = View {
+        transform: ViewTransform::Agx,
+        exposure: -1.5,
+        white_balance: 3200.0,
+    };
+    assert_eq!(d.view, view);
     assert_eq!(d.schedule, beamfarm_image::job::ScheduleKind::Beam);
     assert_eq!(scene.world_medium, Some(1));
     assert_eq!(scene.camera_medium, Some(None));
@@ -258,7 +267,10 @@ fn every_field_of_the_format_is_read() {
 fn fields_have_their_defaults() {
     let scene = load("");
     let d = scene.defaults;
-    assert_eq!((d.passes, d.paths_per_pass, d.seed, d.exposure), (64, None, 0, 0.0));
+    assert_eq!(
+        (d.passes, d.paths_per_pass, d.seed, d.view),
+        (64, None, 0, View::default())
+    );
     assert_eq!((d.alpha, d.radius), (2.0 / 3.0, None));
     assert_eq!((scene.world_medium, scene.camera_medium), (None, None));
     assert_eq!((scene.camera.aperture, scene.camera.focus_distance), (0.0, 5.0));

@@ -8,7 +8,10 @@ use crate::job::{Aov, Budgeted, JobArgs};
 use crate::onlookers::Share;
 use crate::output::Output;
 use beamfarm_coordinator::{JobSpec, Start};
-use beamfarm_image::exr::MadeOf;
+use beamfarm_image::error::ImageError;
+use beamfarm_image::exr::{MadeOf, read_rgb};
+use beamfarm_image::png::{view_of, write_png};
+use beamfarm_image::view::View;
 use beamfarm_proto::VERSION;
 use beamfarm_render::world::RenderDefaults;
 use beamfarm_scene::{SceneFile, Store};
@@ -39,7 +42,7 @@ pub struct Ready {
     /// As if it was the only one.
     pub args: JobArgs,
     pub output: Output,
-    pub exposure: f32,
+    pub view: View,
     pub spec: JobSpec,
     pub directory: Option<Directory>,
     pub start: Start,
@@ -103,7 +106,9 @@ impl Order {
         {
             // No pilot is needed to see that nothing is to be done.
             let file = of.file()?;
+            let view = args.view.over(file.defaults()?.view);
             if self.is_there(frame, &args, (&image, &made), file)? {
+                show(&image, view)?;
                 let known = self.known.get(&frame).filter(|known| known.is_of(&image, &made));
                 let record = known
                     .cloned()
@@ -117,18 +122,18 @@ impl Order {
             file.load_from(&mut store)
         })?;
         debug!(frame, seconds = begun.elapsed().as_secs_f64(), "loaded");
-        let exposure = args.exposure(&loaded)?;
+        let view = args.view.over(loaded.defaults.view);
         let output = args.image_called(&ending, &loaded)?;
         let (notes, left_out) = loaded.news();
         let (notes, left_out) = (notes.to_vec(), left_out.to_vec());
         let mut spec = args.spec(loaded)?;
         spec.audit_every = self.audit_every;
-        let (directory, start) = prepare(&args, &mut spec, &output, exposure, self.keeps_jobs)?;
+        let (directory, start) = prepare(&args, &mut spec, &output, view, self.keeps_jobs)?;
         Ok(Prepared::Ready(Box::new(Ready {
             frame,
             args,
             output,
-            exposure,
+            view,
             spec,
             directory,
             start,
@@ -155,6 +160,15 @@ impl Order {
                 && has_settings(args, made, &defaults)
                 && file.canonical_bundle().hash().to_string() == made.scene,
         )
+    }
+}
+
+/// Have the PNG beside an image show it in this view.
+fn show(image: &Path, view: View) -> Result<(), ImageError> {
+    let png = image.with_extension("png");
+    match view_of(&png) == Some(view) {
+        true => Ok(()),
+        false => write_png(&png, &read_rgb(image)?, view),
     }
 }
 

@@ -72,7 +72,7 @@ impl Begun {
         let begun = Self {
             frame,
             keeper: keeper.transpose()?,
-            watch: Watch::new(farm, terms(&args, &ready.output, ready.exposure)),
+            watch: Watch::new(farm, terms(&args, &ready.output, ready.view)),
             label: share.label(frame),
             output: ready.output,
             args,

@@ -7,6 +7,7 @@ use beamfarm_coordinator::revisions::Style;
 use beamfarm_image::atomic::write_file;
 use beamfarm_image::bundle;
 use beamfarm_image::job::{Finders, JobSettings};
+use beamfarm_image::view::{View, ViewTransform};
 use beamfarm_proto::bytes::Bytes;
 use beamfarm_proto::{FileEntry, FileHash, Manifest, Revision, RevisionNumber};
 use beamfarm_render::camera::Projection;
@@ -73,7 +74,7 @@ impl Refusal {
 pub enum Changed {
     /// Other pixels.
     Picture,
-    /// Nothing that a pixel depends on: the exposure, a comment.
+    /// Nothing that a pixel depends on: the view, a comment.
     Looks,
     /// Nothing at all.
     Nothing,
@@ -89,8 +90,7 @@ struct Before {
 /// What no pixel depends on, and what is no part of what the scene means.
 #[derive(Clone, Copy)]
 struct Looks {
-    /// Stops.
-    exposure: f32,
+    view: View,
     passes: u64,
 }
 
@@ -102,15 +102,20 @@ impl Looks {
         });
         let render = table.as_ref().and_then(|table| table.get("render"));
         let field = |name: &str| render.and_then(|render| render.get(name));
-        let exposure = field("exposure").and_then(|value| match value {
-            toml::Value::Float(stops) => Some(*stops as f32),
-            toml::Value::Integer(stops) => Some(*stops as f32),
+        let number = |name: &str| match field(name) {
+            Some(toml::Value::Float(number)) => Some(*number as f32),
+            Some(toml::Value::Integer(number)) => Some(*number as f32),
             _ => None,
-        });
+        };
+        let transform = field("view").and_then(|name| ViewTransform::named(name.as_str()?));
         let passes = field("passes").and_then(toml::Value::as_integer);
         let defaults = RenderDefaults::default();
         Self {
-            exposure: exposure.unwrap_or(defaults.exposure),
+            view: View {
+                transform: transform.unwrap_or(defaults.view.transform),
+                exposure: number("exposure").unwrap_or(defaults.view.exposure),
+                white_balance: number("white_balance").unwrap_or(defaults.view.white_balance),
+            },
             passes: passes
                 .and_then(|passes| u64::try_from(passes).ok())
                 .unwrap_or(defaults.passes),
@@ -359,9 +364,9 @@ impl Bench {
         self.finders = Some(finders);
     }
 
-    /// Stops, of the picture.
-    pub fn exposure(&self) -> f32 {
-        self.looks.exposure
+    /// How the picture is shown.
+    pub fn view(&self) -> View {
+        self.looks.view
     }
 
     /// Passes that a job of the scene has.

@@ -146,8 +146,8 @@ async fn png(State(view): State<Arc<View>>) -> Response {
     let Some(picture) = picture(&view) else {
         return none();
     };
-    let exposure = view.bench().exposure();
-    let encoded = tokio::task::spawn_blocking(move || encode_png(picture.content.film(), exposure));
+    let shown = view.bench().view();
+    let encoded = tokio::task::spawn_blocking(move || encode_png(picture.content.film(), shown));
     match encoded.await {
         Ok(Ok(bytes)) => to_keep(&view, "image/png", "png", bytes),
         Ok(Err(error)) => wrong(error),

@@ -11,6 +11,7 @@ use beamfarm_coordinator::revisions::{Content, Picture, Quality};
 use beamfarm_image::film::Film;
 use beamfarm_image::job::MAX_PASSES;
 use beamfarm_image::jpeg::encode_jpeg;
+use beamfarm_image::view::View as Look;
 use beamfarm_proto::RevisionNumber;
 use serde::Deserialize;
 use std::sync::Arc;
@@ -56,7 +57,7 @@ impl Drop for Place {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Pixels {
-    /// To be looked at: by the scene's exposure and the standard curve.
+    /// To be looked at: in the scene's view.
     #[default]
     Jpeg,
     /// As they are.
@@ -102,8 +103,8 @@ struct Page {
     frames: u64,
     /// The picture on its way, and since when.
     under_way: Option<(u64, Instant)>,
-    /// What the last picture that was sent shows, by which exposure, with which change.
-    sent: Option<(RevisionNumber, Quality, f32, u64)>,
+    /// What the last picture that was sent shows, in which view, with which change.
+    sent: Option<(RevisionNumber, Quality, Look, u64)>,
     told_scene: Option<Instant>,
     last_state: String,
     /// Its last change was refused.
@@ -191,13 +192,13 @@ impl Page {
         if self.under_way.is_some_and(|(_, since)| since.elapsed() < PATIENCE) {
             return Ok(());
         }
-        let exposure = self.view.bench().exposure();
+        let shown = self.view.bench().view();
         let in_it = self
             .changes
             .iter()
             .filter(|(_, revision)| *revision <= picture.revision);
         let seq = in_it.map(|(seq, _)| *seq).max().unwrap_or(0);
-        let shows = (picture.revision, picture.quality, exposure, seq);
+        let shows = (picture.revision, picture.quality, shown, seq);
         if self.sent == Some(shows) {
             return Ok(());
         }
@@ -224,7 +225,7 @@ impl Page {
         let encode = move || {
             let film = picture.content.film();
             let pixels = match asked {
-                Pixels::Jpeg => encode_jpeg(film, exposure).map_err(|error| error.to_string())?,
+                Pixels::Jpeg => encode_jpeg(film, shown).map_err(|error| error.to_string())?,
                 Pixels::Linear => linear(film),
             };
             let header = serde_json::to_vec(&header).map_err(|error| error.to_string())?;

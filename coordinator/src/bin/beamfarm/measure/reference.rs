@@ -5,6 +5,7 @@ use crate::job::{Aov, ImportArgs, SceneArgs, SettingsArgs};
 use crate::output::{Output, REFERENCE};
 use crate::progress::{self, BAR_LENGTH, ESTIMATE, LINE};
 use crate::summary::describe_error;
+use crate::view_args::ViewArgs;
 use beamfarm_image::exr::{ImageMeta, Maker, Names, pixel_hash};
 use beamfarm_image::job::{MAX_PASSES, ReferenceSettings};
 use beamfarm_image::merge::{Average, MergeError, Node, TreeSum};
@@ -73,9 +74,8 @@ pub struct ReferenceArgs {
     #[arg(long, value_name = "T", value_parser = clap::value_parser!(u16).range(1..))]
     threads: Option<u16>,
 
-    /// Exposure of the PNG in stops: 1 doubles the brightness [default: the scene's]
-    #[arg(long, value_name = "EV", allow_negative_numbers = true)]
-    exposure: Option<f32>,
+    #[command(flatten)]
+    view: ViewArgs,
 
     /// Print nothing but errors
     #[arg(short, long)]
@@ -134,10 +134,7 @@ pub fn main(args: ReferenceArgs) -> Result<(), Failure> {
             photon_rules.join("\n")
         )));
     }
-    let exposure = args.exposure.unwrap_or(loaded.defaults.exposure);
-    if !exposure.is_finite() {
-        return Err(Failure::usage("--exposure: expected a number of stops"));
-    }
+    let view = args.view.over(loaded.defaults.view);
     let output = Output::new(args.output.as_deref(), &args.scene, REFERENCE, true)?;
     let left_out = match args.quiet {
         true => Vec::new(),
@@ -191,7 +188,7 @@ pub fn main(args: ReferenceArgs) -> Result<(), Failure> {
             names: Names::default(),
             empty_depth: None,
         };
-        output.write(average, &meta, exposure)?;
+        output.write(average, &meta, view)?;
         if !args.quiet {
             summarise(average, &output, seconds);
         }

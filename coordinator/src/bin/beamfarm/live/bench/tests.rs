@@ -91,7 +91,17 @@ fn looks_are_no_other_picture_and_what_is_wrong_leaves_nothing() {
         bench.change(&set("render.exposure", json!(2), "a")).unwrap(),
         Changed::Looks
     );
-    assert_eq!((bench.exposure(), bench.number()), (2.0, number));
+    assert_eq!((bench.view().exposure, bench.number()), (2.0, number));
+    for (path, value) in [("render.view", json!("agx")), ("render.white_balance", json!(3000))] {
+        assert_eq!(bench.change(&set(path, value, "b")).unwrap(), Changed::Looks, "{path}");
+    }
+    let view = View {
+        transform: ViewTransform::Agx,
+        exposure: 2.0,
+        white_balance: 3000.0,
+    };
+    assert_eq!((bench.view(), bench.number()), (view, number));
+    assert!(bench.change(&set("render.view", json!("aces"), "c")).is_err());
     let text = bench.text.clone();
     for (path, value) in [
         ("camera.fov", json!(200)),

@@ -6,6 +6,7 @@ use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
 use beamfarm_image::film::Film;
 use beamfarm_image::png::encode_png;
+use beamfarm_image::view::View;
 
 /// The same part of all images.
 pub struct Row {
@@ -54,8 +55,8 @@ pub fn rows(scene: &SceneFindings) -> Result<Vec<Row>, Failure> {
 fn row(scene: &SceneFindings, size: [u32; 2], side: [u32; 2], at: [u32; 2]) -> Result<Row, Failure> {
     let cut = |image: &Film| crop(image, at, side);
     let mut pictures = Vec::new();
-    let mut add = |caption: String, film: &Film, exposure: f32| -> Result<(), Failure> {
-        let bytes = encode_png(film, exposure)?;
+    let mut add = |caption: String, film: &Film, view: View| -> Result<(), Failure> {
+        let bytes = encode_png(film, view)?;
         pictures.push(Picture {
             caption,
             source: format!("data:image/png;base64,{}", BASE64_STANDARD.encode(bytes)),
@@ -71,18 +72,18 @@ fn row(scene: &SceneFindings, size: [u32; 2], side: [u32; 2], at: [u32; 2]) -> R
             if [image.width, image.height] == size {
                 let plural = if *passes == 1 { "" } else { "es" };
                 let caption = format!("{}, {passes} pass{plural}", run.name);
-                add(caption, &cut(image), scene.exposure)?;
+                add(caption, &cut(image), scene.view)?;
             }
         }
     }
     for peer in &scene.peers {
         if let Some((image, _)) = &peer.image {
-            add(peer.name.clone(), &cut(image), scene.exposure)?;
+            add(peer.name.clone(), &cut(image), scene.view)?;
         }
     }
     if let Some(reference) = &scene.reference {
         let truth = cut(&reference.image);
-        add("reference".into(), &truth, scene.exposure)?;
+        add("reference".into(), &truth, scene.view)?;
         let lasts = scene.runs.iter().filter_map(|run| {
             let (_, image) = run.images.last()?;
             Some((run.name.as_str(), image))
@@ -93,7 +94,7 @@ fn row(scene: &SceneFindings, size: [u32; 2], side: [u32; 2], at: [u32; 2]) -> R
             .filter_map(|peer| Some((peer.name.as_str(), &peer.image.as_ref()?.0)));
         for (name, image) in lasts.chain(others) {
             let map = error_map(&cut(image), &truth);
-            add(format!("relative error of {name}"), &map, 0.0)?;
+            add(format!("relative error of {name}"), &map, View::default())?;
         }
     }
     Ok(Row {

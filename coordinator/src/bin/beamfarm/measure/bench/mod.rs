@@ -18,6 +18,7 @@ use crate::failure::Failure;
 use analysis::Clock;
 use beamfarm_image::exr::read_rgb;
 use beamfarm_image::job::MAX_PASSES;
+use beamfarm_image::view::View;
 use beamfarm_scene::read_bundle;
 use beamfarm_worker::say;
 use clap::Args;
@@ -193,7 +194,7 @@ fn prepare(
 ) -> Result<(SceneFindings, Vec<NamedTask>), Failure> {
     let mut tasks = Vec::new();
     let mut size = None;
-    let mut exposure = 0.0;
+    let mut view = View::default();
     for run in runs.iter().filter(|run| run.renders(&case.name)) {
         let (description, said) = load(&case.path, &run.overrides)?;
         let job_settings = match run.integrator {
@@ -209,7 +210,7 @@ fn prepare(
                 case.name, run.name, this[0], this[1], first[0], first[1]
             )));
         }
-        exposure = description.defaults.exposure;
+        view = description.defaults.view;
         let cores = std::thread::available_parallelism().map_or(1, usize::from);
         let settings = Settings {
             width: this[0],
@@ -241,7 +242,7 @@ fn prepare(
         // Nothing is rendered, but others may be compared.
         None => {
             let (description, _) = load(&case.path, &Overrides::default())?;
-            exposure = description.defaults.exposure;
+            view = description.defaults.view;
             [description.camera.width, description.camera.height]
         }
     };
@@ -252,7 +253,7 @@ fn prepare(
     let findings = SceneFindings {
         name: case.name.clone(),
         hash: read_bundle(&case.path)?.hash().to_string(),
-        exposure,
+        view,
         crops: case.crops.clone(),
         peers: peers.collect::<Result<_, _>>()?,
         reference,

@@ -9,6 +9,7 @@ use super::suite::Point;
 use crate::failure::Failure;
 use beamfarm_image::atomic::write_file;
 use beamfarm_image::film::Film;
+use beamfarm_image::view::View;
 use beamfarm_proto::VERSION;
 use serde::Serialize;
 use std::path::Path;
@@ -25,7 +26,7 @@ pub struct Findings {
 pub struct SceneFindings {
     pub name: String,
     pub hash: String,
-    pub exposure: f32,
+    pub view: View,
     pub crops: Vec<[u32; 2]>,
     pub reference: Option<Reference>,
     pub runs: Vec<RunFindings>,

@@ -132,7 +132,9 @@ fn encode_layer(layer: &Layer, film: &Film, stops: f32, curve: Curve) -> Result<
             let scale = if most > 0.0 { 1.0 / most } else { 0.0 };
             encode_grey(film, |pixel| pixel[0] * scale)
         }
-        Layer::Direct | Layer::Surface | Layer::Volume | Layer::Light(_) => encode_radiance(film, stops, curve),
+        Layer::Direct | Layer::Surface | Layer::Volume | Layer::Light(_) | Layer::Odd => {
+            encode_radiance(film, stops, curve)
+        }
     }
 }
 

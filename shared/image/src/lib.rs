@@ -10,10 +10,12 @@
 //! | how are passes averaged?              | [`merge`]  |
 //! | how large is the bias of the average? | [`bias`]   |
 //! | how do two images differ?             | [`metrics`] |
+//! | what would it be without noise?       | [`denoise`] |
 
 pub mod atomic;
 pub mod bias;
 pub mod bundle;
+pub mod denoise;
 pub mod error;
 pub mod exr;
 pub mod film;

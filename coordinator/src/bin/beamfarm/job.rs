@@ -115,6 +115,9 @@ pub enum Aov {
     /// Y: photon targets before the first surface, or on it. Where the scene's targeting is "reject", photons that miss
     /// them are dropped, and the image is biased
     Targets,
+    /// R, G, B: what passes of odd index add to the beauty, which is the sum of them and the others. Half of the picture
+    /// that knows nothing of the other's noise, for `beamfarm denoise`
+    Odd,
     /// CryptoObject00 to 02: which objects cover the pixel, by the convention of Cryptomatte
     CryptoObject,
     /// CryptoMaterial00 to 02: which materials do
@@ -124,6 +127,9 @@ pub enum Aov {
 }
 
 impl Aov {
+    /// What a picture is denoised by.
+    const DENOISING: [Self; 5] = [Self::Depth, Self::Normal, Self::Albedo, Self::Stderr, Self::Odd];
+
     /// Those that were asked for, each once.
     pub fn all(asked: &[Self]) -> Vec<Self> {
         let wanted = |aov: &Self| asked.contains(aov) || asked.contains(&Self::All);
@@ -146,6 +152,7 @@ impl Aov {
             Self::Motion => "motion.",
             Self::BeamDensity => "beam_density.",
             Self::Targets => "targets.",
+            Self::Odd => "odd.",
             Self::CryptoObject => "CryptoObject",
             Self::CryptoMaterial => "CryptoMaterial",
             Self::All => "",
@@ -165,6 +172,7 @@ impl Aov {
             Self::Motion => vec![Layer::Motion],
             Self::BeamDensity => vec![Layer::BeamDensity],
             Self::Targets => vec![Layer::Targets],
+            Self::Odd => vec![Layer::Odd],
             Self::CryptoObject => vec![Layer::Objects],
             Self::CryptoMaterial => vec![Layer::Materials],
             Self::Stderr | Self::All => Vec::new(),
@@ -537,6 +545,11 @@ pub struct JobArgs {
     #[arg(long, value_name = "K", default_value_t = 0, hide_default_value = true)]
     pub first_pass: u64,
 
+    /// Write a picture with less noise as well, OUT.denoised.exr and .png: biased, beside the image and never in its
+    /// place. Renders the layers that it needs, as `--aov odd,albedo,normal,depth,stderr` does
+    #[arg(long)]
+    pub denoise: bool,
+
     /// Exposure of the PNG in stops: 1 doubles the brightness [default: the scene's]
     #[arg(long, value_name = "EV", allow_negative_numbers = true)]
     pub exposure: Option<f32>,
@@ -561,6 +574,14 @@ fn target_error(text: &str) -> Result<f64, String> {
 }
 
 impl JobArgs {
+    /// The same, with the layers that other options take.
+    pub fn with_implied_layers(mut self) -> Self {
+        if self.denoise {
+            self.settings.aov.extend(Aov::DENOISING);
+        }
+        self
+    }
+
     /// When the image is good enough.
     pub fn target(&self) -> Option<Target> {
         let percentile = self.target_percentile;
@@ -588,6 +609,7 @@ impl JobArgs {
             drops_photons: loaded.defaults.targeting == Targeting::Reject,
             names: loaded.description.names(),
             empty_depth: loaded.defaults.empty_depth,
+            denoise: self.denoise,
             ..Output::new(output, &self.settings.of.scene, ending, loaded.standard_error)?
         })
     }

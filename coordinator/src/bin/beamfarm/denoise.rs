@@ -12,7 +12,7 @@ use std::path::PathBuf;
 
 pub const EXAMPLES: &str = "\
 Examples:
-  beamfarm render scene.toml --aov odd,albedo,normal,depth,stderr
+  beamfarm render scene.toml --aov odd,albedo,normal,depth
   beamfarm denoise scene.exr                      scene.denoised.exr and scene.denoised.png
   beamfarm denoise scene.exr -o smooth.exr --exposure 1
 
@@ -21,7 +21,7 @@ makes both in one go.";
 
 #[derive(Args)]
 pub struct DenoiseArgs {
-    /// Image of `render --denoise`, or of `render --aov odd,albedo,normal,depth,stderr`
+    /// Image of `render --denoise`, or of `render --aov odd,albedo,normal,depth`
     image: PathBuf,
 
     /// Where to write the picture, and a PNG beside it [default: IMAGE.denoised.exr]
@@ -34,9 +34,9 @@ pub struct DenoiseArgs {
 }
 
 /// Channels that are read, three of each layer; the depth is alone.
-const CHANNELS: [&str; 16] = [
-    "R", "G", "B", "stderr.R", "stderr.G", "stderr.B", "odd.R", "odd.G", "odd.B", "albedo.R", "albedo.G", "albedo.B",
-    "normal.X", "normal.Y", "normal.Z", "depth.Z",
+const CHANNELS: [&str; 13] = [
+    "R", "G", "B", "odd.R", "odd.G", "odd.B", "albedo.R", "albedo.G", "albedo.B", "normal.X", "normal.Y", "normal.Z",
+    "depth.Z",
 ];
 
 pub fn main(args: DenoiseArgs) -> Result<(), Failure> {
@@ -50,9 +50,11 @@ pub fn main(args: DenoiseArgs) -> Result<(), Failure> {
         return Err(Failure::usage(message));
     }
     if output == args.image {
-        return Err(Failure::usage(format!("{path}: expected another name than the image's own")));
+        return Err(Failure::usage(format!(
+            "{path}: expected another name than the image's own"
+        )));
     }
-    let hint = "expected an image of `beamfarm render --denoise`, or --aov odd,albedo,normal,depth,stderr";
+    let hint = "expected an image of `beamfarm render --denoise`, or --aov odd,albedo,normal,depth";
     let (size, channels) =
         read_channels(&args.image, &CHANNELS).map_err(|error| Failure::usage(format!("{error}; {hint}")))?;
     let made = MadeOf::read(&args.image)
@@ -68,13 +70,12 @@ pub fn main(args: DenoiseArgs) -> Result<(), Failure> {
             film
         })
         .collect();
-    let ([beauty, standard_error, odd, albedo, normal], Some(depth)) = (&films[..], channels.last()) else {
+    let ([beauty, odd, albedo, normal], Some(depth)) = (&films[..], channels.last()) else {
         return Err(Failure::usage(format!("{path}: {hint}")));
     };
     let input = Input {
         passes: made.passes,
         beauty,
-        standard_error,
         odd,
         albedo,
         normal,

@@ -128,7 +128,7 @@ pub enum Aov {
 
 impl Aov {
     /// What a picture is denoised by.
-    const DENOISING: [Self; 5] = [Self::Depth, Self::Normal, Self::Albedo, Self::Stderr, Self::Odd];
+    const DENOISING: [Self; 4] = [Self::Depth, Self::Normal, Self::Albedo, Self::Odd];
 
     /// Those that were asked for, each once.
     pub fn all(asked: &[Self]) -> Vec<Self> {
@@ -546,7 +546,7 @@ pub struct JobArgs {
     pub first_pass: u64,
 
     /// Write a picture with less noise as well, OUT.denoised.exr and .png: biased, beside the image and never in its
-    /// place. Renders the layers that it needs, as `--aov odd,albedo,normal,depth,stderr` does
+    /// place. Renders the layers that it needs, as `--aov odd,albedo,normal,depth` does
     #[arg(long)]
     pub denoise: bool,
 

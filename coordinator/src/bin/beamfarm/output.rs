@@ -135,7 +135,6 @@ fn denoised(average: &Average, meta: &ImageMeta) -> Result<(Film, DenoisedMeta),
     let film = denoise(&Input {
         passes: average.passes,
         beauty: &average.beauty,
-        standard_error: &average.standard_error,
         odd: find(&Layer::Odd)?,
         albedo: find(&Layer::Albedo)?,
         normal: find(&Layer::Normal)?,

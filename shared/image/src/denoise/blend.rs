@@ -65,10 +65,13 @@ impl<'a> Blend<'a> {
                 let both = (x - u) + (y - v);
                 sum + 0.5 * both * both
             });
-            slope = Plane::of([&slope, &a[c], &b[c], &u[c], &v[c], &x[c], &y[c]], |[sum, a, b, u, v, x, y]| {
-                let (p, q) = (x - u, y - v);
-                sum + p * (u - b) + q * (v - a) - 0.5 * (u - v) * (p - q)
-            });
+            slope = Plane::of(
+                [&slope, &a[c], &b[c], &u[c], &v[c], &x[c], &y[c]],
+                |[sum, a, b, u, v, x, y]| {
+                    let (p, q) = (x - u, y - v);
+                    sum + p * (u - b) + q * (v - a) - 0.5 * (u - v) * (p - q)
+                },
+            );
         }
         let mean = |sum: Plane| {
             let weighted = Plane::of([&sum, &self.weight], |[sum, weight]| sum * weight);
@@ -82,9 +85,10 @@ impl<'a> Blend<'a> {
         let share = share.blurred(SMOOTH);
         self.now = std::array::from_fn(|side: usize| {
             each(|c| {
-                Plane::of([&self.now[side][c], &candidate[side][c], &share], |[now, new, share]| {
-                    now + share * (new - now)
-                })
+                Plane::of(
+                    [&self.now[side][c], &candidate[side][c], &share],
+                    |[now, new, share]| now + share * (new - now),
+                )
             })
         });
     }

@@ -2,9 +2,9 @@
 //!
 //! The passes of even and of odd index make two pictures of the same, with noise of which one knows nothing of the
 //! other. That noise is alike in neighbouring pixels, since a photon's kernel covers many; so no filter can judge by
-//! what neighbours differ by. Here each half is filtered by weights found in the other ([`weights`]), at several
-//! resolutions, and how much of that is taken in, pixel by pixel, is what brings each half closest to the other
-//! ([`blend`]): where nothing does, the average stays.
+//! what neighbours differ by. Here each half is filtered by itself ([`weights`]), at several resolutions, and the other
+//! half, which that filter has not seen, says pixel by pixel how much of it is taken in ([`blend`]): where it is no gain
+//! the average stays.
 
 mod blend;
 mod plane;
@@ -27,8 +27,6 @@ pub struct Input<'a> {
     pub passes: u64,
     /// Their mean radiance.
     pub beauty: &'a Film,
-    /// Its standard error.
-    pub standard_error: &'a Film,
     /// Mean over all passes of [`Layer::Odd`](crate::layer::Layer::Odd).
     pub odd: &'a Film,
     /// Mean of [`Layer::Albedo`](crate::layer::Layer::Albedo).
@@ -75,7 +73,6 @@ impl Input<'_> {
         let expected = self.beauty.pixels.len();
         let films = [
             ("beauty", self.beauty),
-            ("stderr", self.standard_error),
             ("odd", self.odd),
             ("albedo", self.albedo),
             ("normal", self.normal),
@@ -123,13 +120,8 @@ pub fn denoise(input: &Input) -> Result<Film, DenoiseError> {
     let odd = colours(beauty, |i, c| {
         f64::from(input.odd.pixels[i][c]) * passes / (odd_passes * magnitude)
     });
-    let variance = colours(beauty, |i, c| {
-        let error = f64::from(input.standard_error.pixels[i][c]) / magnitude;
-        (2.0 * error * error).min(MAX_VARIANCE)
-    });
     let level = Level {
         halves: [even, odd],
-        variance,
         features: features(input),
         halvings: 0,
     };
@@ -143,9 +135,6 @@ pub fn denoise(input: &Input) -> Result<Film, DenoiseError> {
     }
     Ok(film)
 }
-
-/// Of a half, where pixels are 1 on average.
-const MAX_VARIANCE: f64 = 1e30;
 
 fn colours(like: &Film, value: impl Fn(usize, usize) -> f64 + Sync) -> Colours {
     let (width, height) = (like.width as usize, like.height as usize);
@@ -201,34 +190,38 @@ fn features(input: &Input) -> Vec<Feature> {
 }
 
 /// How pixels are compared, from careful to bold.
-const STRENGTHS: [Strength; 4] = [
+const STRENGTHS: [Strength; 3] = [
     Strength {
-        colour: Some((Patch::Small, 0.45)),
+        patch: Patch::Small,
+        errors: 0.45,
     },
     Strength {
-        colour: Some((Patch::Large, 0.45)),
+        patch: Patch::Large,
+        errors: 0.45,
     },
     Strength {
-        colour: Some((Patch::Large, 1.0)),
+        patch: Patch::Large,
+        errors: 1.0,
     },
-    Strength { colour: None },
 ];
 
-/// Pixels around each whose variances are averaged, to all sides.
-const VARIANCE_RADIUS: usize = 2;
+/// Pixels around each over which relative variances are averaged, to all sides.
+const VARIANCE_RADIUS: usize = 8;
+/// Pixels around each whose radiance variances are relative to.
+const RADIANCE_RADIUS: usize = 2;
+/// Part of the mean radiance that stands for less.
+const DARK: f32 = 0.05;
 
 /// The picture at one resolution.
 struct Level {
     halves: Halves,
-    /// Of each half.
-    variance: Colours,
     features: Vec<Feature>,
     halvings: usize,
 }
 
 impl Level {
     fn denoised(&self) -> Halves {
-        let variance = each(|c| self.variance[c].blurred(VARIANCE_RADIUS));
+        let variance = self.variance();
         let features: Vec<(Plane, Plane)> = self.features.iter().map(Feature::with_tolerance).collect();
         let candidates = filtered(&self.halves, &variance, &features, STRENGTHS);
         let mut blend = Blend::new(&self.halves, &variance);
@@ -245,7 +238,9 @@ impl Level {
                     let plane = &now[side][c];
                     let before = plane.halved();
                     let change = Plane::of([&coarse[side][c], &before], |[new, old]| new - old);
-                    Plane::of([plane, &change.doubled(width, height)], |[value, change]| value + change)
+                    Plane::of([plane, &change.doubled(width, height)], |[value, change]| {
+                        value + change
+                    })
                 })
             });
             blend.take_in(&candidate);
@@ -257,36 +252,34 @@ impl Level {
         [self.halves[0][0].width, self.halves[0][0].height]
     }
 
-    /// At half the resolution. The variance of means of 2 x 2 pixels is a quarter where they know nothing of each
-    /// other, and up to the whole where a kernel covers all: the halves tell.
+    /// Of each half, by what the halves differ by. Averaged relative to the radiance, and widely: what a pixel's own
+    /// halves differ by must not say how much it is filtered, or those that are wrong alike would stay so.
+    fn variance(&self) -> Colours {
+        let [even, odd] = &self.halves;
+        let mut mean = Plane::new(even[0].width, even[0].height);
+        for plane in even.iter().chain(odd) {
+            mean = Plane::of([&mean, plane], |[mean, value]| mean + value / 6.0);
+        }
+        let mean = mean.blurred(RADIANCE_RADIUS);
+        let squares = mean.values.iter().map(|v| f64::from(v.abs())).sum::<f64>() / mean.values.len() as f64;
+        let dark = DARK * squares as f32;
+        let square = Plane::of([&mean], |[mean]| mean * mean + dark * dark + f32::MIN_POSITIVE);
+        each(|c| {
+            let relative = Plane::of([&even[c], &odd[c], &square], |[even, odd, square]| {
+                0.5 * (even - odd) * (even - odd) / square
+            });
+            let relative = relative.blurred(VARIANCE_RADIUS);
+            Plane::of([&relative, &square], |[relative, square]| relative * square)
+        })
+    }
+
+    /// At half the resolution.
     fn halved(&self) -> Self {
-        let halves: Halves = std::array::from_fn(|side: usize| each(|c| self.halves[side][c].halved()));
-        let variance = each(|c| self.variance[c].halved());
-        let share = remaining(&halves, &variance);
         Self {
-            variance: variance.map(|plane| Plane::of([&plane], |[v]| v * share)),
-            halves,
+            halves: std::array::from_fn(|side: usize| each(|c| self.halves[side][c].halved())),
             features: self.features.iter().map(Feature::halved).collect(),
             halvings: self.halvings + 1,
         }
-    }
-}
-
-/// What means of pixels have of their variance, of a picture as a whole, where each block counts by its share of noise
-/// alike.
-fn remaining(halves: &Halves, variance: &Colours) -> f32 {
-    let (mut seen, mut expected) = (0.0, 0.0);
-    for c in 0..3 {
-        let [even, odd] = [0, 1].map(|side: usize| &halves[side][c].values);
-        for ((even, odd), variance) in even.iter().zip(odd).zip(&variance[c].values) {
-            let difference = f64::from(even - odd);
-            seen += 0.5 * difference * difference;
-            expected += f64::from(*variance);
-        }
-    }
-    match expected > 0.0 {
-        true => ((seen / expected) as f32).clamp(0.25, 1.0),
-        false => 1.0,
     }
 }
 

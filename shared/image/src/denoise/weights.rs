@@ -1,6 +1,6 @@
 //! Non-local means: each pixel becomes the mean of those around it that look alike.
 
-use super::plane::{Colours, Plane};
+use super::plane::{Colours, Plane, each};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -14,9 +14,10 @@ const PATCH: usize = 3;
 /// How pixels are compared.
 #[derive(Clone, Copy, Debug)]
 pub struct Strength {
-    /// Which patches of colours are compared, and by how many of their standard errors they may differ. Without it
-    /// colours do not matter.
-    pub colour: Option<(Patch, f32)>,
+    /// Which patches around them.
+    pub patch: Patch,
+    /// By how many of their standard errors these may differ.
+    pub errors: f32,
 }
 
 /// Squares whose colours are compared.
@@ -31,8 +32,8 @@ pub enum Patch {
 /// Two halves of the passes: pictures that know nothing of each other's noise.
 pub type Halves = [Colours; 2];
 
-/// Both halves filtered, once for each strength. The weights of each are found in the other: so no pixel is taken for
-/// its like because their noise is.
+/// Both halves filtered, once for each strength, each by weights of its own: so the other half can judge it. What is
+/// averaged are pixels without [spikes](despiked).
 ///
 /// `variance`: of each half. `features`: what says which pixels belong together beside colour, each with the inverse of
 /// the square by which it may differ.
@@ -43,12 +44,24 @@ pub fn filtered<const K: usize>(
     strengths: [Strength; K],
 ) -> [Halves; K] {
     let (width, height) = (halves[0][0].width, halves[0][0].height);
+    let despiked: Halves = std::array::from_fn(|side: usize| despiked(&halves[side]));
     let bands: Vec<Range<usize>> = (0..height).step_by(BAND).map(|y| y..height.min(y + BAND)).collect();
     let whole = || std::array::from_fn(|_| std::array::from_fn(|_| Plane::new(width, height)));
     let mut out: [Halves; K] = std::array::from_fn(|_| whole());
     let done: Vec<Vec<Sums>> = bands
         .par_iter()
-        .map(|rows| Band::new(halves, variance, features, rows.clone()).filter(&strengths))
+        .map(|rows| {
+            let band = Band {
+                halves,
+                despiked: &despiked,
+                variance,
+                features,
+                rows: rows.clone(),
+                width,
+                height,
+            };
+            band.filter(&strengths)
+        })
         .collect();
     for (rows, sums) in bands.into_iter().zip(done) {
         for (candidate, sums) in out.iter_mut().zip(sums) {
@@ -65,6 +78,38 @@ pub fn filtered<const K: usize>(
     out
 }
 
+/// Pixels around each that it must not outshine, to all sides, and which of the brightest of them it must not.
+const SPIKE_RADIUS: usize = 3;
+const SPIKE_RANK: usize = 4;
+
+/// Pixels that outshine all but four of the 7 x 7 around them, dimmed to the fifth: fireflies. Whether they are, and
+/// not what is small and bright, the other half says.
+fn despiked(half: &Colours) -> Colours {
+    let [r, g, b] = half;
+    let sum = Plane::of([r, g, b], |[r, g, b]| r + g + b);
+    let factor = Plane::from_rows(sum.width, sum.height, |y, row| {
+        let rows = y.saturating_sub(SPIKE_RADIUS)..sum.height.min(y + SPIKE_RADIUS + 1);
+        for (x, factor) in row.iter_mut().enumerate() {
+            let columns = x.saturating_sub(SPIKE_RADIUS)..sum.width.min(x + SPIKE_RADIUS + 1);
+            // Descending.
+            let mut brightest = [f32::MIN; SPIKE_RANK + 1];
+            for y in rows.clone() {
+                for value in &sum.row(y)[columns.clone()] {
+                    if *value > brightest[SPIKE_RANK] {
+                        let place = brightest.iter().position(|other| value > other).unwrap_or(SPIKE_RANK);
+                        brightest[place..].rotate_right(1);
+                        brightest[place] = *value;
+                    }
+                }
+            }
+            let most = brightest[SPIKE_RANK];
+            let value = sum.row(y)[x];
+            *factor = if value > most && most >= 0.0 { most / value } else { 1.0 };
+        }
+    });
+    each(|c| Plane::of([&half[c], &factor], |[value, factor]| value * factor))
+}
+
 /// Of a band, for each half: weighted sums of the colours, and of the weights.
 struct Sums {
     halves: [([Vec<f32>; 3], Vec<f32>); 2],
@@ -72,6 +117,7 @@ struct Sums {
 
 struct Band<'a> {
     halves: &'a Halves,
+    despiked: &'a Halves,
     variance: &'a Colours,
     features: &'a [(Plane, Plane)],
     rows: Range<usize>,
@@ -79,18 +125,7 @@ struct Band<'a> {
     height: usize,
 }
 
-impl<'a> Band<'a> {
-    fn new(halves: &'a Halves, variance: &'a Colours, features: &'a [(Plane, Plane)], rows: Range<usize>) -> Self {
-        Self {
-            halves,
-            variance,
-            features,
-            rows,
-            width: halves[0][0].width,
-            height: halves[0][0].height,
-        }
-    }
-
+impl Band<'_> {
     fn filter(&self, strengths: &[Strength]) -> Vec<Sums> {
         let pixels = self.rows.len() * self.width;
         let zeros = || vec![0.0f32; pixels];
@@ -133,27 +168,16 @@ impl<'a> Band<'a> {
             }
             let place = i * self.width + columns.start..i * self.width + columns.end;
             for side in 0..2 {
-                // Found in the other half.
-                scratch.blur(1 - side, i, y, dy, self, &columns);
-                let colours: [&[f32]; 3] =
-                    std::array::from_fn(|c| &self.halves[side][c].row(other_y)[other.clone()]);
+                scratch.blur(side, i, y, dy, self, &columns);
+                let colours: [&[f32]; 3] = std::array::from_fn(|c| &self.despiked[side][c].row(other_y)[other.clone()]);
                 for (strength, sums) in strengths.iter().zip(&mut *sums) {
                     let weights = &mut scratch.weights[..columns.len()];
                     let features = &scratch.features[..columns.len()];
-                    match strength.colour {
-                        None => {
-                            for (weight, feature) in weights.iter_mut().zip(features) {
-                                *weight = fading(*feature);
-                            }
-                        }
-                        Some((patch, errors)) => {
-                            let distances = &scratch.distances[patch as usize][..columns.len()];
-                            let scale = 1.0 / (errors * errors);
-                            for ((weight, feature), distance) in weights.iter_mut().zip(features).zip(distances) {
-                                let distance = distance * scale;
-                                *weight = fading(if distance > *feature { distance } else { *feature });
-                            }
-                        }
+                    let distances = &scratch.distances[strength.patch as usize][..columns.len()];
+                    let scale = 1.0 / (strength.errors * strength.errors);
+                    for ((weight, feature), distance) in weights.iter_mut().zip(features).zip(distances) {
+                        let distance = distance * scale;
+                        *weight = fading(if distance > *feature { distance } else { *feature });
                     }
                     let (sum, all) = &mut sums.halves[side];
                     for (sum, colour) in sum.iter_mut().zip(colours) {

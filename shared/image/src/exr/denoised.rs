@@ -70,7 +70,10 @@ pub fn write_denoised(path: &Path, film: &Film, meta: &DenoisedMeta) -> Result<(
     let mut own: Vec<(&str, AttributeValue)> = vec![
         (
             "beamfarmDenoised",
-            text("method", "biased: non-local means of half the passes by the other half")?,
+            text(
+                "method",
+                "biased: non-local means of each half of the passes, judged by the other",
+            )?,
         ),
         ("beamfarmScene", text("scene", &meta.scene)?),
         ("beamfarmPasses", number(meta.passes)?),

@@ -414,8 +414,8 @@ fn layers_stand_beside_the_same_beauty() {
     assert!(code == 2 && message.contains("beam_density"), "{message}");
 }
 
-/// A denoised picture stands beside the image, which keeps its bits, and says that it is biased; `denoise` makes the same
-/// of the image.
+/// A denoised picture stands beside the image, which keeps its bits, and says that it is biased; `denoise` makes the
+/// same of the image.
 #[test]
 fn a_denoised_picture_stands_beside_the_image() {
     let folder = folder();

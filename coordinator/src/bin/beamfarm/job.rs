@@ -115,8 +115,8 @@ pub enum Aov {
     /// Y: photon targets before the first surface, or on it. Where the scene's targeting is "reject", photons that miss
     /// them are dropped, and the image is biased
     Targets,
-    /// R, G, B: what passes of odd index add to the beauty, which is the sum of them and the others. Half of the picture
-    /// that knows nothing of the other's noise, for `beamfarm denoise`
+    /// R, G, B: what passes of odd index add to the beauty: about half of it, which knows nothing of the noise of the
+    /// other half, for `beamfarm denoise`
     Odd,
     /// CryptoObject00 to 02: which objects cover the pixel, by the convention of Cryptomatte
     CryptoObject,

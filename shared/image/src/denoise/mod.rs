@@ -2,9 +2,10 @@
 //!
 //! The passes of even and of odd index make two pictures of the same, with noise of which one knows nothing of the
 //! other. That noise is alike in neighbouring pixels, since a photon's kernel covers many; so no filter can judge by
-//! what neighbours differ by. Here each half is filtered by itself ([`weights`]), at several resolutions, and the other
-//! half, which that filter has not seen, says pixel by pixel how much of it is taken in ([`blend`]): where it is no gain
-//! the average stays.
+//! what neighbours differ by. Here each half is filtered by itself, at several resolutions, and the other half, which
+//! that filter has not seen, says pixel by pixel how much of it is taken in: where it is no gain the average stays.
+//!
+//! Distances of patches as Rousselle, Knaus, Zwicker 2012, *Adaptive rendering with non-local means filtering*.
 
 mod blend;
 mod plane;
@@ -160,7 +161,8 @@ struct Feature {
     least: f32,
 }
 
-/// Albedo, normal, and how near the first surface is: 1 at the camera, 1/2 at a mean of distances, 0 where there is none.
+/// Albedo, normal, and how near the first surface is: 1 at the camera, 1/2 at a mean of distances, 0 where there is
+/// none.
 fn features(input: &Input) -> Vec<Feature> {
     let (width, height) = (input.beauty.width as usize, input.beauty.height as usize);
     let film = |film: &Film, least| {

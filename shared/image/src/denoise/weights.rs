@@ -243,8 +243,8 @@ impl Scratch {
     /// Fill in the squares.
     fn compare(&mut self, band: &Band, (dx, dy): (isize, isize), columns: &Range<usize>) {
         let other = columns.start.wrapping_add_signed(dx)..columns.end.wrapping_add_signed(dx);
-        for (i, squares) in (0..band.rows.len() + 2 * PATCH).enumerate() {
-            let y = (band.rows.start + squares).wrapping_sub(PATCH);
+        for i in 0..band.rows.len() + 2 * PATCH {
+            let y = (band.rows.start + i).wrapping_sub(PATCH);
             let other_y = y.wrapping_add_signed(dy);
             let is_there = y < band.height && other_y < band.height;
             for (half, squares) in band.halves.iter().zip(&mut self.squares) {

@@ -56,8 +56,8 @@ impl DenoisedMeta {
     }
 }
 
-/// Write a denoised picture: R, G, B, float32, lossless ZIP. Its attribute `beamfarmDenoised` says that it is biased, and
-/// it has no set of passes, whose average it is not.
+/// Write a denoised picture: R, G, B, float32, lossless ZIP. Its attribute `beamfarmDenoised` says that it is biased,
+/// and it has no set of passes, whose average it is not.
 pub fn write_denoised(path: &Path, film: &Film, meta: &DenoisedMeta) -> Result<(), ImageError> {
     let size = Vec2(film.width as usize, film.height as usize);
     if size.area() == 0 || film.pixels.len() != size.area() {

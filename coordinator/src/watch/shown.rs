@@ -72,7 +72,7 @@ fn encode_layer(layer: &Layer, film: &Film, view: View) -> Result<Vec<u8>, Image
             let scale = if most > 0.0 { 1.0 / most } else { 0.0 };
             encode_grey(film, |pixel| pixel[0] * scale)
         }
-        Layer::Direct | Layer::Surface | Layer::Volume | Layer::Light(_) => encode_png(film, view),
+        Layer::Direct | Layer::Surface | Layer::Volume | Layer::Light(_) | Layer::Odd => encode_png(film, view),
     }
 }
 

@@ -1,6 +1,8 @@
 //! Rendering, on one machine and over several: exit codes, what stands on stdout and stderr, what survives a signal.
 
-use crate::setup::{beamfarm, fail, folder_with, line, run, scene, signal, spawn, succeed, text};
+use crate::setup::{
+    attribute, beamfarm, fail, find_attribute, folder_with, line, run, scene, signal, spawn, succeed, text,
+};
 use std::path::Path;
 use std::time::Duration;
 use tempfile::TempDir;
@@ -411,7 +413,7 @@ fn layers_stand_beside_the_same_beauty() {
     let expected = [
         "A", "B", "G", "R", "albedo.B", "albedo.G", "albedo.R", "beam_density.Y", "depth.Z", "direct.B", "direct.G", "direct.R",
         "light_lights[0].B", "light_lights[0].G", "light_lights[0].R", "motion.u", "motion.v", "normal.X", "normal.Y", "normal.Z",
-        "stderr.B", "stderr.G", "stderr.R", "surface.B", "surface.G", "surface.R", "targets.Y", "volume.B", "volume.G", "volume.R",
+        "odd.B", "odd.G", "odd.R", "stderr.B", "stderr.G", "stderr.R", "surface.B", "surface.G", "surface.R", "targets.Y", "volume.B", "volume.G", "volume.R",
     ];
     let (mattes, others): (Vec<String>, Vec<String>) = channels("all.exr")
         .into_iter()
@@ -420,6 +422,47 @@ fn layers_stand_beside_the_same_beauty() {
     assert_eq!(mattes.len(), 2 * 3 * 4, "{mattes:?}");
     let (code, message) = fail(folder, &["render", "scene.toml", "--aov", "deep"]);
     assert!(code == 2 && message.contains("beam_density"), "{message}");
+}
+
+/// A denoised picture stands beside the image, which keeps its bits, and says that it is biased; `denoise` makes the
+/// same of the image.
+#[test]
+fn a_denoised_picture_stands_beside_the_image() {
+    let folder = folder();
+    let folder = folder.path();
+    let plain = succeed(folder, &["render", "scene.toml", "-o", "plain.exr"]);
+    let both = succeed(folder, &["render", "scene.toml", "-o", "both.exr", "--denoise"]);
+    assert_eq!(line(&plain, "pixels"), line(&both, "pixels"));
+    assert!(both.contains("wrote both.denoised.exr"), "{both}");
+    assert!(folder.join("both.denoised.png").exists() && !folder.join("plain.denoised.exr").exists());
+    let denoised = folder.join("both.denoised.exr");
+    assert!(attribute(&denoised, "beamfarmDenoised").starts_with("biased"));
+    assert_eq!(attribute(&denoised, "beamfarmPasses"), "6");
+    assert_eq!(find_attribute(&denoised, "beamfarmPassSet"), None);
+    assert_eq!(find_attribute(&folder.join("both.exr"), "beamfarmDenoised"), None);
+
+    let said = succeed(folder, &["denoise", "both.exr", "-o", "again.exr"]);
+    assert!(said.contains("biased, of 6 passes"), "{said}");
+    let compared = succeed(folder, &["compare", "both.denoised.exr", "again.exr"]);
+    assert!(compared.contains("identical"), "{compared}");
+    let (code, message) = fail(folder, &["denoise", "plain.exr"]);
+    assert!(
+        code == 2 && message.contains("plain.exr: there is no channel odd.R"),
+        "{message}"
+    );
+    let (code, message) = fail(folder, &["denoise", "both.exr", "-o", "both.exr"]);
+    assert!(code == 2 && message.contains("another name"), "{message}");
+
+    // Of one pass there are no halves: the image is written all the same.
+    let (one, stderr) = {
+        let output = run(
+            folder,
+            &["render", "scene.toml", "-o", "one.exr", "--denoise", "--passes", "1"],
+        );
+        (output.status.success(), text(&output.stderr).to_owned())
+    };
+    assert!(one && stderr.contains("expected 2 at least"), "{stderr}");
+    assert!(folder.join("one.exr").exists() && !folder.join("one.denoised.exr").exists());
 }
 
 const MITSUBA: &str = r#"<scene version="3.0.0">

@@ -37,6 +37,9 @@ pub enum Layer {
     BeamDensity,
     /// Photon targets before the first surface, or on it.
     Targets,
+    /// The radiance of passes of odd index, black in those of even index: what [`denoise`](crate::denoise) tells noise
+    /// from picture by. Its mean is over all passes, as every layer's is: about half of the beauty.
+    Odd,
     /// Which objects cover the pixel: a [`Matte`](crate::matte::Matte), not a film. Such layers come last in a job.
     Objects,
     /// Which materials do.
@@ -190,6 +193,7 @@ impl fmt::Display for Layer {
             Self::Motion => "motion",
             Self::BeamDensity => "beam_density",
             Self::Targets => "targets",
+            Self::Odd => "odd",
             Self::Objects => "crypto_object",
             Self::Materials => "crypto_material",
             Self::Light(group) => return write!(f, "light_{}", group.0),
@@ -212,6 +216,7 @@ impl FromStr for Layer {
             "motion" => Self::Motion,
             "beam_density" => Self::BeamDensity,
             "targets" => Self::Targets,
+            "odd" => Self::Odd,
             "crypto_object" => Self::Objects,
             "crypto_material" => Self::Materials,
             _ => match name.strip_prefix("light_") {
@@ -275,6 +280,7 @@ mod tests {
             Layer::Motion,
             Layer::BeamDensity,
             Layer::Targets,
+            Layer::Odd,
             Layer::Light(LightGroup::named("key light")),
             Layer::Light(LightGroup::named("")),
             Layer::Light(LightGroup::named("a.b/ü")),
@@ -282,7 +288,7 @@ mod tests {
             Layer::Materials,
         ];
         let names = layers.each_ref().map(Layer::to_string);
-        assert_eq!(names[12], "light_a_b__");
+        assert_eq!(names[13], "light_a_b__");
         let read = parse_all(names.iter().map(String::as_str)).unwrap();
         assert_eq!(read, layers);
         for bad in ["", "beauty", "Depth", "light_", "light_a.b"] {
@@ -293,6 +299,6 @@ mod tests {
         assert!(parse_all(["depth", "depth"].into_iter()).is_err());
         assert!(parse_all(["crypto_object", "depth"].into_iter()).is_err());
         let counts = LayerCounts::of(&layers);
-        assert_eq!(counts.to_string(), "13 layers and 2 mattes");
+        assert_eq!(counts.to_string(), "14 layers and 2 mattes");
     }
 }

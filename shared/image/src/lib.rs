@@ -11,10 +11,12 @@
 //! | how large is the bias of the average? | [`bias`]   |
 //! | how do two images differ?             | [`metrics`] |
 //! | how does a screen show radiance?      | [`view`]   |
+//! | what would it be without noise?       | [`denoise`] |
 
 pub mod atomic;
 pub mod bias;
 pub mod bundle;
+pub mod denoise;
 pub mod error;
 pub mod exr;
 pub mod film;

@@ -205,7 +205,8 @@ impl Parts {
         let first = |value: fn(&(f32, Vec3, Rgb)) -> Vec3| self.first.as_ref().map_or(Vec3::ZERO, value);
         let value = match layer {
             Layer::Alpha => Vec3::new(1.0 - self.let_through, 0.0, 0.0),
-            Layer::Objects | Layer::Materials => Vec3::ZERO,
+            // Not of a path: of the mattes, and of the pass as a whole.
+            Layer::Objects | Layer::Materials | Layer::Odd => Vec3::ZERO,
             Layer::Depth => first(|f| Vec3::new(f.0, 1.0, 0.0)),
             Layer::Normal => first(|f| f.1),
             Layer::Albedo => first(|f| f.2),

@@ -16,6 +16,7 @@ use crate::transport::{CameraTracer, PathContext};
 use crate::world::Scene;
 use beamfarm_image::film::Film;
 use beamfarm_image::job::PassStats;
+use beamfarm_image::layer::Layer;
 use beamfarm_image::matte::{Matte, NOTHING};
 use beamfarm_image::radius::Schedule;
 use rayon::prelude::*;
@@ -392,9 +393,13 @@ impl<V: Sight> CameraPass<'_, V> {
             work += self.gather_beams(beams, tile_number(x0, y0), scratch, &mut radiance);
         }
         let parts = &scratch.parts;
-        let values = |(number, layer)| {
-            let group = plan.group_of_layer(number);
-            std::array::from_fn(|i| parts[i].value(layer, group))
+        let is_odd = self.pass_index % 2 == 1;
+        let values = |(number, layer): (usize, &Layer)| match layer {
+            Layer::Odd if is_odd => radiance.map(|value| value.to_array()),
+            _ => {
+                let group = plan.group_of_layer(number);
+                std::array::from_fn(|i| parts[i].value(layer, group))
+            }
         };
         Tile {
             radiance,

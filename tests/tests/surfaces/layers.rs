@@ -113,6 +113,18 @@ fn assert_sum(beauty: &Film, parts: &[&Film]) {
 }
 
 #[test]
+fn the_layer_of_odd_passes_is_their_beauty_and_black_in_others() {
+    let scene = scene(ROOM);
+    for pass_index in [4, 5] {
+        let with = pass(&scene, &[Layer::Odd], pass_index);
+        match pass_index {
+            5 => assert!(with.layers[0] == with.film, "bits"),
+            _ => assert_eq!(with.layers[0], Film::new(with.film.width, with.film.height)),
+        }
+    }
+}
+
+#[test]
 fn the_beauty_is_the_sum_of_its_parts_and_the_same_without_them() {
     let scene = scene(ROOM);
     let layers = layers(&scene);

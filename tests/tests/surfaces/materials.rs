@@ -319,7 +319,7 @@ fn values_are_reciprocal() {
             let forth = bsdf.eval(a, b, TransportMode::Radiance);
             let flux = bsdf.eval(b, a, TransportMode::Flux);
             let eta2 = |d: Vec3| {
-                let eta = material.eta_of_crossing(d.z < 0.0).max(1.0);
+                let eta = material.eta_of_crossing(d.z < 0.0, None).max(1.0);
                 eta * eta
             };
             let back = bsdf.eval(b, a, TransportMode::Radiance) * (eta2(b) / eta2(a)).recip();

@@ -116,6 +116,9 @@ pub enum Aov {
     /// Y: photon targets before the first surface, or on it. Where the scene's targeting is "reject", photons that miss
     /// them are dropped, and the image is biased
     Targets,
+    /// R, G, B: what passes of odd index add to the beauty: about half of it, which knows nothing of the noise of the
+    /// other half, for `beamfarm denoise`
+    Odd,
     /// CryptoObject00 to 02: which objects cover the pixel, by the convention of Cryptomatte
     CryptoObject,
     /// CryptoMaterial00 to 02: which materials do
@@ -125,6 +128,9 @@ pub enum Aov {
 }
 
 impl Aov {
+    /// What a picture is denoised by.
+    const DENOISING: [Self; 4] = [Self::Depth, Self::Normal, Self::Albedo, Self::Odd];
+
     /// Those that were asked for, each once.
     pub fn all(asked: &[Self]) -> Vec<Self> {
         let wanted = |aov: &Self| asked.contains(aov) || asked.contains(&Self::All);
@@ -147,6 +153,7 @@ impl Aov {
             Self::Motion => "motion.",
             Self::BeamDensity => "beam_density.",
             Self::Targets => "targets.",
+            Self::Odd => "odd.",
             Self::CryptoObject => "CryptoObject",
             Self::CryptoMaterial => "CryptoMaterial",
             Self::All => "",
@@ -166,6 +173,7 @@ impl Aov {
             Self::Motion => vec![Layer::Motion],
             Self::BeamDensity => vec![Layer::BeamDensity],
             Self::Targets => vec![Layer::Targets],
+            Self::Odd => vec![Layer::Odd],
             Self::CryptoObject => vec![Layer::Objects],
             Self::CryptoMaterial => vec![Layer::Materials],
             Self::Stderr | Self::All => Vec::new(),
@@ -551,6 +559,11 @@ pub struct JobArgs {
     #[arg(long, value_name = "K", default_value_t = 0, hide_default_value = true)]
     pub first_pass: u64,
 
+    /// Write a picture with less noise as well, OUT.denoised.exr and .png: biased, beside the image and never in its
+    /// place. Renders the layers that it needs, as `--aov odd,albedo,normal,depth` does
+    #[arg(long)]
+    pub denoise: bool,
+
     #[command(flatten)]
     pub view: ViewArgs,
 
@@ -574,6 +587,14 @@ fn target_error(text: &str) -> Result<f64, String> {
 }
 
 impl JobArgs {
+    /// The same, with the layers that other options take.
+    pub fn with_implied_layers(mut self) -> Self {
+        if self.denoise {
+            self.settings.aov.extend(Aov::DENOISING);
+        }
+        self
+    }
+
     /// When the image is good enough.
     pub fn target(&self) -> Option<Target> {
         let percentile = self.target_percentile;
@@ -592,6 +613,7 @@ impl JobArgs {
             drops_photons: loaded.defaults.targeting == Targeting::Reject,
             names: loaded.description.names(),
             empty_depth: loaded.defaults.empty_depth,
+            denoise: self.denoise,
             ..Output::new(output, &self.settings.of.scene, ending, loaded.standard_error)?
         })
     }

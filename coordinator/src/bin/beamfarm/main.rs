@@ -3,6 +3,7 @@
 mod at_work;
 mod conduct;
 mod convert;
+mod denoise;
 mod directory;
 mod documents;
 mod explain;
@@ -127,6 +128,9 @@ enum Command {
     /// Render one pixel over and over, and compare its variance and bias with the theory of convergence
     #[command(after_help = convergence::EXAMPLES)]
     Convergence(convergence::ConvergenceArgs),
+    /// Make a picture with less noise of an image that has the layers for it
+    #[command(after_help = denoise::EXAMPLES)]
+    Denoise(denoise::DenoiseArgs),
     /// Write a scene of Mitsuba 3 in the native form
     #[command(after_help = convert::EXAMPLES)]
     Convert(convert::ConvertArgs),
@@ -192,6 +196,7 @@ fn main() -> ExitCode {
         Command::Reference(args) => reference::main(args),
         Command::Compare(args) => compare::main(args),
         Command::Convergence(args) => convergence::main(args),
+        Command::Denoise(args) => denoise::main(args),
         Command::Convert(args) => convert::main(args),
         Command::Explain(args) => explain::main(args),
         Command::Completions(args) => documents::completions::<Options>(args),

@@ -2,8 +2,11 @@
 
 use crate::failure::Failure;
 use beamfarm_image::atomic::remove_leftovers;
+use beamfarm_image::denoise::{Input, denoise};
 use beamfarm_image::error::ImageError;
-use beamfarm_image::exr::{ImageMeta, Names, Provenance, write_image};
+use beamfarm_image::exr::{DenoisedMeta, ImageMeta, Names, Provenance, write_denoised, write_image};
+use beamfarm_image::film::Film;
+use beamfarm_image::layer::Layer;
 use beamfarm_image::merge::Average;
 use beamfarm_image::png::write_png;
 use beamfarm_image::view::View;
@@ -11,6 +14,7 @@ use beamfarm_worker::visible;
 use std::ffi::OsStr;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
+use tracing::warn;
 
 /// Print a text that people page through or cut short: a reader that goes away before its end is no failure.
 pub fn print_text(text: &str) -> Result<(), Failure> {
@@ -38,6 +42,8 @@ pub struct Output {
     pub names: Names,
     /// Depth where nothing is; `None`: infinite.
     pub empty_depth: Option<f32>,
+    /// Whether a picture with less noise is written as well, beside the image.
+    pub denoise: bool,
 }
 
 impl Output {
@@ -74,6 +80,7 @@ impl Output {
             drops_photons: false,
             names: Names::default(),
             empty_depth: None,
+            denoise: false,
         })
     }
 
@@ -91,11 +98,51 @@ impl Output {
         stem.to_string_lossy().into_owned()
     }
 
-    /// Write both.
+    /// Write both, and the denoised picture where it is asked for. That one is not worth an image: where it cannot be
+    /// made the log says why.
     pub fn write(&self, average: &Average, meta: &ImageMeta, view: View) -> Result<(), ImageError> {
         write_image(&self.exr, average, meta)?;
-        write_png(&self.png, &average.beauty, view)
+        write_png(&self.png, &average.beauty, view)?;
+        if self.denoise {
+            let path = denoised_name(&self.exr);
+            match denoised(average, meta) {
+                Ok((film, meta)) => write_both(&path, &film, &meta, view)?,
+                Err(why) => warn!("{} is not written: {why}", path.display()),
+            }
+        }
+        Ok(())
     }
+}
+
+/// What the denoised picture beside an image is called.
+pub fn denoised_name(image: &Path) -> PathBuf {
+    image.with_extension("denoised.exr")
+}
+
+/// Write a denoised picture as EXR, and as PNG beside it.
+pub fn write_both(path: &Path, film: &Film, meta: &DenoisedMeta, view: View) -> Result<(), ImageError> {
+    write_denoised(path, film, meta)?;
+    write_png(&path.with_extension("png"), film, view)
+}
+
+fn denoised(average: &Average, meta: &ImageMeta) -> Result<(Film, DenoisedMeta), String> {
+    let find = |wanted: &Layer| {
+        let mut both = meta.layers.iter().zip(&average.layers);
+        let found = both.find(|(layer, _)| *layer == wanted);
+        let (_, film) = found.ok_or_else(|| format!("there is no layer {wanted}"))?;
+        Ok::<_, String>(film)
+    };
+    let depth = Layer::Depth.in_image(find(&Layer::Depth)?, meta.empty_depth.unwrap_or(f32::INFINITY));
+    let film = denoise(&Input {
+        passes: average.passes,
+        beauty: &average.beauty,
+        odd: find(&Layer::Odd)?,
+        albedo: find(&Layer::Albedo)?,
+        normal: find(&Layer::Normal)?,
+        depth: depth.first().map_or(&[], |(_, values)| values),
+    });
+    let film = film.map_err(|error| error.to_string())?;
+    Ok((film, DenoisedMeta::of(average, meta)))
 }
 
 /// A scene's file as FOLDER/FILE; nothing for one that is not there.

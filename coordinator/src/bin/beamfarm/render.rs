@@ -22,6 +22,7 @@ Examples:
   beamfarm render scene.toml --time 60s             as many passes as a minute allows
   beamfarm render scene.toml --passes 1000 -o a.exr
   beamfarm render scene.toml --workers 1 --threads 8
+  beamfarm render scene.toml --passes 8 --denoise   scene.denoised.exr and .png as well
   beamfarm render scene.toml --frames 1-48 -o out/frame.####.exr
                                                     frames of its animation, one after the other
   beamfarm render scene.xml -D spp=256              a scene of Mitsuba 3, with a value for its $spp
@@ -52,6 +53,10 @@ pub struct RenderArgs {
 }
 
 pub fn main(args: RenderArgs, log: &LogArgs) -> Result<(), Failure> {
+    let args = RenderArgs {
+        job: args.job.with_implied_layers(),
+        ..args
+    };
     if args.with_parent {
         end_with_parent().map_err(Failure::io)?;
     }

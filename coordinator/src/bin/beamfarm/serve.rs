@@ -52,6 +52,10 @@ pub struct ServeArgs {
 }
 
 pub fn main(args: ServeArgs) -> Result<(), Failure> {
+    let args = ServeArgs {
+        job: args.job.with_implied_layers(),
+        ..args
+    };
     if args.with_parent {
         end_with_parent().map_err(Failure::io)?;
     }

@@ -3,7 +3,7 @@
 use crate::failure::Failure;
 use crate::image::Written;
 use crate::job::JobArgs;
-use crate::output::Output;
+use crate::output::{Output, denoised_name};
 use crate::progress::si;
 use beamfarm_coordinator::store::{BiasReport, Report, Stopped};
 use beamfarm_coordinator::{End, Farm};
@@ -97,6 +97,10 @@ impl Summary<'_> {
                 self.output.png.display(),
                 self.output.exr.with_extension("csv").display()
             );
+            if self.output.denoise && average.passes > 1 {
+                let denoised = denoised_name(&self.output.exr);
+                say!("wrote {}, its PNG beside it: denoised, and biased", denoised.display());
+            }
             say!(
                 "{} passes in {seconds:.1} s ({:.2} passes/s, {}beams/s) from {} workers",
                 average.passes,

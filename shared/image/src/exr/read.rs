@@ -47,6 +47,44 @@ pub fn read_standard_error(path: &Path) -> Result<Option<Film>, ImageError> {
     }
 }
 
+/// Width, height, and the values of channels by their whole names, of the first layer of a file, which need not be
+/// trusted. Half or float.
+pub fn read_channels(path: &Path, names: &[&str]) -> Result<([u32; 2], Vec<Vec<f32>>), ImageError> {
+    let bytes = std::fs::read(path).map_err(|source| ImageError::Io {
+        path: path.to_owned(),
+        source,
+    })?;
+    let read = check_claims(&bytes, false).and_then(|()| without_panic(|| decode_channels(&bytes, names)));
+    read.map_err(|message| ImageError::File {
+        path: path.to_owned(),
+        message,
+    })
+}
+
+fn decode_channels(bytes: &[u8], names: &[&str]) -> Result<([u32; 2], Vec<Vec<f32>>), String> {
+    let reader = exr::image::read::read()
+        .no_deep_data()
+        .largest_resolution_level()
+        .all_channels();
+    let reader = reader.first_valid_layer().all_attributes().non_parallel();
+    let image = reader
+        .from_buffered(Cursor::new(bytes))
+        .map_err(|error| error.to_string())?;
+    let layer = image.layer_data;
+    let find = |name: &&str| {
+        let mut channels = layer.channel_data.list.iter();
+        let found = channels.find(|channel| channel.name.eq(*name));
+        let channel = found.ok_or_else(|| format!("there is no channel {name}"))?;
+        let values: Vec<f32> = channel.sample_data.values_as_f32().collect();
+        match values.len() == layer.size.area() {
+            true => Ok(values),
+            false => Err(format!("channel {name} has fewer pixels than the image")),
+        }
+    };
+    let values: Result<Vec<Vec<f32>>, String> = names.iter().map(find).collect();
+    Ok(([layer.size.0 as u32, layer.size.1 as u32], values?))
+}
+
 /// Pixels of the largest image that is read.
 const MAX_PIXELS: usize = 1 << 27;
 /// Decoded bytes per byte of the file at most. Deflate reaches 1032; the other methods of EXR stay below it.

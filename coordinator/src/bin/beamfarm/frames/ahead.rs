@@ -6,7 +6,7 @@ use crate::directory::{Directory, prepare};
 use crate::failure::Failure;
 use crate::job::{Aov, Budgeted, JobArgs};
 use crate::onlookers::Share;
-use crate::output::Output;
+use crate::output::{Output, denoised_name};
 use beamfarm_coordinator::{JobSpec, Start};
 use beamfarm_image::error::ImageError;
 use beamfarm_image::exr::{MadeOf, read_rgb};
@@ -103,6 +103,7 @@ impl Order {
         let image = Output::path(args.output.as_deref(), &of.scene, &ending)?;
         if let Some(made) = MadeOf::read(&image)
             && image.with_extension("png").exists()
+            && (!args.denoise || denoised_name(&image).exists())
         {
             // No pilot is needed to see that nothing is to be done.
             let file = of.file()?;

@@ -1,0 +1,321 @@
+//! A picture with less noise than the average of its passes, and with a bias: never in place of the average.
+//!
+//! The passes of even and of odd index make two pictures of the same, with noise of which one knows nothing of the
+//! other. That noise is alike in neighbouring pixels, since a photon's kernel covers many; so no filter can judge by
+//! what neighbours differ by. Here each half is filtered by itself, at several resolutions, and the other half, which
+//! that filter has not seen, says pixel by pixel how much of it is taken in: where it is no gain the average stays.
+//!
+//! Distances of patches as Rousselle, Knaus, Zwicker 2012, *Adaptive rendering with non-local means filtering*.
+
+mod blend;
+mod plane;
+mod weights;
+
+use crate::film::Film;
+use blend::Blend;
+use plane::{Colours, Plane, each};
+use weights::{Halves, Patch, Strength, filtered};
+
+/// Halvings of the resolution, at most.
+const LEVELS: usize = 3;
+/// Pictures whose shorter side has less pixels are not halved.
+const MIN_SIDE: usize = 32;
+
+/// What a picture is denoised by: the average of passes, and what was rendered beside it.
+#[derive(Clone, Copy, Debug)]
+pub struct Input<'a> {
+    /// How many passes.
+    pub passes: u64,
+    /// Their mean radiance.
+    pub beauty: &'a Film,
+    /// Mean over all passes of [`Layer::Odd`](crate::layer::Layer::Odd).
+    pub odd: &'a Film,
+    /// Mean of [`Layer::Albedo`](crate::layer::Layer::Albedo).
+    pub albedo: &'a Film,
+    /// Mean of [`Layer::Normal`](crate::layer::Layer::Normal).
+    pub normal: &'a Film,
+    /// Distance of the first surface, pixel by pixel; infinite, or very large, where there is none.
+    pub depth: &'a [f32],
+}
+
+/// A picture that cannot be denoised.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum DenoiseError {
+    /// There are no two halves.
+    #[error("there are {0} passes; expected 2 at least, half of which tell the noise of the others")]
+    Passes(u64),
+    /// Layers of other sizes, or of none.
+    #[error("{what}: {found} pixels, expected {expected}")]
+    Size {
+        /// Which layer.
+        what: &'static str,
+        /// Pixels of the layer.
+        found: usize,
+        /// Pixels of the beauty.
+        expected: usize,
+    },
+    /// A value that is not a number, or infinite.
+    #[error("{what} has a NaN or an infinity at x = {x}, y = {y}")]
+    NonFinite {
+        /// Which layer.
+        what: &'static str,
+        /// Column of the first such pixel.
+        x: u32,
+        /// Row of the first such pixel.
+        y: u32,
+    },
+}
+
+impl Input<'_> {
+    fn check(&self) -> Result<(), DenoiseError> {
+        if self.passes < 2 {
+            return Err(DenoiseError::Passes(self.passes));
+        }
+        let expected = self.beauty.pixels.len();
+        let films = [
+            ("beauty", self.beauty),
+            ("odd", self.odd),
+            ("albedo", self.albedo),
+            ("normal", self.normal),
+        ];
+        for (what, film) in films {
+            let found = film.pixels.len();
+            let [width, height] = [film.width as usize, film.height as usize];
+            let is_like = [film.width, film.height] == [self.beauty.width, self.beauty.height];
+            if found == 0 || !is_like || width.checked_mul(height) != Some(found) {
+                return Err(DenoiseError::Size { what, found, expected });
+            }
+            if let Some(i) = film.pixels.iter().position(|p| !p.iter().all(|v| v.is_finite())) {
+                let (x, y) = (i as u32 % film.width, i as u32 / film.width);
+                return Err(DenoiseError::NonFinite { what, x, y });
+            }
+        }
+        match self.depth.len() {
+            found if found != expected => Err(DenoiseError::Size {
+                what: "depth",
+                found,
+                expected,
+            }),
+            _ => Ok(()),
+        }
+    }
+}
+
+/// The picture with less noise. Its bits do not depend on the number of threads.
+pub fn denoise(input: &Input) -> Result<Film, DenoiseError> {
+    input.check()?;
+    let beauty = input.beauty;
+    // Of values around one no square is beyond what numbers can hold.
+    let values = beauty.pixels.as_flattened();
+    let magnitude = values.iter().map(|v| f64::from(v.abs())).sum::<f64>() / values.len() as f64;
+    if magnitude == 0.0 {
+        return Ok(beauty.clone());
+    }
+    let passes = input.passes as f64;
+    let odd_passes = (input.passes / 2) as f64;
+    let even_passes = passes - odd_passes;
+    let even = colours(beauty, |i, c| {
+        let even = f64::from(beauty.pixels[i][c]) - f64::from(input.odd.pixels[i][c]);
+        even * passes / (even_passes * magnitude)
+    });
+    let odd = colours(beauty, |i, c| {
+        f64::from(input.odd.pixels[i][c]) * passes / (odd_passes * magnitude)
+    });
+    let level = Level {
+        halves: [even, odd],
+        features: features(input),
+        halvings: 0,
+    };
+    let [even, odd] = level.denoised();
+    let mut film = Film::new(beauty.width, beauty.height);
+    for (i, pixel) in film.pixels.iter_mut().enumerate() {
+        *pixel = std::array::from_fn(|c| {
+            let sum = f64::from(even[c].values[i]) * even_passes + f64::from(odd[c].values[i]) * odd_passes;
+            (sum * magnitude / passes) as f32
+        });
+    }
+    Ok(film)
+}
+
+fn colours(like: &Film, value: impl Fn(usize, usize) -> f64 + Sync) -> Colours {
+    let (width, height) = (like.width as usize, like.height as usize);
+    each(|c| {
+        Plane::from_rows(width, height, |y, row| {
+            for (x, out) in row.iter_mut().enumerate() {
+                *out = value(y * width + x, c) as f32;
+            }
+        })
+    })
+}
+
+/// By how much features of pixels that belong together differ, where no slope says more.
+const ALBEDO: f32 = 0.02;
+const NORMAL: f32 = 0.06;
+const NEARNESS: f32 = 0.03;
+/// How many times the slope of a feature it may differ by.
+const SLOPES: f32 = 2.0;
+
+/// A feature, and what it may differ by.
+struct Feature {
+    plane: Plane,
+    least: f32,
+}
+
+/// Albedo, normal, and how near the first surface is: 1 at the camera, 1/2 at a mean of distances, 0 where there is
+/// none.
+fn features(input: &Input) -> Vec<Feature> {
+    let (width, height) = (input.beauty.width as usize, input.beauty.height as usize);
+    let film = |film: &Film, least| {
+        let planes = colours(film, |i, c| f64::from(film.pixels[i][c]));
+        planes.map(|plane| Feature { plane, least })
+    };
+    let mut features = Vec::from(film(input.albedo, ALBEDO));
+    features.extend(film(input.normal, NORMAL));
+    // What is infinitely far away, be it by the name of a large number, hardly counts.
+    let (mut sum, mut squares) = (0.0, 0.0);
+    for depth in input.depth.iter().map(|depth| f64::from(depth.abs())) {
+        if depth.is_finite() && depth > 0.0 {
+            sum += 1.0 / depth;
+            squares += 1.0 / (depth * depth);
+        }
+    }
+    let scale = if squares > 0.0 { sum / squares } else { 1.0 };
+    let plane = Plane::from_rows(width, height, |y, row| {
+        for (x, out) in row.iter_mut().enumerate() {
+            let depth = f64::from(input.depth[y * width + x].abs());
+            let near = scale / (scale + depth);
+            *out = if near.is_finite() { near as f32 } else { 0.0 };
+        }
+    });
+    features.push(Feature { plane, least: NEARNESS });
+    features
+}
+
+/// How pixels are compared, from careful to bold.
+const STRENGTHS: [Strength; 3] = [
+    Strength {
+        patch: Patch::Small,
+        errors: 0.45,
+    },
+    Strength {
+        patch: Patch::Large,
+        errors: 0.45,
+    },
+    Strength {
+        patch: Patch::Large,
+        errors: 1.0,
+    },
+];
+
+/// Pixels around each over which relative variances are averaged, to all sides.
+const VARIANCE_RADIUS: usize = 8;
+/// Pixels around each whose radiance variances are relative to.
+const RADIANCE_RADIUS: usize = 2;
+/// Part of the mean radiance that stands for less.
+const DARK: f32 = 0.05;
+
+/// The picture at one resolution.
+struct Level {
+    halves: Halves,
+    features: Vec<Feature>,
+    halvings: usize,
+}
+
+impl Level {
+    fn denoised(&self) -> Halves {
+        let variance = self.variance();
+        let features: Vec<(Plane, Plane)> = self.features.iter().map(Feature::with_tolerance).collect();
+        let candidates = filtered(&self.halves, &variance, &features, STRENGTHS);
+        let mut blend = Blend::new(&self.halves, &variance);
+        for candidate in &candidates {
+            blend.take_in(candidate);
+        }
+        let [width, height] = self.size();
+        if self.halvings < LEVELS && width.min(height) >= MIN_SIDE {
+            let coarse = self.halved().denoised();
+            let now = blend.halves();
+            // What is coarse in the picture is replaced.
+            let candidate = std::array::from_fn(|side: usize| {
+                each(|c| {
+                    let plane = &now[side][c];
+                    let before = plane.halved();
+                    let change = Plane::of([&coarse[side][c], &before], |[new, old]| new - old);
+                    Plane::of([plane, &change.doubled(width, height)], |[value, change]| {
+                        value + change
+                    })
+                })
+            });
+            blend.take_in(&candidate);
+        }
+        blend.into_halves()
+    }
+
+    fn size(&self) -> [usize; 2] {
+        [self.halves[0][0].width, self.halves[0][0].height]
+    }
+
+    /// Of each half, by what the halves differ by. Averaged relative to the radiance, and widely: what a pixel's own
+    /// halves differ by must not say how much it is filtered, or those that are wrong alike would stay so.
+    fn variance(&self) -> Colours {
+        let [even, odd] = &self.halves;
+        let mut mean = Plane::new(even[0].width, even[0].height);
+        for plane in even.iter().chain(odd) {
+            mean = Plane::of([&mean, plane], |[mean, value]| mean + value / 6.0);
+        }
+        let mean = mean.blurred(RADIANCE_RADIUS);
+        let squares = mean.values.iter().map(|v| f64::from(v.abs())).sum::<f64>() / mean.values.len() as f64;
+        let dark = DARK * squares as f32;
+        let square = Plane::of([&mean], |[mean]| mean * mean + dark * dark + f32::MIN_POSITIVE);
+        each(|c| {
+            let relative = Plane::of([&even[c], &odd[c], &square], |[even, odd, square]| {
+                0.5 * (even - odd) * (even - odd) / square
+            });
+            let relative = relative.blurred(VARIANCE_RADIUS);
+            Plane::of([&relative, &square], |[relative, square]| relative * square)
+        })
+    }
+
+    /// At half the resolution.
+    fn halved(&self) -> Self {
+        Self {
+            halves: std::array::from_fn(|side: usize| each(|c| self.halves[side][c].halved())),
+            features: self.features.iter().map(Feature::halved).collect(),
+            halvings: self.halvings + 1,
+        }
+    }
+}
+
+impl Feature {
+    fn halved(&self) -> Self {
+        Self {
+            plane: self.plane.halved(),
+            least: self.least,
+        }
+    }
+
+    /// With the inverse of the square that it may differ by. A ramp may differ by its slope; a step has none.
+    fn with_tolerance(&self) -> (Plane, Plane) {
+        let plane = &self.plane;
+        let least = self.least * self.least;
+        let inverse = Plane::from_rows(plane.width, plane.height, |y, row| {
+            let last = (plane.width - 1, plane.height - 1);
+            let (above, here, below) = (
+                plane.row(y.saturating_sub(1)),
+                plane.row(y),
+                plane.row(last.1.min(y + 1)),
+            );
+            for (x, out) in row.iter_mut().enumerate() {
+                let value = here[x];
+                let slope = |before: f32, after: f32| {
+                    let (before, after) = ((value - before).abs(), (after - value).abs());
+                    if before < after { before } else { after }
+                };
+                let across = slope(here[x.saturating_sub(1)], here[last.0.min(x + 1)]);
+                let down = slope(above[x], below[x]);
+                let slopes = SLOPES * SLOPES * (across * across + down * down);
+                *out = 1.0 / if slopes > least { slopes } else { least };
+            }
+        });
+        (plane.clone(), inverse)
+    }
+}

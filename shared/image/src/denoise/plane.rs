@@ -1,0 +1,109 @@
+//! Planes of numbers: means over windows, and the pyramid.
+
+use rayon::prelude::*;
+
+/// One number a pixel, row after row.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Plane {
+    pub width: usize,
+    pub height: usize,
+    pub values: Vec<f32>,
+}
+
+impl Plane {
+    pub fn new(width: usize, height: usize) -> Self {
+        Self {
+            width,
+            height,
+            values: vec![0.0; width * height],
+        }
+    }
+
+    pub fn row(&self, y: usize) -> &[f32] {
+        &self.values[y * self.width..(y + 1) * self.width]
+    }
+
+    /// A plane of this size whose rows `fill` makes, each from its number alone.
+    pub fn from_rows(width: usize, height: usize, fill: impl Fn(usize, &mut [f32]) + Sync) -> Self {
+        let mut plane = Self::new(width, height);
+        let rows = plane.values.par_chunks_mut(width.max(1)).enumerate();
+        rows.for_each(|(y, row)| fill(y, row));
+        plane
+    }
+
+    /// A function of the values of several planes of one size, pixel by pixel.
+    pub fn of<const N: usize>(planes: [&Self; N], value: impl Fn([f32; N]) -> f32 + Sync) -> Self {
+        Self::from_rows(planes[0].width, planes[0].height, |y, row| {
+            let rows = planes.map(|plane| plane.row(y));
+            for (x, out) in row.iter_mut().enumerate() {
+                *out = value(rows.map(|row| row[x]));
+            }
+        })
+    }
+
+    /// Means over squares that reach `radius` pixels to all sides, cut off at the borders. Added up anew for each
+    /// square: sums that run along would keep what a firefly leaves of rounding.
+    pub fn blurred(&self, radius: usize) -> Self {
+        let (width, height) = (self.width, self.height);
+        let across = Self::from_rows(width, height, |y, row| {
+            let values = self.row(y);
+            for (x, out) in row.iter_mut().enumerate() {
+                let window = &values[x.saturating_sub(radius)..width.min(x + radius + 1)];
+                *out = window.iter().sum::<f32>() / window.len() as f32;
+            }
+        });
+        Self::from_rows(width, height, |y, row| {
+            let window = y.saturating_sub(radius)..height.min(y + radius + 1);
+            let count = window.len() as f32;
+            for y in window {
+                for (sum, value) in row.iter_mut().zip(across.row(y)) {
+                    *sum += value;
+                }
+            }
+            row.iter_mut().for_each(|sum| *sum /= count);
+        })
+    }
+
+    /// Half the size, rounded up: means of 2 x 2 pixels, the last ones repeated.
+    pub fn halved(&self) -> Self {
+        let last = (self.width - 1, self.height - 1);
+        Self::from_rows(self.width.div_ceil(2), self.height.div_ceil(2), |y, row| {
+            let (upper, lower) = (self.row(2 * y), self.row(last.1.min(2 * y + 1)));
+            for (x, out) in row.iter_mut().enumerate() {
+                let (left, right) = (2 * x, last.0.min(2 * x + 1));
+                *out = 0.25 * (upper[left] + upper[right] + lower[left] + lower[right]);
+            }
+        })
+    }
+
+    /// A plane of about twice the size, by straight lines between the centres of pixels.
+    pub fn doubled(&self, width: usize, height: usize) -> Self {
+        let last = (self.width - 1, self.height - 1);
+        Self::from_rows(width, height, |y, row| {
+            let ((y0, y1), v) = between(y, last.1);
+            let (upper, lower) = (self.row(y0), self.row(y1));
+            for (x, out) in row.iter_mut().enumerate() {
+                let ((x0, x1), u) = between(x, last.0);
+                let a = upper[x0] * (1.0 - u) + upper[x1] * u;
+                let b = lower[x0] * (1.0 - u) + lower[x1] * u;
+                *out = a * (1.0 - v) + b * v;
+            }
+        })
+    }
+}
+
+/// The two places of a halved line around the i-th pixel of the whole one, and how much the second counts.
+fn between(i: usize, last: usize) -> ((usize, usize), f32) {
+    match i % 2 {
+        0 => (((i / 2).saturating_sub(1).min(last), (i / 2).min(last)), 0.75),
+        _ => (((i / 2).min(last), (i / 2 + 1).min(last)), 0.25),
+    }
+}
+
+/// Red, green and blue.
+pub type Colours = [Plane; 3];
+
+/// A function of each channel.
+pub fn each(channel: impl FnMut(usize) -> Plane) -> Colours {
+    std::array::from_fn(channel)
+}

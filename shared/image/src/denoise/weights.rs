@@ -1,0 +1,301 @@
+//! Non-local means: each pixel becomes the mean of those around it that look alike.
+
+use super::plane::{Colours, Plane, each};
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// How far away pixels are looked for, to all sides.
+const REACH: isize = 7;
+/// Rows that are filtered together.
+const BAND: usize = 16;
+/// Radius of the larger patches that are compared.
+const PATCH: usize = 3;
+
+/// How pixels are compared.
+#[derive(Clone, Copy, Debug)]
+pub struct Strength {
+    /// Which patches around them.
+    pub patch: Patch,
+    /// By how many of their standard errors these may differ.
+    pub errors: f32,
+}
+
+/// Squares whose colours are compared.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Patch {
+    /// 3 x 3 pixels: fine detail stays.
+    Small,
+    /// 7 x 7: less is mistaken for detail.
+    Large,
+}
+
+/// Two halves of the passes: pictures that know nothing of each other's noise.
+pub type Halves = [Colours; 2];
+
+/// Both halves filtered, once for each strength, each by weights of its own: so the other half can judge it. What is
+/// averaged are pixels without [spikes](despiked).
+///
+/// `variance`: of each half. `features`: what says which pixels belong together beside colour, each with the inverse of
+/// the square by which it may differ.
+pub fn filtered<const K: usize>(
+    halves: &Halves,
+    variance: &Colours,
+    features: &[(Plane, Plane)],
+    strengths: [Strength; K],
+) -> [Halves; K] {
+    let (width, height) = (halves[0][0].width, halves[0][0].height);
+    let despiked: Halves = std::array::from_fn(|side: usize| despiked(&halves[side]));
+    let bands: Vec<Range<usize>> = (0..height).step_by(BAND).map(|y| y..height.min(y + BAND)).collect();
+    let whole = || std::array::from_fn(|_| std::array::from_fn(|_| Plane::new(width, height)));
+    let mut out: [Halves; K] = std::array::from_fn(|_| whole());
+    let done: Vec<Vec<Sums>> = bands
+        .par_iter()
+        .map(|rows| {
+            let band = Band {
+                halves,
+                despiked: &despiked,
+                variance,
+                features,
+                rows: rows.clone(),
+                width,
+                height,
+            };
+            band.filter(&strengths)
+        })
+        .collect();
+    for (rows, sums) in bands.into_iter().zip(done) {
+        for (candidate, sums) in out.iter_mut().zip(sums) {
+            for (half, (colours, weights)) in candidate.iter_mut().zip(sums.halves) {
+                for (plane, sum) in half.iter_mut().zip(colours) {
+                    let values = &mut plane.values[rows.start * width..rows.end * width];
+                    for ((value, sum), weight) in values.iter_mut().zip(sum).zip(&weights) {
+                        *value = sum / weight;
+                    }
+                }
+            }
+        }
+    }
+    out
+}
+
+/// Pixels around each that it must not outshine, to all sides, and which of the brightest of them it must not.
+const SPIKE_RADIUS: usize = 3;
+const SPIKE_RANK: usize = 4;
+
+/// Pixels that outshine all but four of the 7 x 7 around them, dimmed to the fifth: fireflies. Whether they are, and
+/// not what is small and bright, the other half says.
+fn despiked(half: &Colours) -> Colours {
+    let [r, g, b] = half;
+    let sum = Plane::of([r, g, b], |[r, g, b]| r + g + b);
+    let factor = Plane::from_rows(sum.width, sum.height, |y, row| {
+        let rows = y.saturating_sub(SPIKE_RADIUS)..sum.height.min(y + SPIKE_RADIUS + 1);
+        for (x, factor) in row.iter_mut().enumerate() {
+            let columns = x.saturating_sub(SPIKE_RADIUS)..sum.width.min(x + SPIKE_RADIUS + 1);
+            // Descending.
+            let mut brightest = [f32::MIN; SPIKE_RANK + 1];
+            for y in rows.clone() {
+                for value in &sum.row(y)[columns.clone()] {
+                    if *value > brightest[SPIKE_RANK] {
+                        let place = brightest.iter().position(|other| value > other).unwrap_or(SPIKE_RANK);
+                        brightest[place..].rotate_right(1);
+                        brightest[place] = *value;
+                    }
+                }
+            }
+            let most = brightest[SPIKE_RANK];
+            let value = sum.row(y)[x];
+            *factor = if value > most && most >= 0.0 { most / value } else { 1.0 };
+        }
+    });
+    each(|c| Plane::of([&half[c], &factor], |[value, factor]| value * factor))
+}
+
+/// Of a band, for each half: weighted sums of the colours, and of the weights.
+struct Sums {
+    halves: [([Vec<f32>; 3], Vec<f32>); 2],
+}
+
+struct Band<'a> {
+    halves: &'a Halves,
+    despiked: &'a Halves,
+    variance: &'a Colours,
+    features: &'a [(Plane, Plane)],
+    rows: Range<usize>,
+    width: usize,
+    height: usize,
+}
+
+impl Band<'_> {
+    fn filter(&self, strengths: &[Strength]) -> Vec<Sums> {
+        let pixels = self.rows.len() * self.width;
+        let zeros = || vec![0.0f32; pixels];
+        let sums = |_| Sums {
+            halves: std::array::from_fn(|_| (std::array::from_fn(|_| zeros()), zeros())),
+        };
+        let mut sums: Vec<Sums> = (0..strengths.len()).map(sums).collect();
+        let mut scratch = Scratch::new(self.width, self.rows.len());
+        for dy in -REACH..=REACH {
+            for dx in -REACH..=REACH {
+                self.add(dx, dy, strengths, &mut scratch, &mut sums);
+            }
+        }
+        sums
+    }
+
+    /// Add the pixels that lie so far to the right and below.
+    fn add(&self, dx: isize, dy: isize, strengths: &[Strength], scratch: &mut Scratch, sums: &mut [Sums]) {
+        let columns = overlap(self.width, dx);
+        if columns.is_empty() {
+            return;
+        }
+        let there = |y: usize| y.checked_add_signed(dy).filter(|y| *y < self.height);
+        scratch.compare(self, (dx, dy), &columns);
+        let other = columns.start.wrapping_add_signed(dx)..columns.end.wrapping_add_signed(dx);
+        for (i, y) in self.rows.clone().enumerate() {
+            let Some(other_y) = there(y) else {
+                continue;
+            };
+            scratch.features.fill(0.0);
+            for (feature, inverse) in self.features {
+                let (here, there) = (&feature.row(y)[columns.clone()], &feature.row(other_y)[other.clone()]);
+                let inverses = (&inverse.row(y)[columns.clone()], &inverse.row(other_y)[other.clone()]);
+                let features = &mut scratch.features[..columns.len()];
+                for (x, most) in features.iter_mut().enumerate() {
+                    let difference = here[x] - there[x];
+                    let square = difference * difference * least(inverses.0[x], inverses.1[x]);
+                    *most = if square > *most { square } else { *most };
+                }
+            }
+            let place = i * self.width + columns.start..i * self.width + columns.end;
+            for side in 0..2 {
+                scratch.blur(side, i, y, dy, self, &columns);
+                let colours: [&[f32]; 3] = std::array::from_fn(|c| &self.despiked[side][c].row(other_y)[other.clone()]);
+                for (strength, sums) in strengths.iter().zip(&mut *sums) {
+                    let weights = &mut scratch.weights[..columns.len()];
+                    let features = &scratch.features[..columns.len()];
+                    let distances = &scratch.distances[strength.patch as usize][..columns.len()];
+                    let scale = 1.0 / (strength.errors * strength.errors);
+                    for ((weight, feature), distance) in weights.iter_mut().zip(features).zip(distances) {
+                        let distance = distance * scale;
+                        *weight = fading(if distance > *feature { distance } else { *feature });
+                    }
+                    let (sum, all) = &mut sums.halves[side];
+                    for (sum, colour) in sum.iter_mut().zip(colours) {
+                        for ((sum, colour), weight) in sum[place.clone()].iter_mut().zip(colour).zip(&*weights) {
+                            *sum += weight * colour;
+                        }
+                    }
+                    for (sum, weight) in all[place.clone()].iter_mut().zip(&*weights) {
+                        *sum += weight;
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Places of a line whose neighbour so far away is on it as well.
+fn overlap(length: usize, offset: isize) -> Range<usize> {
+    let start = (-offset).max(0) as usize;
+    let end = length.saturating_sub(offset.max(0) as usize);
+    start..end.max(start)
+}
+
+fn least(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
+}
+
+/// About exp(-x), 0 from 8 on; 1 below 0.
+fn fading(x: f32) -> f32 {
+    let x = if x > 0.0 { x } else { 0.0 };
+    let root = 1.0 - 0.125 * x;
+    let root = if root > 0.0 { root } else { 0.0 };
+    let square = root * root;
+    let fourth = square * square;
+    fourth * fourth
+}
+
+/// Kept from offset to offset.
+struct Scratch {
+    /// Of each half, by row of the band and [`PATCH`] rows around it: how much pixels and those at the offset differ.
+    squares: [Vec<f32>; 2],
+    features: Vec<f32>,
+    weights: Vec<f32>,
+    /// By patch, means of the squares.
+    distances: [Vec<f32>; 2],
+    columns: [Vec<f32>; 2],
+}
+
+impl Scratch {
+    fn new(width: usize, rows: usize) -> Self {
+        let line = || vec![0.0; width];
+        let squares = || vec![0.0; (rows + 2 * PATCH) * width];
+        Self {
+            squares: [squares(), squares()],
+            features: line(),
+            weights: line(),
+            distances: [line(), line()],
+            // Zeros on both sides.
+            columns: [vec![0.0; width + 2 * PATCH], vec![0.0; width + 2 * PATCH]],
+        }
+    }
+
+    /// Fill in the squares.
+    fn compare(&mut self, band: &Band, (dx, dy): (isize, isize), columns: &Range<usize>) {
+        let other = columns.start.wrapping_add_signed(dx)..columns.end.wrapping_add_signed(dx);
+        for i in 0..band.rows.len() + 2 * PATCH {
+            let y = (band.rows.start + i).wrapping_sub(PATCH);
+            let other_y = y.wrapping_add_signed(dy);
+            let is_there = y < band.height && other_y < band.height;
+            for (half, squares) in band.halves.iter().zip(&mut self.squares) {
+                let squares = &mut squares[i * band.width..][..columns.len()];
+                squares.fill(0.0);
+                if !is_there {
+                    continue;
+                }
+                for (colours, variance) in half.iter().zip(band.variance) {
+                    let (here, there) = (&colours.row(y)[columns.clone()], &colours.row(other_y)[other.clone()]);
+                    let (v, w) = (&variance.row(y)[columns.clone()], &variance.row(other_y)[other.clone()]);
+                    for (x, square) in squares.iter_mut().enumerate() {
+                        let difference = here[x] - there[x];
+                        let expected = v[x] + least(v[x], w[x]);
+                        *square += (difference * difference - expected) / (v[x] + w[x] + f32::MIN_POSITIVE);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Fill in the distances of a row of the band, found in a half.
+    fn blur(&mut self, half: usize, i: usize, y: usize, dy: isize, band: &Band, columns: &Range<usize>) {
+        let count = columns.len();
+        for (patch, radius) in [1, PATCH].into_iter().enumerate() {
+            let sums = &mut self.columns[patch];
+            sums.fill(0.0);
+            let mut rows = 0;
+            for k in 0..=2 * radius {
+                let y = (y + k).wrapping_sub(radius);
+                if y >= band.height || y.wrapping_add_signed(dy) >= band.height {
+                    continue;
+                }
+                rows += 1;
+                let squares = &self.squares[half][(i + PATCH + k - radius) * band.width..][..count];
+                for (sum, square) in sums[PATCH..].iter_mut().zip(squares) {
+                    *sum += square;
+                }
+            }
+            let distances = &mut self.distances[patch][..count];
+            distances.fill(0.0);
+            for k in 0..=2 * radius {
+                for (distance, sum) in distances.iter_mut().zip(&sums[PATCH + k - radius..]) {
+                    *distance += sum;
+                }
+            }
+            let inside = 3.0 * rows as f32;
+            for (x, distance) in distances.iter_mut().enumerate() {
+                let across = count.min(x + radius + 1) - x.saturating_sub(radius);
+                *distance /= inside * across as f32;
+            }
+        }
+    }
+}

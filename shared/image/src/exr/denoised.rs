@@ -1,0 +1,110 @@
+//! Denoised pictures on disk: none of them can be mistaken for an average.
+
+use super::header::{attributes, sort_attributes, text};
+use super::image::{ImageMeta, MadeOf, Maker};
+use crate::atomic;
+use crate::error::ImageError;
+use crate::film::Film;
+use crate::merge::Average;
+use exr::image::write::WritableImage;
+use exr::image::{AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer};
+use exr::meta::attribute::{AttributeValue, Compression, LineOrder};
+use exr::meta::header::LayerAttributes;
+use exr::prelude::{Text, Vec2};
+use std::io::Cursor;
+use std::path::Path;
+
+/// What a denoised picture says of where it comes from.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct DenoisedMeta {
+    /// Hash of the scene, as text.
+    pub scene: String,
+    /// [`ImageMeta::scene_file`].
+    pub scene_file: Option<String>,
+    /// Passes of the average.
+    pub passes: u64,
+    /// The job's seed.
+    pub seed: u64,
+    /// Version of the program that rendered them.
+    pub version: String,
+}
+
+impl DenoisedMeta {
+    /// Of the average of an image.
+    pub fn of(average: &Average, meta: &ImageMeta) -> Self {
+        Self {
+            scene: meta.scene.to_string(),
+            scene_file: meta.scene_file.clone(),
+            passes: average.passes,
+            seed: match meta.maker {
+                Maker::Passes(settings) => settings.seed,
+                Maker::Reference(settings) => settings.seed,
+            },
+            version: meta.version.clone(),
+        }
+    }
+
+    /// Of an image that was written.
+    pub fn of_image(made: &MadeOf, scene_file: Option<String>) -> Self {
+        Self {
+            scene: made.scene.clone(),
+            scene_file,
+            passes: made.passes,
+            seed: made.seed,
+            version: made.version.clone(),
+        }
+    }
+}
+
+/// Write a denoised picture: R, G, B, float32, lossless ZIP. Its attribute `beamfarmDenoised` says that it is biased,
+/// and it has no set of passes, whose average it is not.
+pub fn write_denoised(path: &Path, film: &Film, meta: &DenoisedMeta) -> Result<(), ImageError> {
+    let size = Vec2(film.width as usize, film.height as usize);
+    if size.area() == 0 || film.pixels.len() != size.area() {
+        return Err(ImageError::Encode {
+            field: "size",
+            message: format!("{} x {} pixels", size.0, size.1),
+        });
+    }
+    let number = |n: u64| text("number", &n.to_string());
+    let mut own: Vec<(&str, AttributeValue)> = vec![
+        (
+            "beamfarmDenoised",
+            text(
+                "method",
+                "biased: non-local means of each half of the passes, judged by the other",
+            )?,
+        ),
+        ("beamfarmScene", text("scene", &meta.scene)?),
+        ("beamfarmPasses", number(meta.passes)?),
+        ("beamfarmSeed", number(meta.seed)?),
+        ("beamfarmVersion", text("version", &meta.version)?),
+    ];
+    if let Some(file) = &meta.scene_file {
+        own.push(("beamfarmSceneFile", text("scene file", file)?));
+    }
+    let layer_attributes = LayerAttributes {
+        software_name: Text::new_or_none(format!("beamfarm {}", meta.version)),
+        other: attributes(own),
+        ..LayerAttributes::default()
+    };
+    let encoding = Encoding {
+        compression: Compression::ZIP16,
+        line_order: LineOrder::Increasing,
+        ..Encoding::UNCOMPRESSED
+    };
+    let channels = ["R", "G", "B"].into_iter().enumerate().map(|(c, name)| {
+        let samples = film.pixels.iter().map(|pixel| pixel[c]).collect();
+        AnyChannel::new(name, FlatSamples::F32(samples))
+    });
+    let channels = AnyChannels::sort(channels.collect());
+    let image = Image::from_layer(Layer::new(size, layer_attributes, encoding, channels));
+    let mut bytes = Vec::new();
+    let written = image.write().non_parallel().to_buffered(Cursor::new(&mut bytes));
+    written.map_err(|error| ImageError::Encode {
+        field: "EXR image",
+        message: error.to_string(),
+    })?;
+    sort_attributes(&mut bytes)?;
+    atomic::write_file(path, &bytes)
+}

@@ -73,7 +73,7 @@ fn decode_channels(bytes: &[u8], names: &[&str]) -> Result<([u32; 2], Vec<Vec<f3
     let layer = image.layer_data;
     let find = |name: &&str| {
         let mut channels = layer.channel_data.list.iter();
-        let found = channels.find(|channel| channel.name.eq(*name));
+        let found = channels.find(|channel| channel.name.eq(name));
         let channel = found.ok_or_else(|| format!("there is no channel {name}"))?;
         let values: Vec<f32> = channel.sample_data.values_as_f32().collect();
         match values.len() == layer.size.area() {

@@ -85,6 +85,7 @@ fn beams(medium: &Medium, count: u64) -> BeamMap {
                 radius_slope: slope,
                 medium: 0,
                 group: GroupNumber::new(i as usize % 3),
+                wave: None,
                 steps: segment.steps,
             })
         })

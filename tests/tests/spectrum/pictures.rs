@@ -163,13 +163,13 @@ fn parts_sum_to_the_picture() {
     let image = render_pass(&scene, &plan, 2);
     let mut has_colour = false;
     for (i, pixel) in image.film.pixels.iter().enumerate() {
-        for c in 0..3 {
+        for (c, value) in pixel.iter().enumerate() {
             let sum: f32 = image.layers.iter().map(|layer| layer.pixels[i][c]).sum();
             assert!(
-                (sum - pixel[c]).abs() <= 1e-4 * (1.0 + pixel[c].abs()),
+                (sum - value).abs() <= 1e-4 * (1.0 + value.abs()),
                 "pixel {i}, channel {c}"
             );
-            has_colour |= pixel[c] < 0.0;
+            has_colour |= *value < 0.0;
         }
     }
     assert!(has_colour, "no colour outside of sRGB");

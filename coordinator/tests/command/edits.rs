@@ -73,12 +73,12 @@ fn pictures_are_shown_in_the_view_that_is_asked_for() {
     let said = "render = { view = \"agx\", exposure = -0.5, white_balance = 3200,";
     write(folder, &plain.replace("render = {", said));
     assert_eq!(
-        pixels(&succeed(folder, &["render", "scene.toml", "--job", "a.job"])),
+        pixels(&succeed(folder, &["render", "scene.toml", "--job", "b.job"])),
         first
     );
     shows("scene", view);
     // The job knows it, and the command line has the last word.
-    let merged = succeed(folder, &["merge", "a.job", "-o", "merged.exr"]);
+    let merged = succeed(folder, &["merge", "b.job", "-o", "merged.exr"]);
     assert_eq!(pixels(&merged), first);
     shows("merged", view);
     let flags = ["--view", "filmic", "--exposure", "1", "--white-balance", "6500"];
@@ -86,7 +86,7 @@ fn pictures_are_shown_in_the_view_that_is_asked_for() {
         transform: ViewTransform::Filmic,
         ..View::exposed(1.0)
     };
-    succeed(folder, &[&["merge", "a.job", "-o", "merged.exr"][..], &flags].concat());
+    succeed(folder, &[&["merge", "b.job", "-o", "merged.exr"][..], &flags].concat());
     shows("merged", bright);
     let reference = ["reference", "scene.toml", "--samples", "2", "-o", "truth.exr"];
     succeed(folder, &[&reference[..], &flags].concat());

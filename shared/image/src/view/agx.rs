@@ -163,7 +163,8 @@ mod tests {
         assert!((curve(libm::exp2f(4.026_07)) - 1.0).abs() < 1e-6 && curve(f32::INFINITY) == curve(1e9));
     }
 
-    /// Of 255, by Blender 4.5.15's own AgX: `save_render` of a float image as a TIFF of 16 bits. Its table is not exact.
+    /// Of 255, by Blender 4.5.15's own AgX: `save_render` of a float image as a TIFF of 16 bits. Its table is not
+    /// exact.
     #[test]
     fn blender_shows_the_same() {
         let blender = [

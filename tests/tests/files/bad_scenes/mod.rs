@@ -160,9 +160,9 @@ fn materials_are_checked() {
 [materials.x] | type = "rough_dielectric" | ior = 2 | alpha = 0.0001
     6: materials.x.alpha: expected a roughness from 0.001 to 1 (for less, take the smooth material), found 0.0001
 [materials.x] | type = "conductor"
-    4: materials.x.type: a conductor is given by `preset`, or by `eta` and `k`: one of the two ways
+    4: materials.x.type: a conductor is given by `preset`, by `eta` and `k`, or by `nk`: one of these ways
 [materials.x] | type = "conductor" | preset = "gold" | eta = 1
-    4: materials.x.type: a conductor is given by `preset`, or by `eta` and `k`: one of the two ways
+    4: materials.x.type: a conductor is given by `preset`, by `eta` and `k`, or by `nk`: one of these ways
 [materials.x] | type = "conductor" | eta = [1, 0, 1] | k = [1, 0, 1]
     4: materials.x.type: eta and k are both 0 in one channel
 [materials.x] | type = "conductor" | preset = "unobtainium"

@@ -10,9 +10,15 @@ fn a_field_set_to_itself_changes_nothing() {
         let all = fields(&text);
         assert!(all.len() > 3);
         for field in all.iter().filter(|field| field.given) {
-            let same = set(&text, &field.path, Some(field.value.clone())).unwrap();
+            let same = set(&text, &field.path, Some(field.value.clone()));
+            let same = same.unwrap_or_else(|why| panic!("{}: {why}", field.path));
             assert_eq!(same, text, "{}", field.path);
-            let gone = set(&text, &field.path, None).unwrap();
+            // What stands in a list cannot go without the others.
+            if field.name.ends_with(|last: char| last.is_ascii_digit()) {
+                continue;
+            }
+            let gone = set(&text, &field.path, None);
+            let gone = gone.unwrap_or_else(|why| panic!("{}: {why}", field.path));
             let back = set(&gone, &field.path, Some(field.value.clone())).unwrap();
             assert_eq!(canonical(&back), canonical(&text), "{}", field.path);
         }
@@ -54,8 +60,8 @@ fn fields_have_ranges_and_words() {
             "camera.aperture",
             "camera.focus_distance",
             "render.exposure",
-            "render.white_balance",
             "render.view",
+            "render.white_balance",
             "lights.0.position",
             "lights.0.target",
             "lights.0.power",

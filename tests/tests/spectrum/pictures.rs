@@ -60,8 +60,8 @@ fn the_path_tracer_finds_the_same_furnace() {
     suite.finish();
 }
 
-/// A ball and a slab of glass that split light, above a floor of two colours, lit by a lamp of some size; looked at past
-/// and through them.
+/// A ball and a slab of glass that split light, above a floor of two colours, lit by a lamp of some size; looked at
+/// past and through them.
 const ROOM: &str = r#"
 [image]
 width = 32

@@ -99,7 +99,8 @@ impl Ready {
         }
     }
 
-    /// What the screen is told of a pixel, three numbers from 0 to 1. NaN where a channel alone is that, which is black.
+    /// What the screen is told of a pixel, three numbers from 0 to 1. NaN where a channel alone is that, which is
+    /// black.
     pub fn encoded(&self, pixel: [f32; 3]) -> [f32; 3] {
         let light = self.light(pixel);
         match self.transform {

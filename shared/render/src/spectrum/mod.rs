@@ -2,9 +2,9 @@
 //!
 //! Light is linear RGB until its path meets such a material. There it becomes light of one wavelength, which the path
 //! keeps, with a weight of a colour: the response of the sRGB primaries' matching functions to daylight (D65) of that
-//! wavelength, over the density with which wavelengths are drawn. The weight's mean is one in each channel, so that what
-//! is bent alike for all wavelengths keeps its colour. Colours outside the gamut of sRGB, as those of pure spectra are,
-//! have weights with negative channels.
+//! wavelength, over the density with which wavelengths are drawn. The weight's mean is one in each channel, so that
+//! what is bent alike for all wavelengths keeps its colour. Colours outside the gamut of sRGB, as those of pure spectra
+//! are, have weights with negative channels.
 //!
 //! A pass has [`WAVES`] wavelengths, drawn from (seed, pass): photons and camera paths that meet must share them. They
 //! stand at equal steps of probability, all moved by the same number, which is even over the passes. A photon keeps its

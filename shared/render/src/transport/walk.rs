@@ -75,8 +75,8 @@ pub(super) struct Drawn<'v> {
 }
 
 impl<V: Sight> CameraTracer<'_, V> {
-    /// Everything that is found along the path: radiance at the film, but for the weight of the wavelength that it has at
-    /// the beginning.
+    /// Everything that is found along the path: radiance at the film, but for the weight of the wavelength that it has
+    /// at the beginning.
     pub(super) fn walk<'v>(&'v self, walk: Walk<'v, V::Hidden>, context: &mut PathContext<'_>) -> Rgb {
         let before = context.wave;
         let radiance = self.walk_on(walk, context);

@@ -220,7 +220,8 @@ def blocks(image):
 def by_beamfarm(command, scene, folder, args):
     out = folder / "out.exr"
     subprocess.run([*command, scene, "-o", out, "--quiet"] + args, check=True, stdout=subprocess.DEVNULL)
-    return np.array(mi.Bitmap(str(out)).convert(mi.Bitmap.PixelFormat.RGB, mi.Struct.Type.Float32, False)).astype(float)
+    parts = dict(mi.Bitmap(str(out)).split())
+    return np.array(parts["<root>"]).astype(float)[..., :3]
 
 
 def main():

@@ -5,8 +5,8 @@
 //! ```
 //!
 //! Passes with 1, 2, 4, 8, 16 and 32 wavelengths are averaged and compared with a reference: what is told is relMSE of
-//! the luminance and of the channels, and the time. Against a twin, a reference of the same scene with indices that are the
-//! same for all wavelengths, the scene is rendered with those as well.
+//! the luminance and of the channels, and the time. Against a twin, a reference of the same scene with indices that are
+//! the same for all wavelengths, the scene is rendered with those as well.
 
 use beamfarm_image::exr::read_rgb;
 use beamfarm_image::film::Film;

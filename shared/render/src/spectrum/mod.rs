@@ -17,7 +17,7 @@ use crate::sampler::{Purpose, Sampler};
 use observer::{FIRST, OBSERVER, ROWS, STEP};
 use std::sync::LazyLock;
 
-/// Wavelengths of a pass. Measured on the prism, the diamond and the rainbow: see docs/measurements.md.
+/// Wavelengths of a pass. The example `wavelengths` of the tests compares other numbers.
 pub const WAVES: u8 = 8;
 
 /// A wavelength that a path has.

@@ -47,6 +47,7 @@
 
 mod assemble;
 mod assets;
+mod cie;
 pub mod desk;
 mod edits;
 mod error;

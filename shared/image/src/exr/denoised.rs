@@ -1,17 +1,14 @@
 //! Denoised pictures on disk: none of them can be mistaken for an average.
 
-use super::header::{attributes, sort_attributes, text};
-use super::image::{ImageMeta, MadeOf, Maker};
+use super::header::text;
+use super::image::{ImageMeta, MadeOf, Maker, encode};
 use crate::atomic;
 use crate::error::ImageError;
 use crate::film::Film;
 use crate::merge::Average;
-use exr::image::write::WritableImage;
-use exr::image::{AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer};
-use exr::meta::attribute::{AttributeValue, Compression, LineOrder};
-use exr::meta::header::LayerAttributes;
-use exr::prelude::{Text, Vec2};
-use std::io::Cursor;
+use exr::image::{AnyChannel, AnyChannels, FlatSamples};
+use exr::meta::attribute::AttributeValue;
+use exr::prelude::Vec2;
 use std::path::Path;
 
 /// What a denoised picture says of where it comes from.
@@ -83,28 +80,10 @@ pub fn write_denoised(path: &Path, film: &Film, meta: &DenoisedMeta) -> Result<(
     if let Some(file) = &meta.scene_file {
         own.push(("beamfarmSceneFile", text("scene file", file)?));
     }
-    let layer_attributes = LayerAttributes {
-        software_name: Text::new_or_none(format!("beamfarm {}", meta.version)),
-        other: attributes(own),
-        ..LayerAttributes::default()
-    };
-    let encoding = Encoding {
-        compression: Compression::ZIP16,
-        line_order: LineOrder::Increasing,
-        ..Encoding::UNCOMPRESSED
-    };
     let channels = ["R", "G", "B"].into_iter().enumerate().map(|(c, name)| {
         let samples = film.pixels.iter().map(|pixel| pixel[c]).collect();
         AnyChannel::new(name, FlatSamples::F32(samples))
     });
     let channels = AnyChannels::sort(channels.collect());
-    let image = Image::from_layer(Layer::new(size, layer_attributes, encoding, channels));
-    let mut bytes = Vec::new();
-    let written = image.write().non_parallel().to_buffered(Cursor::new(&mut bytes));
-    written.map_err(|error| ImageError::Encode {
-        field: "EXR image",
-        message: error.to_string(),
-    })?;
-    sort_attributes(&mut bytes)?;
-    atomic::write_file(path, &bytes)
+    atomic::write_file(path, &encode(size, &meta.version, own, channels)?)
 }

@@ -87,9 +87,20 @@ pub fn encode_image(average: &Average, meta: &ImageMeta) -> Result<Vec<u8>, Imag
     let beauty = &average.beauty;
     let size = Vec2(beauty.width as usize, beauty.height as usize);
     let channels = channels(average, meta, size)?;
+    encode(size, &meta.version, own_attributes(average, meta)?, channels)
+}
+
+/// The bytes of an EXR of float channels, with lossless ZIP: the same whenever what goes in is. `version`: of the
+/// program.
+pub(super) fn encode(
+    size: Vec2<usize>,
+    version: &str,
+    own: Vec<(impl AsRef<str>, AttributeValue)>,
+    channels: AnyChannels<FlatSamples>,
+) -> Result<Vec<u8>, ImageError> {
     let layer_attributes = LayerAttributes {
-        software_name: exr::prelude::Text::new_or_none(format!("beamfarm {}", meta.version)),
-        other: attributes(own_attributes(average, meta)?),
+        software_name: exr::prelude::Text::new_or_none(format!("beamfarm {version}")),
+        other: attributes(own),
         ..LayerAttributes::default()
     };
     let encoding = Encoding {

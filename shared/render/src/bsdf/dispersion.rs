@@ -1,5 +1,7 @@
 //! Indices of refraction that depend on the wavelength.
 
+use crate::spectrum::VISIBLE;
+
 /// An index of refraction by wavelength, against vacuum (as good as air).
 #[derive(Clone, Debug, PartialEq)]
 pub enum Index {
@@ -22,9 +24,6 @@ pub const LINE_D: f64 = 587.561_8;
 pub const LINE_F: f64 = 486.132_7;
 /// Of the line C of hydrogen, nm.
 pub const LINE_C: f64 = 656.281_6;
-
-/// The least and the largest wavelength that light may have, nm.
-pub const VISIBLE: [f64; 2] = [380.0, 780.0];
 
 impl Index {
     /// At a wavelength in nm. Not a number where a formula has none.

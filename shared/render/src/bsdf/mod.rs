@@ -21,7 +21,7 @@ mod principled;
 mod rough_dielectric;
 
 pub use dielectric::Dielectric;
-pub use dispersion::{Dispersion, Index, LINE_D, VISIBLE, index_names};
+pub use dispersion::{Dispersion, Index, LINE_D, index_names};
 pub use fresnel::{fresnel_conductor, fresnel_dielectric};
 pub use layered::Layered;
 pub use material::{Material, MaterialKind, Tint};

@@ -3,6 +3,7 @@
 use super::ior::{dispersion, relative_ior};
 use super::{Assets, Problem, required};
 use super::{principled, texture};
+use crate::cie;
 use crate::parse::{
     DistributionName, Fault, ImageTextureRecord, MaterialRecord, MaterialType, ScalarRecord, TextureRecord,
 };
@@ -13,7 +14,6 @@ use beamfarm_render::bsdf::{
 };
 use beamfarm_render::math::Rgb;
 use beamfarm_render::scalar::Scalar;
-use beamfarm_render::spectrum::to_rgb;
 use beamfarm_render::texture::Texture;
 
 pub(super) fn opacity(record: &MaterialRecord, assets: &mut Assets<'_>) -> Result<Option<Texture>, Problem> {
@@ -225,7 +225,7 @@ fn metal(record: &MaterialRecord) -> Result<(Rgb, Rgb), Fault> {
     }
 }
 
-/// eta and k of rows of nm, eta and k: straight lines between them, the same beyond.
+/// eta and k of rows of nm, eta and k, in the order of their wavelengths.
 fn tabulated(rows: &Spanned<Vec<Vector>>) -> Result<(Rgb, Rgb), Fault> {
     let table: Vec<[f64; 3]> = rows.get_ref().iter().map(|row| row.0.to_array()).collect();
     let is_good = |[nm, eta, k]: &[f64; 3]| *nm > 0.0 && *eta >= 0.0 && *k >= 0.0 && eta + k > 0.0;
@@ -236,16 +236,10 @@ fn tabulated(rows: &Spanned<Vec<Vector>>) -> Result<(Rgb, Rgb), Fault> {
              k not both 0",
         ));
     }
-    let at = |nm: f64, column: usize| {
-        let next = table.partition_point(|row| row[0] <= nm);
-        match (next.checked_sub(1).map(|i| table[i]), table.get(next)) {
-            (Some(low), Some(high)) => {
-                let place = (nm - low[0]) / (high[0] - low[0]);
-                low[column] * (1.0 - place) + high[column] * place
-            }
-            (Some(end), None) => end[column],
-            (None, first) => first.map_or(0.0, |first| first[column]),
-        }
+    let column = |at: usize| {
+        let samples = table.iter().map(|row| (row[0], row[at])).collect();
+        let color = cie::to_rgb(&cie::held(samples), cie::Kind::Unbounded);
+        Rgb::from_array(color.map(|channel| channel as f32))
     };
-    Ok((to_rgb(|nm| at(nm, 1)), to_rgb(|nm| at(nm, 2))))
+    Ok((column(1), column(2)))
 }

@@ -6,7 +6,6 @@
 mod attribute;
 mod attributes;
 mod bsdf;
-mod cie;
 mod emitter;
 mod log;
 mod medium;
@@ -24,6 +23,7 @@ mod write;
 mod xml;
 
 use crate::SceneError;
+use crate::cie;
 use crate::options::ImportOptions;
 use log::Log;
 use std::collections::{BTreeMap, BTreeSet};

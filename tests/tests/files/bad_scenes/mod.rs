@@ -157,6 +157,22 @@ fn materials_are_checked() {
     5: materials.x.ior: expected a number above 0, found 0.0
 [materials.x] | type = "dielectric" | ior = 1e6
     5: materials.x.ior: expected `ior` / `exterior_ior` from 0.01 to 100, found 1000000
+[materials.x] | type = "dielectric" | ior = { preset = "jelly" }
+    5: materials.x.ior.preset: expected one of "acrylic", "bk7", "diamond", "fused silica", "polycarbonate", "polystyrene", "sapphire", "sf10", "sf11", "water", found "jelly"
+[materials.x] | type = "dielectric" | ior = { nd = 1.5 }
+    5: materials.x.ior: expected one of: `preset = "bk7"`, `cauchy = [a, b]`, `sellmeier = [[b, c], ...]`, or `nd` and `abbe`
+[materials.x] | type = "dielectric" | ior = { preset = "bk7", cauchy = [1.5, 0.01] }
+    5: materials.x.ior: expected one of: `preset = "bk7"`, `cauchy = [a, b]`, `sellmeier = [[b, c], ...]`, or `nd` and `abbe`
+[materials.x] | type = "dielectric" | ior = { sellmeier = [[1.0, 0.25]] }
+    5: materials.x.ior: expected an index of refraction from 0.001 to 1000 at all wavelengths from 380 to 780 nm, found NaN at 380 nm
+[materials.x] | type = "dielectric" | ior = { glass = "bk7" }
+    5: materials.x.ior.glass: unknown field `glass`, expected one of `preset`, `cauchy`, `sellmeier`, `nd`, `abbe`
+[materials.x] | type = "dielectric" | ior = "bk7"
+    5: materials.x.ior: invalid type: string "bk7", expected a number above 0, or one of `preset = "bk7"`, `cauchy = [a, b]`, `sellmeier = [[b, c], ...]`, or `nd` and `abbe` in braces
+[materials.x] | type = "conductor" | nk = [[500, 1, 2], [400, 1, 2]]
+    5: materials.x.nk: expected rows [nm, eta, k] in the order of their wavelengths, with numbers that are not negative, and eta and k not both 0
+[materials.x] | type = "conductor" | nk = [[500, 0, 0]]
+    5: materials.x.nk: expected rows [nm, eta, k] in the order of their wavelengths, with numbers that are not negative, and eta and k not both 0
 [materials.x] | type = "rough_dielectric" | ior = 2 | alpha = 0.0001
     6: materials.x.alpha: expected a roughness from 0.001 to 1 (for less, take the smooth material), found 0.0001
 [materials.x] | type = "conductor"

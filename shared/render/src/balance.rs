@@ -43,6 +43,11 @@ const MARGIN: f64 = 0.9;
 /// The worst pixels, one in so many, do not count: what they say is chance. Not more, or rare photons, whose kernels
 /// are small here, would be all that is left out.
 const WILD: usize = 400;
+/// The same for what most of the picture is like. Where a few pixels have nearly all of the error, what they say of one
+/// way to find light against another is chance still.
+const UNEVEN: usize = 10;
+/// As much of the error is everywhere, seen or not: light that is hardly ever found leaves most pixels free of noise.
+const UNSEEN: f64 = 1e-3;
 /// Fewest and most paths that are chosen.
 const LEAST: f64 = 500.0;
 const MOST: f64 = 500_000.0;
@@ -56,13 +61,22 @@ const PHOTON: f64 = 600.0;
 const BEAM: f64 = 9000.0;
 const EVALUATION: f64 = 50.0;
 
+/// Variances relative to the square of the image plus 0.01, as relMSE is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Variances {
+    /// Of camera paths.
+    pub camera: f64,
+    /// Of photons, times their number of paths.
+    pub photons: f64,
+}
+
 /// What the pilot found, of a pass.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Balance {
-    /// Variance relative to the square of the image plus 0.01, as relMSE is: of camera paths.
-    pub camera_variance: f64,
-    /// Of photons, times their number of paths.
-    pub photon_variance: f64,
+    /// Of all pixels but the worst one in 400.
+    pub variances: Variances,
+    /// Of all but the worst tenth.
+    pub most: Variances,
     /// Work of camera paths, nanoseconds of a core.
     pub camera_work: f64,
     /// Work of a photon path.
@@ -79,7 +93,7 @@ pub struct Candidate {
 }
 
 impl Candidate {
-    /// Relative error times time.
+    /// Relative error times time: the geometric mean of that of the whole picture and that of most of it.
     pub fn cost(&self) -> f64 {
         self.balance.cost(self.settings.paths_per_pass)
     }
@@ -217,14 +231,17 @@ impl Balance {
         // Without photons the same for all of them.
         let film = |set: usize, camera: usize| &images[set % sets * SETS + camera].film;
         let films = std::array::from_fn(|set| std::array::from_fn(|camera| film(set, camera)));
-        let [camera_variance, photon_variance] = variances(&films);
+        let [variances, most] = variances(&films).map(|of| Variances {
+            photons: of.photons * f64::from(PATHS),
+            ..of
+        });
         let paths = f64::from(plan.surface_paths);
         let mean =
             |count: &dyn Fn(&PassImage) -> u64| images.iter().map(count).sum::<u64>() as f64 / images.len() as f64;
         let share = pixels / films[0][0].pixels.len() as f64;
         Self {
-            camera_variance,
-            photon_variance: photon_variance * f64::from(PATHS),
+            variances,
+            most,
             camera_work: share * (CAMERA_RAY * mean(&|i| i.camera.rays) + BLOCK * mean(&|i| i.camera.blocks)),
             photon_work: (PHOTON_RAY * mean(&|i| i.photon_rays) + PHOTON * mean(&|i| i.stats.surface_photons)) / paths
                 + (BEAM * mean(&|i| i.stats.beams) + share * EVALUATION * mean(&|i| i.camera.evaluations))
@@ -234,7 +251,8 @@ impl Balance {
 
     /// The number of paths with the least error after a given time.
     pub fn paths(&self) -> u32 {
-        let square = self.photon_variance * self.camera_work / (self.camera_variance * self.photon_work);
+        let Variances { camera, photons } = self.variances;
+        let square = photons * self.camera_work / (camera * self.photon_work);
         // Without any variance there is nothing to choose.
         let paths = if square.is_nan() { LEAST } else { square.sqrt() };
         let paths = paths.clamp(LEAST, MOST);
@@ -246,12 +264,16 @@ impl Balance {
     /// Relative error times time with so many paths, to be compared with that of others.
     pub fn cost(&self, paths: u32) -> f64 {
         let paths = f64::from(paths);
-        (self.camera_variance + self.photon_variance / paths) * (self.camera_work + self.photon_work * paths)
+        let variance = |of: Variances| of.camera + of.photons / paths;
+        let all = variance(self.variances);
+        let variance = libm::sqrt(all * (variance(self.most) + UNSEEN * all));
+        variance * (self.camera_work + self.photon_work * paths)
     }
 }
 
-/// Variances of camera paths and of photons. `films`: by photons, then by camera paths.
-fn variances(films: &[[&Film; SETS]; SETS]) -> [f64; 2] {
+/// Variances by camera paths and by one set of photons, of all but the worst pixels and of most. `films`: by photons,
+/// then by camera paths.
+fn variances(films: &[[&Film; SETS]; SETS]) -> [Variances; 2] {
     let n = SETS as f64;
     let count = films[0][0].pixels.len();
     let smooth = smoothed(films);
@@ -272,11 +294,15 @@ fn variances(films: &[[&Film; SETS]; SETS]) -> [f64; 2] {
             sums
         })
         .collect();
-    let kept = count - count / WILD;
-    [0, 1].map(|which| {
+    let mut means = [[0.0; 2]; 2];
+    for which in 0..2 {
         pixels.sort_by(|a, b| a[which].total_cmp(&b[which]));
-        pixels[..kept].iter().map(|pixel| pixel[which]).sum::<f64>() / (3 * kept) as f64
-    })
+        for (means, out) in means.iter_mut().zip([WILD, UNEVEN]) {
+            let kept = count - count / out;
+            means[which] = pixels[..kept].iter().map(|pixel| pixel[which]).sum::<f64>() / (3 * kept) as f64;
+        }
+    }
+    means.map(|[camera, photons]| Variances { camera, photons })
 }
 
 /// The mean of all images around each pixel: by its own few samples alone bright ones would weigh themselves down.
@@ -314,10 +340,11 @@ mod tests {
     use super::*;
     use crate::sampler::{Purpose, Sampler};
 
-    fn made(camera_variance: f64, photon_variance: f64) -> Balance {
+    fn made(camera: f64, photons: f64) -> Balance {
+        let variances = Variances { camera, photons };
         Balance {
-            camera_variance,
-            photon_variance,
+            variances,
+            most: variances,
             camera_work: 4e6,
             photon_work: 1500.0,
         }
@@ -337,6 +364,22 @@ mod tests {
         }
     }
 
+    /// A tenth more by chance in the few pixels that have all of the error, against a tenth of it in the others.
+    #[test]
+    fn a_few_pixels_do_not_decide() {
+        let balance = |all: f64, most: f64| Balance {
+            most: Variances {
+                camera: most,
+                photons: 0.0,
+            },
+            ..made(all, 0.0)
+        };
+        assert!(balance(1.1, 0.005).cost(1000) < 0.5 * balance(1.0, 0.05).cost(1000));
+        // Light that is hardly ever found is no light without noise.
+        assert!(balance(100.0, 0.0).cost(1000) > balance(1.0, 0.1).cost(1000));
+        assert_eq!(balance(0.0, 0.0).cost(1000), 0.0);
+    }
+
     #[test]
     fn images_without_noise_have_paths() {
         assert_eq!(made(0.0, 0.0).paths(), LEAST as u32);
@@ -354,7 +397,7 @@ mod tests {
             film
         };
         let films: [[Film; SETS]; SETS] = std::array::from_fn(|p| std::array::from_fn(|c| film(p, c)));
-        let [camera, photons] = variances(&films.each_ref().map(|row| row.each_ref()));
+        let [Variances { camera, photons }, _] = variances(&films.each_ref().map(|row| row.each_ref()));
         // Of +-1 in turns, the sample variance of four is 4/3.
         let weight = 4.0 / 3.0 / (4.0 + DARK);
         assert!((camera / (9e-4 * weight) - 1.0).abs() < 1e-3, "{camera}");
@@ -374,7 +417,7 @@ mod tests {
             film
         };
         let films: [Film; SETS] = std::array::from_fn(|camera| film(camera as u64));
-        let [camera, photons] = variances(&[films.each_ref(); SETS]);
+        let [Variances { camera, photons }, _] = variances(&[films.each_ref(); SETS]);
         assert!((camera / 7.0 - 1.0).abs() < 0.33, "{camera}");
         assert_eq!(photons, 0.0);
     }

@@ -155,6 +155,14 @@ impl Source {
                             0.0
                         }
                     }
+                    Region::Pyramid { apex, planes } => {
+                        let from = at - *apex;
+                        if planes.iter().all(|plane| from.dot(*plane) >= 0.0) {
+                            1.0
+                        } else {
+                            0.0
+                        }
+                    }
                     Region::Before { point, normal } => {
                         if (at - *point).dot(*normal) > 0.0 {
                             // Of the mean over the hemisphere.

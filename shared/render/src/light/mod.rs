@@ -15,7 +15,7 @@ pub(crate) mod spot;
 pub use environment::{Environment, EnvironmentSample, Place};
 pub use local::LocalChoice;
 pub use pattern::Pattern;
-pub use projector::Projector;
+pub use projector::{Projector, lit_part};
 pub use segment::{FogSegment, SegmentSample};
 pub use selector::{LightChoice, LightSelector};
 pub use source::LightSources;

@@ -1,10 +1,10 @@
 //! A lamp at a point that throws a picture: a slide projector, or a spot with a picture in its cone. As Mitsuba 3's
 //! `projector` and the `texture` of its `spot`.
 //!
-//! Directions are drawn by points of the picture's plane at distance 1, uniformly.
+//! Directions are drawn by points of the picture's plane at distance 1, uniformly where the picture may be bright.
 
 use super::spot;
-use crate::math::{PI, Rgb, Vec2, Vec3, atan2, mean};
+use crate::math::{Rgb, Vec2, Vec3, atan2, mean};
 use crate::texture::{Image, TextureFilter, Wrap};
 use std::sync::Arc;
 
@@ -21,11 +21,38 @@ pub struct Projector {
     pub image: Arc<Image>,
     /// How it is interpolated.
     pub filter: TextureFilter,
+    /// Two corners of a rectangle that all of the picture's light is in, by [`lit_part`]: the picture reaches from
+    /// (-1, -1), the lower left, to (1, 1).
+    pub lit: [Vec2; 2],
     /// W/sr on the axis where the picture is 1.
     pub intensity: Rgb,
     /// Half angles, radians: the cutoff and the plateau below it of a spot. Without, a screen across the axis is lit
     /// as the picture is.
     pub cone: Option<[f32; 2]>,
+}
+
+/// The rectangle of a picture outside of which it is black, as [`Projector::lit`] has it. All of it, where that is not
+/// known to be less.
+pub fn lit_part(image: &Image, filter: TextureFilter) -> [Vec2; 2] {
+    let width = image.width as usize;
+    let is_lit = |at: &usize| image.pixels[*at] != Rgb::ZERO;
+    // The neighbours that interpolation reaches, and across the edge those of the other side.
+    let reach = match filter {
+        TextureFilter::Bilinear => 1,
+        TextureFilter::Nearest => 0,
+    };
+    let part = |first: Option<usize>, last: Option<usize>, count: usize| {
+        let (low, high) = (first?.checked_sub(reach)?, last? + reach + 1);
+        let share = |edge: usize| 2.0 * edge as f32 / count as f32 - 1.0;
+        (high <= count).then(|| [share(low), share(high)])
+    };
+    let lit = || (0..image.pixels.len()).filter(is_lit);
+    let columns = || lit().map(|at| at % width);
+    let across = part(columns().min(), columns().max(), width).unwrap_or([-1.0, 1.0]);
+    let rows = || lit().map(|at| at / width);
+    // Rows go downwards.
+    let [top, bottom] = part(rows().min(), rows().max(), image.height as usize).unwrap_or([-1.0, 1.0]);
+    [Vec2::new(across[0], -bottom), Vec2::new(across[1], -top)]
 }
 
 impl Projector {
@@ -55,7 +82,8 @@ impl Projector {
     /// A unit direction, and its density per solid angle.
     pub(super) fn sample(&self, u: Vec2) -> (Vec3, f32) {
         let [right, up, forward] = self.axes;
-        let at = (2.0 * u - 1.0) * self.half;
+        let [low, high] = self.lit;
+        let at = (low + (high - low) * u) * self.half;
         let dir = (right * at.x + up * at.y + forward).normalize();
         (dir, self.pdf(dir))
     }
@@ -64,12 +92,33 @@ impl Projector {
     pub(crate) fn pdf(&self, dir: Vec3) -> f32 {
         let [right, up, forward] = self.axes;
         let z = dir.dot(forward);
+        let [low, high] = self.lit.map(|corner| corner * self.half * z);
         // What rounding takes over the edge was drawn within it.
-        let within = |across: f32, half: f32| across.abs() <= half * z * (1.0 + 1e-5);
-        match z > 0.0 && within(dir.dot(right), self.half.x) && within(dir.dot(up), self.half.y) {
-            true => 1.0 / (self.area() * z * z * z),
+        let slack = self.half * z * 1e-5;
+        let at = Vec2::new(dir.dot(right), dir.dot(up));
+        match z > 0.0 && at.cmpge(low - slack).all() && at.cmple(high + slack).all() {
+            true => {
+                let [low, high] = self.lit;
+                let share = 0.25 * (high - low).element_product();
+                1.0 / (share * self.area() * z * z * z)
+            }
             false => 0.0,
         }
+    }
+
+    /// Inward normals of the pyramid that all of the light is in.
+    pub(super) fn planes(&self) -> [Vec3; 4] {
+        let [right, up, forward] = self.axes;
+        let [low, high] = self.lit;
+        // A little wider: what rounding adds is dark.
+        let slack = self.half * 1e-5;
+        let (low, high) = (low * self.half - slack, high * self.half + slack);
+        [
+            right - forward * low.x,
+            forward * high.x - right,
+            up - forward * low.y,
+            forward * high.y - up,
+        ]
     }
 
     /// Of the picture at distance 1.
@@ -98,16 +147,14 @@ impl Projector {
         Rgb::from_array(sum.map(|sum| (sum * each) as f32))
     }
 
-    /// The cosine of an angle that nothing shines beyond.
-    pub(super) fn least_cosine(&self) -> f32 {
-        1.0 / (1.0 + self.half.length_squared()).sqrt() * (1.0 - 1e-5)
-    }
-
-    /// The mean over the cone around the picture, mean channel, W/sr.
+    /// The mean over the pyramid of the light, mean channel, W/sr.
     pub(super) fn typical_intensity(&self) -> f32 {
-        let cos = self.least_cosine();
-        let solid_angle = 2.0 * PI * (1.0 - cos);
-        mean(self.power()) / solid_angle
+        let [low, high] = self.lit.map(|corner| corner * self.half);
+        // Of the rectangle between the axis and a point of the plane at distance 1.
+        let solid_angle = |x: f32, y: f32| atan2(x * y, (1.0 + x * x + y * y).sqrt());
+        let of_all = solid_angle(high.x, high.y) - solid_angle(low.x, high.y) - solid_angle(high.x, low.y)
+            + solid_angle(low.x, low.y);
+        mean(self.power()) / of_all.max(f32::MIN_POSITIVE)
     }
 }
 
@@ -135,6 +182,7 @@ mod tests {
                 pixels: pixels.collect(),
             }),
             filter: TextureFilter::Nearest,
+            lit: [Vec2::NEG_ONE, Vec2::ONE],
             intensity: Rgb::splat(2.0),
             cone,
         }
@@ -155,6 +203,62 @@ mod tests {
         assert_eq!(projector.intensity(Vec3::NEG_Z), Rgb::ZERO);
     }
 
+    /// A picture of 8 x 6 pixels that is black but for two of them.
+    fn mostly_black(lit: [usize; 2], filter: TextureFilter) -> Projector {
+        let mut pixels = vec![Rgb::ZERO; 48];
+        lit.into_iter().for_each(|at| pixels[at] = Rgb::new(1.0, 2.0, 3.0));
+        let image = Image {
+            alpha: Vec::new(),
+            width: 8,
+            height: 6,
+            pixels,
+        };
+        Projector {
+            lit: lit_part(&image, filter),
+            image: Arc::new(image),
+            filter,
+            ..projector(None)
+        }
+    }
+
+    /// No light is outside of the part that directions are drawn in, which is as large as the pixels are.
+    #[test]
+    fn black_parts_of_pictures_send_no_photons() {
+        // Columns 2 and 3 of rows 1 and 2 from the top.
+        let near = [8 + 2, 2 * 8 + 3];
+        let nearest = mostly_black(near, TextureFilter::Nearest);
+        let close = |a: [Vec2; 2], b: [Vec2; 2]| a.iter().zip(b).all(|(a, b)| (*a - b).abs().max_element() < 1e-6);
+        assert!(close(nearest.lit, [Vec2::new(-0.5, 0.0), Vec2::new(0.0, 2.0 / 3.0)]));
+        let all = [Vec2::NEG_ONE, Vec2::ONE];
+        for (lit, filter) in [
+            (near, TextureFilter::Bilinear),
+            // Interpolated, it comes in on the other side.
+            ([0, 47], TextureFilter::Bilinear),
+            ([0, 47], TextureFilter::Nearest),
+            (near, TextureFilter::Nearest),
+        ] {
+            let projector = mostly_black(lit, filter);
+            assert_eq!(close(projector.lit, all), lit[0] == 0);
+            let [right, up, forward] = projector.axes;
+            for i in 0..90_000 {
+                let at = Vec2::new((i % 300) as f32 + 0.5, (i / 300) as f32 + 0.5) / 150.0 - 1.0;
+                let dir = right * (at.x * projector.half.x) + up * (at.y * projector.half.y) + forward;
+                let is_drawn = projector.pdf(dir.normalize()) > 0.0;
+                assert!(is_drawn || projector.intensity(dir) == Rgb::ZERO, "{at} {filter:?}");
+                assert_eq!(
+                    is_drawn,
+                    projector.planes().iter().all(|plane| dir.dot(*plane) >= 0.0),
+                    "{at}"
+                );
+            }
+        }
+        let black = Image {
+            pixels: vec![Rgb::ZERO; 48],
+            ..(*nearest.image).clone()
+        };
+        assert_eq!(lit_part(&black, TextureFilter::Nearest), all);
+    }
+
     /// The mean power of photons, that of the lamp, and the integral of the intensity over a lattice of angles are one;
     /// the power is that of the picture: for an even screen the mean pixel times the area.
     #[test]
@@ -163,15 +267,15 @@ mod tests {
             center: Vec3::ZERO,
             radius: 10.0,
         };
-        for cone in [None, Some([0.6, 0.4])] {
-            let projector = projector(cone);
+        let slit = mostly_black([8 + 2, 2 * 8 + 3], TextureFilter::Bilinear);
+        for projector in [projector(None), projector(Some([0.6, 0.4])), slit] {
             let light = Light {
                 name: "lamp".into(),
                 kind: LightKind::Projector(projector.clone()),
                 group: LightGroup::named("lamp"),
             };
             let power = light.power(&[], &bounds);
-            if cone.is_none() {
+            if projector.image.width == 4 && projector.cone.is_none() {
                 let expected = Rgb::new(1.5, 0.5, 1.0) * (2.0 * 4.0 * 0.8 * 0.4);
                 assert!((power - expected).abs().max_element() < 1e-4);
             }

@@ -286,6 +286,22 @@ impl Region {
                     (false, false) => return None,
                 }
             }
+            Self::Pyramid { apex, planes } => {
+                let offset = ray.origin - *apex;
+                let mut range = [0.0, length];
+                for plane in planes {
+                    let (height, slope) = (offset.dot(*plane), ray.dir.dot(*plane));
+                    let crossing = -height / slope;
+                    if slope > 0.0 {
+                        range[0] = range[0].max(crossing);
+                    } else if slope < 0.0 {
+                        range[1] = range[1].min(crossing);
+                    } else if height <= 0.0 {
+                        return None;
+                    }
+                }
+                range
+            }
             Self::Cone { apex, axis, cos } => {
                 // (dot(x, axis))^2 = cos^2 |x|^2 with x = offset + t dir.
                 let offset = ray.origin - *apex;
@@ -316,6 +332,43 @@ impl Region {
 mod tests {
     use super::*;
     use crate::math::Vec3;
+
+    /// What lies before all four planes, by points along lines.
+    #[test]
+    fn segments_are_clipped_by_pyramids() {
+        let apex = Vec3::new(0.2, -0.3, 0.1);
+        let planes = [
+            Vec3::new(1.0, 0.0, 0.3),
+            Vec3::new(-1.0, 0.0, 0.5),
+            Vec3::new(0.0, 1.0, -0.1),
+            Vec3::new(0.0, -1.0, 0.4),
+        ];
+        let region = Region::Pyramid { apex, planes };
+        let mut met = 0;
+        for line in 0..300 {
+            let mut sampler = crate::sampler::Sampler::new(1, 0, crate::sampler::Purpose::Test, line);
+            let ray = Ray {
+                origin: 2.0 * crate::warp::uniform_sphere(sampler.next_2d()),
+                dir: crate::warp::uniform_sphere(sampler.next_2d()),
+            };
+            let range = region.clip(&ray, 3.0);
+            met += usize::from(range.is_some());
+            for i in 0..100 {
+                let t = 0.03 * (i as f32 + 0.5);
+                let from = ray.origin + ray.dir * t - apex;
+                let depth = planes
+                    .iter()
+                    .map(|plane| from.dot(*plane))
+                    .fold(f32::INFINITY, f32::min);
+                let is_in = range.is_some_and(|[start, end]| (start..=end).contains(&t));
+                assert!(
+                    is_in == (depth > 0.0) || depth.abs() < 1e-5,
+                    "{line} {t} {depth} {range:?}"
+                );
+            }
+        }
+        assert!((10..290).contains(&met), "{met}");
+    }
 
     /// Distances follow their density in fog of any depth: one over the density has a mean of the segment's length, and
     /// its samples are where the transmittance says.

@@ -40,6 +40,11 @@ pub(super) enum Region {
         axis: Vec3,
         cos: f32,
     },
+    /// Before four planes through the apex, by their inward normals.
+    Pyramid {
+        apex: Vec3,
+        planes: [Vec3; 4],
+    },
     /// Before a plane.
     Before {
         point: Vec3,
@@ -95,10 +100,9 @@ impl Source {
                 center: projector.position,
                 softening: 0.0,
                 intensity: projector.typical_intensity(),
-                region: Region::Cone {
+                region: Region::Pyramid {
                     apex: projector.position,
-                    axis: projector.axes[2],
-                    cos: projector.least_cosine(),
+                    planes: projector.planes(),
                 },
             },
             LightKind::Directional { direction, irradiance } => Self::Far {

@@ -6,7 +6,7 @@ use crate::parse::{Fault, LightRecord, LightType};
 use crate::transform;
 use crate::values::Spanned;
 use beamfarm_image::layer::LightGroup;
-use beamfarm_render::light::{Environment, Light, LightKind, Projector};
+use beamfarm_render::light::{Environment, Light, LightKind, Projector, lit_part};
 use beamfarm_render::math::{Frame, Rgb};
 use beamfarm_render::medium::Medium;
 use beamfarm_render::texture::{Image, TextureFilter};
@@ -119,6 +119,7 @@ impl Parts<'_> {
                 position,
                 axes: axes(record, axis)?,
                 half: glam::Vec2::splat(half),
+                lit: lit_part(&image, filter(record)),
                 image,
                 filter: filter(record),
                 intensity,
@@ -163,6 +164,7 @@ impl Parts<'_> {
             position,
             axes: axes(record, axis)?,
             half: glam::Vec2::new(width, width * image.height as f32 / image.width as f32),
+            lit: lit_part(&image, filter(record)),
             image,
             filter: filter(record),
             intensity,

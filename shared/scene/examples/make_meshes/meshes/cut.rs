@@ -1,8 +1,8 @@
-//! Solids with flat faces: a prism and a cut diamond.
+//! Solids with flat faces: prisms and cut diamonds.
 
 use super::Mesh;
 use glam::DVec3;
-use std::f64::consts::{FRAC_PI_3, PI};
+use std::f64::consts::{FRAC_1_SQRT_2, FRAC_PI_3, PI};
 
 /// The side of a plane that a solid is on: normal . p <= offset.
 struct HalfSpace {
@@ -79,18 +79,45 @@ fn clipped(polygon: &[DVec3], by: &HalfSpace) -> Vec<DVec3> {
     left
 }
 
-/// A prism along z from -1 to 1 with an equilateral triangle of side 1 around the origin, one edge on top.
-pub fn prism() -> Mesh {
+/// The sides of a prism along z with an equilateral triangle of side 1 around the origin, one edge on top.
+fn prism_sides() -> [HalfSpace; 3] {
     let inradius = libm::sqrt(3.0) / 6.0;
-    let sides = (0..3).map(|side| {
-        let (sin, cos) = sin_cos(PI / 6.0 + f64::from(side) * 2.0 * FRAC_PI_3);
+    [0.0, 1.0, 2.0].map(|side| {
+        let (sin, cos) = sin_cos(PI / 6.0 + side * 2.0 * FRAC_PI_3);
         HalfSpace {
             normal: DVec3::new(cos, sin, 0.0),
             offset: inradius,
         }
-    });
-    let ends = [DVec3::Z, DVec3::NEG_Z].map(|normal| HalfSpace { normal, offset: 1.0 });
-    intersection(&sides.chain(ends).collect::<Vec<_>>())
+    })
+}
+
+/// The ends of a prism along z from -length to length.
+fn prism_ends(length: f64) -> [HalfSpace; 2] {
+    [DVec3::Z, DVec3::NEG_Z].map(|normal| HalfSpace { normal, offset: length })
+}
+
+/// A prism along z from -1 to 1 with an equilateral triangle of side 1 around the origin, one edge on top.
+pub fn prism() -> Mesh {
+    intersection(&prism_sides().into_iter().chain(prism_ends(1.0)).collect::<Vec<_>>())
+}
+
+/// The same from -0.4 to 0.4, its edges ground off by 0.012, as those of real ones are.
+pub fn prism_ground() -> Mesh {
+    let (length, off) = (0.4, 0.012);
+    let (sides, ends) = (prism_sides(), prism_ends(length));
+    let mut edges = Vec::new();
+    for side in &sides {
+        // Two sides meet opposite the third, a circumradius away from the axis.
+        edges.push(HalfSpace {
+            normal: -side.normal,
+            offset: 2.0 * side.offset - off,
+        });
+        edges.extend(ends.iter().map(|end| HalfSpace {
+            normal: (side.normal + end.normal).normalize(),
+            offset: (side.offset + length) * FRAC_1_SQRT_2 - off,
+        }));
+    }
+    intersection(&sides.into_iter().chain(ends).chain(edges).collect::<Vec<_>>())
 }
 
 /// A round brilliant of Tolkowsky's proportions (1919): the girdle has a radius of 1 and its lower edge at y = 0, the
@@ -139,6 +166,51 @@ pub fn brilliant() -> Mesh {
             normal: DVec3::new(cos, 0.0, sin),
             offset: 0.995,
         });
+    }
+    intersection(&planes)
+}
+
+/// An emerald cut, 2 long along x and 1.44 wide, with corners cut off: three steps on each of the eight sides above the
+/// girdle, whose lower edge is at y = 0, and three below, which meet in a keel.
+pub fn emerald_cut() -> Mesh {
+    let (long, wide, corner) = (1.0, 0.72, 0.24);
+    let girdle = 0.05;
+    // How far each step goes inwards, and the angle at which it leans.
+    let crown = [(0.10, 46.0), (0.10, 37.0), (0.08, 27.0)];
+    let pavilion = [(0.24, 50.0), (0.24, 43.0), (0.24, 37.0)];
+    let sides = (0..8).map(|side| {
+        let (sin, cos) = sin_cos(f64::from(side) * PI / 4.0);
+        let apothem = [long, (long + wide - corner) * FRAC_1_SQRT_2, wide][[0, 1, 2, 1][side as usize % 4]];
+        (DVec3::new(cos, 0.0, sin), apothem)
+    });
+    let sides: Vec<(DVec3, f64)> = sides.collect();
+    let mut planes: Vec<HalfSpace> = (sides.iter())
+        .map(|(normal, offset)| HalfSpace {
+            normal: *normal,
+            offset: *offset,
+        })
+        .collect();
+    for (steps, up, from) in [(crown, 1.0, girdle), (pavilion, -1.0, 0.0)] {
+        let (mut inset, mut height) = (0.0, 0.0);
+        for (inwards, angle) in steps {
+            let (sin, cos) = sin_cos(angle * PI / 180.0);
+            planes.extend(sides.iter().map(|(outwards, apothem)| {
+                let normal = *outwards * sin + DVec3::Y * (up * cos);
+                let point = *outwards * (apothem - inset) + DVec3::Y * (from + up * height);
+                HalfSpace {
+                    normal,
+                    offset: normal.dot(point),
+                }
+            }));
+            inset += inwards;
+            height += inwards * sin / cos;
+        }
+        if up > 0.0 {
+            planes.push(HalfSpace {
+                normal: DVec3::Y,
+                offset: from + height,
+            });
+        }
     }
     intersection(&planes)
 }

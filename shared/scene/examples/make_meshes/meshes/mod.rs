@@ -67,7 +67,9 @@ pub fn all() -> Vec<(&'static str, Mesh)> {
         ("basin.ply", sea::basin()),
         ("fish.ply", sea::fish()),
         ("prism.ply", cut::prism()),
+        ("prism-ground.ply", cut::prism_ground()),
         ("brilliant.ply", cut::brilliant()),
+        ("emerald-cut.ply", cut::emerald_cut()),
     ]
 }
 

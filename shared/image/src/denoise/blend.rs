@@ -15,6 +15,15 @@ const SURROUNDINGS: usize = 3;
 /// Part of the mean radiance, which is 1, that errors in the dark are compared with at least.
 const DARK: f32 = 0.1;
 
+/// What makes sure that a candidate is better, and does not only fit by chance.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Caution {
+    /// Nothing.
+    None,
+    /// It is better by more than a standard error of the means that are compared, as if pixels were independent.
+    StandardError,
+}
+
 /// Pictures to which filtered ones are blended, by the error of the halves.
 pub struct Blend<'a> {
     pictures: &'a Pictures,
@@ -31,7 +40,11 @@ impl<'a> Blend<'a> {
             Plane::of([r, g, b], |[r, g, b]| (r + g + b) / 3.0)
         };
         let [even, odd, _] = pictures;
-        let mean = Plane::of([&grey(even), &grey(odd)], |[even, odd]| 0.5 * (even + odd)).blurred(SURROUNDINGS);
+        let mean = Plane::of([&grey(even), &grey(odd)], |[even, odd]| 0.5 * (even + odd));
+        // What lies around a lamp is as dark as what lies next to it.
+        let mean = Plane::of([&mean.blurred(SURROUNDINGS), &mean.blurred(1)], |[far, near]| {
+            if near.abs() < far { near.abs() } else { far }
+        });
         let weight = Plane::of([&mean, &grey(variance)], |[mean, variance]| {
             1.0 / (mean * mean + DARK * DARK + variance)
         });
@@ -52,15 +65,14 @@ impl<'a> Blend<'a> {
         self.now
     }
 
-    /// Move each pixel towards a candidate, as far as that surely lessens the error of the mean of both halves around
-    /// it. The picture of all passes goes with them: its own filter has weights of less noise, and nothing that could
-    /// judge it.
+    /// Move each pixel towards a candidate, as far as that lessens the error of the mean of both halves around it. The
+    /// picture of all passes goes with them: its own filter has weights of less noise, and nothing that could judge it.
     ///
     /// Of halves a and b, now u and v, with changes p and q: as noise of a knows nothing of that in b, the squared
     /// error of (u + v) / 2 is, on average, [(u - b)² + (v - a)² - (a - b)²] / 2 - (u - v)² / 4. With u + t p and v + t
     /// q it is a parabola of t, whose second derivative is (p + q)² / 2. Its slope at 0 is known by its mean over a
-    /// window, and counts less by a standard error of that: without it, what is taken is what fits by chance.
-    pub fn take_in(&mut self, candidate: &Pictures) {
+    /// window, from which caution takes its standard error.
+    pub fn take_in(&mut self, candidate: &Pictures, caution: Caution) {
         let [a, b, _] = self.pictures;
         let [u, v, _] = &self.now;
         let [x, y, _] = candidate;
@@ -85,7 +97,10 @@ impl<'a> Blend<'a> {
         let squares = mean(&Plane::of([&slope], |[slope]| slope * slope));
         let (bend, slope) = (mean(&bend), mean(&slope));
         let share = Plane::of([&bend, &slope, &squares], |[bend, slope, squares]| {
-            let slope = slope + SPREAD * squares.sqrt();
+            let slope = match caution {
+                Caution::None => slope,
+                Caution::StandardError => slope + SPREAD * squares.sqrt(),
+            };
             match slope < 0.0 && bend > 0.0 {
                 true => (-slope / bend).min(1.0),
                 false => 0.0,

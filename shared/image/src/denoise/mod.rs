@@ -13,9 +13,9 @@ mod plane;
 mod weights;
 
 use crate::film::Film;
-use blend::Blend;
+use blend::{Blend, Caution};
 use plane::{Colours, Plane, each};
-use weights::{Patch, Pictures, Strength, filtered};
+use weights::{Patch, Pictures, Strength, despiked, filtered};
 
 /// Halvings of the resolution, at most.
 const LEVELS: usize = 3;
@@ -213,6 +213,9 @@ const RADIANCE_RADIUS: usize = 2;
 /// Part of the mean radiance that stands for less.
 const DARK: f32 = 0.05;
 
+/// Part of the mean radiance, which is 1, below which pixels are not told apart by what is coarse in them.
+const COARSE_DARK: f32 = 0.1;
+
 /// The picture at one resolution.
 struct Level {
     pictures: Pictures,
@@ -224,27 +227,21 @@ impl Level {
     fn denoised(&self) -> Pictures {
         let variance = self.variance();
         let features: Vec<(Plane, Plane)> = self.features.iter().map(Feature::with_tolerance).collect();
-        let candidates = filtered(&self.pictures, &variance, &features, STRENGTHS);
+        let despiked = self.pictures.each_ref().map(despiked);
+        // A firefly is alone in its window, where no standard error of a mean could make sure of it.
         let mut blend = Blend::new(&self.pictures, &variance);
-        for candidate in &candidates {
-            blend.take_in(candidate);
+        blend.take_in(&despiked, Caution::None);
+        let calm = blend.into_pictures();
+        let mut blend = Blend::new(&calm, &variance);
+        for candidate in &filtered([&self.pictures, &despiked], &variance, &features, STRENGTHS) {
+            blend.take_in(candidate, Caution::StandardError);
         }
         let [width, height] = self.size();
         if self.halvings < LEVELS && width.min(height) >= MIN_SIDE {
             let coarse = self.halved().denoised();
             let now = blend.pictures();
-            // What is coarse in the picture is replaced.
-            let candidate = std::array::from_fn(|of: usize| {
-                each(|c| {
-                    let plane = &now[of][c];
-                    let before = plane.halved();
-                    let change = Plane::of([&coarse[of][c], &before], |[new, old]| new - old);
-                    Plane::of([plane, &change.doubled(width, height)], |[value, change]| {
-                        value + change
-                    })
-                })
-            });
-            blend.take_in(&candidate);
+            let candidate = std::array::from_fn(|of: usize| with_coarse(&now[of], &coarse[of]));
+            blend.take_in(&candidate, Caution::StandardError);
         }
         blend.into_pictures()
     }
@@ -282,6 +279,29 @@ impl Level {
             halvings: self.halvings + 1,
         }
     }
+}
+
+/// A picture in which what is coarse is replaced. Less of it where a pixel is darker than the coarse ones around it: a
+/// hundredth of a lamp that lies in one of these would outshine it.
+fn with_coarse(picture: &Colours, coarse: &Colours) -> Colours {
+    let grey = |[r, g, b]: &Colours| Plane::of([r, g, b], |[r, g, b]| ((r + g + b) / 3.0).abs());
+    let before = picture.each_ref().map(Plane::halved);
+    let [fine, most] = [grey(picture), grey(&before).maxima()];
+    let (width, height) = (fine.width, fine.height);
+    let share = Plane::of(
+        [&fine.blurred(1), &fine.blurred(3), &most.doubled(width, height)],
+        |[near, far, most]| {
+            let here = if near < far { near } else { far };
+            ((here + COARSE_DARK) / (most + COARSE_DARK)).min(1.0)
+        },
+    );
+    each(|c| {
+        let change = Plane::of([&coarse[c], &before[c]], |[new, old]| new - old);
+        Plane::of(
+            [&picture[c], &change.doubled(width, height), &share],
+            |[value, change, share]| value + share * change,
+        )
+    })
 }
 
 impl Feature {

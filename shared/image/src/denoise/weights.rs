@@ -36,18 +36,17 @@ pub type Pictures = [Colours; 3];
 const VARIANCES: [f32; 3] = [1.0, 1.0, 0.5];
 
 /// The pictures filtered, once for each strength, each by weights of its own: so one half can judge the other. What is
-/// averaged are pixels without [spikes](despiked).
+/// averaged are the pixels of the second, [despiked], pictures.
 ///
 /// `variance`: of each half. `features`: what says which pixels belong together beside colour, each with the inverse of
 /// the square by which it may differ.
 pub fn filtered<const K: usize>(
-    pictures: &Pictures,
+    [pictures, despiked]: [&Pictures; 2],
     variance: &Colours,
     features: &[(Plane, Plane)],
     strengths: [Strength; K],
 ) -> [Pictures; K] {
     let (width, height) = (pictures[0][0].width, pictures[0][0].height);
-    let despiked = pictures.each_ref().map(despiked);
     let bands: Vec<Range<usize>> = (0..height).step_by(BAND).map(|y| y..height.min(y + BAND)).collect();
     let whole = || std::array::from_fn(|_| std::array::from_fn(|_| Plane::new(width, height)));
     let mut out: [Pictures; K] = std::array::from_fn(|_| whole());
@@ -56,7 +55,7 @@ pub fn filtered<const K: usize>(
         .map(|rows| {
             let band = Band {
                 pictures,
-                despiked: &despiked,
+                despiked,
                 variance,
                 features,
                 rows: rows.clone(),
@@ -87,7 +86,7 @@ const SPIKE_RANK: usize = 4;
 
 /// Pixels that outshine all but four of the 7 x 7 around them, dimmed to the fifth: fireflies. Whether they are, and
 /// not what is small and bright, the other half says.
-fn despiked(picture: &Colours) -> Colours {
+pub fn despiked(picture: &Colours) -> Colours {
     let [r, g, b] = picture;
     let sum = Plane::of([r, g, b], |[r, g, b]| r + g + b);
     let factor = Plane::from_rows(sum.width, sum.height, |y, row| {

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use std::ops::Range;
 
 /// How far away pixels are looked for, to all sides.
-const REACH: isize = 7;
+const REACH: isize = 6;
 /// Rows that are filtered together.
 const BAND: usize = 16;
 /// Radius of the larger patches that are compared.

@@ -219,7 +219,7 @@ fn fading(x: f32) -> f32 {
 
 /// Kept from offset to offset.
 struct Scratch {
-    /// Of each picture, by row of the band and [`PATCH`] rows around it: how much pixels and those at the offset differ.
+    /// Of each picture, by row of the band and [`PATCH`] rows around it: how pixels and those at the offset differ.
     squares: [Vec<f32>; 3],
     features: Vec<f32>,
     weights: Vec<f32>,

@@ -154,19 +154,25 @@ fn a_caustic_line_keeps_its_energy() {
     assert!(ratio > 0.9, "{ratio}");
 }
 
-/// A picture that is as rough as its noise leaves a filter nothing: the average stays.
+/// A picture that is as rough as its noise leaves a filter nothing: the average stays. Pixels of their own, and squares
+/// of 3 x 3, with noise that is alike in as many.
 #[test]
 fn what_is_all_detail_is_no_worse_than_the_average() {
-    for (seed, error) in [(4, 0.1), (5, 0.5), (6, 2.0)] {
+    for (seed, error, blur) in [
+        (4, 0.1, 0),
+        (5, 0.5, 0),
+        (6, 2.0, 0),
+        (4, 0.1, 1),
+        (5, 0.5, 1),
+        (6, 2.0, 1),
+    ] {
         let mut rng = Pcg64Mcg::seed_from_u64(100 + seed);
-        let mut truth = film(|_, _| 0.0);
-        truth
-            .pixels
-            .iter_mut()
-            .for_each(|pixel| *pixel = [3.0 + normal(&mut rng); 3]);
-        let noisy = Noisy::new(truth, film(|_, _| 0.5), |_| error, 0, seed);
+        let detail: Vec<f32> = (0..WIDTH * HEIGHT).map(|_| 3.0 + normal(&mut rng)).collect();
+        let side = 2 * blur + 1;
+        let truth = film(|x, y| detail[(y / side * WIDTH + x / side) as usize]);
+        let noisy = Noisy::new(truth, film(|_, _| 0.5), |_| error, blur, seed);
         let [denoised, plain] = noisy.errors();
-        assert!(denoised < 1.02 * plain, "{error}: {denoised} of {plain}");
+        assert!(denoised < 1.02 * plain, "{error}, {blur}: {denoised} of {plain}");
     }
 }
 

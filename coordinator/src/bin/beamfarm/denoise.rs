@@ -3,9 +3,8 @@
 use crate::failure::Failure;
 use crate::output::{denoised_name, write_both};
 use crate::view_args::ViewArgs;
-use beamfarm_image::denoise::{Input, denoise};
-use beamfarm_image::exr::{DenoisedMeta, MadeOf, Provenance, read_channels};
-use beamfarm_image::film::Film;
+use beamfarm_image::denoise::denoise;
+use beamfarm_image::exr::{DenoiseLayers, DenoisedMeta, Provenance};
 use beamfarm_image::view::View;
 use beamfarm_worker::say;
 use clap::Args;
@@ -34,12 +33,6 @@ pub struct DenoiseArgs {
     view: ViewArgs,
 }
 
-/// Channels that are read, three of each layer; the depth is alone.
-const CHANNELS: [&str; 13] = [
-    "R", "G", "B", "odd.R", "odd.G", "odd.B", "albedo.R", "albedo.G", "albedo.B", "normal.X", "normal.Y", "normal.Z",
-    "depth.Z",
-];
-
 pub fn main(args: DenoiseArgs) -> Result<(), Failure> {
     let path = args.image.display();
     let output = args.output.clone().unwrap_or_else(|| denoised_name(&args.image));
@@ -52,35 +45,11 @@ pub fn main(args: DenoiseArgs) -> Result<(), Failure> {
             "{path}: expected another name than the image's own"
         )));
     }
-    let hint = "expected an image of `beamfarm render --denoise`, or --aov odd,albedo,normal,depth";
-    let (size, channels) =
-        read_channels(&args.image, &CHANNELS).map_err(|error| Failure::usage(format!("{error}; {hint}")))?;
-    let made = MadeOf::read(&args.image)
-        .ok_or_else(|| Failure::usage(format!("{path}: does not say of which passes it is made; {hint}")))?;
+    let layers = DenoiseLayers::read(&args.image).map_err(Failure::usage)?;
     let scene_file = Provenance::read(&args.image).and_then(|provenance| provenance.scene_file);
-    let films: Vec<Film> = channels
-        .chunks_exact(3)
-        .map(|channels| {
-            let mut film = Film::new(size[0], size[1]);
-            for (i, pixel) in film.pixels.iter_mut().enumerate() {
-                *pixel = std::array::from_fn(|c| channels[c][i]);
-            }
-            film
-        })
-        .collect();
-    let ([beauty, odd, albedo, normal], Some(depth)) = (&films[..], channels.last()) else {
-        return Err(Failure::usage(format!("{path}: {hint}")));
-    };
-    let input = Input {
-        passes: made.passes,
-        beauty,
-        odd,
-        albedo,
-        normal,
-        depth,
-    };
-    let film = denoise(&input).map_err(|error| Failure::usage(format!("{path}: {error}")))?;
-    let meta = DenoisedMeta::of_image(&made, scene_file);
+    let film = denoise(&layers.input()).map_err(|error| Failure::usage(format!("{path}: {error}")))?;
+    let made = &layers.made;
+    let meta = DenoisedMeta::of_image(made, scene_file);
     write_both(&output, &film, &meta, args.view.over(View::default()))?;
     say!(
         "wrote {} and {}: biased, of {} passes",

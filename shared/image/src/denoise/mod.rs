@@ -3,7 +3,8 @@
 //! The passes of even and of odd index make two pictures of the same, with noise of which one knows nothing of the
 //! other. That noise is alike in neighbouring pixels, since a photon's kernel covers many; so no filter can judge by
 //! what neighbours differ by. Here each half is filtered by itself, at several resolutions, and the other half, which
-//! that filter has not seen, says pixel by pixel how much of it is taken in: where it is no gain the average stays.
+//! that filter has not seen, says pixel by pixel how much of such a filter is worth taking in. As much is taken in of
+//! the average filtered likewise, which has less noise to find its weights in: where it is no gain the average stays.
 //!
 //! Distances of patches as Rousselle, Knaus, Zwicker 2012, *Adaptive rendering with non-local means filtering*.
 
@@ -12,9 +13,9 @@ mod plane;
 mod weights;
 
 use crate::film::Film;
-use blend::Blend;
+use blend::{Blend, Caution};
 use plane::{Colours, Plane, each};
-use weights::{Halves, Patch, Strength, filtered};
+use weights::{Patch, Pictures, Strength, despiked, filtered};
 
 /// Halvings of the resolution, at most.
 const LEVELS: usize = 3;
@@ -121,18 +122,16 @@ pub fn denoise(input: &Input) -> Result<Film, DenoiseError> {
     let odd = colours(beauty, |i, c| {
         f64::from(input.odd.pixels[i][c]) * passes / (odd_passes * magnitude)
     });
+    let all = colours(beauty, |i, c| f64::from(beauty.pixels[i][c]) / magnitude);
     let level = Level {
-        halves: [even, odd],
+        pictures: [even, odd, all],
         features: features(input),
         halvings: 0,
     };
-    let [even, odd] = level.denoised();
+    let [_, _, all] = level.denoised();
     let mut film = Film::new(beauty.width, beauty.height);
     for (i, pixel) in film.pixels.iter_mut().enumerate() {
-        *pixel = std::array::from_fn(|c| {
-            let sum = f64::from(even[c].values[i]) * even_passes + f64::from(odd[c].values[i]) * odd_passes;
-            (sum * magnitude / passes) as f32
-        });
+        *pixel = std::array::from_fn(|c| (f64::from(all[c].values[i]) * magnitude) as f32);
     }
     Ok(film)
 }
@@ -214,50 +213,47 @@ const RADIANCE_RADIUS: usize = 2;
 /// Part of the mean radiance that stands for less.
 const DARK: f32 = 0.05;
 
+/// Part of the mean radiance, which is 1, below which pixels are not told apart by what is coarse in them.
+const COARSE_DARK: f32 = 0.1;
+
 /// The picture at one resolution.
 struct Level {
-    halves: Halves,
+    pictures: Pictures,
     features: Vec<Feature>,
     halvings: usize,
 }
 
 impl Level {
-    fn denoised(&self) -> Halves {
+    fn denoised(&self) -> Pictures {
         let variance = self.variance();
         let features: Vec<(Plane, Plane)> = self.features.iter().map(Feature::with_tolerance).collect();
-        let candidates = filtered(&self.halves, &variance, &features, STRENGTHS);
-        let mut blend = Blend::new(&self.halves, &variance);
-        for candidate in &candidates {
-            blend.take_in(candidate);
+        let despiked = self.pictures.each_ref().map(despiked);
+        // A firefly is alone in its window, where no standard error of a mean could make sure of it.
+        let mut blend = Blend::new(&self.pictures, &variance);
+        blend.take_in(&despiked, Caution::None);
+        let calm = blend.into_pictures();
+        let mut blend = Blend::new(&calm, &variance);
+        for candidate in &filtered([&self.pictures, &despiked], &variance, &features, STRENGTHS) {
+            blend.take_in(candidate, Caution::StandardError);
         }
         let [width, height] = self.size();
         if self.halvings < LEVELS && width.min(height) >= MIN_SIDE {
             let coarse = self.halved().denoised();
-            let now = blend.halves();
-            // What is coarse in the picture is replaced.
-            let candidate = std::array::from_fn(|side: usize| {
-                each(|c| {
-                    let plane = &now[side][c];
-                    let before = plane.halved();
-                    let change = Plane::of([&coarse[side][c], &before], |[new, old]| new - old);
-                    Plane::of([plane, &change.doubled(width, height)], |[value, change]| {
-                        value + change
-                    })
-                })
-            });
-            blend.take_in(&candidate);
+            let now = blend.pictures();
+            let candidate = std::array::from_fn(|of: usize| with_coarse(&now[of], &coarse[of]));
+            blend.take_in(&candidate, Caution::StandardError);
         }
-        blend.into_halves()
+        blend.into_pictures()
     }
 
     fn size(&self) -> [usize; 2] {
-        [self.halves[0][0].width, self.halves[0][0].height]
+        [self.pictures[0][0].width, self.pictures[0][0].height]
     }
 
     /// Of each half, by what the halves differ by. Averaged relative to the radiance, and widely: what a pixel's own
     /// halves differ by must not say how much it is filtered, or those that are wrong alike would stay so.
     fn variance(&self) -> Colours {
-        let [even, odd] = &self.halves;
+        let [even, odd, _] = &self.pictures;
         let mut mean = Plane::new(even[0].width, even[0].height);
         for plane in even.iter().chain(odd) {
             mean = Plane::of([&mean, plane], |[mean, value]| mean + value / 6.0);
@@ -278,11 +274,34 @@ impl Level {
     /// At half the resolution.
     fn halved(&self) -> Self {
         Self {
-            halves: std::array::from_fn(|side: usize| each(|c| self.halves[side][c].halved())),
+            pictures: std::array::from_fn(|of: usize| each(|c| self.pictures[of][c].halved())),
             features: self.features.iter().map(Feature::halved).collect(),
             halvings: self.halvings + 1,
         }
     }
+}
+
+/// A picture in which what is coarse is replaced. Less of it where a pixel is darker than the coarse ones around it: a
+/// hundredth of a lamp that lies in one of these would outshine it.
+fn with_coarse(picture: &Colours, coarse: &Colours) -> Colours {
+    let grey = |[r, g, b]: &Colours| Plane::of([r, g, b], |[r, g, b]| ((r + g + b) / 3.0).abs());
+    let before = picture.each_ref().map(Plane::halved);
+    let [fine, most] = [grey(picture), grey(&before).maxima()];
+    let (width, height) = (fine.width, fine.height);
+    let share = Plane::of(
+        [&fine.blurred(1), &fine.blurred(3), &most.doubled(width, height)],
+        |[near, far, most]| {
+            let here = if near < far { near } else { far };
+            ((here + COARSE_DARK) / (most + COARSE_DARK)).min(1.0)
+        },
+    );
+    each(|c| {
+        let change = Plane::of([&coarse[c], &before[c]], |[new, old]| new - old);
+        Plane::of(
+            [&picture[c], &change.doubled(width, height), &share],
+            |[value, change, share]| value + share * change,
+        )
+    })
 }
 
 impl Feature {

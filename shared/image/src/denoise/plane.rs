@@ -64,6 +64,18 @@ impl Plane {
         })
     }
 
+    /// The largest value of each pixel and the eight around it.
+    pub fn maxima(&self) -> Self {
+        Self::from_rows(self.width, self.height, |y, row| {
+            let rows = y.saturating_sub(1)..self.height.min(y + 2);
+            for (x, out) in row.iter_mut().enumerate() {
+                let columns = x.saturating_sub(1)..self.width.min(x + 2);
+                let values = rows.clone().flat_map(|y| &self.row(y)[columns.clone()]);
+                *out = values.copied().fold(f32::MIN, f32::max);
+            }
+        })
+    }
+
     /// Half the size, rounded up: means of 2 x 2 pixels, the last ones repeated.
     pub fn halved(&self) -> Self {
         let last = (self.width - 1, self.height - 1);

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use std::ops::Range;
 
 /// How far away pixels are looked for, to all sides.
-const REACH: isize = 7;
+const REACH: isize = 6;
 /// Rows that are filtered together.
 const BAND: usize = 16;
 /// Radius of the larger patches that are compared.
@@ -29,31 +29,33 @@ pub enum Patch {
     Large,
 }
 
-/// Two halves of the passes: pictures that know nothing of each other's noise.
-pub type Halves = [Colours; 2];
+/// The means of even, of odd, and of all passes. The first two, the halves, know nothing of each other's noise.
+pub type Pictures = [Colours; 3];
 
-/// Both halves filtered, once for each strength, each by weights of its own: so the other half can judge it. What is
-/// averaged are pixels without [spikes](despiked).
+/// Their variances, as shares of that of a half.
+const VARIANCES: [f32; 3] = [1.0, 1.0, 0.5];
+
+/// The pictures filtered, once for each strength, each by weights of its own: so one half can judge the other. What is
+/// averaged are the pixels of the second, [despiked], pictures.
 ///
 /// `variance`: of each half. `features`: what says which pixels belong together beside colour, each with the inverse of
 /// the square by which it may differ.
 pub fn filtered<const K: usize>(
-    halves: &Halves,
+    [pictures, despiked]: [&Pictures; 2],
     variance: &Colours,
     features: &[(Plane, Plane)],
     strengths: [Strength; K],
-) -> [Halves; K] {
-    let (width, height) = (halves[0][0].width, halves[0][0].height);
-    let despiked: Halves = std::array::from_fn(|side: usize| despiked(&halves[side]));
+) -> [Pictures; K] {
+    let (width, height) = (pictures[0][0].width, pictures[0][0].height);
     let bands: Vec<Range<usize>> = (0..height).step_by(BAND).map(|y| y..height.min(y + BAND)).collect();
     let whole = || std::array::from_fn(|_| std::array::from_fn(|_| Plane::new(width, height)));
-    let mut out: [Halves; K] = std::array::from_fn(|_| whole());
+    let mut out: [Pictures; K] = std::array::from_fn(|_| whole());
     let done: Vec<Vec<Sums>> = bands
         .par_iter()
         .map(|rows| {
             let band = Band {
-                halves,
-                despiked: &despiked,
+                pictures,
+                despiked,
                 variance,
                 features,
                 rows: rows.clone(),
@@ -65,8 +67,8 @@ pub fn filtered<const K: usize>(
         .collect();
     for (rows, sums) in bands.into_iter().zip(done) {
         for (candidate, sums) in out.iter_mut().zip(sums) {
-            for (half, (colours, weights)) in candidate.iter_mut().zip(sums.halves) {
-                for (plane, sum) in half.iter_mut().zip(colours) {
+            for (picture, (colours, weights)) in candidate.iter_mut().zip(sums.pictures) {
+                for (plane, sum) in picture.iter_mut().zip(colours) {
                     let values = &mut plane.values[rows.start * width..rows.end * width];
                     for ((value, sum), weight) in values.iter_mut().zip(sum).zip(&weights) {
                         *value = sum / weight;
@@ -84,8 +86,8 @@ const SPIKE_RANK: usize = 4;
 
 /// Pixels that outshine all but four of the 7 x 7 around them, dimmed to the fifth: fireflies. Whether they are, and
 /// not what is small and bright, the other half says.
-fn despiked(half: &Colours) -> Colours {
-    let [r, g, b] = half;
+pub fn despiked(picture: &Colours) -> Colours {
+    let [r, g, b] = picture;
     let sum = Plane::of([r, g, b], |[r, g, b]| r + g + b);
     let factor = Plane::from_rows(sum.width, sum.height, |y, row| {
         let rows = y.saturating_sub(SPIKE_RADIUS)..sum.height.min(y + SPIKE_RADIUS + 1);
@@ -107,17 +109,17 @@ fn despiked(half: &Colours) -> Colours {
             *factor = if value > most && most >= 0.0 { most / value } else { 1.0 };
         }
     });
-    each(|c| Plane::of([&half[c], &factor], |[value, factor]| value * factor))
+    each(|c| Plane::of([&picture[c], &factor], |[value, factor]| value * factor))
 }
 
-/// Of a band, for each half: weighted sums of the colours, and of the weights.
+/// Of a band, for each picture: weighted sums of the colours, and of the weights.
 struct Sums {
-    halves: [([Vec<f32>; 3], Vec<f32>); 2],
+    pictures: [([Vec<f32>; 3], Vec<f32>); 3],
 }
 
 struct Band<'a> {
-    halves: &'a Halves,
-    despiked: &'a Halves,
+    pictures: &'a Pictures,
+    despiked: &'a Pictures,
     variance: &'a Colours,
     features: &'a [(Plane, Plane)],
     rows: Range<usize>,
@@ -130,7 +132,7 @@ impl Band<'_> {
         let pixels = self.rows.len() * self.width;
         let zeros = || vec![0.0f32; pixels];
         let sums = |_| Sums {
-            halves: std::array::from_fn(|_| (std::array::from_fn(|_| zeros()), zeros())),
+            pictures: std::array::from_fn(|_| (std::array::from_fn(|_| zeros()), zeros())),
         };
         let mut sums: Vec<Sums> = (0..strengths.len()).map(sums).collect();
         let mut scratch = Scratch::new(self.width, self.rows.len());
@@ -167,9 +169,9 @@ impl Band<'_> {
                 }
             }
             let place = i * self.width + columns.start..i * self.width + columns.end;
-            for side in 0..2 {
-                scratch.blur(side, i, y, dy, self, &columns);
-                let colours: [&[f32]; 3] = std::array::from_fn(|c| &self.despiked[side][c].row(other_y)[other.clone()]);
+            for of in 0..self.pictures.len() {
+                scratch.blur(of, i, y, dy, self, &columns);
+                let colours: [&[f32]; 3] = std::array::from_fn(|c| &self.despiked[of][c].row(other_y)[other.clone()]);
                 for (strength, sums) in strengths.iter().zip(&mut *sums) {
                     let weights = &mut scratch.weights[..columns.len()];
                     let features = &scratch.features[..columns.len()];
@@ -179,7 +181,7 @@ impl Band<'_> {
                         let distance = distance * scale;
                         *weight = fading(if distance > *feature { distance } else { *feature });
                     }
-                    let (sum, all) = &mut sums.halves[side];
+                    let (sum, all) = &mut sums.pictures[of];
                     for (sum, colour) in sum.iter_mut().zip(colours) {
                         for ((sum, colour), weight) in sum[place.clone()].iter_mut().zip(colour).zip(&*weights) {
                             *sum += weight * colour;
@@ -217,8 +219,8 @@ fn fading(x: f32) -> f32 {
 
 /// Kept from offset to offset.
 struct Scratch {
-    /// Of each half, by row of the band and [`PATCH`] rows around it: how much pixels and those at the offset differ.
-    squares: [Vec<f32>; 2],
+    /// Of each picture, by row of the band and [`PATCH`] rows around it: how pixels and those at the offset differ.
+    squares: [Vec<f32>; 3],
     features: Vec<f32>,
     weights: Vec<f32>,
     /// By patch, means of the squares.
@@ -231,7 +233,7 @@ impl Scratch {
         let line = || vec![0.0; width];
         let squares = || vec![0.0; (rows + 2 * PATCH) * width];
         Self {
-            squares: [squares(), squares()],
+            squares: [squares(), squares(), squares()],
             features: line(),
             weights: line(),
             distances: [line(), line()],
@@ -247,27 +249,27 @@ impl Scratch {
             let y = (band.rows.start + i).wrapping_sub(PATCH);
             let other_y = y.wrapping_add_signed(dy);
             let is_there = y < band.height && other_y < band.height;
-            for (half, squares) in band.halves.iter().zip(&mut self.squares) {
+            for ((picture, share), squares) in band.pictures.iter().zip(VARIANCES).zip(&mut self.squares) {
                 let squares = &mut squares[i * band.width..][..columns.len()];
                 squares.fill(0.0);
                 if !is_there {
                     continue;
                 }
-                for (colours, variance) in half.iter().zip(band.variance) {
+                for (colours, variance) in picture.iter().zip(band.variance) {
                     let (here, there) = (&colours.row(y)[columns.clone()], &colours.row(other_y)[other.clone()]);
                     let (v, w) = (&variance.row(y)[columns.clone()], &variance.row(other_y)[other.clone()]);
                     for (x, square) in squares.iter_mut().enumerate() {
                         let difference = here[x] - there[x];
-                        let expected = v[x] + least(v[x], w[x]);
-                        *square += (difference * difference - expected) / (v[x] + w[x] + f32::MIN_POSITIVE);
+                        let expected = share * (v[x] + least(v[x], w[x]));
+                        *square += (difference * difference - expected) / (share * (v[x] + w[x]) + f32::MIN_POSITIVE);
                     }
                 }
             }
         }
     }
 
-    /// Fill in the distances of a row of the band, found in a half.
-    fn blur(&mut self, half: usize, i: usize, y: usize, dy: isize, band: &Band, columns: &Range<usize>) {
+    /// Fill in the distances of a row of the band, found in a picture.
+    fn blur(&mut self, of: usize, i: usize, y: usize, dy: isize, band: &Band, columns: &Range<usize>) {
         let count = columns.len();
         for (patch, radius) in [1, PATCH].into_iter().enumerate() {
             let sums = &mut self.columns[patch];
@@ -279,7 +281,7 @@ impl Scratch {
                     continue;
                 }
                 rows += 1;
-                let squares = &self.squares[half][(i + PATCH + k - radius) * band.width..][..count];
+                let squares = &self.squares[of][(i + PATCH + k - radius) * band.width..][..count];
                 for (sum, square) in sums[PATCH..].iter_mut().zip(squares) {
                     *sum += square;
                 }

@@ -2,7 +2,9 @@
 
 use super::header::text;
 use super::image::{ImageMeta, MadeOf, Maker, encode};
+use super::read::read_channels;
 use crate::atomic;
+use crate::denoise::Input;
 use crate::error::ImageError;
 use crate::film::Film;
 use crate::merge::Average;
@@ -10,6 +12,69 @@ use exr::image::{AnyChannel, AnyChannels, FlatSamples};
 use exr::meta::attribute::AttributeValue;
 use exr::prelude::Vec2;
 use std::path::Path;
+
+/// What is read of an image to denoise it: that of [`Input`], from the file.
+#[derive(Clone, Debug)]
+pub struct DenoiseLayers {
+    /// Of which passes.
+    pub made: MadeOf,
+    /// Their mean radiance.
+    pub beauty: Film,
+    odd: Film,
+    albedo: Film,
+    normal: Film,
+    depth: Vec<f32>,
+}
+
+/// Channels that are read, three of each layer; the depth is alone.
+const CHANNELS: [&str; 13] = [
+    "R", "G", "B", "odd.R", "odd.G", "odd.B", "albedo.R", "albedo.G", "albedo.B", "normal.X", "normal.Y", "normal.Z",
+    "depth.Z",
+];
+
+impl DenoiseLayers {
+    /// Of an image that was rendered with the layers odd, albedo, normal and depth.
+    pub fn read(path: &Path) -> Result<Self, ImageError> {
+        let hint = "expected an image of `beamfarm render --denoise`, or --aov odd,albedo,normal,depth";
+        let failed = |message: &str| ImageError::File {
+            path: path.to_owned(),
+            message: format!("{message}; {hint}"),
+        };
+        let ([width, height], mut channels) = read_channels(path, &CHANNELS).map_err(|error| match error {
+            ImageError::File { message, .. } => failed(&message),
+            other => other,
+        })?;
+        let made = MadeOf::read(path).ok_or_else(|| failed("does not say of which passes it is made"))?;
+        let depth = channels.pop().unwrap_or_default();
+        let film = |first: usize| {
+            let mut film = Film::new(width, height);
+            for (i, pixel) in film.pixels.iter_mut().enumerate() {
+                *pixel = std::array::from_fn(|c| channels[first + c][i]);
+            }
+            film
+        };
+        Ok(Self {
+            made,
+            beauty: film(0),
+            odd: film(3),
+            albedo: film(6),
+            normal: film(9),
+            depth,
+        })
+    }
+
+    /// As [`denoise`](crate::denoise::denoise) takes them.
+    pub fn input(&self) -> Input<'_> {
+        Input {
+            passes: self.made.passes,
+            beauty: &self.beauty,
+            odd: &self.odd,
+            albedo: &self.albedo,
+            normal: &self.normal,
+            depth: &self.depth,
+        }
+    }
+}
 
 /// What a denoised picture says of where it comes from.
 #[derive(Clone, Debug, PartialEq, Eq)]

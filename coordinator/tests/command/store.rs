@@ -362,7 +362,7 @@ fn two_coordinators_cannot_have_one_directory() {
             .unwrap()
             > 0
     );
-    render.log.wait_for("pass ");
+    render.log.wait_for("delivered: ");
     render.signal("-TERM");
     let output = render.finish();
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));

@@ -1,7 +1,7 @@
 """Writes the images of the example scenes beside itself: `python3 make_images.py`; nothing but Python is needed.
 
 sky.png, a clear evening sky in latitude and longitude, its bottom half ground; three paintings of colours and shapes;
-slit.png, white in the middle sixteenth of its width; slit-upright.png, white, twenty times as tall as it is wide.
+slit-upright.png, white, twenty times as tall as it is wide.
 """
 import math
 import pathlib
@@ -91,5 +91,4 @@ write("sky.png", 64, 64, sky)
 write("evening.png", 96, 72, evening)
 write("leaves.png", 72, 96, leaves)
 write("squares.png", 96, 72, squares)
-write("slit.png", 48, 3, lambda x, y: [1.0 if abs(x - 0.5) < 1 / 32 else 0.0] * 3)
 write("slit-upright.png", 2, 40, lambda x, y: [1.0] * 3)

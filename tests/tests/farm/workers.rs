@@ -78,6 +78,33 @@ async fn a_pass_that_a_lost_worker_held_is_rendered_by_another() {
     worker.join().await.unwrap();
 }
 
+/// A process that is killed before it opens its stream of heartbeats: nobody may wait for it, with what it holds or at
+/// the end of the job.
+#[tokio::test]
+async fn a_worker_that_hangs_up_before_its_first_heartbeat_is_gone() {
+    let coordinator = Coordinator::start(spec(PASSES)).await;
+    let gone = |count: usize| {
+        move |progress: &Progress| {
+            let gone = progress
+                .workers_seen
+                .iter()
+                .filter(|worker| worker.state == WorkerState::Gone);
+            (gone.count() == count).then_some(())
+        }
+    };
+    let first = RawWorker::register(&coordinator).await;
+    let (_, held) = first.lease().await;
+    drop(first);
+    coordinator.shows("that the first is gone", gone(1)).await;
+    let second = RawWorker::register(&coordinator).await;
+    assert_eq!(second.lease().await.1, held);
+    coordinator.stay();
+    coordinator.farm.stop();
+    let last = RawWorker::register(&coordinator).await;
+    drop((second, last));
+    coordinator.shows("that all are gone", gone(3)).await;
+}
+
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_worker_finds_a_restarted_coordinator_with_another_job() {
     let timing = Timing {

@@ -2,6 +2,7 @@
 
 use crate::harness::{
     Coordinator, LONG, RawWorker, SCENE, WIDTH, free_port, leaf, settings, spec, start_worker, start_worker_with,
+    start_worker_with_lanes,
 };
 use beamfarm_coordinator::{End, JobSpec, Progress, Timing, WorkerState, WorkerView};
 use beamfarm_image::bundle::Bundle;
@@ -46,12 +47,26 @@ fn reference() -> (Average, Vec<String>) {
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn workers_and_threads_do_not_change_a_bit() {
     let (expected, hashes) = reference();
-    for (workers, threads) in [(1, 1), (1, 2), (2, 1), (2, 3), (4, 1), (4, 2)] {
+    for (workers, threads, at_once) in [
+        (1, 1, 1),
+        (1, 2, 1),
+        (1, 1, 3),
+        (1, 2, 2),
+        (2, 1, 1),
+        (2, 3, 1),
+        (2, 3, 2),
+        (4, 1, 1),
+        (4, 2, 1),
+    ] {
         let coordinator = Coordinator::start(spec(PASSES)).await;
-        let _crew: Vec<_> = (0..workers).map(|_| coordinator.worker(threads)).collect();
+        let worker = |_| start_worker_with_lanes(coordinator.url(), threads, at_once);
+        let _crew: Vec<_> = (0..workers).map(worker).collect();
         assert_eq!(coordinator.ended().await, End::Complete);
         let average = coordinator.farm.average().unwrap();
-        assert!(average == expected, "{workers} workers of {threads} threads");
+        assert!(
+            average == expected,
+            "{workers} workers of {threads} threads, {at_once} blocks at once"
+        );
         for done in coordinator.farm.blocks() {
             let (_, known) = done.by.unwrap();
             if done.block.level == 0 {

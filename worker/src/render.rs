@@ -12,9 +12,9 @@ use beamfarm_render::world::Scene;
 use beamfarm_scene::{Files, Store};
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 use std::time::Instant;
-use tokio::sync::oneshot;
+use tokio::sync::{Mutex, oneshot};
 use tracing::debug;
 
 /// Where a scene comes from.
@@ -90,14 +90,17 @@ impl Renderer {
     pub async fn prepare(&self, source: Source, job: &Job) -> Result<Arc<Prepared>, WorkerError> {
         let (settings, layers) = (job.settings, job.layers.clone());
         let (width, height) = (job.width, job.height);
+        // Not locked on the rendering threads: one that waits for others there could be given what waits for the lock.
+        let store = match &source {
+            Source::Whole(_) => None,
+            Source::Shared(_, store, _) => Some(store.clone().lock_owned().await),
+        };
         let prepare = move || {
             let begun = Instant::now();
-            let (description, before) = match source {
-                Source::Whole(bundle) => (beamfarm_scene::load(&bundle)?, None),
-                Source::Shared(files, store, before) => {
-                    let mut store = store.lock().unwrap_or_else(PoisonError::into_inner);
-                    (store.load(&files)?, before)
-                }
+            let (description, before) = match (source, store) {
+                (Source::Whole(bundle), _) => (beamfarm_scene::load(&bundle)?, None),
+                (Source::Shared(files, _, before), Some(mut store)) => (store.load(&files)?, before),
+                (Source::Shared(files, _, before), None) => (Store::default().load(&files)?, before),
             };
             let camera = &description.camera;
             if (camera.width, camera.height) != (width, height) {

@@ -1,12 +1,18 @@
 //! A tree over triangles and other things, for rays.
 
+use super::pieces::{Piece, pieces};
 use super::triangles::{Four, FourHit, ShearedRay, TriangleId};
 use crate::math::Vec3;
 use crate::wide::{WideTree, padded};
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::{Bvh2, builder::build_bvh2};
 use obvhs::{Boundable, BvhBuildParams};
+use rayon::prelude::*;
 use std::time::Duration;
+
+/// Things of which a tree is built in one go. More are cut into pieces of no more, whose trees are built side by side:
+/// those need little memory each, and each is in the cache while it is built.
+const PIECE: usize = 1 << 16;
 
 /// What a tree is built over.
 pub(super) enum Item {
@@ -23,6 +29,14 @@ impl Boundable for Item {
             Self::Other(_, [min, max]) => padded(*min, *max),
         }
     }
+}
+
+/// Things by number, each made when it is asked for: a list of them would take as much memory as the tree.
+pub(super) trait Items: Sync {
+    /// How many there are.
+    fn count(&self) -> usize;
+    /// One of them.
+    fn item(&self, index: usize) -> Item;
 }
 
 /// The tree.
@@ -47,13 +61,48 @@ pub(super) enum TreeHit<T> {
 }
 
 impl ItemTree {
-    /// Build the tree. Deterministic.
-    pub fn new(items: &[Item]) -> Self {
-        let params = BvhBuildParams {
-            max_prims_per_leaf: 1,
-            ..BvhBuildParams::medium_build()
+    /// Build the tree, side by side on the threads of the current pool. Deterministic, whatever their number.
+    pub fn new(items: &impl Items) -> Self {
+        Self::of_pieces(items, PIECE)
+    }
+
+    fn of_pieces(items: &impl Items, largest: usize) -> Self {
+        if items.count() <= largest {
+            let items: Vec<Item> = (0..items.count()).map(|i| items.item(i)).collect();
+            return Self::whole(&items);
+        }
+        let pieces = pieces(items, largest);
+        let boxes: Vec<Aabb> = pieces.iter().map(|piece| piece.bounds).collect();
+        let binary = binary_tree(&boxes);
+        let is_leaf: Vec<bool> = binary.nodes.iter().map(|node| node.is_leaf()).collect();
+        let (boxes, places) = WideTree::over_trees(&binary, &is_leaf);
+        let mut tree = Self {
+            boxes,
+            ..Self::default()
         };
-        let binary = build_bvh2(items, params, &mut Duration::default());
+        // A few at a time: what is built is there twice until it is joined to the others.
+        let at_once = 4 * rayon::current_num_threads();
+        for (pieces, places) in pieces.chunks(at_once).zip(places.chunks(at_once)) {
+            let build = |piece: &Piece| {
+                let items: Vec<Item> = piece.items.iter().map(|i| items.item(*i as usize)).collect();
+                Self::whole(&items)
+            };
+            let trees: Vec<Self> = pieces.par_iter().map(build).collect();
+            for (part, place) in trees.into_iter().zip(places) {
+                let (leaves, fours) = (tree.leaves.len() as u32, tree.fours.len() as u32);
+                tree.boxes.put(*place, part.boxes, leaves);
+                tree.leaves.extend(part.leaves.into_iter().map(|leaf| match leaf {
+                    Leaf::Four(i) => Leaf::Four(i + fours),
+                    other => other,
+                }));
+                tree.fours.extend(part.fours);
+            }
+        }
+        tree
+    }
+
+    fn whole(items: &[Item]) -> Self {
+        let binary = binary_tree(items);
         let mut tree = Self::default();
         if items.is_empty() {
             return tree;
@@ -120,6 +169,14 @@ impl ItemTree {
                 Leaf::Other(i) => other(i, t_max),
             })
     }
+}
+
+fn binary_tree(things: &[impl Boundable]) -> Bvh2 {
+    let params = BvhBuildParams {
+        max_prims_per_leaf: 1,
+        ..BvhBuildParams::medium_build()
+    };
+    build_bvh2(things, params, &mut Duration::default())
 }
 
 struct Builder<'a> {
@@ -203,6 +260,18 @@ mod tests {
     use crate::sampler::{Purpose, Sampler};
     use crate::warp;
 
+    impl Items for Vec<Item> {
+        fn count(&self) -> usize {
+            self.len()
+        }
+        fn item(&self, index: usize) -> Item {
+            match &self[index] {
+                Item::Triangle(id, corners) => Item::Triangle(*id, *corners),
+                Item::Other(number, corners) => Item::Other(*number, *corners),
+            }
+        }
+    }
+
     /// Triangles large and small, all over the place and on top of each other: the tree finds what looking at each of
     /// them finds, and anything at all where there is something.
     #[test]
@@ -229,9 +298,9 @@ mod tests {
                     items.push(Item::Triangle(id, [a, b, c]));
                 }
             }
-            let tree = ItemTree::new(&items);
-            let mut met = 0;
-            for _ in 0..2000 {
+            for tree in [ItemTree::new(&items), ItemTree::of_pieces(&items, 30)] {
+              let mut met = 0;
+              for _ in 0..2000 {
                 let origin = point(&mut sampler) * 3.0 - 1.0;
                 let dir = match sampler.next_1d() < 0.2 {
                     true => Vec3::AXES[sampler.next_u32() as usize % 3],
@@ -262,7 +331,8 @@ mod tests {
                 assert_eq!(any, nearest.is_some());
                 met += usize::from(nearest.is_some());
             }
-            assert!(met > 0 || triangles < 40);
+              assert!(met > 0 || triangles < 40);
+            }
         }
     }
 }

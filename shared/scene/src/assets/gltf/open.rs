@@ -7,9 +7,9 @@ use serde_json::{Map, Value, json};
 use std::borrow::Cow;
 
 /// A file whose parts can be asked for.
-pub struct Opened {
+pub struct Opened<'b> {
     pub document: gltf::Document,
-    pub blob: Option<Vec<u8>>,
+    pub blob: Option<Cow<'b, [u8]>>,
     pub record: Record,
 }
 
@@ -82,9 +82,8 @@ pub fn is_animated(bytes: &[u8]) -> bool {
 
 /// Read the JSON and validate it. What the `gltf` crate's validation and accessors take for granted is looked at
 /// before.
-pub fn open(bytes: &[u8]) -> Result<Opened, Flaw> {
+pub fn open(bytes: &[u8]) -> Result<Opened<'_>, Flaw> {
     let Parts { json: text, blob } = parts(bytes)?;
-    let blob = blob.map(Cow::into_owned);
     let json = |e: serde_json::Error| unusable(&e.to_string());
     let mut text = serde_json::from_slice::<Value>(&text).map_err(json)?;
     let record = Record::deserialize(&text).map_err(json)?;

@@ -171,7 +171,7 @@ impl View {
 }
 
 /// Corners of a box around all triangles.
-fn corners(placed: &[Placed<'_>], buffers: &Buffers) -> Result<Option<[DVec3; 2]>, Flaw> {
+fn corners(placed: &[Placed<'_>], buffers: &Buffers<'_>) -> Result<Option<[DVec3; 2]>, Flaw> {
     let mut corners: Option<[DVec3; 2]> = None;
     for node in placed {
         let Some(there) = node.node.mesh() else { continue };

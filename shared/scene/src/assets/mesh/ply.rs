@@ -1,6 +1,6 @@
 //! PLY: ASCII and binary of either byte order.
 
-use super::RawMesh;
+use super::{RawMesh, ply_binary};
 use crate::assets::Flaw;
 use crate::assets::image::linear_from_srgb;
 use beamfarm_render::math::Rgb;
@@ -38,7 +38,12 @@ pub fn read(bytes: &[u8], colored: bool) -> Result<RawMesh, Flaw> {
                 if !has(&["x", "y", "z"]) {
                     return Err("the element `vertex` lacks x, y or z".into());
                 }
-                let vertices = match colored && COLOR_NAMES.iter().any(|names| has(names)) {
+                let colored = colored && COLOR_NAMES.iter().any(|names| has(names));
+                let columns = [has(&["nx", "ny", "nz"]), UV_NAMES.iter().any(|names| has(names)), colored];
+                if ply_binary::vertices(reader.get_mut(), element, &header.encoding, columns, &mut mesh).is_some() {
+                    continue;
+                }
+                let vertices = match colored {
                     false => Parser::<Vertex>::new()
                         .read_payload_for_element(&mut reader, element, &header)
                         .map_err(place)?,
@@ -51,16 +56,21 @@ pub fn read(bytes: &[u8], colored: bool) -> Result<RawMesh, Flaw> {
                     }
                 };
                 mesh.positions = vertices.iter().map(|v| v.position).collect();
-                if has(&["nx", "ny", "nz"]) {
+                let [has_normals, has_uvs, _] = columns;
+                if has_normals {
                     mesh.normals = vertices.iter().map(|v| v.normal).collect();
                 }
-                if UV_NAMES.iter().any(|names| has(names)) {
+                if has_uvs {
                     mesh.uvs = vertices.iter().map(|v| v.uv).collect();
                 }
             }
             "face" => {
                 if !INDEX_NAMES.iter().any(|name| element.properties.contains_key(*name)) {
                     return Err("the element `face` lacks the list `vertex_indices`".into());
+                }
+                if let Some(triangles) = ply_binary::triangles(reader.get_mut(), element, &header.encoding) {
+                    mesh.triangles.extend(triangles);
+                    continue;
                 }
                 let faces = Parser::<Face>::new()
                     .read_payload_for_element(&mut reader, element, &header)
@@ -88,7 +98,7 @@ const UV_NAMES: [[&str; 2]; 4] = [
     ["texture_s", "texture_t"],
 ];
 const COLOR_NAMES: [[&str; 3]; 2] = [["red", "green", "blue"], ["r", "g", "b"]];
-const INDEX_NAMES: [&str; 2] = ["vertex_indices", "vertex_index"];
+pub(super) const INDEX_NAMES: [&str; 2] = ["vertex_indices", "vertex_index"];
 
 fn flaw(error: &ParseError, has_lines: bool) -> Flaw {
     let text = error.to_string();

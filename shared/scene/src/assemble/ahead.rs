@@ -5,7 +5,6 @@ use super::shape::emits_colors;
 use super::{Assets, Kept, Parts, key_of_mesh, read_image, read_mesh};
 use crate::assets::image::Encoding;
 use crate::parse::{MaterialRecord, SceneRecord, ShapeRecord};
-use crate::values::Spanned;
 use beamfarm_image::bundle;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -48,7 +47,7 @@ impl Parts<'_> {
         let Kept { meshes, clock, .. } = &mut *self.assets.kept;
         let mut wanted = BTreeMap::new();
         for shape in shapes {
-            let shape = shape.shape.as_ref().map_or(shape, Spanned::get_ref);
+            let shape = shape.shape.as_ref().map_or(shape, |inner| inner.get_ref());
             let material = shape.material.as_ref().and_then(|name| self.materials.resolve(name).ok());
             let is_read = material.is_some_and(|material| self.materials.list[material as usize].reads_colors());
             let index = shape.shape_index.as_ref().map_or(0, |index| *index.get_ref());

@@ -20,9 +20,9 @@ pub struct Moment<'b> {
 impl<'b> Moment<'b> {
     /// With nodes and weights as the animations have them after `seconds`; before their first keys and after their
     /// last ones they stay as those say. All play at once; of two that move the same, the first does.
-    pub fn new(opened: Opened<'b>, beside: &Beside<'_>, seconds: f64) -> Result<Self, Flaw> {
+    pub fn new(opened: Opened<'b>, beside: &Beside<'b>, seconds: f64) -> Result<Self, Flaw> {
         let document = &opened.document;
-        let buffers = Buffers::new(document, opened.blob.as_deref(), beside)?;
+        let buffers = Buffers::new(document, opened.blob, beside)?;
         let mut root = document.as_json().clone();
         let mut taken = BTreeSet::new();
         let mut hidden = Vec::new();

@@ -131,7 +131,7 @@ pub struct There<'m> {
 }
 
 impl There<'_> {
-    fn open<'b>(&self, bytes: &'b [u8], beside: &Beside<'_>) -> Result<Moment<'b>, Flaw> {
+    fn open<'b>(&self, bytes: &'b [u8], beside: &Beside<'b>) -> Result<Moment<'b>, Flaw> {
         let opened = open(bytes)?;
         match self.seconds {
             Some(seconds) if opened.document.animations().len() > 0 => Moment::new(opened, beside, seconds),
@@ -144,11 +144,17 @@ impl There<'_> {
 }
 
 /// Read a glTF file called `name`.
-pub fn read(name: &str, bytes: &[u8], beside: &Beside<'_>, there: There<'_>, choice: Choice) -> Result<Piece, Flaw> {
+pub fn read<'b>(
+    name: &str,
+    bytes: &'b [u8],
+    beside: &Beside<'b>,
+    there: There<'_>,
+    choice: Choice,
+) -> Result<Piece, Flaw> {
     let Moment { opened, hidden } = there.open(bytes, beside)?;
     let world_from_file = there.world_from_file;
     let document = &opened.document;
-    let buffers = Buffers::new(document, opened.blob.as_deref(), beside)?;
+    let buffers = Buffers::new(document, opened.blob, beside)?;
     let mut notes = Notes::default();
     let placed = node::placed(document, world_from_file)?;
     let textures = texture::Textures::new(name, document, &buffers, beside);

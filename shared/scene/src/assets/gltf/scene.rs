@@ -40,10 +40,10 @@ pub struct Whole {
 }
 
 /// The scene of a file that it calls `file`.
-pub fn scene(file: &str, bytes: &[u8], beside: &Beside<'_>) -> Result<Whole, Flaw> {
+pub fn scene<'b>(file: &str, bytes: &'b [u8], beside: &Beside<'b>) -> Result<Whole, Flaw> {
     let mut opened = open(bytes)?;
     let mut notes = Notes::default();
-    let buffers = Buffers::new(&opened.document, opened.blob.as_deref(), beside)?;
+    let buffers = Buffers::new(&opened.document, opened.blob, beside)?;
     let mut animation = String::new();
     if let Some([first, last]) = animation::span(&opened.document, &buffers)? {
         let frames = [(first * FPS).floor(), (last * FPS).ceil()];

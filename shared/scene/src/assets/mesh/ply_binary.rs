@@ -14,7 +14,7 @@ use rayon::prelude::*;
 const CHUNK: usize = 1 << 14;
 
 /// A number of a kind in the file's byte order.
-#[derive(Clone, Copy)]
+#[derive(Clone)]
 struct Number {
     kind: ScalarType,
     is_big: bool,
@@ -48,7 +48,7 @@ fn first<const N: usize>(bytes: &[u8], is_big: bool) -> [u8; N] {
 }
 
 impl Number {
-    fn float(self, bytes: &[u8]) -> f64 {
+    fn float(&self, bytes: &[u8]) -> f64 {
         match self.kind {
             ScalarType::Float => f32::from_le_bytes(first(bytes, self.is_big)).into(),
             ScalarType::Double => f64::from_le_bytes(first(bytes, self.is_big)),
@@ -57,7 +57,7 @@ impl Number {
     }
 
     /// Of a kind of whole numbers.
-    fn whole(self, bytes: &[u8]) -> i64 {
+    fn whole(&self, bytes: &[u8]) -> i64 {
         let is_big = self.is_big;
         match self.kind {
             ScalarType::Char => i8::from_le_bytes(first(bytes, is_big)).into(),
@@ -102,7 +102,7 @@ pub fn vertices(
     mesh: &mut RawMesh,
 ) -> Option<()> {
     let is_big = is_big(encoding)?;
-    let mut columns: [Option<(usize, Number)>; 11] = [None; 11];
+    let mut columns: [Option<(usize, Number)>; 11] = [const { None }; 11];
     let mut stride = 0;
     for property in element.properties.values() {
         let PropertyType::Scalar(kind) = &property.data_type else {

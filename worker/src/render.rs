@@ -12,10 +12,14 @@ use beamfarm_render::world::Scene;
 use beamfarm_scene::{Files, Store};
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::pin::pin;
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 use tokio::sync::{Mutex, oneshot};
-use tracing::debug;
+use tracing::{debug, info};
+
+/// Time between lines of the log that say that a scene is still being loaded; the first comes after a second.
+const LOADING: Duration = Duration::from_secs(10);
 
 /// Where a scene comes from.
 pub enum Source {
@@ -127,7 +131,17 @@ impl Renderer {
             );
             Ok(Arc::new(Prepared { scene, plan }))
         };
-        match self.run(prepare).await {
+        let begun = Instant::now();
+        let mut done = pin!(self.run(prepare));
+        let mut patience = Duration::from_secs(1);
+        let done = loop {
+            match tokio::time::timeout(patience, &mut done).await {
+                Ok(done) => break done,
+                Err(_) => info!(seconds = begun.elapsed().as_secs(), "loading the scene"),
+            }
+            patience = LOADING;
+        };
+        match done {
             Ok(prepared) => prepared,
             Err(message) => Err(WorkerError::Internal(message)),
         }

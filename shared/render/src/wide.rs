@@ -136,6 +136,21 @@ impl WideTree {
         self.stack = self.stack.max(self.over + tree.stack);
     }
 
+    /// All of it.
+    #[cfg(test)]
+    pub fn bits(&self) -> Vec<u32> {
+        let node = |node: &WideNode| {
+            let bounds = node
+                .bounds
+                .iter()
+                .flatten()
+                .flat_map(|four| four.to_array())
+                .map(f32::to_bits);
+            bounds.chain(node.children).collect::<Vec<u32>>()
+        };
+        self.nodes.iter().flat_map(node).chain([self.stack as u32]).collect()
+    }
+
     /// Calls `visit(leaf, t_max)` for the leaves whose boxes a ray meets before `t_max`, the nearer the sooner as far
     /// as boxes tell, until there are none or that is less than zero. It returns the new `t_max`.
     #[inline(always)]

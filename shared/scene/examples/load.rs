@@ -79,7 +79,11 @@ fn measure(path: &Path) -> Result<(), Failure> {
     let sum: f64 = film.pixels.iter().flatten().map(|x| f64::from(*x)).sum();
     println!("  sum of the first pass {sum}, of {triangles} triangles");
     if let Some(bytes) = peak_memory() {
-        println!("  at most {:.0} MB, {:.0} bytes a triangle", bytes / 1e6, bytes / triangles as f64);
+        println!(
+            "  at most {:.0} MB, {:.0} bytes a triangle",
+            bytes / 1e6,
+            bytes / triangles as f64
+        );
     }
     Ok(())
 }

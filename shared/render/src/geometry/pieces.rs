@@ -34,7 +34,9 @@ impl Piece {
     fn new(entries: &[Entry]) -> Self {
         let mut items: Vec<u32> = entries.iter().map(|entry| entry.index).collect();
         items.sort_unstable();
-        let bounds = entries.iter().fold(EMPTY, |bounds, entry| bounds.around(entry.bounds()));
+        let bounds = entries
+            .iter()
+            .fold(EMPTY, |bounds, entry| bounds.around(entry.bounds()));
         Self {
             items,
             bounds: Aabb::new(bounds.low.into(), bounds.high.into()),

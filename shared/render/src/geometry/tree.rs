@@ -47,7 +47,7 @@ pub(super) struct ItemTree {
     fours: Vec<Four>,
 }
 
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 enum Leaf {
     Four(u32),
     Other(u32),
@@ -260,6 +260,48 @@ mod tests {
     use crate::sampler::{Purpose, Sampler};
     use crate::warp;
 
+    /// All of a tree, NaN included.
+    fn bits(tree: &ItemTree) -> (Vec<u32>, String) {
+        (tree.boxes.bits(), format!("{:?} {:?}", tree.leaves, tree.fours))
+    }
+
+    /// Small triangles, large ones, and many whose centres are the same.
+    #[test]
+    fn trees_do_not_depend_on_threads() {
+        let mut sampler = Sampler::new(2, 0, Purpose::Test, 0);
+        let mut items = Vec::new();
+        for number in 0..30_000 {
+            let mut point = || {
+                let Vec2 { x, y } = sampler.next_2d();
+                Vec3::new(x, y, sampler.next_1d())
+            };
+            let a = if number % 3 == 0 { Vec3::ONE } else { point() };
+            let (b, c) = match number % 3 {
+                0 => (a + Vec3::X, a + Vec3::Y),
+                _ => (a + 0.01 * point(), a + 0.01 * point()),
+            };
+            items.push(match number % 50 {
+                7 => Item::Other(number, [a.min(b), a.max(b)]),
+                _ => Item::Triangle(
+                    TriangleId {
+                        object: 0,
+                        triangle: number,
+                    },
+                    [a, b, c],
+                ),
+            });
+        }
+        let on = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| bits(&ItemTree::of_pieces(&items, 1000)))
+        };
+        let one = on(1);
+        assert!([2, 3, 7].into_iter().all(|threads| on(threads) == one));
+        let mut found: Vec<u32> = pieces(&items, 1000).into_iter().flat_map(|piece| piece.items).collect();
+        found.sort_unstable();
+        assert!(found.into_iter().eq(0..30_000));
+    }
+
     impl Items for Vec<Item> {
         fn count(&self) -> usize {
             self.len()
@@ -299,39 +341,39 @@ mod tests {
                 }
             }
             for tree in [ItemTree::new(&items), ItemTree::of_pieces(&items, 30)] {
-              let mut met = 0;
-              for _ in 0..2000 {
-                let origin = point(&mut sampler) * 3.0 - 1.0;
-                let dir = match sampler.next_1d() < 0.2 {
-                    true => Vec3::AXES[sampler.next_u32() as usize % 3],
-                    false => warp::uniform_sphere(sampler.next_2d()),
-                };
-                let t_max = 4.0 * sampler.next_1d();
-                let ignore = |object: u32| object == 2;
-                let sheared = ShearedRay::new(origin, dir);
-                let mut nearest: Option<f32> = None;
-                for item in &items {
-                    let Item::Triangle(id, corners) = item else {
-                        continue;
+                let mut met = 0;
+                for _ in 0..2000 {
+                    let origin = point(&mut sampler) * 3.0 - 1.0;
+                    let dir = match sampler.next_1d() < 0.2 {
+                        true => Vec3::AXES[sampler.next_u32() as usize % 3],
+                        false => warp::uniform_sphere(sampler.next_2d()),
                     };
-                    let mut four = Four::EMPTY;
-                    four.set(0, *id, *corners);
-                    let t_max = nearest.unwrap_or(t_max);
-                    if let Some(hit) = four.intersect(&sheared, t_max, &ignore) {
-                        nearest = Some(hit.t);
+                    let t_max = 4.0 * sampler.next_1d();
+                    let ignore = |object: u32| object == 2;
+                    let sheared = ShearedRay::new(origin, dir);
+                    let mut nearest: Option<f32> = None;
+                    for item in &items {
+                        let Item::Triangle(id, corners) = item else {
+                            continue;
+                        };
+                        let mut four = Four::EMPTY;
+                        four.set(0, *id, *corners);
+                        let t_max = nearest.unwrap_or(t_max);
+                        if let Some(hit) = four.intersect(&sheared, t_max, &ignore) {
+                            nearest = Some(hit.t);
+                        }
                     }
+                    let found = tree.nearest::<()>(origin, dir, t_max, &ignore, |_, _| None);
+                    let t = found.map(|hit| match hit {
+                        TreeHit::Triangle(hit) => hit.t,
+                        TreeHit::Other(()) => f32::NAN,
+                    });
+                    assert_eq!(t, nearest, "{triangles} triangles, {origin} to {dir}");
+                    let any = tree.any(origin, dir, t_max, &ignore, |_, _| false);
+                    assert_eq!(any, nearest.is_some());
+                    met += usize::from(nearest.is_some());
                 }
-                let found = tree.nearest::<()>(origin, dir, t_max, &ignore, |_, _| None);
-                let t = found.map(|hit| match hit {
-                    TreeHit::Triangle(hit) => hit.t,
-                    TreeHit::Other(()) => f32::NAN,
-                });
-                assert_eq!(t, nearest, "{triangles} triangles, {origin} to {dir}");
-                let any = tree.any(origin, dir, t_max, &ignore, |_, _| false);
-                assert_eq!(any, nearest.is_some());
-                met += usize::from(nearest.is_some());
-            }
-              assert!(met > 0 || triangles < 40);
+                assert!(met > 0 || triangles < 40);
             }
         }
     }

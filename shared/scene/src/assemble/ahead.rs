@@ -48,7 +48,10 @@ impl Parts<'_> {
         let mut wanted = BTreeMap::new();
         for shape in shapes {
             let shape = shape.shape.as_ref().map_or(shape, |inner| inner.get_ref());
-            let material = shape.material.as_ref().and_then(|name| self.materials.resolve(name).ok());
+            let material = shape
+                .material
+                .as_ref()
+                .and_then(|name| self.materials.resolve(name).ok());
             let is_read = material.is_some_and(|material| self.materials.list[material as usize].reads_colors());
             let index = shape.shape_index.as_ref().map_or(0, |index| *index.get_ref());
             let toward = shape.toward.as_ref().map(|toward| (&toward.get_ref().file, false));

@@ -328,7 +328,12 @@ fn ending(path: &Spanned<String>) -> String {
 }
 
 fn key_of_mesh(source: Source<'_>, path: &Spanned<String>, index: u32, colored: bool) -> MeshKey {
-    (source.content(&bundle::key(path.get_ref())), ending(path), index, colored)
+    (
+        source.content(&bundle::key(path.get_ref())),
+        ending(path),
+        index,
+        colored,
+    )
 }
 
 fn read_mesh(source: Source<'_>, path: &Spanned<String>, index: u32, colored: bool) -> Result<Arc<Decoded>, Problem> {

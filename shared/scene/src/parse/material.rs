@@ -165,7 +165,9 @@ impl MaterialRecord {
             &self.clearcoat_gloss,
             &self.flatness,
         ];
-        let of_numbers = numbers.into_iter().filter_map(|field| field.as_ref()?.get_ref().image());
+        let of_numbers = numbers
+            .into_iter()
+            .filter_map(|field| field.as_ref()?.get_ref().image());
         let of_alpha = self.alpha.iter().filter_map(|alpha| alpha.get_ref().image());
         let images = colors.chain(of_numbers).chain(of_alpha).map(|i| (&i.file, i.raw));
         let normals = self.normal_map.iter().filter_map(|map| map.get_ref().file());

@@ -189,7 +189,9 @@ impl RawMesh {
         sums.par_chunks_mut(share).enumerate().for_each(|(chunk, sums)| {
             let first = chunk * share;
             for t in &self.triangles {
-                let mine = t.map(|v| (v as usize).wrapping_sub(first)).map(|v| (v < sums.len()).then_some(v));
+                let mine = t
+                    .map(|v| (v as usize).wrapping_sub(first))
+                    .map(|v| (v < sums.len()).then_some(v));
                 if mine == [None; 3] {
                     continue;
                 }
@@ -209,7 +211,8 @@ impl RawMesh {
         // Where normals cancel there is none; Mitsuba takes this one.
         let unit = |sum: DVec3| sum.try_normalize().unwrap_or(DVec3::X);
         let back = m.transpose();
-        sums.par_iter_mut().for_each(|sum| *sum = (back * unit(*sum)).normalize_or_zero());
+        sums.par_iter_mut()
+            .for_each(|sum| *sum = (back * unit(*sum)).normalize_or_zero());
         sums
     }
 
@@ -309,6 +312,61 @@ mod tests {
             positions,
             triangles: vec![[0, 2, 1], [0, 3, 2], [0, 1, 3], [1, 2, 3]],
             ..RawMesh::default()
+        }
+    }
+
+    /// A bumpy square with triangles of all sizes, some without an area.
+    fn terrain(side: u32) -> RawMesh {
+        let height = |i: u32| f64::from(i.wrapping_mul(2_654_435_761) >> 20) / 1024.0;
+        let position = |i: u32| DVec3::new(f64::from(i % side), f64::from(i / side), height(i));
+        let cell = |i: u32| {
+            let a = i / (side - 1) * side + i % (side - 1);
+            [
+                [a, a + 1, a + side],
+                [a + 1, a + side + 1, if i % 97 == 0 { a + 1 } else { a + side }],
+            ]
+        };
+        RawMesh {
+            positions: (0..side * side).map(position).collect(),
+            triangles: (0..(side - 1) * (side - 1)).flat_map(cell).collect(),
+            ..RawMesh::default()
+        }
+    }
+
+    /// On any number of threads each vertex has the sum of one thread over all triangles, to the last bit.
+    #[test]
+    fn meshes_do_not_depend_on_threads() {
+        let raw = terrain(150);
+        assert!(raw.positions.len() > 4 * MIN_SHARE);
+        let map = DAffine3::from_scale(DVec3::new(1.0, -0.5, 2.0)) * DAffine3::from_rotation_x(0.3);
+        let on = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| {
+                let normals = raw.smooth_normals(&map);
+                let mesh = raw.to_mesh(&map, true, &normals);
+                (normals, mesh.positions, mesh.normals, mesh.triangles, raw.opening())
+            })
+        };
+        let one = on(1);
+        assert!(one.3.len() < raw.triangles.len() && one.4.is_some());
+        assert!([2, 3, 5].into_iter().all(|threads| on(threads) == one));
+        // One triangle after the other.
+        let mut sums = vec![DVec3::ZERO; raw.positions.len()];
+        for t in &raw.triangles {
+            let [a, b, c] = t.map(|v| map.matrix3 * raw.positions[v as usize]);
+            let corners = [a, b, c];
+            let Some(normal) = (b - a).cross(c - a).try_normalize() else {
+                continue;
+            };
+            for i in 0..3 {
+                let [here, next, last] = [0, 1, 2].map(|j| corners[(i + j) % 3]);
+                let (next, last) = (next - here, last - here);
+                sums[t[i] as usize] -= normal * libm::atan2(next.cross(last).length(), next.dot(last));
+            }
+        }
+        for (sum, normal) in sums.into_iter().zip(&one.0) {
+            let expected = (map.matrix3.transpose() * sum.normalize_or(DVec3::X)).normalize();
+            assert!(expected.distance(*normal) < 1e-9, "{expected} {normal}");
         }
     }
 

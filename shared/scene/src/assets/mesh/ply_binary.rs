@@ -150,7 +150,13 @@ pub fn vertices(
         let linear: Vec<f32> = (0..=255u8).map(|x| linear_from_srgb(f64::from(x) / 255.0)).collect();
         let color = |record: &[u8]| {
             let part = |column: &Option<(usize, Number)>| match column {
-                Some((at, Number { kind: ScalarType::UChar, .. })) => linear[usize::from(record[*at])],
+                Some((
+                    at,
+                    Number {
+                        kind: ScalarType::UChar,
+                        ..
+                    },
+                )) => linear[usize::from(record[*at])],
                 Some((at, number)) => number.float(&record[*at..]) as f32,
                 None => 0.0,
             };
@@ -187,7 +193,9 @@ impl Faces<'_> {
                 Part::List(count, item) => {
                     let (count_bytes, rest) = bytes.split_at_checked(size(&count.kind))?;
                     *bytes = rest;
-                    usize::try_from(count.whole(count_bytes)).ok()?.checked_mul(size(&item.kind))?
+                    usize::try_from(count.whole(count_bytes))
+                        .ok()?
+                        .checked_mul(size(&item.kind))?
                 }
             };
             let (part, rest) = bytes.split_at_checked(length)?;

@@ -1,8 +1,6 @@
 //! Many things cut into pieces that lie apart, for trees that are built side by side.
 
-use super::tree::Items;
 use crate::math::Vec3;
-use obvhs::Boundable;
 use obvhs::aabb::Aabb;
 use rayon::prelude::*;
 
@@ -14,18 +12,18 @@ pub(super) struct Piece {
     pub bounds: Aabb,
 }
 
-/// Cut all things into pieces of at most `largest` where the surface area heuristic says. Sums are of whole numbers,
+/// Cut things, by the box around each, into pieces of at most `largest` where the surface area heuristic says. Sums are of whole numbers,
 /// boxes have no order, and ties go by numbers: nothing depends on threads.
-pub(super) fn pieces(items: &impl Items, largest: usize) -> Vec<Piece> {
+pub(super) fn pieces(count: usize, around: impl Fn(usize) -> Aabb + Sync, largest: usize) -> Vec<Piece> {
     let entry = |index: u32| {
-        let bounds = items.item(index as usize).aabb();
+        let bounds = around(index as usize);
         Entry {
             low: bounds.min.into(),
             high: bounds.max.into(),
             index,
         }
     };
-    let mut entries: Vec<Entry> = (0..items.count() as u32).into_par_iter().map(entry).collect();
+    let mut entries: Vec<Entry> = (0..count as u32).into_par_iter().map(entry).collect();
     let parts = cut(&mut entries, largest.max(1));
     parts.into_par_iter().map(Piece::new).collect()
 }

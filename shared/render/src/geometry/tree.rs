@@ -71,7 +71,7 @@ impl ItemTree {
             let items: Vec<Item> = (0..items.count()).map(|i| items.item(i)).collect();
             return Self::whole(&items);
         }
-        let pieces = pieces(items, largest);
+        let pieces = pieces(items.count(), |i| items.item(i).aabb(), largest);
         let boxes: Vec<Aabb> = pieces.iter().map(|piece| piece.bounds).collect();
         let binary = binary_tree(&boxes);
         let is_leaf: Vec<bool> = binary.nodes.iter().map(|node| node.is_leaf()).collect();
@@ -297,7 +297,9 @@ mod tests {
         };
         let one = on(1);
         assert!([2, 3, 7].into_iter().all(|threads| on(threads) == one));
-        let mut found: Vec<u32> = pieces(&items, 1000).into_iter().flat_map(|piece| piece.items).collect();
+        let pieces = pieces(items.len(), |i| items[i].aabb(), 1000);
+        assert!(pieces.iter().all(|piece| piece.items.len() <= 1000));
+        let mut found: Vec<u32> = pieces.into_iter().flat_map(|piece| piece.items).collect();
         found.sort_unstable();
         assert!(found.into_iter().eq(0..30_000));
     }

@@ -1,6 +1,7 @@
 //! PLY: ASCII and binary of either byte order.
 
-use super::{RawMesh, ply_binary};
+use super::RawMesh;
+use super::ply_binary::{self, INDEX_NAMES};
 use crate::assets::Flaw;
 use crate::assets::image::linear_from_srgb;
 use beamfarm_render::math::Rgb;
@@ -102,7 +103,6 @@ const UV_NAMES: [[&str; 2]; 4] = [
     ["texture_s", "texture_t"],
 ];
 const COLOR_NAMES: [[&str; 3]; 2] = [["red", "green", "blue"], ["r", "g", "b"]];
-pub(super) const INDEX_NAMES: [&str; 2] = ["vertex_indices", "vertex_index"];
 
 fn flaw(error: &ParseError, has_lines: bool) -> Flaw {
     let text = error.to_string();

@@ -3,12 +3,14 @@
 //! is taken from the bytes.
 
 use super::RawMesh;
-use super::ply::INDEX_NAMES;
 use crate::assets::image::linear_from_srgb;
 use beamfarm_render::math::Rgb;
 use glam::{DVec2, DVec3};
 use ply_rs_bw::ply::{ElementDef, Encoding, PropertyType, ScalarType};
 use rayon::prelude::*;
+
+/// What the list of a face's indices is called.
+pub const INDEX_NAMES: [&str; 2] = ["vertex_indices", "vertex_index"];
 
 /// Faces that are read by one thread.
 const CHUNK: usize = 1 << 14;

@@ -1,10 +1,10 @@
 //! Looks a delivered block over before anything counts.
 
 use crate::ledger::PixelHash;
-use crate::plausible::Look;
 use beamfarm_image::error::ImageError;
 use beamfarm_image::exr::{decode_block, node_hashes};
 use beamfarm_image::job::{Block, PassStats};
+use beamfarm_image::look::Look;
 use beamfarm_image::merge::Node;
 use beamfarm_image::radius::Schedule;
 use beamfarm_proto::{FileHash, Job, LeaseId, VERSION, WireError, WireHash, WorkerId, wire};

@@ -2,11 +2,9 @@
 //! is right; passes with a bright caustic look unlike others as well.
 
 use beamfarm_image::job::Block;
-use beamfarm_image::merge::Node;
+use beamfarm_image::look::Look;
 use std::collections::BTreeMap;
 
-/// One row in so many is looked at: a look costs little of what taking a block in does.
-const ROWS: usize = 4;
 /// Blocks that have to be there before one is unlike them.
 const FEW: u32 = 12;
 /// A mean is odd at so many standard deviations from that of others.
@@ -17,52 +15,6 @@ const ALIKE: f64 = 1e-3;
 const LARGER: f32 = 1e4;
 /// Radiance that is odd whatever others show.
 const HUGE: f32 = 1e12;
-
-/// What a block looks like.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Look {
-    /// Mean of its pixels and channels, of a pass.
-    mean: f64,
-    /// Least and largest value, of a pass.
-    least: f32,
-    most: f32,
-}
-
-impl Look {
-    /// A look at some of the rows, from this one on.
-    pub fn of(node: &Node, from: usize) -> Self {
-        let width = (node.sum.width as usize).max(1);
-        let rows = node.sum.pixels.chunks(width);
-        let rows = rows.skip(from % ROWS % (node.sum.height as usize).max(1)).step_by(ROWS);
-        let (mut sum, mut count) = (0.0, 0);
-        let (mut least, mut most) = (f32::MAX, f32::MIN);
-        for row in rows {
-            let values = row.as_flattened();
-            count += values.len();
-            // Several at a time.
-            let (mut sums, mut leasts, mut mosts) = ([0.0f32; 16], [f32::MAX; 16], [f32::MIN; 16]);
-            let (lanes, rest) = values.as_chunks::<16>();
-            for lane in lanes {
-                for i in 0..16 {
-                    sums[i] += lane[i];
-                    leasts[i] = if lane[i] < leasts[i] { lane[i] } else { leasts[i] };
-                    mosts[i] = if lane[i] > mosts[i] { lane[i] } else { mosts[i] };
-                }
-            }
-            for value in sums.iter().chain(rest) {
-                sum += f64::from(*value);
-            }
-            least = leasts.iter().chain(rest).copied().fold(least, f32::min);
-            most = mosts.iter().chain(rest).copied().fold(most, f32::max);
-        }
-        let passes = node.block.len() as f32;
-        Self {
-            mean: sum / (count.max(1) as f64 * f64::from(passes)),
-            least: least / passes,
-            most: most / passes,
-        }
-    }
-}
 
 /// What the blocks of a job look like.
 #[derive(Debug, Default)]
@@ -120,7 +72,6 @@ impl Plausible {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use beamfarm_image::film::Film;
 
     /// Passes that differ by a tenth.
     fn look(pass: u64, factor: f64) -> Look {
@@ -182,19 +133,5 @@ mod tests {
             plausible.confirm(Block::leaf(pass));
         }
         assert!(odd < 20, "{odd}");
-    }
-
-    #[test]
-    fn a_look_is_of_a_pass() {
-        let mut film = Film::new(37, 9);
-        film.pixels.fill([1.0, 2.0, 6.0]);
-        let leaf = Node::leaf(0, film);
-        let pair = Node::join(leaf.clone(), Node::leaf(1, leaf.sum.clone())).unwrap();
-        for from in 0..256 {
-            let look = Look::of(&pair, from);
-            assert_eq!(look, Look::of(&leaf, from));
-            assert!((look.mean - 3.0).abs() < 1e-6, "{look:?}");
-            assert_eq!((look.least, look.most), (1.0, 6.0));
-        }
     }
 }

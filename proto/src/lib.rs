@@ -12,10 +12,10 @@ pub use prost::bytes;
 pub use revision::{Revision, RevisionNumber, Task, TaskNumber, Work};
 pub use token::{TOKEN_VARIABLE, Token};
 
-/// The generated code. Its comments are farm.proto's.
+/// The generated code. Its comments are farm.proto's; `tests/generated.rs` makes it.
 #[allow(missing_docs, clippy::all)]
 pub mod wire {
-    tonic::include_proto!("beamfarm.v1");
+    include!("generated/beamfarm.v1.rs");
 }
 
 /// Version of the program, which coordinator and workers must share: another one might render other bits.

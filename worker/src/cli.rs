@@ -11,9 +11,9 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
 use tokio::sync::watch;
-use tracing_subscriber::EnvFilter;
-use tracing_subscriber::filter::LevelFilter;
-use tracing_subscriber::fmt::MakeWriter;
+use tracing_subscriber::filter::{LevelFilter, Targets};
+use tracing_subscriber::fmt::{self, MakeWriter};
+use tracing_subscriber::prelude::*;
 
 /// Options of a worker.
 #[derive(Args, Clone, Debug)]
@@ -109,25 +109,23 @@ impl LogArgs {
             Ok(level) => format!("warn,beamfarm={level}"),
             Err(_) => filter.to_owned(),
         };
-        let filter = EnvFilter::try_new(filter).map_err(|error| format!("--log: {error}"))?;
+        let filter: Targets = filter.parse().map_err(|error| format!("--log: {error}"))?;
         // What cannot be logged must not be complained of where it cannot be written either.
-        let log = tracing_subscriber::fmt()
-            .log_internal_errors(false)
-            .with_env_filter(filter)
-            .with_writer(writer);
-        match self.log_format {
+        let log = fmt::layer().log_internal_errors(false).with_writer(writer);
+        let log = match self.log_format {
             LogFormat::Text => log
                 .with_ansi(std::io::IsTerminal::is_terminal(&std::io::stderr()))
                 .with_target(false)
-                .init(),
+                .boxed(),
             // A span's fields stand beside the event's, so that a query needs no path to them.
             LogFormat::Json => log
                 .json()
                 .flatten_event(true)
                 .with_current_span(true)
                 .with_span_list(false)
-                .init(),
-        }
+                .boxed(),
+        };
+        tracing_subscriber::registry().with(log.with_filter(filter)).init();
         Ok(())
     }
 }

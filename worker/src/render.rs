@@ -12,10 +12,14 @@ use beamfarm_render::world::Scene;
 use beamfarm_scene::{Files, Store};
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::{Arc, Mutex, PoisonError};
-use std::time::Instant;
-use tokio::sync::oneshot;
-use tracing::debug;
+use std::pin::pin;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+use tokio::sync::{Mutex, oneshot};
+use tracing::{debug, info};
+
+/// Time between lines of the log that say that a scene is still being loaded; the first comes after a second.
+const LOADING: Duration = Duration::from_secs(10);
 
 /// Where a scene comes from.
 pub enum Source {
@@ -90,14 +94,17 @@ impl Renderer {
     pub async fn prepare(&self, source: Source, job: &Job) -> Result<Arc<Prepared>, WorkerError> {
         let (settings, layers) = (job.settings, job.layers.clone());
         let (width, height) = (job.width, job.height);
+        // Not locked on the rendering threads: one that waits for others there could be given what waits for the lock.
+        let store = match &source {
+            Source::Whole(_) => None,
+            Source::Shared(_, store, _) => Some(store.clone().lock_owned().await),
+        };
         let prepare = move || {
             let begun = Instant::now();
-            let (description, before) = match source {
-                Source::Whole(bundle) => (beamfarm_scene::load(&bundle)?, None),
-                Source::Shared(files, store, before) => {
-                    let mut store = store.lock().unwrap_or_else(PoisonError::into_inner);
-                    (store.load(&files)?, before)
-                }
+            let (description, before) = match (source, store) {
+                (Source::Whole(bundle), _) => (beamfarm_scene::load(&bundle)?, None),
+                (Source::Shared(files, _, before), Some(mut store)) => (store.load(&files)?, before),
+                (Source::Shared(files, _, before), None) => (Store::default().load(&files)?, before),
             };
             let camera = &description.camera;
             if (camera.width, camera.height) != (width, height) {
@@ -124,7 +131,17 @@ impl Renderer {
             );
             Ok(Arc::new(Prepared { scene, plan }))
         };
-        match self.run(prepare).await {
+        let begun = Instant::now();
+        let mut done = pin!(self.run(prepare));
+        let mut patience = Duration::from_secs(1);
+        let done = loop {
+            match tokio::time::timeout(patience, &mut done).await {
+                Ok(done) => break done,
+                Err(_) => info!(seconds = begun.elapsed().as_secs(), "loading the scene"),
+            }
+            patience = LOADING;
+        };
+        match done {
             Ok(prepared) => prepared,
             Err(message) => Err(WorkerError::Internal(message)),
         }

@@ -14,7 +14,7 @@ use beamfarm_proto::{FileEntry, Job, WorkerKey};
 use beamfarm_scene::{File, Files, Store};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 use std::time::Duration;
 use tokio::sync::watch;
 use tracing::{debug, info, warn};
@@ -215,7 +215,7 @@ fn check(job: &Job, hash: SceneHash) -> Result<(), CallError> {
 struct Kept {
     /// Files of the last one.
     files: Files,
-    store: Arc<Mutex<Store>>,
+    store: Arc<tokio::sync::Mutex<Store>>,
 }
 
 impl Kept {

@@ -10,6 +10,7 @@
 //! | how are passes averaged?              | [`merge`]  |
 //! | how large is the bias of the average? | [`bias`]   |
 //! | how do two images differ?             | [`metrics`] |
+//! | what does a block look like?          | [`look`]   |
 //! | how does a screen show radiance?      | [`view`]   |
 //! | what would it be without noise?       | [`denoise`] |
 
@@ -23,6 +24,7 @@ pub mod film;
 pub mod job;
 pub mod jpeg;
 pub mod layer;
+pub mod look;
 pub mod matte;
 pub mod merge;
 pub mod metrics;

@@ -14,6 +14,15 @@ pub(crate) struct WideTree {
     nodes: Vec<WideNode>,
     /// Entries that the stack of a traversal may need.
     stack: usize,
+    /// Likewise, down to the trees that are put into it.
+    over: usize,
+}
+
+/// Where in a tree over trees one of them goes.
+#[derive(Clone, Copy, Default)]
+pub(crate) struct Place {
+    node: usize,
+    child: usize,
 }
 
 /// Four boxes and what is in them.
@@ -93,6 +102,53 @@ impl WideTree {
             tree.stack = 3 * levels + 1;
         }
         tree
+    }
+
+    /// A tree over trees that are yet to be [`put`](Self::put) into it, and the place of each, by its number: what the
+    /// leaves of the binary tree stand for.
+    pub fn over_trees(binary: &Bvh2, is_leaf: &[bool]) -> (Self, Vec<Place>) {
+        let number = |index: usize| binary.primitive_indices[binary.nodes[index].first_index as usize];
+        let mut tree = Self::new(binary, is_leaf, number);
+        let mut places = vec![Place::default(); binary.primitive_indices.len()];
+        for (node, four) in tree.nodes.iter().enumerate() {
+            for (child, number) in four.children.iter().enumerate().filter(|(_, n)| **n & LEAF != 0) {
+                places[(number ^ LEAF) as usize] = Place { node, child };
+            }
+        }
+        tree.over = tree.stack;
+        (tree, places)
+    }
+
+    /// Put a tree into its place. `first`: what is added to the numbers of its leaves.
+    pub fn put(&mut self, place: Place, tree: Self, first: u32) {
+        let offset = self.nodes.len() as u32;
+        self.nodes[place.node].children[place.child] = offset;
+        self.nodes.extend(tree.nodes.into_iter().map(|mut node| {
+            for (i, child) in node.children.iter_mut().enumerate() {
+                if *child & LEAF != 0 {
+                    *child += first;
+                } else if node.bounds[0][0][i] <= node.bounds[0][1][i] {
+                    *child += offset;
+                }
+            }
+            node
+        }));
+        self.stack = self.stack.max(self.over + tree.stack);
+    }
+
+    /// All of it.
+    #[cfg(test)]
+    pub fn bits(&self) -> Vec<u32> {
+        let node = |node: &WideNode| {
+            let bounds = node
+                .bounds
+                .iter()
+                .flatten()
+                .flat_map(|four| four.to_array())
+                .map(f32::to_bits);
+            bounds.chain(node.children).collect::<Vec<u32>>()
+        };
+        self.nodes.iter().flat_map(node).chain([self.stack as u32]).collect()
     }
 
     /// Calls `visit(leaf, t_max)` for the leaves whose boxes a ray meets before `t_max`, the nearer the sooner as far

@@ -4,6 +4,7 @@ use crate::failure::Failure;
 use crate::frame_list::{self as frames, FrameArgs};
 use crate::onlookers::OnlookerArgs;
 use crate::output::Output;
+use crate::progress;
 use crate::view_args::ViewArgs;
 use beamfarm_coordinator::{JobSpec, Target};
 use beamfarm_image::bundle::Bundle;
@@ -271,7 +272,9 @@ impl SettingsArgs {
     ) -> Result<Loaded, Failure> {
         let file = self.of.file()?;
         let options = self.of.import.options(&self.of.scene)?;
-        let description = decode(&file).map_err(|error| self.of.failure(error, &options))?;
+        let what = format!("loading {}", self.of.scene.display());
+        let description = progress::while_it_lasts(&what, || decode(&file));
+        let description = description.map_err(|error| self.of.failure(error, &options))?;
         let defaults = description.defaults;
         let Chosen { settings, choice } = self.of.choose(&description)?;
         let mut notes = description.notes.clone();

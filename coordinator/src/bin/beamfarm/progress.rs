@@ -5,6 +5,7 @@ use beamfarm_coordinator::{Progress, Watch};
 use beamfarm_worker::{complain, say};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::io::{IsTerminal, Write};
+use std::sync::mpsc::{self, RecvTimeoutError};
 use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 use tokio::time::{Instant, MissedTickBehavior, interval};
@@ -101,6 +102,25 @@ pub fn complain(line: &str) {
         Some(bar) => bar.suspend(|| complain!("{line}")),
         None => complain!("{line}"),
     }
+}
+
+/// Do something, and say every few seconds on stderr what it is that takes the time. Nothing is said of what is done
+/// within a second.
+pub fn while_it_lasts<T>(what: &str, work: impl FnOnce() -> T) -> T {
+    let (done, waiting) = mpsc::channel::<()>();
+    std::thread::scope(move |scope| {
+        // Gone when the work is done, and when it panics.
+        let _done = done;
+        scope.spawn(move || {
+            let begun = Instant::now();
+            let mut patience = Duration::from_secs(1);
+            while waiting.recv_timeout(patience) == Err(RecvTimeoutError::Timeout) {
+                complain(&format!("{what}: {} s", begun.elapsed().as_secs()));
+                patience = LINE;
+            }
+        });
+        work()
+    })
 }
 
 /// Take the bar away.

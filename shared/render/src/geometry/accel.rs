@@ -1,10 +1,12 @@
 //! Ray queries: a tree over everything that lies in render space, and one for each mesh that is put somewhere.
 
 use super::Object;
-use super::mesh::MeshTree;
+use super::mesh::{Mesh, MeshTree};
 use super::shape::{Placement, RawHit, Shape, SurfaceHit};
-use super::tree::{Item, ItemTree, TreeHit};
+use super::tree::{Item, ItemTree, Items, TreeHit};
 use crate::math::{Ray, Vec2, Vec3};
+use rayon::prelude::*;
+use std::collections::HashSet;
 use std::sync::Arc;
 
 /// Triangles of a mesh for which a hierarchy of its own pays where scenes follow each other: it takes a tenth of a
@@ -26,6 +28,42 @@ struct Hierarchy {
     placed: Vec<Option<MeshTree>>,
 }
 
+/// What lies in render space, by object.
+#[derive(Default)]
+struct Parts<'a> {
+    list: Vec<Part<'a>>,
+    /// By part: how many items there are up to its end.
+    ends: Vec<usize>,
+}
+
+enum Part<'a> {
+    /// The triangles of a mesh, by the object's number.
+    Mesh(u32, &'a Mesh),
+    /// Another object, by number, and the corners of the box around it.
+    Other(u32, [Vec3; 2]),
+}
+
+impl<'a> Parts<'a> {
+    fn push(&mut self, part: Part<'a>, items: usize) {
+        self.ends.push(self.count() + items);
+        self.list.push(part);
+    }
+}
+
+impl Items for Parts<'_> {
+    fn count(&self) -> usize {
+        self.ends.last().copied().unwrap_or(0)
+    }
+    fn item(&self, index: usize) -> Item {
+        let part = self.ends.partition_point(|end| *end <= index);
+        let first = part.checked_sub(1).map_or(0, |before| self.ends[before]);
+        match self.list[part] {
+            Part::Mesh(number, mesh) => mesh.item(number, (index - first) as u32),
+            Part::Other(number, corners) => Item::Other(number, corners),
+        }
+    }
+}
+
 impl std::fmt::Debug for Geometry {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "Geometry({} objects)", self.hierarchy.placed.len())
@@ -43,18 +81,33 @@ impl Geometry {
     /// `apart`: so does a large one that is where it is. Which of two hits at the same distance counts may depend on
     /// that: it has to be the same for all that are to have the same bits.
     pub(crate) fn in_boxes(objects: &[Object], boxes: &[(Vec3, Vec3)], apart: bool) -> Self {
-        let mut items = Vec::new();
+        let stays = |mesh: &Mesh, placement: &Placement| {
+            *placement == Placement::IDENTITY && !(apart && mesh.triangles.len() >= LARGE)
+        };
+        // What takes time for each triangle is made side by side; of a mesh that several objects have, once.
+        let mut met = HashSet::new();
+        let mut meshes = |apart: bool| -> Vec<&Mesh> {
+            let shapes = objects.iter().map(|object| &object.shape);
+            let meshes = shapes.filter_map(|shape| match shape {
+                Shape::Mesh { mesh, placement } if stays(mesh, placement) != apart => Some(mesh),
+                _ => None,
+            });
+            let once = meshes.filter(|mesh| met.insert((Arc::as_ptr(mesh), apart)));
+            once.map(|mesh| &**mesh).collect()
+        };
+        meshes(true).into_par_iter().for_each(|mesh| {
+            mesh.tree();
+        });
+        let mut items = Parts::default();
         let mut placed = Vec::with_capacity(objects.len());
         for ((number, object), (min, max)) in (0..).zip(objects).zip(boxes) {
             placed.push(match &object.shape {
-                Shape::Mesh { mesh, placement }
-                    if *placement == Placement::IDENTITY && !(apart && mesh.triangles.len() >= LARGE) =>
-                {
-                    items.extend(mesh.items(number));
+                Shape::Mesh { mesh, placement } if stays(mesh, placement) => {
+                    items.push(Part::Mesh(number, mesh), mesh.triangles.len());
                     None
                 }
                 shape => {
-                    items.push(Item::Other(number, [*min, *max]));
+                    items.push(Part::Other(number, [*min, *max]), 1);
                     match shape {
                         Shape::Mesh { mesh, .. } => Some(mesh.tree().clone()),
                         _ => None,
@@ -63,6 +116,8 @@ impl Geometry {
             });
         }
         let tree = ItemTree::new(&items);
+        // After the tree: what it takes to build is free again.
+        meshes(false).into_par_iter().for_each(Mesh::prepare_hits);
         Self {
             hierarchy: Arc::new(Hierarchy { tree, placed }),
             has_uv: vec![true; objects.len()],

@@ -1,9 +1,10 @@
 //! Triangle meshes.
 
-use super::tree::{Item, ItemTree};
+use super::tree::{Item, ItemTree, Items};
 use super::triangles::TriangleId;
 use crate::math::{Rgb, Vec2, Vec3};
 use crate::warp;
+use rayon::prelude::*;
 use std::sync::{Arc, OnceLock};
 
 /// A point drawn uniformly by area.
@@ -129,12 +130,9 @@ impl Mesh {
         Some(self.triangles[triangle as usize].map(|i| normals[i as usize]))
     }
 
-    /// The triangles as those of an object.
-    pub(super) fn items(&self, object: u32) -> impl Iterator<Item = Item> {
-        (0..self.triangles.len() as u32).map(move |triangle| {
-            let id = TriangleId { object, triangle };
-            Item::Triangle(id, self.corners(triangle))
-        })
+    /// A triangle as one of an object.
+    pub(super) fn item(&self, object: u32, triangle: u32) -> Item {
+        Item::Triangle(TriangleId { object, triangle }, self.corners(triangle))
     }
 
     /// The hierarchy over its triangles, in its own space.
@@ -143,8 +141,7 @@ impl Mesh {
             return tree;
         }
         // Not within the lock: a thread that waits for others there could be given what waits for the lock.
-        let items: Vec<Item> = self.items(0).collect();
-        let tree = MeshTree(Arc::new(ItemTree::new(&items)));
+        let tree = MeshTree(Arc::new(ItemTree::new(self)));
         self.tree.get_or_init(|| tree)
     }
 
@@ -157,26 +154,42 @@ impl Mesh {
     }
 
     fn facets(&self) -> &Facets {
-        self.facets.get_or_init(|| {
-            let normals: Vec<Vec3> = self.normals.iter().map(|n| n.normalize_or_zero()).collect();
-            let facet = |triangle| {
-                let corners = self.corners(triangle);
-                let [a, b, c] = corners.map(Vec3::abs);
-                let at = |i: u32| normals[i as usize];
-                Facet {
-                    normal: normal_of(corners),
-                    extent: a.max(b).max(c).max_element(),
-                    curvature: match normals.is_empty() {
-                        true => 0.0,
-                        false => edge_curvature(corners, self.triangles[triangle as usize].map(at)),
-                    },
-                }
-            };
-            Facets {
-                of_triangle: (0..self.triangles.len() as u32).map(facet).collect(),
-                normals,
+        match self.facets.get() {
+            Some(facets) => facets,
+            // Not within the lock: see `tree`.
+            None => {
+                let facets = self.new_facets();
+                self.facets.get_or_init(|| facets)
             }
-        })
+        }
+    }
+
+    /// Make what hits ask for.
+    pub(super) fn prepare_hits(&self) {
+        self.facets();
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn new_facets(&self) -> Facets {
+        let normals: Vec<Vec3> = self.normals.par_iter().map(|n| n.normalize_or_zero()).collect();
+        let facet = |triangle: &[u32; 3]| {
+            let corners = triangle.map(|i| self.positions[i as usize]);
+            let [a, b, c] = corners.map(Vec3::abs);
+            let at = |i: u32| normals[i as usize];
+            Facet {
+                normal: normal_of(corners),
+                extent: a.max(b).max(c).max_element(),
+                curvature: match normals.is_empty() {
+                    true => 0.0,
+                    false => edge_curvature(corners, triangle.map(at)),
+                },
+            }
+        };
+        Facets {
+            of_triangle: self.triangles.par_iter().map(facet).collect(),
+            normals,
+        }
     }
 
     /// Whether all vertices lie on or behind the planes of all triangles. Large meshes are not looked at.
@@ -221,6 +234,15 @@ impl Mesh {
                 })
                 .collect()
         })
+    }
+}
+
+impl Items for Mesh {
+    fn count(&self) -> usize {
+        self.triangles.len()
+    }
+    fn item(&self, index: usize) -> Item {
+        self.item(0, index as u32)
     }
 }
 

@@ -2,6 +2,7 @@
 
 pub mod accel;
 pub mod mesh;
+mod pieces;
 pub mod shape;
 mod tangents;
 mod tree;

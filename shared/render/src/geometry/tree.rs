@@ -1,12 +1,18 @@
 //! A tree over triangles and other things, for rays.
 
+use super::pieces::{Piece, pieces};
 use super::triangles::{Four, FourHit, ShearedRay, TriangleId};
 use crate::math::Vec3;
 use crate::wide::{WideTree, padded};
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::{Bvh2, builder::build_bvh2};
 use obvhs::{Boundable, BvhBuildParams};
+use rayon::prelude::*;
 use std::time::Duration;
+
+/// Things of which a tree is built in one go. More are cut into pieces of no more, whose trees are built side by side:
+/// those need little memory each, and each is in the cache while it is built.
+const PIECE: usize = 1 << 16;
 
 /// What a tree is built over.
 pub(super) enum Item {
@@ -25,6 +31,14 @@ impl Boundable for Item {
     }
 }
 
+/// Things by number, each made when it is asked for: a list of them would take as much memory as the tree.
+pub(super) trait Items: Sync {
+    /// How many there are.
+    fn count(&self) -> usize;
+    /// One of them.
+    fn item(&self, index: usize) -> Item;
+}
+
 /// The tree.
 #[derive(Default)]
 pub(super) struct ItemTree {
@@ -33,7 +47,7 @@ pub(super) struct ItemTree {
     fours: Vec<Four>,
 }
 
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 enum Leaf {
     Four(u32),
     Other(u32),
@@ -47,13 +61,48 @@ pub(super) enum TreeHit<T> {
 }
 
 impl ItemTree {
-    /// Build the tree. Deterministic.
-    pub fn new(items: &[Item]) -> Self {
-        let params = BvhBuildParams {
-            max_prims_per_leaf: 1,
-            ..BvhBuildParams::medium_build()
+    /// Build the tree, side by side on the threads of the current pool. Deterministic, whatever their number.
+    pub fn new(items: &impl Items) -> Self {
+        Self::of_pieces(items, PIECE)
+    }
+
+    fn of_pieces(items: &impl Items, largest: usize) -> Self {
+        if items.count() <= largest {
+            let items: Vec<Item> = (0..items.count()).map(|i| items.item(i)).collect();
+            return Self::whole(&items);
+        }
+        let pieces = pieces(items.count(), |i| items.item(i).aabb(), largest);
+        let boxes: Vec<Aabb> = pieces.iter().map(|piece| piece.bounds).collect();
+        let binary = binary_tree(&boxes);
+        let is_leaf: Vec<bool> = binary.nodes.iter().map(|node| node.is_leaf()).collect();
+        let (boxes, places) = WideTree::over_trees(&binary, &is_leaf);
+        let mut tree = Self {
+            boxes,
+            ..Self::default()
         };
-        let binary = build_bvh2(items, params, &mut Duration::default());
+        // A few at a time: what is built is there twice until it is joined to the others.
+        let at_once = 4 * rayon::current_num_threads();
+        for (pieces, places) in pieces.chunks(at_once).zip(places.chunks(at_once)) {
+            let build = |piece: &Piece| {
+                let items: Vec<Item> = piece.items.iter().map(|i| items.item(*i as usize)).collect();
+                Self::whole(&items)
+            };
+            let trees: Vec<Self> = pieces.par_iter().map(build).collect();
+            for (part, place) in trees.into_iter().zip(places) {
+                let (leaves, fours) = (tree.leaves.len() as u32, tree.fours.len() as u32);
+                tree.boxes.put(*place, part.boxes, leaves);
+                tree.leaves.extend(part.leaves.into_iter().map(|leaf| match leaf {
+                    Leaf::Four(i) => Leaf::Four(i + fours),
+                    other => other,
+                }));
+                tree.fours.extend(part.fours);
+            }
+        }
+        tree
+    }
+
+    fn whole(items: &[Item]) -> Self {
+        let binary = binary_tree(items);
         let mut tree = Self::default();
         if items.is_empty() {
             return tree;
@@ -120,6 +169,14 @@ impl ItemTree {
                 Leaf::Other(i) => other(i, t_max),
             })
     }
+}
+
+fn binary_tree(things: &[impl Boundable]) -> Bvh2 {
+    let params = BvhBuildParams {
+        max_prims_per_leaf: 1,
+        ..BvhBuildParams::medium_build()
+    };
+    build_bvh2(things, params, &mut Duration::default())
 }
 
 struct Builder<'a> {
@@ -203,6 +260,62 @@ mod tests {
     use crate::sampler::{Purpose, Sampler};
     use crate::warp;
 
+    /// All of a tree, NaN included.
+    fn bits(tree: &ItemTree) -> (Vec<u32>, String) {
+        (tree.boxes.bits(), format!("{:?} {:?}", tree.leaves, tree.fours))
+    }
+
+    /// Small triangles, large ones, and many whose centres are the same.
+    #[test]
+    fn trees_do_not_depend_on_threads() {
+        let mut sampler = Sampler::new(2, 0, Purpose::Test, 0);
+        let mut items = Vec::new();
+        for number in 0..30_000 {
+            let mut point = || {
+                let Vec2 { x, y } = sampler.next_2d();
+                Vec3::new(x, y, sampler.next_1d())
+            };
+            let a = if number % 3 == 0 { Vec3::ONE } else { point() };
+            let (b, c) = match number % 3 {
+                0 => (a + Vec3::X, a + Vec3::Y),
+                _ => (a + 0.01 * point(), a + 0.01 * point()),
+            };
+            items.push(match number % 50 {
+                7 => Item::Other(number, [a.min(b), a.max(b)]),
+                _ => Item::Triangle(
+                    TriangleId {
+                        object: 0,
+                        triangle: number,
+                    },
+                    [a, b, c],
+                ),
+            });
+        }
+        let on = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| bits(&ItemTree::of_pieces(&items, 1000)))
+        };
+        let one = on(1);
+        assert!([2, 3, 7].into_iter().all(|threads| on(threads) == one));
+        let pieces = pieces(items.len(), |i| items[i].aabb(), 1000);
+        assert!(pieces.iter().all(|piece| piece.items.len() <= 1000));
+        let mut found: Vec<u32> = pieces.into_iter().flat_map(|piece| piece.items).collect();
+        found.sort_unstable();
+        assert!(found.into_iter().eq(0..30_000));
+    }
+
+    impl Items for Vec<Item> {
+        fn count(&self) -> usize {
+            self.len()
+        }
+        fn item(&self, index: usize) -> Item {
+            match &self[index] {
+                Item::Triangle(id, corners) => Item::Triangle(*id, *corners),
+                Item::Other(number, corners) => Item::Other(*number, *corners),
+            }
+        }
+    }
+
     /// Triangles large and small, all over the place and on top of each other: the tree finds what looking at each of
     /// them finds, and anything at all where there is something.
     #[test]
@@ -229,40 +342,41 @@ mod tests {
                     items.push(Item::Triangle(id, [a, b, c]));
                 }
             }
-            let tree = ItemTree::new(&items);
-            let mut met = 0;
-            for _ in 0..2000 {
-                let origin = point(&mut sampler) * 3.0 - 1.0;
-                let dir = match sampler.next_1d() < 0.2 {
-                    true => Vec3::AXES[sampler.next_u32() as usize % 3],
-                    false => warp::uniform_sphere(sampler.next_2d()),
-                };
-                let t_max = 4.0 * sampler.next_1d();
-                let ignore = |object: u32| object == 2;
-                let sheared = ShearedRay::new(origin, dir);
-                let mut nearest: Option<f32> = None;
-                for item in &items {
-                    let Item::Triangle(id, corners) = item else {
-                        continue;
+            for tree in [ItemTree::new(&items), ItemTree::of_pieces(&items, 30)] {
+                let mut met = 0;
+                for _ in 0..2000 {
+                    let origin = point(&mut sampler) * 3.0 - 1.0;
+                    let dir = match sampler.next_1d() < 0.2 {
+                        true => Vec3::AXES[sampler.next_u32() as usize % 3],
+                        false => warp::uniform_sphere(sampler.next_2d()),
                     };
-                    let mut four = Four::EMPTY;
-                    four.set(0, *id, *corners);
-                    let t_max = nearest.unwrap_or(t_max);
-                    if let Some(hit) = four.intersect(&sheared, t_max, &ignore) {
-                        nearest = Some(hit.t);
+                    let t_max = 4.0 * sampler.next_1d();
+                    let ignore = |object: u32| object == 2;
+                    let sheared = ShearedRay::new(origin, dir);
+                    let mut nearest: Option<f32> = None;
+                    for item in &items {
+                        let Item::Triangle(id, corners) = item else {
+                            continue;
+                        };
+                        let mut four = Four::EMPTY;
+                        four.set(0, *id, *corners);
+                        let t_max = nearest.unwrap_or(t_max);
+                        if let Some(hit) = four.intersect(&sheared, t_max, &ignore) {
+                            nearest = Some(hit.t);
+                        }
                     }
+                    let found = tree.nearest::<()>(origin, dir, t_max, &ignore, |_, _| None);
+                    let t = found.map(|hit| match hit {
+                        TreeHit::Triangle(hit) => hit.t,
+                        TreeHit::Other(()) => f32::NAN,
+                    });
+                    assert_eq!(t, nearest, "{triangles} triangles, {origin} to {dir}");
+                    let any = tree.any(origin, dir, t_max, &ignore, |_, _| false);
+                    assert_eq!(any, nearest.is_some());
+                    met += usize::from(nearest.is_some());
                 }
-                let found = tree.nearest::<()>(origin, dir, t_max, &ignore, |_, _| None);
-                let t = found.map(|hit| match hit {
-                    TreeHit::Triangle(hit) => hit.t,
-                    TreeHit::Other(()) => f32::NAN,
-                });
-                assert_eq!(t, nearest, "{triangles} triangles, {origin} to {dir}");
-                let any = tree.any(origin, dir, t_max, &ignore, |_, _| false);
-                assert_eq!(any, nearest.is_some());
-                met += usize::from(nearest.is_some());
+                assert!(met > 0 || triangles < 40);
             }
-            assert!(met > 0 || triangles < 40);
         }
     }
 }

@@ -72,6 +72,11 @@ impl<K: Ord, V: Clone> Shelf<K, V> {
         Some(thing.clone())
     }
 
+    /// Whether there is one.
+    pub fn has(&self, key: &K) -> bool {
+        self.0.contains_key(key)
+    }
+
     /// In place of what there was.
     pub fn put(&mut self, clock: &Clock, key: K, thing: V) {
         let mut used = [0; 2];
@@ -119,7 +124,12 @@ impl Decoded {
 
     /// Why it does not separate an inside from an outside, if it does not.
     pub fn opening(&self) -> Option<String> {
-        self.opening.get_or_init(|| self.raw.opening()).clone()
+        if let Some(opening) = self.opening.get() {
+            return opening.clone();
+        }
+        // Not within the lock: a thread that waits for others there could be given what waits for the lock.
+        let opening = self.raw.opening();
+        self.opening.get_or_init(|| opening).clone()
     }
 }
 
@@ -215,6 +225,8 @@ pub struct KeptPiece {
     pub moves: bool,
 }
 
+/// A file's content, the ending of its name, which of its meshes, and whether with colours.
+pub type MeshKey = (Content, String, u32, bool);
 /// An image that shines, the bits of its scale, and those of how it is turned.
 type ImageLight = (Pinned<Image>, [u32; 3], [u32; 9]);
 /// Where a glTF file is put, and when, if it moves.
@@ -233,8 +245,7 @@ pub struct Kept {
     pub channels: Shelf<(Pinned<Image>, Channel), Arc<Image>>,
     /// Sky and suns.
     pub environments: Shelf<ImageLight, Vec<Environment>>,
-    /// By content, the ending of the file's name, which mesh of the file it is, and whether with colours.
-    pub meshes: Shelf<(Content, String, u32, bool), Arc<Decoded>>,
+    pub meshes: Shelf<MeshKey, Arc<Decoded>>,
     /// Likewise, and by grid.
     pub densities: Shelf<(Content, String, Option<String>), Arc<Bricks>>,
     /// One channel or three.

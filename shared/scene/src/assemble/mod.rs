@@ -1,6 +1,7 @@
 //! From records to the scene that is rendered: names resolved, numbers in single precision, everything moved so that
 //! the camera stands at the origin.
 
+mod ahead;
 mod blend;
 mod bounds;
 mod emission;
@@ -37,7 +38,7 @@ use beamfarm_render::texture::Image;
 use beamfarm_render::world::{RenderDefaults, SceneDescription};
 pub use extents::{Extent, Extents};
 use glam::DVec3;
-use kept::Decoded;
+use kept::{Decoded, MeshKey};
 pub use kept::{Kept, Purpose};
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -99,6 +100,7 @@ pub fn assemble(snapshot: &Snapshot, source: Source<'_>, kept: &mut Kept, space:
         Space::Of(origin) | Space::Sketched(origin) => origin,
     };
     let eye_point = eye.origin.0 - render_origin;
+    assets.images_ahead(record);
     let media = medium::Media::new(&record.media, render_origin, &mut assets)?;
     let world_medium = media.resolve_or(record.world.medium.as_ref(), None)?;
     let materials = materials::Materials::new(&record.materials, &mut assets)?;
@@ -128,6 +130,7 @@ pub fn assemble(snapshot: &Snapshot, source: Source<'_>, kept: &mut Kept, space:
         media,
     };
     parts.add_lights(&record.lights)?;
+    parts.meshes_ahead(&record.shapes);
     for (i, shape) in record.shapes.iter().enumerate() {
         let name = shape.name.clone().unwrap_or_else(|| format!("shapes[{i}]"));
         parts.add_shape(shape, &name)?;
@@ -273,7 +276,7 @@ impl<'a> Assets<'a> {
         }
         let (source, Kept { images, clock, .. }) = (self.source, &mut *self.kept);
         images.get_or(clock, (source.content(&key), encoding), || {
-            decoded(source, path, |_, bytes| image::read(bytes, encoding))
+            read_image(source, path, encoding)
         })
     }
 
@@ -312,10 +315,8 @@ impl<'a> Assets<'a> {
             return Ok(mesh.clone());
         }
         let (source, Kept { meshes, clock, .. }) = (self.source, &mut *self.kept);
-        meshes.get_or(clock, (source.content(&key), ending(path), index, colored), || {
-            decoded(source, path, |name, bytes| {
-                RawMesh::read_nth(name, bytes, index, colored).map(Decoded::new)
-            })
+        meshes.get_or(clock, key_of_mesh(source, path, index, colored), || {
+            read_mesh(source, path, index, colored)
         })
     }
 }
@@ -324,6 +325,25 @@ impl<'a> Assets<'a> {
 fn ending(path: &Spanned<String>) -> String {
     let name = path.get_ref();
     name.rsplit_once('.').map_or("", |(_, ending)| ending).to_owned()
+}
+
+fn key_of_mesh(source: Source<'_>, path: &Spanned<String>, index: u32, colored: bool) -> MeshKey {
+    (
+        source.content(&bundle::key(path.get_ref())),
+        ending(path),
+        index,
+        colored,
+    )
+}
+
+fn read_mesh(source: Source<'_>, path: &Spanned<String>, index: u32, colored: bool) -> Result<Arc<Decoded>, Problem> {
+    decoded(source, path, |name, bytes| {
+        RawMesh::read_nth(name, bytes, index, colored).map(Decoded::new)
+    })
+}
+
+fn read_image(source: Source<'_>, path: &Spanned<String>, encoding: Encoding) -> Result<Arc<Image>, Problem> {
+    decoded(source, path, |_, bytes| image::read(bytes, encoding))
 }
 
 fn key_of_grid(source: Source<'_>, path: &Spanned<String>, grid: Option<&str>) -> (Content, String, Option<String>) {

@@ -119,11 +119,7 @@ impl Parts<'_> {
             None => self.materials.default(record.emission.is_some()),
         };
         let is_read = self.materials.list[material as usize].reads_colors();
-        let emission = record.emission.as_ref().map(Spanned::get_ref);
-        let is_emitted = matches!(
-            emission.and_then(|emission| emission.radiance.as_ref()),
-            Some(TextureRecord::VertexColors(_))
-        );
+        let is_emitted = emits_colors(record);
         let form = match record.kind.get_ref() {
             ShapeType::Sphere => Form::Sphere,
             ShapeType::Disc => Form::Disc,
@@ -330,6 +326,15 @@ impl Parts<'_> {
     }
 }
 
+/// Whether it emits the colours of its vertices.
+pub(super) fn emits_colors(record: &ShapeRecord) -> bool {
+    let emission = record.emission.as_ref().map(Spanned::get_ref);
+    matches!(
+        emission.and_then(|emission| emission.radiance.as_ref()),
+        Some(TextureRecord::VertexColors(_))
+    )
+}
+
 /// Whether vertices have the colours that are asked for. `reflects`: nothing reflects more than arrives.
 fn check_colors(mesh: &RawMesh, reflects: bool) -> Result<(), String> {
     if mesh.colors.is_empty() {
@@ -390,19 +395,21 @@ fn put(shared: &Shared, map: &DAffine3) -> Option<Shape> {
         false => (upright, DVec3::ONE),
     };
     let unit_from_raw = DAffine3::from_scale(mirror) * shared.unit_from_raw;
-    let mesh = slot.get_or_init(|| {
+    let mesh = slot.get().cloned().unwrap_or_else(|| {
         let normals = match shared.normals {
             Normals::OfFile => &raw.normals,
             Normals::OfFaces | Normals::Smooth => &shared.smooth,
         };
-        Arc::new(raw.to_mesh(&unit_from_raw, shared.flip, normals))
+        // Not within the lock: a thread that waits for others there could be given what waits for the lock.
+        let mesh = Arc::new(raw.to_mesh(&unit_from_raw, shared.flip, normals));
+        slot.get_or_init(|| mesh).clone()
     });
     let map = *map * unit_from_raw.inverse();
     if mesh.triangles.is_empty() || !transform::is_invertible(&map) {
         return None;
     }
     Some(Shape::Mesh {
-        mesh: mesh.clone(),
+        mesh,
         placement: placement(&map),
     })
 }

@@ -137,6 +137,11 @@ impl MaterialRecord {
 
     /// The files of its textures.
     pub fn files(&self) -> impl Iterator<Item = &Spanned<String>> {
+        self.images().map(|(file, _)| file)
+    }
+
+    /// The files of its textures, and whether their numbers are taken as they are.
+    pub fn images(&self) -> impl Iterator<Item = (&Spanned<String>, bool)> {
         let textures = [
             &self.reflectance,
             &self.specular_reflectance,
@@ -144,11 +149,10 @@ impl MaterialRecord {
             &self.base_color,
             &self.weight,
             &self.opacity,
-            &self.normal_map,
         ];
-        let files = textures
+        let colors = textures
             .into_iter()
-            .filter_map(|field| field.as_ref()?.get_ref().file());
+            .filter_map(|field| field.as_ref()?.get_ref().image());
         let numbers = [
             &self.metallic,
             &self.roughness,
@@ -161,10 +165,14 @@ impl MaterialRecord {
             &self.clearcoat_gloss,
             &self.flatness,
         ];
-        let of_numbers = numbers.into_iter().filter_map(|field| field.as_ref()?.get_ref().file());
-        let of_alpha = self.alpha.iter().filter_map(|alpha| alpha.get_ref().file());
-        let bumps = self.bump.iter().map(|bump| &bump.get_ref().image);
-        files.chain(of_numbers).chain(of_alpha).chain(bumps)
+        let of_numbers = numbers
+            .into_iter()
+            .filter_map(|field| field.as_ref()?.get_ref().image());
+        let of_alpha = self.alpha.iter().filter_map(|alpha| alpha.get_ref().image());
+        let images = colors.chain(of_numbers).chain(of_alpha).map(|i| (&i.file, i.raw));
+        let normals = self.normal_map.iter().filter_map(|map| map.get_ref().file());
+        let bumps = self.bump.iter().map(|bump| (&bump.get_ref().image, bump.get_ref().raw));
+        images.chain(normals.map(|file| (file, true))).chain(bumps)
     }
 }
 

@@ -55,11 +55,11 @@ pub enum ScalarRecord<R> {
 }
 
 impl<R> ScalarRecord<R> {
-    /// The file that it names.
-    pub fn file(&self) -> Option<&Spanned<String>> {
+    /// Its image, if it has one.
+    pub fn image(&self) -> Option<&ImageTextureRecord> {
         match self {
             Self::Number(_) => None,
-            Self::Texture(texture) => texture.file(),
+            Self::Texture(texture) => texture.image(),
         }
     }
 }
@@ -136,8 +136,13 @@ fn tables<R: Range>(generator: &mut SchemaGenerator, has_attributes: bool) -> [S
 impl<R> TextureRecord<R> {
     /// The file that it names.
     pub fn file(&self) -> Option<&Spanned<String>> {
+        self.image().map(|image| &image.file)
+    }
+
+    /// Its image, if it has one.
+    pub fn image(&self) -> Option<&ImageTextureRecord> {
         match self {
-            Self::Image(image) | Self::VertexColors(Some(image)) => Some(&image.file),
+            Self::Image(image) | Self::VertexColors(Some(image)) => Some(image),
             Self::Color(_) | Self::Checkerboard { .. } | Self::VertexColors(None) => None,
         }
     }

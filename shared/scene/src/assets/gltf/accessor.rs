@@ -4,19 +4,21 @@ use super::{Beside, bytes_of};
 use crate::assets::Flaw;
 use gltf::Accessor;
 use gltf::accessor::{DataType, Dimensions};
+use rayon::prelude::*;
+use std::borrow::Cow;
 
 /// Elements at most of an accessor that has no bytes of its own.
 const MAX_ZEROS: usize = 1 << 22;
 
 /// The file's buffers.
-pub struct Buffers(Vec<Vec<u8>>);
+pub struct Buffers<'b>(Vec<Cow<'b, [u8]>>);
 
-impl Buffers {
-    pub fn new(document: &gltf::Document, blob: Option<&[u8]>, beside: &Beside<'_>) -> Result<Self, Flaw> {
+impl<'b> Buffers<'b> {
+    pub fn new(document: &gltf::Document, blob: Option<&'b [u8]>, beside: &Beside<'b>) -> Result<Self, Flaw> {
         let mut buffers = Vec::new();
         for buffer in document.buffers() {
             let bytes = match buffer.source() {
-                gltf::buffer::Source::Bin => blob.unwrap_or_default().to_vec(),
+                gltf::buffer::Source::Bin => blob.unwrap_or_default().into(),
                 gltf::buffer::Source::Uri(uri) => bytes_of(uri, beside)?,
             };
             if bytes.len() < buffer.length() {
@@ -50,7 +52,7 @@ impl Buffers {
         offset: usize,
         [count, size]: [usize; 2],
         at: &str,
-    ) -> Result<impl Iterator<Item = &'s [u8]> + use<'s>, Flaw> {
+    ) -> Result<impl IndexedParallelIterator<Item = &'s [u8]> + use<'s>, Flaw> {
         let stride = view.stride().unwrap_or(size);
         if stride < size {
             return Err(format!("{at}: its stride is {stride}; expected at least {size}").into());
@@ -61,7 +63,7 @@ impl Buffers {
             .and_then(|last| last.checked_mul(stride)?.checked_add(size));
         let bytes = bytes.get(offset..).unwrap_or_default();
         match claimed {
-            Some(claimed) if claimed <= bytes.len() => Ok(bytes[..claimed].chunks(stride).map(move |c| &c[..size])),
+            Some(claimed) if claimed <= bytes.len() => Ok(bytes[..claimed].par_chunks(stride).map(move |c| &c[..size])),
             _ => Err(format!(
                 "{at}: {count} elements, {stride} bytes apart, are claimed, but its view has {} bytes for them",
                 bytes.len()
@@ -120,7 +122,8 @@ impl Buffers {
             [sparse.count(), size],
             &format!("{at}: sparse values"),
         )?;
-        for (place, value) in places.zip(values) {
+        let changes: Vec<_> = places.zip(values).collect();
+        for (place, value) in changes {
             let [index] = number(index_kind, false, place);
             let slot = numbers.get_mut(index as usize);
             *slot.ok_or_else(|| format!("{at}: a sparse index is {index}, but there are {count} elements"))? =

@@ -11,18 +11,18 @@ use gltf::json::scene::UnitQuaternion;
 use std::collections::BTreeSet;
 
 /// A file at a time.
-pub struct Moment {
-    pub opened: Opened,
+pub struct Moment<'b> {
+    pub opened: Opened<'b>,
     /// Animations of which nothing is seen, since those before them move the same.
     pub hidden: Vec<String>,
 }
 
-impl Moment {
+impl<'b> Moment<'b> {
     /// With nodes and weights as the animations have them after `seconds`; before their first keys and after their
     /// last ones they stay as those say. All play at once; of two that move the same, the first does.
-    pub fn new(opened: Opened, beside: &Beside<'_>, seconds: f64) -> Result<Self, Flaw> {
+    pub fn new(opened: Opened<'b>, beside: &Beside<'b>, seconds: f64) -> Result<Self, Flaw> {
         let document = &opened.document;
-        let buffers = Buffers::new(document, opened.blob.as_deref(), beside)?;
+        let buffers = Buffers::new(document, opened.blob, beside)?;
         let mut root = document.as_json().clone();
         let mut taken = BTreeSet::new();
         let mut hidden = Vec::new();
@@ -67,7 +67,7 @@ impl Moment {
 }
 
 /// When the first and the last key of a file's animations are, seconds. `None`: nothing moves.
-pub fn span(document: &Document, buffers: &Buffers) -> Result<Option<[f64; 2]>, Flaw> {
+pub fn span(document: &Document, buffers: &Buffers<'_>) -> Result<Option<[f64; 2]>, Flaw> {
     let mut span: Option<[f64; 2]> = None;
     for channel in document.animations().flat_map(|animation| animation.channels()) {
         for [time] in buffers.numbers(&channel.sampler().input(), "times of keys")? {
@@ -85,7 +85,7 @@ enum Track {
 }
 
 impl Track {
-    fn new(channel: &Channel<'_>, buffers: &Buffers) -> Result<Self, Flaw> {
+    fn new(channel: &Channel<'_>, buffers: &Buffers<'_>) -> Result<Self, Flaw> {
         let sampler = channel.sampler();
         let times = buffers.numbers(&sampler.input(), "times of keys")?;
         let times: Vec<f64> = times.into_iter().map(|[time]| time).collect();

@@ -8,7 +8,12 @@ use glam::DVec3;
 use gltf::camera::{Orthographic, Projection};
 
 /// The camera of that name, or the first one: `origin`, `target`, `up` and `fov`, as TOML.
-pub fn camera(bytes: &[u8], beside: &Beside<'_>, wanted: Option<&str>, there: There<'_>) -> Result<String, Flaw> {
+pub fn camera<'b>(
+    bytes: &'b [u8],
+    beside: &Beside<'b>,
+    wanted: Option<&str>,
+    there: There<'_>,
+) -> Result<String, Flaw> {
     let opened = there.open(bytes, beside)?.opened;
     let placed = node::placed(&opened.document, there.world_from_file)?;
     let named = |node: &Placed<'_>, camera: &gltf::Camera<'_>| match wanted {

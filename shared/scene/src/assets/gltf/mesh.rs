@@ -21,7 +21,7 @@ pub struct Pose {
 
 impl Pose {
     /// The pose in which the file leaves a node's mesh. `placed`: all nodes, in the file's space.
-    pub fn at_rest(node: &gltf::Node<'_>, placed: &[Placed<'_>], buffers: &Buffers) -> Result<Self, Flaw> {
+    pub fn at_rest(node: &gltf::Node<'_>, placed: &[Placed<'_>], buffers: &Buffers<'_>) -> Result<Self, Flaw> {
         let own = node.weights().or_else(|| node.mesh()?.weights());
         let weights = own.unwrap_or_default().to_vec();
         let Some(skin) = node.skin() else {
@@ -53,7 +53,7 @@ impl Pose {
 /// The triangles of a primitive; `None` if it has points or lines. `uv_set`: which texture coordinates.
 pub fn mesh(
     primitive: &gltf::Primitive<'_>,
-    buffers: &Buffers,
+    buffers: &Buffers<'_>,
     uv_set: u32,
     pose: &Pose,
 ) -> Result<Option<RawMesh>, Flaw> {
@@ -126,14 +126,14 @@ pub fn mesh(
             Some((center, rim)) => rim.windows(2).map(|v| [v[0], v[1], *center]).collect(),
             None => Vec::new(),
         },
-        _ => indices.as_chunks::<3>().0.to_vec(),
+        _ => indices.as_chunks().0.to_vec(),
     };
     Ok(Some(raw))
 }
 
 /// Linear colours of a primitive's vertices, and whether any is not opaque. `None`: it has none, or all are white
 /// and opaque.
-pub fn colors(primitive: &gltf::Primitive<'_>, buffers: &Buffers) -> Result<Option<(Vec<Rgb>, bool)>, Flaw> {
+pub fn colors(primitive: &gltf::Primitive<'_>, buffers: &Buffers<'_>) -> Result<Option<(Vec<Rgb>, bool)>, Flaw> {
     let Some(accessor) = primitive.get(&Semantic::Colors(0)) else {
         return Ok(None);
     };
@@ -163,7 +163,7 @@ pub fn colors(primitive: &gltf::Primitive<'_>, buffers: &Buffers) -> Result<Opti
 fn skin(
     raw: &mut RawMesh,
     primitive: &gltf::Primitive<'_>,
-    buffers: &Buffers,
+    buffers: &Buffers<'_>,
     joints: &[DAffine3],
 ) -> Result<(), Flaw> {
     let (Some(names), Some(weights)) = (

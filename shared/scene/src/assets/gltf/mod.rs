@@ -33,6 +33,7 @@ pub use open::is_animated;
 use open::open;
 use record::Record;
 pub use scene::{Whole, scene};
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -105,17 +106,18 @@ fn path_of(uri: &str) -> Result<String, Flaw> {
 }
 
 /// The bytes that a URI stands for.
-fn bytes_of(uri: &str, beside: &Beside<'_>) -> Result<Vec<u8>, Flaw> {
+fn bytes_of<'b>(uri: &str, beside: &Beside<'b>) -> Result<Cow<'b, [u8]>, Flaw> {
     if let Some(data) = uri.strip_prefix("data:") {
         let encoded = data.split_once(";base64,").map(|(_, encoded)| encoded);
         let decode = |text: &str| base64::engine::general_purpose::STANDARD.decode(text).ok();
         return encoded
             .and_then(decode)
+            .map(Cow::Owned)
             .ok_or_else(|| "a data URI is not base64".into());
     }
     let path = path_of(uri)?;
     match beside(&path) {
-        Some(bytes) => Ok(bytes.to_vec()),
+        Some(bytes) => Ok(bytes.into()),
         None => Err(format!("the bundle lacks the file {path:?} that it names").into()),
     }
 }
@@ -129,7 +131,7 @@ pub struct There<'m> {
 }
 
 impl There<'_> {
-    fn open(&self, bytes: &[u8], beside: &Beside<'_>) -> Result<Moment, Flaw> {
+    fn open<'b>(&self, bytes: &'b [u8], beside: &Beside<'b>) -> Result<Moment<'b>, Flaw> {
         let opened = open(bytes)?;
         match self.seconds {
             Some(seconds) if opened.document.animations().len() > 0 => Moment::new(opened, beside, seconds),
@@ -142,11 +144,17 @@ impl There<'_> {
 }
 
 /// Read a glTF file called `name`.
-pub fn read(name: &str, bytes: &[u8], beside: &Beside<'_>, there: There<'_>, choice: Choice) -> Result<Piece, Flaw> {
+pub fn read<'b>(
+    name: &str,
+    bytes: &'b [u8],
+    beside: &Beside<'b>,
+    there: There<'_>,
+    choice: Choice,
+) -> Result<Piece, Flaw> {
     let Moment { opened, hidden } = there.open(bytes, beside)?;
     let world_from_file = there.world_from_file;
     let document = &opened.document;
-    let buffers = Buffers::new(document, opened.blob.as_deref(), beside)?;
+    let buffers = Buffers::new(document, opened.blob, beside)?;
     let mut notes = Notes::default();
     let placed = node::placed(document, world_from_file)?;
     let textures = texture::Textures::new(name, document, &buffers, beside);

@@ -7,9 +7,9 @@ use serde_json::{Map, Value, json};
 use std::borrow::Cow;
 
 /// A file whose parts can be asked for.
-pub struct Opened {
+pub struct Opened<'b> {
     pub document: gltf::Document,
-    pub blob: Option<Vec<u8>>,
+    pub blob: Option<&'b [u8]>,
     pub record: Record,
 }
 
@@ -48,7 +48,7 @@ fn unusable(reason: &str) -> Flaw {
 struct Parts<'b> {
     json: Cow<'b, [u8]>,
     /// The binary part of a file that has one.
-    blob: Option<Cow<'b, [u8]>>,
+    blob: Option<&'b [u8]>,
 }
 
 fn parts(bytes: &[u8]) -> Result<Parts<'_>, Flaw> {
@@ -63,7 +63,11 @@ fn parts(bytes: &[u8]) -> Result<Parts<'_>, Flaw> {
             let parts = gltf::Glb::from_slice(bytes).map_err(|e| unusable(&e.to_string()))?;
             Ok(Parts {
                 json: parts.json,
-                blob: parts.bin,
+                // Read from a slice, it is part of that.
+                blob: parts.bin.and_then(|bin| match bin {
+                    Cow::Borrowed(bytes) => Some(bytes),
+                    Cow::Owned(_) => None,
+                }),
             })
         }
         false => Ok(Parts {
@@ -82,9 +86,8 @@ pub fn is_animated(bytes: &[u8]) -> bool {
 
 /// Read the JSON and validate it. What the `gltf` crate's validation and accessors take for granted is looked at
 /// before.
-pub fn open(bytes: &[u8]) -> Result<Opened, Flaw> {
+pub fn open(bytes: &[u8]) -> Result<Opened<'_>, Flaw> {
     let Parts { json: text, blob } = parts(bytes)?;
-    let blob = blob.map(Cow::into_owned);
     let json = |e: serde_json::Error| unusable(&e.to_string());
     let mut text = serde_json::from_slice::<Value>(&text).map_err(json)?;
     let record = Record::deserialize(&text).map_err(json)?;

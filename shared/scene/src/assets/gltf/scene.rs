@@ -40,10 +40,10 @@ pub struct Whole {
 }
 
 /// The scene of a file that it calls `file`.
-pub fn scene(file: &str, bytes: &[u8], beside: &Beside<'_>) -> Result<Whole, Flaw> {
+pub fn scene<'b>(file: &str, bytes: &'b [u8], beside: &Beside<'b>) -> Result<Whole, Flaw> {
     let mut opened = open(bytes)?;
     let mut notes = Notes::default();
-    let buffers = Buffers::new(&opened.document, opened.blob.as_deref(), beside)?;
+    let buffers = Buffers::new(&opened.document, opened.blob, beside)?;
     let mut animation = String::new();
     if let Some([first, last]) = animation::span(&opened.document, &buffers)? {
         let frames = [(first * FPS).floor(), (last * FPS).ceil()];
@@ -171,7 +171,7 @@ impl View {
 }
 
 /// Corners of a box around all triangles.
-fn corners(placed: &[Placed<'_>], buffers: &Buffers) -> Result<Option<[DVec3; 2]>, Flaw> {
+fn corners(placed: &[Placed<'_>], buffers: &Buffers<'_>) -> Result<Option<[DVec3; 2]>, Flaw> {
     let mut corners: Option<[DVec3; 2]> = None;
     for node in placed {
         let Some(there) = node.node.mesh() else { continue };

@@ -16,7 +16,7 @@ use std::fmt::Write;
 /// The shapes so far, and what they are made from.
 pub struct Shapes<'s, 'a, 'b> {
     pub file: &'s str,
-    pub buffers: &'s Buffers,
+    pub buffers: &'s Buffers<'s>,
     /// `None`: without.
     pub materials: Option<Materials<'a, 'b>>,
     pub world_from_file: &'s DAffine3,

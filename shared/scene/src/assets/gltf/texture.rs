@@ -16,7 +16,7 @@ use std::sync::Arc;
 /// The file's pictures, and those made of them that the piece names.
 pub struct Textures<'a, 'b> {
     file: &'a str,
-    buffers: &'a Buffers,
+    buffers: &'a Buffers<'a>,
     beside: &'a Beside<'b>,
     textures: Vec<gltf::Texture<'a>>,
     /// By number and encoding.
@@ -26,7 +26,7 @@ pub struct Textures<'a, 'b> {
 }
 
 impl<'a, 'b> Textures<'a, 'b> {
-    pub fn new(file: &'a str, document: &'a gltf::Document, buffers: &'a Buffers, beside: &'a Beside<'b>) -> Self {
+    pub fn new(file: &'a str, document: &'a gltf::Document, buffers: &'a Buffers<'a>, beside: &'a Beside<'b>) -> Self {
         Self {
             file,
             buffers,

@@ -2,12 +2,17 @@
 
 mod obj;
 mod ply;
+mod ply_binary;
 mod serialized;
 
 use super::Flaw;
 use beamfarm_render::geometry::Mesh;
 use beamfarm_render::math::Rgb;
 use glam::{DAffine3, DVec2, DVec3};
+use rayon::prelude::*;
+
+/// Vertices of which one thread makes the smooth normals, at least.
+const MIN_SHARE: usize = 1 << 12;
 
 /// A mesh in double precision, as its file gives it.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -86,22 +91,18 @@ impl RawMesh {
         }
         let count = self.positions.len();
         let unusable = |p: &DVec3| !p.as_vec3().is_finite();
-        if let Some(i) = self.positions.iter().position(unusable) {
+        if let Some(i) = self.positions.par_iter().position_first(unusable) {
             return Err(format!("vertex {i} (from zero) has a position that is NaN or infinite").into());
         }
-        if let Some(i) = self.normals.iter().position(|n| !n.is_finite()) {
+        if let Some(i) = self.normals.par_iter().position_first(|n| !n.is_finite()) {
             return Err(format!("vertex {i} (from zero) has a normal that is NaN or infinite").into());
         }
-        if let Some(i) = self.uvs.iter().position(|uv| !uv.as_vec2().is_finite()) {
+        if let Some(i) = self.uvs.par_iter().position_first(|uv| !uv.as_vec2().is_finite()) {
             return Err(format!("vertex {i} (from zero) has a UV that is NaN or infinite").into());
         }
         let outside = |t: &[u32; 3]| t.iter().copied().find(|v| *v as usize >= count);
-        if let Some((i, v)) = self
-            .triangles
-            .iter()
-            .enumerate()
-            .find_map(|(i, t)| Some((i, outside(t)?)))
-        {
+        let of_triangles = self.triangles.par_iter().enumerate();
+        if let Some((i, v)) = of_triangles.find_map_first(|(i, t)| Some((i, outside(t)?))) {
             return Err(format!("triangle {i} (from zero) names vertex {v}, but there are {count}").into());
         }
         Ok(())
@@ -109,12 +110,8 @@ impl RawMesh {
 
     /// Make normals unit vectors; those that are zero become the mean of their triangles' normals.
     fn repair_normals(&mut self) {
-        let mut any_zero = false;
-        for normal in &mut self.normals {
-            *normal = normal.normalize_or_zero();
-            any_zero |= *normal == DVec3::ZERO;
-        }
-        if !any_zero {
+        self.normals.par_iter_mut().for_each(|n| *n = n.normalize_or_zero());
+        if !self.normals.par_iter().any(|n| *n == DVec3::ZERO) {
             return;
         }
         let mut sums = vec![DVec3::ZERO; self.positions.len()];
@@ -187,23 +184,36 @@ impl RawMesh {
         // Triangles that a mirror turns around keep their outside.
         let side = m.determinant().signum();
         let mut sums = vec![DVec3::ZERO; self.positions.len()];
-        for t in &self.triangles {
-            let corners = t.map(|v| self.positions[v as usize]);
-            let edge = |i: usize| m * (corners[(i + 1) % 3] - corners[i % 3]);
-            let Some(normal) = edge(0).cross(-edge(2)).try_normalize() else {
-                continue;
-            };
-            for (i, v) in t.iter().enumerate() {
-                let (next, last) = (edge(i), -edge(i + 2));
-                let angle = libm::atan2(next.cross(last).length(), next.dot(last));
-                sums[*v as usize] += normal * (side * angle);
+        // Each thread goes through all triangles and adds to vertices of its own, so that each vertex has one order.
+        let share = sums.len().div_ceil(rayon::current_num_threads()).max(MIN_SHARE);
+        sums.par_chunks_mut(share).enumerate().for_each(|(chunk, sums)| {
+            let first = chunk * share;
+            for t in &self.triangles {
+                let mine = t
+                    .map(|v| (v as usize).wrapping_sub(first))
+                    .map(|v| (v < sums.len()).then_some(v));
+                if mine == [None; 3] {
+                    continue;
+                }
+                let corners = t.map(|v| self.positions[v as usize]);
+                let edge = |i: usize| m * (corners[(i + 1) % 3] - corners[i % 3]);
+                let Some(normal) = edge(0).cross(-edge(2)).try_normalize() else {
+                    continue;
+                };
+                for (i, v) in mine.into_iter().enumerate() {
+                    let Some(v) = v else { continue };
+                    let (next, last) = (edge(i), -edge(i + 2));
+                    let angle = libm::atan2(next.cross(last).length(), next.dot(last));
+                    sums[v] += normal * (side * angle);
+                }
             }
-        }
+        });
         // Where normals cancel there is none; Mitsuba takes this one.
         let unit = |sum: DVec3| sum.try_normalize().unwrap_or(DVec3::X);
         let back = m.transpose();
-        let normals = sums.into_iter().map(|sum| back * unit(sum));
-        normals.map(DVec3::normalize_or_zero).collect()
+        sums.par_iter_mut()
+            .for_each(|sum| *sum = (back * unit(*sum)).normalize_or_zero());
+        sums
     }
 
     /// The mesh under a map, in single precision, with these normals, one a vertex, or none at all. `flip` turns its
@@ -214,42 +224,44 @@ impl RawMesh {
         let mut mesh = Mesh {
             positions: self
                 .positions
-                .iter()
+                .par_iter()
                 .map(|p| map.transform_point3(*p).as_vec3())
                 .collect(),
             normals: normals
-                .iter()
+                .par_iter()
                 .map(|n| (normal_map * *n).normalize().as_vec3())
                 .collect(),
-            uvs: self.uvs.iter().map(|uv| uv.as_vec2()).collect(),
+            uvs: self.uvs.par_iter().map(|uv| uv.as_vec2()).collect(),
             colors: self.colors.clone(),
             triangles: self.triangles.clone(),
             ..Mesh::default()
         };
         if reverse {
-            mesh.triangles.iter_mut().for_each(|t| t.swap(1, 2));
+            mesh.triangles.par_iter_mut().for_each(|t| t.swap(1, 2));
         }
         let positions = &mesh.positions;
-        mesh.triangles.retain(|t| {
+        let has_area = |t: &[u32; 3]| {
             let [a, b, c] = t.map(|v| positions[v as usize].as_dvec3());
             (b - a).cross(c - a) != DVec3::ZERO
-        });
+        };
+        // Most meshes have none without.
+        if !mesh.triangles.par_iter().all(has_area) {
+            mesh.triangles.retain(has_area);
+        }
         mesh
     }
 
     /// Why the mesh does not separate an inside from an outside, if it does not. Vertices at one position are one.
     pub fn opening(&self) -> Option<String> {
         let welded = self.weld();
-        let mut edges = Vec::with_capacity(3 * self.triangles.len());
-        for t in &self.triangles {
+        let edges_of = |t: &[u32; 3]| {
             let [a, b, c] = t.map(|v| welded[v as usize]);
-            for (from, to) in [(a, b), (b, c), (c, a)] {
-                if from != to {
-                    edges.push((from.min(to), from.max(to), from < to));
-                }
-            }
-        }
-        edges.sort_unstable();
+            let edge = |(from, to): (u32, u32)| (from.min(to), from.max(to), from < to);
+            [(a, b), (b, c), (c, a)].map(edge)
+        };
+        let mut edges: Vec<(u32, u32, bool)> = self.triangles.par_iter().flat_map_iter(edges_of).collect();
+        edges.retain(|(from, to, _)| from != to);
+        edges.par_sort_unstable();
         let bad = edges.chunk_by(|e, f| (e.0, e.1) == (f.0, f.1)).find(|edge| {
             let upwards = edge.iter().filter(|e| e.2).count();
             2 * upwards != edge.len()
@@ -268,7 +280,7 @@ impl RawMesh {
         // Adding zero turns -0 into +0.
         let key = |v: u32| (self.positions[v as usize] + 0.0).to_array().map(f64::to_bits);
         let mut order: Vec<u32> = (0..self.positions.len() as u32).collect();
-        order.sort_unstable_by_key(|v| (key(*v), *v));
+        order.par_sort_unstable_by_key(|v| (key(*v), *v));
         let mut welded = vec![0; order.len()];
         for same in order.chunk_by(|a, b| key(*a) == key(*b)) {
             same.iter().for_each(|v| welded[*v as usize] = same[0]);
@@ -300,6 +312,61 @@ mod tests {
             positions,
             triangles: vec![[0, 2, 1], [0, 3, 2], [0, 1, 3], [1, 2, 3]],
             ..RawMesh::default()
+        }
+    }
+
+    /// A bumpy square with triangles of all sizes, some without an area.
+    fn terrain(side: u32) -> RawMesh {
+        let height = |i: u32| f64::from(i.wrapping_mul(2_654_435_761) >> 20) / 1024.0;
+        let position = |i: u32| DVec3::new(f64::from(i % side), f64::from(i / side), height(i));
+        let cell = |i: u32| {
+            let a = i / (side - 1) * side + i % (side - 1);
+            [
+                [a, a + 1, a + side],
+                [a + 1, a + side + 1, if i % 97 == 0 { a + 1 } else { a + side }],
+            ]
+        };
+        RawMesh {
+            positions: (0..side * side).map(position).collect(),
+            triangles: (0..(side - 1) * (side - 1)).flat_map(cell).collect(),
+            ..RawMesh::default()
+        }
+    }
+
+    /// On any number of threads each vertex has the sum of one thread over all triangles, to the last bit.
+    #[test]
+    fn meshes_do_not_depend_on_threads() {
+        let raw = terrain(150);
+        assert!(raw.positions.len() > 4 * MIN_SHARE);
+        let map = DAffine3::from_scale(DVec3::new(1.0, -0.5, 2.0)) * DAffine3::from_rotation_x(0.3);
+        let on = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| {
+                let normals = raw.smooth_normals(&map);
+                let mesh = raw.to_mesh(&map, true, &normals);
+                (normals, mesh.positions, mesh.normals, mesh.triangles, raw.opening())
+            })
+        };
+        let one = on(1);
+        assert!(one.3.len() < raw.triangles.len() && one.4.is_some());
+        assert!([2, 3, 5].into_iter().all(|threads| on(threads) == one));
+        // One triangle after the other.
+        let mut sums = vec![DVec3::ZERO; raw.positions.len()];
+        for t in &raw.triangles {
+            let [a, b, c] = t.map(|v| map.matrix3 * raw.positions[v as usize]);
+            let corners = [a, b, c];
+            let Some(normal) = (b - a).cross(c - a).try_normalize() else {
+                continue;
+            };
+            for i in 0..3 {
+                let [here, next, last] = [0, 1, 2].map(|j| corners[(i + j) % 3]);
+                let (next, last) = (next - here, last - here);
+                sums[t[i] as usize] -= normal * libm::atan2(next.cross(last).length(), next.dot(last));
+            }
+        }
+        for (sum, normal) in sums.into_iter().zip(&one.0) {
+            let expected = (map.matrix3.transpose() * sum.normalize_or(DVec3::X)).normalize();
+            assert!(expected.distance(*normal) < 1e-9, "{expected} {normal}");
         }
     }
 

@@ -4,6 +4,7 @@ use super::RawMesh;
 use crate::assets::Flaw;
 use crate::source::line_of;
 use glam::{DVec2, DVec3};
+use std::borrow::Cow;
 use std::io::Cursor;
 use tobj::LoadOptions;
 
@@ -83,17 +84,19 @@ fn backward_flaw(text: &str) -> Option<Flaw> {
 
 /// A file without normals, its groups' names made comments: so faces of several groups share their vertices, and the
 /// normals that are made of them are smooth from one group to the next.
-fn without_groups(bytes: &[u8]) -> Option<Vec<u8>> {
-    let mut joined = bytes.to_vec();
-    for line in joined.split_mut(|byte| *byte == b'\n') {
+fn without_groups(bytes: &[u8]) -> Option<Cow<'_, [u8]>> {
+    let mut joined = Cow::Borrowed(bytes);
+    let mut at = 0;
+    for line in bytes.split(|byte| *byte == b'\n') {
         let start = line.iter().take_while(|b| b.is_ascii_whitespace()).count();
-        let line = &mut line[start..];
-        let end = line.iter().take_while(|b| !b.is_ascii_whitespace()).count();
-        match &line[..end] {
+        let rest = &line[start..];
+        let end = rest.iter().take_while(|b| !b.is_ascii_whitespace()).count();
+        match &rest[..end] {
             b"vn" => return None,
-            b"o" | b"g" => line[0] = b'#',
+            b"o" | b"g" => joined.to_mut()[at + start] = b'#',
             _ => {}
         }
+        at += line.len() + 1;
     }
     Some(joined)
 }

@@ -1,6 +1,7 @@
 //! PLY: ASCII and binary of either byte order.
 
 use super::RawMesh;
+use super::ply_binary::{self, INDEX_NAMES};
 use crate::assets::Flaw;
 use crate::assets::image::linear_from_srgb;
 use beamfarm_render::math::Rgb;
@@ -38,7 +39,16 @@ pub fn read(bytes: &[u8], colored: bool) -> Result<RawMesh, Flaw> {
                 if !has(&["x", "y", "z"]) {
                     return Err("the element `vertex` lacks x, y or z".into());
                 }
-                let vertices = match colored && COLOR_NAMES.iter().any(|names| has(names)) {
+                let colored = colored && COLOR_NAMES.iter().any(|names| has(names));
+                let columns = [
+                    has(&["nx", "ny", "nz"]),
+                    UV_NAMES.iter().any(|names| has(names)),
+                    colored,
+                ];
+                if ply_binary::vertices(reader.get_mut(), element, &header.encoding, columns, &mut mesh).is_some() {
+                    continue;
+                }
+                let vertices = match colored {
                     false => Parser::<Vertex>::new()
                         .read_payload_for_element(&mut reader, element, &header)
                         .map_err(place)?,
@@ -51,16 +61,21 @@ pub fn read(bytes: &[u8], colored: bool) -> Result<RawMesh, Flaw> {
                     }
                 };
                 mesh.positions = vertices.iter().map(|v| v.position).collect();
-                if has(&["nx", "ny", "nz"]) {
+                let [has_normals, has_uvs, _] = columns;
+                if has_normals {
                     mesh.normals = vertices.iter().map(|v| v.normal).collect();
                 }
-                if UV_NAMES.iter().any(|names| has(names)) {
+                if has_uvs {
                     mesh.uvs = vertices.iter().map(|v| v.uv).collect();
                 }
             }
             "face" => {
                 if !INDEX_NAMES.iter().any(|name| element.properties.contains_key(*name)) {
                     return Err("the element `face` lacks the list `vertex_indices`".into());
+                }
+                if let Some(triangles) = ply_binary::triangles(reader.get_mut(), element, &header.encoding) {
+                    mesh.triangles.extend(triangles);
+                    continue;
                 }
                 let faces = Parser::<Face>::new()
                     .read_payload_for_element(&mut reader, element, &header)
@@ -88,7 +103,6 @@ const UV_NAMES: [[&str; 2]; 4] = [
     ["texture_s", "texture_t"],
 ];
 const COLOR_NAMES: [[&str; 3]; 2] = [["red", "green", "blue"], ["r", "g", "b"]];
-const INDEX_NAMES: [&str; 2] = ["vertex_indices", "vertex_index"];
 
 fn flaw(error: &ParseError, has_lines: bool) -> Flaw {
     let text = error.to_string();
@@ -282,6 +296,58 @@ mod tests {
             }
             assert!(mesh.normals.is_empty());
         }
+    }
+
+    /// A file in which faces have two to six corners and properties are of all kinds, in any order: binary ones, which
+    /// are read side by side, are read as the library reads the text.
+    #[test]
+    fn binary_files_are_read_as_text_is() {
+        let header = "element vertex 50000\nproperty short nx\nproperty float y\nproperty uchar red\nproperty double x\n\
+            property char nz\nproperty ushort z\nproperty int ny\nproperty float u\nproperty float green\n\
+            property double blue\nproperty uint v\nproperty float s\nelement face 40000\nproperty list uchar float weights\n\
+            property uchar kind\nproperty list ushort uint vertex_index\nend_header\n";
+        let file = |format: &str| format!("ply\nformat {format} 1.0\n{header}").into_bytes();
+        let mut files = [file("ascii"), file("binary_little_endian"), file("binary_big_endian")];
+        macro_rules! put {
+            ($x:expr) => {
+                let x = $x;
+                files[0].extend(format!("{x} ").into_bytes());
+                files[1].extend(x.to_le_bytes());
+                files[2].extend(x.to_be_bytes());
+            };
+        }
+        for i in 0..50_000u32 {
+            put!(i as i16);
+            put!(i as f32 * 0.1);
+            put!(i as u8);
+            put!(f64::from(i) / 3.0);
+            put!(i as i8);
+            put!((i / 7) as u16);
+            put!(5 - i as i32);
+            put!(i as f32 / 5e4);
+            put!(0.5f32);
+            put!(0.25f64);
+            put!(i);
+            put!(1.0 - i as f32 / 5e4);
+            files[0].push(b'\n');
+        }
+        for i in 0..40_000u32 {
+            put!((i % 3) as u8);
+            (0..i % 3).for_each(|k| {
+                put!(k as f32);
+            });
+            put!(7u8);
+            put!((2 + i % 5) as u16);
+            (0..2 + i % 5).for_each(|k| {
+                put!(i + k);
+            });
+            files[0].push(b'\n');
+        }
+        let [text, little, big] = files.map(|bytes| RawMesh::read("a.ply", &bytes).unwrap());
+        assert_eq!(text.triangles.len(), 80_000);
+        assert_eq!(text.uvs[7].x, f64::from(1.0 - 7.0f32 / 5e4));
+        assert!(!text.normals.is_empty() && !text.colors.is_empty());
+        assert!(text == little && text == big);
     }
 
     /// Floats as they are, bytes as sRGB, and nothing of them where they are not asked for.

@@ -1,10 +1,10 @@
 //! The picture of a sky, in latitude and longitude, as environments take it.
 
+use super::hosek_wilkie::coefficients;
 use super::{Sky, sun};
 use exr::prelude::WritableImage;
 use exr::prelude::{Blocks, Compression, Encoding, Image, Layer, LayerAttributes, LineOrder, SpecificChannels, Vec2};
 use glam::DVec3;
-use hw_skymodel::rgb::{SkyParams, SkyState};
 use std::f32::consts::FRAC_PI_2;
 use std::f64::consts::PI;
 use std::io::Cursor;
@@ -117,14 +117,10 @@ struct Dome {
 impl Dome {
     fn new(sky: &Sky) -> Result<Self, String> {
         let elevation = libm::asin(sky.up.dot(sky.sun).clamp(0.0, 1.0)) as f32;
-        let params = SkyParams {
-            elevation: elevation.min(FRAC_PI_2),
-            turbidity: sky.turbidity as f32,
-            albedo: sky.albedo.map(|c| c as f32),
-        };
-        let (shapes, strengths) = SkyState::new(&params).map_err(|error| error.to_string())?.raw();
+        let albedo = sky.albedo.map(|c| c as f32);
+        let (shapes, strengths) = coefficients(elevation.min(FRAC_PI_2), sky.turbidity as f32, albedo)?;
         Ok(Self {
-            shapes: std::array::from_fn(|c| std::array::from_fn(|i| f64::from(shapes[9 * c + i]))),
+            shapes: shapes.map(|channel| channel.map(f64::from)),
             strengths: strengths.map(f64::from),
         })
     }

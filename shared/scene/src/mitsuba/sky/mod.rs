@@ -3,6 +3,7 @@
 //! Source: Hosek and Wilkie, "An analytic model for full spectral sky-dome radiance" (2012) in RGB, as Mitsuba 3 has
 //! it, and a table of what the sun sends in Mitsuba 3.9.1.
 
+mod hosek_wilkie;
 mod map;
 mod sun;
 

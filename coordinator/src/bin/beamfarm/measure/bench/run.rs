@@ -181,16 +181,16 @@ pub fn child() -> Result<(), Failure> {
     let gone = |_| Failure::io("the parent is gone");
     let task: Task = serde_json::from_str(&orders.recv().map_err(gone)?).map_err(Failure::usage)?;
     let begun = Instant::now();
-    let (description, settings) = load(&task.scene, &task.overrides)?;
+    // Zero threads stand for one per core.
+    let threads = task.overrides.threads.map_or(0, usize::from);
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+    let pool = pool.map_err(Failure::io)?;
+    let (description, settings) = pool.install(|| load(&task.scene, &task.overrides))?;
     let settings = JobSettings {
         paths_per_pass: task.paths_per_pass,
         finders: task.finders,
         ..settings
     };
-    // Zero threads stand for one per core.
-    let threads = task.overrides.threads.map_or(0, usize::from);
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-    let pool = pool.map_err(Failure::io)?;
     let (scene, plan) = pool.install(|| {
         let scene = Scene::new(description);
         let plan = RenderPlan::new(&scene, settings);

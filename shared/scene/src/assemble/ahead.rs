@@ -1,0 +1,73 @@
+//! Files decoded side by side before the scene asks for them one after the other. What is wrong with one is told when
+//! it is asked for, in the scene's order; so nothing is said here.
+
+use super::shape::emits_colors;
+use super::{Assets, Kept, Parts, key_of_mesh, read_image, read_mesh};
+use crate::assets::image::Encoding;
+use crate::parse::{MaterialRecord, SceneRecord, ShapeRecord};
+use beamfarm_image::bundle;
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+
+impl Assets<'_> {
+    /// Decode the scene's pictures.
+    pub fn images_ahead(&mut self, record: &SceneRecord) {
+        let of_materials = record.materials.values().flat_map(MaterialRecord::images);
+        let emissions = record.shapes.iter().filter_map(|s| s.emission.as_ref());
+        let glowing = emissions.filter_map(|emission| emission.get_ref().radiance.as_ref()?.image());
+        let of_lights = record.lights.iter().filter_map(|light| {
+            let is_raw = light.raw.as_ref().is_some_and(|raw| *raw.get_ref());
+            Some((light.image.as_ref()?, is_raw))
+        });
+        let all = of_materials
+            .chain(glowing.map(|image| (&image.file, image.raw)))
+            .chain(of_lights);
+        let source = self.source;
+        let Kept { images, clock, .. } = &mut *self.kept;
+        let wanted = all.map(|(path, is_raw)| {
+            let encoding = match is_raw {
+                true => Encoding::Raw,
+                false => Encoding::Srgb,
+            };
+            ((source.content(&bundle::key(path.get_ref())), encoding), path)
+        });
+        let wanted: BTreeMap<_, _> = wanted.filter(|(key, _)| !images.has(key)).collect();
+        let read: Vec<_> = wanted
+            .into_par_iter()
+            .filter_map(|(key, path)| Some((read_image(source, path, key.1).ok()?, key)))
+            .collect();
+        read.into_iter().for_each(|(image, key)| images.put(clock, key, image));
+    }
+}
+
+impl Parts<'_> {
+    /// Decode the meshes of shapes.
+    pub fn meshes_ahead(&mut self, shapes: &[ShapeRecord]) {
+        let source = self.assets.source;
+        let Kept { meshes, clock, .. } = &mut *self.assets.kept;
+        let mut wanted = BTreeMap::new();
+        for shape in shapes {
+            let shape = shape.shape.as_ref().map_or(shape, |inner| inner.get_ref());
+            let material = shape
+                .material
+                .as_ref()
+                .and_then(|name| self.materials.resolve(name).ok());
+            let is_read = material.is_some_and(|material| self.materials.list[material as usize].reads_colors());
+            let index = shape.shape_index.as_ref().map_or(0, |index| *index.get_ref());
+            let toward = shape.toward.as_ref().map(|toward| (&toward.get_ref().file, false));
+            let own = shape.file.as_ref().map(|file| (file, is_read || emits_colors(shape)));
+            for (path, colored) in own.into_iter().chain(toward) {
+                let is_of_other = self.assets.meshes.contains_key(&bundle::key(path.get_ref()));
+                let key = key_of_mesh(source, path, index, colored);
+                if !is_of_other && !meshes.has(&key) {
+                    wanted.insert(key, (path, index, colored));
+                }
+            }
+        }
+        let read: Vec<_> = wanted
+            .into_par_iter()
+            .filter_map(|(key, (path, index, colored))| Some((key, read_mesh(source, path, index, colored).ok()?)))
+            .collect();
+        read.into_iter().for_each(|(key, mesh)| meshes.put(clock, key, mesh));
+    }
+}

@@ -1,7 +1,7 @@
 //! All that is wrong with a scene file, and not only the first of it: what was found is blanked out, and the rest is
 //! read again.
 
-use crate::{ImportOptions, SceneError, load, read_file, source, text_of, with_assets};
+use crate::{ImportOptions, SceneError, load, read_file, text_of, with_assets};
 use beamfarm_image::bundle;
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
@@ -143,7 +143,7 @@ impl Rest {
     /// The first field whose name stands on this line, with its value.
     fn field_at(&mut self, line: usize) -> Option<Range<usize>> {
         let root = DeTable::parse(&self.text).ok()?;
-        let on_line = |byte: usize| source::line_of(self.text.as_bytes(), byte) == line;
+        let on_line = |byte: usize| beamfarm_assets::line_of(self.text.as_bytes(), byte) == line;
         let (name, range) = first_field(root.get_ref(), &on_line)?;
         self.blanked.insert(name);
         Some(range)

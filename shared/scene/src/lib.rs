@@ -415,7 +415,7 @@ pub fn json_schema() -> String {
 fn text_of<'a>(file: &Path, bytes: &'a [u8]) -> Result<&'a str, SceneError> {
     std::str::from_utf8(bytes).map_err(|e| SceneError {
         file: file.to_path_buf(),
-        line: Some(source::line_of(bytes, e.valid_up_to())),
+        line: Some(beamfarm_assets::line_of(bytes, e.valid_up_to())),
         message: "the scene file is not UTF-8 text".to_string(),
     })
 }

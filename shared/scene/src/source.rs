@@ -1,6 +1,7 @@
 //! From a place in the scene file to an error that names the file, the line and the field.
 
 use crate::SceneError;
+use beamfarm_assets::line_of;
 use std::ops::Range as Span;
 use std::path::Path;
 use toml::Spanned;
@@ -66,12 +67,6 @@ pub fn locate(file: &Path, text: &str, fault: &Fault) -> SceneError {
             None => fault.message.clone(),
         },
     }
-}
-
-/// The line, from one, of a byte.
-pub fn line_of(text: &[u8], byte: usize) -> usize {
-    let before = text.get(..byte).unwrap_or(text);
-    1 + before.iter().filter(|b| **b == b'\n').count()
 }
 
 /// The name of the innermost field around a span, such as `shapes["lamp"].radius`.

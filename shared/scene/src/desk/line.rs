@@ -1,7 +1,7 @@
 //! Which field stands on a line.
 
 use super::part::below;
-use crate::source::line_of;
+use beamfarm_assets::line_of;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 

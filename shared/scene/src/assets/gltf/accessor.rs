@@ -2,9 +2,9 @@
 
 use super::{Beside, bytes_of};
 use crate::assets::Flaw;
+use beamfarm_assets::elements::{self, Component};
 use gltf::Accessor;
 use gltf::accessor::{DataType, Dimensions};
-use rayon::prelude::*;
 use std::borrow::Cow;
 
 /// Elements at most of an accessor that has no bytes of its own.
@@ -45,14 +45,15 @@ impl<'b> Buffers<'b> {
             .ok_or_else(|| format!("buffer view {} reaches beyond its buffer", view.index()).into())
     }
 
-    /// Elements of `size` bytes in a view, from `offset` on. `at` is for messages.
-    fn elements<'s>(
-        &'s self,
+    /// The bytes of elements of `size` bytes in a view, from `offset` on, and how far they are apart. `at` is for
+    /// messages.
+    fn elements(
+        &self,
         view: &gltf::buffer::View<'_>,
         offset: usize,
         [count, size]: [usize; 2],
         at: &str,
-    ) -> Result<impl IndexedParallelIterator<Item = &'s [u8]> + use<'s>, Flaw> {
+    ) -> Result<(&[u8], usize), Flaw> {
         let stride = view.stride().unwrap_or(size);
         if stride < size {
             return Err(format!("{at}: its stride is {stride}; expected at least {size}").into());
@@ -63,7 +64,7 @@ impl<'b> Buffers<'b> {
             .and_then(|last| last.checked_mul(stride)?.checked_add(size));
         let bytes = bytes.get(offset..).unwrap_or_default();
         match claimed {
-            Some(claimed) if claimed <= bytes.len() => Ok(bytes[..claimed].par_chunks(stride).map(move |c| &c[..size])),
+            Some(claimed) if claimed <= bytes.len() => Ok((&bytes[..claimed], stride)),
             _ => Err(format!(
                 "{at}: {count} elements, {stride} bytes apart, are claimed, but its view has {} bytes for them",
                 bytes.len()
@@ -85,12 +86,15 @@ impl<'b> Buffers<'b> {
             .into());
         }
         let (count, size) = (accessor.count(), accessor.size());
-        let read = |element: &[u8]| number(kind, accessor.normalized(), element);
+        let component = component(kind);
+        let read = |(bytes, stride): (&[u8], usize), count: usize| {
+            let mut numbers = vec![[0.0; N]; count];
+            let into = (numbers.as_flattened_mut(), N);
+            elements::read(bytes, stride, component, accessor.normalized(), into);
+            numbers
+        };
         let mut numbers: Vec<[f64; N]> = match accessor.view() {
-            Some(view) => {
-                let elements = self.elements(&view, accessor.offset(), [count, size], &at)?;
-                elements.map(read).collect()
-            }
+            Some(view) => read(self.elements(&view, accessor.offset(), [count, size], &at)?, count),
             None if count <= MAX_ZEROS => vec![[0.0; N]; count],
             None => {
                 return Err(format!(
@@ -103,31 +107,21 @@ impl<'b> Buffers<'b> {
             return Ok(numbers);
         };
         let indices = sparse.indices();
-        let index_kind = match indices.index_type() {
-            gltf::accessor::sparse::IndexType::U8 => DataType::U8,
-            gltf::accessor::sparse::IndexType::U16 => DataType::U16,
-            gltf::accessor::sparse::IndexType::U32 => DataType::U32,
+        let (index, index_size) = match indices.index_type() {
+            gltf::accessor::sparse::IndexType::U8 => (Component::U8, 1),
+            gltf::accessor::sparse::IndexType::U16 => (Component::U16, 2),
+            gltf::accessor::sparse::IndexType::U32 => (Component::U32, 4),
         };
-        let changed = [sparse.count(), index_kind.size()];
-        let places = self.elements(
-            &indices.view(),
-            indices.offset(),
-            changed,
-            &format!("{at}: sparse indices"),
-        )?;
+        let changed = sparse.count();
+        let at_indices = format!("{at}: sparse indices");
+        let (bytes, stride) = self.elements(&indices.view(), indices.offset(), [changed, index_size], &at_indices)?;
+        let places = elements::whole(bytes, stride, index);
         let values = sparse.values();
-        let values = self.elements(
-            &values.view(),
-            values.offset(),
-            [sparse.count(), size],
-            &format!("{at}: sparse values"),
-        )?;
-        let changes: Vec<_> = places.zip(values).collect();
-        for (place, value) in changes {
-            let [index] = number(index_kind, false, place);
+        let at_values = format!("{at}: sparse values");
+        let values = self.elements(&values.view(), values.offset(), [changed, size], &at_values)?;
+        for (index, value) in places.into_iter().zip(read(values, changed)) {
             let slot = numbers.get_mut(index as usize);
-            *slot.ok_or_else(|| format!("{at}: a sparse index is {index}, but there are {count} elements"))? =
-                read(value);
+            *slot.ok_or_else(|| format!("{at}: a sparse index is {index}, but there are {count} elements"))? = value;
         }
         Ok(numbers)
     }
@@ -144,30 +138,28 @@ impl<'b> Buffers<'b> {
             )
             .into());
         }
-        let indices = self.numbers(accessor, "indices")?;
-        Ok(indices.into_iter().map(|[index]| index as u32).collect())
+        let at = format!("the indices (accessor {})", accessor.index());
+        match accessor.view() {
+            Some(view) if accessor.sparse().is_none() => {
+                let shape = [accessor.count(), accessor.size()];
+                let (bytes, stride) = self.elements(&view, accessor.offset(), shape, &at)?;
+                Ok(elements::whole(bytes, stride, component(kind)))
+            }
+            _ => {
+                let indices = self.numbers(accessor, "indices")?;
+                Ok(indices.into_iter().map(|[index]| index as u32).collect())
+            }
+        }
     }
 }
 
-/// The components of an element. Normalised ones are shares of the largest that their kind has.
-fn number<const N: usize>(kind: DataType, normalized: bool, element: &[u8]) -> [f64; N] {
-    let size = kind.size();
-    std::array::from_fn(|i| {
-        let bytes = element.get(i * size..).unwrap_or_default();
-        let (value, largest) = match (kind, bytes) {
-            (DataType::I8, [a, ..]) => (f64::from(*a as i8), 127.0),
-            (DataType::U8, [a, ..]) => (f64::from(*a), 255.0),
-            (DataType::I16, [a, b, ..]) => (f64::from(i16::from_le_bytes([*a, *b])), 32767.0),
-            (DataType::U16, [a, b, ..]) => (f64::from(u16::from_le_bytes([*a, *b])), 65535.0),
-            (DataType::U32, [a, b, c, d, ..]) => (f64::from(u32::from_le_bytes([*a, *b, *c, *d])), 4294967295.0),
-            (DataType::F32, [a, b, c, d, ..]) => {
-                return f64::from(f32::from_le_bytes([*a, *b, *c, *d]));
-            }
-            _ => (0.0, 1.0),
-        };
-        match normalized {
-            true => (value / largest).max(-1.0),
-            false => value,
-        }
-    })
+fn component(kind: DataType) -> Component {
+    match kind {
+        DataType::I8 => Component::I8,
+        DataType::U8 => Component::U8,
+        DataType::I16 => Component::I16,
+        DataType::U16 => Component::U16,
+        DataType::U32 => Component::U32,
+        DataType::F32 => Component::F32,
+    }
 }

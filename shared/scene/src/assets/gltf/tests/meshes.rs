@@ -172,7 +172,7 @@ fn damaged_files_are_refused_or_read() {
     let still = json!({ "channels": [{ "sampler": 0, "target": { "node": 0, "path": "weights" } }],
         "samplers": [{ "input": 2, "output": 0, "interpolation": "CUBICSPLINE" }] });
     good["animations"] = json!([still]);
-    crate::assets::tests::damage(&[good.to_string().into()], |bytes| {
+    crate::assets::damage::damage(&[good.to_string().into()], |bytes| {
         let choice = super::super::Choice {
             materials: true,
             lights: true,

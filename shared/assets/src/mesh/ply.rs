@@ -2,8 +2,8 @@
 
 use super::RawMesh;
 use super::ply_binary::{self, INDEX_NAMES};
-use crate::assets::Flaw;
-use crate::assets::image::linear_from_srgb;
+use crate::Flaw;
+use crate::image::linear_from_srgb;
 use beamfarm_render::math::Rgb;
 use glam::{DVec2, DVec3};
 use ply_rs_bw::parser::{ParseError, Parser, Reader};
@@ -245,7 +245,7 @@ impl PropertyAccess for Skipped {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::assets::mesh::RawMesh;
+    use crate::mesh::RawMesh;
 
     const HEADER: &str = "comment a square\nelement vertex 4\nproperty float x\nproperty float y\n\
         property double z\nproperty uchar red\nproperty float s\nproperty float t\nelement edge 1\n\
@@ -441,7 +441,7 @@ mod tests {
     /// Damaged files are refused or read as something else; none makes the reader panic.
     #[test]
     fn damage_does_not_panic() {
-        crate::assets::tests::damage(&[ascii(), binary(false), binary(true)], |bytes| {
+        crate::damage::damage(&[ascii(), binary(false), binary(true)], |bytes| {
             let _ = RawMesh::read("a.ply", bytes);
         });
     }

@@ -5,7 +5,7 @@ mod ply;
 mod ply_binary;
 mod serialized;
 
-use super::Flaw;
+use crate::Flaw;
 use beamfarm_render::geometry::Mesh;
 use beamfarm_render::math::Rgb;
 use glam::{DAffine3, DVec2, DVec3};

@@ -3,7 +3,7 @@
 //! is taken from the bytes.
 
 use super::RawMesh;
-use crate::assets::image::linear_from_srgb;
+use crate::image::linear_from_srgb;
 use beamfarm_render::math::Rgb;
 use glam::{DVec2, DVec3};
 use ply_rs_bw::ply::{ElementDef, Encoding, PropertyType, ScalarType};

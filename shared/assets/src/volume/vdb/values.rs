@@ -1,8 +1,8 @@
 //! The values of a node: numbers of several widths, possibly compressed, possibly without the inactive ones.
 
 use super::blosc;
-use crate::assets::Flaw;
-use crate::assets::volume::bytes::Bytes;
+use crate::Flaw;
+use crate::volume::bytes::Bytes;
 use flate2::{Decompress, FlushDecompress, Status};
 use half::f16;
 

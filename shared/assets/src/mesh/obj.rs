@@ -1,8 +1,7 @@
 //! Wavefront OBJ: all objects and groups as one mesh; materials are ignored.
 
 use super::RawMesh;
-use crate::assets::Flaw;
-use crate::source::line_of;
+use crate::{Flaw, line_of};
 use glam::{DVec2, DVec3};
 use std::borrow::Cow;
 use std::io::Cursor;
@@ -201,7 +200,7 @@ fn append(mesh: &mut RawMesh, name: &str, part: &tobj::Mesh) -> Result<(), Flaw>
 
 #[cfg(test)]
 mod tests {
-    use crate::assets::mesh::RawMesh;
+    use crate::mesh::RawMesh;
     use glam::{DVec2, DVec3};
 
     const OBJ: &str = "# two objects\nmtllib none.mtl\no first\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 100000.03125\n\
@@ -290,7 +289,7 @@ mod tests {
 
     #[test]
     fn damage_does_not_panic() {
-        crate::assets::tests::damage(&[OBJ.as_bytes().to_vec()], |bytes| {
+        crate::damage::damage(&[OBJ.as_bytes().to_vec()], |bytes| {
             let _ = RawMesh::read("a.obj", bytes);
         });
     }

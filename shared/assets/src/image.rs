@@ -1,6 +1,6 @@
 //! Images: PNG, JPEG and BMP (sRGB or as they are), OpenEXR and Radiance's HDR (linear), decoded to linear RGB.
 
-use super::Flaw;
+use crate::Flaw;
 use ::exr::prelude::{self as exr, ReadChannels, ReadLayers};
 use ::image::codecs::bmp::BmpDecoder;
 use ::image::codecs::hdr::HdrDecoder;
@@ -479,7 +479,7 @@ mod tests {
         let color = exr_with(8, 8, &[("R", 1.0), ("G", 2.0), ("B", 3.0)]);
         let jpeg = JPEG.to_vec();
         let all = [grey, color, jpeg, hdr(&[Rgb::new(0.5, 2.0, 3e4); 12])];
-        crate::assets::tests::damage(&all, |bytes| {
+        crate::damage::damage(&all, |bytes| {
             let _ = read(bytes);
         });
     }

@@ -396,7 +396,7 @@ fn truncated_files_are_refused() {
 #[test]
 fn damage_does_not_panic() {
     for name in FILES {
-        crate::assets::tests::damage(&[file(name)], |bytes| {
+        crate::damage::damage(&[file(name)], |bytes| {
             if let Ok(raw) = read(name, bytes, None) {
                 let cores = raw.cores.values();
                 let stored = cores.filter(|c| matches!(c, Core::Samples(_))).count();

@@ -163,7 +163,7 @@ mod tests {
             for length in 0..bytes.len() {
                 assert!(unpack(&bytes[..length], count).is_err(), "{name} {length}");
             }
-            crate::assets::tests::damage(&[bytes], |bytes| {
+            crate::damage::damage(&[bytes], |bytes| {
                 let _ = unpack(bytes, count);
                 // And with a header that fits.
                 if let Some((header, rest)) = bytes.split_first_chunk::<16>() {

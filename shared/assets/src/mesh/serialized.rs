@@ -2,7 +2,7 @@
 //! the documentation of Mitsuba's plugin `serialized`; all numbers are little-endian.
 
 use super::RawMesh;
-use crate::assets::Flaw;
+use crate::Flaw;
 use flate2::read::ZlibDecoder;
 use glam::{DVec2, DVec3};
 use std::io::Read;
@@ -177,7 +177,7 @@ fn split(mesh: &mut RawMesh) -> Result<(), Flaw> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::assets::tests::damage;
+    use crate::damage::damage;
     use beamfarm_render::math::Rgb;
     use flate2::{Compression, write::ZlibEncoder};
     use std::io::Write;

@@ -1,7 +1,7 @@
 //! Transforms of grids: index space to the file's world space.
 
-use crate::assets::Flaw;
-use crate::assets::volume::bytes::Bytes;
+use crate::Flaw;
+use crate::volume::bytes::Bytes;
 use glam::{DAffine3, DMat3, DVec3};
 
 /// Read an affine map.

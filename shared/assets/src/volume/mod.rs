@@ -4,7 +4,7 @@ mod bytes;
 mod vdb;
 mod vol;
 
-use super::Flaw;
+use crate::Flaw;
 use beamfarm_render::medium::bricks::{BRICK, Core, RawDensity};
 
 /// Read a density from an OpenVDB (.vdb) or Mitsuba (.vol) file; its name's ending tells which. `grid` names one of the

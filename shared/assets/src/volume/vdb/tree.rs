@@ -3,9 +3,9 @@
 //! leaves' values.
 
 use super::values::{Mask, Scalar, ValueReader};
-use crate::assets::Flaw;
-use crate::assets::volume::bytes::Bytes;
-use crate::assets::volume::core;
+use crate::Flaw;
+use crate::volume::bytes::Bytes;
+use crate::volume::core;
 use beamfarm_render::medium::bricks::{BRICK, Core};
 use glam::IVec3;
 use std::collections::BTreeMap;

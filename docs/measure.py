@@ -309,6 +309,7 @@ evaluations, walks or rays.
 def farm(_work, seconds):
     passes = max(2, min(24, round(0.6 * seconds)))
     overhead = example("farm_overhead", BEAMFARM, "scenes/ocean.toml", passes).strip()
+    command = example("render_overhead", BEAMFARM, 5, "scenes/ocean.toml", passes).strip()
     scale = example("farm_scale", 400, 600).strip()
     return f"""## The farm
 
@@ -317,6 +318,13 @@ of one thread, two bare processes, and two threads of one.
 
 ```text
 {overhead}
+```
+
+`cargo run --release -p beamfarm-tests --example render_overhead -- target/release/beamfarm 5 scenes/ocean.toml {passes}`: the whole command
+`render` and the whole command `bench`, which renders as many passes in one process.
+
+```text
+{command}
 ```
 
 `cargo run --release -p beamfarm-tests --example farm_scale -- 400 600`: simulated workers that send blocks of 1280x720 at once, on the same

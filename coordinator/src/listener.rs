@@ -19,7 +19,7 @@ use std::sync::{Arc, Weak};
 use std::time::Duration;
 use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::net::{TcpListener, TcpStream};
-use tokio::sync::{Notify, Semaphore};
+use tokio::sync::{Notify, Semaphore, watch};
 use tokio::task::JoinSet;
 use tokio::time::{sleep, timeout};
 use tokio_io_timeout::TimeoutStream;
@@ -127,6 +127,18 @@ pub(crate) async fn serve(entrance: Entrance, router: Router, shutdown: impl Fut
 
 type ConnectionError = Box<dyn std::error::Error + Send + Sync>;
 
+/// The end of the connection that a request came by. An extension of every request.
+#[derive(Clone)]
+pub(crate) struct HangUp(watch::Receiver<()>);
+
+impl HangUp {
+    /// Resolves when the connection is over.
+    pub async fn happens(mut self) {
+        // Nothing is ever sent: the sender goes with the connection.
+        while self.0.changed().await.is_ok() {}
+    }
+}
+
 /// A connection of which nothing is known yet.
 struct Newcomer {
     peer: SocketAddr,
@@ -193,10 +205,12 @@ async fn requests(
 ) -> Result<(), ConnectionError> {
     let limits = shared.limits;
     let pace = Arc::new(Pace::new(limits.requests_per_second));
+    let (_line, hang_up) = watch::channel(());
     let service = {
         let (shared, newcomer) = (shared.clone(), newcomer.clone());
-        hyper::service::service_fn(move |request| {
+        hyper::service::service_fn(move |mut request: Request<Incoming>| {
             let (shared, newcomer, pace) = (shared.clone(), newcomer.clone(), pace.clone());
+            request.extensions_mut().insert(HangUp(hang_up.clone()));
             async move {
                 pace.next().await;
                 Ok::<_, Infallible>(shared.respond(request, &newcomer).await)

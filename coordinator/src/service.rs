@@ -7,6 +7,7 @@ use crate::intake::Delivery;
 use crate::keys::{Keys, Seat, Seats, unknown};
 use crate::ledger::{Accepted, LedgerError, Sentence};
 use crate::limits::{Limits, Pace};
+use crate::listener::HangUp;
 use crate::rarely::Rarely;
 use crate::series::{Place, Series};
 use beamfarm_image::exr::encoded_size;
@@ -196,6 +197,7 @@ fn shortened(text: &str, bytes: usize) -> &str {
 #[tonic::async_trait]
 impl FarmService for Service {
     async fn register(&self, request: Request<wire::RegisterRequest>) -> Result<Response<wire::RegisterReply>, Status> {
+        let hang_up = request.extensions().get::<HangUp>().cloned();
         let request = request.into_inner();
         let name = shortened(&request.name, NAME_BYTES);
         if request.version != VERSION {
@@ -232,6 +234,17 @@ impl FarmService for Service {
             Ok::<_, Status>((seats, leases))
         })?;
         let worker = seats.now.worker;
+        if let Some(hang_up) = hang_up {
+            // A job that is over is not kept for its workers' connections.
+            let farm = Arc::downgrade(farm);
+            let notice = async move {
+                hang_up.happens().await;
+                if let Some(farm) = farm.upgrade() {
+                    farm.hung_up(worker);
+                }
+            };
+            tokio::spawn(notice.instrument(self.span(&place)).in_current_span());
+        }
         let knows = |seat: Seat| {
             let place = self.series.place(seat.job);
             place.is_some_and(|place| place.farm().knows(seat.worker))

@@ -91,6 +91,7 @@ fn serve_as_worker(url: String) -> Result<(), AnyError> {
         url,
         credentials: Default::default(),
         threads: 1,
+        at_once: 1,
         name: "overhead".into(),
         cache: None,
         patience: Duration::from_secs(10),

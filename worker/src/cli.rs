@@ -30,6 +30,10 @@ pub struct WorkerArgs {
     #[arg(long, value_name = "T", value_parser = clap::value_parser!(u16).range(1..))]
     pub threads: Option<u16>,
 
+    /// Blocks of passes rendered at the same time, by all threads together
+    #[arg(long, hide = true, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..))]
+    pub at_once: u16,
+
     /// Name for the coordinator's log [default: the machine's]
     #[arg(long)]
     pub name: Option<String>,
@@ -182,6 +186,7 @@ async fn work(args: WorkerArgs) -> Result<(Summary, bool), WorkerError> {
         url,
         credentials: args.security.read().map_err(WorkerError::Security)?,
         threads: args.threads.map_or(cores, usize::from),
+        at_once: args.at_once.into(),
         name: args.name.unwrap_or_else(machine_name),
         cache: match args.no_cache {
             true => None,

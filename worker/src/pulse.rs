@@ -12,11 +12,11 @@ const AT_LEAST: Duration = Duration::from_secs(60);
 /// Time between looks.
 const LOOK: Duration = Duration::from_secs(1);
 
-/// When passes were rendered.
-#[derive(Debug, Default)]
-pub(crate) struct Pulse(Mutex<Times>);
+/// When passes were rendered, of each lane: one pass at a time.
+#[derive(Debug)]
+pub(crate) struct Pulse(Mutex<Vec<Times>>);
 
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 struct Times {
     longest: Option<Duration>,
     /// Passes that were begun.
@@ -26,16 +26,21 @@ struct Times {
 }
 
 impl Pulse {
+    /// Of so many lanes.
+    pub fn new(lanes: usize) -> Self {
+        Self(Mutex::new(vec![Times::default(); lanes]))
+    }
+
     /// A pass is begun.
-    pub fn begin(&self) {
-        let mut times = self.times();
+    pub fn begin(&self, lane: usize) {
+        let times = &mut self.lanes()[lane];
         times.passes += 1;
         times.begun = Some(Instant::now());
     }
 
     /// It is there. The next may be begun at once.
-    pub fn end(&self) {
-        let mut times = self.times();
+    pub fn end(&self, lane: usize) {
+        let times = &mut self.lanes()[lane];
         if let Some(begun) = times.begun.take() {
             times.longest = times.longest.max(Some(begun.elapsed()));
         }
@@ -43,22 +48,24 @@ impl Pulse {
 
     /// Resolves when a pass takes far longer than all before, and says how long.
     pub async fn stops(&self) -> String {
-        let mut patience = Patience::default();
+        let mut patience = vec![Patience::default(); self.lanes().len()];
         loop {
             sleep(LOOK).await;
-            if let Some(words) = patience.look(&self.times()) {
+            let lanes = self.lanes();
+            let mut looks = patience.iter_mut().zip(lanes.iter());
+            if let Some(words) = looks.find_map(|(patience, times)| patience.look(times)) {
                 return words;
             }
         }
     }
 
-    fn times(&self) -> MutexGuard<'_, Times> {
+    fn lanes(&self) -> MutexGuard<'_, Vec<Times>> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
 /// How long one pass has been waited for. Time in which the process was stopped is none.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 struct Patience {
     pass: u64,
     took: Duration,
@@ -113,22 +120,22 @@ mod tests {
 
     #[test]
     fn each_pass_has_its_time_and_nothing_to_do_is_no_fault() {
-        let pulse = Pulse::default();
-        pulse.begin();
-        pulse.end();
+        let pulse = Pulse::new(2);
+        pulse.begin(1);
+        pulse.end(1);
         let mut patience = Patience::default();
         for _ in 0..100 {
-            assert_eq!(patience.look(&pulse.times()), None);
+            assert_eq!(patience.look(&pulse.lanes()[1]), None);
         }
         for _ in 0..10 {
-            pulse.begin();
+            pulse.begin(1);
             for _ in 0..60 {
-                assert_eq!(patience.look(&pulse.times()), None);
+                assert_eq!(patience.look(&pulse.lanes()[1]), None);
             }
-            pulse.end();
+            pulse.end(1);
         }
-        pulse.begin();
-        let mut looks = (0..100).map(|_| patience.look(&pulse.times()));
+        pulse.begin(1);
+        let mut looks = (0..100).map(|_| patience.look(&pulse.lanes()[1]));
         assert!(looks.any(|said| said.is_some()));
     }
 }

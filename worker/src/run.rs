@@ -28,6 +28,9 @@ pub struct Config {
     pub credentials: Credentials,
     /// Rendering threads, at least one.
     pub threads: usize,
+    /// Blocks of passes rendered at the same time, at least one. The threads share them: those that have to wait in one
+    /// work at another.
+    pub at_once: usize,
     /// Name for the coordinator's log.
     pub name: String,
     /// Where to keep files of scenes; `None` keeps them in memory only.
@@ -149,7 +152,7 @@ async fn work(config: &Config, drain: &watch::Receiver<bool>, summary: &mut Summ
             &introduction,
             registration,
             prepared,
-            config.grace,
+            config,
             drain.clone(),
         );
         match session.run(summary).await {

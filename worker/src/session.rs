@@ -7,12 +7,14 @@
 use crate::client::{CallError, Client, Delivery, Introduction, Registration};
 use crate::pulse::Pulse;
 use crate::render::{Failed, Prepared, Renderer};
+use crate::run::Config;
 use crate::signals::drained;
 use beamfarm_image::exr::{BlockMeta, encode_block};
 use beamfarm_image::job::{Block, PassStats};
 use beamfarm_image::merge::Node;
 use beamfarm_image::radius::Schedule;
 use beamfarm_proto::{Grant, Job, LeaseId, VERSION, WorkerId, WorkerKey, wire};
+use futures_util::future::try_join_all;
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -88,6 +90,8 @@ pub(crate) struct Session<'a> {
     state: Mutex<State>,
     /// Something is on its way to the coordinator.
     delivering: watch::Sender<bool>,
+    /// Blocks that are rendered at the same time.
+    at_once: usize,
     pulse: Pulse,
     /// Held while registering again.
     renewing: tokio::sync::Mutex<()>,
@@ -100,9 +104,10 @@ impl<'a> Session<'a> {
         introduction: &'a Introduction,
         registration: Registration,
         prepared: Arc<Prepared>,
-        grace: Duration,
+        config: &Config,
         drain: watch::Receiver<bool>,
     ) -> Self {
+        let at_once = config.at_once.max(1);
         Self {
             client,
             renderer,
@@ -110,7 +115,7 @@ impl<'a> Session<'a> {
             job: registration.job,
             heartbeat: registration.heartbeat,
             prepared,
-            grace,
+            grace: config.grace,
             drain,
             state: Mutex::new(State {
                 worker: registration.worker,
@@ -121,15 +126,19 @@ impl<'a> Session<'a> {
                 is_wanted_elsewhere: false,
             }),
             delivering: watch::Sender::new(false),
-            pulse: Pulse::default(),
+            at_once,
+            pulse: Pulse::new(at_once),
             renewing: tokio::sync::Mutex::default(),
         }
     }
 
     pub async fn run(&self, summary: &mut Summary) -> Result<SessionEnd, CallError> {
-        // One block waits here while the one before is on its way and the one after is being rendered.
-        let (finished, deliveries) = mpsc::channel(1);
-        let work = async { tokio::try_join!(self.render(finished), self.deliver(deliveries, summary)) };
+        // Of each lane one block waits here while the one before is on its way and the one after is being rendered.
+        let (finished, deliveries) = mpsc::channel(self.at_once);
+        let lanes = try_join_all((0..self.at_once).map(|lane| self.render(lane, finished.clone())));
+        // Theirs are the only ones: deliveries end with the last of them.
+        drop(finished);
+        let work = async { tokio::try_join!(lanes, self.deliver(deliveries, summary)) };
         let end = {
             tokio::pin!(work);
             tokio::select! {
@@ -170,8 +179,9 @@ impl<'a> Session<'a> {
         })
     }
 
-    /// Lease and render, one block after the other, until there is nothing more to do.
-    async fn render(&self, finished: mpsc::Sender<Finished>) -> Result<(), CallError> {
+    /// Lease and render, one block after the other, until there is nothing more to do. `lane`: which of the blocks at
+    /// the same time.
+    async fn render(&self, lane: usize, finished: mpsc::Sender<Finished>) -> Result<(), CallError> {
         let mut pace: Option<Duration> = None;
         let mut next = self.lease().await?;
         while let Some(block) = next {
@@ -185,11 +195,11 @@ impl<'a> Session<'a> {
             let finished = &finished;
             let render = async move {
                 let begun = Instant::now();
-                self.pulse.begin();
+                self.pulse.begin(lane);
                 let render = self.renderer.block(&self.prepared, block, |rendered| {
-                    self.pulse.end();
+                    self.pulse.end(lane);
                     if rendered < block.len() {
-                        self.pulse.begin();
+                        self.pulse.begin(lane);
                     }
                     if let Some(held) = self.state().held.get_mut(&block) {
                         held.rendered = rendered;
@@ -203,7 +213,7 @@ impl<'a> Session<'a> {
                     }
                 };
                 // Also when it failed.
-                self.pulse.end();
+                self.pulse.end(lane);
                 let took = begun.elapsed();
                 let worker = self.number();
                 debug!(worker, %block, seconds = took.as_secs_f64(), "rendered");

@@ -7,7 +7,7 @@ use beamfarm_image::job::Block;
 use beamfarm_proto::bytes::Bytes;
 use beamfarm_proto::{FileHash, Grant, LeaseId, WorkerId};
 use std::collections::BTreeSet;
-use std::sync::Arc;
+use std::sync::{Arc, MutexGuard};
 use tokio::time::{Instant, timeout_at};
 use tracing::{debug, error, info, warn};
 
@@ -155,6 +155,37 @@ impl Farm {
         drop(state);
         let farm = self.clone();
         Ok(Attendance { farm, worker })
+    }
+
+    /// The connection by which the worker registered is over.
+    pub(crate) fn hung_up(&self, worker: WorkerId) {
+        let mut state = self.state();
+        if let Some(lost) = state.ledger.hung_up(worker) {
+            self.left(state, worker, lost);
+        }
+    }
+
+    /// The worker is gone, and so many leases ended with it.
+    fn left(&self, mut state: MutexGuard<'_, State>, worker: WorkerId, lost: usize) {
+        if self.end.borrow().is_none() {
+            state.progress.lost_leases += lost as u64;
+            let name = state.ledger.name(worker).to_owned();
+            let how = match state.ledger.is_away(worker) {
+                true => "goes on to another job",
+                false => "is gone",
+            };
+            let mut text = format!("worker {} ({name:?}) {how}", worker.0);
+            if lost > 0 {
+                text += &format!("; its {lost} leases are handed out again");
+                warn!(worker = worker.0, name, "{text}");
+            } else {
+                info!(worker = worker.0, name, "{text}");
+            }
+            state.events.push(EventKind::Left, text);
+        }
+        drop(state);
+        self.opened.notify_waiters();
+        self.settle();
     }
 
     /// The worker does not want these leases any more; when it leaves, none at all.
@@ -338,24 +369,6 @@ impl Drop for Attendance {
         let mut state = farm.state();
         let lost = state.ledger.detach(*worker);
         state.progress.workers = state.progress.workers.saturating_sub(1);
-        if farm.end.borrow().is_none() {
-            state.progress.lost_leases += lost as u64;
-            let name = state.ledger.name(*worker).to_owned();
-            let how = match state.ledger.is_away(*worker) {
-                true => "goes on to another job",
-                false => "is gone",
-            };
-            let mut text = format!("worker {} ({name:?}) {how}", worker.0);
-            if lost > 0 {
-                text += &format!("; its {lost} leases are handed out again");
-                warn!(worker = worker.0, name, "{text}");
-            } else {
-                info!(worker = worker.0, name, "{text}");
-            }
-            state.events.push(EventKind::Left, text);
-        }
-        drop(state);
-        farm.opened.notify_waiters();
-        farm.settle();
+        farm.left(state, *worker, lost);
     }
 }

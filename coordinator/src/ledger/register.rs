@@ -166,6 +166,14 @@ impl Ledger {
         }
     }
 
+    /// The connection by which the worker registered is over. One that has opened no stream of heartbeats, whose end
+    /// would tell the same, is gone; says how many leases end with it.
+    pub fn hung_up(&mut self, worker: WorkerId) -> Option<usize> {
+        let entry = self.workers.get(&worker)?;
+        let is_gone = entry.attending == 0 && !entry.gone;
+        is_gone.then(|| self.lost(worker))
+    }
+
     /// The worker is told that another job has work.
     pub fn send_away(&mut self, worker: WorkerId) {
         if let Some(entry) = self.workers.get_mut(&worker) {

@@ -139,7 +139,10 @@ impl Watch {
                 let mut state = self.state();
                 state.rates = state.meter.rates(now, progress.passes, progress.stats.beams);
             }
-            // So that there is a curve for those who come later: a handful of looks in the life of a job.
+            // So that there is a curve for those who come later: a handful of looks in the life of a job, where nobody
+            // else has looked.
+            let told = self.state().curve.last().map_or(0, |point| point.passes);
+            known = told.max(known);
             if progress.prefix >= 2 && progress.prefix >= 2 * known {
                 known = progress.prefix;
                 self.picture().await;

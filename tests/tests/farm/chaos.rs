@@ -58,6 +58,7 @@ async fn worker_process() {
         url,
         credentials: Default::default(),
         threads: 1,
+        at_once: 1,
         name: std::env::var(NAME).unwrap(),
         cache: None,
         patience: Duration::from_secs(10),

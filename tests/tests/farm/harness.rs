@@ -272,6 +272,15 @@ pub fn start_worker_with(url: String, threads: usize, patience: Duration, grace:
     })
 }
 
+/// A worker that renders so many blocks at the same time.
+pub fn start_worker_with_lanes(url: String, threads: usize, at_once: usize) -> WorkerHandle {
+    start(beamfarm_worker::Config {
+        threads,
+        at_once,
+        ..config(url)
+    })
+}
+
 /// A worker of one thread that shows these.
 pub fn start_worker_with_credentials(url: String, credentials: Credentials) -> WorkerHandle {
     start(beamfarm_worker::Config {
@@ -285,6 +294,7 @@ fn config(url: String) -> beamfarm_worker::Config {
         url,
         credentials: Credentials::default(),
         threads: 1,
+        at_once: 1,
         name: "test".into(),
         cache: None,
         patience: LONG,

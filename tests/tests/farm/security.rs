@@ -61,6 +61,7 @@ async fn work(url: String, credentials: Credentials) -> WorkerResult {
         url,
         credentials,
         threads: 1,
+        at_once: 1,
         name: "test".into(),
         cache: None,
         patience: Duration::from_millis(300),

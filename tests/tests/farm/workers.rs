@@ -2,6 +2,7 @@
 
 use crate::harness::{
     Coordinator, LONG, RawWorker, SCENE, WIDTH, free_port, leaf, settings, spec, start_worker, start_worker_with,
+    start_worker_with_lanes,
 };
 use beamfarm_coordinator::{End, JobSpec, Progress, Timing, WorkerState, WorkerView};
 use beamfarm_image::bundle::Bundle;
@@ -46,12 +47,26 @@ fn reference() -> (Average, Vec<String>) {
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn workers_and_threads_do_not_change_a_bit() {
     let (expected, hashes) = reference();
-    for (workers, threads) in [(1, 1), (1, 2), (2, 1), (2, 3), (4, 1), (4, 2)] {
+    for (workers, threads, at_once) in [
+        (1, 1, 1),
+        (1, 2, 1),
+        (1, 1, 3),
+        (1, 2, 2),
+        (2, 1, 1),
+        (2, 3, 1),
+        (2, 3, 2),
+        (4, 1, 1),
+        (4, 2, 1),
+    ] {
         let coordinator = Coordinator::start(spec(PASSES)).await;
-        let _crew: Vec<_> = (0..workers).map(|_| coordinator.worker(threads)).collect();
+        let worker = |_| start_worker_with_lanes(coordinator.url(), threads, at_once);
+        let _crew: Vec<_> = (0..workers).map(worker).collect();
         assert_eq!(coordinator.ended().await, End::Complete);
         let average = coordinator.farm.average().unwrap();
-        assert!(average == expected, "{workers} workers of {threads} threads");
+        assert!(
+            average == expected,
+            "{workers} workers of {threads} threads, {at_once} blocks at once"
+        );
         for done in coordinator.farm.blocks() {
             let (_, known) = done.by.unwrap();
             if done.block.level == 0 {
@@ -76,6 +91,33 @@ async fn a_pass_that_a_lost_worker_held_is_rendered_by_another() {
     assert_eq!(coordinator.ended().await, End::Complete);
     assert!(coordinator.farm.average().unwrap() == expected);
     worker.join().await.unwrap();
+}
+
+/// A process that is killed before it opens its stream of heartbeats: nobody may wait for it, with what it holds or at
+/// the end of the job.
+#[tokio::test]
+async fn a_worker_that_hangs_up_before_its_first_heartbeat_is_gone() {
+    let coordinator = Coordinator::start(spec(PASSES)).await;
+    let gone = |count: usize| {
+        move |progress: &Progress| {
+            let gone = progress
+                .workers_seen
+                .iter()
+                .filter(|worker| worker.state == WorkerState::Gone);
+            (gone.count() == count).then_some(())
+        }
+    };
+    let first = RawWorker::register(&coordinator).await;
+    let (_, held) = first.lease().await;
+    drop(first);
+    coordinator.shows("that the first is gone", gone(1)).await;
+    let second = RawWorker::register(&coordinator).await;
+    assert_eq!(second.lease().await.1, held);
+    coordinator.stay();
+    coordinator.farm.stop();
+    let last = RawWorker::register(&coordinator).await;
+    drop((second, last));
+    coordinator.shows("that all are gone", gone(3)).await;
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

@@ -139,7 +139,7 @@ impl<'a> AtWork<'a> {
     async fn keep(&self) -> Infallible {
         if self.makes_image() {
             let history = self.history.clone();
-            history.keep(self.watch.farm().clone()).await;
+            history.keep(self.watch.clone()).await;
         }
         pending().await
     }

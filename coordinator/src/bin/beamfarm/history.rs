@@ -2,7 +2,7 @@
 
 use crate::failure::Failure;
 use beamfarm_coordinator::watch::Point;
-use beamfarm_coordinator::{Farm, Progress};
+use beamfarm_coordinator::{Progress, Watch};
 use beamfarm_image::atomic::write_file;
 use beamfarm_image::job::PassStats;
 use beamfarm_image::merge::Average;
@@ -126,8 +126,9 @@ impl History {
         self.before + self.started.elapsed().saturating_sub(progress.paused_for)
     }
 
-    /// Keep it up to date, forever.
-    pub async fn keep(self: Arc<Self>, farm: Arc<Farm>) {
+    /// Keep it up to date, forever, and tell those who watch what it learns.
+    pub async fn keep(self: Arc<Self>, watch: Arc<Watch>) {
+        let farm = watch.farm().clone();
         let mut ticks = interval(LOOK);
         ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
         loop {
@@ -141,12 +142,18 @@ impl History {
             if !due {
                 continue;
             }
-            let (history, farm) = (self.clone(), farm.clone());
+            let (history, farm, watch) = (self.clone(), farm.clone(), watch.clone());
             let span = Span::current();
             let add = move || {
                 let _job = span.entered();
                 match farm.average() {
-                    Some(average) => history.write(&average, &progress),
+                    Some(average) => {
+                        let written = history.write(&average, &progress);
+                        if let Some(point) = history.points().last() {
+                            watch.note_error(point.passes, point.error);
+                        }
+                        written
+                    }
                     None => Ok(()),
                 }
             };

@@ -16,33 +16,59 @@ use tracing::{Instrument, info, warn};
 const DEATHS_IN_A_ROW: u32 = 5;
 /// Pause before a dead worker is replaced, times the deaths in a row.
 const PAUSE: Duration = Duration::from_millis(100);
-/// Above this many cores workers have several threads: each process holds the scene and a pass's photon beams, and a
-/// worker's threads share them. On a few cores processes of one thread waste no time in waiting for each other. To be
-/// revised when measured on large machines.
-const SINGLE_THREADED_CORES: usize = 4;
+/// Up to this many cores one worker renders a pass for each of them, and its threads work at all of those passes: they
+/// share the scene, which is prepared once, and none waits while any pass has work. Above, workers are several, as one
+/// delivers one block after the other. To be revised when measured on large machines.
+const CORES_OF_ONE: usize = 4;
 /// Threads of a worker above that; fewer when the cores cannot be divided by it.
 const THREADS_PER_WORKER: usize = 4;
 
-/// Workers, and threads of each: what was asked for, filled up so that their product is the number of cores.
-pub fn split(workers: Option<usize>, threads: Option<usize>, cores: usize) -> (usize, usize) {
-    match (workers, threads) {
-        (Some(workers), Some(threads)) => (workers, threads),
-        (Some(workers), None) => (workers, (cores / workers).max(1)),
-        (None, Some(threads)) => ((cores / threads).max(1), threads),
-        (None, None) if cores <= SINGLE_THREADED_CORES => (cores, 1),
-        (None, None) => {
-            let divides = |threads: &usize| cores.is_multiple_of(*threads);
-            let threads = (1..=THREADS_PER_WORKER).rev().find(divides).unwrap_or(1);
-            (cores / threads, threads)
+/// How many workers there are, and what each is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Shape {
+    /// Processes.
+    pub workers: usize,
+    /// Threads of each.
+    pub threads: usize,
+    /// Passes that each renders at the same time.
+    pub at_once: usize,
+}
+
+impl Shape {
+    /// What was asked for, filled up so that workers times threads are the number of cores.
+    pub fn new(workers: Option<usize>, threads: Option<usize>, cores: usize) -> Self {
+        let of_one_pass = |workers, threads| Self {
+            workers,
+            threads,
+            at_once: 1,
+        };
+        match (workers, threads) {
+            (Some(workers), Some(threads)) => of_one_pass(workers, threads),
+            (Some(workers), None) => of_one_pass(workers, (cores / workers).max(1)),
+            (None, Some(threads)) => of_one_pass((cores / threads).max(1), threads),
+            (None, None) if cores <= CORES_OF_ONE => Self {
+                workers: 1,
+                threads: cores,
+                at_once: cores,
+            },
+            (None, None) => {
+                let divides = |threads: &usize| cores.is_multiple_of(*threads);
+                let threads = (1..=THREADS_PER_WORKER).rev().find(divides).unwrap_or(1);
+                of_one_pass(cores / threads, threads)
+            }
         }
+    }
+
+    /// Passes that are rendered at the same time.
+    pub fn passes_at_once(self) -> usize {
+        self.workers * self.at_once
     }
 }
 
 /// How to start workers.
 #[derive(Clone, Debug)]
 pub struct Crew {
-    pub workers: usize,
-    pub threads: usize,
+    pub shape: Shape,
     /// The coordinator's address, and what opens it.
     pub url: String,
     pub token: Option<Token>,
@@ -65,7 +91,7 @@ where
     let program = std::env::current_exe().map_err(|error| error.to_string())?;
     let deaths = Arc::new(Deaths::default());
     let mut places = JoinSet::new();
-    for place in 0..crew.workers {
+    for place in 0..crew.shape.workers {
         let (ended, delivered) = (ended.clone(), delivered.clone());
         let keep = keep(place, crew.clone(), program.clone(), ended, delivered, deaths.clone());
         places.spawn(keep.in_current_span());
@@ -108,7 +134,7 @@ async fn keep<E: Future<Output = ()>>(
             name,
             "started worker process {} with {} threads",
             child.id().unwrap_or_default(),
-            crew.threads
+            crew.shape.threads
         );
         // The other end of its life line: see `--with-parent`.
         let _life_line = child.stdin.take();
@@ -163,7 +189,8 @@ fn start(place: usize, crew: &Crew, program: &PathBuf) -> std::io::Result<Child>
     };
     command
         .args(["worker", "--connect", &crew.url])
-        .args(["--threads", &crew.threads.to_string()])
+        .args(["--threads", &crew.shape.threads.to_string()])
+        .args(["--at-once", &crew.shape.at_once.to_string()])
         .args(["--name", &name(place)])
         // The scene is on this machine already.
         .args(["--no-cache", "--with-parent", "--log", &crew.log])
@@ -192,17 +219,23 @@ mod tests {
     #[test]
     fn all_cores_are_used() {
         for cores in 1..=256 {
-            let (workers, threads) = split(None, None, cores);
-            assert_eq!(workers * threads, cores);
-            assert!(threads <= THREADS_PER_WORKER);
+            let shape = Shape::new(None, None, cores);
+            assert_eq!(shape.workers * shape.threads, cores);
+            assert!(shape.threads <= THREADS_PER_WORKER && shape.passes_at_once() <= cores);
         }
-        assert_eq!(split(None, None, 4), (4, 1));
-        assert_eq!(split(None, None, 64), (16, 4));
-        assert_eq!(split(None, None, 6), (2, 3));
-        assert_eq!(split(Some(2), None, 8), (2, 4));
-        assert_eq!(split(None, Some(3), 8), (2, 3));
-        assert_eq!(split(Some(9), None, 8), (9, 1));
-        assert_eq!(split(None, Some(9), 8), (1, 9));
+        let split = |workers, threads, cores| {
+            let shape = Shape::new(workers, threads, cores);
+            (shape.workers, shape.threads, shape.at_once)
+        };
+        assert_eq!(split(None, None, 1), (1, 1, 1));
+        assert_eq!(split(None, None, 2), (1, 2, 2));
+        assert_eq!(split(None, None, 4), (1, 4, 4));
+        assert_eq!(split(None, None, 64), (16, 4, 1));
+        assert_eq!(split(None, None, 6), (2, 3, 1));
+        assert_eq!(split(Some(2), None, 8), (2, 4, 1));
+        assert_eq!(split(None, Some(3), 8), (2, 3, 1));
+        assert_eq!(split(Some(9), None, 8), (9, 1, 1));
+        assert_eq!(split(None, Some(9), 8), (1, 9, 1));
     }
 
     #[test]
@@ -219,8 +252,7 @@ mod tests {
     #[tokio::test]
     async fn a_worker_that_heard_of_the_end_first_was_not_lost() {
         let crew = Crew {
-            workers: 1,
-            threads: 1,
+            shape: Shape::new(Some(1), Some(1), 1),
             url: "http://127.0.0.1:1".into(),
             token: None,
             log: "warn".into(),

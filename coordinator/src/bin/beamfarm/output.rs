@@ -101,8 +101,12 @@ impl Output {
     /// Write both, and the denoised picture where it is asked for. That one is not worth an image: where it cannot be
     /// made the log says why.
     pub fn write(&self, average: &Average, meta: &ImageMeta, view: View) -> Result<(), ImageError> {
-        write_image(&self.exr, average, meta)?;
-        write_png(&self.png, &average.beauty, view)?;
+        // Compressing them is most of what is left to wait for at the end of a job.
+        std::thread::scope(|scope| {
+            let png = scope.spawn(|| write_png(&self.png, &average.beauty, view));
+            write_image(&self.exr, average, meta)?;
+            png.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+        })?;
         if self.denoise {
             let path = denoised_name(&self.exr);
             match denoised(average, meta) {

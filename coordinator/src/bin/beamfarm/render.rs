@@ -5,7 +5,7 @@ use crate::directory::prepare;
 use crate::failure::Failure;
 use crate::frames::{self, Site};
 use crate::job::JobArgs;
-use crate::local::{self, Crew};
+use crate::local::{self, Crew, Shape};
 use crate::open_page::{open_page, tell_page};
 use beamfarm_coordinator::security::Security;
 use beamfarm_coordinator::{Entrance, Farm, Timing};
@@ -35,7 +35,7 @@ pub struct RenderArgs {
     #[command(flatten)]
     job: JobArgs,
 
-    /// Worker processes [default: one per core up to four cores, above that one per four]
+    /// Worker processes [default: one up to four cores, which renders a pass per core; above that one per four]
     #[arg(long, value_name = "W", value_parser = clap::value_parser!(u16).range(1..))]
     workers: Option<u16>,
 
@@ -61,15 +61,13 @@ pub fn main(args: RenderArgs, log: &LogArgs) -> Result<(), Failure> {
         end_with_parent().map_err(Failure::io)?;
     }
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
-    let (workers, threads) = local::split(args.workers.map(usize::from), args.threads.map(usize::from), cores);
     // Other users of this machine reach the port as well.
     let token = match Token::read(None).map_err(Failure::usage)? {
         Some(token) => token,
         None => Token::random().map_err(Failure::io)?,
     };
     let crew = Crew {
-        workers,
-        threads,
+        shape: Shape::new(args.workers.map(usize::from), args.threads.map(usize::from), cores),
         url: String::new(),
         token: Some(token.clone()),
         log: log.log.as_deref().unwrap_or("warn").to_owned(),

@@ -99,6 +99,24 @@ fn a_heartbeat_extends_only_leases_of_its_sender() {
 }
 
 #[test]
+fn who_hangs_up_is_gone_unless_a_stream_of_its_is_open() {
+    let mut ledger = Ledger::new(RULES, 0);
+    let (early, there) = (join(&mut ledger, "worker"), join(&mut ledger, "worker"));
+    granted(&mut ledger, early, 0);
+    ledger.attend(there, at(0)).unwrap();
+    granted(&mut ledger, there, 0);
+    assert_eq!(ledger.hung_up(there), None);
+    assert_eq!(ledger.hung_up(early), Some(1));
+    assert_eq!(ledger.hung_up(early), None);
+    assert!(ledger.has_company());
+    assert_eq!(ledger.detach(there), 1);
+    assert!(!ledger.has_company());
+    // It comes by another connection.
+    ledger.attend(early, at(1)).unwrap();
+    assert!(ledger.has_company());
+}
+
+#[test]
 fn late_results_count_and_later_ones_are_duplicates() {
     let mut ledger = Ledger::new(RULES, 0);
     let (slow, quick) = (join(&mut ledger, "worker"), join(&mut ledger, "worker"));

@@ -13,7 +13,7 @@ mod view;
 
 use crate::failure::Failure;
 use crate::job::SceneArgs;
-use crate::local::{self, Crew};
+use crate::local::{self, Crew, Shape};
 use crate::open_page::{open_page, tell_page};
 use crate::security::ListenArgs;
 use beamfarm_coordinator::security::Security;
@@ -181,15 +181,11 @@ fn crew(args: &LiveArgs, log: &LogArgs, security: &Security, url: &str) -> Optio
         return None;
     }
     let threads = args.threads.map(usize::from);
-    (workers > 0).then(|| {
-        let (workers, threads) = local::split(Some(workers), threads, cores);
-        Crew {
-            workers,
-            threads,
-            url: url.to_owned(),
-            token: security.token.clone(),
-            log: log.log.as_deref().unwrap_or("warn").to_owned(),
-            log_format: log.log_format,
-        }
+    (workers > 0).then(|| Crew {
+        shape: Shape::new(Some(workers), threads, cores),
+        url: url.to_owned(),
+        token: security.token.clone(),
+        log: log.log.as_deref().unwrap_or("warn").to_owned(),
+        log_format: log.log_format,
     })
 }

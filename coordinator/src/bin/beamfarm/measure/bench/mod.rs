@@ -65,7 +65,7 @@ A suite is a TOML file; what it names lies relative to it:
                 width = 256, height = 256 }
 
 Every run is a process of its own with all threads, one after the other; it renders as many passes side by side as
-`render` has workers. The image is measured after 1, 2, 4, ... passes and the last; that does not count in the times,
+`render` does. The image is measured after 1, 2, 4, ... passes and the last; that does not count in the times,
 nor does the pilot. Wall seconds are those of rendering alone, core-seconds the CPU
 time of all threads. relMSE is the mean of (x - ref)^2 / (ref^2 + 0.01), the net one less the reference's own noise.
 

@@ -6,7 +6,7 @@
 
 use super::overrides::{Overrides, load};
 use crate::failure::Failure;
-use crate::local;
+use crate::local::Shape;
 use beamfarm_image::film::Film;
 use beamfarm_image::job::{Finders, JobSettings, PassStats, ReferenceSettings};
 use beamfarm_image::merge::{Average, Node, TreeSum};
@@ -196,8 +196,7 @@ pub fn child() -> Result<(), Failure> {
         let plan = RenderPlan::new(&scene, settings);
         (scene, plan)
     });
-    let (workers, _) = local::split(None, None, pool.current_num_threads());
-    let at_once = workers as u64;
+    let at_once = Shape::new(None, None, pool.current_num_threads()).passes_at_once() as u64;
     let reference = ReferenceSettings {
         seed: settings.seed,
         max_depth: None,

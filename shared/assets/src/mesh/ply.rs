@@ -304,8 +304,8 @@ mod tests {
     fn binary_files_are_read_as_text_is() {
         let header = "element vertex 50000\nproperty short nx\nproperty float y\nproperty uchar red\nproperty double x\n\
             property char nz\nproperty ushort z\nproperty int ny\nproperty float u\nproperty float green\n\
-            property double blue\nproperty uint v\nproperty float s\nelement face 40000\nproperty list uchar float weights\n\
-            property uchar kind\nproperty list ushort uint vertex_index\nend_header\n";
+            property double blue\nproperty uint v\nproperty float s\nelement face 40000\n\
+            property list uchar float weights\nproperty uchar kind\nproperty list ushort uint vertex_index\nend_header\n";
         let file = |format: &str| format!("ply\nformat {format} 1.0\n{header}").into_bytes();
         let mut files = [file("ascii"), file("binary_little_endian"), file("binary_big_endian")];
         macro_rules! put {

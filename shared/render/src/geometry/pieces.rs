@@ -12,8 +12,8 @@ pub(super) struct Piece {
     pub bounds: Aabb,
 }
 
-/// Cut things, by the box around each, into pieces of at most `largest` where the surface area heuristic says. Sums are of whole numbers,
-/// boxes have no order, and ties go by numbers: nothing depends on threads.
+/// Cut things, by the box around each, into pieces of at most `largest` where the surface area heuristic says. Sums are
+/// of whole numbers, boxes have no order, and ties go by numbers: nothing depends on threads.
 pub(super) fn pieces(count: usize, around: impl Fn(usize) -> Aabb + Sync, largest: usize) -> Vec<Piece> {
     let entry = |index: u32| {
         let bounds = around(index as usize);

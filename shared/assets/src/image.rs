@@ -415,7 +415,7 @@ mod tests {
     }
 
     /// 16 x 8 pixels: the left half sRGB (200, 100, 50), the right half (20, 40, 220); quality 95 without subsampling.
-    const JPEG: &[u8] = include_bytes!("../../../../tests/fuzz/seeds/jpeg/halves.jpg");
+    const JPEG: &[u8] = include_bytes!("../../../tests/fuzz/seeds/jpeg/halves.jpg");
 
     #[test]
     fn jpeg_is_srgb() {

@@ -1,5 +1,5 @@
-//! The generated code is kept, so that a build of the program needs no protobuf compiler. It is what the compiler makes of
-//! the protocol today.
+//! The generated code is kept, so that a build of the program needs no protobuf compiler. It is what the compiler makes
+//! of the protocol today.
 
 use std::error::Error;
 use std::path::Path;

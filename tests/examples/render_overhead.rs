@@ -1,13 +1,14 @@
-//! What `beamfarm render` takes over rendering alone: `cargo run --release -p beamfarm-tests --example render_overhead --
-//! target/release/beamfarm TURNS SCENE PASSES [SCENE PASSES]...`.
+//! What `beamfarm render` takes over rendering alone:
+//! `cargo run --release -p beamfarm-tests --example render_overhead -- target/release/beamfarm TURNS SCENE PASSES
+//! [SCENE PASSES]...`.
 //!
-//! The whole command `render`, from its start to its end, and the whole command `bench` take turns, with as many passes
-//! and with all cores. Both read the scene twice, in two processes, let the same pilot choose, and look at the image
-//! after 1, 2, 4, ... passes. `render` alone leases and sends passes, adds them up in another process and writes EXR and
-//! PNG; `bench` alone draws its plots. Told are the medians of the ratios of a turn.
+//! The whole command `render`, from its start to its end, and the whole command `bench` take turns, with as many
+//! passes and with all cores. Both read the scene twice, in two processes, let the same pilot choose, and look at the
+//! image after 1, 2, 4, ... passes. `render` alone leases and sends passes, adds them up in another process and writes
+//! EXR and PNG; `bench` alone draws its plots. Told are the medians of the ratios of a turn.
 //!
-//! `-- target/release/beamfarm short COUNT SCENE [OPTION]...` renders a quick scene so many times and tells how long each
-//! took: none may take far longer than most.
+//! `-- target/release/beamfarm short COUNT SCENE [OPTION]...` renders a quick scene so many times and tells how long
+//! each took: none may take far longer than most.
 
 use std::process::{Command, Stdio};
 use std::time::Instant;

@@ -261,7 +261,10 @@ fn comments_are_at_most_120_columns_wide() {
         let entries = fs::read_dir(folder).expect("a folder");
         for entry in entries.map(|entry| entry.expect("an entry").path()) {
             if entry.is_dir() {
-                files(&entry, found);
+                // What is generated has the comments of what it is generated from.
+                if !entry.ends_with("generated") {
+                    files(&entry, found);
+                }
             } else if entry.extension().is_some_and(|ending| ending == "rs") {
                 found.push(entry);
             }

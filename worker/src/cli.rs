@@ -1,8 +1,9 @@
 //! The command line of a worker, shared by `beamfarm worker` and `beamfarm-worker`.
 
 use crate::complain;
+use crate::config::Config;
 use crate::error::WorkerError;
-use crate::run::{Config, run};
+use crate::run::run;
 use crate::security::SecurityArgs;
 use crate::session::Summary;
 use crate::{cache, exit, signals};

@@ -15,6 +15,7 @@ mod cache;
 mod canary;
 pub mod cli;
 mod client;
+mod config;
 mod error;
 pub mod exit;
 mod live;
@@ -27,7 +28,8 @@ mod session;
 pub mod signals;
 
 pub use canary::canary;
+pub use config::Config;
 pub use error::WorkerError;
-pub use run::{Config, run};
+pub use run::run;
 pub use say::visible;
 pub use session::Summary;

@@ -2,10 +2,11 @@
 
 use crate::cache::Cache;
 use crate::client::{CallError, Client, Introduction, Registration};
+use crate::config::Config;
 use crate::error::WorkerError;
 use crate::live;
 use crate::render::{Prepared, Renderer, Source};
-use crate::security::{Credentials, with_hint};
+use crate::security::with_hint;
 use crate::session::{Session, SessionEnd, Summary};
 use crate::signals::drained;
 use beamfarm_image::bundle::{self, Bundle};
@@ -13,33 +14,10 @@ use beamfarm_image::job::SceneHash;
 use beamfarm_proto::{FileEntry, Job, WorkerKey};
 use beamfarm_scene::{File, Files, Store};
 use std::collections::BTreeMap;
-use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::sync::watch;
 use tracing::{debug, info, warn};
-
-/// What a worker is told on its command line.
-#[derive(Clone, Debug)]
-pub struct Config {
-    /// Coordinator, as http://host:port or https://host:port.
-    pub url: String,
-    /// Who to be there, and whom to believe.
-    pub credentials: Credentials,
-    /// Rendering threads, at least one.
-    pub threads: usize,
-    /// Blocks of passes rendered at the same time, at least one. The threads share them: those that have to wait in one
-    /// work at another.
-    pub at_once: usize,
-    /// Name for the coordinator's log.
-    pub name: String,
-    /// Where to keep files of scenes; `None` keeps them in memory only.
-    pub cache: Option<PathBuf>,
-    /// How long to go on trying to reach the coordinator.
-    pub patience: Duration,
-    /// How long to go on rendering and delivering when told to finish.
-    pub grace: Duration,
-}
 
 /// Work for a coordinator until its job is over, or until `drain` becomes true and what is at hand is delivered or
 /// given back.

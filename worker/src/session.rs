@@ -5,9 +5,9 @@
 //! another one for this worker, once what it has is delivered.
 
 use crate::client::{CallError, Client, Delivery, Introduction, Registration};
+use crate::config::Config;
 use crate::pulse::Pulse;
 use crate::render::{Failed, Prepared, Renderer};
-use crate::run::Config;
 use crate::signals::drained;
 use beamfarm_image::exr::{BlockMeta, encode_block};
 use beamfarm_image::job::{Block, PassStats};

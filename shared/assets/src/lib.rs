@@ -1,5 +1,5 @@
-//! Files that a scene names, decoded: meshes, images and volumes. Nothing that their headers claim is believed before the
-//! bytes are there.
+//! Files that a scene names, decoded: meshes, images and volumes. Nothing that their headers claim is believed before
+//! the bytes are there.
 //!
 //! A crate of its own, since it is built with all optimisation, and the text of scenes is not.
 

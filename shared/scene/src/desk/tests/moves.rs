@@ -27,7 +27,7 @@ fn what_is_moved_and_moved_back_is_where_it_was() {
         assert!(!things.is_empty());
         let by = [0.125, -0.3141592653589793, 1.0 / 3.0];
         let mut all = text.to_owned();
-        let step = things.len().div_ceil(40);
+        let step = things.len().div_ceil(12);
         for thing in things.iter().step_by(step) {
             let there = translate(text, &thing.id, by);
             assert_eq!(there.is_ok(), thing.moves, "{thing:?} {there:?}");

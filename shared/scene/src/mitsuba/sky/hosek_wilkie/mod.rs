@@ -1,5 +1,5 @@
-//! The sky of Hosek and Wilkie, "An Analytic Model for Full Spectral Sky-Dome Radiance" (2012), for red, green and blue:
-//! their coefficients for one position of the sun.
+//! The sky of Hosek and Wilkie, "An Analytic Model for Full Spectral Sky-Dome Radiance" (2012), for red, green and
+//! blue: their coefficients for one position of the sun.
 
 /// The authors' data for RGB in single precision, little-endian: of each channel nine parameters, then of each channel
 /// the mean radiance. Their licence is `LICENSE` beside this file.
@@ -11,10 +11,12 @@ const PARAMETERS: usize = 9;
 const POINTS: usize = 6;
 const CHANNELS: usize = 3;
 
-/// Of each channel the nine parameters of the distribution, in the order of the authors' program, and the factor on it.
+/// Of each channel the nine parameters of the distribution, in the order of the authors' program, and the factor on
+/// it.
 pub type Coefficients = ([[f32; PARAMETERS]; CHANNELS], [f32; CHANNELS]);
 
-/// The coefficients for the sun's `elevation`, 0 to pi/2, a turbidity from 1 to 10, and a ground of this albedo, 0 to 1.
+/// The coefficients for the sun's `elevation`, 0 to pi/2, a turbidity from 1 to 10, and a ground of this albedo, 0 to
+/// 1.
 pub fn coefficients(elevation: f32, turbidity: f32, albedo: [f32; CHANNELS]) -> Result<Coefficients, String> {
     if !(1.0..=TURBIDITIES as f32).contains(&turbidity) {
         return Err(format!("its turbidity is {turbidity}; expected 1 to {TURBIDITIES}"));

@@ -37,6 +37,21 @@ pub fn scene_with(toml: &str, assets: &[(&str, &[u8])]) -> Scene {
     }
 }
 
+/// Whether tests may take long: `BEAMFARM_LONG=1`.
+pub fn is_long() -> bool {
+    std::env::var("BEAMFARM_LONG").is_ok_and(|value| !value.is_empty() && value != "0")
+}
+
+/// So many images where tests may take long; otherwise half of them, whose mean has [`blur`] times the standard error.
+pub fn images(all: u64) -> u64 {
+    if is_long() { all } else { all / 2 }
+}
+
+/// Factor on the standard error of a mean of [`images`].
+pub fn blur() -> f64 {
+    if is_long() { 1.0 } else { std::f64::consts::SQRT_2 }
+}
+
 /// Renders the scene's own number of passes.
 ///
 /// # Panics

@@ -5,7 +5,7 @@ use beamfarm_image::job::ReferenceSettings;
 use beamfarm_render::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_tests::Suite;
-use beamfarm_tests::render::{Blocks, blocks, reference_images, scene};
+use beamfarm_tests::render::{Blocks, blocks, blur, images, reference_images, scene};
 
 /// A closed room whose walls are lit by a spot and a small lamp, and a ball.
 const ROOM: &str = r#"
@@ -202,7 +202,7 @@ const POLISHED: &str = r#"
 width = 24
 height = 24
 [render]
-passes = 1600
+passes = PASSES
 paths = 3000
 radius = 0.03
 [camera]
@@ -244,15 +244,20 @@ fn lights_of_no_size_are_seen_once_in_polish() {
     let lacquer = "type = \"rough_plastic\"\nalpha = 0.07\nreflectance = [0.2, 0.3, 0.5]";
     let frosted = "type = \"rough_dielectric\"\nalpha = 0.07\nior = 1.5";
     for (light, material) in [(point, steel), (parallel, lacquer), (point, frosted)] {
-        let scene = scene(&POLISHED.replace("LIGHT", light).replace("MATERIAL", material));
+        let scene = scene(
+            &POLISHED
+                .replace("LIGHT", light)
+                .replace("MATERIAL", material)
+                .replace("PASSES", &images(1600).to_string()),
+        );
         let settings = ReferenceSettings {
             seed: 5,
             max_depth: None,
         };
-        let truth = Blocks::new(reference_images(&scene, settings, 800, 8), 8);
+        let truth = Blocks::new(reference_images(&scene, settings, images(800), 8), 8);
         let passes = blocks(&scene, 8);
         let noise = passes.noise(&truth);
-        assert!(noise < 0.05, "{material}: {noise}");
+        assert!(noise < 0.05 * blur(), "{material}: {noise}");
         suite.same_blocks(material, &passes, &truth, 5e-3);
     }
     suite.finish();
@@ -325,7 +330,7 @@ fn blends_are_what_the_path_tracer_shows() {
 width = 24
 height = 24
 [render]
-passes = 400
+passes = PASSES
 paths = 4000
 radius = 0.03
 [camera]
@@ -383,15 +388,20 @@ emission = { radiance = 8.0 }
         ("[\"steel\", \"glass\"]", "0.5"),
     ];
     for (materials, weight) in cases {
-        let scene = scene(&BLENDS.replace("MATERIALS", materials).replace("WEIGHT", weight));
+        let scene = scene(
+            &BLENDS
+                .replace("MATERIALS", materials)
+                .replace("WEIGHT", weight)
+                .replace("PASSES", &images(400).to_string()),
+        );
         let settings = ReferenceSettings {
             seed: 5,
             max_depth: None,
         };
-        let truth = Blocks::new(reference_images(&scene, settings, 1500, 8), 8);
+        let truth = Blocks::new(reference_images(&scene, settings, images(1500), 8), 8);
         let passes = blocks(&scene, 8);
         let noise = passes.noise(&truth);
-        assert!(noise < 0.08, "{materials}: {noise}");
+        assert!(noise < 0.08 * blur(), "{materials}: {noise}");
         suite.same_blocks(materials, &passes, &truth, 1e-2);
     }
     suite.finish();

@@ -1,13 +1,14 @@
 //! Passes against the path tracer on scenes that nobody made.
 //!
-//! Here 48; with BEAMFARM_LONG=1 2,000, longer. BEAMFARM_SCENES and BEAMFARM_FIRST_SEED say how many, and from which
+//! Here 32; with BEAMFARM_LONG=1 2,000, longer. BEAMFARM_SCENES and BEAMFARM_FIRST_SEED say how many, and from which
 //! seed on: a line is printed for each as soon as it is known. BEAMFARM_SECONDS: no single render that would last
-//! longer (a minute, where nothing is said and the test is short: one scene of 48 would take as long as all others);
+//! longer (half a minute, where nothing is said and the test is short: one scene would take as long as all others);
 //! what would have needed it is counted as "too long", and says nothing. Scenes with a fault, and those that differed
 //! without a verdict, are written to BEAMFARM_FAULTS (target/random-scenes by default).
 
 use beamfarm_tests::differential::Effort;
 use beamfarm_tests::differential::many::examine_seeds;
+use beamfarm_tests::render::is_long;
 use beamfarm_tests::suite::sidak;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -19,10 +20,10 @@ fn number(name: &str) -> Option<u64> {
 /// All together at a significance of 1e-2.
 #[test]
 fn passes_are_right_on_random_scenes() {
-    let is_long = number("BEAMFARM_LONG").is_some_and(|n| n > 0);
+    let is_long = is_long();
     let (scenes, images, samples, seconds) = match is_long {
         true => (2000, 64, 8, f64::INFINITY),
-        false => (48, 32, 4, 60.0),
+        false => (32, 32, 4, 30.0),
     };
     let scenes = number("BEAMFARM_SCENES").unwrap_or(scenes);
     let first = number("BEAMFARM_FIRST_SEED").unwrap_or(0);

@@ -15,7 +15,6 @@ use beamfarm_proto::{FileEntry, Job, WorkerKey};
 use beamfarm_scene::{File, Files, Store};
 use std::collections::BTreeMap;
 use std::sync::Arc;
-use std::time::Duration;
 use tokio::sync::watch;
 use tracing::{debug, info, warn};
 

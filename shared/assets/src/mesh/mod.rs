@@ -323,7 +323,7 @@ mod tests {
             let a = i / (side - 1) * side + i % (side - 1);
             [
                 [a, a + 1, a + side],
-                [a + 1, a + side + 1, if i % 97 == 0 { a + 1 } else { a + side }],
+                [a + 1, a + side + 1, if i.is_multiple_of(97) { a + 1 } else { a + side }],
             ]
         };
         RawMesh {

@@ -100,11 +100,11 @@ fn trace(description: &SceneDescription, geometry: &Geometry, rays: &[Ray], sigh
         let object = (i % objects.len()) as u32;
         let hidden = sight.from(Start::Photon(object));
         let hides = |object| sight.hides(hidden, object);
-        let hit = geometry.intersect(objects, ray, f32::INFINITY, hides);
+        let hit = geometry.intersect(objects, ray, f32::INFINITY, &hides);
         sum += hit.map_or(0.0, |hit| hit.t);
         let hidden = sight.from(Start::Shadow(object));
         let hides = |object| sight.hides(hidden, object);
-        stopped += usize::from(geometry.occluded(objects, ray, 2.0, hides));
+        stopped += usize::from(geometry.occluded(objects, ray, 2.0, &hides));
     }
     (sum, stopped)
 }

@@ -36,7 +36,7 @@ radius = 3.0
                 let mut origin = Vec3::new(0.3, -0.2, 0.1);
                 origin[axis] = start * sign;
                 let ray = Ray { origin, dir };
-                let hit = geometry.intersect(objects, &ray, f32::INFINITY, |_| false);
+                let hit = geometry.intersect(objects, &ray, f32::INFINITY, &|_| false);
                 let t = hit.map(|hit| hit.t);
                 assert!(t.is_some_and(|t| (t - expected).abs() < 1e-5), "{origin} {dir}: {t:?}");
             }

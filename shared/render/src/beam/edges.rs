@@ -127,7 +127,7 @@ impl<F: Fn(u32) -> bool> Probe<'_, F> {
             material.is_specular() && material.transmits() || (self.hides)(object)
         };
         let objects = self.scene.objects();
-        let hit = (self.scene.geometry).intersect(objects, &down, 2.0 * height, is_passed);
+        let hit = (self.scene.geometry).intersect(objects, &down, 2.0 * height, &is_passed);
         let covers = |hit: SurfaceHit| {
             let off = hit.t - height;
             hit.ng.dot(n).abs() >= MIN_NORMAL_COSINE && offset.length_squared() + off * off < radius * radius
@@ -144,7 +144,7 @@ impl<F: Fn(u32) -> bool> Probe<'_, F> {
         };
         let objects = self.scene.objects();
         let is_passed = |object: u32| is_passed(object) || (self.hides)(object);
-        length <= 0.0 || !(self.scene.geometry).occluded(objects, &ray, length, is_passed)
+        length <= 0.0 || !(self.scene.geometry).occluded(objects, &ray, length, &is_passed)
     }
 }
 

@@ -142,13 +142,14 @@ impl Geometry {
         Self { has_uv, ..self }
     }
 
-    /// The closest hit in (0, t_max), if any. `ignore` gives objects to pass through.
+    /// The closest hit in (0, t_max), if any. `ignore` gives objects to pass through; it is not a type parameter, or the
+    /// whole traversal would be compiled once for each caller.
     pub fn intersect(
         &self,
         objects: &[Object],
         ray: &Ray,
         t_max: f32,
-        ignore: impl Fn(u32) -> bool,
+        ignore: &dyn Fn(u32) -> bool,
     ) -> Option<SurfaceHit> {
         let other = |object: u32, t_max: f32| {
             if ignore(object) {
@@ -178,7 +179,7 @@ impl Geometry {
             };
             Some((t, hit))
         };
-        let hit = (self.hierarchy.tree).nearest::<RawHit>(ray.origin, ray.dir, t_max, &ignore, other)?;
+        let hit = (self.hierarchy.tree).nearest::<RawHit>(ray.origin, ray.dir, t_max, ignore, other)?;
         let raw = match hit {
             TreeHit::Triangle(hit) => RawHit {
                 t: hit.t,
@@ -196,7 +197,7 @@ impl Geometry {
     }
 
     /// Whether anything is hit in (0, t_max).
-    pub fn occluded(&self, objects: &[Object], ray: &Ray, t_max: f32, ignore: impl Fn(u32) -> bool) -> bool {
+    pub fn occluded(&self, objects: &[Object], ray: &Ray, t_max: f32, ignore: &dyn Fn(u32) -> bool) -> bool {
         let other = |object: u32, t_max: f32| {
             if ignore(object) {
                 return false;
@@ -209,7 +210,7 @@ impl Geometry {
                 shape => intersect_shape(shape, ray, t_max).is_some(),
             }
         };
-        self.hierarchy.tree.any(ray.origin, ray.dir, t_max, &ignore, other)
+        self.hierarchy.tree.any(ray.origin, ray.dir, t_max, ignore, other)
     }
 
     /// The tree of a mesh that has a placement.
@@ -393,7 +394,7 @@ mod tests {
                             origin: origin * size,
                             dir: dir.normalize(),
                         };
-                        let hit = geometry.intersect(&objects, &ray, f32::INFINITY, |_| false);
+                        let hit = geometry.intersect(&objects, &ray, f32::INFINITY, &|_| false);
                         let t = hit.map_or(f32::NAN, |hit| hit.t / size);
                         let expected = near * dir.length();
                         assert!(
@@ -461,8 +462,8 @@ mod tests {
             };
             let far = 5.0 * sampler.next_1d();
             let hits = [&together, &apart].map(|geometry| {
-                let hit = geometry.intersect(&objects, &ray, far, |_| false);
-                assert_eq!(hit.is_some(), geometry.occluded(&objects, &ray, far, |_| false));
+                let hit = geometry.intersect(&objects, &ray, far, &|_| false);
+                assert_eq!(hit.is_some(), geometry.occluded(&objects, &ray, far, &|_| false));
                 hit.map(|hit| (hit.t, hit.object, hit.point, hit.ng, hit.ns, hit.curvature))
             });
             assert_eq!(hits[0], hits[1], "{ray:?}");

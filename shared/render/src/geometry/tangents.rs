@@ -108,7 +108,7 @@ mod tests {
                 let dir = along.normalize();
                 let origin = target - dir * 5.0;
                 let ray = Ray { origin, dir };
-                geometry.intersect(&objects, &ray, f32::INFINITY, |_| false)
+                geometry.intersect(&objects, &ray, f32::INFINITY, &|_| false)
             };
             let here = hit(0.0, 0.0).expect("a hit");
             let [du, dv] = objects[0].shape.tangents(&here);

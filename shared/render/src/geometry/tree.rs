@@ -129,7 +129,7 @@ impl ItemTree {
         origin: Vec3,
         dir: Vec3,
         t_max: f32,
-        ignore: &impl Fn(u32) -> bool,
+        ignore: &dyn Fn(u32) -> bool,
         mut other: impl FnMut(u32, f32) -> Option<(f32, T)>,
     ) -> Option<TreeHit<T>> {
         let sheared = ShearedRay::new(origin, dir);
@@ -159,7 +159,7 @@ impl ItemTree {
         origin: Vec3,
         dir: Vec3,
         t_max: f32,
-        ignore: &impl Fn(u32) -> bool,
+        ignore: &dyn Fn(u32) -> bool,
         mut other: impl FnMut(u32, f32) -> bool,
     ) -> bool {
         let sheared = ShearedRay::new(origin, dir);

@@ -84,7 +84,7 @@ impl Four {
 
     /// The nearest hit in (0, t_max) among the triangles of objects that are not ignored.
     #[inline(always)]
-    pub fn intersect(&self, ray: &ShearedRay, t_max: f32, ignore: &impl Fn(u32) -> bool) -> Option<FourHit> {
+    pub fn intersect(&self, ray: &ShearedRay, t_max: f32, ignore: &dyn Fn(u32) -> bool) -> Option<FourHit> {
         let [a, b, c] = &self.corners;
         let (a, b, c) = (ray.project(a), ray.project(b), ray.project(c));
         let mut u = c[0] * b[1] - c[1] * b[0];

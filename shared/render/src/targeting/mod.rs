@@ -308,7 +308,7 @@ impl Aim {
         let is_passed = |object: u32| scene.passable[object as usize] || sight.hides(hidden, object);
         !scene
             .geometry
-            .occluded(scene.objects(), ray, nearest.max(0.0), is_passed)
+            .occluded(scene.objects(), ray, nearest.max(0.0), &is_passed)
     }
 }
 

@@ -42,7 +42,7 @@ impl Scene {
         }
         let (across, length) = probe(&hit, ray.dir);
         let is_passed = |object: u32| hides(object) || self.is_null(object);
-        let other = (self.geometry).intersect(objects, &across, length, is_passed);
+        let other = (self.geometry).intersect(objects, &across, length, &is_passed);
         match other {
             Some(other) => Some(SurfaceHit { t: hit.t, ..other }),
             None => Some(hit),
@@ -95,7 +95,7 @@ impl Scene {
                 *seen = object;
             }
             let is_passed = |object: u32| seen[..count].contains(&object) || !self.is_null(object);
-            let other = (self.geometry).intersect(self.objects(), &across, length, is_passed);
+            let other = (self.geometry).intersect(self.objects(), &across, length, &is_passed);
             next = other.map(|other| (other.object, other.ng));
         }
         all
@@ -117,7 +117,7 @@ impl Scene {
         let ray = Ray { origin: point, dir };
         match self
             .geometry
-            .intersect(self.objects(), &ray, f32::INFINITY, bounds_nothing)
+            .intersect(self.objects(), &ray, f32::INFINITY, &bounds_nothing)
         {
             Some(hit) => self.medium_before(&hit, dir),
             None => self.description().world_medium,
@@ -147,7 +147,7 @@ impl Scene {
                 };
                 // What lies at the same place is crossed with it.
                 let is_passed = |other: u32| other == index || self.objects()[other as usize].boundary.is_none();
-                !(self.geometry).occluded(self.objects(), &back, 2.0 * clearance, is_passed)
+                !(self.geometry).occluded(self.objects(), &back, 2.0 * clearance, &is_passed)
                     && self.medium_at(point) != exterior
             });
             (wrong.count() as f32 > LEAST_WRONG * PLACES as f32).then(|| object.name.clone())

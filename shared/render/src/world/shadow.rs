@@ -25,7 +25,7 @@ impl Scene {
         let may_be_passed = |object: u32| self.passable[object as usize];
         let is_passed = |object: u32| may_be_passed(object) || light == Some(object) || hides(object);
         let objects = self.objects();
-        if self.geometry.occluded(objects, &ray, reach, is_passed) {
+        if self.geometry.occluded(objects, &ray, reach, &is_passed) {
             return None;
         }
         if !self.shadow_rays_walk {
@@ -34,7 +34,7 @@ impl Scene {
         let (mut ray, mut medium, mut transmittance) = (ray, medium, Rgb::ONE);
         while let Some(hit) = self
             .geometry
-            .intersect(objects, &ray, reach, |object| !may_be_passed(object) || hides(object))
+            .intersect(objects, &ray, reach, &|object| !may_be_passed(object) || hides(object))
         {
             transmittance *= self.material(&hit).transparency(&hit.at);
             if transmittance == Rgb::ZERO {

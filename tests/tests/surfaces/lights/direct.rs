@@ -24,7 +24,7 @@ fn directs(light: &Light, objects: &[Object], from: Vec3) -> impl Iterator<Item 
 fn traced_pdf(light: &Light, objects: &[Object], geometry: &Geometry, from: Vec3, wi: Vec3) -> f32 {
     let ray = Ray { origin: from, dir: wi };
     let hit = geometry
-        .intersect(objects, &ray, f32::INFINITY, |_| false)
+        .intersect(objects, &ray, f32::INFINITY, &|_| false)
         .map(|hit| LightHit {
             normal: hit.ng,
             primitive: hit.primitive,
@@ -150,7 +150,7 @@ fn direct_samples_lie_on_the_light_at_their_distance_with_their_density() {
                 origin: from,
                 dir: sample.wi,
             };
-            let Some(hit) = geometry.intersect(&objects, &ray, f32::INFINITY, |_| false) else {
+            let Some(hit) = geometry.intersect(&objects, &ray, f32::INFINITY, &|_| false) else {
                 missed += 1.0 / sample.pdf;
                 continue;
             };

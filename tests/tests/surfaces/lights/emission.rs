@@ -244,7 +244,7 @@ fn emission_starts_on_the_surface_and_leaves_it() {
                 origin: sample.origin + normal * 0.01,
                 dir: -normal,
             };
-            let hit = geometry.intersect(&objects, &ray, f32::INFINITY, |_| false).unwrap();
+            let hit = geometry.intersect(&objects, &ray, f32::INFINITY, &|_| false).unwrap();
             assert!((hit.t - 0.01).abs() < 1e-4, "{name}: {}", hit.t);
             assert!((hit.ng - normal).length() < 1e-3, "{name}");
         }

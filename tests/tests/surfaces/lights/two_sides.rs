@@ -63,7 +63,7 @@ fn both_sides_are_sampled() {
                 let mut rng = Sampler::new(11, 0, Purpose::Test, 0);
                 let hit = |dir: Vec3| {
                     let ray = Ray { origin: from, dir };
-                    geometry.intersect(&objects, &ray, f32::INFINITY, |_| false)
+                    geometry.intersect(&objects, &ray, f32::INFINITY, &|_| false)
                 };
                 let (mut sampled, mut met) = (MeanEstimate::new(), MeanEstimate::new());
                 for _ in 0..100_000 {

@@ -22,7 +22,7 @@ fn hit(scene: &SceneDescription, origin: Vec3, dir: Vec3) -> Option<SurfaceHit> 
         origin,
         dir: dir.normalize(),
     };
-    Geometry::new(&scene.objects).intersect(&scene.objects, &ray, f32::INFINITY, |_| false)
+    Geometry::new(&scene.objects).intersect(&scene.objects, &ray, f32::INFINITY, &|_| false)
 }
 
 /// Fields; a ray's origin and direction; the distance, normal and UV that Mitsuba 3.9.1 says.

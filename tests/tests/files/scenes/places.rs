@@ -92,8 +92,8 @@ fn instances_equal_shapes_of_their_own() {
                 origin: Vec3::ZERO,
                 dir: aim.normalize(),
             };
-            let one = objects.intersect(&a.objects, &ray, f32::INFINITY, |_| false);
-            let two = instance.intersect(&b.objects, &ray, f32::INFINITY, |_| false);
+            let one = objects.intersect(&a.objects, &ray, f32::INFINITY, &|_| false);
+            let two = instance.intersect(&b.objects, &ray, f32::INFINITY, &|_| false);
             let (Some(one), Some(two)) = (one, two) else {
                 continue;
             };

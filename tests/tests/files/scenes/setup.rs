@@ -32,7 +32,7 @@ pub fn hit(scene: &SceneDescription, origin: [f32; 3], dir: [f32; 3]) -> Option<
         origin: Vec3::from(origin) - Vec3::new(0.0, 0.0, 5.0),
         dir: Vec3::from(dir).normalize(),
     };
-    Geometry::new(&scene.objects).intersect(&scene.objects, &ray, f32::INFINITY, |_| false)
+    Geometry::new(&scene.objects).intersect(&scene.objects, &ray, f32::INFINITY, &|_| false)
 }
 
 /// An octahedron with vertex normals, centred away from the origin.

@@ -42,9 +42,10 @@ pub fn is_long() -> bool {
     std::env::var("BEAMFARM_LONG").is_ok_and(|value| !value.is_empty() && value != "0")
 }
 
-/// So many images where tests may take long; otherwise half of them, whose mean has [`blur`] times the standard error.
+/// What is rendered of so many images that a test compares: all where tests may take long; otherwise half of them, whose
+/// mean has [`blur`] times the standard error. Of few all, or that error would not be known.
 pub fn images(all: u64) -> u64 {
-    if is_long() { all } else { all / 2 }
+    if is_long() || all < 64 { all } else { all / 2 }
 }
 
 /// Factor on the standard error of a mean of [`images`].
@@ -138,7 +139,7 @@ impl Blocks {
     }
 }
 
-/// Means over blocks of `side` x `side` pixels of the scene's passes.
+/// Means over blocks of `side` x `side` pixels of the scene's passes, of which there are [`images`].
 pub fn blocks(scene: &Scene, side: usize) -> Blocks {
     let plan = RenderPlan::new(scene, scene.description().defaults.job_settings());
     blocks_of(scene, &plan, side)
@@ -156,19 +157,19 @@ pub fn blocks_by(scene: &Scene, finders: Finders, seed: u64, side: usize) -> Blo
 
 /// The same of a plan.
 pub fn blocks_of(scene: &Scene, plan: &RenderPlan, side: usize) -> Blocks {
-    let passes = 0..scene.description().defaults.passes;
-    let images = passes.map(|pass_index| render_pass(scene, plan, pass_index).film);
-    Blocks::new(images, side)
+    let passes = 0..images(scene.description().defaults.passes);
+    let films = passes.map(|pass_index| render_pass(scene, plan, pass_index).film);
+    Blocks::new(films, side)
 }
 
-/// Independent images of the reference integrator, each the mean of so many samples.
+/// Independent images of the reference integrator, each the mean of so many samples: [`images`] of `all`.
 pub fn reference_images(
     scene: &Scene,
     settings: ReferenceSettings,
-    images: u64,
+    all: u64,
     samples: u64,
 ) -> impl Iterator<Item = Film> {
-    (0..images).map(move |image| {
+    (0..images(all)).map(move |image| {
         let camera = &scene.description().camera;
         let mut mean = Film::new(camera.width, camera.height);
         for sample in image * samples..(image + 1) * samples {

@@ -9,7 +9,7 @@ use beamfarm_image::merge::{Node, TreeSum};
 use beamfarm_render::convergence::{Prediction, Runs, Theory};
 use beamfarm_render::world::Scene;
 use beamfarm_tests::quadrature::{Rect, integrate};
-use beamfarm_tests::render::scene;
+use beamfarm_tests::render::{images, scene};
 use beamfarm_tests::{MeanEstimate, Suite};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 use std::f64::consts::PI;
@@ -104,7 +104,7 @@ fn variance_and_bias_are_those_of_the_theory() {
             alpha,
             ..scene.description().defaults.job_settings()
         };
-        let runs = Runs::render(&scene, settings, PASSES, RUNS);
+        let runs = Runs::render(&scene, settings, PASSES, images(RUNS));
         let expected: Vec<(f64, f64)> = runs
             .scales
             .iter()
@@ -133,9 +133,9 @@ fn variance_and_bias_are_those_of_the_theory() {
             let (mean, variance) = (sums(|e| e.0) / n, sums(|e| e.1) / (n * n));
             let found = averaged[passes as usize - 1];
             let name = format!("alpha {alpha}, average of {passes}");
-            let p = variance_p_value(found.variance, variance, RUNS);
+            let p = variance_p_value(found.variance, variance, images(RUNS));
             suite.p_value(format!("{name}: variance {} for {variance}", found.variance), p);
-            let z = (found.mean - mean) / (variance / RUNS as f64).sqrt();
+            let z = (found.mean - mean) / (variance / images(RUNS) as f64).sqrt();
             suite.p_value(
                 format!("{name}: bias {} for {}", found.mean - truth, mean - truth),
                 beamfarm_tests::z_test::two_sided(z),
@@ -195,7 +195,7 @@ fn the_extrapolated_bias_is_the_true_one() {
             seed: 1,
             ..scene.description().defaults.job_settings()
         };
-        let runs = Runs::render(&scene, settings, 65, RUNS);
+        let runs = Runs::render(&scene, settings, 65, images(RUNS));
         for passes in [16, 64, 65] {
             let scales = &runs.scales[..passes];
             let mean = |r: &f64| pass_moments(RADIUS * r, flux).0;

@@ -4,7 +4,7 @@
 use beamfarm_image::job::JobSettings;
 use beamfarm_image::merge::Average;
 use beamfarm_tests::Suite;
-use beamfarm_tests::render::{run, scene};
+use beamfarm_tests::render::{images, run, scene};
 use beamfarm_tests::z_test::two_sided;
 use rayon::prelude::*;
 
@@ -181,7 +181,7 @@ fn runs(objects: &str, passes: u64) -> Vec<Average> {
         };
         run(&scene, settings, passes)
     };
-    (0..RUNS).into_par_iter().map(of_seed).collect()
+    (0..images(RUNS)).into_par_iter().map(of_seed).collect()
 }
 
 /// Of less than two replications the estimate may be too large, and beyond the last two of them.

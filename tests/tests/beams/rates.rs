@@ -82,13 +82,14 @@ fn truth(scene: &Scene, images: u64, samples: u64) -> Vec<Truth> {
         max_depth: None,
     };
     let mut sums = vec![[0.0; 2]; 3 * SIDE * SIDE];
+    let mut n = 0.0;
     for film in reference_images(scene, settings, images, samples) {
+        n += 1.0;
         for (sum, value) in sums.iter_mut().zip(film.pixels.iter().flatten()) {
             let value = f64::from(*value);
             *sum = [sum[0] + value, sum[1] + value * value];
         }
     }
-    let n = images as f64;
     let of = |[sum, squares]: [f64; 2]| Truth {
         mean: sum / n,
         variance: (squares - sum * sum / n) / (n * (n - 1.0)),

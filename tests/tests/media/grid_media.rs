@@ -11,7 +11,7 @@ use beamfarm_render::world::Scene;
 use beamfarm_tests::Suite;
 use beamfarm_tests::furnace::{closed_box, is_one, under_the_sky};
 use beamfarm_tests::path_tracer::{Camera, Grid, Lamp, Room};
-use beamfarm_tests::render::{Blocks, average, blocks, reference_images, scene_with};
+use beamfarm_tests::render::{Blocks, average, blocks, images, reference_images, scene_with};
 use glam::{DAffine3, DQuat, DVec2, DVec3};
 use std::f64::consts::PI;
 
@@ -204,7 +204,7 @@ fn a_room_of_lumpy_smoke_is_what_a_path_tracer_sees() {
     let (size, center) = (DVec3::new(2.4, 2.0, 2.2), DVec3::new(0.1, -0.05, 0.05));
     let to_world = placed(size, 25.0, center);
     let room = lit_room(lumps(to_world));
-    let expected = Blocks::new(room.images(2000, 1).into_iter(), BLOCK);
+    let expected = Blocks::new(room.images(images(2000), 1).into_iter(), BLOCK);
     // Significance 1e-3 for all images; 0.5 % for kernels.
     let mut suite = Suite::new(1e-3);
     for estimator in ["", "transmittance = \"ratio_tracking\""] {
@@ -232,7 +232,7 @@ fn a_cloud_in_a_cube_is_what_a_path_tracer_sees() {
         phase: vec![(0.7, -0.5), (0.3, 0.6)],
         ..lit_room(lumps(to_world))
     };
-    let expected = Blocks::new(room.images(800, 2).into_iter(), BLOCK);
+    let expected = Blocks::new(room.images(images(800), 2).into_iter(), BLOCK);
     // The shape spans [-1, 1]^3, the density the unit cube.
     let boundary = to_world * DAffine3::from_translation(DVec3::splat(0.5)) * DAffine3::from_scale(DVec3::splat(0.5));
     let cube = format!(
@@ -277,7 +277,7 @@ fn smoke_of_many_colours_is_what_a_path_tracer_sees() {
         albedo: Some(albedo),
         ..lit_room(lumps(to_world))
     };
-    let expected = Blocks::new(room.images(2000, 3).into_iter(), BLOCK);
+    let expected = Blocks::new(room.images(images(2000), 3).into_iter(), BLOCK);
     let text = [
         &head(&CAMERA, 180, 8000),
         EVERYWHERE,

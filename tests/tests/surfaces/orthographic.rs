@@ -214,13 +214,13 @@ fn the_picture_is_that_of_the_path_tracer_and_of_a_camera_far_away() {
     let far = stage(
         "target = [0, -0.1, 0], origin = [150, 124.9, 460.298816], fov = 0.27501924",
         ALL,
-        images(300),
+        300,
     );
     for (name, eye) in [
         ("before it", "origin = [0.9, 0.65, 2.7617929]"),
         ("within it", "origin = [0.03, -0.075, 0.09205976]"),
     ] {
-        let scene = stage(&format!("{eye}, {EYE}"), ALL, images(300));
+        let scene = stage(&format!("{eye}, {EYE}"), ALL, 300);
         assert_eq!(scene.description().camera.projection, Projection::Orthographic);
         let truth = Blocks::new(reference_images(&scene, settings, 100, 8), 8);
         for (seed, finder) in (0..).zip([Finder::Photons, Finder::Paths]) {
@@ -241,7 +241,7 @@ fn the_picture_is_that_of_the_path_tracer_and_of_a_camera_far_away() {
 #[test]
 fn a_window_is_a_part_of_the_picture() {
     let camera = format!("origin = [0.9, 0.65, 2.7617929], {EYE}, aperture = 0.05, focus_distance = 2.5");
-    let whole = stage(&camera, ALL, images(200));
+    let whole = stage(&camera, ALL, 200);
     let plan = RenderPlan::new(&whole, whole.description().defaults.job_settings());
     let cut = |whole: Film| {
         let mut film = Film::new(16, 8);
@@ -254,7 +254,7 @@ fn a_window_is_a_part_of_the_picture() {
     let window = stage(
         &camera,
         "width = 32, height = 32, crop = { x = 8, y = 16, width = 16, height = 8 }",
-        images(200),
+        200,
     );
     let part = blocks(&window, 8);
     let mut suite = Suite::new(1e-2);

@@ -3,7 +3,7 @@
 use beamfarm_image::job::ReferenceSettings;
 use beamfarm_render::world::Scene;
 use beamfarm_tests::Suite;
-use beamfarm_tests::render::{Blocks, blocks, reference_images, scene_with};
+use beamfarm_tests::render::{Blocks, blocks, blur, reference_images, scene_with};
 
 /// The square [-1, 1]^2 in the xy plane. Its colours are (x + 1) / 2, (y + 1) / 4 and 1/4: the same in both triangles.
 const SQUARE: &[u8] =
@@ -49,7 +49,11 @@ fn check(name: &str, found: &Blocks, by: [f64; 3], suite: &mut Suite) {
             // A surface in an even sky of 1 is as bright as it reflects.
             let expected = expected(i, channel) * by[channel];
             suite.mean_within(format!("{name}, {i}, {channel}"), mean, expected, 1e-5);
-            assert!(mean.std_error() < 0.04 * expected, "{name}: {}", mean.std_error());
+            assert!(
+                mean.std_error() < 0.04 * blur() * expected,
+                "{name}: {}",
+                mean.std_error()
+            );
         }
     }
 }

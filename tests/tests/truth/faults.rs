@@ -4,6 +4,7 @@
 use beamfarm_tests::differential::Effort;
 use beamfarm_tests::differential::many::examine_alone;
 use beamfarm_tests::random_scene::RandomScene;
+use beamfarm_tests::render::is_long;
 use beamfarm_tests::suite::sidak;
 use std::path::Path;
 
@@ -17,7 +18,7 @@ fn what_was_wrong_is_right() {
         .collect();
     files.sort();
     let effort = Effort {
-        images: 48,
+        images: if is_long() { 48 } else { 24 },
         samples: 16,
         significance: sidak(1e-3, files.len()),
         seconds: f64::INFINITY,

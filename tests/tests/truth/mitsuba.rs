@@ -5,11 +5,12 @@ use beamfarm_image::job::JobSettings;
 use beamfarm_render::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_tests::mitsuba;
+use beamfarm_tests::render::images;
 
 /// The radius scale of beams is a fifth from here on.
 const FIRST_PASS: u64 = 128;
 
-/// Compare `passes` passes of `paths` photon paths.
+/// Compare [`images`] of `passes` passes of `paths` photon paths.
 fn compare(name: &str, passes: u64, paths: u32) {
     let scene = mitsuba::scene(name);
     let settings = JobSettings {
@@ -18,7 +19,7 @@ fn compare(name: &str, passes: u64, paths: u32) {
         ..scene.description().defaults.job_settings()
     };
     let plan = RenderPlan::new(&scene, settings);
-    let passes = FIRST_PASS..FIRST_PASS + passes;
+    let passes = FIRST_PASS..FIRST_PASS + images(passes);
     mitsuba::compare(name, passes.map(|i| render_pass(&scene, &plan, i).film));
 }
 

@@ -5,7 +5,7 @@ use beamfarm_image::job::{Finder, Finders, JobSettings, ReferenceSettings};
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::Scene;
 use beamfarm_tests::Suite;
-use beamfarm_tests::render::{Blocks, blocks_of, blur, images, reference_images, scene};
+use beamfarm_tests::render::{Blocks, blocks_of, blur, reference_images, scene};
 
 const ROOM: &str = r#"
 [image]
@@ -153,7 +153,7 @@ fn beams_and_camera_paths_find_the_same_light() {
             "material = \"red\"",
         ),
     ] {
-        let scene = room(world, ball, other, images(300));
+        let scene = room(world, ball, other, 300);
         let settings = ReferenceSettings {
             seed: 5,
             max_depth: None,
@@ -211,7 +211,7 @@ material = "frosted"
 type = "environment"
 radiance = [0.5, 0.7, 1.0]
 "#;
-    let scene = scene(&text.replace("PASSES", &images(400).to_string()));
+    let scene = scene(&text.replace("PASSES", "400"));
     let mut suite = Suite::new(1e-2);
     let [met, brought, shared] = [(0, true, false), (1, false, false), (2, false, true)].map(|(seed, met, shared)| {
         let mut settings = scene.description().defaults.job_settings();

@@ -8,7 +8,7 @@ use beamfarm_render::math::{Rgb, Vec2, Vec3};
 use beamfarm_render::sampler::{Purpose, Sampler};
 use beamfarm_render::texture::Texture;
 use beamfarm_render::world::Scene;
-use beamfarm_tests::render::{Blocks, blocks, reference_images, scene};
+use beamfarm_tests::render::{Blocks, blocks, blur, reference_images, scene};
 use beamfarm_tests::{MeanEstimate, Suite};
 use glam::Affine2;
 use std::sync::Arc;
@@ -174,7 +174,7 @@ fn a_floor_is_lit_by_what_is_on_a_panel() {
                 // The grid's error.
                 suite.mean_within(format!("{name}, {i}, {channel}"), mean, *expected, 1e-3);
                 assert!(
-                    mean.std_error() < 0.02 * expected,
+                    mean.std_error() < 0.02 * blur() * expected,
                     "{name}: {}",
                     mean.std_error() / expected
                 );

@@ -431,7 +431,9 @@ impl<V: Sight> CameraPass<'_, V> {
         let CameraTracer { scene, sight, .. } = &self.tracer;
         let hidden = sight.from(Start::Camera);
         let is_passed = |object: u32| scene.passable[object as usize] || sight.hides(hidden, object);
-        scene.geometry.intersect(scene.objects(), ray, f32::INFINITY, &is_passed)
+        scene
+            .geometry
+            .intersect(scene.objects(), ray, f32::INFINITY, &is_passed)
     }
 
     /// `tile`: where it is, a number of its own.

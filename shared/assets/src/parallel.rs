@@ -1,5 +1,6 @@
-//! Loops over many small things, on all threads. What shares a loop out is long, and compiled anew for each function that
-//! it is given: here it gets one that goes through a share of things, by reference, so that there is one for a type.
+//! Loops over many small things, on all threads. What shares a loop out is long, and compiled anew for each function
+//! that it is given: here it gets one that goes through a share of things, by reference, so that there is one for a
+//! type.
 
 use rayon::prelude::*;
 use std::ops::Range;

@@ -11,6 +11,7 @@ mod chunks;
 mod control;
 mod examine;
 pub mod farm;
+pub mod html;
 mod intake;
 mod keys;
 pub mod ledger;

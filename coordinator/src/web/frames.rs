@@ -2,8 +2,9 @@
 
 use super::thumbnail::thumbnail as small;
 use super::{Web, curve};
+use crate::html;
+use crate::html::Html;
 use crate::series::{FrameState, FrameView};
-use askama::Template;
 use axum::extract::{Query, State};
 use axum::http::StatusCode;
 use axum::http::header::CONTENT_TYPE;
@@ -13,14 +14,6 @@ use std::sync::Arc;
 
 /// Pixels of the longer side of a small picture, for screens of two pixels a point.
 const SIDE: u32 = 192;
-
-#[derive(Template)]
-#[template(path = "watch/frames.html")]
-struct FramesPiece {
-    rows: Vec<Row>,
-    done: usize,
-    failed: usize,
-}
 
 struct Row {
     frame: i64,
@@ -34,17 +27,50 @@ struct Row {
 }
 
 /// The list, if there are frames.
-pub(super) fn list(frames: &[FrameView]) -> Option<String> {
+pub(super) fn list(frames: &[FrameView]) -> Option<Html> {
     if frames.is_empty() {
         return None;
     }
     let count = |states: &[FrameState]| frames.iter().filter(|view| states.contains(&view.state)).count();
-    let piece = FramesPiece {
-        done: count(&[FrameState::Done, FrameState::Kept]),
-        failed: count(&[FrameState::Failed]),
-        rows: frames.iter().map(row).collect(),
-    };
-    Some(piece.render().unwrap_or_else(|error| error.to_string()))
+    let failed = count(&[FrameState::Failed]);
+    Some(html!(
+        r#"<p>{done} of {all} frames are there{failed}.</p>
+<table>
+<thead><tr><th scope="col">Frame</th><th scope="col">Picture</th><th scope="col">State</th><th scope="col">Passes</th><th scope="col">Error</th><th scope="col">Time</th></tr></thead>
+<tbody>{rows}
+</tbody>
+</table>"#,
+        done = count(&[FrameState::Done, FrameState::Kept]),
+        all = frames.len(),
+        failed = (failed > 0).then(|| html!(", {failed} failed", failed = failed)),
+        rows = frames.iter().map(|view| row(view).html()).collect::<Html>(),
+    ))
+}
+
+impl Row {
+    fn html(&self) -> Html {
+        let picture = self.has_picture.then(|| {
+            html!(
+                r#"<a href="/frame.png?frame={frame}"><img src="/thumbnail.png?frame={frame}" alt="Frame {frame}" width="96" loading="lazy"></a>"#,
+                frame = self.frame,
+            )
+        });
+        html!(
+            r#"
+<tr><th scope="row">{frame}</th><td data-label="Picture">{picture}</td><td data-label="State" class="{class}">{state}{message}</td><td data-label="Passes">{passes}</td><td data-label="Error">{error}</td><td data-label="Time">{time}</td></tr>"#,
+            frame = self.frame,
+            picture = picture,
+            class = self.class,
+            state = self.state,
+            message = self
+                .message
+                .as_ref()
+                .map(|message| html!(": {message}", message = message)),
+            passes = self.passes,
+            error = self.error,
+            time = self.time,
+        )
+    }
 }
 
 fn row(view: &FrameView) -> Row {
@@ -118,7 +144,7 @@ mod tests {
             seconds: Some(5.04),
             ..FrameView::waiting(8)
         };
-        let text = list(&[failed, done]).unwrap_or_default();
+        let text = list(&[failed, done]).unwrap_or_default().into_string();
         assert!(text.contains("1 of 2 frames are there, 1 failed"), "{text}");
         assert!(text.contains("&#60;script") && !text.contains("<script"), "{text}");
         assert!(

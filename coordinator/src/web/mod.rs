@@ -4,6 +4,7 @@
 mod buttons;
 mod curve;
 mod frames;
+mod layout;
 mod live;
 mod metrics;
 mod page;

@@ -1,15 +1,16 @@
 //! The page and its pieces. They are made here whole, numbers, tables and curve, so that the page is complete without a
 //! script; the script only puts newer pieces in their places.
 
+use super::layout::Page;
 use super::{Asked, EXPOSURES, Web, curve, frames};
 use crate::farm::{End, Event, EventKind, Progress};
+use crate::html;
+use crate::html::Html;
 use crate::ledger::{WorkerState, WorkerView};
 use crate::series::Series;
 use crate::watch::picture::Picture;
 use crate::watch::{Watch, heat, unix_time};
-use askama::Template;
-use axum::http::StatusCode;
-use axum::response::{Html, IntoResponse, Response};
+use axum::response::{IntoResponse, Response};
 use beamfarm_image::job::MAX_PASSES;
 use beamfarm_image::view::white;
 use beamfarm_proto::VERSION;
@@ -30,19 +31,6 @@ struct Headline {
     class: &'static str,
 }
 
-#[derive(Template)]
-#[template(path = "watch/state.html")]
-struct StatePiece {
-    title: String,
-    headline: Headline,
-    percent: f64,
-    prefix: u64,
-    /// `of N`, if there is a number.
-    limit: String,
-    ahead: u64,
-    facts: Vec<(&'static str, String)>,
-}
-
 struct Row {
     name: String,
     threads: u32,
@@ -56,73 +44,17 @@ struct Row {
     doing: String,
 }
 
-#[derive(Template)]
-#[template(path = "watch/workers.html")]
-struct WorkersPiece {
-    rows: Vec<Row>,
-    more: usize,
-    connected: u32,
-}
-
 struct Line {
     time: String,
     kind: &'static str,
     text: String,
 }
 
-#[derive(Template)]
-#[template(path = "watch/failures.html")]
-struct FailuresPiece {
-    counts: Vec<(&'static str, u64)>,
-    troubles: Vec<Line>,
-}
-
-#[derive(Template)]
-#[template(path = "watch/log.html")]
-struct LogPiece {
-    lines: Vec<Line>,
-}
-
-#[derive(Template)]
-#[template(path = "watch/page.html")]
-struct Page {
-    name: String,
-    job: String,
-    version: &'static str,
-    scene: String,
-    width: u32,
-    height: u32,
-    pieces: [String; 5],
-    /// The list of frames, where there are several jobs.
-    frames: Option<String>,
-    /// The job has no passes from zero on, and so no image.
-    is_part: bool,
-    /// Passes of the picture; zero when there is none.
-    shown: u64,
-    exposure: f32,
-    lowest: f32,
-    highest: f32,
-    curve: &'static str,
-    white_balance: f32,
-    coldest: f32,
-    hottest: f32,
-    /// What is shown: the name of a view.
-    view: String,
-    /// Those that there are beside the image: name and words.
-    views: Vec<(String, String)>,
-    scale: Vec<(String, u32)>,
-    done: Option<bool>,
-    /// Passes that the job will have, where there is such a number.
-    limit: u64,
-    is_over: bool,
-    is_paused: bool,
-}
-
 /// The pieces, by the names of their places; `image` is the number of passes of the picture that there is.
 pub(super) async fn pieces(series: &Series, watch: &Watch) -> Vec<(&'static str, String)> {
     let picture = watch.picture().await;
     let shown = picture.as_ref().map_or(0, |picture| picture.average.passes);
-    let [state, curve, workers, failures, log] = texts(watch, picture.as_deref());
+    let [state, curve, workers, failures, log] = texts(watch, picture.as_deref()).map(Html::into_string);
     let pieces = [
         ("state", state),
         ("image", shown.to_string()),
@@ -131,7 +63,7 @@ pub(super) async fn pieces(series: &Series, watch: &Watch) -> Vec<(&'static str,
         ("failures", failures),
         ("log", log),
     ];
-    let frames = frames::list(&series.frames()).map(|frames| ("frames", frames));
+    let frames = frames::list(&series.frames()).map(|frames| ("frames", frames.into_string()));
     pieces.into_iter().chain(frames).collect()
 }
 
@@ -179,25 +111,23 @@ pub(super) async fn page(web: &Web, asked: &Asked) -> Response {
         is_over: web.series.is_over(),
         is_paused: progress.paused,
     };
-    match page.render() {
-        Ok(text) => Html(text).into_response(),
-        Err(error) => (StatusCode::INTERNAL_SERVER_ERROR, error.to_string()).into_response(),
-    }
+    axum::response::Html(page.html().into_string()).into_response()
 }
 
-fn texts(watch: &Watch, picture: Option<&Picture>) -> [String; 5] {
+fn texts(watch: &Watch, picture: Option<&Picture>) -> [Html; 5] {
     let progress = watch.farm().progress();
     let events = watch.farm().events(0);
-    let text = |rendered: askama::Result<String>| rendered.unwrap_or_else(|error| error.to_string());
     let curve = curve::svg(&watch.curve());
     [
-        text(state(watch, &progress, picture).render()),
+        state(watch, &progress, picture),
         curve.unwrap_or_else(|| {
-            "<p class=\"soft\">There is a curve as soon as the error is known at two times: from four passes on.</p>".into()
+            html!(
+                "<p class=\"soft\">There is a curve as soon as the error is known at two times: from four passes on.</p>"
+            )
         }),
-        text(workers(&progress).render()),
-        text(failures(&progress, &events).render()),
-        text(log(&events).render()),
+        workers(&progress),
+        failures(&progress, &events),
+        log(&events),
     ]
 }
 
@@ -220,7 +150,7 @@ fn headline(watch: &Watch, progress: &Progress) -> Headline {
     }
 }
 
-fn state(watch: &Watch, progress: &Progress, picture: Option<&Picture>) -> StatePiece {
+fn state(watch: &Watch, progress: &Progress, picture: Option<&Picture>) -> Html {
     let headline = headline(watch, progress);
     // Rounded down: nothing looks finished that is not.
     let percent = (1000.0 * watch.fraction(progress)).floor() / 10.0;
@@ -249,20 +179,38 @@ fn state(watch: &Watch, progress: &Progress, picture: Option<&Picture>) -> State
     if let Some(time) = watch.terms().time {
         facts.push(("Time limit", roughly(time)));
     }
-    StatePiece {
-        title: format!("{percent:.0} % {}", headline.words),
-        headline,
-        percent,
-        prefix: progress.prefix,
-        limit: match progress.limit {
-            MAX_PASSES => String::new(),
-            limit => format!(" of {limit}"),
-        },
-        ahead: progress
-            .passes
-            .saturating_sub(progress.prefix.saturating_sub(watch.terms().first_pass)),
-        facts,
-    }
+    let limit = match progress.limit {
+        MAX_PASSES => None,
+        limit => Some(html!(" of {limit}", limit = limit)),
+    };
+    let ahead = progress
+        .passes
+        .saturating_sub(progress.prefix.saturating_sub(watch.terms().first_pass));
+    let ahead = (ahead > 0).then(|| html!(" <span class=\"soft\">and {ahead} beyond a gap</span>", ahead = ahead));
+    let facts = facts.iter().map(|(name, value)| {
+        html!(
+            "\n<div><dt>{name}</dt><dd>{value}</dd></div>",
+            name = name,
+            value = value
+        )
+    });
+    html!(
+        r#"<div data-title="{percent:.0} % {words}">
+<p class="headline {class}"><span class="shape" aria-hidden="true">{shape}</span> <strong>{words}</strong></p>
+<progress max="100" value="{percent}" aria-label="Share of the job that is done">{percent} %</progress>
+<p><b class="big">{percent} %</b> {prefix}{limit} passes{ahead}</p>
+<dl class="facts">{facts}
+</dl>
+</div>"#,
+        percent = percent,
+        words = headline.words,
+        class = headline.class,
+        shape = headline.shape,
+        prefix = progress.prefix,
+        limit = limit,
+        ahead = ahead,
+        facts = facts.collect::<Html>(),
+    )
 }
 
 /// What more is known of the picture's error.
@@ -293,15 +241,53 @@ fn running_for(watch: &Watch) -> String {
     }
 }
 
-fn workers(progress: &Progress) -> WorkersPiece {
+fn workers(progress: &Progress) -> Html {
     let mut views: Vec<&WorkerView> = progress.workers_seen.iter().collect();
+    if views.is_empty() {
+        return html!(
+            "<p class=\"soft\">Nobody yet. On each machine that is to work: \
+             <code>beamfarm worker --connect URL</code></p>"
+        );
+    }
     // Those that are there first, each in the order of registration.
     views.sort_by_key(|view| matches!(view.state, WorkerState::Gone));
     let more = views.len().saturating_sub(WORKERS);
-    WorkersPiece {
-        rows: views.into_iter().take(WORKERS).map(row).collect(),
-        more,
-        connected: progress.workers,
+    let more = (more > 0).then(|| {
+        html!(
+            "\n<p class=\"soft\">and {more} more: <code>beamfarm status</code> lists them all.</p>",
+            more = more
+        )
+    });
+    let rows = views.into_iter().take(WORKERS).map(|view| row(view).html());
+    html!(
+        r#"<table>
+<caption>{connected} connected</caption>
+<thead><tr><th scope="col">Name</th><th scope="col">State</th><th scope="col">Threads</th><th scope="col">Passes</th><th scope="col">Rate</th><th scope="col">Last seen</th><th scope="col">Audits</th><th scope="col">Renders</th></tr></thead>
+<tbody>{rows}
+</tbody>
+</table>{more}"#,
+        connected = progress.workers,
+        rows = rows.collect::<Html>(),
+        more = more,
+    )
+}
+
+impl Row {
+    fn html(&self) -> Html {
+        html!(
+            r#"
+<tr><th scope="row">{name}</th><td data-label="State" class="{class}"><span><span aria-hidden="true">{shape}</span> {state}</span></td><td data-label="Threads">{threads}</td><td data-label="Passes">{passes}</td><td data-label="Rate">{rate}</td><td data-label="Last seen">{seen}</td><td data-label="Audits">{audits}</td><td data-label="Renders">{doing}</td></tr>"#,
+            name = self.name,
+            class = self.class,
+            shape = self.shape,
+            state = self.state,
+            threads = self.threads,
+            passes = self.passes,
+            rate = self.rate,
+            seen = self.seen,
+            audits = self.audits,
+            doing = self.doing,
+        )
     }
 }
 
@@ -340,7 +326,7 @@ fn row(view: &WorkerView) -> Row {
     }
 }
 
-fn failures(progress: &Progress, events: &[Event]) -> FailuresPiece {
+fn failures(progress: &Progress, events: &[Event]) -> Html {
     let counts = [
         (
             "leases ended without a result; their passes are handed out again",
@@ -361,17 +347,46 @@ fn failures(progress: &Progress, events: &[Event]) -> FailuresPiece {
         use EventKind::{Divergent, Dropped, Failed, Lost, Refused, ShutOut};
         matches!(event.kind, Divergent | Dropped | Failed | Lost | Refused | ShutOut)
     };
-    let troubles = events.iter().rev().filter(is_trouble).take(TROUBLES);
-    FailuresPiece {
-        counts: counts.into_iter().filter(|(_, count)| *count > 0).collect(),
-        troubles: troubles.map(line).collect(),
+    let counts = counts.into_iter().filter(|(_, count)| *count > 0);
+    let counts: Vec<Html> = counts
+        .map(|(what, count)| html!("\n<li><b>{count}</b> {what}</li>", count = count, what = what))
+        .collect();
+    let troubles: Vec<Line> = events
+        .iter()
+        .rev()
+        .filter(is_trouble)
+        .take(TROUBLES)
+        .map(line)
+        .collect();
+    if counts.is_empty() && troubles.is_empty() {
+        return html!("<p class=\"soft\">None.</p>");
     }
+    let counts = (!counts.is_empty()).then(|| {
+        html!(
+            "<ul class=\"counts\">{counts}\n</ul>\n",
+            counts = counts.into_iter().collect::<Html>()
+        )
+    });
+    html!("{counts}{troubles}", counts = counts, troubles = lines(&troubles))
 }
 
-fn log(events: &[Event]) -> LogPiece {
-    LogPiece {
-        lines: events.iter().rev().take(EVENTS).map(line).collect(),
-    }
+fn log(events: &[Event]) -> Html {
+    let all: Vec<Line> = events.iter().rev().take(EVENTS).map(line).collect();
+    lines(&all).unwrap_or_else(|| html!("<p class=\"soft\">Nothing has happened yet.</p>"))
+}
+
+/// A list, unless there is nothing in it.
+fn lines(lines: &[Line]) -> Option<Html> {
+    let items = lines.iter().map(|line| {
+        html!(
+            "\n<li><time>{time}</time> <b>{kind}</b> {text}</li>",
+            time = line.time,
+            kind = line.kind,
+            text = line.text,
+        )
+    });
+    let items: Html = items.collect();
+    (!lines.is_empty()).then(|| html!("<ol class=\"lines\">{items}\n</ol>", items = items))
 }
 
 fn line(event: &Event) -> Line {
@@ -425,7 +440,7 @@ mod tests {
             workers_seen: vec![view; WORKERS + 3],
             ..Progress::default()
         };
-        let text = workers(&progress).render().unwrap();
+        let text = workers(&progress).into_string();
         assert!(!text.contains("<script") && !text.contains("\" onload"), "{text}");
         assert!(text.contains("&#60;script&#62;alert(1)"), "{text}");
         assert!(text.contains("4.00/s") && text.contains("2 ✓ 1 ✕") && text.contains("shut out"));
@@ -442,8 +457,8 @@ mod tests {
         };
         let events = [event];
         let texts = [
-            log(&events).render().unwrap(),
-            failures(&Progress::default(), &events).render().unwrap(),
+            log(&events).into_string(),
+            failures(&Progress::default(), &events).into_string(),
         ];
         for text in texts {
             assert!(text.contains("&#60;img") && !text.contains("<img"), "{text}");
@@ -486,13 +501,13 @@ mod tests {
 
     #[test]
     fn no_failures_are_said_to_be_none() {
-        let text = failures(&Progress::default(), &[]).render().unwrap();
+        let text = failures(&Progress::default(), &[]).into_string();
         assert!(text.contains("None"), "{text}");
         let progress = Progress {
             lost_leases: 3,
             ..Progress::default()
         };
-        let text = failures(&progress, &[]).render().unwrap();
+        let text = failures(&progress, &[]).into_string();
         assert!(text.contains("3 leases") || text.contains("<b>3</b> leases"), "{text}");
     }
 

@@ -1,5 +1,6 @@
 //! Numbers of the elements of a buffer, as glTF files have them.
 
+use beamfarm_render::parallel::collected;
 use rayon::prelude::*;
 
 /// What a component of an element is, little-endian.
@@ -41,9 +42,7 @@ pub fn read(
 /// The same, of elements that are one whole number each.
 pub fn whole(bytes: &[u8], stride: usize, component: Component) -> Vec<u32> {
     let elements = bytes.par_chunks(stride.max(1));
-    elements
-        .map(|element| number(component, false, element, 0) as u32)
-        .collect()
+    collected(elements.map(|element| number(component, false, element, 0) as u32))
 }
 
 fn number(component: Component, normalized: bool, element: &[u8], i: usize) -> f64 {

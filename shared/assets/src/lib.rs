@@ -8,6 +8,7 @@ mod damage;
 pub mod elements;
 pub mod image;
 pub mod mesh;
+mod parallel;
 pub mod volume;
 
 /// What is wrong with an asset.

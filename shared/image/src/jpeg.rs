@@ -3,7 +3,7 @@
 use crate::error::ImageError;
 use crate::film::Film;
 use crate::view::{View, ViewTransform, agx, filmic, finite, srgb};
-use jpeg_encoder::{ColorType, Encoder};
+use jpeg_encoder::{Encoder, ImageBuffer, JpegColorType, rgb_to_ycbcr};
 use std::sync::LazyLock;
 
 /// Of 100: no blocks are seen, and a picture of 960 x 540 takes about 100 kB.
@@ -41,6 +41,40 @@ impl<T: Copy> Table<T> {
     }
 }
 
+/// What the encoder asks for rows of. Its own kinds of images, eleven of them, would all be compiled along with the one
+/// that is used.
+struct Picture<'a> {
+    width: u16,
+    height: u16,
+    /// `width * height` pixels of sRGB.
+    pixels: &'a [[u8; 3]],
+}
+
+impl ImageBuffer for Picture<'_> {
+    fn get_jpeg_color_type(&self) -> JpegColorType {
+        JpegColorType::Ycbcr
+    }
+
+    fn width(&self) -> u16 {
+        self.width
+    }
+
+    fn height(&self) -> u16 {
+        self.height
+    }
+
+    fn fill_buffers(&self, y: u16, [luma, blue, red, _]: &mut [Vec<u8>; 4]) {
+        let width = usize::from(self.width);
+        let row = self.pixels.chunks_exact(width).nth(y.into()).unwrap_or_default();
+        for [r, g, b] in row {
+            let (y, cb, cr) = rgb_to_ycbcr(*r, *g, *b);
+            luma.push(y);
+            blue.push(cb);
+            red.push(cr);
+        }
+    }
+}
+
 /// An 8-bit sRGB picture of linear Rec. 709 radiance as a view shows it; as [`encode_png`](crate::png::encode_png) but
 /// for the noise of compression, and quicker.
 pub fn encode_jpeg(film: &Film, view: View) -> Result<Vec<u8>, ImageError> {
@@ -58,12 +92,17 @@ pub fn encode_jpeg(film: &Film, view: View) -> Result<Vec<u8>, ImageError> {
         };
         shown.map(|v| encoded.at(v))
     };
-    let data: Vec<u8> = film.pixels.iter().flat_map(shown).collect();
+    let pixels: Vec<[u8; 3]> = film.pixels.iter().map(shown).collect();
     let failed = |message: String| ImageError::Encode { field: "JPEG", message };
     let side = |side: u32| u16::try_from(side).map_err(|_| failed(format!("{side} pixels; expected at most 65535")));
+    let picture = Picture {
+        width: side(film.width)?,
+        height: side(film.height)?,
+        pixels: &pixels,
+    };
     let mut bytes = Vec::new();
     Encoder::new(&mut bytes, QUALITY)
-        .encode(&data, side(film.width)?, side(film.height)?, ColorType::Rgb)
+        .encode_image(picture)
         .map_err(|error| failed(error.to_string()))?;
     Ok(bytes)
 }

@@ -13,12 +13,12 @@
 
 use crate::budget::shrunk;
 use crate::estimators::widest_kernel;
+use crate::parallel;
 use crate::pass::{CameraWork, PassImage, PassPhotons};
 use crate::plan::RenderPlan;
 use crate::world::{Scene, SceneDescription};
 use beamfarm_image::film::Film;
 use beamfarm_image::job::{Budget, Finder, Finders, JobSettings, MAX_PASSES};
-use rayon::prelude::*;
 
 /// Sets of photons, and of camera paths.
 const SETS: usize = 4;
@@ -219,15 +219,11 @@ impl Balance {
     fn new(scene: &Scene, plan: &RenderPlan, pixels: f64) -> Self {
         let last = |k: usize| MAX_PASSES - 1 - k as u64;
         let sets = if plan.has_photons() { SETS } else { 1 };
-        let photons: Vec<PassPhotons> = (0..sets)
-            .into_par_iter()
-            .map(|set| PassPhotons::new(scene, plan, last(set)))
-            .collect();
+        let photons = parallel::map(sets, |set| PassPhotons::new(scene, plan, last(set)));
         // By photons, then by camera paths.
-        let images: Vec<PassImage> = (0..sets * SETS)
-            .into_par_iter()
-            .map(|i| photons[i / SETS].render(scene, plan, last(SETS + i % SETS), None))
-            .collect();
+        let images = parallel::map(sets * SETS, |i| {
+            photons[i / SETS].render(scene, plan, last(SETS + i % SETS), None)
+        });
         // Without photons the same for all of them.
         let film = |set: usize, camera: usize| &images[set % sets * SETS + camera].film;
         let films = std::array::from_fn(|set| std::array::from_fn(|camera| film(set, camera)));

@@ -6,13 +6,13 @@
 //! schedule itself: variance c / N^2 sum 1 / R_i, which falls as N^-alpha, and bias b / N sum R_i, which falls as
 //! N^(alpha - 1).
 
+use crate::parallel;
 use crate::pass::render_pass;
 use crate::plan::RenderPlan;
 use crate::sampler::mix64;
 use crate::world::Scene;
 use beamfarm_image::job::JobSettings;
 use beamfarm_image::radius::Schedule;
-use rayon::prelude::*;
 
 /// Mean and variance of a value over runs.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -50,8 +50,8 @@ impl Runs {
     pub fn render(scene: &Scene, settings: JobSettings, passes: u64, runs: u64) -> Self {
         let schedule = Schedule::new(&settings);
         let key = mix64(settings.seed) ^ settings.alpha.to_bits();
-        let run = |number| {
-            let seed = mix64(mix64(key) ^ number);
+        let run = |number: usize| {
+            let seed = mix64(mix64(key) ^ number as u64);
             let plan = RenderPlan::new(scene, JobSettings { seed, ..settings });
             let value = |pass_index| {
                 let film = render_pass(scene, &plan, pass_index).film;
@@ -62,7 +62,7 @@ impl Runs {
         Self {
             alpha: settings.alpha,
             scales: (0..passes).map(|i| schedule.scale(i)).collect(),
-            values: (0..runs).into_par_iter().map(run).collect(),
+            values: parallel::map(runs as usize, run),
         }
     }
 

@@ -37,6 +37,7 @@ pub mod light;
 pub mod math;
 pub mod medium;
 mod odds;
+pub mod parallel;
 pub mod pass;
 pub mod phase;
 pub mod photon_map;

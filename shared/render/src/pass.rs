@@ -8,6 +8,7 @@ use crate::flow::Flow;
 use crate::geometry::SurfaceHit;
 use crate::math::{Ray, Rgb, Vec2};
 use crate::odds::{caustic_odds, first_odds, gloss_odds, least_flight};
+use crate::parallel;
 use crate::photon_map::SurfacePhotonMap;
 use crate::plan::RenderPlan;
 use crate::sampler::{Purpose, Sampler, mix64};
@@ -19,7 +20,6 @@ use beamfarm_image::job::PassStats;
 use beamfarm_image::layer::Layer;
 use beamfarm_image::matte::{Matte, NOTHING};
 use beamfarm_image::radius::Schedule;
-use rayon::prelude::*;
 use std::ops::AddAssign;
 
 /// What a pass returns.
@@ -301,14 +301,11 @@ impl<V: Sight> CameraPass<'_, V> {
         let mut ids = vec![vec![NOTHING; film.pixels.len()]; self.tracer.plan.layers.mattes()];
         let columns = camera.width.div_ceil(TILE);
         let rows = camera.height.div_ceil(TILE);
-        let tiles: Vec<Tile> = (0..columns * rows)
-            .into_par_iter()
-            // Tiles differ a hundredfold: each is shared out by itself.
-            .with_max_len(1)
-            .map_init(Scratch::default, |scratch, tile| {
-                self.tile(tile % columns * TILE, tile / columns * TILE, scratch)
-            })
-            .collect();
+        // Tiles differ a hundredfold: each is shared out by itself.
+        let tiles = parallel::map((columns * rows) as usize, |tile| {
+            let (x, y) = (tile as u32 % columns, tile as u32 / columns);
+            self.tile(x * TILE, y * TILE, &mut Scratch::default())
+        });
         let mut work = CameraWork::default();
         for (index, tile) in tiles.into_iter().enumerate() {
             work += tile.work;

@@ -6,8 +6,10 @@ mod ply_binary;
 mod serialized;
 
 use crate::Flaw;
+use crate::parallel;
 use beamfarm_render::geometry::Mesh;
 use beamfarm_render::math::Rgb;
+use beamfarm_render::parallel::collected;
 use glam::{DAffine3, DVec2, DVec3};
 use rayon::prelude::*;
 
@@ -90,19 +92,19 @@ impl RawMesh {
             return Err("the mesh is empty; expected at least one triangle".into());
         }
         let count = self.positions.len();
-        let unusable = |p: &DVec3| !p.as_vec3().is_finite();
-        if let Some(i) = self.positions.par_iter().position_first(unusable) {
+        let unusable = |i: usize| !self.positions[i].as_vec3().is_finite();
+        if let Some(i) = parallel::first(count, unusable) {
             return Err(format!("vertex {i} (from zero) has a position that is NaN or infinite").into());
         }
-        if let Some(i) = self.normals.par_iter().position_first(|n| !n.is_finite()) {
+        if let Some(i) = parallel::first(self.normals.len(), |i| !self.normals[i].is_finite()) {
             return Err(format!("vertex {i} (from zero) has a normal that is NaN or infinite").into());
         }
-        if let Some(i) = self.uvs.par_iter().position_first(|uv| !uv.as_vec2().is_finite()) {
+        if let Some(i) = parallel::first(self.uvs.len(), |i| !self.uvs[i].as_vec2().is_finite()) {
             return Err(format!("vertex {i} (from zero) has a UV that is NaN or infinite").into());
         }
         let outside = |t: &[u32; 3]| t.iter().copied().find(|v| *v as usize >= count);
-        let of_triangles = self.triangles.par_iter().enumerate();
-        if let Some((i, v)) = of_triangles.find_map_first(|(i, t)| Some((i, outside(t)?))) {
+        let of_triangles = parallel::first(self.triangles.len(), |i| outside(&self.triangles[i]).is_some());
+        if let Some((i, v)) = of_triangles.and_then(|i| Some((i, outside(&self.triangles[i])?))) {
             return Err(format!("triangle {i} (from zero) names vertex {v}, but there are {count}").into());
         }
         Ok(())
@@ -110,8 +112,8 @@ impl RawMesh {
 
     /// Make normals unit vectors; those that are zero become the mean of their triangles' normals.
     fn repair_normals(&mut self) {
-        self.normals.par_iter_mut().for_each(|n| *n = n.normalize_or_zero());
-        if !self.normals.par_iter().any(|n| *n == DVec3::ZERO) {
+        parallel::change(&mut self.normals, |n| *n = n.normalize_or_zero());
+        if parallel::first(self.normals.len(), |i| self.normals[i] == DVec3::ZERO).is_none() {
             return;
         }
         let mut sums = vec![DVec3::ZERO; self.positions.len()];
@@ -186,8 +188,7 @@ impl RawMesh {
         let mut sums = vec![DVec3::ZERO; self.positions.len()];
         // Each thread goes through all triangles and adds to vertices of its own, so that each vertex has one order.
         let share = sums.len().div_ceil(rayon::current_num_threads()).max(MIN_SHARE);
-        sums.par_chunks_mut(share).enumerate().for_each(|(chunk, sums)| {
-            let first = chunk * share;
+        parallel::change_shares(&mut sums, share, &|first, sums| {
             for t in &self.triangles {
                 let mine = t
                     .map(|v| (v as usize).wrapping_sub(first))
@@ -211,8 +212,7 @@ impl RawMesh {
         // Where normals cancel there is none; Mitsuba takes this one.
         let unit = |sum: DVec3| sum.try_normalize().unwrap_or(DVec3::X);
         let back = m.transpose();
-        sums.par_iter_mut()
-            .for_each(|sum| *sum = (back * unit(*sum)).normalize_or_zero());
+        parallel::change(&mut sums, |sum| *sum = (back * unit(*sum)).normalize_or_zero());
         sums
     }
 
@@ -222,22 +222,15 @@ impl RawMesh {
         let reverse = flip != (map.matrix3.determinant() < 0.0);
         let normal_map = map.matrix3.inverse().transpose() * if flip { -1.0 } else { 1.0 };
         let mut mesh = Mesh {
-            positions: self
-                .positions
-                .par_iter()
-                .map(|p| map.transform_point3(*p).as_vec3())
-                .collect(),
-            normals: normals
-                .par_iter()
-                .map(|n| (normal_map * *n).normalize().as_vec3())
-                .collect(),
-            uvs: self.uvs.par_iter().map(|uv| uv.as_vec2()).collect(),
+            positions: collected(self.positions.par_iter().map(|p| map.transform_point3(*p).as_vec3())),
+            normals: collected(normals.par_iter().map(|n| (normal_map * *n).normalize().as_vec3())),
+            uvs: collected(self.uvs.par_iter().map(|uv| uv.as_vec2())),
             colors: self.colors.clone(),
             triangles: self.triangles.clone(),
             ..Mesh::default()
         };
         if reverse {
-            mesh.triangles.par_iter_mut().for_each(|t| t.swap(1, 2));
+            parallel::change(&mut mesh.triangles, |t| t.swap(1, 2));
         }
         let positions = &mesh.positions;
         let has_area = |t: &[u32; 3]| {
@@ -245,7 +238,7 @@ impl RawMesh {
             (b - a).cross(c - a) != DVec3::ZERO
         };
         // Most meshes have none without.
-        if !mesh.triangles.par_iter().all(has_area) {
+        if parallel::first(mesh.triangles.len(), |i| !has_area(&mesh.triangles[i])).is_some() {
             mesh.triangles.retain(has_area);
         }
         mesh

@@ -3,20 +3,23 @@
 use super::RawMesh;
 use super::ply_binary::{self, INDEX_NAMES};
 use crate::Flaw;
-use crate::image::linear_from_srgb;
 use beamfarm_render::math::Rgb;
 use glam::{DVec2, DVec3};
 use ply_rs_bw::parser::{ParseError, Parser, Reader};
 use ply_rs_bw::ply::{
-    DefaultElement, ElementDef, Encoding, Property, PropertyAccess, PropertyAccessResult, PropertyType, ScalarType,
+    ElementDef, Encoding, Header, Property, PropertyAccess, PropertyAccessResult, PropertyType, ScalarType,
 };
+use std::io::ErrorKind;
+
+/// Elements that the library reads at once.
+const CHUNK: usize = 1 << 12;
 
 /// Read a mesh: element `vertex` with x, y, z, optional normals, UVs and, if they are asked for, colours, element
 /// `face` with a list of vertex indices.
 /// Polygons become fans of triangles. Other elements and properties are skipped.
 pub fn read(bytes: &[u8], colored: bool) -> Result<RawMesh, Flaw> {
     let mut reader = Reader::new(bytes);
-    let header = Parser::<DefaultElement>::new()
+    let header = Parser::<Element>::new()
         .read_header(&mut reader)
         .map_err(|e| flaw(&e, true))?;
     let text = header.encoding == Encoding::Ascii;
@@ -32,7 +35,6 @@ pub fn read(bytes: &[u8], colored: bool) -> Result<RawMesh, Flaw> {
     }
     let mut mesh = RawMesh::default();
     for element in header.elements.values() {
-        let place = |e: ParseError| flaw(&e, text);
         match element.name.as_str() {
             "vertex" => {
                 let has = |names: &[&str]| names.iter().all(|name| element.properties.contains_key(*name));
@@ -48,26 +50,25 @@ pub fn read(bytes: &[u8], colored: bool) -> Result<RawMesh, Flaw> {
                 if ply_binary::vertices(reader.get_mut(), element, &header.encoding, columns, &mut mesh).is_some() {
                     continue;
                 }
-                let vertices = match colored {
-                    false => Parser::<Vertex>::new()
-                        .read_payload_for_element(&mut reader, element, &header)
-                        .map_err(place)?,
-                    true => {
-                        let colored = Parser::<Colored>::new()
-                            .read_payload_for_element(&mut reader, element, &header)
-                            .map_err(place)?;
-                        mesh.colors = colored.iter().map(|v| v.color).collect();
-                        colored.into_iter().map(|v| v.vertex).collect()
-                    }
-                };
-                mesh.positions = vertices.iter().map(|v| v.position).collect();
+                check_types(element, &PLACE_NAMES, is_number, "a number")?;
+                check_types(element, UV_NAMES.as_flattened(), is_number, "a number")?;
+                if colored {
+                    let names = COLOR_NAMES.as_flattened();
+                    check_types(element, names, is_shade, "float, double or uchar")?;
+                }
                 let [has_normals, has_uvs, _] = columns;
-                if has_normals {
-                    mesh.normals = vertices.iter().map(|v| v.normal).collect();
-                }
-                if has_uvs {
-                    mesh.uvs = vertices.iter().map(|v| v.uv).collect();
-                }
+                read_elements(&mut reader, element, &header, &mut |vertex| {
+                    mesh.positions.push(vertex.position);
+                    if has_normals {
+                        mesh.normals.push(vertex.normal);
+                    }
+                    if has_uvs {
+                        mesh.uvs.push(vertex.uv);
+                    }
+                    if colored {
+                        mesh.colors.push(vertex.color);
+                    }
+                })?;
             }
             "face" => {
                 if !INDEX_NAMES.iter().any(|name| element.properties.contains_key(*name)) {
@@ -77,25 +78,80 @@ pub fn read(bytes: &[u8], colored: bool) -> Result<RawMesh, Flaw> {
                     mesh.triangles.extend(triangles);
                     continue;
                 }
-                let faces = Parser::<Face>::new()
-                    .read_payload_for_element(&mut reader, element, &header)
-                    .map_err(place)?;
-                for face in &faces {
-                    for i in 2..face.0.len() {
-                        mesh.triangles.push([face.0[0], face.0[i - 1], face.0[i]]);
+                check_types(element, &INDEX_NAMES, is_list_of_indices, "a list of whole numbers")?;
+                read_elements(&mut reader, element, &header, &mut |face| {
+                    let corners = &face.indices;
+                    for i in 2..corners.len() {
+                        mesh.triangles.push([corners[0], corners[i - 1], corners[i]]);
                     }
-                }
+                })?;
             }
-            _ => {
-                Parser::<Skipped>::new()
-                    .read_payload_for_element(&mut reader, element, &header)
-                    .map_err(place)?;
-            }
+            _ => read_elements(&mut reader, element, &header, &mut |_| ())?,
         }
     }
     Ok(mesh)
 }
 
+/// Give the elements of one kind to `take`, one after the other.
+fn read_elements(
+    reader: &mut Reader<&[u8]>,
+    element: &ElementDef,
+    header: &Header,
+    take: &mut dyn FnMut(Element),
+) -> Result<(), Flaw> {
+    let failed = |e: ParseError| {
+        let mut flaw = flaw(&e, header.encoding == Encoding::Ascii);
+        if e.kind() == ErrorKind::UnexpectedEof {
+            // The library counts those of a part.
+            let what = flaw.message.split(" (expected").next().unwrap_or_default();
+            flaw.message = format!("{what}; expected {} of them", element.count);
+        }
+        flaw
+    };
+    let mut part = element.clone();
+    let mut left = element.count;
+    while left > 0 {
+        part.count = left.min(CHUNK);
+        left -= part.count;
+        let read = Parser::<Element>::new().read_payload_for_element(reader, &part, header);
+        read.map_err(failed)?.into_iter().for_each(&mut *take);
+    }
+    Ok(())
+}
+
+/// Whether the properties of these names are of types that fit.
+fn check_types(
+    element: &ElementDef,
+    names: &[&str],
+    fits: fn(&PropertyType) -> bool,
+    expected: &str,
+) -> Result<(), Flaw> {
+    let mut named = element.properties.values().filter(|p| names.contains(&p.name.as_str()));
+    match named.find(|property| !fits(&property.data_type)) {
+        Some(property) => Err(format!(
+            "the property `{}` of the element `{}` has the type {:?}; expected {expected}",
+            property.name, element.name, property.data_type
+        )
+        .into()),
+        None => Ok(()),
+    }
+}
+
+fn is_number(kind: &PropertyType) -> bool {
+    matches!(kind, PropertyType::Scalar(_))
+}
+
+fn is_shade(kind: &PropertyType) -> bool {
+    use ScalarType::{Double, Float, UChar};
+    matches!(kind, PropertyType::Scalar(Float | Double | UChar))
+}
+
+fn is_list_of_indices(kind: &PropertyType) -> bool {
+    use ScalarType::{Double, Float};
+    matches!(kind, PropertyType::List(_, kind) if !matches!(kind, Double | Float))
+}
+
+const PLACE_NAMES: [&str; 6] = ["x", "y", "z", "nx", "ny", "nz"];
 const UV_NAMES: [[&str; 2]; 4] = [
     ["u", "v"],
     ["s", "t"],
@@ -138,20 +194,26 @@ fn least_size(element: &ElementDef, text: bool) -> u64 {
     sizes.sum::<u64>().max(1)
 }
 
-struct Vertex {
+/// A vertex, a face, or anything else: one type, since the library's reader is compiled anew for each.
+struct Element {
     position: DVec3,
     normal: DVec3,
     uv: DVec2,
+    color: Rgb,
+    indices: Vec<u32>,
 }
 
-impl PropertyAccess for Vertex {
+impl PropertyAccess for Element {
     fn new() -> Self {
         Self {
             position: DVec3::ZERO,
             normal: DVec3::ZERO,
             uv: DVec2::ZERO,
+            color: Rgb::ZERO,
+            indices: Vec::new(),
         }
     }
+
     fn set_property(&mut self, name: &str, value: Property) -> PropertyAccessResult {
         let target = match name {
             "x" => &mut self.position.x,
@@ -162,89 +224,69 @@ impl PropertyAccess for Vertex {
             "nz" => &mut self.normal.z,
             "u" | "s" | "texture_u" | "texture_s" => &mut self.uv.x,
             "v" | "t" | "texture_v" | "texture_t" => &mut self.uv.y,
+            "red" | "r" => return set(&mut self.color.x, shade(&value)),
+            "green" | "g" => return set(&mut self.color.y, shade(&value)),
+            "blue" | "b" => return set(&mut self.color.z, shade(&value)),
+            _ if INDEX_NAMES.contains(&name) => return set(&mut self.indices, indices(value)),
             _ => return PropertyAccessResult::Ignored,
         };
-        *target = match value {
-            Property::Float(x) => x.into(),
-            Property::Double(x) => x,
-            Property::Char(x) => x.into(),
-            Property::UChar(x) => x.into(),
-            Property::Short(x) => x.into(),
-            Property::UShort(x) => x.into(),
-            Property::Int(x) => x.into(),
-            Property::UInt(x) => x.into(),
-            _ => return PropertyAccessResult::UnsupportedType,
-        };
-        PropertyAccessResult::Set
+        set(target, number(&value))
     }
 }
 
-struct Colored {
-    vertex: Vertex,
-    color: Rgb,
-}
-
-impl PropertyAccess for Colored {
-    fn new() -> Self {
-        Self {
-            vertex: Vertex::new(),
-            color: Rgb::ZERO,
+/// Types that do not fit were refused, or the element is one of which this is not looked at.
+fn set<T>(target: &mut T, value: Option<T>) -> PropertyAccessResult {
+    match value {
+        Some(value) => {
+            *target = value;
+            PropertyAccessResult::Set
         }
-    }
-    fn set_property(&mut self, name: &str, value: Property) -> PropertyAccessResult {
-        let target = match name {
-            "red" | "r" => &mut self.color.x,
-            "green" | "g" => &mut self.color.y,
-            "blue" | "b" => &mut self.color.z,
-            _ => return self.vertex.set_property(name, value),
-        };
-        // Bytes are as in pictures, as Blender and MeshLab write them.
-        *target = match value {
-            Property::Float(x) => x,
-            Property::Double(x) => x as f32,
-            Property::UChar(x) => linear_from_srgb(f64::from(x) / 255.0),
-            _ => return PropertyAccessResult::UnsupportedType,
-        };
-        PropertyAccessResult::Set
+        None => PropertyAccessResult::Ignored,
     }
 }
 
-struct Face(Vec<u32>);
+fn number(value: &Property) -> Option<f64> {
+    Some(match value {
+        Property::Float(x) => (*x).into(),
+        Property::Double(x) => *x,
+        Property::Char(x) => (*x).into(),
+        Property::UChar(x) => (*x).into(),
+        Property::Short(x) => (*x).into(),
+        Property::UShort(x) => (*x).into(),
+        Property::Int(x) => (*x).into(),
+        Property::UInt(x) => (*x).into(),
+        _ => return None,
+    })
+}
 
-impl PropertyAccess for Face {
-    fn new() -> Self {
-        Self(Vec::new())
-    }
-    fn set_property(&mut self, name: &str, value: Property) -> PropertyAccessResult {
-        if !INDEX_NAMES.contains(&name) {
-            return PropertyAccessResult::Ignored;
-        }
-        // A negative index becomes one that no vertex has.
-        let index = |i: i64| u32::try_from(i).unwrap_or(u32::MAX);
-        self.0 = match value {
-            Property::ListInt(list) => list.into_iter().map(|i| index(i.into())).collect(),
-            Property::ListUInt(list) => list,
-            Property::ListShort(list) => list.into_iter().map(|i| index(i.into())).collect(),
-            Property::ListUShort(list) => list.into_iter().map(u32::from).collect(),
-            Property::ListChar(list) => list.into_iter().map(|i| index(i.into())).collect(),
-            Property::ListUChar(list) => list.into_iter().map(u32::from).collect(),
-            _ => return PropertyAccessResult::UnsupportedType,
-        };
-        PropertyAccessResult::Set
+/// A part of a colour.
+fn shade(value: &Property) -> Option<f32> {
+    match value {
+        Property::Float(x) => Some(*x),
+        Property::Double(x) => Some(*x as f32),
+        Property::UChar(x) => Some(ply_binary::linear(*x)),
+        _ => None,
     }
 }
 
-struct Skipped;
-
-impl PropertyAccess for Skipped {
-    fn new() -> Self {
-        Self
-    }
+fn indices(value: Property) -> Option<Vec<u32>> {
+    // A negative index becomes one that no vertex has.
+    let index = |i: i64| u32::try_from(i).unwrap_or(u32::MAX);
+    Some(match value {
+        Property::ListInt(list) => list.into_iter().map(|i| index(i.into())).collect(),
+        Property::ListUInt(list) => list,
+        Property::ListShort(list) => list.into_iter().map(|i| index(i.into())).collect(),
+        Property::ListUShort(list) => list.into_iter().map(u32::from).collect(),
+        Property::ListChar(list) => list.into_iter().map(|i| index(i.into())).collect(),
+        Property::ListUChar(list) => list.into_iter().map(u32::from).collect(),
+        _ => return None,
+    })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::image::linear_from_srgb;
     use crate::mesh::RawMesh;
 
     const HEADER: &str = "comment a square\nelement vertex 4\nproperty float x\nproperty float y\n\

@@ -5,9 +5,11 @@
 use super::RawMesh;
 use crate::image::linear_from_srgb;
 use beamfarm_render::math::Rgb;
+use beamfarm_render::parallel::collected;
 use glam::{DVec2, DVec3};
 use ply_rs_bw::ply::{ElementDef, Encoding, PropertyType, ScalarType};
 use rayon::prelude::*;
+use std::sync::LazyLock;
 
 /// What the list of a face's indices is called.
 pub const INDEX_NAMES: [&str; 2] = ["vertex_indices", "vertex_index"];
@@ -73,6 +75,13 @@ impl Number {
     }
 }
 
+/// A byte of a colour, which is as in pictures, as Blender and MeshLab write them.
+pub fn linear(byte: u8) -> f32 {
+    static LINEAR: LazyLock<[f32; 256]> =
+        LazyLock::new(|| std::array::from_fn(|byte| linear_from_srgb(byte as f64 / 255.0)));
+    LINEAR[usize::from(byte)]
+}
+
 fn is_whole(kind: &ScalarType) -> bool {
     !matches!(kind, ScalarType::Float | ScalarType::Double)
 }
@@ -135,7 +144,7 @@ pub fn vertices(
         })
     };
     let records = records.par_chunks_exact(stride);
-    let vectors = |first: usize| records.clone().map(move |r| DVec3::from(numbers(r, first))).collect();
+    let vectors = |first: usize| collected(records.clone().map(move |r| DVec3::from(numbers(r, first))));
     mesh.positions = vectors(0);
     if has_normals {
         mesh.normals = vectors(3);
@@ -145,11 +154,9 @@ pub fn vertices(
             let [u, v, _] = numbers(record, 6);
             DVec2::new(u, v)
         };
-        mesh.uvs = records.clone().map(uv).collect();
+        mesh.uvs = collected(records.clone().map(uv));
     }
     if has_colors {
-        // Bytes are as in pictures, as Blender and MeshLab write them.
-        let linear: Vec<f32> = (0..=255u8).map(|x| linear_from_srgb(f64::from(x) / 255.0)).collect();
         let color = |record: &[u8]| {
             let part = |column: &Option<(usize, Number)>| match column {
                 Some((
@@ -158,13 +165,13 @@ pub fn vertices(
                         kind: ScalarType::UChar,
                         ..
                     },
-                )) => linear[usize::from(record[*at])],
+                )) => linear(record[*at]),
                 Some((at, number)) => number.float(&record[*at..]) as f32,
                 None => 0.0,
             };
             Rgb::new(part(&columns[8]), part(&columns[9]), part(&columns[10]))
         };
-        mesh.colors = records.map(color).collect();
+        mesh.colors = collected(records.map(color));
     }
     *bytes = rest;
     Some(())

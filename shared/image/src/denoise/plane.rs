@@ -26,9 +26,14 @@ impl Plane {
     /// A plane of this size whose rows `fill` makes, each from its number alone.
     pub fn from_rows(width: usize, height: usize, fill: impl Fn(usize, &mut [f32]) + Sync) -> Self {
         let mut plane = Self::new(width, height);
-        let rows = plane.values.par_chunks_mut(width.max(1)).enumerate();
-        rows.for_each(|(y, row)| fill(y, row));
+        plane.fill(&fill);
         plane
+    }
+
+    /// Not generic: what shares the rows among threads is as long as thirty of the functions that fill them.
+    fn fill(&mut self, row: &(dyn Fn(usize, &mut [f32]) + Sync)) {
+        let rows = self.values.par_chunks_mut(self.width.max(1)).enumerate();
+        rows.for_each(|(y, values)| row(y, values));
     }
 
     /// A function of the values of several planes of one size, pixel by pixel.

@@ -2,6 +2,7 @@
 
 use super::cryptomatte::{self, Names};
 use super::header::{attributes, sort_attributes, text};
+use super::read::meta_data;
 use crate::atomic;
 use crate::error::ImageError;
 use crate::film::Film;
@@ -11,11 +12,13 @@ use crate::matte::Matte;
 use crate::merge::Average;
 use exr::image::write::WritableImage;
 use exr::image::{AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer};
+use exr::meta::MetaData;
 use exr::meta::attribute::{AttributeValue, Compression, LineOrder};
 use exr::meta::header::LayerAttributes;
 use exr::prelude::Vec2;
 use std::borrow::Cow;
-use std::io::Cursor;
+use std::fs::File;
+use std::io::{BufReader, Cursor};
 use std::path::Path;
 
 /// What a final image says about itself, beside its number of passes and its error, and what it holds.
@@ -278,10 +281,16 @@ pub struct MadeOf {
     pub channels: Vec<String>,
 }
 
+/// Those of the image at `path`, without reading the rest of it.
+fn headers(path: &Path) -> Option<MetaData> {
+    let mut file = BufReader::new(File::open(path).ok()?);
+    meta_data(&mut file, false).ok()
+}
+
 impl Provenance {
     /// Of the image at `path`. `None` where there is none.
     pub fn read(path: &Path) -> Option<Self> {
-        let meta = exr::meta::MetaData::read_from_file(path, false).ok()?;
+        let meta = headers(path)?;
         let attributes = &meta.headers.first()?.own_attributes.other;
         let find = |name: &str| attributes.get(&exr::prelude::Text::from(name));
         find("beamfarmScene")?;
@@ -299,7 +308,7 @@ impl Provenance {
 impl MadeOf {
     /// Of the image at `path`. `None` where there is none, or where it is not made of passes.
     pub fn read(path: &Path) -> Option<Self> {
-        let meta = exr::meta::MetaData::read_from_file(path, false).ok()?;
+        let meta = headers(path)?;
         let attributes = &meta.headers.first()?.own_attributes.other;
         let find = |name: &str| attributes.get(&exr::prelude::Text::from(name));
         let text = |name: &str| match find(name) {

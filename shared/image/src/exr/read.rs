@@ -2,11 +2,24 @@
 
 use crate::error::ImageError;
 use crate::film::Film;
+use exr::io::Tracking;
+use exr::meta::MetaData;
 use exr::meta::attribute::Compression;
 use exr::prelude::{ReadChannels, ReadLayers, ReadSpecificChannel, Vec2};
-use std::io::Cursor;
+use std::io::{Cursor, Read, Seek};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
+
+/// What images are read from. Files and bytes in memory are one type here, since the decoder is compiled anew for each.
+pub(super) trait Source: Read + Seek {}
+
+impl<T: Read + Seek> Source for T {}
+
+/// The headers of an image.
+pub(super) fn meta_data(source: &mut dyn Source, pedantic: bool) -> exr::error::Result<MetaData> {
+    // The decoder of pixels wraps its sources in this, too.
+    MetaData::read_from_buffered(Tracking::new(source), pedantic)
+}
 
 /// Read the channels R, G, B, half or float, of the first layer that has them.
 pub fn read_rgb(path: &Path) -> Result<Film, ImageError> {
@@ -33,7 +46,7 @@ pub fn read_standard_error(path: &Path) -> Result<Option<Film>, ImageError> {
     };
     check_claims(&bytes, false).map_err(failed)?;
     let names = ["stderr.R", "stderr.G", "stderr.B"];
-    let meta = exr::meta::MetaData::read_from_buffered(&bytes[..], false).map_err(|error| failed(error.to_string()))?;
+    let meta = meta_data(&mut Cursor::new(&bytes), false).map_err(|error| failed(error.to_string()))?;
     let has_all = meta.headers.iter().any(|header| {
         let channels = &header.channels.list;
         let has = |name: &&str| channels.iter().any(|channel| channel.name.eq(name));
@@ -68,7 +81,7 @@ fn decode_channels(bytes: &[u8], names: &[&str]) -> Result<([u32; 2], Vec<Vec<f3
         .all_channels();
     let reader = reader.first_valid_layer().all_attributes().non_parallel();
     let image = reader
-        .from_buffered(Cursor::new(bytes))
+        .from_buffered(&mut Cursor::new(bytes) as &mut dyn Source)
         .map_err(|error| error.to_string())?;
     let layer = image.layer_data;
     let find = |name: &&str| {
@@ -92,7 +105,7 @@ const MAX_EXPANSION: usize = 2048;
 
 /// Whether a file that need not be trusted can hold the pixels that it claims, in a form whose decoder is safe to run.
 pub fn check_claims(bytes: &[u8], pedantic: bool) -> Result<(), String> {
-    let meta = exr::meta::MetaData::read_from_buffered(bytes, pedantic).map_err(|error| error.to_string())?;
+    let meta = meta_data(&mut Cursor::new(bytes), pedantic).map_err(|error| error.to_string())?;
     let mut claimed = 0usize;
     for header in &meta.headers {
         let Vec2(width, height) = header.layer_size;
@@ -144,7 +157,7 @@ fn decode_trusting(bytes: &[u8], channels: [&str; 3]) -> Result<Film, String> {
         .collect_pixels(create, set);
     let reader = reader.first_valid_layer().all_attributes().non_parallel();
     let image = reader
-        .from_buffered(Cursor::new(bytes))
+        .from_buffered(&mut Cursor::new(bytes) as &mut dyn Source)
         .map_err(|error| error.to_string())?;
     Ok(image.layer_data.channel_data.pixels)
 }

@@ -1,7 +1,5 @@
 //! Orders in which neighbours are alike.
 
-use rayon::prelude::*;
-
 /// Below this it is not worth the while to share the work out.
 const MANY: usize = 4096;
 
@@ -47,10 +45,13 @@ fn divide(spots: &mut [Spot], part: usize, finer: fn(usize) -> Option<usize>) {
         by_place.then(a.index.cmp(&b.index))
     });
     let (low, high) = spots.split_at_mut(middle);
-    let mut halves = [low, high];
-    let divide = |half: &mut &mut [Spot]| divide(half, part, finer);
-    match halves[0].len() > MANY {
-        true => halves.par_iter_mut().for_each(divide),
-        false => halves.iter_mut().for_each(divide),
+    match low.len() > MANY {
+        true => {
+            rayon::join(|| divide(low, part, finer), || divide(high, part, finer));
+        }
+        false => {
+            divide(low, part, finer);
+            divide(high, part, finer);
+        }
     }
 }

@@ -5,6 +5,7 @@ use super::lanes::{LANES, Lanes};
 use super::order::order;
 use crate::math::Vec3;
 use crate::medium::transmittance::StepFunctions;
+use crate::parallel;
 use crate::spectrum::{WaveNumber, WaveSet};
 use rayon::prelude::*;
 
@@ -315,7 +316,8 @@ impl PieceTree {
         let mut size = LANES;
         while size < pieces.len() {
             let chunks = pieces.par_chunks(size * LANES);
-            tree.levels.push(chunks.map(|all| Cluster::of(all, size)).collect());
+            tree.levels
+                .push(parallel::collected(chunks.map(|all| Cluster::of(all, size))));
             size *= LANES;
         }
         tree

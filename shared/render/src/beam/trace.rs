@@ -15,6 +15,7 @@ use crate::math::{Ray, Rgb, Vec3, exp_neg, mean};
 use crate::medium::transmittance::StepFunctions;
 use crate::medium::{Flight, Medium, MediumId, MediumSegment};
 use crate::odds::{DEEPER_ODDS, MAX_SURVIVAL, TRAPPED_DEPTH, caustic_odds, first_odds, least_flight};
+use crate::parallel;
 use crate::photon_map::{Arrival, Odds, SeenBy, SurfacePhoton};
 use crate::plan::RenderPlan;
 use crate::sampler::{Purpose, Sampler};
@@ -24,7 +25,6 @@ use crate::targeting::{Aim, Targets};
 use crate::world::{Scene, SurfaceInteraction};
 use beamfarm_image::job::{JobSettings, ScheduleKind};
 use beamfarm_image::radius::Schedule;
-use rayon::prelude::*;
 
 /// Everything that the photon paths of a pass leave behind.
 #[derive(Debug, Default)]
@@ -78,21 +78,19 @@ fn trace_with(scene: &Scene, plan: &RenderPlan, pass_index: u64, sight: impl Sig
         waves: plan.wave_set(pass_index),
         sight,
     };
-    let chunks: Vec<Photons> = (0..paths.div_ceil(CHUNK))
-        .into_par_iter()
-        .map(|chunk| {
-            let mut photons = Photons::default();
-            for path in chunk * CHUNK..((chunk + 1) * CHUNK).min(paths) {
-                if path % BETWEEN_LOOKS == 0 && scene.is_interrupted() {
-                    break;
-                }
-                let seed = plan.settings.seed;
-                let mut sampler = Sampler::new(seed, pass_index, Purpose::Photons, path as u64);
-                tracer.trace(&mut sampler, path < beam_paths, &mut photons);
+    let chunks = parallel::map(paths.div_ceil(CHUNK) as usize, |chunk| {
+        let mut photons = Photons::default();
+        let first = chunk as u32 * CHUNK;
+        for path in first..(first + CHUNK).min(paths) {
+            if path % BETWEEN_LOOKS == 0 && scene.is_interrupted() {
+                break;
             }
-            photons
-        })
-        .collect();
+            let seed = plan.settings.seed;
+            let mut sampler = Sampler::new(seed, pass_index, Purpose::Photons, path as u64);
+            tracer.trace(&mut sampler, path < beam_paths, &mut photons);
+        }
+        photons
+    });
     let mut joined = Photons {
         beams: Vec::with_capacity(chunks.iter().map(|c| c.beams.len()).sum()),
         smooth_beams: Vec::with_capacity(chunks.iter().map(|c| c.smooth_beams.len()).sum()),

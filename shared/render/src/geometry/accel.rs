@@ -5,7 +5,7 @@ use super::mesh::{Mesh, MeshTree};
 use super::shape::{Placement, RawHit, Shape, SurfaceHit};
 use super::tree::{Item, ItemTree, Items, TreeHit};
 use crate::math::{Ray, Vec2, Vec3};
-use rayon::prelude::*;
+use crate::parallel;
 use std::collections::HashSet;
 use std::sync::Arc;
 
@@ -95,8 +95,9 @@ impl Geometry {
             let once = meshes.filter(|mesh| met.insert((Arc::as_ptr(mesh), apart)));
             once.map(|mesh| &**mesh).collect()
         };
-        meshes(true).into_par_iter().for_each(|mesh| {
-            mesh.tree();
+        let apart = meshes(true);
+        parallel::each(apart.len(), &|i| {
+            apart[i].tree();
         });
         let mut items = Parts::default();
         let mut placed = Vec::with_capacity(objects.len());
@@ -117,7 +118,8 @@ impl Geometry {
         }
         let tree = ItemTree::new(&items);
         // After the tree: what it takes to build is free again.
-        meshes(false).into_par_iter().for_each(Mesh::prepare_hits);
+        let together = meshes(false);
+        parallel::each(together.len(), &|i| together[i].prepare_hits());
         Self {
             hierarchy: Arc::new(Hierarchy { tree, placed }),
             has_uv: vec![true; objects.len()],

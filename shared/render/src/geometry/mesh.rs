@@ -3,6 +3,7 @@
 use super::tree::{Item, ItemTree, Items};
 use super::triangles::TriangleId;
 use crate::math::{Rgb, Vec2, Vec3};
+use crate::parallel;
 use crate::warp;
 use rayon::prelude::*;
 use std::sync::{Arc, OnceLock};
@@ -172,7 +173,7 @@ impl Mesh {
     #[cold]
     #[inline(never)]
     fn new_facets(&self) -> Facets {
-        let normals: Vec<Vec3> = self.normals.par_iter().map(|n| n.normalize_or_zero()).collect();
+        let normals: Vec<Vec3> = parallel::collected(self.normals.par_iter().map(|n| n.normalize_or_zero()));
         let facet = |triangle: &[u32; 3]| {
             let corners = triangle.map(|i| self.positions[i as usize]);
             let [a, b, c] = corners.map(Vec3::abs);
@@ -187,7 +188,7 @@ impl Mesh {
             }
         };
         Facets {
-            of_triangle: self.triangles.par_iter().map(facet).collect(),
+            of_triangle: parallel::collected(self.triangles.par_iter().map(facet)),
             normals,
         }
     }

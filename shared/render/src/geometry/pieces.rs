@@ -1,6 +1,7 @@
 //! Many things cut into pieces that lie apart, for trees that are built side by side.
 
 use crate::math::Vec3;
+use crate::parallel;
 use obvhs::aabb::Aabb;
 use rayon::prelude::*;
 
@@ -23,9 +24,9 @@ pub(super) fn pieces(count: usize, around: impl Fn(usize) -> Aabb + Sync, larges
             index,
         }
     };
-    let mut entries: Vec<Entry> = (0..count as u32).into_par_iter().map(entry).collect();
+    let mut entries = parallel::collected((0..count as u32).into_par_iter().map(entry));
     let parts = cut(&mut entries, largest.max(1));
-    parts.into_par_iter().map(Piece::new).collect()
+    parallel::map(parts.len(), |i| Piece::new(parts[i]))
 }
 
 impl Piece {
@@ -110,18 +111,17 @@ fn cut(entries: &mut [Entry], largest: usize) -> Vec<&[Entry]> {
 
 /// Bring the things of one side before those of the other, and say how many there are.
 fn divide(entries: &mut [Entry]) -> usize {
-    let centers = entries
-        .par_chunks(CHUNK)
-        .map(|chunk| {
-            chunk.iter().fold(EMPTY, |bounds, entry| {
-                let center = entry.center();
-                bounds.around(Bounds {
-                    low: center,
-                    high: center,
-                })
+    let chunks: Vec<&[Entry]> = entries.chunks(CHUNK).collect();
+    let centers = parallel::map(chunks.len(), |i| {
+        chunks[i].iter().fold(EMPTY, |bounds, entry| {
+            let center = entry.center();
+            bounds.around(Bounds {
+                low: center,
+                high: center,
             })
         })
-        .reduce(|| EMPTY, Bounds::around);
+    });
+    let centers = centers.into_iter().fold(EMPTY, Bounds::around);
     let extent = centers.high - centers.low;
     let per_length = SLICES as f32 / extent;
     // Past the end where there is no extent, which `as` makes the last.
@@ -129,27 +129,25 @@ fn divide(entries: &mut [Entry]) -> usize {
         let along = (entry.center()[axis] - centers.low[axis]) * per_length[axis];
         (along as usize).min(SLICES - 1)
     };
-    let nothing = || [[(0, EMPTY); SLICES]; 3];
-    let slices = entries
-        .par_chunks(CHUNK)
-        .map(|chunk| {
-            let mut slices = nothing();
-            for entry in chunk {
-                for (axis, slices) in slices.iter_mut().enumerate() {
-                    let (count, bounds) = &mut slices[slice(entry, axis)];
-                    *count += 1;
-                    *bounds = bounds.around(entry.bounds());
-                }
+    let nothing: Slices = [[(0, EMPTY); SLICES]; 3];
+    let of_chunks = parallel::map(chunks.len(), |i| {
+        let mut slices = nothing;
+        for entry in chunks[i] {
+            for (axis, slices) in slices.iter_mut().enumerate() {
+                let (count, bounds) = &mut slices[slice(entry, axis)];
+                *count += 1;
+                *bounds = bounds.around(entry.bounds());
             }
-            slices
-        })
-        .reduce(nothing, |mut all: Slices, more| {
-            for ((count, bounds), (n, b)) in all.iter_mut().flatten().zip(more.iter().flatten()) {
-                *count += n;
-                *bounds = bounds.around(*b);
-            }
-            all
-        });
+        }
+        slices
+    });
+    let mut slices = nothing;
+    for more in of_chunks {
+        for ((count, bounds), (n, b)) in slices.iter_mut().flatten().zip(more.iter().flatten()) {
+            *count += n;
+            *bounds = bounds.around(*b);
+        }
+    }
     match cheapest(&slices, entries.len()) {
         Some((axis, limit)) => {
             let mut middle = 0;

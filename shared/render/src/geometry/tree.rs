@@ -3,11 +3,11 @@
 use super::pieces::{Piece, pieces};
 use super::triangles::{Four, FourHit, ShearedRay, TriangleId};
 use crate::math::Vec3;
+use crate::parallel;
 use crate::wide::{WideTree, padded};
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::{Bvh2, builder::build_bvh2};
 use obvhs::{Boundable, BvhBuildParams};
-use rayon::prelude::*;
 use std::time::Duration;
 
 /// Things of which a tree is built in one go. More are cut into pieces of no more, whose trees are built side by side:
@@ -87,7 +87,7 @@ impl ItemTree {
                 let items: Vec<Item> = piece.items.iter().map(|i| items.item(*i as usize)).collect();
                 Self::whole(&items)
             };
-            let trees: Vec<Self> = pieces.par_iter().map(build).collect();
+            let trees = parallel::map(pieces.len(), |i| build(&pieces[i]));
             for (part, place) in trees.into_iter().zip(places) {
                 let (leaves, fours) = (tree.leaves.len() as u32, tree.fours.len() as u32);
                 tree.boxes.put(*place, part.boxes, leaves);

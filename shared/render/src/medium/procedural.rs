@@ -2,9 +2,9 @@
 //! on they are grids like any other, with exact bounds, and what is rendered is their trilinear interpolation.
 
 use super::bricks::{BRICK, Core, RawDensity};
+use crate::parallel;
 use glam::{DAffine3, DVec3, IVec3};
 use noise::{NoiseFn, Perlin};
-use rayon::prelude::*;
 
 /// A density as a product of the factors that are given. Lengths in units of the space that it stands in; y is up.
 #[derive(Clone, Debug)]
@@ -149,8 +149,9 @@ impl Recipe {
             });
             (brick.to_array(), Core::Samples(Box::new(samples)))
         };
+        let cores = parallel::map(bricks.element_product() as usize, |index| core(index as i32));
         Ok(RawDensity {
-            cores: (0..bricks.element_product()).into_par_iter().map(core).collect(),
+            cores: cores.into_iter().collect(),
             samples: [IVec3::ZERO, count - 1],
             domain: [DVec3::splat(-0.5), count.as_dvec3() - 0.5],
             to_object,

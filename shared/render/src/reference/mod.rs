@@ -24,12 +24,12 @@ mod vertex;
 
 use crate::aov::{LayerPlan, NoSuchGroup, Parts, Recorder};
 use crate::light::LightSelector;
+use crate::parallel;
 use crate::sampler::{Purpose, Sampler};
 use crate::world::Scene;
 use beamfarm_image::film::Film;
 use beamfarm_image::job::ReferenceSettings;
 use beamfarm_image::layer::Layer;
-use rayon::prelude::*;
 use tracer::PathTracer;
 
 /// What a sample gives.
@@ -152,7 +152,7 @@ pub fn render_sample_with_layers(
         }
         Some((pixels, values))
     };
-    let rows: Option<Vec<_>> = (0..height).into_par_iter().map(row).collect();
+    let rows: Option<Vec<_>> = parallel::map(height, row).into_iter().collect();
     let mut film = Film::new(camera.width, camera.height);
     let mut films = vec![film.clone(); layers.count()];
     for (y, (pixels, values)) in rows?.into_iter().enumerate() {

@@ -3,12 +3,12 @@
 use super::Place;
 use crate::light::{SceneBounds, cdf};
 use crate::math::{Frame, PI, Ray, Vec2, Vec3};
+use crate::parallel;
 use crate::warp;
 use crate::wide::WideTree;
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::builder::build_bvh2;
 use obvhs::{Boundable, BvhBuildParams};
-use rayon::prelude::*;
 use std::time::Duration;
 
 /// Most discs of a light.
@@ -75,7 +75,7 @@ impl Discs {
     /// Discs around the first places, each as large as encloses its 8 nearest. `places`: more than those.
     pub(crate) fn new(places: &[Place], bounds: &SceneBounds) -> Self {
         let places = &places[..places.len().min(MOST)];
-        let mut around: Vec<(f32, f32)> = places.par_iter().map(|place| neighbourhood(places, place)).collect();
+        let mut around = parallel::map(places.len(), |i| neighbourhood(places, &places[i]));
         let count = around.len() as f32;
         let mean = around.iter().map(|(r, _)| r).sum::<f32>() / count;
         let variance = around.iter().map(|(r, _)| (r - mean) * (r - mean)).sum::<f32>() / count;

@@ -11,12 +11,12 @@ use crate::geometry::SurfaceHit;
 use crate::light::{DirectSample, LightHit, LightKind};
 use crate::math::{Frame, Ray, Rgb, Vec2, Vec3, mean};
 use crate::medium::{Flight, Medium, MediumId};
+use crate::parallel;
 use crate::phase::Phase;
 use crate::sampler::{Purpose, Sampler};
 use crate::sight::{Sight, Start};
 use crate::warp::power_heuristic;
 use crate::world::{Scene, SurfaceInteraction};
-use rayon::prelude::*;
 
 /// Camera paths of one round, and rounds while no light is seen from enough places.
 const ROUND: u64 = 4096;
@@ -45,19 +45,16 @@ pub(super) fn trace(
     let mut by_light = vec![Vec::new(); scene.lights().len()];
     let mut tries = 0;
     for round in 0..ROUNDS {
-        let paths = round * ROUND..(round + 1) * ROUND;
-        let found: Vec<(Found, u32)> = paths
-            .into_par_iter()
-            .map(|path| {
-                let mut places = Vec::new();
-                if scene.is_interrupted() {
-                    return (places, 0);
-                }
-                let mut sampler = Sampler::new(seed, 0, Purpose::Pilot, path);
-                let tries = pilot.path(path % 2 == 1, &mut sampler, &mut places);
-                (places, tries)
-            })
-            .collect();
+        let found: Vec<(Found, u32)> = parallel::map(ROUND as usize, |i| {
+            let path = round * ROUND + i as u64;
+            let mut places = Vec::new();
+            if scene.is_interrupted() {
+                return (places, 0);
+            }
+            let mut sampler = Sampler::new(seed, 0, Purpose::Pilot, path);
+            let tries = pilot.path(path % 2 == 1, &mut sampler, &mut places);
+            (places, tries)
+        });
         for (places, tried) in found {
             tries += u64::from(tried);
             for (light, place) in places {

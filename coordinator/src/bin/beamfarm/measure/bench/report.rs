@@ -6,21 +6,11 @@ use super::plot::{self, Curve, FAINT_GRID, GRID, INK, PALETTE};
 use super::record::{Findings, SceneFindings};
 use super::table::{self, Table};
 use crate::failure::Failure;
-use askama::Template;
+use beamfarm_coordinator::html;
+use beamfarm_coordinator::html::Html;
 use beamfarm_image::atomic::write_file;
 use beamfarm_proto::VERSION;
 use std::path::Path;
-
-#[derive(Template)]
-#[template(path = "bench.html")]
-struct Page<'a> {
-    title: &'a str,
-    about: String,
-    /// Colours of the plots on a light and on a dark page.
-    colours: Vec<(String, &'static str)>,
-    scenes: Vec<SceneView<'a>>,
-    map_end: u32,
-}
 
 struct SceneView<'a> {
     name: &'a str,
@@ -34,19 +24,17 @@ struct SceneView<'a> {
 
 struct PlotView {
     label: String,
-    svg: String,
+    svg: Html,
 }
 
 struct LegendEntry {
-    swatch: String,
+    swatch: Html,
     name: String,
     note: String,
 }
 
 /// Write it.
 pub fn write(findings: &Findings, path: &Path) -> Result<(), Failure> {
-    let scenes = findings.scenes.iter().map(view);
-    let colours = PALETTE.iter().chain([&INK, &GRID, &FAINT_GRID]);
     let machine = &findings.machine;
     let mut about = format!(
         "beamfarm {VERSION}, {} cores of {} ({}; {}), {}",
@@ -63,15 +51,152 @@ pub fn write(findings: &Findings, path: &Path) -> Result<(), Failure> {
     if let Some(date) = &findings.date {
         about.push_str(&format!(", {date}"));
     }
-    let page = Page {
-        title: &findings.title,
-        about,
-        colours: colours.map(|(light, dark)| (plot::hex(*light), *dark)).collect(),
-        scenes: scenes.collect::<Result<_, _>>()?,
-        map_end: (100.0 * crops::SCALE) as u32,
-    };
-    let text = page.render().map_err(Failure::io)?;
+    let scenes = findings.scenes.iter().map(|scene| Ok(view(scene)?.html()));
+    let scenes = scenes.collect::<Result<Html, Failure>>()?;
+    let text = page(&findings.title, &about, &scenes).into_string();
     Ok(write_file(path, text.as_bytes())?)
+}
+
+fn page(title: &str, about: &str, scenes: &Html) -> Html {
+    html!(
+        r#"<!DOCTYPE html>
+<html lang="en" xmlns="http://www.w3.org/1999/xhtml">
+<head>
+<meta charset="utf-8"/>
+<meta name="viewport" content="width=device-width, initial-scale=1"/>
+<meta name="color-scheme" content="light dark"/>
+<title>{title}</title>
+<style>
+{style}{dark}
+</style>
+</head>
+<body>
+<h1>{title}</h1>
+<p class="about">{about}</p>
+<p class="about">relMSE is the mean over pixels and channels of (x &#8722; ref)&#178; / (ref&#178; + 0.01). Times are those of
+rendering alone; each run has the machine for itself. Times to an error are interpolated in log-log. &#8220;&#8804;&#8221;: the first
+measurement is below the error already. &#8220;not reached (&#8776;)&#8221;: extrapolated along the slope, which is a least-squares fit in
+log-log over the last ninth of the time and three measurements at least. One measurement alone is taken to move at slope &#8722;1.</p>{scenes}
+<p class="about">Maps of the relative error (x &#8722; ref) / &#8730;(ref&#178; + 0.01): blue where an image is darker than the reference, red
+where it is brighter, white where they agree; the colours end at {map_end} %.</p>
+</body>
+</html>
+"#,
+        title = title,
+        style = Html::trusted(include_str!("report.css")),
+        dark = dark_style(),
+        about = about,
+        scenes = scenes,
+        map_end = (100.0 * crops::SCALE) as u32,
+    )
+}
+
+/// Colours of a dark page, and those that plots have on it.
+fn dark_style() -> Html {
+    let colours = PALETTE.iter().chain([&INK, &GRID, &FAINT_GRID]);
+    let rules = colours.map(|(light, dark)| {
+        html!(
+            "\nsvg [stroke=\"{light}\"] {{ stroke: {dark}; }}\nsvg [fill=\"{light}\"] {{ fill: {dark}; }}",
+            light = plot::hex(*light),
+            dark = dark,
+        )
+    });
+    html!(
+        r#"@media (prefers-color-scheme: dark) {{
+:root {{ --page: #161619; --ink: #e6e6ea; --soft: #a4a4ae; --line: #34343b; --band: #1d1d21; }}{rules}
+}}"#,
+        rules = rules.collect::<Html>(),
+    )
+}
+
+impl SceneView<'_> {
+    fn html(&self) -> Html {
+        let about = self
+            .about
+            .iter()
+            .map(|line| html!("\n<p class=\"about\">{line}</p>", line = line));
+        let plots = self.plots.iter().map(|plot| {
+            html!(
+                "\n<figure role=\"img\" aria-label=\"{label}\">{svg}</figure>",
+                label = plot.label,
+                svg = plot.svg,
+            )
+        });
+        let legend = self.legend.iter().map(|entry| {
+            html!(
+                "\n<li>{swatch}<span>{name} <span class=\"note\">{note}</span></span></li>",
+                swatch = entry.swatch,
+                name = entry.name,
+                note = entry.note,
+            )
+        });
+        let tables = self
+            .tables
+            .iter()
+            .map(|table| html!("\n<h3>{title}</h3>{rows}", title = table.title, rows = rows(table)));
+        let details = self.details.iter().map(|table| {
+            html!(
+                "\n<details>\n<summary>{title}</summary>{rows}\n</details>",
+                title = table.title,
+                rows = rows(table),
+            )
+        });
+        html!(
+            r#"
+<section>
+<h2>{name}</h2>{about}
+<div class="plots">{plots}
+</div>
+<ul class="legend">{legend}
+</ul>{tables}{details}{crops}
+</section>"#,
+            name = self.name,
+            about = about.collect::<Html>(),
+            plots = plots.collect::<Html>(),
+            legend = legend.collect::<Html>(),
+            tables = tables.collect::<Html>(),
+            details = details.collect::<Html>(),
+            crops = self.crops.iter().map(pictures).collect::<Html>(),
+        )
+    }
+}
+
+fn pictures(row: &Row) -> Html {
+    let pictures = row.pictures.iter().map(|picture| {
+        html!(
+            r#"
+<figure><img src="{source}" width="{width}" height="{height}" alt="{caption}"/><figcaption>{caption}</figcaption></figure>"#,
+            source = picture.source,
+            width = picture.width,
+            height = picture.height,
+            caption = picture.caption,
+        )
+    });
+    html!(
+        "\n<h3>{name}</h3>\n<div class=\"crops\">{pictures}\n</div>",
+        name = row.name,
+        pictures = pictures.collect::<Html>(),
+    )
+}
+
+fn rows(table: &Table) -> Html {
+    let head = table.head.iter().map(|cell| html!("<th>{cell}</th>", cell = cell));
+    let rows = table.rows.iter().map(|row| {
+        let cells = row.iter().map(|cell| html!("<td>{cell}</td>", cell = cell));
+        html!("\n<tr>{cells}</tr>", cells = cells.collect::<Html>())
+    });
+    let is_wide = table.head.get(1).is_some_and(|cell| cell == "against");
+    html!(
+        r#"
+<div class="scroll"><table{class}>
+<thead><tr>{head}</tr></thead>
+<tbody>{rows}
+</tbody>
+</table></div>"#,
+        class = Html::when(is_wide, " class=\"two\""),
+        head = head.collect::<Html>(),
+        rows = rows.collect::<Html>(),
+    )
 }
 
 fn view(scene: &SceneFindings) -> Result<SceneView<'_>, Failure> {
@@ -93,6 +218,7 @@ fn view(scene: &SceneFindings) -> Result<SceneView<'_>, Failure> {
         if let Some(svg) = plot::svg(&curves, clock.unit(), error)? {
             let names: Vec<&str> = curves.iter().map(|curve| curve.name.as_str()).collect();
             let label = format!("{error} against {}: {}", clock.unit(), names.join(", "));
+            let svg = Html::trusted(svg);
             plots.push(PlotView { label, svg });
         }
     }
@@ -104,7 +230,7 @@ fn view(scene: &SceneFindings) -> Result<SceneView<'_>, Failure> {
             None => String::new(),
         };
         Ok(LegendEntry {
-            swatch: plot::swatch(look)?,
+            swatch: Html::trusted(plot::swatch(look)?),
             name: name.clone(),
             note,
         })

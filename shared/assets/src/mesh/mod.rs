@@ -1,6 +1,9 @@
 //! Meshes as their files give them, and the meshes that are rendered.
 
 mod obj;
+#[cfg(test)]
+mod obj_reference;
+mod obj_text;
 mod ply;
 mod ply_binary;
 mod serialized;

@@ -1,207 +1,300 @@
 //! Wavefront OBJ: all objects and groups as one mesh; materials are ignored.
 
 use super::RawMesh;
-use crate::{Flaw, line_of};
+use super::obj_text::{self, Defined, Mark, NONE, Text, quote};
+use crate::Flaw;
 use glam::{DVec2, DVec3};
-use std::borrow::Cow;
-use std::io::Cursor;
-use tobj::LoadOptions;
+use rayon::prelude::*;
+use std::collections::HashMap;
+
+/// Bytes of text that are read by one thread.
+const PIECE: usize = 1 << 20;
+
+/// Vertices of one position that are searched one after the other.
+const MAX_LINKS: usize = 16;
 
 /// Read a mesh. Polygons become fans of triangles; points and lines are skipped.
 pub fn read(bytes: &[u8]) -> Result<RawMesh, Flaw> {
-    // Comments and names in the code pages of old programs.
-    let text = String::from_utf8_lossy(bytes);
-    if let Some(flaw) = backward_flaw(&text) {
-        return Err(flaw);
-    }
-    let bytes = text.as_bytes();
-    // Some groups may have UVs where others have none: then each has vertices of its own.
-    if let Some(joined) = without_groups(bytes)
-        && let Ok(mesh) = read_objects(&joined)
+    read_in_pieces(bytes, PIECE)
+}
+
+fn read_in_pieces(bytes: &[u8], size: usize) -> Result<RawMesh, Flaw> {
+    let text = obj_text::read(bytes, size)?;
+    // Faces of several groups share their vertices where none has normals, and the normals that are made of them are
+    // smooth from one group to the next. Some groups may have UVs where others have none: then each has vertices of its
+    // own.
+    if text.normals.is_empty()
+        && let Ok(mesh) = join(bytes, &text, Parted::Not)
     {
         return Ok(mesh);
     }
-    let read = read_objects(bytes);
-    match read {
-        Err(flaw) => split_by_kind(&text)
-            .and_then(|split| read_objects(split.as_bytes()).ok())
-            .ok_or(flaw),
-        Ok(mesh) => Ok(mesh),
-    }
+    // Some faces of one group may have UVs or normals and some none: then each kind has vertices of its own.
+    let by_groups = join(bytes, &text, Parted::ByGroups);
+    by_groups.or_else(|flaw| join(bytes, &text, Parted::ByKinds).map_err(|_| flaw))
 }
 
-/// A file in which some faces of one object have UVs or normals and some have none, each kind made an object of its
-/// own.
-fn split_by_kind(text: &str) -> Option<String> {
-    let mut split = String::with_capacity(text.len() + 64);
-    let mut last = None;
-    let mut is_mixed = false;
-    for line in text.lines() {
-        let mut words = line.split_whitespace();
-        if words.next() == Some("f") {
-            let parts = words.next().into_iter().flat_map(|word| word.split('/'));
-            let kind: Vec<bool> = parts.map(|part| !part.is_empty()).collect();
-            if last.as_ref().is_some_and(|last| *last != kind) {
-                is_mixed = true;
-                split.push_str("o kind\n");
-            }
-            last = Some(kind);
-        }
-        split.push_str(line);
-        split.push('\n');
-    }
-    is_mixed.then_some(split)
+/// Whether each part of a mesh has vertices of its own, and what the parts are.
+#[derive(Clone, Copy, PartialEq)]
+enum Parted {
+    Not,
+    ByGroups,
+    /// And by whether faces have UVs and normals.
+    ByKinds,
 }
 
-/// The first index that counts back to before the file's start: the library computes with what it makes of it.
-fn backward_flaw(text: &str) -> Option<Flaw> {
-    let keywords = ["v", "vt", "vn"];
-    let mut defined = [0u64; 3];
-    for (i, line) in text.lines().enumerate() {
-        let mut words = line.split_whitespace();
-        let keyword = words.next();
-        if let Some(kind) = keywords.iter().position(|name| keyword == Some(name)) {
-            defined[kind] += 1;
-        }
-        if !matches!(keyword, Some("f" | "l" | "p")) || !line.contains('-') {
-            continue;
-        }
-        let indices = words.flat_map(|word| word.split('/').zip(defined));
-        for (index, defined) in indices.filter(|(index, _)| index.starts_with('-')) {
-            // What is no number is left to the library to refuse.
-            let back = index.parse::<i64>().map_or(0, i64::unsigned_abs);
-            if back > defined {
-                return Some(Flaw {
-                    line: Some(i + 1),
-                    message: format!("a face counts back to {index}, but there are {defined} before it"),
+/// Faces that share vertices.
+struct Part {
+    triangles: usize,
+    /// What there is when it ends.
+    defined: Defined,
+    /// Where the line of its group starts.
+    group: Option<usize>,
+}
+
+fn parts(text: &Text, parted: Parted) -> Vec<Part> {
+    let mut parts = Vec::new();
+    let mut group = None;
+    let mut kind = None;
+    // Corners before the piece, and before the part.
+    let (mut before, mut begun) = (0, 0);
+    let mut colors = 0;
+    for piece in &text.pieces {
+        for mark in &piece.marks {
+            let Mark {
+                corner,
+                defined: [v, vt, vn, own],
+                ..
+            } = *mark;
+            let is_other = mark.kind.is_some() && kind.is_some() && kind != mark.kind;
+            let ends = match parted {
+                Parted::Not => false,
+                Parted::ByGroups => mark.group.is_some(),
+                Parted::ByKinds => mark.group.is_some() || is_other,
+            };
+            let end = before + corner;
+            if ends && end > begun {
+                parts.push(Part {
+                    triangles: (end - begun) / 3,
+                    defined: [v, vt, vn, colors + own],
+                    group,
                 });
+                begun = end;
+            }
+            group = mark.group.or(group);
+            kind = mark.kind.or(kind);
+        }
+        before += piece.corners.len();
+        colors += piece.colors;
+    }
+    parts.push(Part {
+        triangles: (before - begun) / 3,
+        defined: [text.positions.len(), text.uvs.len(), text.normals.len(), colors],
+        group,
+    });
+    parts
+}
+
+/// The vertices of a mesh in the order in which faces name them first.
+struct Vertices {
+    /// Position, UV and normal.
+    keys: Vec<[u32; 3]>,
+    /// The vertex before it that has its position.
+    older: Vec<u32>,
+    /// For each position the last vertex that has it.
+    newest: Vec<u32>,
+    /// Vertices of positions that very many have.
+    others: HashMap<[u32; 3], u32>,
+    /// The first vertex of the part.
+    first: u32,
+    /// How many of the part have UVs, and how many normals.
+    with: [usize; 2],
+}
+
+/// What is wrong with an index.
+enum Fault {
+    /// Nothing has the index, of position, UV or normal.
+    Outside(usize),
+    /// Other vertices have a colour.
+    Colorless,
+    TooMany,
+}
+
+impl Vertices {
+    /// The vertex of this position, UV and normal.
+    fn of(&mut self, key: [u32; 3], defined: &Defined) -> Result<u32, Fault> {
+        let position = key[0] as usize;
+        let mut at = *self.newest.get(position).ok_or(Fault::Outside(0))?;
+        let mut links = 0;
+        // Those before the first are of another part.
+        while at != NONE && at >= self.first && links < MAX_LINKS {
+            if self.keys[at as usize] == key {
+                return Ok(at);
+            }
+            at = self.older[at as usize];
+            links += 1;
+        }
+        if links == MAX_LINKS
+            && let Some(found) = self.others.get(&key).filter(|found| **found >= self.first)
+        {
+            return Ok(*found);
+        }
+        if position >= defined[0] {
+            return Err(Fault::Outside(0));
+        }
+        for i in [1, 2] {
+            // Of files without UVs or normals their indices do not count.
+            if key[i] != NONE && defined[i] > 0 {
+                if key[i] as usize >= defined[i] {
+                    return Err(Fault::Outside(i));
+                }
+                self.with[i - 1] += 1;
             }
         }
-    }
-    None
-}
-
-/// A file without normals, its groups' names made comments: so faces of several groups share their vertices, and the
-/// normals that are made of them are smooth from one group to the next.
-fn without_groups(bytes: &[u8]) -> Option<Cow<'_, [u8]>> {
-    let mut joined = Cow::Borrowed(bytes);
-    let mut at = 0;
-    for line in bytes.split(|byte| *byte == b'\n') {
-        let start = line.iter().take_while(|b| b.is_ascii_whitespace()).count();
-        let rest = &line[start..];
-        let end = rest.iter().take_while(|b| !b.is_ascii_whitespace()).count();
-        match &rest[..end] {
-            b"vn" => return None,
-            b"o" | b"g" => joined.to_mut()[at + start] = b'#',
-            _ => {}
+        if defined[3] > 0 && 3 * position + 2 >= defined[3] {
+            return Err(Fault::Colorless);
         }
-        at += line.len() + 1;
+        let new = self.keys.len() as u32;
+        if new == NONE - 1 {
+            return Err(Fault::TooMany);
+        }
+        self.keys.push(key);
+        match links {
+            MAX_LINKS => {
+                self.others.insert(key, new);
+                self.older.push(NONE);
+            }
+            _ => {
+                self.older.push(self.newest[position]);
+                self.newest[position] = new;
+            }
+        }
+        Ok(new)
     }
-    Some(joined)
+
+    /// Begin another part. `None`: some vertices of this one have what others lack.
+    fn end(&mut self, defined: &Defined) -> Result<(), &'static str> {
+        let own = &mut self.keys[self.first as usize..];
+        let is_mixed = |with: usize| with > 0 && with < own.len();
+        if is_mixed(self.with[1]) {
+            return Err("normals");
+        }
+        if is_mixed(self.with[0]) {
+            return Err("UVs");
+        }
+        for i in [1, 2] {
+            // They may be defined later.
+            if defined[i] == 0 {
+                own.iter_mut().for_each(|key| key[i] = NONE);
+            }
+        }
+        self.first = self.keys.len() as u32;
+        self.with = [0; 2];
+        Ok(())
+    }
 }
 
-/// Objects and groups one after the other.
-fn read_objects(bytes: &[u8]) -> Result<RawMesh, Flaw> {
-    let options = LoadOptions {
-        single_index: true,
-        triangulate: true,
-        ignore_points: true,
-        ignore_lines: true,
+/// One part after the other.
+fn join(bytes: &[u8], text: &Text, parted: Parted) -> Result<RawMesh, Flaw> {
+    let mut vertices = Vertices {
+        keys: Vec::new(),
+        older: Vec::new(),
+        newest: vec![NONE; text.positions.len()],
+        others: HashMap::new(),
+        first: 0,
+        with: [0; 2],
     };
-    let mut cursor = Cursor::new(bytes);
-    let no_materials = |_: &std::path::Path| Ok(Default::default());
-    let (models, _) = tobj::load_obj_buf(&mut cursor, &options, no_materials)
-        .map_err(|e| flaw(e, bytes, cursor.position() as usize))?;
-    let mut mesh = RawMesh::default();
-    for model in models {
-        append(&mut mesh, &model.name, &model.mesh)?;
+    let count: usize = text.pieces.iter().map(|piece| piece.corners.len() / 3).sum();
+    let mut triangles = Vec::with_capacity(count);
+    let mut all = text.pieces.iter().flat_map(|piece| {
+        let keys = |i: usize| {
+            let [vt, vn] = piece.others.get(i).copied().unwrap_or([NONE; 2]);
+            [piece.corners[i], vt, vn]
+        };
+        (0..piece.corners.len() / 3).map(move |t| [keys(3 * t), keys(3 * t + 1), keys(3 * t + 2)])
+    });
+    for part in parts(text, parted) {
+        for keys in all.by_ref().take(part.triangles) {
+            let mut triangle = [0; 3];
+            for (i, key) in keys.into_iter().enumerate() {
+                triangle[i] = vertices
+                    .of(key, &part.defined)
+                    .map_err(|fault| flaw(bytes, &fault, 3 * triangles.len() + i, &part.defined))?;
+            }
+            triangles.push(triangle);
+        }
+        vertices.end(&part.defined).map_err(|what| {
+            let name = name(bytes, part.group);
+            format!("some faces of {name} have {what} and some have none")
+        })?;
+    }
+    let keys = vertices.keys;
+    let some = |i: usize| keys.par_iter().any(|key| key[i] != NONE);
+    let mut mesh = RawMesh {
+        triangles,
+        positions: keys.par_iter().map(|key| text.positions[key[0] as usize]).collect(),
+        ..RawMesh::default()
+    };
+    // Zero normals are replaced by the faces' own after the file is read.
+    if some(2) {
+        let normal = |key: &[u32; 3]| text.normals.get(key[2] as usize).copied().unwrap_or(DVec3::ZERO);
+        mesh.normals = keys.par_iter().map(normal).collect();
+    }
+    if some(1) {
+        let uv = |key: &[u32; 3]| text.uvs.get(key[1] as usize).copied().unwrap_or(DVec2::ZERO);
+        mesh.uvs = keys.par_iter().map(uv).collect();
     }
     Ok(mesh)
 }
 
-/// `position`: where the reader stood when it gave up.
-fn flaw(error: tobj::LoadError, bytes: &[u8], position: usize) -> Flaw {
-    use tobj::LoadError::{FaceNormalOutOfBounds, FaceTexCoordOutOfBounds, FaceVertexOutOfBounds};
-    let found_late = match error {
-        FaceVertexOutOfBounds => Some((0, "v", "vertex")),
-        FaceTexCoordOutOfBounds => Some((1, "vt", "UV")),
-        FaceNormalOutOfBounds => Some((2, "vn", "normal")),
-        _ => None,
-    };
-    match found_late {
-        Some((part, keyword, what)) => index_flaw(bytes, part, keyword, what),
-        None => Flaw {
-            line: Some(line_of(bytes, position.saturating_sub(1))),
-            message: error.to_string(),
-        },
+/// What a part is called.
+fn name(bytes: &[u8], group: Option<usize>) -> String {
+    let line = group.and_then(|start| obj_text::lines(bytes.get(start..)?).next());
+    let line = String::from_utf8_lossy(line.unwrap_or_default());
+    match line.trim().split_once(char::is_whitespace) {
+        Some((_, name)) => quote(name),
+        None => "an object without a name".to_owned(),
     }
 }
 
-/// The first face whose index of this part (of v/vt/vn) no line with `keyword` defines.
-fn index_flaw(bytes: &[u8], part: usize, keyword: &str, what: &str) -> Flaw {
-    let text = String::from_utf8_lossy(bytes);
-    let defined = text
-        .lines()
-        .filter(|line| line.split_whitespace().next() == Some(keyword))
-        .count();
-    for (i, line) in text.lines().enumerate() {
-        let mut words = line.split_whitespace();
-        if words.next() != Some("f") {
+/// The error of a corner of a triangle, counted over all of the file.
+fn flaw(bytes: &[u8], fault: &Fault, corner: usize, defined: &Defined) -> Flaw {
+    let (part, what) = match fault {
+        Fault::TooMany => return "the mesh has more than 2^32 vertices".into(),
+        Fault::Colorless => (0, "vertex"),
+        Fault::Outside(part) => (*part, ["vertex", "UV", "normal"][*part]),
+    };
+    let mut left = corner;
+    for (i, line) in obj_text::lines(bytes).enumerate() {
+        let Some(words) = obj_text::face(line) else { continue };
+        let corners = 3 * words.len().saturating_sub(2);
+        if left >= corners {
+            left -= corners;
             continue;
         }
-        let mut indices = words.filter_map(|word| word.split('/').nth(part)?.parse::<i64>().ok());
-        if let Some(index) = indices.find(|index| index.unsigned_abs() as usize > defined || *index == 0) {
-            return Flaw {
-                line: Some(i + 1),
-                message: format!("the face names {what} {index}, but there are {defined}"),
-            };
-        }
+        // Each triangle has the first word and two that follow each other.
+        let word = match left % 3 {
+            0 => &words[0],
+            k => &words[left / 3 + k],
+        };
+        let index = word.split('/').nth(part).unwrap_or_default();
+        let message = match fault {
+            Fault::Colorless => format!("the face names vertex {index}, which has no colour, but others have one"),
+            _ if index.is_empty() => format!("expected the index of a vertex, found {}", quote(word)),
+            _ => format!("the face names {what} {index}, but there are {}", defined[part]),
+        };
+        let line = Some(i + 1);
+        return Flaw { line, message };
     }
     format!("a face names a {what} that does not exist").into()
 }
 
-fn append(mesh: &mut RawMesh, name: &str, part: &tobj::Mesh) -> Result<(), Flaw> {
-    let count = part.positions.len() / 3;
-    let has = |values: &[f64], size: usize, what: &str| match values.len() {
-        0 => Ok(false),
-        n if n == size * count => Ok(true),
-        _ => Err(format!("some faces of `{name}` have {what} and some have none")),
-    };
-    let (has_normals, has_uvs) = (has(&part.normals, 3, "normals")?, has(&part.texcoords, 2, "UVs")?);
-    let vectors = |values: &[f64]| -> Vec<DVec3> { values.chunks_exact(3).map(DVec3::from_slice).collect() };
-    let first = mesh.positions.len();
-    if first + part.indices.len() > u32::MAX as usize {
-        return Err("the mesh has more than 2^32 vertices".into());
-    }
-    let positions = vectors(&part.positions);
-    let indices: Vec<[u32; 3]> = part.indices.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect();
-    let shifted = |t: &[u32; 3]| t.map(|v| v + first as u32);
-    if first > 0 && mesh.uvs.is_empty() && has_uvs {
-        mesh.uvs.resize(first, DVec2::ZERO);
-    }
-    if first > 0 && mesh.normals.is_empty() && has_normals {
-        // Zero normals are replaced by the faces' own after the file is read.
-        mesh.normals.resize(first, DVec3::ZERO);
-    }
-    mesh.positions.extend(positions);
-    mesh.triangles.extend(indices.iter().map(shifted));
-    if has_normals {
-        mesh.normals.extend(vectors(&part.normals));
-    } else if !mesh.normals.is_empty() {
-        mesh.normals.resize(mesh.positions.len(), DVec3::ZERO);
-    }
-    if has_uvs {
-        mesh.uvs.extend(part.texcoords.chunks_exact(2).map(DVec2::from_slice));
-    } else if !mesh.uvs.is_empty() {
-        mesh.uvs.resize(mesh.positions.len(), DVec2::ZERO);
-    }
-    Ok(())
-}
-
 #[cfg(test)]
 mod tests {
-    use crate::mesh::RawMesh;
+    use super::{PIECE, read_in_pieces};
+    use crate::mesh::{RawMesh, obj_reference};
+    use beamfarm_render::sampler::{Purpose, Sampler};
     use glam::{DVec2, DVec3};
+    use std::fmt::Write;
 
     const OBJ: &str = "# two objects\nmtllib none.mtl\no first\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 100000.03125\n\
         vt 0 0\nvt 1 0\nvt 1 1\nvn 0 0 2\nusemtl red\nf 1/1/1 2/2/1 3/3/1\no second\nf -4 -2 -1\nl 1 2\n";
@@ -285,6 +378,250 @@ mod tests {
         }
         let flaw = RawMesh::read("a.stl", b"").unwrap_err();
         assert!(flaw.message.contains("expected .ply, .obj or .serialized"));
+    }
+
+    /// Of OBJ files: what a bad line was expected to be, how much of it was found, and its number.
+    #[test]
+    fn bad_lines_are_quoted() {
+        let square = "v 0 0 0\r\nv 1 0 0\r\nv 1 1 0\r\nv 0 1 0\r\nvt 0 0\r\n";
+        let long = format!("v {}\n", "1".repeat(100_000) + "x");
+        for (text, line, message) in [
+            ("v 1 2\n", 6, "expected three numbers of a position, found `1 2`"),
+            ("\n\nv 1 2 3 0\n", 8, "the position is divided by zero"),
+            ("v 1 2 3 4 5", 6, "found `1 2 3 4 5`"),
+            (
+                "v 1 2 3 w",
+                6,
+                "expected a number that the position is divided by, found `w`",
+            ),
+            (&long, 6, "found `1111111111111111111111111111111111111111`…"),
+            ("vt 1\n", 6, "expected two numbers of a UV, found `1`"),
+            ("vn\r\n", 6, "expected three numbers of a normal, found nothing"),
+            (
+                "# a\nf 1 2 3/x\n",
+                7,
+                "expected an index, or indices like 1/2/3, 1//3 or 1/2, found `3/x`",
+            ),
+            ("f 1 2 3/1/1/1\n", 6, "found `3/1/1/1`"),
+            ("f 1 2 \\\n3\n", 6, "found `\\`"),
+            ("f\n", 6, "expected indices of vertices, found nothing"),
+            ("f 1 2 4 3 5", 6, "the face names vertex 5, but there are 4"),
+            ("f 1 2 3\nf 1 2 3 0\n", 7, "the face names vertex 0, but there are 4"),
+            ("f 1 2 /1\n", 6, "expected the index of a vertex, found `/1`"),
+            ("f 1//9 2 3\nvn 0 0 1\n", 6, "the face names normal 9, but there are 1"),
+            ("f 1/1 2/1 3/2\n", 6, "the face names UV 2, but there are 1"),
+            (
+                "f 1//6148914691236517207 2//1 3//1\nvn 0 0 1\n",
+                6,
+                "the face names normal 6148914691236517207",
+            ),
+            ("p -5\n", 6, "a face counts back to -5, but there are 4 before it"),
+            (
+                "v 1 2 3 1 1 1\nf 1 2 5\n",
+                7,
+                "the face names vertex 2, which has no colour",
+            ),
+            (
+                "vn 0 0 1\no a\nf 1//1 2//1 5//1\no b\nv 0 0 0\n",
+                8,
+                "the face names vertex 5, but there are 4",
+            ),
+        ] {
+            for size in [1, 50, PIECE] {
+                let flaw = read_in_pieces(format!("{square}{text}").as_bytes(), size).unwrap_err();
+                assert!(flaw.message.contains(message), "{text}: {}", flaw.message);
+                assert!(flaw.message.len() < 200);
+                assert_eq!(flaw.line, Some(line), "{text}");
+            }
+        }
+        let text = format!("{square}vn 0 0 1\no a b\nf 1//1 2//1 3\n");
+        let flaw = RawMesh::read("a.obj", text.as_bytes()).unwrap_err();
+        assert_eq!(flaw.message, "some faces of `a b` have normals and some have none");
+    }
+
+    /// A file with faces of every kind, whether all of a kind or not. `wild`: with what programs hardly write.
+    fn random_file(seed: u64, wild: bool) -> String {
+        let mut sampler = Sampler::new(2, seed, Purpose::Test, 0);
+        let mut below = |n: u32| sampler.next_u32() % n;
+        let end = ["\n", "\r\n"][below(2) as usize];
+        let (has_normals, has_uvs, has_groups) = (below(2) == 0, below(2) == 0, below(3) > 0);
+        let mut text = String::new();
+        let mut defined = [0u32; 3];
+        for _ in 0..below(60) + 3 {
+            let line = match below(if wild { 22 } else { 14 }) {
+                _ if defined[0] < 3 => format!("v {}", numbers(3, &mut below)),
+                _ if has_uvs && defined[1] == 0 => format!("vt {}", numbers(3, &mut below)),
+                _ if has_normals && defined[2] == 0 => format!("vn {}", numbers(3, &mut below)),
+                0 | 1 => format!("v {}", numbers(3, &mut below)),
+                2 if has_uvs => format!("vt {}", numbers(2, &mut below)),
+                3 if has_normals => format!("vn {}", numbers(3, &mut below)),
+                4 if has_groups => format!("{} part {}", ["o", "g"][below(2) as usize], below(9)),
+                5 => ["# a comment", "", "  ", "s off", "usemtl red", "mtllib a b.mtl"][below(6) as usize].to_owned(),
+                14 => format!("v {} 2.5", numbers(3, &mut below)),
+                15 => format!("v {}", numbers(6, &mut below)),
+                16 => "\t v  1\t2 3 ".to_owned(),
+                17 => "# \u{e9}\u{a0} \u{2028}".to_owned(),
+                18 => "f 1\u{a0}2\u{3000}3".to_owned(),
+                19 => ["g", "o \u{e9}", "p 1", "l 1 2", "l 1 2 3", "f 1", "f 1 2"][below(7) as usize].to_owned(),
+                _ if wild && below(8) == 0 => {
+                    let kind = [below(2) == 0, below(2) == 0];
+                    face(kind, defined, &mut below)
+                }
+                _ => face([has_uvs, has_normals], defined, &mut below),
+            };
+            let keyword = line.split_whitespace().next();
+            if let Some(i) = ["v", "vt", "vn"].iter().position(|name| keyword == Some(name)) {
+                defined[i] += 1;
+            }
+            text.push_str(&line);
+            text.push_str(end);
+        }
+        if below(3) == 0 {
+            text.truncate(text.trim_end().len());
+        }
+        text
+    }
+
+    /// Numbers as programs write them, and as they do not.
+    fn numbers(count: u32, below: &mut impl FnMut(u32) -> u32) -> String {
+        let number = |k: u32| match k % 7 {
+            0 => format!("{}", f64::from(k) / 1e3 - 3.0),
+            1 => format!("{:e}", f64::from(k) * 1e-9),
+            2 => format!("-{k}."),
+            3 => format!("0.{k}{k}{k}{k}{k}{k}"),
+            4 => format!("{k}{k}{k}{k}E-{}", k % 40),
+            5 => format!("+.{k}"),
+            _ => format!("{k}"),
+        };
+        let numbers: Vec<String> = (0..count).map(|_| number(below(10_000))).collect();
+        numbers.join(" ")
+    }
+
+    fn face([with_uvs, with_normals]: [bool; 2], defined: [u32; 3], below: &mut impl FnMut(u32) -> u32) -> String {
+        let mut face = "f".to_owned();
+        let [with_uvs, with_normals] = [with_uvs && defined[1] > 0, with_normals && defined[2] > 0];
+        for _ in 0..[3, 3, 3, 4, 4, 5, 9][below(7) as usize] {
+            let [v, vt, vn] = defined.map(|defined| match below(3) {
+                _ if defined == 0 => String::new(),
+                0 => (below(defined) + 1).to_string(),
+                1 => format!("-{}", below(defined) + 1),
+                // Few of them, so that vertices are shared, and one position has many.
+                _ => (below(defined.min(3)) + 1).to_string(),
+            });
+            face += &match (with_uvs, with_normals) {
+                (true, true) => format!(" {v}/{vt}/{vn}"),
+                (true, false) => format!(" {v}/{vt}"),
+                (false, true) => format!(" {v}//{vn}"),
+                (false, false) => format!(" {v}"),
+            };
+        }
+        face
+    }
+
+    /// The bits of a mesh, or none at all.
+    fn bits(mesh: Result<RawMesh, crate::Flaw>) -> Option<(Vec<u64>, Vec<[u32; 3]>)> {
+        let mesh = mesh.ok()?;
+        let RawMesh {
+            positions,
+            normals,
+            uvs,
+            ..
+        } = &mesh;
+        let vectors = positions.iter().chain(normals).flat_map(|p| p.to_array());
+        let numbers = vectors.chain(uvs.iter().flat_map(|uv| uv.to_array()));
+        let counts = [positions.len(), normals.len(), uvs.len()].map(|n| n as u64);
+        Some((
+            counts.into_iter().chain(numbers.map(f64::to_bits)).collect(),
+            mesh.triangles,
+        ))
+    }
+
+    /// To the last bit, wherever the text is cut.
+    #[test]
+    fn files_are_read_as_the_library_reads_them() {
+        let mut good = [0; 2];
+        for seed in 0..4000 {
+            let wild = seed % 2 == 1;
+            let text = random_file(seed, wild);
+            let expected = bits(obj_reference::read(text.as_bytes()));
+            good[usize::from(wild)] += usize::from(expected.is_some());
+            for size in [1, 40, 200, PIECE] {
+                let read = read_in_pieces(text.as_bytes(), size);
+                let flaw = read.as_ref().err().map(|flaw| flaw.message.clone());
+                assert!(
+                    bits(read) == expected,
+                    "seed {seed}, pieces of {size}: {flaw:?}\n{text}"
+                );
+            }
+        }
+        assert!(good[0] > 1900 && good[1] > 600, "{good:?}");
+    }
+
+    #[test]
+    fn damaged_files_are_read_as_the_library_reads_them() {
+        let mut files = vec![OBJ.as_bytes().to_vec()];
+        files.extend((0..6).map(|seed| random_file(seed, seed % 2 == 1).into_bytes()));
+        crate::damage::damage(&files, |bytes| {
+            // The library refuses a `usemtl` that names none.
+            let text = String::from_utf8_lossy(bytes);
+            if text.lines().any(|line| line.trim() == "usemtl") {
+                return;
+            }
+            let expected = bits(obj_reference::read(bytes));
+            assert!(bits(read_in_pieces(bytes, 30)) == expected, "{text}");
+        });
+    }
+
+    #[test]
+    fn meshes_do_not_depend_on_threads() {
+        let mut text = String::new();
+        for i in 0..20_000 {
+            let _ = writeln!(
+                text,
+                "v {} {} {}\nvt {} 0.5",
+                i % 100,
+                i / 100,
+                i % 7,
+                f64::from(i) / 3.0
+            );
+        }
+        for i in 0..19_000 {
+            let _ = match i % 1000 {
+                0 => writeln!(text, "vn 0 0 1\ng {i}\nf -2 -1 -100"),
+                _ => writeln!(
+                    text,
+                    "f {}/{}/1 {i_1}/{i_1}/1 {}/1/1",
+                    i + 1,
+                    i % 17 + 1,
+                    i + 101,
+                    i_1 = i + 2
+                ),
+            };
+        }
+        let on = |threads: usize, text: &str| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| read_in_pieces(text.as_bytes(), 1 << 12).map_err(|flaw| (flaw.line, flaw.message)))
+        };
+        let one = on(1, &text);
+        assert_eq!(one.as_ref().unwrap().triangles.len(), 19_000);
+        assert!([2, 3, 7].into_iter().all(|threads| on(threads, &text) == one));
+        // The first of several errors.
+        let bad = text.replace("v 5 ", "v x ");
+        assert_eq!(on(1, &bad).unwrap_err().0, Some(11));
+        assert!([2, 3, 7].into_iter().all(|threads| on(threads, &bad) == on(1, &bad)));
+    }
+
+    /// As many as there are corners, which are looked for in no long lists.
+    #[test]
+    fn a_position_may_have_very_many_vertices() {
+        let mut text = "v 0 0 0\nv 1 0 0\nv 0 1 0\n".to_owned();
+        for i in 1..=100_000 {
+            let _ = writeln!(text, "vt {i} 0\nf 1/{i} 2/{i} 3/{i}\nf 1/{i} 2/{i} 3/1");
+        }
+        let mesh = RawMesh::read("a.obj", text.as_bytes()).unwrap();
+        assert_eq!(mesh.positions.len(), 300_000);
+        assert_eq!(mesh.triangles[1], [0, 1, 2]);
+        assert_eq!(mesh.triangles[199_999], [299_997, 299_998, 2]);
     }
 
     #[test]

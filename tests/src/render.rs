@@ -42,8 +42,8 @@ pub fn is_long() -> bool {
     std::env::var("BEAMFARM_LONG").is_ok_and(|value| !value.is_empty() && value != "0")
 }
 
-/// What is rendered of so many images that a test compares: all where tests may take long; otherwise half of them, whose
-/// mean has [`blur`] times the standard error. Of few all, or that error would not be known.
+/// What is rendered of so many images that a test compares: all where tests may take long; otherwise half of them,
+/// whose mean has [`blur`] times the standard error. Of few all, or that error would not be known.
 pub fn images(all: u64) -> u64 {
     if is_long() || all < 64 { all } else { all / 2 }
 }

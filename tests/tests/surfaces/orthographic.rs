@@ -222,7 +222,7 @@ fn the_picture_is_that_of_the_path_tracer_and_of_a_camera_far_away() {
     ] {
         let scene = stage(&format!("{eye}, {EYE}"), ALL, 300);
         assert_eq!(scene.description().camera.projection, Projection::Orthographic);
-        let truth = Blocks::new(reference_images(&scene, settings, 100, 8), 8);
+        let truth = Blocks::new(reference_images(&scene, settings, 200, 8), 8);
         for (seed, finder) in (0..).zip([Finder::Photons, Finder::Paths]) {
             let found = by(&scene, finder, seed);
             suite.same_blocks(&format!("{name}, {finder:?}"), &found, &truth, 5e-3);

@@ -144,7 +144,7 @@ impl Geometry {
         Self { has_uv, ..self }
     }
 
-    /// The closest hit in (0, t_max), if any. `ignore` gives objects to pass through; it is not a type parameter, or the
+    /// The closest hit in (0, t_max), if any. `ignore` gives objects to pass through; it is no type parameter, or the
     /// whole traversal would be compiled once for each caller.
     pub fn intersect(
         &self,

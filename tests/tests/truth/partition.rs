@@ -5,7 +5,7 @@ use beamfarm_image::job::{Finder, Finders, JobSettings, ReferenceSettings};
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::Scene;
 use beamfarm_tests::Suite;
-use beamfarm_tests::render::{Blocks, blocks_of, blur, reference_images, scene};
+use beamfarm_tests::render::{Blocks, blocks_of, blur, is_long, reference_images, scene};
 
 const ROOM: &str = r#"
 [image]
@@ -153,6 +153,10 @@ fn beams_and_camera_paths_find_the_same_light() {
             "material = \"red\"",
         ),
     ] {
+        // What is in the first room is in the second.
+        if name == "fog" && !is_long() {
+            continue;
+        }
         let scene = room(world, ball, other, 300);
         let settings = ReferenceSettings {
             seed: 5,

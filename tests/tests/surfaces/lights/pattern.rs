@@ -278,5 +278,6 @@ fn all_estimators_find_the_light_once() {
             [PATHS, PATHS, PATHS],
             [PATHS, PATHS, None],
         ],
+        120,
     );
 }

@@ -217,13 +217,14 @@ pub const PHOTONS: Option<Finder> = Some(Finder::Photons);
 pub const PATHS: Option<Finder> = Some(Finder::Paths);
 
 /// Whatever finds the light, of media, surfaces and caustics: it is that of the path tracer.
-pub fn found_once(scene: &Scene, ways: &[[Option<Finder>; 3]]) {
+/// `images`: of the path tracer.
+pub fn found_once(scene: &Scene, ways: &[[Option<Finder>; 3]], images: u64) {
     let mut suite = Suite::new(SIGNIFICANCE);
     let settings = ReferenceSettings {
         seed: 5,
         max_depth: None,
     };
-    let truth = Blocks::new(reference_images(scene, settings, 120, 8), 8);
+    let truth = Blocks::new(reference_images(scene, settings, images, 8), 8);
     for (seed, &[media, surfaces, caustics]) in (0..).zip(ways) {
         let finders = Finders {
             media,

@@ -1,7 +1,7 @@
 //! What is hard on the numbers, each case rendered, as a table: `cargo run --release -p beamfarm-tests --example
 //! hard_cases`.
 
-use beamfarm_tests::hard_cases::{Case, Outcome, cases, ordinary};
+use beamfarm_harness::hard_cases::{Case, Outcome, cases, ordinary};
 use std::time::Instant;
 
 fn main() {

@@ -10,8 +10,8 @@
 //!
 //! `--workers N`: N worker processes of `beamfarm worker`, of one thread each, in place of the view's own.
 
+use beamfarm_harness::browser::Browser;
 use beamfarm_image::exr::{pixel_hash, read_rgb};
-use beamfarm_tests::browser::Browser;
 use serde_json::{Value, json};
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};

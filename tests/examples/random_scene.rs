@@ -3,10 +3,10 @@
 //!     cargo run -p beamfarm-tests --example random_scene -- SEED [--print] [--shrink] [--images N] [--samples N]
 //!     cargo run -p beamfarm-tests --example random_scene -- FOLDER/NAME.toml ...
 
-use beamfarm_tests::differential::Effort;
-use beamfarm_tests::differential::many::examine_alone;
-use beamfarm_tests::differential::shrink::shrink;
-use beamfarm_tests::random_scene::RandomScene;
+use beamfarm_harness::differential::Effort;
+use beamfarm_harness::differential::many::examine_alone;
+use beamfarm_harness::differential::shrink::shrink;
+use beamfarm_harness::random_scene::RandomScene;
 use std::error::Error;
 use std::path::Path;
 

@@ -3,7 +3,7 @@
 
 #![allow(clippy::unwrap_used)]
 
-use beamfarm_tests::fuzz::{TARGETS, Target, farm, layers, mutate};
+use beamfarm_harness::fuzz::{TARGETS, Target, farm, layers, mutate};
 use rand_pcg::Pcg32;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;

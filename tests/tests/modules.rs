@@ -20,7 +20,7 @@ const CRATES: [[&str; 2]; 8] = [
     ["shared/image/src", "lib.rs"],
     ["shared/render/src", "lib.rs"],
     ["shared/scene/src", "lib.rs"],
-    ["tests/src", "lib.rs"],
+    ["tests/harness/src", "lib.rs"],
     ["worker/src", "lib.rs"],
 ];
 

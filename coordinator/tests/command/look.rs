@@ -1,7 +1,7 @@
 //! The live view in a browser: a light is dragged, and the picture follows.
 
 use crate::setup::{LONG, Process, beamfarm, folder_with, scene, spawn};
-use beamfarm_tests::browser::{Browser, is_there};
+use beamfarm_harness::browser::{Browser, is_there};
 use serde_json::{Value, json};
 use std::time::{Duration, Instant};
 use tempfile::TempDir;

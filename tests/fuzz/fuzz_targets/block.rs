@@ -1,3 +1,3 @@
 #![no_main]
 
-libfuzzer_sys::fuzz_target!(|data: &[u8]| beamfarm_tests::fuzz::block(data));
+libfuzzer_sys::fuzz_target!(|data: &[u8]| beamfarm_harness::fuzz::block(data));

@@ -1,6 +1,6 @@
 //! Direct light through media that only absorb: Lambert's law over the whole of its way.
 
-use beamfarm_tests::render::{average, scene};
+use beamfarm_harness::render::{average, scene};
 use std::f64::consts::PI;
 
 /// Optical depth from the lamp to the floor: an error of the length by 1e-4 is one of the light by 3e-3.

@@ -2,6 +2,8 @@
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests")]
 
+use beamfarm_harness::MeanEstimate;
+use beamfarm_harness::render::{reference_images, run_plan, scene};
 use beamfarm_image::bias::{BIAS_EXPONENTS, Bias, Finding, TILE};
 use beamfarm_image::film::Film;
 use beamfarm_image::job::{Finder, Finders, JobSettings, ReferenceSettings};
@@ -9,8 +11,6 @@ use beamfarm_image::merge::{Average, Node, TreeSum};
 use beamfarm_image::radius::radius_scale;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::Scene;
-use beamfarm_tests::MeanEstimate;
-use beamfarm_tests::render::{reference_images, run_plan, scene};
 use rand_core::{Rng, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 

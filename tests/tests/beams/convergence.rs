@@ -2,15 +2,15 @@
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests")]
 
+use beamfarm_harness::quadrature::{Rect, integrate};
+use beamfarm_harness::render::{images, scene};
+use beamfarm_harness::{MeanEstimate, Suite};
 use beamfarm_image::bias::{Bias, Finding, Fit};
 use beamfarm_image::film::Film;
 use beamfarm_image::job::JobSettings;
 use beamfarm_image::merge::{Node, TreeSum};
 use beamfarm_render::convergence::{Prediction, Runs, Theory};
 use beamfarm_render::world::Scene;
-use beamfarm_tests::quadrature::{Rect, integrate};
-use beamfarm_tests::render::{images, scene};
-use beamfarm_tests::{MeanEstimate, Suite};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 use std::f64::consts::PI;
 
@@ -138,7 +138,7 @@ fn variance_and_bias_are_those_of_the_theory() {
             let z = (found.mean - mean) / (variance / images(RUNS) as f64).sqrt();
             suite.p_value(
                 format!("{name}: bias {} for {}", found.mean - truth, mean - truth),
-                beamfarm_tests::z_test::two_sided(z),
+                beamfarm_harness::z_test::two_sided(z),
             );
         }
         all.push(runs);

@@ -1,10 +1,10 @@
 //! Energy balance of photon tracing: what walls and media absorb is what the light emits.
 
+use beamfarm_harness::render::scene;
+use beamfarm_harness::{MeanEstimate, Suite};
 use beamfarm_render::beam::trace::trace_photons;
 use beamfarm_render::math::Rgb;
 use beamfarm_render::plan::RenderPlan;
-use beamfarm_tests::render::scene;
-use beamfarm_tests::{MeanEstimate, Suite};
 
 /// A lamp behind glass in a closed box of fog. Kernels so narrow that none reaches over an edge, where powers are
 /// larger. The glass makes every photon that gets to a wall one that is stored (light straight from its source is not).

@@ -1,11 +1,11 @@
 //! The error that a render claims is the error that it has: over repeated runs of small scenes, the squared error
 //! divided by the estimated one is 1.
 
+use beamfarm_harness::Suite;
+use beamfarm_harness::render::{images, run, scene};
+use beamfarm_harness::z_test::two_sided;
 use beamfarm_image::job::JobSettings;
 use beamfarm_image::merge::Average;
-use beamfarm_tests::Suite;
-use beamfarm_tests::render::{images, run, scene};
-use beamfarm_tests::z_test::two_sided;
 use rayon::prelude::*;
 
 const SIDE: usize = 16;

@@ -2,6 +2,7 @@
 //! together, and nothing that an estimate would count is passed over on the way. What segments share is what one of
 //! them gathers, and in the mean what all do.
 
+use beamfarm_harness::{MeanEstimate, Suite};
 use beamfarm_render::aov::{GroupNumber, Part};
 use beamfarm_render::beam::PhotonBeam;
 use beamfarm_render::beam::estimate::{CameraSegment, CameraSegments, Gather, Sharing, Vectors, Way};
@@ -14,7 +15,6 @@ use beamfarm_render::medium::{Heterogeneous, Homogeneous, Medium};
 use beamfarm_render::phase::Phase;
 use beamfarm_render::sampler::{Purpose, Sampler};
 use beamfarm_render::warp::uniform_sphere;
-use beamfarm_tests::{MeanEstimate, Suite};
 use glam::{DAffine3, DVec3};
 use std::sync::Arc;
 

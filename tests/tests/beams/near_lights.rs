@@ -1,6 +1,6 @@
 //! Light on surfaces that almost touch the lamp: shadow rays must not mistake the lamp for its own blocker.
 
-use beamfarm_tests::render::{average, scene};
+use beamfarm_harness::render::{average, scene};
 use std::f64::consts::PI;
 
 /// A floor seen from above through a narrow field of view at one point, at `distance` under a lamp.

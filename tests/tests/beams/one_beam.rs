@@ -4,6 +4,7 @@
 //! them: the integral along the beam of sigma_s f_p Tr Tr Phi. No kernel, angle or radius is in that integral, so it is
 //! independent of everything that the estimators do.
 
+use beamfarm_harness::{MeanEstimate, Suite};
 use beamfarm_render::aov::Part;
 use beamfarm_render::beam::PhotonBeam;
 use beamfarm_render::beam::estimate::{CameraSegment, CameraSegments, Gather, Vectors, Way};
@@ -15,7 +16,6 @@ use beamfarm_render::medium::transmittance::{Estimator, StepFunctions};
 use beamfarm_render::medium::{Heterogeneous, Homogeneous, Medium};
 use beamfarm_render::phase::Phase;
 use beamfarm_render::sampler::{Purpose, Sampler};
-use beamfarm_tests::{MeanEstimate, Suite};
 use glam::{DAffine3, DVec3};
 use std::sync::Arc;
 

@@ -1,12 +1,12 @@
 //! How fast the error falls, of boxes in which every wall has corners, creases and caustics: blur at edges that does
 //! not go away shows in it long before it shows in a mean.
 
+use beamfarm_harness::render::{reference_images, scene};
 use beamfarm_image::film::Film;
 use beamfarm_image::job::ReferenceSettings;
 use beamfarm_render::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::Scene;
-use beamfarm_tests::render::{reference_images, scene};
 
 const SIDE: usize = 24;
 /// Pixels along the side of the tiles that the error of the exponent is estimated from.

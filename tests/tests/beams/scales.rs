@@ -1,9 +1,9 @@
 //! Pictures do not depend on the unit of length, nor on what is far away and not seen.
 
+use beamfarm_harness::Suite;
+use beamfarm_harness::render::{Blocks, blocks, blur, scene};
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::Scene;
-use beamfarm_tests::Suite;
-use beamfarm_tests::render::{Blocks, blocks, blur, scene};
 
 /// Glass, frosted glass, milk and thin smoke on a floor, a lamp, and more. Lengths times `unit`.
 fn still_life(unit: f64, passes: u32, seed: u32, more: &str) -> Scene {

@@ -1,7 +1,7 @@
 //! A point light in thin fog against numerical integration along the ray (method: single scattering in closed form).
 
-use beamfarm_tests::point_in_fog::PointInFog;
-use beamfarm_tests::render::{average, scene};
+use beamfarm_harness::point_in_fog::PointInFog;
+use beamfarm_harness::render::{average, scene};
 use glam::{DVec2, DVec3};
 
 /// Fog so thin that light scattered twice is below 1e-3 of light scattered once.

@@ -1,5 +1,7 @@
 //! Photons and beams that the camera hardly sees or cannot see.
 
+use beamfarm_harness::render::scene;
+use beamfarm_harness::{MeanEstimate, Suite};
 use beamfarm_image::job::JobSettings;
 use beamfarm_render::beam::PhotonBeam;
 use beamfarm_render::beam::trace::trace_photons;
@@ -11,8 +13,6 @@ use beamfarm_render::sampler::{Purpose, Sampler};
 use beamfarm_render::view::View;
 use beamfarm_render::warp::uniform_sphere;
 use beamfarm_render::world::Scene;
-use beamfarm_tests::render::scene;
-use beamfarm_tests::{MeanEstimate, Suite};
 
 /// A lamp beside a tile, in fog without an end.
 fn open_fog(camera: &str, more: &str) -> Scene {

@@ -1,11 +1,11 @@
 //! No path grows heavy, however often it is scattered: slabs and sheets from thin to dense, with colours that light
 //! dies in and others that it does not.
 
+use beamfarm_harness::render::scene;
 use beamfarm_render::beam::trace::trace_photons;
 use beamfarm_render::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::Scene;
-use beamfarm_tests::render::scene;
 
 const DEPTHS: [f64; 4] = [1e-3, 1.0, 30.0, 1e3];
 const ALBEDOS: [&str; 4] = ["1.0", "[1.0, 0.0, 0.5]", "[0.98, 0.5, 0.01]", "[0.0, 0.9999, 0.0]"];

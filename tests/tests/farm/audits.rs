@@ -1,6 +1,6 @@
 //! Workers that compute other bits are found, and the image is right.
 
-use crate::harness::{Coordinator, LONG, RawWorker, canary, encode, free_port, node, spec, within};
+use crate::farm::harness::{Coordinator, LONG, RawWorker, canary, encode, free_port, node, spec, within};
 use beamfarm_coordinator::{End, EventKind, Progress, Timing, WorkerState};
 use beamfarm_image::job::Block;
 use beamfarm_image::merge::{Average, TreeSum};

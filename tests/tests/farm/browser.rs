@@ -1,12 +1,12 @@
 //! The page in a browser that people have: Chromium without a window, over its DevTools protocol.
 
-use crate::harness::{Coordinator, RawWorker, film, free_port, leaf, spec};
+use crate::farm::harness::{Coordinator, RawWorker, film, free_port, leaf, spec};
 use beamfarm_coordinator::Timing;
 use beamfarm_coordinator::limits::Limits;
 use beamfarm_coordinator::security::Security;
+use beamfarm_harness::browser::Browser;
 use beamfarm_image::exr::encode_block;
 use beamfarm_proto::Token;
-use beamfarm_tests::browser::Browser;
 use serde_json::json;
 use std::path::Path;
 use std::time::Duration;

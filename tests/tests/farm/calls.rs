@@ -1,6 +1,6 @@
 //! The calls beside submissions: who gets in, and what becomes of passes whose worker is gone.
 
-use crate::harness::{Coordinator, LONG, RawWorker, film, free_port, leaf, spec, within};
+use crate::farm::harness::{Coordinator, LONG, RawWorker, film, free_port, leaf, spec, within};
 use beamfarm_coordinator::{End, Timing};
 use beamfarm_image::exr::pixel_hash;
 use beamfarm_image::job::{Block, SceneHash};

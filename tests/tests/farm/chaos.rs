@@ -7,7 +7,7 @@
 //!
 //! `BEAMFARM_CHAOS_ROUNDS=1000` makes it a long one; `BEAMFARM_CHAOS_SEED=17` repeats the round of that number.
 
-use crate::harness::{Coordinator, LONG, RawWorker, SCENE, free_port, settings, spec};
+use crate::farm::harness::{Coordinator, LONG, RawWorker, SCENE, free_port, settings, spec};
 use beamfarm_coordinator::{DoneBlock, End, Start, Timing};
 use beamfarm_image::bundle::Bundle;
 use beamfarm_image::exr::encode_block;
@@ -73,7 +73,7 @@ async fn worker_process() {
 
 fn start_process(url: &str, name: &str) -> Child {
     Command::new(std::env::current_exe().unwrap())
-        .args(["--exact", "chaos::worker_process", "--nocapture"])
+        .args(["--exact", "farm::chaos::worker_process", "--nocapture"])
         .env(URL, url)
         .env(NAME, name)
         .stdout(Stdio::null())

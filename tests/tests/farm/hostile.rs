@@ -3,12 +3,12 @@
 // Messages grow.
 #![allow(clippy::needless_update)]
 
-use crate::harness::{Coordinator, RawWorker, encode, film, leaf, spec, within};
+use crate::farm::harness::{Coordinator, RawWorker, encode, film, leaf, spec, within};
 use beamfarm_coordinator::End;
+use beamfarm_harness::fuzz::mutate;
 use beamfarm_image::merge::TreeSum;
 use beamfarm_proto::bytes::{Buf, BufMut, Bytes};
 use beamfarm_proto::{VERSION, WireHash, wire};
-use beamfarm_tests::fuzz::mutate;
 use prost::Message;
 use rand_pcg::Pcg32;
 use std::time::Duration;

@@ -1,6 +1,6 @@
 //! Peers that take more than their share: of connections, calls, bytes and time.
 
-use crate::harness::{Coordinator, LONG, RawWorker, film, free_port, leaf, spec};
+use crate::farm::harness::{Coordinator, LONG, RawWorker, film, free_port, leaf, spec};
 use beamfarm_coordinator::limits::Limits;
 use beamfarm_coordinator::security::{Security, Tls};
 use beamfarm_coordinator::{End, Timing};
@@ -238,7 +238,7 @@ async fn an_upload_that_drips_is_cut_off() {
     let coordinator = coordinator(limits, Security::default()).await;
     let worker = RawWorker::register(&coordinator).await;
     let leased = worker.lease().await;
-    let bytes = crate::harness::encode(&leaf(leased.1.start(), film(leased.1.start())), &worker.meta(leased.1));
+    let bytes = crate::farm::harness::encode(&leaf(leased.1.start(), film(leased.1.start())), &worker.meta(leased.1));
     for (chunk, pause) in [(1, 10), (1000, 3_600_000)] {
         let header = Part::Header(worker.header(leased, &bytes));
         let data = bytes.clone();

@@ -1,6 +1,6 @@
 //! Blocks that were accepted after the last checkpoint, and are rendered again when the job is resumed.
 
-use crate::harness::{Coordinator, LONG, RawWorker, encode, free_port, node, spec};
+use crate::farm::harness::{Coordinator, LONG, RawWorker, encode, free_port, node, spec};
 use beamfarm_coordinator::store::{Asked, Folder, Keeper, Looks, Resumed};
 use beamfarm_coordinator::{DoneBlock, End, Entry, EntryState, EventKind, Start, Timing};
 use beamfarm_image::exr::node_hash;

@@ -1,6 +1,6 @@
 //! Revisions of a scene over real connections: workers of the library, and workers that are slow, late or lost.
 
-use crate::harness::{LONG, SCENE, canary, free_port, leaf, settings, start_worker, within};
+use crate::farm::harness::{LONG, SCENE, canary, free_port, leaf, settings, start_worker, within};
 use axum::Router;
 use beamfarm_coordinator::Entrance;
 use beamfarm_coordinator::revisions::{Content, Job, Picture, Quality, Revisions, Style};

@@ -1,6 +1,6 @@
 //! Who gets in: tokens, TLS, certificates of clients.
 
-use crate::harness::{Coordinator, LONG, WorkerResult, free_port, spec, within};
+use crate::farm::harness::{Coordinator, LONG, WorkerResult, free_port, spec, within};
 use beamfarm_coordinator::limits::Limits;
 use beamfarm_coordinator::security::{Security, Tls};
 use beamfarm_coordinator::{End, Timing};
@@ -74,7 +74,7 @@ async fn work(url: String, credentials: Credentials) -> WorkerResult {
 async fn register(url: &str, credentials: &Credentials) -> Code {
     let request = wire::RegisterRequest {
         version: VERSION.into(),
-        canary: crate::harness::canary(),
+        canary: crate::farm::harness::canary(),
         ..Default::default()
     };
     let mut farm = FarmClient::new(credentials.link(url).unwrap());

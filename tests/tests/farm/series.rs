@@ -1,6 +1,6 @@
 //! Several jobs behind one address: workers go from one to the next, and back when they are needed.
 
-use crate::harness::{
+use crate::farm::harness::{
     LONG, RawWorker, SCENE, WorkerHandle, canary, free_port, settings, spec, start_worker_with_credentials, within,
 };
 use beamfarm_coordinator::security::{Security, Tls};
@@ -41,7 +41,7 @@ fn alone(number: u64, passes: u64) -> String {
     let camera = &scene.description().camera;
     let mut sum = TreeSum::new(camera.width, camera.height);
     for pass in 0..passes {
-        let leaf = crate::harness::leaf(pass, render_pass(&scene, &plan, pass).film);
+        let leaf = crate::farm::harness::leaf(pass, render_pass(&scene, &plan, pass).film);
         sum.insert(leaf).unwrap();
     }
     pixel_hash(&sum.average().unwrap().beauty)
@@ -139,7 +139,7 @@ fn is_at(worker: &RawWorker, job: &Watch) -> bool {
 /// With a token and over TLS, as a single job has them.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn workers_stay_for_all_jobs_of_a_series() {
-    let authority = crate::security::Authority::new();
+    let authority = crate::farm::security::Authority::new();
     let (certificate, key) = authority.issue("localhost");
     let token = Token::parse("a-token-for-tests-alone").ok();
     let security = Security {

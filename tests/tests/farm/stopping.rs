@@ -1,6 +1,6 @@
 //! The same error is reached at the same pass, in whatever order passes come in.
 
-use crate::harness::*;
+use crate::farm::harness::*;
 use beamfarm_coordinator::{End, Start, Target};
 use beamfarm_image::exr::pixel_hash;
 use beamfarm_image::merge::{Average, TreeSum};

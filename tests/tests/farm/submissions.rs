@@ -1,6 +1,6 @@
 //! What a coordinator does not take, one thing wrong at a time.
 
-use crate::harness::{Coordinator, HEIGHT, RawWorker, WIDTH, encode, film, spec};
+use crate::farm::harness::{Coordinator, HEIGHT, RawWorker, WIDTH, encode, film, spec};
 use beamfarm_coordinator::End;
 use beamfarm_image::exr::{BlockMeta, encoded_size};
 use beamfarm_image::film::Film;

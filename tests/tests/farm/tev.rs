@@ -1,6 +1,6 @@
 //! The image in a tev that is not there, takes what is sent, or goes away.
 
-use crate::harness::{Coordinator, HEIGHT, RawWorker, WIDTH, spec};
+use crate::farm::harness::{Coordinator, HEIGHT, RawWorker, WIDTH, spec};
 use beamfarm_coordinator::{End, tev};
 use std::time::Duration;
 use tokio::io::AsyncReadExt;

@@ -1,6 +1,6 @@
 //! Those who watch and steer: the page, metrics, health, and the calls of control.proto.
 
-use crate::harness::{Coordinator, RawWorker, spec, within};
+use crate::farm::harness::{Coordinator, RawWorker, spec, within};
 use beamfarm_coordinator::{End, Progress, WorkerState};
 use beamfarm_image::png::encode_png;
 use beamfarm_image::view::{View, ViewTransform};
@@ -193,7 +193,7 @@ async fn names_of_workers_cannot_write_the_page() {
     let coordinator = Coordinator::start(spec(2)).await;
     let mut farm = coordinator.connect().await;
     let request = wire::RegisterRequest {
-        canary: crate::harness::canary(),
+        canary: crate::farm::harness::canary(),
         version: VERSION.into(),
         name: "</td><script>alert(1)</script>".into(),
         threads: 3,

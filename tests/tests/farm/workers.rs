@@ -1,6 +1,6 @@
 //! Workers of the library at work.
 
-use crate::harness::{
+use crate::farm::harness::{
     Coordinator, LONG, RawWorker, SCENE, WIDTH, free_port, leaf, settings, spec, start_worker, start_worker_with,
     start_worker_with_lanes,
 };

@@ -1,5 +1,6 @@
 //! glTF files: what they hold is what a native scene with the same numbers holds; what they claim is not believed.
 
+use beamfarm_harness::render::{average, scene_with};
 use beamfarm_image::bundle::Bundle;
 use beamfarm_render::bsdf::MaterialKind;
 use beamfarm_render::camera::Projection;
@@ -9,7 +10,6 @@ use beamfarm_render::math::{Rgb, Vec2, Vec3};
 use beamfarm_render::texture::{Texture, TextureFilter, Wrap};
 use beamfarm_render::world::SceneDescription;
 use beamfarm_scene::read_bundle;
-use beamfarm_tests::render::{average, scene_with};
 
 const VIEW: &str = "image = { width = 12, height = 8 }
 render = { passes = 2, paths = 200 }

@@ -1,7 +1,7 @@
 //! Objects that lie in another medium than their `exterior` says are named, and no others.
 
-use beamfarm_tests::random_scene::RandomScene;
-use beamfarm_tests::render::scene;
+use beamfarm_harness::random_scene::RandomScene;
+use beamfarm_harness::render::scene;
 use std::path::Path;
 
 fn misplaced(shapes: &str) -> Vec<String> {

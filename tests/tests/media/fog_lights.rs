@@ -1,8 +1,8 @@
 //! Light of every kind of source, scattered once in thin fog, against numerical integration.
 
-use beamfarm_tests::Suite;
-use beamfarm_tests::render::{blocks, scene};
-use beamfarm_tests::z_test::two_sided;
+use beamfarm_harness::Suite;
+use beamfarm_harness::render::{blocks, scene};
+use beamfarm_harness::z_test::two_sided;
 use glam::{DVec2, DVec3};
 use std::f64::consts::{PI, TAU};
 

@@ -1,7 +1,7 @@
 //! The furnace: where every surface and every point of space sees radiance 1, the image is 1, whatever is in it.
 
-use beamfarm_tests::Suite;
-use beamfarm_tests::furnace::{
+use beamfarm_harness::Suite;
+use beamfarm_harness::furnace::{
     COATS_VEILS_AND_PANES, GLASS_BALL, MIRROR_BALL, WHITE_AND_GLASS, closed_box, is_one, under_the_sky,
 };
 

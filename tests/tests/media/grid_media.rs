@@ -5,13 +5,13 @@
 //! and lose a little light at edges, in proportion to their radius: scenes name a small one, and each comparison allows
 //! for a stated share of the expected value besides its errors.
 
+use beamfarm_harness::Suite;
+use beamfarm_harness::furnace::{closed_box, is_one, under_the_sky};
+use beamfarm_harness::path_tracer::{Camera, Grid, Lamp, Room};
+use beamfarm_harness::render::{Blocks, average, blocks, images, reference_images, scene_with};
 use beamfarm_image::exr::pixel_hash;
 use beamfarm_image::job::ReferenceSettings;
 use beamfarm_render::world::Scene;
-use beamfarm_tests::Suite;
-use beamfarm_tests::furnace::{closed_box, is_one, under_the_sky};
-use beamfarm_tests::path_tracer::{Camera, Grid, Lamp, Room};
-use beamfarm_tests::render::{Blocks, average, blocks, images, reference_images, scene_with};
 use glam::{DAffine3, DQuat, DVec2, DVec3};
 use std::f64::consts::PI;
 

@@ -1,5 +1,6 @@
 //! The estimators of transmittance against closed forms and quadrature.
 
+use beamfarm_harness::{MeanEstimate, Suite};
 use beamfarm_render::math::{Ray, Rgb, Vec3};
 use beamfarm_render::medium::bricks::{Bricks, Range};
 use beamfarm_render::medium::majorant::Span;
@@ -8,7 +9,6 @@ use beamfarm_render::medium::transmittance::{Estimator, StepFunctions};
 use beamfarm_render::medium::{Flight, Heterogeneous, Homogeneous, Medium};
 use beamfarm_render::phase::Phase;
 use beamfarm_render::sampler::{Purpose, Sampler};
-use beamfarm_tests::{MeanEstimate, Suite};
 use glam::{DAffine3, DVec3};
 use rayon::prelude::*;
 use std::sync::Arc;

@@ -1,5 +1,6 @@
 //! Heterogeneous media of scenes are what the format says: densities in their places, and defaults.
 
+use beamfarm_harness::{MeanEstimate, Suite};
 use beamfarm_image::bundle::Bundle;
 use beamfarm_render::math::Rgb;
 use beamfarm_render::medium::transmittance::Estimator;
@@ -10,7 +11,6 @@ use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::Scene;
 use beamfarm_render::world::SceneDescription;
 use beamfarm_scene::read_bundle;
-use beamfarm_tests::{MeanEstimate, Suite};
 use glam::DVec3;
 
 /// The camera stands at (0, 0, 5).

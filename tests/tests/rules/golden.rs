@@ -1,7 +1,7 @@
 //! A small picture for each type of ray and each way of listing: see `golden.rs` beside this folder.
 
+use beamfarm_harness::render::{average, scene};
 use beamfarm_image::exr::pixel_hash;
-use beamfarm_tests::render::{average, scene};
 
 const SCENE: &str = r#"
 [image]

@@ -70,7 +70,7 @@ fn photons_of_a_light_leave_nothing_in_fog() {
         }
         // No light at all: fog that absorbs and does not scatter.
         let none = format!("{one}[[rules]]\nrays = [\"photon\"]\non = [\"box\"]\nexclude = [\"one\"]\n");
-        let pixels = super::pixels(&beamfarm_tests::render::scene(&none));
+        let pixels = super::pixels(&beamfarm_harness::render::scene(&none));
         assert!(pixels.iter().all(|p| *p == [0.0; 3]));
     }
 }
@@ -98,8 +98,8 @@ fn a_box_that_the_camera_does_not_see_has_no_fog_for_it() {
         let without = with.replace("sigma_s = 0.8", "sigma_s = 0");
         let without = without.replace("sigma_a = 0.2", "sigma_a = 1");
         // The floor under it is lit through the fog, and seen without: by what an absorbing box lets through, and more.
-        let seen = beamfarm_tests::render::blocks(&beamfarm_tests::render::scene(&format!("{with}{rule}")), 8);
-        let less = beamfarm_tests::render::blocks(&beamfarm_tests::render::scene(&format!("{without}{rule}")), 8);
+        let seen = beamfarm_harness::render::blocks(&beamfarm_harness::render::scene(&format!("{with}{rule}")), 8);
+        let less = beamfarm_harness::render::blocks(&beamfarm_harness::render::scene(&format!("{without}{rule}")), 8);
         for (seen, less) in seen.blocks.iter().flatten().zip(less.blocks.iter().flatten()) {
             assert!(seen.mean() >= less.mean() - 4.0 * less.std_error() - 4.0 * seen.std_error());
         }

@@ -1,9 +1,9 @@
 //! The path tracer, which shares no estimator with the beams, obeys the rules of all rays but photons.
 
 use super::VIEW;
+use beamfarm_harness::Suite;
+use beamfarm_harness::render::{Blocks, blocks, reference_images, scene};
 use beamfarm_image::job::ReferenceSettings;
-use beamfarm_tests::Suite;
-use beamfarm_tests::render::{Blocks, blocks, reference_images, scene};
 
 const ROOM: &str = r#"
 [media.fog]

@@ -1,9 +1,9 @@
 //! Shadow linking of lights: the shadow rays to one pass what those to the others do not.
 
 use super::{VIEW, different, same_bits};
-use beamfarm_tests::Suite;
-use beamfarm_tests::render::{blocks, scene};
-use beamfarm_tests::z_test::two_sided;
+use beamfarm_harness::Suite;
+use beamfarm_harness::render::{blocks, scene};
+use beamfarm_harness::z_test::two_sided;
 
 /// A floor, some satin on it, and a ball that only its shadows tell of.
 const FLOOR: &str = r#"

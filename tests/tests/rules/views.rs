@@ -1,7 +1,7 @@
 //! Camera, reflected, refracted and shadow rays, and photons on surfaces.
 
 use super::{VIEW, different, same_bits, same_means};
-use beamfarm_tests::render::scene;
+use beamfarm_harness::render::scene;
 
 /// Glass, a mirror, fog in a box, an area light, a spot, a sky: all that rays do. What is removed in some tests is
 /// last.

@@ -1,5 +1,9 @@
 //! Pictures of scenes with dispersion.
 
+use beamfarm_harness::Suite;
+use beamfarm_harness::differential::{Effort, examine};
+use beamfarm_harness::furnace::{GLASS_BALL, closed_box, is_one, under_the_sky};
+use beamfarm_harness::render::{Blocks, reference_images, scene};
 use beamfarm_image::exr::pixel_hash;
 use beamfarm_image::film::Film;
 use beamfarm_image::job::ReferenceSettings;
@@ -7,10 +11,6 @@ use beamfarm_image::layer::Layer;
 use beamfarm_render::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::Scene;
-use beamfarm_tests::Suite;
-use beamfarm_tests::differential::{Effort, examine};
-use beamfarm_tests::furnace::{GLASS_BALL, closed_box, is_one, under_the_sky};
-use beamfarm_tests::render::{Blocks, reference_images, scene};
 
 /// Of each test.
 const SIGNIFICANCE: f64 = 1e-3;

@@ -1,5 +1,8 @@
 //! The camera's rays: field of view, orientation, lens.
 
+use beamfarm_harness::quadrature::Rect;
+use beamfarm_harness::render::scene;
+use beamfarm_harness::{Chi2, MeanEstimate, Suite};
 use beamfarm_image::film::Film;
 use beamfarm_render::camera::{Camera, Projection};
 use beamfarm_render::filter::PixelFilter;
@@ -7,9 +10,6 @@ use beamfarm_render::math::{Frame, Vec2, Vec3};
 use beamfarm_render::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::sampler::{Purpose, Sampler};
-use beamfarm_tests::quadrature::Rect;
-use beamfarm_tests::render::scene;
-use beamfarm_tests::{Chi2, MeanEstimate, Suite};
 
 fn camera(aperture: f32) -> Camera {
     let forward = Vec3::new(0.3, -0.2, -1.0).normalize();

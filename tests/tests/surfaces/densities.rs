@@ -1,13 +1,13 @@
 //! Every sampler of directions on surfaces and in media against its density: chi-square, fixed seeds, one significance
 //! for each test function.
 
+use beamfarm_harness::quadrature::Rect;
+use beamfarm_harness::{Chi2, Suite};
 use beamfarm_render::bsdf::{Bsdf, Dielectric, Distribution, RoughDielectric, TransportMode, conductor_preset};
 use beamfarm_render::math::{Rgb, Vec2, Vec3};
 use beamfarm_render::phase::Phase;
 use beamfarm_render::sampler::{Purpose, Sampler};
 use beamfarm_render::warp;
-use beamfarm_tests::quadrature::Rect;
-use beamfarm_tests::{Chi2, Suite};
 
 const SIGNIFICANCE: f64 = 0.01;
 
@@ -279,7 +279,7 @@ fn delta_lobes_are_chosen_with_their_probabilities() {
             probability[lobe] = f64::from(sample.pdf);
             probability[1 - lobe] = 1.0 - probability[lobe];
         }
-        let (_, _, p) = beamfarm_tests::chi2::chi2(&observed, &probability.map(|p| p * 20_000.0));
+        let (_, _, p) = beamfarm_harness::chi2::chi2(&observed, &probability.map(|p| p * 20_000.0));
         suite.p_value(format!("{degrees} degrees"), p);
     }
     suite.finish();

@@ -1,11 +1,11 @@
 //! Gather rays beside one another and surface photons seen on gloss: the same light on average as one gather ray finds
 //! alone, and less noise.
 
+use beamfarm_harness::Suite;
+use beamfarm_harness::render::{Blocks, blocks, blur, images, reference_images, scene};
 use beamfarm_image::job::ReferenceSettings;
 use beamfarm_render::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
-use beamfarm_tests::Suite;
-use beamfarm_tests::render::{Blocks, blocks, blur, images, reference_images, scene};
 
 /// A closed room whose walls are lit by a spot and a small lamp, and a ball.
 const ROOM: &str = r#"

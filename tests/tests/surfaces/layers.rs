@@ -1,5 +1,7 @@
 //! Layers: what they hold, that they add up to the beauty, and that the beauty does not know of them.
 
+use beamfarm_harness::render::scene;
+use beamfarm_harness::{MeanEstimate, Suite};
 use beamfarm_image::film::Film;
 use beamfarm_image::job::ReferenceSettings;
 use beamfarm_image::layer::{Layer, LayerCounts, LightGroup};
@@ -10,8 +12,6 @@ use beamfarm_render::pass::{PassImage, render_pass};
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::reference::{SampleLayers, render_sample, render_sample_with_layers};
 use beamfarm_render::world::Scene;
-use beamfarm_tests::render::scene;
-use beamfarm_tests::{MeanEstimate, Suite};
 
 /// All kinds of light paths: two groups of lights in three lights, a lamp that is seen, an environment, fog in a box,
 /// mirror, glass, gloss, indirect light.

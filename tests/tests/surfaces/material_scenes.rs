@@ -1,8 +1,8 @@
 //! Scenes of materials that camera paths, gather rays, shadow rays and photons each treat in their own way, against
 //! Mitsuba 3's path tracer; see tests/data/mitsuba_renders/render.py.
 
-use beamfarm_tests::Suite;
-use beamfarm_tests::render::{blocks, scene, scene_with};
+use beamfarm_harness::Suite;
+use beamfarm_harness::render::{blocks, scene, scene_with};
 
 const ROOM: &str = r#"
 [image]

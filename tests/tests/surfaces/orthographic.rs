@@ -1,5 +1,7 @@
 //! The orthographic camera: where its rays are, and that its picture is the path tracer's, and one from very far away.
 
+use beamfarm_harness::Suite;
+use beamfarm_harness::render::{Blocks, blocks, blocks_by, blur, images, reference_images, scene};
 use beamfarm_image::film::Film;
 use beamfarm_image::job::{Finder, Finders, ReferenceSettings};
 use beamfarm_render::camera::{Camera, Projection};
@@ -8,8 +10,6 @@ use beamfarm_render::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::sampler::{Purpose, Sampler};
 use beamfarm_render::world::Scene;
-use beamfarm_tests::Suite;
-use beamfarm_tests::render::{Blocks, blocks, blocks_by, blur, images, reference_images, scene};
 
 fn loaded(image: &str, camera: &str) -> Camera {
     let text = format!(

@@ -1,9 +1,9 @@
 //! Colours of a mesh's vertices: interpolated over triangles, times images, reflected and emitted.
 
+use beamfarm_harness::Suite;
+use beamfarm_harness::render::{Blocks, blocks, blur, reference_images, scene_with};
 use beamfarm_image::job::ReferenceSettings;
 use beamfarm_render::world::Scene;
-use beamfarm_tests::Suite;
-use beamfarm_tests::render::{Blocks, blocks, blur, reference_images, scene_with};
 
 /// The square [-1, 1]^2 in the xy plane. Its colours are (x + 1) / 2, (y + 1) / 4 and 1/4: the same in both triangles.
 const SQUARE: &[u8] =

@@ -1,8 +1,8 @@
 //! Which of many lamps photons start at.
 
 use super::{noise, passes, plan, same};
+use beamfarm_harness::render::scene;
 use beamfarm_render::world::Scene;
-use beamfarm_tests::render::scene;
 
 /// A room with a lamp in a globe of glass over the camera's head, all of whose light comes by photons, and seven rooms
 /// like it that the camera does not see, where lamps are as strong.

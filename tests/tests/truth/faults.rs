@@ -1,11 +1,11 @@
 //! Scenes on which pictures were wrong: small, each with its cause in its first line. Passes and path tracer against
 //! one another.
 
-use beamfarm_tests::differential::Effort;
-use beamfarm_tests::differential::many::examine_alone;
-use beamfarm_tests::random_scene::RandomScene;
-use beamfarm_tests::render::is_long;
-use beamfarm_tests::suite::sidak;
+use beamfarm_harness::differential::Effort;
+use beamfarm_harness::differential::many::examine_alone;
+use beamfarm_harness::random_scene::RandomScene;
+use beamfarm_harness::render::is_long;
+use beamfarm_harness::suite::sidak;
 use std::path::Path;
 
 /// All together at a significance of 1e-3.

@@ -2,10 +2,10 @@
 //! tests of estimators, and take the new hashes over in a commit that says why. They never change with the machine, the
 //! number of threads, or the build. Those of pictures with visibility rules are in `rules/golden.rs`.
 
+use beamfarm_harness::render::{average, scene};
 use beamfarm_image::exr::pixel_hash;
 use beamfarm_render::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
-use beamfarm_tests::render::{average, scene};
 
 const FOG_HASH: &str = "d885959eebf84e9919ec0bf0d478dba13959499ca1cc57d7f4f3e1d8e2630bf4";
 const SMOKE_HASH: &str = "fe8e53942e846d565cb420b899b2e4e77f8288b82a19c2c1ec196187146c847b";

@@ -1,11 +1,11 @@
 //! Mitsuba scenes against pictures that Mitsuba 3 made of them. Late passes are rendered, whose radii have shrunk so
 //! far that their bias is below the noise.
 
+use beamfarm_harness::mitsuba;
+use beamfarm_harness::render::images;
 use beamfarm_image::job::JobSettings;
 use beamfarm_render::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
-use beamfarm_tests::mitsuba;
-use beamfarm_tests::render::images;
 
 /// The radius scale of beams is a fifth from here on.
 const FIRST_PASS: u64 = 128;

@@ -1,11 +1,11 @@
 //! Which estimator counts which light path is a choice: any gives the same light. Rooms with every class of paths, by
 //! beams and photons, by camera paths, and by the path tracer.
 
+use beamfarm_harness::Suite;
+use beamfarm_harness::render::{Blocks, blocks_of, blur, is_long, reference_images, scene};
 use beamfarm_image::job::{Finder, Finders, JobSettings, ReferenceSettings};
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::Scene;
-use beamfarm_tests::Suite;
-use beamfarm_tests::render::{Blocks, blocks_of, blur, is_long, reference_images, scene};
 
 const ROOM: &str = r#"
 [image]

@@ -6,10 +6,10 @@
 //! what would have needed it is counted as "too long", and says nothing. Scenes with a fault, and those that differed
 //! without a verdict, are written to BEAMFARM_FAULTS (target/random-scenes by default).
 
-use beamfarm_tests::differential::Effort;
-use beamfarm_tests::differential::many::examine_seeds;
-use beamfarm_tests::render::is_long;
-use beamfarm_tests::suite::sidak;
+use beamfarm_harness::differential::Effort;
+use beamfarm_harness::differential::many::examine_seeds;
+use beamfarm_harness::render::is_long;
+use beamfarm_harness::suite::sidak;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 

@@ -3,18 +3,18 @@
 //! It has no bias, so there is no allowance for one: z-tests of means over blocks of pixels of independent images, at
 //! the significance that each test states. (Against an older path tracer, in smoke given on grids: `grid_media.rs`.)
 
+use beamfarm_harness::furnace::{
+    COATS_VEILS_AND_PANES, GLASS_BALL, MIRROR_BALL, WHITE_AND_GLASS, closed_box, under_the_sky,
+};
+use beamfarm_harness::point_in_fog::PointInFog;
+use beamfarm_harness::render::{Blocks, reference_images, scene, scene_with};
+use beamfarm_harness::{Suite, mitsuba};
 use beamfarm_image::exr::pixel_hash;
 use beamfarm_image::job::ReferenceSettings;
 use beamfarm_render::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::reference::render_sample;
 use beamfarm_render::world::Scene;
-use beamfarm_tests::furnace::{
-    COATS_VEILS_AND_PANES, GLASS_BALL, MIRROR_BALL, WHITE_AND_GLASS, closed_box, under_the_sky,
-};
-use beamfarm_tests::point_in_fog::PointInFog;
-use beamfarm_tests::render::{Blocks, reference_images, scene, scene_with};
-use beamfarm_tests::{Suite, mitsuba};
 use glam::{DVec2, DVec3};
 
 const BLOCK: usize = 8;

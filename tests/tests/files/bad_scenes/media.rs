@@ -1,6 +1,6 @@
 //! Media: coefficients, densities from recipes and from files.
 
-use crate::bad_scenes::{VIEW, error_of, refused};
+use crate::files::bad_scenes::{VIEW, error_of, refused};
 use beamfarm_scene::read_bundle;
 
 #[test]

@@ -111,7 +111,7 @@ fn parameters_of_parameters_have_an_end() {
 /// Whatever is cut off, doubled or changed: an error or a scene, never a panic.
 #[test]
 fn damage_does_not_panic() {
-    let whole = crate::mitsuba_import::equality::XML.as_bytes();
+    let whole = crate::files::mitsuba_import::equality::XML.as_bytes();
     let folder = folder(&[]);
     let path = folder.path().join("scene.xml");
     let mut state = 1u64;

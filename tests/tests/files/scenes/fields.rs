@@ -1,6 +1,6 @@
 //! What is read: every field, its default, every file, and nothing where the text is damaged.
 
-use crate::scenes::setup::{OCTAHEDRON, VIEW, load, load_with, octahedron};
+use crate::files::scenes::setup::{OCTAHEDRON, VIEW, load, load_with, octahedron};
 use beamfarm_image::bundle::Bundle;
 use beamfarm_image::view::{View, ViewTransform};
 use beamfarm_render::bsdf::MaterialKind;

@@ -1,6 +1,6 @@
 //! Light: powers, and which way environments stand.
 
-use crate::scenes::setup::{VIEW, load, load_with, octahedron};
+use crate::files::scenes::setup::{VIEW, load, load_with, octahedron};
 use beamfarm_render::light::LightKind;
 use beamfarm_render::math::{PI, Rgb, Vec2, Vec3};
 

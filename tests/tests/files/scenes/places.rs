@@ -1,6 +1,6 @@
 //! Where things are: the camera, sides, instances, bounds.
 
-use crate::scenes::setup::{VIEW, hit, load, load_with, octahedron};
+use crate::files::scenes::setup::{VIEW, hit, load, load_with, octahedron};
 use beamfarm_render::geometry::Shape;
 use beamfarm_render::geometry::accel::{Geometry, bounds};
 use beamfarm_render::light::LightKind;

@@ -1,8 +1,8 @@
 //! Media of optical depth 1e4.
 
+use beamfarm_harness::render::scene;
 use beamfarm_render::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
-use beamfarm_tests::render::scene;
 
 /// A ball that fills the picture, under a sky of radiance 1.
 fn ball(sigma_a: f64, sigma_s: f64) -> String {

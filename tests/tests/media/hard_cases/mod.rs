@@ -22,8 +22,8 @@
 mod beams;
 mod dense;
 
-use beamfarm_tests::Suite;
-use beamfarm_tests::hard_cases::{cases, ordinary};
+use beamfarm_harness::Suite;
+use beamfarm_harness::hard_cases::{cases, ordinary};
 
 /// No case may ask for more beams or evaluations than this, relative to the ordinary one.
 const MAX_WORK: f64 = 3.0;

@@ -1,8 +1,10 @@
 //! Which light is sampled.
 
-use crate::lights::setup::{
+use crate::surfaces::lights::setup::{
     BOUNDS, SAMPLES, SIGNIFICANCE, ball, disc, emitter, light, point, rectangle, sky, spot, sun,
 };
+use beamfarm_harness::z_test::MeanEstimate;
+use beamfarm_harness::{Suite, render};
 use beamfarm_render::geometry::Object;
 use beamfarm_render::light::{Light, LightKind, LightSelector, LightSources};
 use beamfarm_render::math::{PI, Rgb, Vec3};
@@ -10,8 +12,6 @@ use beamfarm_render::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::sampler::{Purpose, Sampler};
 use beamfarm_render::warp;
-use beamfarm_tests::z_test::MeanEstimate;
-use beamfarm_tests::{Suite, render};
 use glam::Affine3A;
 
 #[test]
@@ -47,7 +47,7 @@ fn lights_are_chosen_by_power() {
     let expected: Vec<f64> = (0..observed.len())
         .map(|i| f64::from(selector.pmf(i / 10)) * 0.1 * SAMPLES as f64)
         .collect();
-    let (_, _, p) = beamfarm_tests::chi2::chi2(&observed, &expected);
+    let (_, _, p) = beamfarm_harness::chi2::chi2(&observed, &expected);
     let mut suite = Suite::new(SIGNIFICANCE);
     suite.p_value("selection", p);
     suite.finish();
@@ -143,7 +143,7 @@ fn lights_near_a_point_are_chosen_more_often_there() {
             assert!((f64::from(choice.pmf(i)) - p).abs() < 1e-6, "light {i}");
         }
         let counts = expected.map(|p| p * SAMPLES as f64);
-        let (_, _, p) = beamfarm_tests::chi2::chi2(&observed, &counts);
+        let (_, _, p) = beamfarm_harness::chi2::chi2(&observed, &counts);
         suite.p_value("choice", p);
     }
     suite.finish();

@@ -1,17 +1,17 @@
 //! Light towards a point: samples, their densities, and the irradiance that they add up to.
 
-use crate::lights::setup::{
+use crate::surfaces::lights::setup::{
     RADIANCE, SAMPLES, SIGNIFICANCE, ball, cylinder, disc, emitter, light, patterned, point, rectangle, shapes, sky,
     spot, sun,
 };
+use beamfarm_harness::quadrature::Rect;
+use beamfarm_harness::{Chi2, MeanEstimate, Suite};
 use beamfarm_render::geometry::{Geometry, Object, Shape, bounds};
 use beamfarm_render::light::{DirectSample, Environment, Light, LightHit, LightKind};
 use beamfarm_render::math::{Frame, PI, Ray, Rgb, Vec2, Vec3};
 use beamfarm_render::sampler::{Purpose, Sampler};
 use beamfarm_render::texture::{Image, TexturePoint};
 use beamfarm_render::warp;
-use beamfarm_tests::quadrature::Rect;
-use beamfarm_tests::{Chi2, MeanEstimate, Suite};
 use glam::{Affine3A, Mat3};
 use std::sync::Arc;
 

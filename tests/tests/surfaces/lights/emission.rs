@@ -1,14 +1,14 @@
 //! What lights emit: their power, and photons where and whither their densities say.
 
-use crate::lights::setup::{
+use crate::surfaces::lights::setup::{
     BOUNDS, RADIANCE, SAMPLES, SIGNIFICANCE, ball, emitter, point, rectangle, shapes, sky, speckled, spot, sun,
 };
+use beamfarm_harness::quadrature::Rect;
+use beamfarm_harness::{Chi2, MeanEstimate, Suite};
 use beamfarm_render::geometry::{Geometry, Object};
 use beamfarm_render::light::{EmissionSample, EmissionUniforms, Light, LightKind};
 use beamfarm_render::math::{Frame, PI, Ray, Rgb, Vec2, Vec3};
 use beamfarm_render::sampler::{Purpose, Sampler};
-use beamfarm_tests::quadrature::Rect;
-use beamfarm_tests::{Chi2, MeanEstimate, Suite};
 
 fn emission(rng: &mut Sampler) -> EmissionUniforms {
     EmissionUniforms {

@@ -1,12 +1,12 @@
 //! Light from all around: which way its image stands, and that all of it is found.
 
-use crate::lights::setup::{RADIANCE, SAMPLES, SIGNIFICANCE, sky, speckled};
+use crate::surfaces::lights::setup::{RADIANCE, SAMPLES, SIGNIFICANCE, sky, speckled};
+use beamfarm_harness::{Chi2, MeanEstimate, Suite, render};
 use beamfarm_render::light::Environment;
 use beamfarm_render::math::{PI, Rgb, Vec3};
 use beamfarm_render::sampler::{Purpose, Sampler};
 use beamfarm_render::texture::Image;
 use beamfarm_render::warp;
-use beamfarm_tests::{Chi2, MeanEstimate, Suite, render};
 use glam::Mat3;
 use std::sync::Arc;
 

@@ -1,6 +1,8 @@
 //! Surfaces whose radiance varies by a texture: how points on them are drawn, and pictures by their light.
 
-use crate::lights::setup::{BOUNDS, PATHS, PHOTONS, SIGNIFICANCE, found_once, patterned, rectangle, shapes};
+use crate::surfaces::lights::setup::{BOUNDS, PATHS, PHOTONS, SIGNIFICANCE, found_once, patterned, rectangle, shapes};
+use beamfarm_harness::render::{Blocks, blocks, blur, reference_images, scene};
+use beamfarm_harness::{MeanEstimate, Suite};
 use beamfarm_image::job::ReferenceSettings;
 use beamfarm_render::geometry::{Mesh, Placement, Shape};
 use beamfarm_render::light::{EmissionUniforms, LightKind, Pattern};
@@ -8,8 +10,6 @@ use beamfarm_render::math::{Rgb, Vec2, Vec3};
 use beamfarm_render::sampler::{Purpose, Sampler};
 use beamfarm_render::texture::Texture;
 use beamfarm_render::world::Scene;
-use beamfarm_tests::render::{Blocks, blocks, blur, reference_images, scene};
-use beamfarm_tests::{MeanEstimate, Suite};
 use glam::Affine2;
 use std::sync::Arc;
 

@@ -1,5 +1,7 @@
 //! Lights and shapes of every kind.
 
+use beamfarm_harness::Suite;
+use beamfarm_harness::render::{Blocks, blocks_by, blur, reference_images};
 use beamfarm_image::job::{Finder, Finders, ReferenceSettings};
 use beamfarm_image::layer::LightGroup;
 use beamfarm_render::geometry::{Mesh, Object, Placement, Shape};
@@ -8,8 +10,6 @@ use beamfarm_render::math::{Frame, Rgb, Vec3};
 use beamfarm_render::sampler::{Purpose, Sampler};
 use beamfarm_render::texture::{Image, Texture, TextureFilter, Wrap};
 use beamfarm_render::world::Scene;
-use beamfarm_tests::Suite;
-use beamfarm_tests::render::{Blocks, blocks_by, blur, reference_images};
 use glam::{Affine2, Affine3A, Mat3};
 use std::sync::Arc;
 

@@ -1,16 +1,14 @@
 //! Photon targeting: it changes the noise of the picture and nothing else.
 
-#![allow(clippy::unwrap_used)]
-
 mod lamps;
 mod starts;
 
+use beamfarm_harness::Suite;
+use beamfarm_harness::render::{Blocks, scene};
+use beamfarm_harness::z_test::two_sided;
 use beamfarm_render::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::Scene;
-use beamfarm_tests::Suite;
-use beamfarm_tests::render::{Blocks, scene};
-use beamfarm_tests::z_test::two_sided;
 
 /// A room with a window on the right of the wall ahead, and perhaps one on the left, in a world that is much larger.
 /// Radii are given: the bias of a pass is the same however its photons are aimed.

@@ -1,7 +1,5 @@
 //! Beams and photons by themselves: densities, kernels, what a radius and many passes do to them. Against formulas.
 
-#![allow(clippy::unwrap_used)]
-
 mod absorption;
 mod axis_rays;
 mod bias;

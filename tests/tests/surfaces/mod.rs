@@ -1,8 +1,6 @@
 //! Cameras, lights, materials, what is sampled and with which density, what goes into which layer. Against formulas,
 //! integrals and tables of Mitsuba.
 
-#![allow(clippy::unwrap_used)]
-
 mod camera;
 mod densities;
 mod gloss;

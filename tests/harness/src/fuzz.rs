@@ -110,9 +110,9 @@ fn volume(name: &str, data: &[u8]) {
 /// A scene file, with a mesh, a picture and a volume beside it.
 pub fn scene(data: &[u8]) {
     const FILES: [(&str, &[u8]); 3] = [
-        ("a.ply", include_bytes!("../fuzz/seeds/ply/square_ascii.ply")),
-        ("a.png", include_bytes!("../fuzz/seeds/png/rgb.png")),
-        ("a.vol", include_bytes!("../data/volumes/grid.vol")),
+        ("a.ply", include_bytes!("../../fuzz/seeds/ply/square_ascii.ply")),
+        ("a.png", include_bytes!("../../fuzz/seeds/png/rgb.png")),
+        ("a.vol", include_bytes!("../../data/volumes/grid.vol")),
     ];
     let mut bundle = Bundle {
         scene: "scene.toml".into(),

@@ -18,7 +18,7 @@ const BLOCK: usize = 8;
 const ROUNDING: f64 = 2e-3;
 
 fn folder() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("mitsuba")
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../mitsuba")
 }
 
 /// One of the scenes.

@@ -1,7 +1,5 @@
 //! The farm over real connections: a coordinator on a free port, workers of the library, and workers that misbehave.
 
-#![allow(clippy::unwrap_used)]
-
 mod audits;
 mod browser;
 mod calls;

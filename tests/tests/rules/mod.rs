@@ -1,7 +1,5 @@
 //! Object visibility rules: each does to the picture what removing things by hand does.
 
-#![allow(clippy::unwrap_used)]
-
 mod coats;
 mod golden;
 mod media;
@@ -10,11 +8,11 @@ mod reference;
 mod shadows;
 mod views;
 
+use beamfarm_harness::Suite;
+use beamfarm_harness::render::{blocks, scene};
 use beamfarm_render::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::Scene;
-use beamfarm_tests::Suite;
-use beamfarm_tests::render::{blocks, scene};
 
 /// The pixels of some passes, one after the other.
 fn pixels(scene: &Scene) -> Vec<[f32; 3]> {

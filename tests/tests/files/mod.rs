@@ -1,7 +1,5 @@
 //! Scene files: what they may say, and what is said of those that are wrong.
 
-#![allow(clippy::unwrap_used)]
-
 mod bad_scenes;
 mod example_scenes;
 mod gltf;

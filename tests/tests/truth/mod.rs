@@ -1,7 +1,5 @@
 //! Whole pictures: against the path tracer, Mitsuba and their own bits of before.
 
-#![allow(clippy::unwrap_used)]
-
 mod faults;
 mod golden;
 mod mitsuba;

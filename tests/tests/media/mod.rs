@@ -1,7 +1,5 @@
 //! Fog, smoke, clouds and water. Against furnaces, integrals and one another.
 
-#![allow(clippy::unwrap_used)]
-
 mod fog_lights;
 mod furnace;
 mod grid_media;

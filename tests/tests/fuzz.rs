@@ -4,14 +4,15 @@
 #![allow(clippy::unwrap_used)]
 
 use beamfarm_harness::fuzz::{TARGETS, Target, farm, layers, mutate};
+use beamfarm_harness::render::is_long;
 use rand_pcg::Pcg32;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-/// Mutations of a target's seeds in all.
-const MUTATIONS: usize = 3000;
+/// Mutations of a target's seeds in all: as many where tests may take long, and otherwise.
+const MUTATIONS: [usize; 2] = [3000, 1000];
 /// Memory that a reader may hold, in bytes: this, or `PER_BYTE` times its input if that is more.
 const ALLOWED: usize = 256 << 20;
 /// For sparse volumes, whose tiles and empty bricks take next to nothing in the file: what 2^26 bricks take.
@@ -119,10 +120,11 @@ fn run(target: &Target, name: &str, input: &[u8]) {
 fn run_all(name: &str) {
     let target = TARGETS.iter().find(|target| target.name == name).unwrap();
     let seeds = seeds(target);
+    let mutations = MUTATIONS[usize::from(!is_long())];
     for (i, (name, seed)) in seeds.iter().enumerate() {
         run(target, name, seed);
         let (_, other) = &seeds[(i + 1) % seeds.len()];
-        for mutation in 0..MUTATIONS.div_ceil(seeds.len()) as u64 {
+        for mutation in 0..mutations.div_ceil(seeds.len()) as u64 {
             let mut random = Pcg32::new(mutation, i as u64);
             let input = mutate(seed, other, &mut random);
             run(target, &format!("{mutation}-{name}"), &input);

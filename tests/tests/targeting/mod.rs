@@ -4,7 +4,7 @@ mod lamps;
 mod starts;
 
 use beamfarm_harness::Suite;
-use beamfarm_harness::render::{Blocks, scene};
+use beamfarm_harness::render::{Blocks, images, scene};
 use beamfarm_harness::z_test::two_sided;
 use beamfarm_render::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
@@ -199,7 +199,7 @@ fn plan(scene: &Scene) -> RenderPlan {
 
 /// Means over blocks of 4 x 4 pixels of the passes.
 fn passes(scene: &Scene, plan: &RenderPlan) -> Blocks {
-    let passes = 0..scene.description().defaults.passes;
+    let passes = 0..images(scene.description().defaults.passes);
     Blocks::new(passes.map(|i| render_pass(scene, plan, i).film), 4)
 }
 

@@ -93,7 +93,7 @@ const SHEET: &str = r#"
 width = 24
 height = 24
 [render]
-passes = 600
+passes = 1200
 paths = 4000
 radius = 0.03
 [camera]
@@ -139,7 +139,7 @@ emission = { radiance = [2, 1, 1], two_sided = true }
 #[test]
 fn all_estimators_find_the_light_once() {
     let ways = [[PHOTONS, PHOTONS, PHOTONS], [PATHS, PATHS, PATHS], [PATHS, PATHS, None]];
-    found_once(&scene(SHEET), &ways, 240);
+    found_once(&scene(SHEET), &ways, 480);
 }
 
 /// A sheet that emits on both sides is two sheets back to back, each with half of the power.

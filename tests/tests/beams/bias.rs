@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "helpers of tests")]
 
 use beamfarm_harness::MeanEstimate;
-use beamfarm_harness::render::{is_long, reference_images, run_plan, scene};
+use beamfarm_harness::render::{reference_images, run_plan, scene};
 use beamfarm_image::bias::{BIAS_EXPONENTS, Bias, Finding, TILE};
 use beamfarm_image::film::Film;
 use beamfarm_image::job::{Finder, Finders, JobSettings, ReferenceSettings};
@@ -313,8 +313,8 @@ fn tile_means(film: &Film) -> Vec<f64> {
     sums
 }
 
-/// Jobs of 64 passes of a scene, with this base radius.
-fn jobs(toml: &str, radius: f64, count: u64) -> (Scene, Vec<Average>) {
+/// Eight jobs of 64 passes of a scene, with this base radius.
+fn jobs(toml: &str, radius: f64) -> (Scene, Vec<Average>) {
     let scene = scene(&toml.replace("RADIUS", &radius.to_string()));
     let settings = scene.description().defaults.job_settings();
     let job = |seed| {
@@ -339,7 +339,7 @@ fn jobs(toml: &str, radius: f64, count: u64) -> (Scene, Vec<Average>) {
         plan.surface_photons = true;
         run_plan(&scene, &plan, 64)
     };
-    let jobs = (0..count).map(job).collect();
+    let jobs = (0..8).map(job).collect();
     (scene, jobs)
 }
 
@@ -352,7 +352,7 @@ fn print(name: &str, job: &Average) {
 /// Radii as wide as a tile, against the path tracer: how many tiles of all jobs are biased beyond doubt and by two
 /// standard errors of a job's estimate, and how many of them are named.
 fn told_of(name: &str, toml: &str, radius: f64) -> (u32, u32) {
-    let (scene, jobs) = jobs(toml, radius, 8);
+    let (scene, jobs) = jobs(toml, radius);
     let settings = ReferenceSettings {
         seed: 1,
         max_depth: None,
@@ -394,7 +394,7 @@ fn told_of(name: &str, toml: &str, radius: f64) -> (u32, u32) {
 
 /// Radii so small that there is nothing to tell of. At most one tile in twenty is named.
 fn is_silent(name: &str, toml: &str, radius: f64) {
-    let (_, jobs) = jobs(toml, radius, if is_long() { 8 } else { 4 });
+    let (_, jobs) = jobs(toml, radius);
     jobs.iter().for_each(|job| print(name, job));
     let named = jobs.iter().map(|job| job.bias.as_ref().unwrap().named().len());
     let named = named.sum::<usize>();

@@ -398,7 +398,7 @@ emission = { radiance = 8.0 }
             seed: 5,
             max_depth: None,
         };
-        let truth = Blocks::new(reference_images(&scene, settings, 1500, 8), 8);
+        let truth = Blocks::new(reference_images(&scene, settings, 800, 8), 8);
         let passes = blocks(&scene, 8);
         let noise = passes.noise(&truth);
         assert!(noise < 0.08 * blur(), "{materials}: {noise}");

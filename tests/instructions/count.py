@@ -26,7 +26,7 @@ TOLERANCE = 0.02
 
 
 def build():
-    subprocess.run(["cargo", "build", "--release", "-p", "beamfarm-coordinator"], cwd=ROOT, check=True)
+    subprocess.run(["cargo", "build", "--release", "-p", "beamfarm"], cwd=ROOT, check=True)
     return ROOT / "target" / "release" / "beamfarm"
 
 

@@ -14,8 +14,8 @@ use syn::{Item, UseTree};
 
 /// The roots of all crates: their folder, and the file that they begin with.
 const CRATES: [[&str; 2]; 8] = [
-    ["coordinator/src", "lib.rs"],
-    ["coordinator/src/bin/beamfarm", "main.rs"],
+    ["coordinator/core/src", "lib.rs"],
+    ["coordinator/src", "main.rs"],
     ["proto/src", "lib.rs"],
     ["shared/image/src", "lib.rs"],
     ["shared/render/src", "lib.rs"],

@@ -214,7 +214,7 @@ const ROOM: &str = r#"
 width = 24
 height = 24
 [render]
-passes = 300
+passes = 600
 paths = 4000
 radius = 0.03
 [camera]
@@ -278,6 +278,6 @@ fn all_estimators_find_the_light_once() {
             [PATHS, PATHS, PATHS],
             [PATHS, PATHS, None],
         ],
-        120,
+        240,
     );
 }

@@ -268,7 +268,7 @@ fn patient(passes: u64, audit_every: u64) -> Rules {
 
 proptest! {
     #![proptest_config(ProptestConfig {
-        cases: if beamfarm_harness::render::is_long() { 256 } else { 96 },
+        cases: if std::env::var_os("BEAMFARM_LONG").is_some() { 256 } else { 96 },
         rng_seed: proptest::test_runner::RngSeed::Fixed(20),
         ..ProptestConfig::default()
     })]

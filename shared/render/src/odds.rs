@@ -72,7 +72,10 @@ impl Odds {
 
     /// Share of photons in it, where gather rays have this `density`. `scale`: factor on the odds.
     pub(crate) fn photon_share(self, scale: f32, density: f32) -> f32 {
-        1.0 - gather_share(self.0 * scale, density)
+        match self {
+            Self::UNSEEN => 0.0,
+            Self(odds) => 1.0 - gather_share(odds * scale, density),
+        }
     }
 }
 

@@ -1,9 +1,12 @@
 //! Shadow linking of lights: the shadow rays to one pass what those to the others do not.
 
-use super::{VIEW, different, same_bits};
+use super::{VIEW, different, same_bits, same_means};
 use beamfarm_harness::Suite;
 use beamfarm_harness::render::{blocks, scene};
 use beamfarm_harness::z_test::two_sided;
+use beamfarm_render::aov::light_layers;
+use beamfarm_render::pass::render_pass;
+use beamfarm_render::plan::RenderPlan;
 
 /// A floor, some satin on it, and a ball that only its shadows tell of.
 const FLOOR: &str = r#"
@@ -103,4 +106,54 @@ fn only_lights_that_are_named_have_shadow_rules_of_their_own() {
         &format!("{plain}{rule}on = [\"point\"]\ninclude = [\"floor\"]\n"),
         &plain,
     );
+}
+
+/// A lamp that neither shadow rays nor photons see lights nothing, also beside a sky that camera paths meet behind
+/// glass: its layer is black, and the picture is that without it.
+#[test]
+fn a_lamp_that_nothing_sees_lights_nothing() {
+    let room = r#"
+[materials.white]
+type = "diffuse"
+reflectance = 0.8
+two_sided = true
+[materials.glass]
+type = "dielectric"
+ior = 1.5
+[[shapes]]
+type = "rectangle"
+material = "white"
+transform = [{ scale = 3 }, { rotate = { axis = [1, 0, 0], angle = -90 } }]
+[[shapes]]
+type = "rectangle"
+material = "white"
+transform = [{ scale = 3 }, { translate = [0, 0, -2] }]
+[[shapes]]
+type = "sphere"
+center = [0, 0.7, 0]
+radius = 0.5
+material = "glass"
+[[lights]]
+name = "sky"
+type = "environment"
+radiance = 0.05
+"#;
+    let lamp = "[[lights]]\nname = \"lamp\"\ntype = \"point\"\nposition = [0.5, 3, 0.5]\npower = 2000\n\
+                [[rules]]\nrays = [\"shadow\", \"photon\"]\nexclude = [\"lamp\"]\n";
+    for caustics in ["", "caustics = \"photons\"", "caustics = \"paths\""] {
+        let view = VIEW
+            .replace("caustics = \"photons\"", caustics)
+            .replace("passes = 4", "passes = 64");
+        let with = scene(&format!("{view}{room}{lamp}"));
+        let plan = RenderPlan::new(&with, with.description().defaults.job_settings());
+        let mut layers = light_layers(with.description());
+        layers.retain(|layer| layer.to_string().contains("lamp"));
+        let plan = plan.with_layers(&with, &layers).unwrap();
+        for pass_index in 0..8 {
+            let image = render_pass(&with, &plan, pass_index);
+            let lit = image.layers[0].pixels.iter().flatten().filter(|value| **value != 0.0);
+            assert_eq!(lit.count(), 0, "{caustics}, pass {pass_index}");
+        }
+        same_means(&format!("{view}{room}{lamp}"), &format!("{view}{room}"), 0.0);
+    }
 }

@@ -13,7 +13,7 @@ use crate::light::LightSelector;
 use crate::spectrum::{WAVES, WaveSet};
 use crate::targeting::Targets;
 use crate::view::View;
-use crate::world::{Scene, SceneDescription};
+use crate::world::{Scene, SceneDescription, lights_that_leave};
 use beamfarm_image::job::{Budget, Finder, Finders, JobSettings, ScheduleKind};
 use beamfarm_image::layer::Layer;
 use stages::Stage;
@@ -308,14 +308,15 @@ fn aimed_instead_of_paths(
     Some((deeper, (Some(targets), told)))
 }
 
-/// The lights that photons start at, where that is not all of them.
+/// The lights that photons start at, where that is not all of them that rules let leave something.
 fn emitters(description: &SceneDescription, estimators: &Estimators) -> Option<LightSelector> {
     (!estimators.deep && estimators.is_met.contains(&true)).then(|| {
+        let leaves = lights_that_leave(description);
         LightSelector::of_some(
             &description.lights,
             &description.objects,
             &description.bounds,
-            |light| !estimators.is_met[light],
+            |light| leaves[light] && !estimators.is_met[light],
         )
     })
 }

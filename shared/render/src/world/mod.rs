@@ -19,6 +19,7 @@ pub use description::{Motion, RenderDefaults, SceneDescription};
 pub(crate) use interaction::SurfaceInteraction;
 pub use pick::Seen;
 pub use selectors::Selectors;
+pub(crate) use selectors::lights_that_leave;
 
 /// A scene made ready for rays: acceleration structures built, media around the camera and the lights found.
 #[derive(Debug)]

@@ -50,7 +50,7 @@ impl Selectors {
             seen: (description.rules.as_ref())
                 .map(|rules| seen(description, rules, some))
                 .unwrap_or_default(),
-            emitters: (description.rules.as_ref()).and_then(|rules| emitters(description, rules, some)),
+            emitters: emitters(description, some),
         }
     }
 }
@@ -75,9 +75,17 @@ fn seen(
 /// The lights whose photons leave something somewhere, unless all may.
 fn emitters(
     description: &SceneDescription,
-    rules: &Rules,
     some: impl Fn(&dyn Fn(usize) -> bool) -> LightSelector,
 ) -> Option<LightSelector> {
+    let matters = lights_that_leave(description);
+    matters.contains(&false).then(|| some(&|light| matters[light]))
+}
+
+/// By light: rules let its photons leave something somewhere.
+pub(crate) fn lights_that_leave(description: &SceneDescription) -> Vec<bool> {
+    let Some(rules) = &description.rules else {
+        return vec![true; description.lights.len()];
+    };
     let objects = description.objects.iter().zip(&rules.of_object);
     let surfaces = objects.filter(|(object, _)| {
         let material = &description.materials[object.material as usize];
@@ -90,8 +98,5 @@ fn emitters(
     sets.sort_unstable_by_key(|set| set.row);
     sets.dedup();
     let matters = |light: usize| !sets.iter().all(|set| rules.hides_light(*set, light));
-    if (0..description.lights.len()).all(matters) {
-        return None;
-    }
-    Some(some(&matters))
+    (0..description.lights.len()).map(matters).collect()
 }

@@ -51,14 +51,13 @@ impl<F: Fn(u32) -> bool> Probe<'_, F> {
     pub(super) fn surface(&self, hit: &SurfaceHit, side: Vec3, radius: f32, sampler: &mut Sampler) -> (f32, f32) {
         let n = hit.ng * hit.ng.dot(side).signum();
         let frame = Frame::from_normal(n);
-        let from = hit.spawn_ray(n).origin;
         let mut is_on = |radius: f32| {
             let u = sampler.next_2d();
             // Epanechnikov's kernel on a disc.
             let r = radius * (1.0 - (1.0 - u.x).sqrt()).sqrt();
             let (sin, cos) = sin_cos(2.0 * PI * u.y);
             let offset = frame.s * (r * cos) + frame.t * (r * sin);
-            self.is_on_surface(from, n, offset, radius)
+            self.is_on_surface(hit, n, offset, radius)
         };
         if is_on(radius) {
             return (radius, 1.0);
@@ -114,9 +113,10 @@ impl<F: Fn(u32) -> bool> Probe<'_, F> {
     }
 
     /// Whether a point at an offset along a surface's tangent plane is over a surface like it, and nothing between.
-    fn is_on_surface(&self, from: Vec3, n: Vec3, offset: Vec3, radius: f32) -> bool {
-        let height = MAX_PLANE_DISTANCE * radius;
-        let start = from + n * height;
+    /// What the hit is uncertain by, on a ground that is much larger than the kernel, is not held against it.
+    fn is_on_surface(&self, hit: &SurfaceHit, n: Vec3, offset: Vec3, radius: f32) -> bool {
+        let height = MAX_PLANE_DISTANCE * radius + hit.clearance;
+        let start = hit.point + n * height;
         let down = Ray {
             origin: start + offset,
             dir: -n,
@@ -129,7 +129,7 @@ impl<F: Fn(u32) -> bool> Probe<'_, F> {
         let objects = self.scene.objects();
         let hit = (self.scene.geometry).intersect(objects, &down, 2.0 * height, &is_passed);
         let covers = |hit: SurfaceHit| {
-            let off = hit.t - height;
+            let off = ((hit.t - height).abs() - hit.clearance).max(0.0);
             hit.ng.dot(n).abs() >= MIN_NORMAL_COSINE && offset.length_squared() + off * off < radius * radius
         };
         hit.is_some_and(covers) && self.is_clear(start, offset, |object| self.scene.material_of(object).transmits())

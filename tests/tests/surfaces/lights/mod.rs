@@ -6,4 +6,5 @@ mod emission;
 mod environment;
 mod pattern;
 mod setup;
+mod shares;
 mod two_sides;

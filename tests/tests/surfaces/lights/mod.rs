@@ -4,7 +4,7 @@ mod choice;
 mod direct;
 mod emission;
 mod environment;
+mod large_ground;
 mod pattern;
 mod setup;
-mod shares;
 mod two_sides;

@@ -266,9 +266,14 @@ fn patient(passes: u64, audit_every: u64) -> Rules {
     }
 }
 
+/// As elsewhere in the tests: `BEAMFARM_LONG=1`.
+fn is_long() -> bool {
+    std::env::var("BEAMFARM_LONG").is_ok_and(|value| !value.is_empty() && value != "0")
+}
+
 proptest! {
     #![proptest_config(ProptestConfig {
-        cases: if std::env::var_os("BEAMFARM_LONG").is_some() { 256 } else { 96 },
+        cases: if is_long() { 256 } else { 96 },
         rng_seed: proptest::test_runner::RngSeed::Fixed(20),
         ..ProptestConfig::default()
     })]

@@ -1,6 +1,6 @@
 //! One random scene, by its seed: compared, printed, or made smaller as long as it stays wrong.
 //!
-//!     cargo run -p beamfarm-tests --example random_scene -- SEED [--print] [--shrink] [--images N] [--samples N]
+//!     cargo run -p beamfarm-tests --example random_scene -- SEED [--print] [--write FOLDER] [--shrink] [--images N] [--samples N]
 //!     cargo run -p beamfarm-tests --example random_scene -- FOLDER/NAME.toml ...
 
 use beamfarm_harness::differential::Effort;
@@ -18,11 +18,13 @@ fn main() -> Result<(), Box<dyn Error>> {
         seconds: f64::INFINITY,
     };
     let (mut prints, mut shrinks, mut what) = (false, false, None);
+    let mut folder = None;
     let mut arguments = std::env::args().skip(1);
     while let Some(argument) = arguments.next() {
         let mut count = || -> Result<u64, Box<dyn Error>> { Ok(arguments.next().ok_or("expected a number")?.parse()?) };
         match argument.as_str() {
             "--print" => prints = true,
+            "--write" => folder = arguments.next(),
             "--shrink" => shrinks = true,
             "--images" => effort.images = count()?.max(2),
             "--samples" => effort.samples = count()?.max(1),
@@ -40,6 +42,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     };
     if prints {
         println!("{}", scene.toml());
+        return Ok(());
+    }
+    if let Some(folder) = folder {
+        scene.write(Path::new(&folder), &format!("random-{name}"))?;
         return Ok(());
     }
     println!("{}", scene.summary());

@@ -173,6 +173,7 @@ impl From<JobSettings> for wire::Settings {
             media_finder: finder_to_wire(settings.finders.media).into(),
             surface_finder: finder_to_wire(settings.finders.surfaces).into(),
             caustic_finder: finder_to_wire(settings.finders.caustics).into(),
+            aimed: settings.finders.aimed,
         }
     }
 }
@@ -218,6 +219,7 @@ impl TryFrom<wire::Settings> for JobSettings {
                 media: finder_from_wire(settings.media_finder, "settings.media_finder")?,
                 surfaces: finder_from_wire(settings.surface_finder, "settings.surface_finder")?,
                 caustics: finder_from_wire(settings.caustic_finder, "settings.caustic_finder")?,
+                aimed: settings.aimed,
             },
         };
         match settings.check() {
@@ -321,6 +323,7 @@ mod tests {
                 media: Some(Finder::Paths),
                 surfaces: None,
                 caustics: Some(Finder::Photons),
+                aimed: Some(true),
             },
         }
     }

@@ -117,6 +117,9 @@ pub struct Settings {
     /// What finds light of lights that are large enough for camera paths, behind specular surfaces.
     #[prost(enumeration = "Finder", tag = "9")]
     pub caustic_finder: i32,
+    /// Whether photons are aimed; as the scene says where this says nothing.
+    #[prost(bool, optional, tag = "10")]
+    pub aimed: ::core::option::Option<bool>,
 }
 /// Radii for the least error after a number of passes.
 #[derive(Clone, Copy, PartialEq, ::prost::Message)]

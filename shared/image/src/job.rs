@@ -95,6 +95,9 @@ pub struct Finders {
     /// both where these are not all around, balanced. Where photons find all light of surfaces or media, they find this
     /// as well.
     pub caustics: Option<Finder>,
+    /// Photons are aimed at what the camera sees, wherever there is a place for them to be aimed at. Unless said, as
+    /// the scene says.
+    pub aimed: Option<bool>,
 }
 
 /// Which of them is said, if any: `media by paths, caustics by photons`.
@@ -108,7 +111,11 @@ impl fmt::Display for Finders {
         let said = said
             .into_iter()
             .filter_map(|(of, finder)| Some(format!("{of} by {}", finder?)));
-        f.write_str(&said.collect::<Vec<_>>().join(", "))
+        let aimed = self.aimed.map(|aimed| match aimed {
+            true => "photons aimed".to_owned(),
+            false => "photons not aimed".to_owned(),
+        });
+        f.write_str(&said.chain(aimed).collect::<Vec<_>>().join(", "))
     }
 }
 

@@ -99,6 +99,7 @@ const fn finders(media: Option<Finder>, surfaces: Option<Finder>, caustics: Opti
         media,
         surfaces,
         caustics,
+        aimed: None,
     }
 }
 

@@ -48,6 +48,9 @@ pub struct Description {
     /// What finds caustics of large lights.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub caustic_finder: Option<Finder>,
+    /// Whether photons are aimed, where the scene does not say it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub aimed: Option<bool>,
     /// Pixels a row.
     pub width: u32,
     /// Rows.
@@ -131,6 +134,7 @@ impl Description {
             media_finder: settings.finders.media,
             surface_finder: settings.finders.surfaces,
             caustic_finder: settings.finders.caustics,
+            aimed: settings.finders.aimed,
             width: spec.width,
             height: spec.height,
             layers: spec.layers.iter().map(Layer::to_string).collect(),
@@ -165,6 +169,7 @@ impl Description {
                 media: self.media_finder,
                 surfaces: self.surface_finder,
                 caustics: self.caustic_finder,
+                aimed: self.aimed,
             },
         };
         settings.check().map_err(|error| foreign(error.to_string()))?;
@@ -199,6 +204,10 @@ impl Description {
                 ("finder of light in media", finder(job.media_finder)),
                 ("finder of light of surfaces", finder(job.surface_finder)),
                 ("finder of caustics", finder(job.caustic_finder)),
+                (
+                    "photons aimed",
+                    job.aimed.map_or("by rule".into(), |aimed| aimed.to_string()),
+                ),
                 ("width", job.width.to_string()),
                 ("height", job.height.to_string()),
                 ("layers", list(&job.layers)),
@@ -261,6 +270,7 @@ impl Description {
         for finder in [self.media_finder, self.surface_finder, self.caustic_finder] {
             field(&finder.map(|finder| finder.to_string()).unwrap_or_default());
         }
+        self.aimed.iter().for_each(|aimed| field(&aimed.to_string()));
         self.layers.iter().for_each(|layer| field(layer));
         *hasher.finalize().as_bytes()
     }

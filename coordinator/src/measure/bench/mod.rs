@@ -7,6 +7,7 @@ mod machine;
 mod overrides;
 mod plot;
 mod record;
+mod regret;
 mod report;
 mod run;
 mod suite;
@@ -113,6 +114,11 @@ pub struct BenchArgs {
     #[arg(long, value_name = "DATE")]
     date: Option<String>,
 
+    /// Let every plan that the pilot thinks of render for --seconds, and tell by how much the one that it chooses is
+    /// worse than the best of them
+    #[arg(long, conflicts_with = "passes")]
+    regret: bool,
+
     /// Print nothing but errors
     #[arg(short, long)]
     quiet: bool,
@@ -130,6 +136,9 @@ pub fn main(args: BenchArgs) -> Result<(), Failure> {
     std::fs::create_dir_all(&args.output)
         .map_err(|error| Failure::io(format!("{}: {error}", args.output.display())))?;
 
+    if args.regret {
+        return regret::main(&suite, &args.output, args.quiet);
+    }
     // All of them first: nobody should learn of a misspelt name after an hour.
     let prepared = suite
         .scenes

@@ -14,7 +14,7 @@ use crate::spectrum::{WAVES, WaveSet};
 use crate::targeting::Targets;
 use crate::view::View;
 use crate::world::{Scene, SceneDescription, lights_that_leave};
-use beamfarm_image::job::{Budget, Finder, Finders, JobSettings, ScheduleKind};
+use beamfarm_image::job::{Budget, Finder, Finders, JobSettings, ScheduleKind, Targeting};
 use beamfarm_image::layer::Layer;
 use stages::Stage;
 use std::fmt;
@@ -284,8 +284,17 @@ impl Contents {
 /// What photons are aimed at, if they are, and what there is to say about it.
 type Aimed = (Option<Targets>, String);
 
+/// Whether photons are aimed: as a pilot found best, or as the scene says.
+fn targeting(scene: &Scene, settings: &JobSettings) -> Targeting {
+    match settings.finders.aimed {
+        Some(true) => Targeting::On,
+        Some(false) => Targeting::Off,
+        None => scene.description().defaults.targeting,
+    }
+}
+
 fn aim(scene: &Scene, settings: &JobSettings, estimators: &Estimators) -> Aimed {
-    let mode = scene.description().defaults.targeting;
+    let mode = targeting(scene, settings);
     Targets::prepare(scene, estimators, settings.seed, mode)
 }
 
@@ -303,7 +312,7 @@ fn aimed_instead_of_paths(
     }
     let deeper = estimators.deepened();
     let (targets, told) = aim(scene, settings, &deeper);
-    let mode = scene.description().defaults.targeting;
+    let mode = targeting(scene, settings);
     let targets = targets.filter(|targets| targets.outdo_paths(mode))?;
     Some((deeper, (Some(targets), told)))
 }

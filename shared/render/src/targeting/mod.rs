@@ -95,7 +95,7 @@ impl Targets {
         mode: Targeting,
     ) -> (Option<Self>, String) {
         if mode == Targeting::Off {
-            return (None, "off, says the scene".into());
+            return (None, "off".into());
         }
         match &scene.description().rules {
             None => Self::seen((scene, estimators), seed, mode, Unruled),
@@ -208,6 +208,15 @@ impl Targets {
     #[inline]
     pub fn of(&self, light: usize) -> Option<&Aim> {
         self.lights[light].as_ref()
+    }
+
+    /// Whether photons start as by the other targets.
+    pub(crate) fn are_like(&self, other: &Self) -> bool {
+        let plain = |targets: &Self| -> Vec<Option<f32>> {
+            let lights = targets.lights.iter();
+            lights.map(|aim| aim.as_ref().map(|aim| aim.plain)).collect()
+        };
+        plain(self) == plain(other) && self.chosen.is_some() == other.chosen.is_some()
     }
 
     /// Whether photons that miss are dropped: the picture is biased.

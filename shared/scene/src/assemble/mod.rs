@@ -418,6 +418,7 @@ pub fn defaults(record: &RenderRecord) -> Result<RenderDefaults, Fault> {
             media: record.media.map(Into::into),
             surfaces: record.surfaces.map(Into::into),
             caustics: record.caustics.map(Into::into),
+            aimed: None,
         },
     })
 }

@@ -1,0 +1,325 @@
+//! What finds which light, and how many photon paths a pass traces, where the scene does not say: found by a pilot.
+//!
+//! A pass with M paths has the variance c + p / M, c of what its camera paths draw by chance and p of photons, and
+//! takes the work a + b M. The error after a given time goes as the product of the two, which is least at
+//!
+//! ```text
+//! M = sqrt(p a / (c b)).
+//! ```
+//!
+//! The pilot renders small images of the same photons by other camera paths and of other photons by the same ones. Work
+//! is counted, not timed: every machine finds the same number. It does so for each way to find the scene's light that
+//! may be the best, and takes the one of the least product.
+
+mod pictures;
+mod ways;
+
+use crate::budget::shrunk;
+use crate::plan::RenderPlan;
+use crate::world::{Scene, SceneDescription};
+use beamfarm_image::job::JobSettings;
+pub use pictures::{Balance, Variances};
+use pictures::{Effort, Judged, More, Pictures};
+
+/// Pixels along the longer side of pictures, from the largest to those of plans that take long.
+const SIDES: [u32; 4] = [48, 24, 12, 6];
+/// Photon paths of a set.
+const PATHS: u32 = 3_000;
+/// What every plan gets, in pictures of the second size.
+const SCOUTS: Effort = Effort {
+    cameras: 2,
+    paths: PATHS,
+};
+/// What those get that may be the best.
+const FULL: Effort = Effort {
+    cameras: 4,
+    paths: PATHS,
+};
+/// What every plan gets where that finds no light at all.
+const MANY_PHOTONS: Effort = Effort {
+    cameras: 2,
+    paths: 16 * PATHS,
+};
+/// They are at most so many, none worse than the best by this factor.
+const KEPT: usize = 4;
+const CLOSE: f64 = 4.0;
+/// As often the best one is looked at again, with so many times more of what it lacks.
+const LOOKS: usize = 3;
+const MORE_PATHS: u32 = 8;
+const MORE_CAMERAS: usize = 4;
+/// Counted work of the pictures of one plan at most, nanoseconds of a core.
+const LONGEST: f64 = 1e9;
+/// What others must be better by than what is best for most scenes: the pilot is noisy.
+const MARGIN: f64 = 0.9;
+/// As much of the error is everywhere, seen or not: light that is hardly ever found leaves most pixels free of noise.
+const UNSEEN: f64 = 1e-3;
+/// Fewest and most paths that are chosen.
+const LEAST: f64 = 500.0;
+const MOST: f64 = 500_000.0;
+
+/// What a pilot tried.
+#[derive(Clone, Copy, Debug)]
+pub struct Candidate {
+    /// With as many photon paths as are best, or as were said.
+    pub settings: JobSettings,
+    /// What it found.
+    pub balance: Balance,
+}
+
+impl Candidate {
+    /// Relative error times time: the geometric mean of that of the whole picture and that of most of it.
+    pub fn cost(&self) -> f64 {
+        self.balance.cost(self.settings.paths_per_pass)
+    }
+}
+
+/// What a pilot chose among.
+#[derive(Clone, Debug)]
+pub struct Choice {
+    /// The first is what is best for most scenes.
+    pub candidates: Vec<Candidate>,
+    /// Number of the one that was taken.
+    pub best: usize,
+}
+
+impl Choice {
+    /// Let a pilot choose what the settings do not say. `paths`: as many as a pass is to have, whatever is best.
+    /// `None`: there is nothing to choose.
+    pub fn new(description: &SceneDescription, settings: JobSettings, paths: Option<u32>) -> Option<Self> {
+        let largest = Scene::new(shrunk(description, SIDES[0]));
+        let plans = ways::plans_of(&largest, settings);
+        if plans.len() == 1 && (paths.is_some() || !plans[0].has_photons()) {
+            return None;
+        }
+        let smaller = SIDES[1..].iter();
+        let smaller = smaller.map(|&side| Scene::new_like(&largest, shrunk(description, side)));
+        let smaller: Vec<Scene> = smaller.collect();
+        let race = Race {
+            scenes: std::iter::once(&largest).chain(&smaller).collect(),
+            pixels: f64::from(description.camera.width) * f64::from(description.camera.height),
+            paths,
+        };
+        let trials = race.run(&plans);
+        let candidates = trials.iter().map(|trial| Candidate {
+            settings: JobSettings {
+                paths_per_pass: race.paths_of(trial),
+                finders: trial.plan.settings.finders,
+                ..settings
+            },
+            balance: trial.judged.balance,
+        });
+        Some(Self {
+            candidates: candidates.collect(),
+            best: race.best(&trials),
+        })
+    }
+
+    /// The settings that were found best.
+    pub fn settings(&self) -> JobSettings {
+        self.candidates[self.best].settings
+    }
+}
+
+/// A plan that is tried.
+struct Trial<'a> {
+    plan: &'a RenderPlan,
+    effort: Effort,
+    pictures: Pictures,
+    judged: Judged,
+}
+
+/// Plans that are tried, those that do well more closely.
+struct Race<'a> {
+    /// Of [`SIDES`].
+    scenes: Vec<&'a Scene>,
+    /// Of the image that the pilot is for.
+    pixels: f64,
+    /// Photon paths of a pass, if they are said.
+    paths: Option<u32>,
+}
+
+impl<'a> Race<'a> {
+    fn run(&self, plans: &'a [RenderPlan]) -> Vec<Trial<'a>> {
+        let scouts = plans.iter().map(|plan| {
+            let pictures = self.scout(plan);
+            Trial {
+                plan,
+                effort: SCOUTS,
+                judged: pictures.judged(&pictures::found([&pictures].into_iter())),
+                pictures,
+            }
+        });
+        let mut trials: Vec<Trial> = scouts.collect();
+        if !judge(&mut trials) {
+            // No light at all: nothing is concluded from so few photons.
+            for trial in &mut trials {
+                self.look_again(trial, MANY_PHOTONS);
+            }
+            judge(&mut trials);
+        }
+        let mut order: Vec<usize> = (0..trials.len()).collect();
+        order.sort_by(|&a, &b| self.cost(&trials[a]).total_cmp(&self.cost(&trials[b])));
+        let most = CLOSE * self.cost(&trials[order[0]]);
+        order.retain(|&trial| self.cost(&trials[trial]) <= most);
+        for &trial in order.iter().take(KEPT) {
+            self.look_again(&mut trials[trial], FULL);
+        }
+        judge(&mut trials);
+        for _ in 0..LOOKS {
+            let best = self.best(&trials);
+            let mut effort = trials[best].effort;
+            match trials[best].judged.wants {
+                Some(More::Photons) => effort.paths *= MORE_PATHS,
+                Some(More::CameraPaths) => effort.cameras *= MORE_CAMERAS,
+                None => break,
+            }
+            self.look_again(&mut trials[best], effort);
+            judge(&mut trials);
+        }
+        trials
+    }
+
+    /// The first pictures of a plan.
+    fn scout(&self, plan: &RenderPlan) -> Pictures {
+        let one = Effort {
+            cameras: 1,
+            paths: PATHS / 4,
+        };
+        // The smallest ones tell how large they may be.
+        let last = self.scenes.len() - 1;
+        let smallest = Pictures::new(self.scenes[last], plan, self.pixels, one);
+        let fits = |scene: &usize| self.work(&smallest, (last, one), (*scene, SCOUTS)) < LONGEST;
+        let scene = (1..last).find(fits).unwrap_or(last);
+        Pictures::new(self.scenes[scene], plan, self.pixels, SCOUTS)
+    }
+
+    /// Other pictures of a plan, as large as they may be.
+    fn look_again(&self, trial: &mut Trial, effort: Effort) {
+        let known = self
+            .scenes
+            .iter()
+            .position(|scene| scene.description().camera.width == trial.pictures.size[0]);
+        let known = known.unwrap_or(1);
+        let fits = |scene: &usize| self.work(&trial.pictures, (known, trial.effort), (*scene, effort)) < LONGEST;
+        let Some(scene) = (0..=known).find(fits) else {
+            return;
+        };
+        trial.pictures = Pictures::new(self.scenes[scene], trial.plan, self.pixels, effort);
+        trial.effort = effort;
+    }
+
+    /// Counted work of pictures of another size and effort, from that of some.
+    fn work(&self, pictures: &Pictures, (scene, effort): (usize, Effort), (other, wanted): (usize, Effort)) -> f64 {
+        let pixels = |scene: usize| {
+            let camera = &self.scenes[scene].description().camera;
+            f64::from(camera.width) * f64::from(camera.height)
+        };
+        let paths = f64::from(wanted.paths) / f64::from(effort.paths);
+        let cameras = wanted.cameras as f64 / effort.cameras as f64;
+        let [camera, photons] = pictures.work;
+        camera * cameras * (pixels(other) / pixels(scene)) + photons * paths
+    }
+
+    fn paths_of(&self, trial: &Trial) -> u32 {
+        self.paths.unwrap_or_else(|| trial.judged.balance.paths())
+    }
+
+    fn cost(&self, trial: &Trial) -> f64 {
+        trial.judged.balance.cost(self.paths_of(trial))
+    }
+
+    fn best(&self, trials: &[Trial]) -> usize {
+        let mut best = 0;
+        for (number, trial) in trials.iter().enumerate() {
+            let margin = if best == 0 { MARGIN } else { 1.0 };
+            if self.cost(trial) < margin * self.cost(&trials[best]) {
+                best = number;
+            }
+        }
+        best
+    }
+}
+
+/// Each by what all of them found. Whether that is anything.
+fn judge(trials: &mut [Trial]) -> bool {
+    let found = pictures::found(trials.iter().map(|trial| &trial.pictures));
+    for trial in trials {
+        trial.judged = trial.pictures.judged(&found);
+    }
+    found.iter().any(|light| *light > 0.0)
+}
+
+impl Balance {
+    /// The number of paths with the least error after a given time.
+    pub fn paths(&self) -> u32 {
+        let Variances { camera, photons } = self.variances;
+        let square = photons * self.camera_work / (camera * self.photon_work);
+        // Without any variance there is nothing to choose.
+        let paths = if square.is_nan() { LEAST } else { square.sqrt() };
+        let paths = paths.clamp(LEAST, MOST);
+        // Two digits say all that is known.
+        let unit = libm::pow(10.0, libm::floor(libm::log10(paths)) - 1.0);
+        (libm::round(paths / unit) * unit) as u32
+    }
+
+    /// Relative error times time with so many paths, to be compared with that of others.
+    pub fn cost(&self, paths: u32) -> f64 {
+        let paths = f64::from(paths);
+        let variance = |of: Variances| of.camera + of.photons / paths;
+        let all = variance(self.variances);
+        let variance = libm::sqrt(all * (variance(self.most) + UNSEEN * all));
+        variance * (self.camera_work + self.photon_work * paths)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn made(camera: f64, photons: f64) -> Balance {
+        let variances = Variances { camera, photons };
+        Balance {
+            variances,
+            most: variances,
+            camera_work: 4e6,
+            photon_work: 1500.0,
+        }
+    }
+
+    #[test]
+    fn the_number_of_paths_has_the_least_cost() {
+        for balance in [made(0.1, 300.0), made(2.0, 5000.0), made(0.01, 9000.0)] {
+            let paths = balance.paths();
+            let least = balance.cost(paths);
+            let others = (1..200).map(|k| (LEAST * libm::pow(1.04, f64::from(k))) as u32);
+            // Two digits of it are kept, and the cost is flat there.
+            assert!(
+                others.map(|other| balance.cost(other)).all(|cost| cost > 0.998 * least),
+                "{paths}"
+            );
+        }
+    }
+
+    /// A tenth more by chance in the few pixels that have all of the error, against a tenth of it in the others.
+    #[test]
+    fn a_few_pixels_do_not_decide() {
+        let balance = |all: f64, most: f64| Balance {
+            most: Variances {
+                camera: most,
+                photons: 0.0,
+            },
+            ..made(all, 0.0)
+        };
+        assert!(balance(1.1, 0.005).cost(1000) < 0.5 * balance(1.0, 0.05).cost(1000));
+        // Light that is hardly ever found is no light without noise.
+        assert!(balance(100.0, 0.0).cost(1000) > balance(1.0, 0.1).cost(1000));
+        assert_eq!(balance(0.0, 0.0).cost(1000), 0.0);
+    }
+
+    #[test]
+    fn images_without_noise_have_paths() {
+        assert_eq!(made(0.0, 0.0).paths(), LEAST as u32);
+        assert_eq!(made(0.1, 0.0).paths(), LEAST as u32);
+        assert_eq!(made(0.0, 0.1).paths(), MOST as u32);
+    }
+}

@@ -1,0 +1,337 @@
+//! The pilot's small pictures of a plan: how noisy they are, what they take, and what light they miss.
+
+use crate::parallel;
+use crate::pass::{PassImage, PassPhotons};
+use crate::plan::RenderPlan;
+use crate::view::View;
+use crate::world::Scene;
+use beamfarm_image::film::Film;
+use beamfarm_image::job::MAX_PASSES;
+
+/// Sets of photons.
+const SETS: usize = 4;
+/// Scale of its radii: about that of a hundred passes.
+pub(super) const SCALE: f64 = 0.3;
+/// What relMSE adds to the square of the reference.
+const DARK: f64 = 0.01;
+/// Pixels on each side of one that say how bright it is.
+const AROUND: usize = 2;
+/// Blocks along each side, in which light is looked for that others found.
+const BLOCKS: usize = 8;
+/// The worst blocks, one in so many, do not count: what they say is chance.
+const WILD: usize = 32;
+/// The same for what most of the picture is like. Where a few blocks have nearly all of the error, what they say of one
+/// way to find light against another is chance still.
+const UNEVEN: usize = 8;
+/// By how much what is missing may change what a plan is worth before it is in doubt.
+const DOUBTFUL: f64 = 1.3;
+/// Light counts as found above so many of its standard errors, by [`SETS`] pictures each: Student's t with three
+/// degrees of freedom is above that once in seventy.
+const SURE: f64 = 4.0;
+
+/// What a camera ray, a block of segments, a photon's ray, a photon that is stored and a beam's evaluation take,
+/// nanoseconds of a core: fits to the scenes of this repository.
+const CAMERA_RAY: f64 = 600.0;
+const BLOCK_OF_SEGMENTS: f64 = 1500.0;
+const PHOTON_RAY: f64 = 400.0;
+const PHOTON: f64 = 600.0;
+const BEAM: f64 = 9000.0;
+const EVALUATION: f64 = 50.0;
+
+/// Variances relative to the square of the image plus 0.01, as relMSE is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Variances {
+    /// Of camera paths.
+    pub camera: f64,
+    /// Of photons, times their number of paths.
+    pub photons: f64,
+}
+
+/// What the pilot found, of a pass.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Balance {
+    /// Of all blocks but the worst one in 32.
+    pub variances: Variances,
+    /// Of all but the worst eighth.
+    pub most: Variances,
+    /// Work of camera paths, nanoseconds of a core.
+    pub camera_work: f64,
+    /// Work of a photon path.
+    pub photon_work: f64,
+}
+
+/// How much is rendered for a plan.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Effort {
+    /// Pictures by other camera paths for each set of photons; without photons twice as many in all.
+    pub cameras: usize,
+    /// Photon paths of a set.
+    pub paths: u32,
+}
+
+/// A plan's pictures.
+pub(super) struct Pictures {
+    balance: Balance,
+    /// Mean and square of its standard error, of each block and channel.
+    blocks: Vec<[f64; 2]>,
+    /// Samples of a block, and photon paths, that the means are of.
+    samples: f64,
+    paths: f64,
+    /// Width and height.
+    pub size: [u32; 2],
+    /// Counted work of the camera, and of photons, nanoseconds of a core.
+    pub work: [f64; 2],
+}
+
+/// What the pictures of a plan are worth, beside what others found.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Judged {
+    pub balance: Balance,
+    /// More of which would tell it better, if most of what is known is that light is missing.
+    pub wants: Option<More>,
+}
+
+/// What pictures may want more of.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum More {
+    Photons,
+    CameraPaths,
+}
+
+impl Pictures {
+    /// Render them. Deterministic: by scene and plan alone, in passes that no job has. `pixels`: of the image that they
+    /// are for.
+    pub fn new(scene: &Scene, plan: &RenderPlan, pixels: f64, effort: Effort) -> Self {
+        let more = effort.paths / plan.settings.paths_per_pass.max(1);
+        let mut plan = plan.clone();
+        plan.settings.paths_per_pass = effort.paths;
+        plan.surface_paths = plan.surface_paths.saturating_mul(more.max(1));
+        plan.view = View::of(scene);
+        let last = |k: usize| MAX_PASSES - 1 - k as u64;
+        let (sets, cameras) = match plan.has_photons() {
+            true => (SETS, effort.cameras),
+            false => (1, 2 * effort.cameras.max(SETS / 2)),
+        };
+        let photons = parallel::map(sets, |set| PassPhotons::new(scene, &plan, last(set)));
+        let images = parallel::map(sets * cameras, |i| {
+            photons[i / cameras].render(scene, &plan, last(SETS + i % cameras), None)
+        });
+        let mean =
+            |count: &dyn Fn(&PassImage) -> u64| images.iter().map(count).sum::<u64>() as f64 / images.len() as f64;
+        let share = pixels / images[0].film.pixels.len() as f64;
+        let camera = CAMERA_RAY * mean(&|i| i.camera.rays) + BLOCK_OF_SEGMENTS * mean(&|i| i.camera.blocks);
+        let evaluations = EVALUATION * mean(&|i| i.camera.evaluations);
+        let surfaces = PHOTON_RAY * mean(&|i| i.photon_rays) + PHOTON * mean(&|i| i.stats.surface_photons);
+        let beams = BEAM * mean(&|i| i.stats.beams);
+        let paths = f64::from(effort.paths);
+        let films: Vec<Film> = images.into_iter().map(|image| image.film).collect();
+        let [variances, most] = variances(&films, cameras).map(|of| Variances {
+            photons: of.photons * paths,
+            ..of
+        });
+        let blocks = blocks(&films, if sets > 1 { cameras } else { 1 });
+        Self {
+            samples: (films.len() * films[0].pixels.len()) as f64 / (blocks.len() / 3) as f64,
+            blocks,
+            size: [films[0].width, films[0].height],
+            paths: sets as f64 * paths,
+            work: [
+                (camera + evaluations) * films.len() as f64,
+                (surfaces + beams) * sets as f64,
+            ],
+            balance: Balance {
+                variances,
+                most,
+                camera_work: share * camera,
+                photon_work: surfaces / f64::from(plan.surface_paths) + (beams + share * evaluations) / paths,
+            },
+        }
+    }
+
+    /// What is known of the plan. `found`: what light there is at least, by block.
+    ///
+    /// Light that the pictures miss, as others found it, comes in drops that are rarer than one in all that was drawn
+    /// for them: the square of what is missing, times that number, is the least that their variance can be.
+    pub fn judged(&self, found: &[f64]) -> Judged {
+        let of_block = |([mean, _], found): (&[f64; 2], &f64)| {
+            let missing = (found - mean).max(0.0);
+            missing * missing / (found * found + DARK)
+        };
+        let missing = self.blocks.iter().zip(found).map(of_block).sum::<f64>() / found.len() as f64;
+        let mut balance = self.balance;
+        // Whatever mends it at less cost.
+        let by_photons = self.balance.photon_work > 0.0
+            && self.paths * self.balance.photon_work < self.samples * self.balance.camera_work;
+        for of in [&mut balance.variances, &mut balance.most] {
+            match by_photons {
+                true => of.photons += missing * self.paths,
+                false => of.camera += missing * self.samples,
+            }
+        }
+        let paths = balance.paths();
+        let wants = match by_photons {
+            true => More::Photons,
+            false => More::CameraPaths,
+        };
+        Judged {
+            wants: (balance.cost(paths) > DOUBTFUL * self.balance.cost(paths)).then_some(wants),
+            balance,
+        }
+    }
+}
+
+/// Light that there is at least, of each block and channel: the most that the pictures of any plan are sure of.
+pub(super) fn found<'a>(all: impl Iterator<Item = &'a Pictures>) -> Vec<f64> {
+    let mut found = vec![0.0; 3 * BLOCKS * BLOCKS];
+    for pictures in all {
+        for (found, [mean, squared_error]) in found.iter_mut().zip(&pictures.blocks) {
+            *found = f64::max(*found, mean - SURE * libm::sqrt(*squared_error));
+        }
+    }
+    found
+}
+
+/// Mean and square of its standard error, of each block and channel, by sets of so many films.
+fn blocks(films: &[Film], per_set: usize) -> Vec<[f64; 2]> {
+    let sets: Vec<&[Film]> = films.chunks(per_set).collect();
+    let mut blocks = Vec::new();
+    for pixels in each_block(films[0].width as usize, films[0].height as usize) {
+        for channel in 0..3 {
+            let of_set = |set: &&[Film]| {
+                let values = set
+                    .iter()
+                    .flat_map(|film| pixels.iter().map(|&pixel| f64::from(film.pixels[pixel][channel])));
+                values.sum::<f64>() / (set.len() * pixels.len()) as f64
+            };
+            let [mean, variance] = moments(&sets.iter().map(of_set).collect::<Vec<_>>());
+            blocks.push([mean, variance / sets.len() as f64]);
+        }
+    }
+    blocks
+}
+
+/// Variances by camera paths and by one set of photons, of all but the worst blocks and of most. `films`: by photons,
+/// then by camera paths, so many for each set of photons.
+fn variances(films: &[Film], cameras: usize) -> [Variances; 2] {
+    let (width, height) = (films[0].width as usize, films[0].height as usize);
+    let smooth = smoothed(films);
+    let sets = films.len() / cameras;
+    let of_pixel = |pixel: usize| {
+        let mut sums = [0.0; 2];
+        for (channel, smooth) in smooth[pixel].iter().enumerate() {
+            let at =
+                |photons: usize, camera: usize| f64::from(films[photons * cameras + camera].pixels[pixel][channel]);
+            // For each camera, the variance over photons; then that over cameras of their means.
+            let of_camera = |camera| moments(&(0..sets).map(|set| at(set, camera)).collect::<Vec<_>>());
+            let of_cameras: Vec<[f64; 2]> = (0..cameras).map(of_camera).collect();
+            let means: Vec<f64> = of_cameras.iter().map(|[mean, _]| *mean).collect();
+            let [_, camera] = moments(&means);
+            let photons = of_cameras.iter().map(|[_, variance]| variance).sum::<f64>() / cameras as f64;
+            let weight = 1.0 / (smooth * smooth + DARK) / 3.0;
+            sums[0] += weight * camera;
+            sums[1] += weight * photons;
+        }
+        sums
+    };
+    let mut blocks: Vec<[f64; 2]> = each_block(width, height)
+        .map(|pixels| {
+            let count = pixels.len() as f64;
+            let sums = pixels.into_iter().map(of_pixel);
+            let [camera, photons] = sums.fold([0.0; 2], |sum, of| [sum[0] + of[0], sum[1] + of[1]]);
+            [camera / count, photons / count]
+        })
+        .collect();
+    let mut means = [[0.0; 2]; 2];
+    for which in 0..2 {
+        blocks.sort_by(|a, b| a[which].total_cmp(&b[which]));
+        for (means, out) in means.iter_mut().zip([WILD, UNEVEN]) {
+            let kept = blocks.len() - blocks.len() / out;
+            means[which] = blocks[..kept].iter().map(|block| block[which]).sum::<f64>() / kept as f64;
+        }
+    }
+    means.map(|[camera, photons]| Variances { camera, photons })
+}
+
+/// The pixels of each block, which share some where there are few.
+fn each_block(width: usize, height: usize) -> impl Iterator<Item = Vec<usize>> {
+    let span = |block: usize, side: usize| {
+        let first = block * side / BLOCKS;
+        first..((block + 1) * side / BLOCKS).max(first + 1)
+    };
+    let pixels = move |row: usize, column: usize| {
+        let rows = span(row, height);
+        rows.flat_map(|y| span(column, width).map(move |x| y * width + x))
+            .collect()
+    };
+    (0..BLOCKS).flat_map(move |row| (0..BLOCKS).map(move |column| pixels(row, column)))
+}
+
+/// The mean of all images around each pixel: by its own few samples alone bright ones would weigh themselves down.
+fn smoothed(films: &[Film]) -> Vec<[f64; 3]> {
+    let (width, height) = (films[0].width as usize, films[0].height as usize);
+    let around = |i: usize, end: usize| i.saturating_sub(AROUND)..(i + AROUND + 1).min(end);
+    let mean = |i: usize| {
+        let mut sum = [0.0; 3];
+        let mut samples = 0.0;
+        for y in around(i / width, height) {
+            for x in around(i % width, width) {
+                for film in films {
+                    let pixel = film.pixels[y * width + x].map(f64::from);
+                    sum.iter_mut().zip(pixel).for_each(|(sum, value)| *sum += value);
+                    samples += 1.0;
+                }
+            }
+        }
+        sum.map(|sum| sum / samples)
+    };
+    (0..width * height).map(mean).collect()
+}
+
+/// Mean and variance; of one value none.
+fn moments(values: &[f64]) -> [f64; 2] {
+    let n = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / n;
+    let squares: f64 = values.iter().map(|v| (v - mean) * (v - mean)).sum();
+    [mean, squares / (n - 1.0).max(1.0)]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sampler::{Purpose, Sampler};
+
+    /// Two by two of each: what photons add and what camera paths add are told apart.
+    #[test]
+    fn variances_are_told_apart() {
+        let film = |photons: usize, camera: usize| {
+            let mut film = Film::new(2, 1);
+            let [p, c] = [photons, camera].map(|set| [-1.0, 1.0][set % 2]);
+            film.pixels.fill([(2.0 + 0.1 * p + 0.03 * c) as f32; 3]);
+            film
+        };
+        let films: Vec<Film> = (0..16).map(|i| film(i / 4, i % 4)).collect();
+        let [Variances { camera, photons }, _] = variances(&films, 4);
+        // Of +-1 in turns, the sample variance of four is 4/3.
+        let weight = 4.0 / 3.0 / (4.0 + DARK);
+        assert!((camera / (9e-4 * weight) - 1.0).abs() < 1e-3, "{camera}");
+        assert!((photons / (1e-2 * weight) - 1.0).abs() < 1e-3, "{photons}");
+    }
+
+    /// Light in drops of 8, by which a pixel of few samples looks bright: mean 1, variance 7. Without the few brightest
+    /// pixels, and with the weight of a mean that is noisy itself, within a third.
+    #[test]
+    fn rare_light_is_noise() {
+        let film = |camera: u64| {
+            let mut sampler = Sampler::new(1, camera, Purpose::Test, 0);
+            let mut film = Film::new(32, 32);
+            let drop = |_: &mut [f32; 3]| [if sampler.next_1d() < 0.125 { 8.0 } else { 0.0 }; 3];
+            let drops: Vec<[f32; 3]> = film.pixels.iter_mut().map(drop).collect();
+            film.pixels = drops;
+            film
+        };
+        let films: Vec<Film> = (0..4).map(film).collect();
+        let [Variances { camera, photons }, _] = variances(&films, 4);
+        assert!((camera / 7.0 - 1.0).abs() < 0.33, "{camera}");
+        assert_eq!(photons, 0.0);
+    }
+}

@@ -20,11 +20,11 @@ pub(crate) fn first_odds(plan: &RenderPlan, pass_index: u64) -> f32 {
 /// By light: expected caustic photons of a pass in a kernel, for an emission of 1 per area and solid angle of what is
 /// emitted: what weighs them against camera paths that meet the light by way of specular surfaces. Zero where only one
 /// of the two finds it.
-pub(crate) fn caustic_odds(scene: &Scene, plan: &RenderPlan, pass_index: u64) -> Vec<f32> {
+pub(crate) fn caustic_odds(plan: &RenderPlan, pass_index: u64) -> Vec<f32> {
     let odds = CAUSTIC_SHARE * first_odds(plan, pass_index);
     let shared = plan.estimators.is_shared.iter().enumerate();
     let odds_of = |(light, shared): (usize, &bool)| match shared {
-        true => odds * scene.selectors.all.pmf(light),
+        true => odds * plan.emitters().pmf(light),
         false => 0.0,
     };
     shared.map(odds_of).collect()

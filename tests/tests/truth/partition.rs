@@ -4,6 +4,7 @@
 use beamfarm_harness::Suite;
 use beamfarm_harness::render::{Blocks, blocks_of, blur, is_long, reference_images, scene};
 use beamfarm_image::job::{Finder, Finders, JobSettings, ReferenceSettings};
+use beamfarm_render::light::LightSelector;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::Scene;
 
@@ -228,7 +229,8 @@ radiance = [0.5, 0.7, 1.0]
             plan.estimators.is_shared[0] = shared;
             plan.estimators.caustics = true;
             plan.surface_photons = true;
-            plan.emitters = None;
+            let description = scene.description();
+            plan.emitters = LightSelector::new(&description.lights, &description.objects, &description.bounds);
         }
         blocks_of(&scene, &plan, 8)
     });

@@ -20,6 +20,8 @@ use std::path::Path;
 
 /// Pixels along the side of a block that is left out.
 const BLOCK: usize = 8;
+/// Share of the reference's own noise that errors are told above.
+const TOLD: f64 = 0.1;
 /// Rounds in which plans are weighed by how far they are from what all of them found together.
 const ROUNDS: usize = 3;
 
@@ -86,10 +88,14 @@ fn measure(case: &SceneCase, suite: &Suite, seconds: f64) -> Result<(Vec<Row>, f
     let Some(choice) = choice else {
         return Ok((Vec::new(), pilot_seconds));
     };
+    // What was chosen comes first.
+    let chosen = choice.candidates[choice.best];
+    let mut candidates = vec![chosen];
+    candidates.extend(Choice::all(&description, said, paths));
     let reference = case.reference.as_ref();
     let reference = reference.map(|path| Reference::read(path, case.reference_noise, size));
     let reference = reference.transpose()?;
-    let runs = choice.candidates.iter().map(|candidate| {
+    let runs = candidates.iter().map(|candidate| {
         let task = |seed: u64| {
             let mut overrides = overrides.clone();
             overrides.seed = Some(said.seed.wrapping_add(seed));
@@ -107,7 +113,7 @@ fn measure(case: &SceneCase, suite: &Suite, seconds: f64) -> Result<(Vec<Row>, f
         both([task(0), task(1)], size)
     });
     let runs = runs.collect::<Result<Vec<_>, _>>()?;
-    Ok((rows(&case.name, &choice, &runs, reference.as_ref()), pilot_seconds))
+    Ok((rows(&case.name, &candidates, &runs, reference.as_ref()), pilot_seconds))
 }
 
 /// Both at once, each on one thread.
@@ -126,10 +132,14 @@ fn both(tasks: [Task; 2], size: [u32; 2]) -> Result<[Step; 2], Failure> {
     Ok([first?, second?])
 }
 
-fn rows(scene: &str, choice: &Choice, runs: &[[Step; 2]], reference: Option<&Reference>) -> Vec<Row> {
+fn rows(scene: &str, candidates: &[Candidate], runs: &[[Step; 2]], reference: Option<&Reference>) -> Vec<Row> {
     let truths = match reference {
         Some(reference) => [0, 1].map(|_| (reference.image.clone(), reference.noise.unwrap_or(0.0))),
-        None => [1, 0].map(|seed| together(&runs.iter().map(|run| &run[seed].image).collect::<Vec<_>>(), runs)),
+        // What was chosen is one of the others again.
+        None => [1, 0].map(|seed| {
+            let others = &runs[1..];
+            together(&others.iter().map(|run| &run[seed].image).collect::<Vec<_>>(), others)
+        }),
     };
     // By plan: the sums of its blocks, of both seeds.
     let blocks: Vec<Vec<f64>> = runs.iter().map(|run| blocks(run, &truths)).collect();
@@ -137,12 +147,13 @@ fn rows(scene: &str, choice: &Choice, runs: &[[Step; 2]], reference: Option<&Ref
     let cost = |plan: usize, left_out: Option<usize>| {
         let kept = blocks[plan].iter().enumerate().filter(|(i, _)| Some(*i) != left_out);
         let (sum, count) = kept.fold((0.0, 0), |(sum, count), (_, value)| (sum + value, count + 1));
-        // An error below nothing is one that the reference is too noisy to tell.
-        (sum / f64::from(count.max(1))).max(f64::MIN_POSITIVE) * seconds(&runs[plan])
+        // Errors that the reference is too noisy to tell are not below what it can tell.
+        let least = TOLD * truths[0].1.max(f64::MIN_POSITIVE);
+        (sum / f64::from(count.max(1))).max(least) * seconds(&runs[plan])
     };
     let best = (0..runs.len()).min_by(|&a, &b| cost(a, None).total_cmp(&cost(b, None)));
     let best = best.unwrap_or(0);
-    let predicted = choice.candidates[0].cost();
+    let predicted = candidates[0].cost();
     let row = |(plan, candidate): (usize, &Candidate)| {
         let ratio = |left_out| libm::log(cost(plan, left_out) / cost(best, left_out));
         let all = blocks[plan].len();
@@ -152,7 +163,7 @@ fn rows(scene: &str, choice: &Choice, runs: &[[Step; 2]], reference: Option<&Ref
         Row {
             scene: scene.to_owned(),
             plan: candidate.settings.finders.to_string(),
-            chosen: plan == choice.best,
+            chosen: plan == 0,
             predicted: candidate.cost() / predicted,
             paths_per_pass: candidate.settings.paths_per_pass,
             passes: runs[plan].iter().map(|step| step.sample.passes).sum::<u64>() / 2,
@@ -162,7 +173,7 @@ fn rows(scene: &str, choice: &Choice, runs: &[[Step; 2]], reference: Option<&Ref
             uncertainty: libm::sqrt(squares * (all - 1) as f64 / all as f64),
         }
     };
-    choice.candidates.iter().enumerate().map(row).collect()
+    candidates.iter().enumerate().map(row).collect()
 }
 
 /// Mean relative square errors of each block of pixels, of both seeds, less the reference's noise.

@@ -17,7 +17,7 @@ mod ways;
 use crate::budget::shrunk;
 use crate::plan::RenderPlan;
 use crate::world::{Scene, SceneDescription};
-use beamfarm_image::job::JobSettings;
+use beamfarm_image::job::{Finders, JobSettings};
 pub use pictures::{Balance, Variances};
 use pictures::{Effort, Judged, More, Pictures};
 
@@ -41,14 +41,15 @@ const MANY_PHOTONS: Effort = Effort {
     paths: 16 * PATHS,
 };
 /// They are at most so many, none worse than the best by this factor.
-const KEPT: usize = 4;
+const KEPT: usize = 3;
 const CLOSE: f64 = 4.0;
 /// As often the best one is looked at again, with so many times more of what it lacks.
 const LOOKS: usize = 3;
 const MORE_PATHS: u32 = 8;
 const MORE_CAMERAS: usize = 4;
-/// Counted work of the pictures of one plan at most, nanoseconds of a core.
-const LONGEST: f64 = 1e9;
+/// Counted work of the first pictures of a plan at most, and of those of the best, nanoseconds of a core.
+const SCOUTING: f64 = 1e8;
+const LONGEST: f64 = 5e8;
 /// What others must be better by than what is best for most scenes: the pilot is noisy.
 const MARGIN: f64 = 0.9;
 /// As much of the error is everywhere, seen or not: light that is hardly ever found leaves most pixels free of noise.
@@ -86,32 +87,35 @@ impl Choice {
     /// Let a pilot choose what the settings do not say. `paths`: as many as a pass is to have, whatever is best.
     /// `None`: there is nothing to choose.
     pub fn new(description: &SceneDescription, settings: JobSettings, paths: Option<u32>) -> Option<Self> {
-        let largest = Scene::new(shrunk(description, SIDES[0]));
-        let plans = ways::plans_of(&largest, settings);
-        if plans.len() == 1 && (paths.is_some() || !plans[0].has_photons()) {
+        let race = Race::new(description, settings, paths);
+        let mut trials = race.scouts(
+            ways::neighbours(&race.scenes[0], settings.finders, settings.finders),
+            &[],
+        );
+        if trials.len() == 1 && (paths.is_some() || !trials[0].plan.has_photons()) {
             return None;
         }
-        let smaller = SIDES[1..].iter();
-        let smaller = smaller.map(|&side| Scene::new_like(&largest, shrunk(description, side)));
-        let smaller: Vec<Scene> = smaller.collect();
-        let race = Race {
-            scenes: std::iter::once(&largest).chain(&smaller).collect(),
-            pixels: f64::from(description.camera.width) * f64::from(description.camera.height),
-            paths,
-        };
-        let trials = race.run(&plans);
-        let candidates = trials.iter().map(|trial| Candidate {
-            settings: JobSettings {
-                paths_per_pass: race.paths_of(trial),
-                finders: trial.plan.settings.finders,
-                ..settings
-            },
-            balance: trial.judged.balance,
-        });
+        judge(&mut trials);
+        let best = trials[race.best(&trials)].plan.settings.finders;
+        let known: Vec<RenderPlan> = trials.iter().map(|trial| trial.plan.clone()).collect();
+        trials.extend(race.scouts(ways::neighbours(&race.scenes[0], settings.finders, best), &known));
+        race.run(&mut trials);
         Some(Self {
-            candidates: candidates.collect(),
-            best: race.best(&trials),
+            best: race.chosen(&trials),
+            candidates: race.candidates(&trials),
         })
+    }
+
+    /// Every plan that there may be, looked at as closely as the best ones are: what a choice may be compared with.
+    pub fn all(description: &SceneDescription, settings: JobSettings, paths: Option<u32>) -> Vec<Candidate> {
+        let race = Race::new(description, settings, paths);
+        let mut trials = race.scouts(ways::all(&race.scenes[0], settings.finders), &[]);
+        judge(&mut trials);
+        for trial in &mut trials {
+            race.look_again(trial, FULL, LONGEST);
+        }
+        judge(&mut trials);
+        race.candidates(&trials)
     }
 
     /// The settings that were found best.
@@ -121,27 +125,48 @@ impl Choice {
 }
 
 /// A plan that is tried.
-struct Trial<'a> {
-    plan: &'a RenderPlan,
+struct Trial {
+    plan: RenderPlan,
     effort: Effort,
     pictures: Pictures,
     judged: Judged,
 }
 
 /// Plans that are tried, those that do well more closely.
-struct Race<'a> {
+struct Race {
     /// Of [`SIDES`].
-    scenes: Vec<&'a Scene>,
+    scenes: Vec<Scene>,
     /// Of the image that the pilot is for.
     pixels: f64,
+    settings: JobSettings,
     /// Photon paths of a pass, if they are said.
     paths: Option<u32>,
 }
 
-impl<'a> Race<'a> {
-    fn run(&self, plans: &'a [RenderPlan]) -> Vec<Trial<'a>> {
-        let scouts = plans.iter().map(|plan| {
-            let pictures = self.scout(plan);
+impl Race {
+    fn new(description: &SceneDescription, settings: JobSettings, paths: Option<u32>) -> Self {
+        let mut scenes: Vec<Scene> = Vec::new();
+        for side in SIDES {
+            let small = shrunk(description, side);
+            scenes.push(match scenes.first() {
+                Some(first) => Scene::new_like(first, small),
+                None => Scene::new(small),
+            });
+        }
+        Self {
+            scenes,
+            pixels: f64::from(description.camera.width) * f64::from(description.camera.height),
+            settings,
+            paths,
+        }
+    }
+
+    /// First pictures of what differs from what is known.
+    fn scouts(&self, ways: Vec<Finders>, known: &[RenderPlan]) -> Vec<Trial> {
+        let known: Vec<&RenderPlan> = known.iter().collect();
+        let plans = ways::plans_of(&self.scenes[0], self.settings, ways, &known);
+        let scouts = plans.into_iter().map(|plan| {
+            let pictures = self.scout(&plan, SCOUTING);
             Trial {
                 plan,
                 effort: SCOUTS,
@@ -149,62 +174,77 @@ impl<'a> Race<'a> {
                 pictures,
             }
         });
-        let mut trials: Vec<Trial> = scouts.collect();
-        if !judge(&mut trials) {
+        scouts.collect()
+    }
+
+    fn run(&self, trials: &mut [Trial]) {
+        if !judge(trials) {
             // No light at all: nothing is concluded from so few photons.
-            for trial in &mut trials {
-                self.look_again(trial, MANY_PHOTONS);
+            for trial in trials.iter_mut() {
+                self.look_again(trial, MANY_PHOTONS, SCOUTING);
             }
-            judge(&mut trials);
+            judge(trials);
         }
         let mut order: Vec<usize> = (0..trials.len()).collect();
         order.sort_by(|&a, &b| self.cost(&trials[a]).total_cmp(&self.cost(&trials[b])));
         let most = CLOSE * self.cost(&trials[order[0]]);
         order.retain(|&trial| self.cost(&trials[trial]) <= most);
-        for &trial in order.iter().take(KEPT) {
-            self.look_again(&mut trials[trial], FULL);
+        order.truncate(KEPT);
+        for &trial in &order {
+            self.look_again(&mut trials[trial], FULL, LONGEST);
         }
-        judge(&mut trials);
+        judge(trials);
         for _ in 0..LOOKS {
-            let best = self.best(&trials);
+            let best = self.best(trials);
             let mut effort = trials[best].effort;
             match trials[best].judged.wants {
                 Some(More::Photons) => effort.paths *= MORE_PATHS,
                 Some(More::CameraPaths) => effort.cameras *= MORE_CAMERAS,
                 None => break,
             }
-            self.look_again(&mut trials[best], effort);
-            judge(&mut trials);
+            self.look_again(&mut trials[best], effort, LONGEST);
+            judge(trials);
         }
-        trials
     }
 
-    /// The first pictures of a plan.
-    fn scout(&self, plan: &RenderPlan) -> Pictures {
+    fn candidates(&self, trials: &[Trial]) -> Vec<Candidate> {
+        let candidates = trials.iter().map(|trial| Candidate {
+            settings: JobSettings {
+                paths_per_pass: self.paths_of(trial),
+                finders: trial.plan.settings.finders,
+                ..self.settings
+            },
+            balance: trial.judged.balance,
+        });
+        candidates.collect()
+    }
+
+    /// The first pictures of a plan, of so much counted work at most.
+    fn scout(&self, plan: &RenderPlan, most: f64) -> Pictures {
         let one = Effort {
             cameras: 1,
             paths: PATHS / 4,
         };
         // The smallest ones tell how large they may be.
         let last = self.scenes.len() - 1;
-        let smallest = Pictures::new(self.scenes[last], plan, self.pixels, one);
-        let fits = |scene: &usize| self.work(&smallest, (last, one), (*scene, SCOUTS)) < LONGEST;
+        let smallest = Pictures::new(&self.scenes[last], plan, self.pixels, one);
+        let fits = |scene: &usize| self.work(&smallest, (last, one), (*scene, SCOUTS)) < most;
         let scene = (1..last).find(fits).unwrap_or(last);
-        Pictures::new(self.scenes[scene], plan, self.pixels, SCOUTS)
+        Pictures::new(&self.scenes[scene], plan, self.pixels, SCOUTS)
     }
 
     /// Other pictures of a plan, as large as they may be.
-    fn look_again(&self, trial: &mut Trial, effort: Effort) {
+    fn look_again(&self, trial: &mut Trial, effort: Effort, most: f64) {
         let known = self
             .scenes
             .iter()
             .position(|scene| scene.description().camera.width == trial.pictures.size[0]);
         let known = known.unwrap_or(1);
-        let fits = |scene: &usize| self.work(&trial.pictures, (known, trial.effort), (*scene, effort)) < LONGEST;
+        let fits = |scene: &usize| self.work(&trial.pictures, (known, trial.effort), (*scene, effort)) < most;
         let Some(scene) = (0..=known).find(fits) else {
             return;
         };
-        trial.pictures = Pictures::new(self.scenes[scene], trial.plan, self.pixels, effort);
+        trial.pictures = Pictures::new(&self.scenes[scene], &trial.plan, self.pixels, effort);
         trial.effort = effort;
     }
 
@@ -226,6 +266,18 @@ impl<'a> Race<'a> {
 
     fn cost(&self, trial: &Trial) -> f64 {
         trial.judged.balance.cost(self.paths_of(trial))
+    }
+
+    /// The best one; where it is still in doubt, the best of those that are not, if one comes close.
+    fn chosen(&self, trials: &[Trial]) -> usize {
+        let best = self.best(trials);
+        if trials[best].judged.wants.is_none() {
+            return best;
+        }
+        let most = CLOSE * self.cost(&trials[best]);
+        let sure = (0..trials.len()).filter(|&i| trials[i].judged.wants.is_none() && self.cost(&trials[i]) <= most);
+        let sure = sure.min_by(|&a, &b| self.cost(&trials[a]).total_cmp(&self.cost(&trials[b])));
+        sure.unwrap_or(best)
     }
 
     fn best(&self, trials: &[Trial]) -> usize {

@@ -6,23 +6,37 @@ use crate::plan::RenderPlan;
 use crate::world::Scene;
 use beamfarm_image::job::{Budget, Finder, Finders, JobSettings, MAX_PASSES, Targeting};
 
-/// All plans that differ, of the pilot's passes; the first of them by what is best for most scenes.
-pub(super) fn plans_of(scene: &Scene, settings: JobSettings) -> Vec<RenderPlan> {
+/// The plan of the pilot's passes by a way to find light.
+fn plan_of(scene: &Scene, settings: JobSettings, finders: Finders) -> RenderPlan {
+    let budget = Some(Budget {
+        passes: MAX_PASSES,
+        scale: SCALE,
+    });
+    let settings = JobSettings {
+        seed: 0,
+        budget,
+        paths_per_pass: PATHS,
+        finders,
+        ..settings
+    };
+    RenderPlan::new(scene, settings)
+}
+
+/// Those plans of some ways that differ from each other and from those that are known.
+pub(super) fn plans_of(
+    scene: &Scene,
+    settings: JobSettings,
+    ways: Vec<Finders>,
+    known: &[&RenderPlan],
+) -> Vec<RenderPlan> {
     let mut plans: Vec<RenderPlan> = Vec::new();
-    for finders in ways(scene, settings.finders) {
-        let budget = Some(Budget {
-            passes: MAX_PASSES,
-            scale: SCALE,
-        });
-        let settings = JobSettings {
-            seed: 0,
-            budget,
-            paths_per_pass: PATHS,
-            finders,
-            ..settings
-        };
-        let plan = RenderPlan::new(scene, settings);
-        if !plans.iter().any(|other| are_like(&plan, other)) {
+    for finders in ways {
+        let plan = plan_of(scene, settings, finders);
+        if !plans
+            .iter()
+            .chain(known.iter().copied())
+            .any(|other| are_like(&plan, other))
+        {
             plans.push(plan);
         }
     }
@@ -39,39 +53,76 @@ fn are_like(plan: &RenderPlan, other: &RenderPlan) -> bool {
     same_targets && plan.estimators == other.estimators
 }
 
-/// All that what is said leaves, first of all that alone.
-fn ways(scene: &Scene, said: Finders) -> Vec<Finders> {
-    let is_free = scene.description().defaults.targeting == Targeting::Auto && said.aimed.is_none();
-    let aims = match is_free {
-        true => vec![Some(false), Some(true)],
-        false => vec![said.aimed],
-    };
-    let aim = |finders: Finders| aims.iter().map(move |&aimed| Finders { aimed, ..finders });
-    let mut ways = vec![said];
+/// What is left to choose, a decision each: how else it may be.
+fn decisions(scene: &Scene, said: Finders) -> Vec<Vec<fn(Finders) -> Finders>> {
+    let mut decisions: Vec<Vec<fn(Finders) -> Finders>> = Vec::new();
     let rules = scene.description().rules.as_ref();
     // Where photons alone obey rules, the picture is what they find.
-    if rules.is_some_and(|rules| rules.touches_photons && !rules.paths_obey) {
-        ways.extend(aim(said));
-        return ways;
+    if rules.is_none_or(|rules| rules.paths_obey || !rules.touches_photons) {
+        if said.media.is_none() {
+            decisions.push(vec![
+                |of| Finders {
+                    media: Some(Finder::Photons),
+                    ..of
+                },
+                |of| Finders {
+                    media: Some(Finder::Paths),
+                    ..of
+                },
+            ]);
+        }
+        if said.surfaces.is_none() {
+            decisions.push(vec![
+                |of| Finders {
+                    surfaces: Some(Finder::Photons),
+                    ..of
+                },
+                |of| Finders {
+                    surfaces: Some(Finder::Paths),
+                    ..of
+                },
+            ]);
+        }
+        if said.caustics.is_none() {
+            decisions.push(vec![
+                |of| Finders {
+                    caustics: Some(Finder::Photons),
+                    ..of
+                },
+                |of| Finders {
+                    caustics: Some(Finder::Paths),
+                    ..of
+                },
+            ]);
+        }
     }
-    let either = |said: Option<Finder>| match said {
-        Some(_) => vec![said],
-        None => vec![Some(Finder::Photons), Some(Finder::Paths)],
-    };
-    for media in either(said.media) {
-        for surfaces in either(said.surfaces) {
-            let mut all = either(said.caustics);
-            if said.caustics.is_none() {
-                all.push(None);
-            }
-            for caustics in all {
-                ways.extend(aim(Finders {
-                    media,
-                    surfaces,
-                    caustics,
-                    aimed: None,
-                }));
-            }
+    if scene.description().defaults.targeting == Targeting::Auto && said.aimed.is_none() {
+        decisions.push(vec![
+            |of| Finders {
+                aimed: Some(true),
+                ..of
+            },
+            |of| Finders {
+                aimed: Some(false),
+                ..of
+            },
+        ]);
+    }
+    decisions
+}
+
+/// What is said, and all in which one decision is another.
+pub(super) fn neighbours(scene: &Scene, said: Finders, of: Finders) -> Vec<Finders> {
+    let others = decisions(scene, said).into_iter().flatten().map(|change| change(of));
+    std::iter::once(of).chain(others).collect()
+}
+
+/// All that what is said leaves, first of all that alone.
+pub(super) fn all(scene: &Scene, said: Finders) -> Vec<Finders> {
+    let mut ways = vec![said];
+    for decision in decisions(scene, said) {
+        for way in ways.clone() {
+            ways.extend(decision.iter().map(|change| change(way)));
         }
     }
     ways

@@ -73,7 +73,7 @@ fn trace_with(scene: &Scene, plan: &RenderPlan, pass_index: u64, sight: impl Sig
         surface_footprint: share.sqrt(),
         goes_on: plan.estimators.deep,
         first_odds: first_odds(plan, pass_index),
-        caustic_odds: caustic_odds(scene, plan, pass_index),
+        caustic_odds: caustic_odds(plan, pass_index),
         least_flight: least_flight(plan, pass_index),
         waves: plan.wave_set(pass_index),
         sight,
@@ -186,14 +186,7 @@ struct Photon<H> {
 impl<V: Sight> Tracer<'_, V> {
     fn trace(&self, sampler: &mut Sampler, leaves_beams: bool, out: &mut Photons) {
         let targets = self.plan.targets.as_deref();
-        let by_power = || {
-            self.plan
-                .emitters
-                .as_ref()
-                .unwrap_or_else(|| self.sight.emitters(&self.scene.selectors))
-        };
-        let chosen = targets.and_then(Targets::emitters);
-        let Some(choice) = chosen.unwrap_or_else(by_power).sample(sampler.next_1d()) else {
+        let Some(choice) = self.plan.emitters().sample(sampler.next_1d()) else {
             return;
         };
         let aim = targets.and_then(|targets| targets.of(choice.light));

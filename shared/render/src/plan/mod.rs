@@ -2,6 +2,7 @@
 //!
 //! What is decided stands here, what is said of it in `stages`.
 
+mod emitters;
 mod stages;
 
 use crate::aov::{LayerPlan, NoSuchGroup};
@@ -13,9 +14,10 @@ use crate::light::LightSelector;
 use crate::spectrum::{WAVES, WaveSet};
 use crate::targeting::Targets;
 use crate::view::View;
-use crate::world::{Scene, SceneDescription, lights_that_leave};
+use crate::world::{Scene, SceneDescription};
 use beamfarm_image::job::{Budget, Finder, Finders, JobSettings, ScheduleKind, Targeting};
 use beamfarm_image::layer::Layer;
+use emitters::emitters;
 use stages::Stage;
 use std::fmt;
 use std::sync::Arc;
@@ -54,8 +56,8 @@ pub struct RenderPlan {
     pub surface_photons: bool,
     /// Which light photons bring, and which camera paths find.
     pub estimators: Estimators,
-    /// The lights that photons start at, where that is not all of them.
-    pub emitters: Option<LightSelector>,
+    /// The lights that photons start at, where targets do not say otherwise.
+    pub emitters: LightSelector,
     /// Gather rays that gloss sends, at the surface that camera paths meet first: in a square, so many along each side.
     pub gloss_rays_side: u32,
     /// Camera paths end at the first surface that is not glossy: photons there bring all that is not direct light.
@@ -68,7 +70,9 @@ pub struct RenderPlan {
     pub surface_paths: u32,
     /// Kernel radii.
     pub radii: KernelRadii,
-    /// Of what radius they are fractions, where that is not the scene's; scene units.
+    /// Of what radius they are fractions; scene units.
+    extent: f32,
+    /// Where that is not the scene's, but that of what is seen.
     extent_seen: Option<f32>,
     /// Where camera paths find beams of media whose light these bring, if that is not everywhere.
     pub view: Option<View>,
@@ -106,7 +110,8 @@ impl RenderPlan {
         };
         let extent_seen = (extent.is_of_part && fixed.is_none()).then_some(extent.radius);
         let estimators = Estimators::new(scene, &radii, extent.radius, settings.finders);
-        let (estimators, aimed) = match aimed_instead_of_paths(scene, &settings, &contents, &estimators) {
+        let (estimators, aimed) = match aimed_instead_of_paths(scene, &settings, &contents, &estimators, extent.radius)
+        {
             Some((estimators, aimed)) => (estimators, Some(aimed)),
             None => (estimators, None),
         };
@@ -114,14 +119,14 @@ impl RenderPlan {
         let surface_photons = contents.store_surface_photons(&estimators);
         let (targets, on_targets) = match (aimed, beams || surface_photons) {
             (Some(aimed), _) => aimed,
-            (None, true) => aim(scene, &settings, &estimators),
+            (None, true) => aim(scene, &settings, &estimators, extent.radius),
             (None, false) => (None, "no photon paths".into()),
         };
         let plan = Self {
             settings,
             beams,
             surface_photons,
-            emitters: emitters(description, &estimators),
+            emitters: emitters(scene, &estimators, extent.radius),
             gloss_rays_side: match estimators.ends {
                 true => GLOSS_RAYS_SIDE,
                 false => 1,
@@ -135,6 +140,7 @@ impl RenderPlan {
                 false => settings.paths_per_pass,
             },
             radii,
+            extent: extent.radius,
             extent_seen,
             view: View::of(scene),
             targets: targets.map(Arc::new),
@@ -177,7 +183,7 @@ impl RenderPlan {
             },
             beams,
             surface_photons,
-            emitters: emitters(description, &estimators),
+            emitters: emitters(scene, &estimators, extent),
             gloss_rays_side: 1,
             ends_at_first: estimators.ends && !estimators.ends_at_second && surface_photons,
             splits: FEW_SPLITS,
@@ -190,6 +196,7 @@ impl RenderPlan {
                 false => paths,
             },
             radii,
+            extent,
             extent_seen: None,
             view: View::of(scene),
             targets: None,
@@ -209,7 +216,7 @@ impl RenderPlan {
             return plan;
         }
         Self {
-            emitters: emitters(moment.description(), &self.estimators),
+            emitters: emitters(moment, &self.estimators, self.extent),
             view: View::of(moment),
             ..self.clone()
         }
@@ -218,6 +225,12 @@ impl RenderPlan {
     fn with_stages(mut self, scene: &Scene, contents: &Contents, on_targets: String) -> Self {
         self.stages = stages::all(scene, &self, contents, on_targets);
         self
+    }
+
+    /// The lights that photons start at, each by its share of them.
+    pub(crate) fn emitters(&self) -> &LightSelector {
+        let chosen = self.targets.as_deref().and_then(Targets::emitters);
+        chosen.unwrap_or(&self.emitters)
     }
 
     /// Whether a pass has any use for photons.
@@ -293,9 +306,10 @@ fn targeting(scene: &Scene, settings: &JobSettings) -> Targeting {
     }
 }
 
-fn aim(scene: &Scene, settings: &JobSettings, estimators: &Estimators) -> Aimed {
+fn aim(scene: &Scene, settings: &JobSettings, estimators: &Estimators, extent: f32) -> Aimed {
     let mode = targeting(scene, settings);
-    Targets::prepare(scene, estimators, settings.seed, mode)
+    let emitters = emitters(scene, estimators, extent);
+    Targets::prepare(scene, (estimators, &emitters), settings.seed, mode)
 }
 
 /// Estimators by which photons go on from surface to surface, although nothing but targets asks for it: where those
@@ -305,29 +319,17 @@ fn aimed_instead_of_paths(
     settings: &JobSettings,
     contents: &Contents,
     estimators: &Estimators,
+    extent: f32,
 ) -> Option<(Estimators, Aimed)> {
     let said = settings.finders.surfaces.is_some();
     if estimators.deep || said || contents.surfaces == 0 || !contents.lit {
         return None;
     }
     let deeper = estimators.deepened();
-    let (targets, told) = aim(scene, settings, &deeper);
+    let (targets, told) = aim(scene, settings, &deeper, extent);
     let mode = targeting(scene, settings);
     let targets = targets.filter(|targets| targets.outdo_paths(mode))?;
     Some((deeper, (Some(targets), told)))
-}
-
-/// The lights that photons start at, where that is not all of them that rules let leave something.
-fn emitters(description: &SceneDescription, estimators: &Estimators) -> Option<LightSelector> {
-    (!estimators.deep && estimators.is_met.contains(&true)).then(|| {
-        let leaves = lights_that_leave(description);
-        LightSelector::of_some(
-            &description.lights,
-            &description.objects,
-            &description.bounds,
-            |light| leaves[light] && !estimators.is_met[light],
-        )
-    })
 }
 
 /// Beams cost more than photons: where there are both, more paths leave photons alone, up to about one for a few

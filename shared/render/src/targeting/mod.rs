@@ -87,10 +87,10 @@ const MAX_TRIALS: f32 = 64.0;
 const MAX_TOLD: usize = 4;
 
 impl Targets {
-    /// Look for targets. Also what there is to say about it. Deterministic.
+    /// Look for targets of the lights that photons start at. Also what there is to say about it. Deterministic.
     pub(crate) fn prepare(
         scene: &Scene,
-        estimators: &Estimators,
+        chosen: (&Estimators, &LightSelector),
         seed: u64,
         mode: Targeting,
     ) -> (Option<Self>, String) {
@@ -98,20 +98,19 @@ impl Targets {
             return (None, "off".into());
         }
         match &scene.description().rules {
-            None => Self::seen((scene, estimators), seed, mode, Unruled),
-            Some(rules) => Self::seen((scene, estimators), seed, mode, Ruled(rules)),
+            None => Self::seen((scene, chosen), seed, mode, Unruled),
+            Some(rules) => Self::seen((scene, chosen), seed, mode, Ruled(rules)),
         }
     }
 
     fn seen(
-        (scene, estimators): (&Scene, &Estimators),
+        (scene, (estimators, emitters)): (&Scene, (&Estimators, &LightSelector)),
         seed: u64,
         mode: Targeting,
         sight: impl Sight,
     ) -> (Option<Self>, String) {
-        let (kept, tries) = pilot::trace((scene, estimators), sight, seed);
+        let (kept, tries) = pilot::trace((scene, estimators, emitters), sight, seed);
         let places: usize = kept.iter().map(Vec::len).sum();
-        let emitters = sight.emitters(&scene.selectors);
         let mut lights = Vec::with_capacity(kept.len());
         let mut found = Vec::with_capacity(kept.len());
         let (mut aimed, mut plain) = (Vec::new(), Vec::new());
@@ -120,7 +119,7 @@ impl Targets {
                 return (None, "interrupted".into());
             }
             let power = f64::from(emitters.pmf(number));
-            if power == 0.0 || !estimators.brings_photons(number) {
+            if power == 0.0 {
                 lights.push(None);
                 found.push(Found::default());
                 continue;

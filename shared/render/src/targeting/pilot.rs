@@ -8,7 +8,7 @@ use super::Place;
 use crate::bsdf::{Bsdf, BumpShadowing, Material, TransportMode};
 use crate::estimators::Estimators;
 use crate::geometry::SurfaceHit;
-use crate::light::{DirectSample, LightHit, LightKind};
+use crate::light::{DirectSample, LightHit, LightKind, LightSelector};
 use crate::math::{Frame, Ray, Rgb, Vec2, Vec3, mean};
 use crate::medium::{Flight, Medium, MediumId};
 use crate::parallel;
@@ -29,13 +29,11 @@ const MAX_SURVIVAL: f32 = 0.95;
 
 /// Places from which lights are seen, by light, and at how many they were looked for.
 pub(super) fn trace(
-    (scene, estimators): (&Scene, &Estimators),
+    (scene, estimators, emitters): (&Scene, &Estimators, &LightSelector),
     sight: impl Sight,
     seed: u64,
 ) -> (Vec<Vec<Place>>, u64) {
-    let emitters = sight.emitters(&scene.selectors);
-    let is_wanted = |light: &usize| emitters.pmf(*light) > 0.0 && estimators.brings_photons(*light);
-    let lights = (0..scene.lights().len()).filter(is_wanted);
+    let lights = (0..scene.lights().len()).filter(|light| emitters.pmf(*light) > 0.0);
     let pilot = Pilot {
         scene,
         estimators,

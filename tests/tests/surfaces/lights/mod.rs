@@ -7,4 +7,5 @@ mod environment;
 mod large_ground;
 mod pattern;
 mod setup;
+mod shares;
 mod two_sides;

@@ -101,6 +101,10 @@ async fn run(
             .map_err(Failure::io)?,
     };
     let image = job.write().await;
+    let sketch = match &image {
+        Ok(None) => job.write_sketch(&stop).await,
+        _ => Ok(None),
+    };
     // Workers and onlookers hear of the end meanwhile.
     told.last_words().await;
     if !server.is_finished() {
@@ -111,6 +115,7 @@ async fn run(
         output,
         farm,
         image: image?,
+        sketch: sketch?,
         stop,
     };
     conclude(summary, folder, kept)

@@ -89,7 +89,7 @@ pub fn main(args: RenderArgs, log: &LogArgs) -> Result<(), Failure> {
         };
         return frames::run(&args.job, list, site);
     }
-    let loaded = args.job.settings.load()?;
+    let loaded = args.job.settings.load(args.job.quiet)?;
     let view = args.job.view.over(loaded.defaults.view);
     let output = args.job.image(&loaded)?;
     let left_out = match args.job.quiet {

@@ -11,8 +11,9 @@ use crate::view_args::ViewArgs;
 use beamfarm_coordinator::{JobSpec, Target};
 use beamfarm_image::bundle::Bundle;
 use beamfarm_image::job::Targeting;
-use beamfarm_image::job::{Finders, JobSettings, MAX_PASSES};
+use beamfarm_image::job::{Finders, JobSettings, MAX_PASSES, SceneHash};
 use beamfarm_image::layer::{Layer, MAX_LAYERS};
+use beamfarm_image::view::View;
 use beamfarm_render::aov::light_layers;
 use beamfarm_render::balance::Choice;
 use beamfarm_render::budget::Pilot;
@@ -263,7 +264,7 @@ impl SceneArgs {
 impl SettingsArgs {
     /// Read the scene, and say on stderr what is known of it before its pilot, unless this is to be `quiet`.
     pub fn load(&self, quiet: bool) -> Result<Loaded, Failure> {
-        self.load_by(SceneFile::load, |notes| announce(if quiet { &[] } else { notes }, &[]))
+        self.load_by(SceneFile::load, |early| early.announce(quiet))
     }
 
     /// Read the scene, and decode its files by `decode`. `tell` is given what is known of it before its pilot, which may
@@ -271,7 +272,7 @@ impl SettingsArgs {
     pub fn load_by(
         &self,
         decode: impl FnOnce(&SceneFile) -> Result<SceneDescription, SceneError>,
-        tell: impl FnOnce(&[String]),
+        tell: impl FnOnce(Early),
     ) -> Result<Loaded, Failure> {
         let file = self.of.file()?;
         let options = self.of.import.options(&self.of.scene)?;
@@ -287,8 +288,15 @@ impl SettingsArgs {
             .cloned()
             .chain(notes)
             .collect();
-        tell(&notes);
+        let left_out = file.left_out.clone();
+        let bundle = file.canonical_bundle();
         let told = notes.len();
+        tell(Early {
+            notes: notes.clone(),
+            sketch: sketch.clone(),
+            scene: bundle.hash(),
+            view: defaults.view,
+        });
         let Chosen { settings, choice } = self.of.choose(&description)?;
         let mut notes = notes;
         if choice.is_some() {
@@ -329,8 +337,8 @@ impl SettingsArgs {
             notes,
             told,
             sketch,
-            left_out: file.left_out.clone(),
-            bundle: file.canonical_bundle(),
+            left_out,
+            bundle,
             description,
             defaults,
             settings,
@@ -382,6 +390,25 @@ pub struct Loaded {
     pub sketch: Option<Sketch>,
     /// What was left out of a Mitsuba scene.
     left_out: Vec<String>,
+}
+
+/// What is known of a scene before its pilot.
+pub struct Early {
+    pub notes: Vec<String>,
+    /// The picture, coarse. `None`: it cannot be rendered.
+    pub sketch: Option<Sketch>,
+    pub scene: SceneHash,
+    /// How the scene has itself shown.
+    pub view: View,
+}
+
+impl Early {
+    /// Say on stderr what became of the scene.
+    pub fn announce(&self, quiet: bool) {
+        if !quiet {
+            announce(&self.notes, &[]);
+        }
+    }
 }
 
 impl Loaded {
@@ -582,6 +609,10 @@ pub struct JobArgs {
     /// Print nothing but errors
     #[arg(short, long)]
     pub quiet: bool,
+
+    /// Write a coarse picture there, EXR, before anything else is tried, for programs that start this one
+    #[arg(long, value_name = "OUT.exr", hide = true)]
+    pub sketch: Option<PathBuf>,
 
     #[command(flatten)]
     pub onlookers: OnlookerArgs,

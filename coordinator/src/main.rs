@@ -6,6 +6,7 @@ mod convert;
 mod denoise;
 mod directory;
 mod documents;
+mod early;
 mod explain;
 mod failure;
 mod frame_list;

@@ -1,7 +1,7 @@
 //! What a render is told of before it begins: what will come of the scene, by a look at it of milliseconds.
 
 use crate::sketch::{GLANCE, Sketch};
-use beamfarm_image::job::JobSettings;
+use beamfarm_image::job::{JobSettings, PassStats};
 use beamfarm_render::medium::Medium;
 use beamfarm_render::probe::{optical_depths, rays_of_a_path};
 use beamfarm_render::world::{Scene, SceneDescription};
@@ -122,10 +122,27 @@ fn dark(scene: &mut Scene, settings: JobSettings) -> Option<String> {
              `camera.target`, and whether units are those of the shapes"
         ),
         Some(object) => format!(
-            "the picture may stay black: in {sketch}, no light came to what the camera sees, which is mostly {:?} ({} of \
-             {rays} rays). Is `camera.origin` outside of the room that has the lights, or on the unlit side of that?",
+            "the picture may stay black: none of {} camera paths found light. What they meet first is mostly {:?} ({} of \
+             {rays} rays). Is `camera.origin` outside of the room that has the lights, or are these behind something?",
+            sketch.pixels(),
             scene.description().objects[object].name,
             met[object]
         ),
+    })
+}
+
+/// What there is to say of photons that leave nothing.
+pub fn lost_photons(stats: &PassStats) -> Option<String> {
+    let PassStats {
+        paths,
+        beams,
+        surface_photons,
+        ..
+    } = *stats;
+    (paths > 0 && beams + surface_photons == 0).then(|| {
+        format!(
+            "none of {paths} photon paths left a photon, in a medium or on a surface: the light that they are for is missing \
+             yet. Do `lights` shine to where the shapes and media are: their `position`, `target` or `direction`?"
+        )
     })
 }

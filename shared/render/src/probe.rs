@@ -6,12 +6,15 @@ use crate::math::{Vec3, mean};
 use crate::medium::Medium;
 use crate::plan::RenderPlan;
 use crate::world::Scene;
-use beamfarm_image::job::JobSettings;
+use beamfarm_image::job::{JobSettings, PassStats};
 
 /// Places along each side of a box at which densities are looked up.
 const PLACES: u32 = 8;
-/// Photon paths that are followed.
+/// Photon paths that are followed to see how far they go.
 const PATHS: u32 = 64;
+/// The same to see whether any arrives, and how often.
+const BATCH: u32 = 256;
+const BATCHES: u64 = 16;
 
 /// By medium: the mean optical depth of what it fills, from one side to the other by the shortest way: of the objects
 /// whose inside it is, that of the thickest. 0 of media that fill nothing alone.
@@ -58,4 +61,24 @@ pub fn rays_of_a_path(scene: &Scene, settings: JobSettings) -> f32 {
         true => trace_photons(scene, &plan, 0).rays as f32 / plan.surface_paths as f32,
         false => 0.0,
     }
+}
+
+/// What the photon paths of a plan leave: of so few that some leave something, or of 4,096.
+pub fn photons_of(scene: &Scene, plan: &RenderPlan) -> PassStats {
+    let mut stats = PassStats::default();
+    if !plan.has_photons() {
+        return stats;
+    }
+    let mut few = plan.clone();
+    (few.settings.paths_per_pass, few.surface_paths) = (BATCH, BATCH);
+    for batch in 0..BATCHES {
+        let photons = trace_photons(scene, &few, batch);
+        stats.paths += u64::from(BATCH);
+        stats.beams += (photons.beams.len() + photons.smooth_beams.len()) as u64;
+        stats.surface_photons += photons.surface.len() as u64;
+        if stats.beams + stats.surface_photons > 0 {
+            break;
+        }
+    }
+    stats
 }

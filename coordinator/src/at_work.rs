@@ -5,7 +5,6 @@ use crate::history::History;
 use crate::image::{Written, write, write_now};
 use crate::job::JobArgs;
 use crate::onlookers::write_on_request;
-use crate::outlook::lost_photons;
 use crate::output::Output;
 use crate::progress;
 use crate::sketch::Sketch;
@@ -41,9 +40,8 @@ pub struct AtWork<'a> {
     history: Arc<History>,
     /// What lines of progress begin with.
     label: String,
-    /// It was said that the image is black, and that photons find nothing.
+    /// It was said that the image is black.
     is_dark: AtomicBool,
-    is_lost: AtomicBool,
 }
 
 impl<'a> AtWork<'a> {
@@ -56,7 +54,6 @@ impl<'a> AtWork<'a> {
             history: begin_history(watch, output),
             label,
             is_dark: AtomicBool::new(false),
-            is_lost: AtomicBool::new(false),
         }
     }
 
@@ -130,10 +127,6 @@ impl<'a> AtWork<'a> {
     }
 
     fn tell_of_darkness(&self, average: &Average) {
-        let note = lost_photons(&self.watch.farm().progress().stats);
-        if let Some(note) = note.filter(|_| !self.is_lost.swap(true, Ordering::Relaxed)) {
-            complain!("note: {note}");
-        }
         let is_black = average.beauty.pixels.as_flattened().iter().all(|value| *value == 0.0);
         if is_black && !self.is_dark.swap(true, Ordering::Relaxed) {
             let passes = average.passes;

@@ -1,13 +1,11 @@
 //! `beamfarm explain`: the plan of a scene.
 
 use crate::failure::Failure;
-use crate::job::{SettingsArgs, announce};
-use crate::outlook::lost_photons;
+use crate::job::SettingsArgs;
 use crate::output::print_text;
 use beamfarm_image::job::{Finders, JobSettings};
 use beamfarm_render::balance::Choice;
 use beamfarm_render::plan::RenderPlan;
-use beamfarm_render::probe::photons_of;
 use beamfarm_render::world::Scene;
 use beamfarm_scene::Extent;
 use clap::Args;
@@ -27,9 +25,6 @@ pub fn main(args: ExplainArgs) -> Result<(), Failure> {
     let plan = RenderPlan::new(&scene, loaded.settings)
         .with_layers(&scene, &loaded.layers)
         .map_err(Failure::usage)?;
-    if let Some(note) = lost_photons(&photons_of(&scene, &plan)) {
-        announce(&[note], &[]);
-    }
     let choice = loaded.choice.as_ref().map(candidates).unwrap_or_default();
     let places = places(&extents);
     print_text(&format!("scene {hash}\n{plan}{choice}{places}"))

@@ -1,9 +1,10 @@
 //! What a render is told of before it begins: what will come of the scene, by a look at it of milliseconds.
 
 use crate::sketch::{GLANCE, Sketch};
-use beamfarm_image::job::{JobSettings, PassStats};
+use beamfarm_image::job::JobSettings;
 use beamfarm_render::medium::Medium;
-use beamfarm_render::probe::{optical_depths, rays_of_a_path};
+use beamfarm_render::plan::RenderPlan;
+use beamfarm_render::probe::{Followed, follow_photons, optical_depths};
 use beamfarm_render::world::{Scene, SceneDescription};
 
 /// Optical depth of a medium, and rays of a photon path, beyond which a render takes for ever.
@@ -26,16 +27,19 @@ impl Outlook {
     pub fn new(description: &SceneDescription, settings: JobSettings) -> Self {
         let mut scene = Scene::new(description.clone());
         let mut notes = misplaced(&scene);
-        let thick = thick(&scene, settings);
+        let followed = follow_photons(&scene, &RenderPlan::provisional(&scene, settings));
+        let thick = thick(&scene, &followed);
+        let lost = lost(&scene, &followed, settings);
         let sketch = Sketch::new(&mut scene, settings, GLANCE);
         // Of a scene without lights, or a camera within a stone, it is said already. Fog that nothing gets through is
-        // black as well.
-        let is_told = !thick.is_empty() || description.notes.iter().any(|note| note.contains("will be black"));
+        // black as well, and what no photon finds.
+        let is_told =
+            !thick.is_empty() || lost.is_some() || description.notes.iter().any(|note| note.contains("will be black"));
         let has_seen = |sketch: &Sketch| sketch.pixels() >= FEWEST_PIXELS && sketch.is_black();
         if !is_told && sketch.as_ref().is_some_and(has_seen) {
             notes.extend(dark(&mut scene, settings));
         }
-        notes.extend(thick);
+        notes.extend(thick.into_iter().chain(lost));
         Self { notes, sketch }
     }
 }
@@ -57,7 +61,7 @@ fn misplaced(scene: &Scene) -> Vec<String> {
 }
 
 /// Media that light hardly gets through.
-fn thick(scene: &Scene, settings: JobSettings) -> Vec<String> {
+fn thick(scene: &Scene, followed: &Followed) -> Vec<String> {
     let SceneDescription { media, media_names, .. } = scene.description();
     let depths = optical_depths(scene);
     let field = |id: usize| {
@@ -80,7 +84,7 @@ fn thick(scene: &Scene, settings: JobSettings) -> Vec<String> {
             )
         })
         .collect();
-    let scatterings = rays_of_a_path(scene, settings) - 1.0;
+    let scatterings = followed.rays as f32 / followed.paths.max(1) as f32 - 1.0;
     if notes.is_empty() && scatterings > ENDLESS {
         let scatters = (0..media.len()).filter(|id| media[*id].scatters());
         let least = scatters.min_by(|a, b| Medium::free_path(&media[*a]).total_cmp(&media[*b].free_path()));
@@ -131,18 +135,17 @@ fn dark(scene: &mut Scene, settings: JobSettings) -> Option<String> {
     })
 }
 
-/// What there is to say of photons that leave nothing.
-pub fn lost_photons(stats: &PassStats) -> Option<String> {
-    let PassStats {
-        paths,
-        beams,
-        surface_photons,
-        ..
-    } = *stats;
-    (paths > 0 && beams + surface_photons == 0).then(|| {
+/// What there is to say of photons that leave nothing: by a plan that aims at nothing, and if so by that of a pass.
+fn lost(scene: &Scene, provisional: &Followed, settings: JobSettings) -> Option<String> {
+    if !provisional.is_lost() {
+        return None;
+    }
+    let followed = follow_photons(scene, &RenderPlan::new(scene, settings));
+    followed.is_lost().then(|| {
         format!(
-            "none of {paths} photon paths left a photon, in a medium or on a surface: the light that they are for is missing \
-             yet. Do `lights` shine to where the shapes and media are: their `position`, `target` or `direction`?"
+            "none of {} photon paths meets anything that scatters light: what they are for stays dark. Do `lights` shine to \
+             where shapes and media are, by `position`, `target` or `direction`?",
+            followed.paths
         )
     })
 }

@@ -6,14 +6,11 @@ use crate::math::{Vec3, mean};
 use crate::medium::Medium;
 use crate::plan::RenderPlan;
 use crate::world::Scene;
-use beamfarm_image::job::{JobSettings, PassStats};
 
 /// Places along each side of a box at which densities are looked up.
 const PLACES: u32 = 8;
-/// Photon paths that are followed to see how far they go.
-const PATHS: u32 = 64;
-/// The same to see whether any arrives, and how often.
-const BATCH: u32 = 256;
+/// Photon paths that are followed, and how often so many until some arrive.
+const PATHS: u32 = 256;
 const BATCHES: u64 = 16;
 
 /// By medium: the mean optical depth of what it fills, from one side to the other by the shortest way: of the objects
@@ -47,38 +44,37 @@ fn mean_extinction(medium: &Medium, low: Vec3, high: Vec3) -> f32 {
     mean(medium.sigma_t()) * density
 }
 
-/// Rays of a photon path, mean of a few: one more than it is scattered. 0 where nothing scatters in media.
-pub fn rays_of_a_path(scene: &Scene, settings: JobSettings) -> f32 {
-    let settings = JobSettings {
-        paths_per_pass: PATHS,
-        ..settings
-    };
-    if !scene.media().iter().any(Medium::scatters) {
-        return 0.0;
-    }
-    let plan = RenderPlan::provisional(scene, settings);
-    match plan.has_photons() {
-        true => trace_photons(scene, &plan, 0).rays as f32 / plan.surface_paths as f32,
-        false => 0.0,
+/// What became of some photon paths.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Followed {
+    /// Paths.
+    pub paths: u32,
+    /// Their rays: one of each, and one more each time that something scattered one.
+    pub rays: u64,
+    /// What they left in media and on surfaces.
+    pub left: u64,
+}
+
+impl Followed {
+    /// Nothing scattered any of them.
+    pub fn is_lost(&self) -> bool {
+        self.paths > 0 && self.left == 0 && self.rays <= u64::from(self.paths)
     }
 }
 
-/// What the photon paths of a plan leave: of so few that some leave something, or of 4,096.
-pub fn photons_of(scene: &Scene, plan: &RenderPlan) -> PassStats {
-    let mut stats = PassStats::default();
-    if !plan.has_photons() {
-        return stats;
-    }
+/// Follow photon paths of a plan, if it has any: a few, and only if all are lost up to 4,096.
+pub fn follow_photons(scene: &Scene, plan: &RenderPlan) -> Followed {
+    let mut followed = Followed::default();
     let mut few = plan.clone();
-    (few.settings.paths_per_pass, few.surface_paths) = (BATCH, BATCH);
-    for batch in 0..BATCHES {
+    (few.settings.paths_per_pass, few.surface_paths) = (PATHS, PATHS);
+    for batch in (0..BATCHES).filter(|_| plan.has_photons()) {
         let photons = trace_photons(scene, &few, batch);
-        stats.paths += u64::from(BATCH);
-        stats.beams += (photons.beams.len() + photons.smooth_beams.len()) as u64;
-        stats.surface_photons += photons.surface.len() as u64;
-        if stats.beams + stats.surface_photons > 0 {
+        followed.paths += PATHS;
+        followed.rays += photons.rays;
+        followed.left += (photons.beams.len() + photons.smooth_beams.len() + photons.surface.len()) as u64;
+        if !followed.is_lost() {
             break;
         }
     }
-    stats
+    followed
 }

@@ -135,7 +135,7 @@ fn dark(scene: &mut Scene, settings: JobSettings) -> Option<String> {
     })
 }
 
-/// What there is to say of photons that leave nothing: by a plan that aims at nothing, and if so by that of a pass.
+/// What there is to say of photons that meet nothing: by a plan that aims at nothing, and if so by that of a pass.
 fn lost(scene: &Scene, provisional: &Followed, settings: JobSettings) -> Option<String> {
     if !provisional.is_lost() {
         return None;
@@ -143,7 +143,7 @@ fn lost(scene: &Scene, provisional: &Followed, settings: JobSettings) -> Option<
     let followed = follow_photons(scene, &RenderPlan::new(scene, settings));
     followed.is_lost().then(|| {
         format!(
-            "none of {} photon paths meets anything that scatters light: what they are for stays dark. Do `lights` shine to \
+            "none of {} photon paths meets anything: what they are for stays dark. Do `lights` shine to \
              where shapes and media are, by `position`, `target` or `direction`?",
             followed.paths
         )

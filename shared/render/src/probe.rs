@@ -51,14 +51,14 @@ pub struct Followed {
     pub paths: u32,
     /// Their rays: one of each, and one more each time that something scattered one.
     pub rays: u64,
-    /// What they left in media and on surfaces.
-    pub left: u64,
+    /// How many of these met anything.
+    pub met: u64,
 }
 
 impl Followed {
-    /// Nothing scattered any of them.
+    /// None of them met anything.
     pub fn is_lost(&self) -> bool {
-        self.paths > 0 && self.left == 0 && self.rays <= u64::from(self.paths)
+        self.paths > 0 && self.met == 0
     }
 }
 
@@ -71,7 +71,7 @@ pub fn follow_photons(scene: &Scene, plan: &RenderPlan) -> Followed {
         let photons = trace_photons(scene, &few, batch);
         followed.paths += PATHS;
         followed.rays += photons.rays;
-        followed.left += (photons.beams.len() + photons.smooth_beams.len() + photons.surface.len()) as u64;
+        followed.met += photons.met;
         if !followed.is_lost() {
             break;
         }

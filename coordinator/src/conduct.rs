@@ -9,7 +9,7 @@ use crate::output::Output;
 use crate::progress;
 use crate::summary::Summary;
 use beamfarm_coordinator::store::{Folder, Keeper, StoreError};
-use beamfarm_coordinator::{Entrance, Farm, Terms, Watch, server};
+use beamfarm_coordinator::{Entrance, Terms, Watch, server};
 use beamfarm_image::view::View;
 use std::future::{Future, pending};
 use std::sync::Arc;
@@ -17,19 +17,17 @@ use tokio::sync::{oneshot, watch};
 use tokio::task::JoinError;
 use tracing::{Instrument, error_span, warn};
 
-/// Serve the farm until its job ends in whatever way, or somebody wants it to (`drain`), then write what is complete.
+/// Serve a farm until its job ends in whatever way, or somebody wants it to (`drain`), then write what is complete.
 /// `crew` runs beside it and only ends early to say what went wrong.
 pub async fn conduct(
     args: &JobArgs,
     output: &Output,
-    view: View,
-    farm: Arc<Farm>,
+    watch: Arc<Watch>,
     directory: Option<Directory>,
     entrance: impl Into<Entrance>,
     crew: impl Future<Output = Result<(), String>>,
     drain: watch::Receiver<bool>,
 ) -> Result<(), Failure> {
-    let watch = Watch::new(farm, terms(args, output, view));
     let span = error_span!("job", job = watch.id());
     let job = run(args, output, &watch, directory, entrance.into(), crew, drain);
     let done = job.instrument(span).await;

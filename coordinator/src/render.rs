@@ -1,6 +1,6 @@
 //! `beamfarm render`: a farm of processes on this machine.
 
-use crate::conduct::conduct;
+use crate::conduct::{conduct, terms};
 use crate::directory::prepare;
 use crate::early;
 use crate::failure::Failure;
@@ -9,7 +9,7 @@ use crate::job::JobArgs;
 use crate::local::{self, Crew, Shape};
 use crate::open_page::{open_page, tell_page};
 use beamfarm_coordinator::security::Security;
-use beamfarm_coordinator::{Entrance, Farm, Timing};
+use beamfarm_coordinator::{Entrance, Farm, Timing, Watch};
 use beamfarm_proto::Token;
 use beamfarm_worker::cli::{LogArgs, LogFormat, end_with_parent};
 use beamfarm_worker::{say, signals};
@@ -132,7 +132,8 @@ pub fn main(args: RenderArgs, log: &LogArgs) -> Result<(), Failure> {
             security,
             ..Entrance::from(listener)
         };
-        conduct(&args.job, &output, view, farm, directory, entrance, crew, drain).await
+        let watch = Watch::new(farm, terms(&args.job, &output, view));
+        conduct(&args.job, &output, watch, directory, entrance, crew, drain).await
     })?;
     for part in left_out {
         say!("left out: {part}");

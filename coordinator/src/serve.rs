@@ -1,13 +1,13 @@
 //! `beamfarm serve`: a farm for workers on other machines.
 
-use crate::conduct::conduct;
+use crate::conduct::{conduct, terms};
 use crate::directory::prepare;
 use crate::early;
 use crate::failure::Failure;
 use crate::frames::{self, Site};
 use crate::job::JobArgs;
 use crate::security::ListenArgs;
-use beamfarm_coordinator::{Entrance, Farm, Timing};
+use beamfarm_coordinator::{Entrance, Farm, Timing, Watch};
 use beamfarm_worker::cli::end_with_parent;
 use beamfarm_worker::{say, signals};
 use clap::Args;
@@ -100,7 +100,8 @@ pub fn main(args: ServeArgs) -> Result<(), Failure> {
             ..listener.into()
         };
         let crew = std::future::pending();
-        conduct(&args.job, &output, view, farm, directory, entrance, crew, drain).await
+        let watch = Watch::new(farm, terms(&args.job, &output, view));
+        conduct(&args.job, &output, watch, directory, entrance, crew, drain).await
     })?;
     for part in left_out {
         say!("left out: {part}");

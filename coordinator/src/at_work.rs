@@ -7,8 +7,9 @@ use crate::job::JobArgs;
 use crate::onlookers::write_on_request;
 use crate::output::Output;
 use crate::progress;
+use crate::sketch::Sketch;
 use crate::summary::Stop;
-use beamfarm_coordinator::Watch;
+use beamfarm_coordinator::{End, Watch};
 use beamfarm_image::merge::Average;
 use beamfarm_worker::complain;
 use std::convert::Infallible;
@@ -156,5 +157,19 @@ impl<'a> AtWork<'a> {
             self.tell_of_darkness(average);
         }
         Ok(written)
+    }
+
+    /// Write a coarse picture, where a job that makes an image was stopped before it had any. What was written, for
+    /// people.
+    pub async fn write_sketch(&self, stop: &Stop) -> Result<Option<String>, Failure> {
+        let is_stopped = matches!(stop, Stop::Time | Stop::Signal | Stop::Ended(End::Stopped));
+        let Some(coarse) = self.output.sketch.clone().filter(|_| is_stopped && self.makes_image()) else {
+            return Ok(None);
+        };
+        let farm = self.watch.farm();
+        let sketch = Sketch::of_job(farm.clone()).await.unwrap_or(coarse);
+        let (output, scene, view) = (self.output.clone(), farm.job().scene, self.watch.terms().view);
+        let written = tokio::task::spawn_blocking(move || output.write_sketch(&sketch, scene, view)).await;
+        Ok(Some(written.map_err(Failure::io)??))
     }
 }

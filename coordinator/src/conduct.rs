@@ -9,29 +9,27 @@ use crate::output::Output;
 use crate::progress;
 use crate::summary::Summary;
 use beamfarm_coordinator::store::{Folder, Keeper, StoreError};
-use beamfarm_coordinator::{Entrance, Farm, Terms, Watch, server};
+use beamfarm_coordinator::{Entrance, Terms, Watch, server};
 use beamfarm_image::view::View;
-use beamfarm_worker::signals;
 use std::future::{Future, pending};
 use std::sync::Arc;
-use tokio::sync::oneshot;
+use tokio::sync::{oneshot, watch};
 use tokio::task::JoinError;
 use tracing::{Instrument, error_span, warn};
 
-/// Serve the farm until its job ends in whatever way, then write what is complete. `crew` runs beside it and only ends
-/// early to say what went wrong.
+/// Serve a farm until its job ends in whatever way, or somebody wants it to (`drain`), then write what is complete.
+/// `crew` runs beside it and only ends early to say what went wrong.
 pub async fn conduct(
     args: &JobArgs,
     output: &Output,
-    view: View,
-    farm: Arc<Farm>,
+    watch: Arc<Watch>,
     directory: Option<Directory>,
     entrance: impl Into<Entrance>,
     crew: impl Future<Output = Result<(), String>>,
+    drain: watch::Receiver<bool>,
 ) -> Result<(), Failure> {
-    let watch = Watch::new(farm, terms(args, output, view));
     let span = error_span!("job", job = watch.id());
-    let job = run(args, output, &watch, directory, entrance.into(), crew);
+    let job = run(args, output, &watch, directory, entrance.into(), crew, drain);
     let done = job.instrument(span).await;
     args.onlookers.tell_end(&done);
     done
@@ -58,11 +56,10 @@ async fn run(
     directory: Option<Directory>,
     entrance: Entrance,
     crew: impl Future<Output = Result<(), String>>,
+    mut drain: watch::Receiver<bool>,
 ) -> Result<(), Failure> {
     let farm = watch.farm();
     let job = AtWork::begin(args, output, watch, String::new());
-    // Before there is anything that somebody could take for a sign that it listens.
-    let mut drain = signals::drain().map_err(Failure::io)?;
     let mut hang_ups = hang_ups().map_err(Failure::io)?;
     let keeper = directory.map(|Directory { folder, entries }| {
         let keeper = Keeper::start(folder, farm.clone(), entries);
@@ -101,6 +98,10 @@ async fn run(
             .map_err(Failure::io)?,
     };
     let image = job.write().await;
+    let sketch = match &image {
+        Ok(None) => job.write_sketch(&stop).await,
+        _ => Ok(None),
+    };
     // Workers and onlookers hear of the end meanwhile.
     told.last_words().await;
     if !server.is_finished() {
@@ -111,6 +112,7 @@ async fn run(
         output,
         farm,
         image: image?,
+        sketch: sketch?,
         stop,
     };
     conclude(summary, folder, kept)

@@ -17,7 +17,7 @@ pub struct ExplainArgs {
 }
 
 pub fn main(args: ExplainArgs) -> Result<(), Failure> {
-    let loaded = args.settings.load()?;
+    let loaded = args.settings.load(false)?;
     let extents = args.settings.of.file()?.extents()?;
     loaded.announce();
     let hash = loaded.bundle.hash();

@@ -3,19 +3,21 @@
 use crate::failure::Failure;
 use crate::frame_list::{self as frames, FrameArgs};
 use crate::onlookers::OnlookerArgs;
+use crate::outlook::Outlook;
 use crate::output::Output;
 use crate::progress;
+use crate::sketch::Sketch;
 use crate::view_args::ViewArgs;
 use beamfarm_coordinator::{JobSpec, Target};
 use beamfarm_image::bundle::Bundle;
 use beamfarm_image::job::Targeting;
-use beamfarm_image::job::{Finders, JobSettings, MAX_PASSES};
+use beamfarm_image::job::{Finders, JobSettings, MAX_PASSES, SceneHash};
 use beamfarm_image::layer::{Layer, MAX_LAYERS};
+use beamfarm_image::view::View;
 use beamfarm_render::aov::light_layers;
 use beamfarm_render::balance::Choice;
 use beamfarm_render::budget::Pilot;
 use beamfarm_render::light::LightKind;
-use beamfarm_render::world::Scene;
 use beamfarm_render::world::{RenderDefaults, SceneDescription};
 use beamfarm_scene::{Edits, ImportOptions, SceneError, SceneFile, is_gltf, is_mitsuba};
 use beamfarm_worker::complain;
@@ -260,15 +262,17 @@ impl SceneArgs {
 }
 
 impl SettingsArgs {
-    /// Read the scene.
-    pub fn load(&self) -> Result<Loaded, Failure> {
-        self.load_by(SceneFile::load)
+    /// Read the scene, and say on stderr what is known of it before its pilot, unless this is to be `quiet`.
+    pub fn load(&self, quiet: bool) -> Result<Loaded, Failure> {
+        self.load_by(SceneFile::load, |early| early.announce(quiet))
     }
 
-    /// Read the scene, and decode its files by `decode`.
+    /// Read the scene, and decode its files by `decode`. `tell` is given what is known of it before its pilot, which may
+    /// take long.
     pub fn load_by(
         &self,
         decode: impl FnOnce(&SceneFile) -> Result<SceneDescription, SceneError>,
+        tell: impl FnOnce(Early),
     ) -> Result<Loaded, Failure> {
         let file = self.of.file()?;
         let options = self.of.import.options(&self.of.scene)?;
@@ -276,21 +280,28 @@ impl SettingsArgs {
         let description = progress::while_it_lasts(&what, || decode(&file));
         let description = description.map_err(|error| self.of.failure(error, &options))?;
         let defaults = description.defaults;
+        let Outlook { notes, sketch } = Outlook::new(&description, defaults.job_settings());
+        let notes: Vec<String> = file
+            .notes
+            .iter()
+            .chain(&description.notes)
+            .cloned()
+            .chain(notes)
+            .collect();
+        let left_out = file.left_out.clone();
+        let bundle = file.canonical_bundle();
+        let told = notes.len();
+        tell(Early {
+            notes: notes.clone(),
+            sketch: sketch.clone(),
+            scene: bundle.hash(),
+            view: defaults.view,
+        });
         let Chosen { settings, choice } = self.of.choose(&description)?;
-        let mut notes = description.notes.clone();
+        let mut notes = notes;
         if choice.is_some() {
             let paths = self.of.paths.or(defaults.paths_per_pass);
             notes.extend(found_by_pilot(&settings, paths.is_none()));
-        }
-        // One in the world alone lies in the world.
-        let boundaries = description.objects.iter().filter(|o| o.boundary.is_some());
-        if boundaries.count() > 1 {
-            notes.extend(Scene::new(description.clone()).misplaced().iter().map(|name| {
-                format!(
-                    "shape {name:?} lies in another medium than its `exterior` says (the world's where none is given): light that \
-                     leaves it goes on as if it were in that. Expected the medium around it, or `boundary = false`"
-                )
-            }));
         }
         let settings = match self.budget {
             None | Some(Budgeted::Endless) => settings,
@@ -323,9 +334,11 @@ impl SettingsArgs {
         Ok(Loaded {
             layers,
             standard_error: aovs.contains(&Aov::Stderr),
-            notes: file.notes.iter().cloned().chain(notes).collect(),
-            left_out: file.left_out.clone(),
-            bundle: file.canonical_bundle(),
+            notes,
+            told,
+            sketch,
+            left_out,
+            bundle,
             description,
             defaults,
             settings,
@@ -371,8 +384,31 @@ pub struct Loaded {
     pub choice: Option<Choice>,
     /// What was replaced of a scene in another form, and what of a scene has no effect.
     notes: Vec<String>,
+    /// How many of these were said before there was a pilot.
+    told: usize,
+    /// The picture, coarse. `None`: it cannot be rendered.
+    pub sketch: Option<Sketch>,
     /// What was left out of a Mitsuba scene.
     left_out: Vec<String>,
+}
+
+/// What is known of a scene before its pilot.
+pub struct Early {
+    pub notes: Vec<String>,
+    /// The picture, coarse. `None`: it cannot be rendered.
+    pub sketch: Option<Sketch>,
+    pub scene: SceneHash,
+    /// How the scene has itself shown.
+    pub view: View,
+}
+
+impl Early {
+    /// Say on stderr what became of the scene.
+    pub fn announce(&self, quiet: bool) {
+        if !quiet {
+            announce(&self.notes, &[]);
+        }
+    }
 }
 
 impl Loaded {
@@ -381,9 +417,9 @@ impl Loaded {
         (&self.notes, &self.left_out)
     }
 
-    /// Say on stderr what became of the scene. Returns what was left out, for the summary.
+    /// Say on stderr what else became of the scene. Returns what was left out, for the summary.
     pub fn announce(&self) -> Vec<String> {
-        announce(&self.notes, &self.left_out);
+        announce(&self.notes[self.told..], &self.left_out);
         self.left_out.clone()
     }
 }
@@ -574,6 +610,10 @@ pub struct JobArgs {
     #[arg(short, long)]
     pub quiet: bool,
 
+    /// Write a coarse picture there, EXR, before anything else is tried, for programs that start this one
+    #[arg(long, value_name = "OUT.exr", hide = true)]
+    pub sketch: Option<PathBuf>,
+
     #[command(flatten)]
     pub onlookers: OnlookerArgs,
 
@@ -615,6 +655,7 @@ impl JobArgs {
         Ok(Output {
             drops_photons: loaded.defaults.targeting == Targeting::Reject,
             names: loaded.description.names(),
+            sketch: loaded.sketch.clone(),
             empty_depth: loaded.defaults.empty_depth,
             denoise: self.denoise,
             ..Output::new(output, &self.settings.of.scene, ending, loaded.standard_error)?

@@ -1,15 +1,20 @@
 //! Where images go.
 
 use crate::failure::Failure;
+use crate::sketch::Sketch;
 use beamfarm_image::atomic::remove_leftovers;
 use beamfarm_image::denoise::{Input, denoise};
 use beamfarm_image::error::ImageError;
-use beamfarm_image::exr::{DenoisedMeta, ImageMeta, Names, Provenance, write_denoised, write_image};
+use beamfarm_image::exr::{
+    DenoisedMeta, ImageMeta, MadeOf, Names, Provenance, SketchMeta, write_denoised, write_image, write_sketch,
+};
 use beamfarm_image::film::Film;
+use beamfarm_image::job::SceneHash;
 use beamfarm_image::layer::Layer;
 use beamfarm_image::merge::Average;
 use beamfarm_image::png::write_png;
 use beamfarm_image::view::View;
+use beamfarm_proto::VERSION;
 use beamfarm_worker::visible;
 use std::ffi::OsStr;
 use std::io::{self, Write};
@@ -44,6 +49,8 @@ pub struct Output {
     pub empty_depth: Option<f32>,
     /// Whether a picture with less noise is written as well, beside the image.
     pub denoise: bool,
+    /// What is written where there is no image to write.
+    pub sketch: Option<Sketch>,
 }
 
 impl Output {
@@ -81,6 +88,7 @@ impl Output {
             names: Names::default(),
             empty_depth: None,
             denoise: false,
+            sketch: None,
         })
     }
 
@@ -115,6 +123,29 @@ impl Output {
             }
         }
         Ok(())
+    }
+}
+
+impl Output {
+    /// Write a coarse picture, as there is no other. An image that is there stays, and it gets a name beside it. Returns
+    /// what was written, for people.
+    pub fn write_sketch(&self, sketch: &Sketch, scene: SceneHash, view: View) -> Result<String, ImageError> {
+        let is_there = MadeOf::read(&self.exr).is_some() || Provenance::read(&self.exr).is_some_and(|it| it.of_samples);
+        let exr = match is_there {
+            true => self.exr.with_extension("sketch.exr"),
+            false => self.exr.clone(),
+        };
+        let png = exr.with_extension("png");
+        let film = sketch.enlarged();
+        let meta = SketchMeta {
+            sketch: sketch.to_string(),
+            scene,
+            scene_file: self.scene_file.clone(),
+            version: VERSION.into(),
+        };
+        write_sketch(&exr, &film, &meta)?;
+        write_png(&png, &film, view)?;
+        Ok(format!("wrote {} and {}: {sketch}", exr.display(), png.display()))
     }
 }
 

@@ -1,17 +1,18 @@
 //! `beamfarm render`: a farm of processes on this machine.
 
-use crate::conduct::conduct;
+use crate::conduct::{conduct, terms};
 use crate::directory::prepare;
+use crate::early;
 use crate::failure::Failure;
 use crate::frames::{self, Site};
 use crate::job::JobArgs;
 use crate::local::{self, Crew, Shape};
 use crate::open_page::{open_page, tell_page};
 use beamfarm_coordinator::security::Security;
-use beamfarm_coordinator::{Entrance, Farm, Timing};
+use beamfarm_coordinator::{Entrance, Farm, Timing, Watch};
 use beamfarm_proto::Token;
 use beamfarm_worker::cli::{LogArgs, LogFormat, end_with_parent};
-use beamfarm_worker::say;
+use beamfarm_worker::{say, signals};
 use clap::Args;
 use std::net::Ipv4Addr;
 use tokio::net::TcpListener;
@@ -89,7 +90,10 @@ pub fn main(args: RenderArgs, log: &LogArgs) -> Result<(), Failure> {
         };
         return frames::run(&args.job, list, site);
     }
-    let loaded = args.job.settings.load()?;
+    let runtime = tokio::runtime::Runtime::new().map_err(Failure::io)?;
+    // Before there is anything that somebody could take for a sign that it listens.
+    let mut drain = runtime.block_on(async { signals::drain() }).map_err(Failure::io)?;
+    let loaded = runtime.block_on(early::load(&args.job, &mut drain))?;
     let view = args.job.view.over(loaded.defaults.view);
     let output = args.job.image(&loaded)?;
     let left_out = match args.job.quiet {
@@ -98,7 +102,6 @@ pub fn main(args: RenderArgs, log: &LogArgs) -> Result<(), Failure> {
     };
     let mut spec = args.job.spec(loaded)?;
     let (directory, start) = prepare(&args.job, &mut spec, &output, view, false)?;
-    let runtime = tokio::runtime::Runtime::new().map_err(Failure::io)?;
     runtime.block_on(async {
         let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0))
             .await
@@ -129,7 +132,8 @@ pub fn main(args: RenderArgs, log: &LogArgs) -> Result<(), Failure> {
             security,
             ..Entrance::from(listener)
         };
-        conduct(&args.job, &output, view, farm, directory, entrance, crew).await
+        let watch = Watch::new(farm, terms(&args.job, &output, view));
+        conduct(&args.job, &output, watch, directory, entrance, crew, drain).await
     })?;
     for part in left_out {
         say!("left out: {part}");

@@ -44,7 +44,7 @@ pub struct ReplayArgs {
 }
 
 pub fn main(args: ReplayArgs) -> Result<(), Failure> {
-    let loaded = args.settings.load()?;
+    let loaded = args.settings.load(false)?;
     if loaded.standard_error {
         let message = "--aov stderr: one pass tells nothing about its error";
         return Err(Failure::usage(message));

@@ -1,14 +1,15 @@
 //! `beamfarm serve`: a farm for workers on other machines.
 
-use crate::conduct::conduct;
+use crate::conduct::{conduct, terms};
 use crate::directory::prepare;
+use crate::early;
 use crate::failure::Failure;
 use crate::frames::{self, Site};
 use crate::job::JobArgs;
 use crate::security::ListenArgs;
-use beamfarm_coordinator::{Entrance, Farm, Timing};
+use beamfarm_coordinator::{Entrance, Farm, Timing, Watch};
 use beamfarm_worker::cli::end_with_parent;
-use beamfarm_worker::say;
+use beamfarm_worker::{say, signals};
 use clap::Args;
 use std::net::SocketAddr;
 use tokio::net::TcpListener;
@@ -72,7 +73,10 @@ pub fn main(args: ServeArgs) -> Result<(), Failure> {
         };
         return frames::run(&args.job, list, site);
     }
-    let loaded = args.job.settings.load()?;
+    let runtime = tokio::runtime::Runtime::new().map_err(Failure::io)?;
+    // Before there is anything that somebody could take for a sign that it listens.
+    let mut drain = runtime.block_on(async { signals::drain() }).map_err(Failure::io)?;
+    let loaded = runtime.block_on(early::load(&args.job, &mut drain))?;
     let view = args.job.view.over(loaded.defaults.view);
     let output = args.job.image(&loaded)?;
     let left_out = match args.job.quiet {
@@ -82,7 +86,6 @@ pub fn main(args: ServeArgs) -> Result<(), Failure> {
     let mut spec = args.job.spec(loaded)?;
     spec.audit_every = args.audit_share;
     let (directory, start) = prepare(&args.job, &mut spec, &output, view, true)?;
-    let runtime = tokio::runtime::Runtime::new().map_err(Failure::io)?;
     runtime.block_on(async {
         let listener = TcpListener::bind(args.listen)
             .await
@@ -97,7 +100,8 @@ pub fn main(args: ServeArgs) -> Result<(), Failure> {
             ..listener.into()
         };
         let crew = std::future::pending();
-        conduct(&args.job, &output, view, farm, directory, entrance, crew).await
+        let watch = Watch::new(farm, terms(&args.job, &output, view));
+        conduct(&args.job, &output, watch, directory, entrance, crew, drain).await
     })?;
     for part in left_out {
         say!("left out: {part}");

@@ -32,6 +32,8 @@ pub struct Summary<'a> {
     pub farm: &'a Farm,
     /// What was written.
     pub image: Option<Written>,
+    /// What was written in its place, for people.
+    pub sketch: Option<String>,
     pub stop: Stop,
 }
 
@@ -115,6 +117,9 @@ impl Summary<'_> {
                 say!("stopped at the first prefix whose error is small enough");
             }
             describe(average, &self.pass_set().unwrap_or_default());
+        }
+        if let Some(sketch) = &self.sketch {
+            say!("{sketch}; no pass is complete, and it is part of none");
         }
         if self.args.first_pass > 0 && progress.prefix > self.args.first_pass {
             say!(
@@ -200,6 +205,7 @@ impl Summary<'_> {
                 format!("the image is that of the {} passes before", average.passes)
             }
             (None, true) => "the job folder has the passes before".into(),
+            (None, false) if self.sketch.is_some() => "a coarse picture was written".into(),
             (None, false) => "nothing was written".into(),
         };
         if let Stop::Ended(End::Failed(failure)) = self.stop {
@@ -225,12 +231,12 @@ impl Summary<'_> {
         match (self.stop, self.image) {
             (_, Some(_)) => Ok(()),
             _ if has_passes => Ok(()),
-            (Stop::Signal | Stop::Ended(End::Stopped), None) => {
-                Err(Failure::nothing("stopped before the first pass was complete"))
-            }
-            (_, None) => Err(Failure::nothing(
-                "the time was over before the first pass was complete; give it more with --time",
-            )),
+            (Stop::Signal | Stop::Ended(End::Stopped), None) => Err(Failure::nothing(format!(
+                "stopped before the first pass was complete; {written}"
+            ))),
+            (_, None) => Err(Failure::nothing(format!(
+                "the time was over before the first pass was complete; {written}; give it more with --time"
+            ))),
         }
     }
 }

@@ -102,6 +102,20 @@ class Render(unittest.TestCase):
         bpy.ops.render.render()
         self.assertGreater(result_of(self.scene)[..., :3].max(), 0.0)
 
+    def test_a_coarse_picture_stays_where_no_pass_is_complete(self) -> None:
+        self.scene.beamfarm.passes, self.scene.beamfarm.time_limit = 0, 0.001
+        passes = []
+        show = self.engine.Picture.show
+
+        def shown(picture, data: bytes) -> None:
+            show(picture, data)
+            passes.append(picture.passes)
+
+        with mock.patch.object(self.engine.Picture, "show", shown):
+            bpy.ops.render.render()
+        self.assertEqual(set(passes), {0})
+        self.assertGreater(result_of(self.scene)[..., :3].max(), 0.0)
+
     def test_a_scene_without_a_camera_is_refused(self) -> None:
         bpy.data.objects.remove(self.scene.camera)
         self.assertIn("camera", render_error().lower())
@@ -132,9 +146,9 @@ class Render(unittest.TestCase):
             mock.patch.object(self.engine.job, "words", said),
         ):
             bpy.ops.render.render()
-        # Those on the way, and that of the passes that were complete at the end.
+        # A coarse one, those on the way, and that of the passes that were complete at the end.
         self.assertEqual(len(passes), 4)
-        self.assertEqual(passes, sorted(passes))
+        self.assertEqual((passes[0], passes), (0, sorted(passes)))
         self.assertGreater(result_of(self.scene)[..., :3].max(), 0.0)
         self.assertFalse(is_alive(jobs[0].process.pid))
         self.assertTrue(any("Pass " in line and "/1000000" in line and "left" in line for line in lines), lines)

@@ -80,9 +80,9 @@ class BeamfarmRenderEngine(bpy.types.RenderEngine):
         if self.is_stopped():
             return
         wanted = list(passes.of_layer(view_layer))
-        output = folder / "frame.exr"
+        output, sketch = folder / "frame.exr", folder / "sketch.exr"
         layers = passes.aov(wanted, scene.render.film_transparent)
-        line = frame.command(path, settings, exported, output, [*ends, *layers])
+        line = frame.command(path, settings, exported, output, [*ends, *layers, "--sketch", str(sketch)])
         picture = Picture(self, view_layer.name, shape.size, wanted, passes.cryptomattes(view_layer))
         self.update_stats("", "Starting beamfarm")
         try:
@@ -91,7 +91,7 @@ class BeamfarmRenderEngine(bpy.types.RenderEngine):
             raise Failed(f"{path} cannot be run: {error}") from error
         workers = []
         try:
-            cancelled = self._follow(running, picture, path, workers)
+            cancelled = self._follow(running, picture, path, workers, sketch)
             code = running.wait()
         finally:
             running.close()
@@ -103,7 +103,9 @@ class BeamfarmRenderEngine(bpy.types.RenderEngine):
         if code not in (job.DONE, job.NOTHING):
             raise Failed(running.words() or f"beamfarm ended with exit code {code}")
         if not picture.passes:
-            raise Failed("No pass was complete in the time: give more time")
+            if not output.is_file():
+                raise Failed("No pass was complete in the time: give more time")
+            self.report({"WARNING"}, "No pass was complete in the time, and the picture is a coarse one: give more time")
         self.update_progress(1.0)
 
     def view_update(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
@@ -170,8 +172,8 @@ class BeamfarmRenderEngine(bpy.types.RenderEngine):
         """Take the depsgraph of this render to a time, frames."""
         self.frame_set(*frame.parts(time))
 
-    def _follow(self, running: job.Job, picture: Picture, path: Path, workers: list) -> bool:
-        """Show how it goes until its end. Returns whether it was cancelled."""
+    def _follow(self, running: job.Job, picture: Picture, path: Path, workers: list, sketch: Path) -> bool:
+        """Show how it goes until its end, at first a coarse picture. Returns whether it was cancelled."""
         settings = preferences.get()
         next_status = next_picture = 0.0
         shown = 0
@@ -181,6 +183,10 @@ class BeamfarmRenderEngine(bpy.types.RenderEngine):
                 running.cancel()
                 return True
             now = time.monotonic()
+            if sketch.is_file():
+                # It is there as a whole: it comes under its name when it is written.
+                picture.show(sketch.read_bytes())
+                sketch.unlink()
             if settings.use_farm and not workers and running.url:
                 workers += job.start_workers(running, path, max(1, settings.workers), settings.threads)
             if now >= next_status:

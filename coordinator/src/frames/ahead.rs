@@ -118,10 +118,11 @@ impl Order {
             }
         }
         let begun = Instant::now();
-        let loaded = args.settings.load_by(|file| {
+        let decode = |file: &SceneFile| {
             let mut store = self.store.lock().unwrap_or_else(PoisonError::into_inner);
             file.load_from(&mut store)
-        })?;
+        };
+        let loaded = args.settings.load_by(decode, |_| {})?;
         debug!(frame, seconds = begun.elapsed().as_secs_f64(), "loaded");
         let view = args.view.over(loaded.defaults.view);
         let output = args.image_called(&ending, &loaded)?;

@@ -139,6 +139,13 @@ impl Begun {
             Ok(image) => (image, Ok(())),
             Err(failure) => (None, Err(failure)),
         };
+        let (sketch, unwritten) = match image.is_none() && unwritten.is_ok() {
+            true => match job.write_sketch(&stop).await {
+                Ok(sketch) => (sketch, Ok(())),
+                Err(failure) => (None, Err(failure)),
+            },
+            false => (None, unwritten),
+        };
         told.last_words().await;
         // One that was ended before its first pass has no image, which is no failure of it.
         let has_nothing = image.is_none() && matches!(stop, Stop::Ended(End::Stopped));
@@ -147,6 +154,7 @@ impl Begun {
             output,
             farm,
             image,
+            sketch,
             stop,
         };
         let report = summary.report();

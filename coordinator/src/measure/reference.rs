@@ -4,13 +4,14 @@ use crate::failure::Failure;
 use crate::job::{Aov, ImportArgs, SceneArgs, SettingsArgs};
 use crate::output::{Output, REFERENCE};
 use crate::progress::{self, BAR_LENGTH, ESTIMATE, LINE};
+use crate::sketch::{LOOK, Sketch};
 use crate::summary::describe_error;
 use crate::view_args::ViewArgs;
 use beamfarm_image::exr::{ImageMeta, Maker, Names, pixel_hash};
 use beamfarm_image::job::{MAX_PASSES, ReferenceSettings};
 use beamfarm_image::merge::{Average, MergeError, Node, TreeSum};
 use beamfarm_proto::VERSION;
-use beamfarm_render::reference::{SampleLayers, render_sample_with_layers};
+use beamfarm_render::reference::{SampleLayers, render_sample, render_sample_with_layers};
 use beamfarm_render::world::Scene;
 use beamfarm_worker::say;
 use beamfarm_worker::signals;
@@ -125,7 +126,7 @@ pub fn main(args: ReferenceArgs) -> Result<(), Failure> {
         budget: None,
         aov: args.aov.iter().flat_map(|aov| aov.of_passes()).collect(),
     }
-    .load()?;
+    .load(args.quiet)?;
     let photon_rules = &loaded.description.photon_rules;
     if !photon_rules.is_empty() {
         return Err(Failure::usage(format!(
@@ -153,7 +154,7 @@ pub fn main(args: ReferenceArgs) -> Result<(), Failure> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
     let pool = pool.map_err(Failure::io)?;
 
-    let scene = pool.install(|| Scene::new(loaded.description));
+    let mut scene = pool.install(|| Scene::new(loaded.description));
     let layers = SampleLayers::new(&scene, &loaded.layers).map_err(Failure::usage)?;
     let started = Instant::now();
     let run = Run {
@@ -193,6 +194,21 @@ pub fn main(args: ReferenceArgs) -> Result<(), Failure> {
             summarise(average, &output, seconds);
         }
     }
+    let mut written = "nothing was written";
+    if average.is_none() && failed.is_none() {
+        let sketch = pool.install(|| {
+            Sketch::by(&mut scene, LOOK, |scene, _| {
+                Some((render_sample(scene, &settings, 0, || true)?, None))
+            })
+        });
+        if let Some(sketch) = sketch {
+            let words = output.write_sketch(&sketch, hash, view)?;
+            if !args.quiet {
+                say!("{words}; no sample is complete, and it is part of none");
+            }
+            written = "a coarse picture was written";
+        }
+    }
     for part in left_out {
         say!("left out: {part}");
     }
@@ -205,7 +221,9 @@ pub fn main(args: ReferenceArgs) -> Result<(), Failure> {
             }
         ))),
         (None, Some(_)) => Ok(()),
-        (None, None) => Err(Failure::nothing("stopped before the first sample was complete")),
+        (None, None) => Err(Failure::nothing(format!(
+            "stopped before the first sample was complete; {written}"
+        ))),
     }
 }
 

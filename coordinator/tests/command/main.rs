@@ -14,6 +14,7 @@ mod live;
 mod logs;
 mod lone_gltf;
 mod look;
+mod outlook;
 mod runs;
 mod scenes;
 mod setup;

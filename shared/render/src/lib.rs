@@ -18,6 +18,7 @@
 //! | what is the image compared with?           | [`reference`](mod@reference)                    |
 //! | does it converge as the theory says?       | [`convergence`]                                 |
 //! | how is a pass stopped that has begun?      | [`interrupt`]                                   |
+//! | does light get through the media?          | [`probe`]                                       |
 
 pub mod aov;
 pub mod balance;
@@ -42,6 +43,7 @@ pub mod pass;
 pub mod phase;
 pub mod photon_map;
 pub mod plan;
+pub mod probe;
 pub mod reference;
 pub mod rules;
 pub mod sampler;

@@ -29,7 +29,7 @@ use beamfarm_image::layer::{Layer, LayerCounts};
 use beamfarm_image::merge::TreeSum;
 use beamfarm_image::radius::Schedule;
 use beamfarm_proto::bytes::Bytes;
-use beamfarm_proto::{FileHash, Job, Manifest};
+use beamfarm_proto::{FileEntry, FileHash, Job, Manifest};
 use std::collections::BTreeMap;
 use std::hash::{BuildHasher, Hasher, RandomState};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -223,6 +223,16 @@ impl Farm {
     /// The job.
     pub fn job(&self) -> &Job {
         &self.job
+    }
+
+    /// The scene file and its assets.
+    pub fn bundle(&self) -> Bundle {
+        let Manifest { scene, files } = &self.job.manifest;
+        let file = |entry: &FileEntry| Some((entry.path.clone(), self.files.get(&entry.hash)?.to_vec()));
+        Bundle {
+            scene: scene.clone(),
+            files: files.iter().filter_map(file).collect(),
+        }
     }
 
     /// How quickly losses are noticed.

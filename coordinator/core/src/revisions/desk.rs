@@ -146,6 +146,9 @@ impl Desk {
         self.style = style;
         self.ladder.resize(full);
         self.steps = self.ladder.steps();
+        if self.shown.is_none() {
+            self.steps.insert(0, self.ladder.glance());
+        }
         self.next_step = 0;
         self.passes = None;
         self.failures = 0;

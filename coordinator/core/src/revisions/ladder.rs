@@ -14,6 +14,8 @@ const COARSEST: [(u32, u32); 8] = [
     (400, 2000),
 ];
 const FIRST: usize = 3;
+/// The same of the very first sketch, of a scene of which nothing is known: even one that is very slow shows something.
+const GLANCE: (u32, u32) = (32, 64);
 /// Time of the coarsest sketch above which the next one is coarser, and below which it is finer.
 const SLOW: Duration = Duration::from_millis(42);
 const QUICK: Duration = Duration::from_millis(18);
@@ -53,21 +55,32 @@ impl Ladder {
         self.full = full.map(|side| side.max(1));
     }
 
+    /// What is shown before anything else of a scene.
+    pub fn glance(&self) -> Step {
+        let (width, paths) = GLANCE;
+        self.step(width.min(self.full[0]), paths)
+    }
+
+    fn step(&self, width: u32, paths: u32) -> Step {
+        let [full_width, full_height] = self.full;
+        let height = f64::from(full_height) * f64::from(width) / f64::from(full_width);
+        Step {
+            width,
+            height: (height.round() as u32).max(1),
+            paths,
+        }
+    }
+
     /// From coarse to fine; one at least.
     pub fn steps(&self) -> Vec<Step> {
-        let [full_width, full_height] = self.full;
+        let full_width = self.full[0];
         let (mut width, mut paths) = COARSEST[self.coarsest];
         let mut steps = Vec::new();
         loop {
             // Less than a step below the full size there is no step between.
             let is_last = 3 * width >= 2 * full_width;
             let width_here = if is_last { full_width } else { width };
-            let height = f64::from(full_height) * f64::from(width_here) / f64::from(full_width);
-            steps.push(Step {
-                width: width_here,
-                height: (height.round() as u32).max(1),
-                paths,
-            });
+            steps.push(self.step(width_here, paths));
             if is_last {
                 return steps;
             }

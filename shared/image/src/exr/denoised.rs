@@ -121,13 +121,6 @@ impl DenoisedMeta {
 /// Write a denoised picture: R, G, B, float32, lossless ZIP. Its attribute `beamfarmDenoised` says that it is biased,
 /// and it has no set of passes, whose average it is not.
 pub fn write_denoised(path: &Path, film: &Film, meta: &DenoisedMeta) -> Result<(), ImageError> {
-    let size = Vec2(film.width as usize, film.height as usize);
-    if size.area() == 0 || film.pixels.len() != size.area() {
-        return Err(ImageError::Encode {
-            field: "size",
-            message: format!("{} x {} pixels", size.0, size.1),
-        });
-    }
     let number = |n: u64| text("number", &n.to_string());
     let mut own: Vec<(&str, AttributeValue)> = vec![
         (
@@ -145,10 +138,27 @@ pub fn write_denoised(path: &Path, film: &Film, meta: &DenoisedMeta) -> Result<(
     if let Some(file) = &meta.scene_file {
         own.push(("beamfarmSceneFile", text("scene file", file)?));
     }
+    write_film(path, film, &meta.version, own)
+}
+
+/// Write a film that is no average. `version`: of the program.
+pub(super) fn write_film(
+    path: &Path,
+    film: &Film,
+    version: &str,
+    own: Vec<(&str, AttributeValue)>,
+) -> Result<(), ImageError> {
+    let size = Vec2(film.width as usize, film.height as usize);
+    if size.area() == 0 || film.pixels.len() != size.area() {
+        return Err(ImageError::Encode {
+            field: "size",
+            message: format!("{} x {} pixels", size.0, size.1),
+        });
+    }
     let channels = ["R", "G", "B"].into_iter().enumerate().map(|(c, name)| {
         let samples = film.pixels.iter().map(|pixel| pixel[c]).collect();
         AnyChannel::new(name, FlatSamples::F32(samples))
     });
     let channels = AnyChannels::sort(channels.collect());
-    atomic::write_file(path, &encode(size, &meta.version, own, channels)?)
+    atomic::write_file(path, &encode(size, version, own, channels)?)
 }

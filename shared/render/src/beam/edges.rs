@@ -239,6 +239,7 @@ mod tests {
             world_medium: None,
             objects: shapes.into_iter().zip([0, 1]).map(object).collect(),
             material_names: Default::default(),
+            media_names: Vec::new(),
             materials: vec![of_kind(MaterialKind::Diffuse { reflectance: white() }), of_kind(pane)],
             media: Vec::new(),
             lights: Vec::new(),

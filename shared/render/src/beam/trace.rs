@@ -41,6 +41,8 @@ pub struct Photons {
     pub surface: Vec<SurfacePhoton>,
     /// Rays that were traced for them.
     pub rays: u64,
+    /// How many of these met a surface, or something that scatters in a medium.
+    pub met: u64,
 }
 
 /// Paths that one task traces. Any number gives the same photons.
@@ -98,6 +100,7 @@ fn trace_with(scene: &Scene, plan: &RenderPlan, pass_index: u64, sight: impl Sig
         steps: StepFunctions::default(),
         smooth_steps: StepFunctions::default(),
         rays: chunks.iter().map(|c| c.rays).sum(),
+        met: chunks.iter().map(|c| c.met).sum(),
     };
     for mut chunk in chunks {
         let before = joined.steps.append(&chunk.steps);
@@ -220,9 +223,11 @@ impl<V: Sight> Tracer<'_, V> {
             if let Some(id) = photon.medium
                 && self.fly(&mut photon, id, hit.as_ref(), sampler, out)
             {
+                out.met += 1;
                 continue;
             }
             let Some(mut hit) = hit else { return };
+            out.met += 1;
             photon.footprint = photon.footprint.advanced(hit.t);
             photon.flown += hit.t;
             self.meet_surface(&mut photon, &mut hit, sampler, out);

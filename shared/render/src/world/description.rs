@@ -32,6 +32,8 @@ pub struct SceneDescription {
     pub material_names: BTreeMap<u32, String>,
     /// Media.
     pub media: Vec<Medium>,
+    /// What the scene file calls them.
+    pub media_names: Vec<String>,
     /// Lights; those of emitting objects among them.
     pub lights: Vec<Light>,
     /// A sphere around all objects, positioned lights, and the camera.

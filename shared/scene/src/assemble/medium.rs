@@ -21,7 +21,7 @@ pub struct Media {
     /// Those that can be named now.
     names: BTreeMap<String, u16>,
     /// By medium, for messages.
-    labels: Vec<String>,
+    pub labels: Vec<String>,
     /// By medium: corners of the box that it fills, render space; none when it has no bounds.
     corners: Vec<Vec<DVec3>>,
 }

@@ -156,7 +156,7 @@ pub fn assemble(snapshot: &Snapshot, source: Source<'_>, kept: &mut Kept, space:
         && let Some(object) = enclosed::around_camera(&parts.objects, &parts.materials.list, &parts.lights)
     {
         let message = format!(
-            "it stands inside of {:?}, which lets no light through, and no light is in there: the picture will be black",
+            "it stands (`origin`) inside of {:?}, which lets no light through, and no light is in there: the picture will be black",
             object.name
         );
         notes.push(Fault::new(record.camera.span(), message).into());
@@ -170,6 +170,7 @@ pub fn assemble(snapshot: &Snapshot, source: Source<'_>, kept: &mut Kept, space:
         materials: parts.materials.list,
         material_names: parts.materials.labels,
         media: parts.media.list,
+        media_names: parts.media.labels,
         lights: parts.lights,
         defaults: defaults(&record.render)?,
         rules,

@@ -1,0 +1,173 @@
+//! A picture where no pass was complete, and what is said of scenes of which nothing will come.
+
+use crate::setup::{attribute, beamfarm, find_attribute, folder_with, line, run, scene, spawn, succeed, text};
+use beamfarm_image::exr::read_rgb;
+use std::path::Path;
+
+const SIZE: [u32; 2] = [96, 64];
+
+/// What `explain` says on stderr of a scene.
+fn noted(scene: &str, more: &[&str]) -> String {
+    let folder = folder_with(scene);
+    let output = run(folder.path(), &[&["explain", "scene.toml"], more].concat());
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    text(&output.stderr).to_owned()
+}
+
+fn is_sketch(path: &Path) -> bool {
+    let film = read_rgb(path).unwrap();
+    assert_eq!(([film.width, film.height], film.non_finite()), (SIZE, 0));
+    assert!(path.with_extension("png").exists());
+    let is_sketch = find_attribute(path, "beamfarmSketch").is_some();
+    assert_eq!(is_sketch, find_attribute(path, "beamfarmPasses").is_none());
+    is_sketch
+}
+
+/// It is part of no pass: what goes on has the bits of what was never stopped, and an image that is there stays.
+#[test]
+fn without_a_complete_pass_there_is_a_coarse_picture() {
+    let folder = folder_with(&scene(SIZE, 2, 400));
+    let path = folder.path();
+    let whole = succeed(path, &["render", "scene.toml", "-o", "whole.exr"]);
+    let args = ["render", "scene.toml", "-o", "a.exr", "--job", "job"];
+    for written in ["a.exr", "a.exr"] {
+        let output = run(path, &[&args[..], &["--time", "0s"]].concat());
+        assert_eq!(output.status.code(), Some(4));
+        let (stdout, stderr) = (text(&output.stdout), text(&output.stderr));
+        assert!(line(stdout, "wrote a.exr").contains("part of no"), "{stdout}");
+        assert!(stderr.contains("a coarse picture was written"), "{stderr}");
+        assert!(is_sketch(&path.join(written)));
+    }
+    let finished = succeed(path, &args);
+    assert_eq!(line(&finished, "pixels"), line(&whole, "pixels"));
+    assert!(!is_sketch(&path.join("a.exr")));
+    let output = run(path, &["render", "scene.toml", "-o", "a.exr", "--time", "0s"]);
+    line(text(&output.stdout), "wrote a.sketch.exr");
+    assert_eq!(attribute(&path.join("a.exr"), "beamfarmPasses"), "2");
+    assert!(is_sketch(&path.join("a.sketch.exr")));
+    // A part of a job makes no image.
+    let part = [
+        "render",
+        "scene.toml",
+        "-o",
+        "b.exr",
+        "--first-pass",
+        "1",
+        "--time",
+        "0s",
+    ];
+    assert_eq!(run(path, &part).status.code(), Some(4));
+    assert!(!path.join("b.exr").exists());
+}
+
+/// Fog in which light is scattered without end: a pilot and a pass take minutes.
+fn dense() -> String {
+    let scene = scene(SIZE, 2, 400).replace("paths = 400, ", "");
+    scene.replace("sigma_s = 0.4", "sigma_s = 1000.0")
+}
+
+#[test]
+fn a_signal_while_a_pilot_runs_ends_with_a_coarse_picture() {
+    let folder = folder_with(&dense());
+    let path = folder.path();
+    let mut render = spawn(beamfarm(path, &["render", "scene.toml"]));
+    render.log.wait_for("note: `media.");
+    render.signal("-TERM");
+    let output = render.finish();
+    assert_eq!(output.status.code(), Some(4), "{}", text(&output.stderr));
+    assert!(is_sketch(&path.join("scene.exr")));
+}
+
+#[test]
+fn media_that_no_light_gets_through_are_named() {
+    let said = noted(&dense(), &["--paths", "1"]);
+    assert!(
+        said.contains("`media.fog.sigma_s`: a photon path is scattered "),
+        "{said}"
+    );
+    let thin = noted(&dense(), &["--paths", "1", "-D", "media.fog.sigma_s=10.0"]);
+    assert!(!thin.contains("media.fog"), "{thin}");
+
+    let block = scene(SIZE, 2, 400)
+        + "[media.stone]\ntype = \"homogeneous\"\nsigma_a = 3000.0\nsigma_s = 0.0\n[materials.hull]\ntype = \"null\"\n\
+           [[shapes]]\ntype = \"cube\"\nmaterial = \"hull\"\ninterior = \"stone\"\nexterior = \"fog\"\n\
+           transform = [{ scale = [0.2, 0.25, 0.3] }, { translate = [1, 0, 0] }]\n";
+    let said = noted(&block, &[]);
+    assert!(
+        said.contains("`media.stone.sigma_a`: the medium's optical depth is 1200 "),
+        "{said}"
+    );
+    let thin = noted(&block, &["-D", "media.stone.sigma_a=2000.0"]);
+    assert!(!thin.contains("media.stone"), "{thin}");
+}
+
+/// A closed room with its lamp, seen from its middle.
+const ROOM: &str = r#"
+image = { width = 96, height = 64 }
+camera = { origin = [0, 0, 0.5], target = [0, 0, 0], fov = 40 }
+[materials.wall]
+type = "diffuse"
+reflectance = 0.5
+two_sided = true
+[[shapes]]
+name = "room"
+type = "cube"
+material = "wall"
+[[lights]]
+type = "point"
+position = [0, 0.5, 0]
+power = 10
+"#;
+
+#[test]
+fn cameras_that_see_nothing_are_told_of() {
+    let said = |origin: &str| noted(ROOM, &["-D", &format!("camera.origin={origin}")]);
+    let inside = said("[0, 0, 0.5]");
+    assert!(!inside.contains("camera"), "{inside}");
+    let outside = said("[0, 0, 9]");
+    assert!(
+        outside.contains("stay black") && outside.contains("\"room\""),
+        "{outside}"
+    );
+    assert!(outside.contains("`camera.origin`"), "{outside}");
+    let target = ["-D", "camera.target=[0, 0, 20]", "-D", "camera.origin=[0, 0, 9]"];
+    let away = noted(ROOM, &target);
+    assert!(away.contains("the camera sees nothing: none of 4096 rays"), "{away}");
+    // What is all around is seen.
+    let sky = format!("{ROOM}[[lights]]\ntype = \"environment\"\nradiance = 1.0\n");
+    let lit = noted(&sky, &target);
+    assert!(!lit.contains("camera"), "{lit}");
+}
+
+#[test]
+fn photons_that_find_nothing_are_told_of() {
+    let spot = r#"
+image = { width = 32, height = 24 }
+camera = { origin = [0, 3, 6], target = [0, 0, 0], fov = 40 }
+[materials.glass]
+type = "dielectric"
+ior = 1.5
+[[shapes]]
+type = "sphere"
+material = "glass"
+[[shapes]]
+type = "rectangle"
+transform = [{ rotate = { axis = [1, 0, 0], angle = -90 } }, { scale = 3 }, { translate = [0, -1, 0] }]
+[[lights]]
+type = "spot"
+position = [0, 2, 0]
+target = [0, 0, 0]
+cutoff_angle = 20
+intensity = 10
+"#;
+    let lost = noted(spot, &["-D", "lights.0.target=[0, 9, 0]"]);
+    assert!(lost.contains("none of 4096 photon paths meets anything"), "{lost}");
+    let found = noted(spot, &[]);
+    assert!(!found.contains("photon paths meet"), "{found}");
+    // Lit straight from the lamp, whose photons leave nothing.
+    let flat = noted(
+        &spot.replace("material = \"glass\"", ""),
+        &["-D", "lights.0.position=[2, 0, 2]"],
+    );
+    assert!(!flat.contains("photon paths meet"), "{flat}");
+}

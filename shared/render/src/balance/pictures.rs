@@ -18,11 +18,9 @@ const DARK: f64 = 0.01;
 const AROUND: usize = 2;
 /// Blocks along each side, in which light is looked for that others found.
 const BLOCKS: usize = 8;
-/// The worst blocks, one in so many, do not count: what they say is chance.
-const WILD: usize = 32;
-/// The same for what most of the picture is like. Where a few blocks have nearly all of the error, what they say of one
-/// way to find light against another is chance still.
-const UNEVEN: usize = 8;
+/// Light is missing where less than this share of what others are sure of was found: blocks of pictures of different
+/// sizes are not quite the same.
+const MISSED: f64 = 0.8;
 /// By how much what is missing may change what a plan is worth before it is in doubt.
 const DOUBTFUL: f64 = 1.3;
 /// Light counts as found above so many of its standard errors, by [`SETS`] pictures each: Student's t with three
@@ -50,10 +48,8 @@ pub struct Variances {
 /// What the pilot found, of a pass.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Balance {
-    /// Of all blocks but the worst one in 32.
+    /// Of all blocks but the worst one.
     pub variances: Variances,
-    /// Of all but the worst eighth.
-    pub most: Variances,
     /// Work of camera paths, nanoseconds of a core.
     pub camera_work: f64,
     /// Work of a photon path.
@@ -125,10 +121,7 @@ impl Pictures {
         let beams = BEAM * mean(&|i| i.stats.beams);
         let paths = f64::from(effort.paths);
         let films: Vec<Film> = images.into_iter().map(|image| image.film).collect();
-        let [variances, most] = variances(&films, cameras).map(|of| Variances {
-            photons: of.photons * paths,
-            ..of
-        });
+        let variances = variances(&films, cameras);
         let blocks = blocks(&films, if sets > 1 { cameras } else { 1 });
         Self {
             samples: (films.len() * films[0].pixels.len()) as f64 / (blocks.len() / 3) as f64,
@@ -140,8 +133,10 @@ impl Pictures {
                 (surfaces + beams) * sets as f64,
             ],
             balance: Balance {
-                variances,
-                most,
+                variances: Variances {
+                    photons: variances.photons * paths,
+                    ..variances
+                },
                 camera_work: share * camera,
                 photon_work: surfaces / f64::from(plan.surface_paths) + (beams + share * evaluations) / paths,
             },
@@ -154,7 +149,7 @@ impl Pictures {
     /// for them: the square of what is missing, times that number, is the least that their variance can be.
     pub fn judged(&self, found: &[f64]) -> Judged {
         let of_block = |([mean, _], found): (&[f64; 2], &f64)| {
-            let missing = (found - mean).max(0.0);
+            let missing = (MISSED * found - mean).max(0.0);
             missing * missing / (found * found + DARK)
         };
         let missing = self.blocks.iter().zip(found).map(of_block).sum::<f64>() / found.len() as f64;
@@ -162,11 +157,9 @@ impl Pictures {
         // Whatever mends it at less cost.
         let by_photons = self.balance.photon_work > 0.0
             && self.paths * self.balance.photon_work < self.samples * self.balance.camera_work;
-        for of in [&mut balance.variances, &mut balance.most] {
-            match by_photons {
-                true => of.photons += missing * self.paths,
-                false => of.camera += missing * self.samples,
-            }
+        match by_photons {
+            true => balance.variances.photons += missing * self.paths,
+            false => balance.variances.camera += missing * self.samples,
         }
         let paths = balance.paths();
         let wants = match by_photons {
@@ -210,9 +203,10 @@ fn blocks(films: &[Film], per_set: usize) -> Vec<[f64; 2]> {
     blocks
 }
 
-/// Variances by camera paths and by one set of photons, of all but the worst blocks and of most. `films`: by photons,
-/// then by camera paths, so many for each set of photons.
-fn variances(films: &[Film], cameras: usize) -> [Variances; 2] {
+/// Variances by camera paths and by one set of photons, of all blocks but the worst one, which may be chance: a drop of
+/// light that is rarer than these pictures can tell. `films`: by photons, then by camera paths, so many for each set of
+/// photons.
+fn variances(films: &[Film], cameras: usize) -> Variances {
     let (width, height) = (films[0].width as usize, films[0].height as usize);
     let smooth = smoothed(films);
     let sets = films.len() / cameras;
@@ -233,23 +227,19 @@ fn variances(films: &[Film], cameras: usize) -> [Variances; 2] {
         }
         sums
     };
-    let mut blocks: Vec<[f64; 2]> = each_block(width, height)
-        .map(|pixels| {
-            let count = pixels.len() as f64;
-            let sums = pixels.into_iter().map(of_pixel);
-            let [camera, photons] = sums.fold([0.0; 2], |sum, of| [sum[0] + of[0], sum[1] + of[1]]);
-            [camera / count, photons / count]
-        })
-        .collect();
-    let mut means = [[0.0; 2]; 2];
-    for which in 0..2 {
-        blocks.sort_by(|a, b| a[which].total_cmp(&b[which]));
-        for (means, out) in means.iter_mut().zip([WILD, UNEVEN]) {
-            let kept = blocks.len() - blocks.len() / out;
-            means[which] = blocks[..kept].iter().map(|block| block[which]).sum::<f64>() / kept as f64;
-        }
-    }
-    means.map(|[camera, photons]| Variances { camera, photons })
+    let blocks = each_block(width, height).map(|pixels| {
+        let count = pixels.len() as f64;
+        let sums = pixels.into_iter().map(of_pixel);
+        let [camera, photons] = sums.fold([0.0; 2], |sum, of| [sum[0] + of[0], sum[1] + of[1]]);
+        [camera / count, photons / count]
+    });
+    let blocks: Vec<[f64; 2]> = blocks.collect();
+    let [camera, photons] = [0, 1].map(|which| {
+        let all = blocks.iter().map(|block| block[which]);
+        let worst = all.clone().fold(0.0, f64::max);
+        (all.sum::<f64>() - worst) / (blocks.len() - 1) as f64
+    });
+    Variances { camera, photons }
 }
 
 /// The pixels of each block, which share some where there are few.
@@ -310,7 +300,7 @@ mod tests {
             film
         };
         let films: Vec<Film> = (0..16).map(|i| film(i / 4, i % 4)).collect();
-        let [Variances { camera, photons }, _] = variances(&films, 4);
+        let Variances { camera, photons } = variances(&films, 4);
         // Of +-1 in turns, the sample variance of four is 4/3.
         let weight = 4.0 / 3.0 / (4.0 + DARK);
         assert!((camera / (9e-4 * weight) - 1.0).abs() < 1e-3, "{camera}");
@@ -330,7 +320,7 @@ mod tests {
             film
         };
         let films: Vec<Film> = (0..4).map(film).collect();
-        let [Variances { camera, photons }, _] = variances(&films, 4);
+        let Variances { camera, photons } = variances(&films, 4);
         assert!((camera / 7.0 - 1.0).abs() < 0.33, "{camera}");
         assert_eq!(photons, 0.0);
     }

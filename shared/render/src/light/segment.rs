@@ -138,7 +138,9 @@ impl Source {
         let FogSegment { ray, length, .. } = *segment;
         let sigma_t = segment.sigma_t.min_element();
         match self {
-            Self::Far { irradiance, direction } => {
+            Self::Far {
+                irradiance, direction, ..
+            } => {
                 let phase = match direction {
                     Some(direction) => segment.phase.eval(-direction.dot(ray.dir)),
                     None => 0.25 / PI,
@@ -390,6 +392,7 @@ mod tests {
             let far = Source::Far {
                 irradiance: 1.0,
                 direction: None,
+                spread: 0.0,
             };
             let view = far.view(&segment).expect("it shines everywhere");
             assert!(view.importance > 0.0);

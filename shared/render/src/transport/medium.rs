@@ -73,7 +73,11 @@ impl<V: Sight> CameraTracer<'_, V> {
                 let x = solid_angle * phase.peak();
                 if x < FAINT { 0.0 } else { 0.5 * x / (1.0 + x) }
             }
-            _ => 0.0,
+            LightKind::Area { .. }
+            | LightKind::Point { .. }
+            | LightKind::Spot(_)
+            | LightKind::Projector(_)
+            | LightKind::Directional(_) => 0.0,
         };
         if by_phase > 0.0 && sampler.next_1d() < by_phase {
             let dir = phase.sample(at.dir, sampler.next_2d());

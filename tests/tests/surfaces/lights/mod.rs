@@ -7,4 +7,5 @@ mod environment;
 mod large_ground;
 mod pattern;
 mod setup;
+mod sizes;
 mod two_sides;

@@ -115,15 +115,21 @@ def _point(placed, light, color, fields, context):
         return
     if not _is_normalized(light):
         color = [number * 4.0 * math.pi * radius * radius for number in color]
-    if light.use_soft_falloff:
-        context.report.note("point lights with a radius shine as balls, as they do in Blender without soft falloff")
+    _note_soft_falloff(light, context)
     _lamp(placed, fields, {"type": "sphere", "center": _list(position), "radius": float(radius)}, color, context)
+
+
+def _note_soft_falloff(light, context):
+    if light.use_soft_falloff:
+        kind = light.type.lower()
+        context.report.note(f"{kind} lights with a radius shine as balls, as they do in Blender without soft falloff")
 
 
 def _spot(placed, light, color, fields, context):
     position = placed.matrix.translation
     radius = light.shadow_soft_size
     if radius > 0.0:
+        _note_soft_falloff(light, context)
         if not _is_normalized(light):
             color = [number * 4.0 * math.pi * radius * radius for number in color]
     scale = placed.matrix.to_scale()

@@ -163,7 +163,8 @@ fn cases() -> Vec<Case> {
                 // Of a ball that fills the cone.
                 let sine = libm::sin(15f64.to_radians());
                 let mut all = sphere(x - sun, sine, 2.0 / (PI * sine * sine), x);
-                all.iter_mut().for_each(|arriving| arriving.distance = way_out(x, arriving.wi));
+                all.iter_mut()
+                    .for_each(|arriving| arriving.distance = way_out(x, arriving.wi));
                 all
             }),
         },

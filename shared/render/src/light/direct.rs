@@ -116,10 +116,9 @@ impl Light {
             }
             (LightKind::Environment(environment), None) => environment.pdf(wi),
             (LightKind::Area { .. } | LightKind::Environment(_), _)
-            | (
-                LightKind::Point { .. } | LightKind::Spot(_) | LightKind::Projector(_) | LightKind::Directional(_),
-                _,
-            ) => 0.0,
+            | (LightKind::Point { .. } | LightKind::Spot(_) | LightKind::Projector(_) | LightKind::Directional(_), _) => {
+                0.0
+            }
         }
     }
 }

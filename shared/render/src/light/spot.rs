@@ -7,8 +7,8 @@
 //!
 //! Cosines enter as 1 - cos = 2 sin^2(angle / 2), which keeps its digits in narrow cones.
 
-use super::direct::{Cone, from_point};
 use super::DirectSample;
+use super::direct::{Cone, from_point};
 use crate::math::{Frame, PI, Rgb, Vec2, Vec3, atan2, sin, sin_cos};
 use crate::warp;
 
@@ -161,8 +161,7 @@ impl Spot {
 
     /// How directions to the ball are drawn; `None` where it is a point.
     fn view(&self, from: Vec3) -> Option<View> {
-        let distance = from.distance(self.position);
-        if self.radius <= POINT * distance {
+        if self.radius == 0.0 || self.radius <= POINT * from.distance(self.position) {
             return None;
         }
         Some(match Cone::around_ball(self.position, self.radius, from) {

@@ -225,10 +225,12 @@ impl Light {
                     of_point,
                 }
             }
-            LightKind::Point { .. } | LightKind::Spot(_) | LightKind::Projector(_) | LightKind::Area { .. } => Density {
-                pdf: discs.pdf_from(ray, drawn),
-                of_point: 0.0,
-            },
+            LightKind::Point { .. } | LightKind::Spot(_) | LightKind::Projector(_) | LightKind::Area { .. } => {
+                Density {
+                    pdf: discs.pdf_from(ray, drawn),
+                    of_point: 0.0,
+                }
+            }
         }
     }
 }

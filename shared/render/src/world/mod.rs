@@ -177,10 +177,9 @@ impl Scene {
             (LightKind::Directional(_) | LightKind::Environment(_), other) => {
                 matches!(other, LightKind::Directional(_) | LightKind::Environment(_))
             }
-            (
-                LightKind::Area { .. } | LightKind::Point { .. } | LightKind::Spot(_) | LightKind::Projector(_),
-                _,
-            ) => false,
+            (LightKind::Area { .. } | LightKind::Point { .. } | LightKind::Spot(_) | LightKind::Projector(_), _) => {
+                false
+            }
         };
         !has_rules(self)
             && !has_rules(other)

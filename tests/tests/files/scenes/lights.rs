@@ -69,7 +69,12 @@ fn sizes_of_lights_are_read() {
         let farthest = found.position + Vec3::X * radius;
         assert!(farthest.distance(scene.bounds.center) <= scene.bounds.radius, "{more}");
     }
-    for (more, half) in [("", 0.0f32), ("angle = 0", 0.0), ("angle = 0.5", 0.25), ("angle = 179", 89.5)] {
+    for (more, half) in [
+        ("", 0.0f32),
+        ("angle = 0", 0.0),
+        ("angle = 0.5", 0.25),
+        ("angle = 179", 89.5),
+    ] {
         let scene = load(&format!("{sun}{more}"));
         let LightKind::Directional(found) = &scene.lights[0].kind else {
             panic!("{:?}", scene.lights);

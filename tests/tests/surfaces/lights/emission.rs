@@ -1,8 +1,8 @@
 //! What lights emit: their power, and photons where and whither their densities say.
 
 use crate::surfaces::lights::setup::{
-    BOUNDS, RADIANCE, SAMPLES, SIGNIFICANCE, ball, emitter, of_ball, point, rectangle, shapes, sky, speckled, spot, sun,
-    wide_sun,
+    BOUNDS, RADIANCE, SAMPLES, SIGNIFICANCE, ball, emitter, of_ball, point, rectangle, shapes, sky, speckled, spot,
+    sun, wide_sun,
 };
 use beamfarm_harness::quadrature::Rect;
 use beamfarm_harness::{Chi2, MeanEstimate, Suite};
@@ -42,7 +42,10 @@ fn mean_emission_is_the_power() {
         ("spot without a ramp", spot(Vec3::ONE, up, 30.0, 30.0)),
         ("wide spot", spot(Vec3::ONE, up, 100.0, 170.0)),
         ("narrow spot", spot(Vec3::ONE, up, 0.01, 0.05)),
-        ("smooth spot", of_ball(spot(Vec3::ONE, up, 10.0, 50.0), 0.0, Ramp::Smooth)),
+        (
+            "smooth spot",
+            of_ball(spot(Vec3::ONE, up, 10.0, 50.0), 0.0, Ramp::Smooth),
+        ),
         ("ball", of_ball(spot(Vec3::ONE, up, 15.0, 20.0), 0.3, Ramp::Linear)),
         ("sun", sun(up)),
         ("narrow sun", wide_sun(up, 0.5)),

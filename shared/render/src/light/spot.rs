@@ -124,8 +124,7 @@ impl Spot {
     pub(super) fn towards(&self, from: Vec3, u: Vec2, depth: f32) -> Option<DirectSample> {
         let offset = self.position - from;
         let Some(view) = self.view(from) else {
-            let intensity = self.intensity(-offset);
-            return from_point(offset, intensity).filter(|_| intensity != Rgb::ZERO);
+            return self.from_start(self.position, from);
         };
         let wi = match &view {
             View::Ball(cone) => cone.direction(u),
@@ -146,6 +145,12 @@ impl Spot {
             pdf,
             unmet: true,
         })
+    }
+
+    /// Light towards a point of what starts at one point of [`Self::start`], as if all did.
+    pub(crate) fn from_start(&self, start: Vec3, from: Vec3) -> Option<DirectSample> {
+        let intensity = self.intensity(from - start);
+        from_point(start - from, intensity).filter(|_| intensity != Rgb::ZERO)
     }
 
     /// Density of emitted photons per area across `wi` at a point, over the density with which [`Self::towards`] it

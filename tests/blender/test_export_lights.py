@@ -62,16 +62,20 @@ class Lights(unittest.TestCase):
                 self.check(f"sun, angle {angle}")
 
     def test_soft_shadows(self):
-        cases = {
-            "SUN": (3.0, {"angle": 0.2}),
-            "SPOT": (100.0, {"shadow_soft_size": 0.15, "spot_size": math.radians(70.0), "spot_blend": 0.3}),
-        }
-        for kind, (energy, values) in cases.items():
-            with self.subTest(kind):
+        spot = {"shadow_soft_size": 0.15, "spot_size": math.radians(70.0), "spot_blend": 0.3}
+        cases = (
+            ("SUN", 3.0, {"angle": 0.2}),
+            ("SPOT", 100.0, spot),
+            ("SPOT", 100.0, spot | {"use_soft_falloff": False}),
+            ("SPOT", 100.0, spot | {"use_soft_falloff": False, "shadow_soft_size": 0.6}),
+        )
+        for kind, energy, values in cases:
+            with self.subTest(kind, **values):
                 floor()
                 scenes.ball("Ball", 0.3, (0.0, 0.0, 0.8), scenes.diffuse("Red", (0.8, 0.3, 0.2)))
                 scenes.light(kind, (0.5, 0.3, 2.5), energy, **values)
-                self.assertEqual(self.check(f"{kind.lower()}, soft shadows").notes, [])
+                notes = self.check(f"{kind.lower()}, soft shadows, {values}").notes
+                self.assertEqual(len(notes), int(values.get("use_soft_falloff", kind == "SPOT")))
 
     def test_areas(self):
         for shape in ("SQUARE", "RECTANGLE", "DISK", "ELLIPSE"):

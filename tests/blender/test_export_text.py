@@ -12,7 +12,7 @@ import compare
 import numpy as np
 import scenes
 from export import Exporter, ExportSettings, View, formulas, layers, toml
-from export.lights import spot_steps
+from export.lights import spot_angles
 from export.meshes import MeshArrays, ply
 from export.names import Names
 from export.pictures import exr
@@ -53,15 +53,31 @@ class Text(unittest.TestCase):
         self.assertEqual([names.get(key, "a[1]") for key in (1, 2, 1)], ["a_1_", "a_1_-2", "a_1_"])
         self.assertNotEqual(names.get(3, "all"), "all")
 
-    def test_spots_keep_their_power(self):
-        for half, blend in ((20.0, 0.15), (40.0, 0.5), (60.0, 1.0), (85.0, 0.3)):
+    def test_spots_fall_off_as_in_blender(self):
+        for half, blend in ((20.0, 0.15), (40.0, 0.5), (60.0, 1.0), (85.0, 0.3), (30.0, 0.0)):
             half = math.radians(half)
             theta = np.linspace(0.0, half, 20001)
-            x = np.clip((np.cos(theta) - math.cos(half)) / ((1.0 - math.cos(half)) * blend), 0.0, 1.0)
-            wanted = x * x * (3.0 - 2.0 * x)
-            ours = sum(s * np.clip((o - theta) / (o - i), 0.0, 1.0) for i, o, s in spot_steps(half, blend))
-            self.assertLess(abs((ours * np.sin(theta)).sum() / (wanted * np.sin(theta)).sum() - 1.0), 0.004)
-            self.assertLess(np.abs(ours - wanted).max(), 0.03)
+            width = (1.0 - math.cos(half)) * max(blend, 1e-3)
+            full, none = spot_angles(half, blend)
+            self.assertLess(full, none)
+            x, ours = (
+                np.clip((np.cos(theta) - math.cos(half)) / width, 0.0, 1.0),
+                np.clip((np.cos(theta) - math.cos(none)) / (math.cos(full) - math.cos(none)), 0.0, 1.0),
+            )
+            wanted, ours = (x * x * (3.0 - 2.0 * x) for x in (x, ours))
+            self.assertLess(abs((ours * np.sin(theta)).sum() / (wanted * np.sin(theta)).sum() - 1.0), 2e-3)
+            self.assertLess(np.abs(ours - wanted).max(), 1e-3 if blend > 0.0 else 1.0)
+
+    def test_lights_with_a_size_are_one_each(self):
+        room()
+        scenes.light("SPOT", (0.5, 0.3, 2.0), 50.0, shadow_soft_size=0.25, spot_size=math.radians(60.0), spot_blend=0.5)
+        scenes.light("SUN", (0.5, 0.3, 2.0), 2.0, angle=math.radians(4.0))
+        scenes.light("SUN", (0.5, 0.3, 2.0), 2.0, angle=math.pi)
+        spot, sun, half = exported()[0]["lights"]
+        self.assertEqual((spot["radius"], spot["falloff"]), (0.25, "smooth"))
+        self.assertAlmostEqual(spot["cutoff_angle"], 30.0, 4)
+        self.assertAlmostEqual(sun["angle"], 4.0, 4)
+        self.assertLess(half["angle"], 180.0)
 
     def test_pictures_read_back(self):
         values = np.random.default_rng(1).random((5, 7, 3)).astype(np.float32)

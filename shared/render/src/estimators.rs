@@ -131,7 +131,7 @@ impl Estimators {
             is_met.fill(false);
             is_shared.fill(false);
         }
-        let unmet = |light: &Light| light.kind.is_delta();
+        let unmet = |light: &Light| light.kind.is_unmet();
         Self {
             beams,
             specular,

@@ -67,8 +67,13 @@ pub fn concentric_disk_pdf() -> f32 {
 /// Unit vector, uniform over the cone around +z whose half angle has the cosine `cos_max`.
 #[inline]
 pub fn uniform_cone(u: Vec2, cos_max: f32) -> Vec3 {
-    // From 1 - cos, so that narrow cones keep their digits.
-    let one_minus_cos = u.x * (1.0 - cos_max);
+    uniform_cap(u, 1.0 - cos_max)
+}
+
+/// The same by 1 - cos, of which narrow cones keep their digits.
+#[inline]
+pub fn uniform_cap(u: Vec2, one_minus_cos_max: f32) -> Vec3 {
+    let one_minus_cos = u.x * one_minus_cos_max;
     let sin_theta = (one_minus_cos * (2.0 - one_minus_cos)).max(0.0).sqrt();
     let (sin_phi, cos_phi) = sin_cos(2.0 * PI * u.y);
     Vec3::new(sin_theta * cos_phi, sin_theta * sin_phi, 1.0 - one_minus_cos)

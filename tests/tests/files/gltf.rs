@@ -310,19 +310,9 @@ fn punctual_lights_are_lights() {
     let kinds: Vec<&LightKind> = description.lights.iter().map(|l| &l.kind).collect();
     let [
         LightKind::Point { position, intensity },
-        LightKind::Directional { direction, irradiance },
-        LightKind::Spot {
-            position: lamp,
-            frame,
-            intensity: on_axis,
-            cutoff,
-            beam_width,
-        },
-        LightKind::Spot {
-            cutoff: edge,
-            beam_width: plateau,
-            ..
-        },
+        LightKind::Directional(sun),
+        LightKind::Spot(soft),
+        LightKind::Spot(hard),
     ] = kinds[..]
     else {
         panic!("{kinds:?}");
@@ -330,13 +320,13 @@ fn punctual_lights_are_lights() {
     assert_near(*position, [0.5, 1.0, -3.0]);
     assert_eq!(*intensity, Rgb::new(8.0, 4.0, 2.0));
     // -z, turned by -90 degrees around x.
-    assert_near(*direction, [0.0, -1.0, 0.0]);
-    assert_eq!(*irradiance, Rgb::splat(3.0));
-    assert_near(*lamp, [-0.5, 0.0, -6.0]);
-    assert_near(frame.n, [0.0, 0.0, -1.0]);
-    assert_eq!(*on_axis, Rgb::splat(5.0));
-    assert!((cutoff - 0.5).abs() < 1e-6 && (beam_width - 0.25).abs() < 1e-6);
-    assert!((edge - 0.5).abs() < 1e-6 && (plateau - 0.4995).abs() < 1e-6);
+    assert_near(sun.direction, [0.0, -1.0, 0.0]);
+    assert_eq!(sun.irradiance, Rgb::splat(3.0));
+    assert_near(soft.position, [-0.5, 0.0, -6.0]);
+    assert_near(soft.frame.n, [0.0, 0.0, -1.0]);
+    assert_eq!(soft.intensity, Rgb::splat(5.0));
+    assert!((soft.cutoff - 0.5).abs() < 1e-6 && (soft.beam_width - 0.25).abs() < 1e-6);
+    assert!((hard.cutoff - 0.5).abs() < 1e-6 && (hard.beam_width - 0.4995).abs() < 1e-6);
 
     let text = format!("{VIEW}{CAMERA}[[gltf]]\nfile = \"a.glb\"\nlights = false");
     let description = load(&text, &[("a.glb", file(LIGHTS_AND_CAMERAS))]).unwrap();

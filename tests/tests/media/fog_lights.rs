@@ -73,6 +73,22 @@ fn sphere(center: DVec3, radius: f64, radiance: f64, x: DVec3) -> Vec<Arriving> 
     all
 }
 
+/// Light of a ball from outside of it, whose radiance is `radiance` of the direction that it runs in, and which starts
+/// along each chord as photons do that are even across it: in the middle of it as often as at the sine of any angle.
+fn see_through(center: DVec3, radius: f64, radiance: &dyn Fn(DVec3) -> f64, x: DVec3) -> Vec<Arriving> {
+    let n = 4;
+    let chords = sphere(center, radius, 1.0, x);
+    let along = chords.iter().flat_map(|chord| {
+        let half = (center - x).dot(chord.wi) - chord.distance;
+        (0..n).map(move |i| Arriving {
+            wi: chord.wi,
+            distance: chord.distance + half * (1.0 + libm::sin(PI * ((f64::from(i) + 0.5) / f64::from(n) - 0.5))),
+            irradiance: chord.irradiance / f64::from(n) * radiance(-chord.wi),
+        })
+    });
+    along.filter(|arriving| arriving.irradiance > 0.0).collect()
+}
+
 /// A square of half side `half` around `center` that shines down, and is black from above.
 fn panel(center: DVec3, half: f64, radiance: f64, x: DVec3) -> Vec<Arriving> {
     let n = 24;
@@ -118,6 +134,38 @@ fn cases() -> Vec<Case> {
                 let angle = libm::acos(angle).to_degrees();
                 let falloff = ((25.0 - angle) / 15.0).clamp(0.0, 1.0);
                 vec![from_point(spot_at, x, 2.0 * falloff)]
+            }),
+        },
+        Case {
+            name: "spot of a ball",
+            toml: format!(
+                "[[lights]]\ntype = \"spot\"\nposition = {:?}\ntarget = {:?}\nintensity = 2.0\nradius = 0.25\n\
+                cutoff_angle = 50.0\nbeam_width = 10.0\nfalloff = \"smooth\"\n",
+                spot_at.to_array(),
+                (spot_at + spot_axis).to_array()
+            ),
+            arriving: Box::new(move |x| {
+                let [wide, full] = [50f64, 10.0].map(|degrees| libm::cos(degrees.to_radians()));
+                let radiance = move |dir: DVec3| {
+                    let share = ((dir.dot(spot_axis) - wide) / (full - wide)).clamp(0.0, 1.0);
+                    2.0 / (PI * 0.25 * 0.25) * share * share * (3.0 - 2.0 * share)
+                };
+                see_through(spot_at, 0.25, &radiance, x)
+            }),
+        },
+        Case {
+            name: "sun with an angle",
+            toml: format!(
+                "[[lights]]\ntype = \"directional\"\ndirection = {:?}\nirradiance = 2.0\nangle = 30.0\n",
+                sun.to_array()
+            ),
+            arriving: Box::new(move |x| {
+                // Of a ball that fills the cone.
+                let sine = libm::sin(15f64.to_radians());
+                let mut all = sphere(x - sun, sine, 2.0 / (PI * sine * sine), x);
+                all.iter_mut()
+                    .for_each(|arriving| arriving.distance = way_out(x, arriving.wi));
+                all
             }),
         },
         Case {

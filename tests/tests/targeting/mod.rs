@@ -114,6 +114,27 @@ cutoff_angle = 70.0
 beam_width = 10.0
 intensity = 60.0
 "#;
+/// A sun with an angle, and a spot that is a ball.
+const WIDE_SUN: &str = r#"
+[[lights]]
+name = "light"
+type = "directional"
+direction = [-1.0, -0.4, 0.2]
+irradiance = [3.0, 2.5, 2.0]
+angle = 15.0
+"#;
+const BALL: &str = r#"
+[[lights]]
+name = "light"
+type = "spot"
+position = [5.0, 1.5, -1.0]
+target = [0.0, 0.0, 0.0]
+cutoff_angle = 70.0
+beam_width = 10.0
+intensity = 60.0
+radius = 0.5
+falloff = "smooth"
+"#;
 const POINT: &str = r#"
 [[lights]]
 name = "light"
@@ -224,6 +245,8 @@ fn pictures_are_the_same_with_less_noise() {
         ("sky", SKY),
         ("sun", SUN),
         ("spot", SPOT),
+        ("wide sun", WIDE_SUN),
+        ("spot of a ball", BALL),
         ("point", POINT),
         ("lamp", LAMP),
         ("lamp and fog", LAMP_AND_FOG),

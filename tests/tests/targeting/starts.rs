@@ -1,6 +1,6 @@
 //! Where photons that are aimed start, and with what flux.
 
-use super::{LAMP, POINT, Room, SKY, SPOT, SUN, plan};
+use super::{BALL, LAMP, POINT, Room, SKY, SPOT, SUN, WIDE_SUN, plan};
 use beamfarm_harness::quadrature::Rect;
 use beamfarm_harness::{Chi2, MeanEstimate, Suite};
 use beamfarm_render::light::{EmissionSample, EmissionUniforms};
@@ -26,6 +26,8 @@ fn flux_is_that_of_the_light() {
         ("sky", SKY),
         ("sun", SUN),
         ("spot", SPOT),
+        ("wide sun", WIDE_SUN),
+        ("spot of a ball", BALL),
         ("point", POINT),
         ("lamp", LAMP),
         ("sky of a large world", &format!("{FAR}{SKY}")),
@@ -113,7 +115,7 @@ fn caps_hold_what_their_density_says(
 /// Each test at a significance of 1e-3.
 #[test]
 fn starts_follow_their_density() {
-    for (what, more) in [("spot", SPOT), ("point", POINT), ("lamp", LAMP)] {
+    for (what, more) in [("spot", SPOT), ("ball", BALL), ("point", POINT), ("lamp", LAMP)] {
         let scene = Room {
             targeting: "on",
             left_window: true,
@@ -125,7 +127,7 @@ fn starts_follow_their_density() {
         let (objects, bounds) = (&description.objects, &description.bounds);
         let light = &description.lights[0];
         let aim = plan.targets.as_ref().unwrap().of(0).unwrap();
-        // One point of the lamp.
+        // One point of the lamp or ball.
         let draw = |sampler: &mut Sampler| {
             let u = EmissionUniforms {
                 position: Vec2::new(0.7, 0.53),
@@ -140,10 +142,17 @@ fn starts_follow_their_density() {
         let pdf = |dir: Vec3| light.mixture_pdf(bounds, aim, &EmissionSample { dir, ..one });
         caps_hold_what_their_density_says(what, |s| draw(s).map(|start| start.dir), pdf);
     }
+    for (what, sun) in [("sun", SUN), ("wide sun", WIDE_SUN)] {
+        points_follow_their_density(what, sun);
+    }
+}
+
+/// Points across one of the directions of a sun.
+fn points_follow_their_density(what: &str, sun: &str) {
     let scene = Room {
         targeting: "on",
         left_window: true,
-        more: SUN,
+        more: sun,
     }
     .scene();
     let plan = plan(&scene);
@@ -152,7 +161,10 @@ fn starts_follow_their_density() {
     let light = &description.lights[0];
     let aim = plan.targets.as_ref().unwrap().of(0).unwrap();
     let draw = |sampler: &mut Sampler| {
-        let u = EmissionUniforms::draw(sampler);
+        let u = EmissionUniforms {
+            direction: Vec2::new(0.6, 0.27),
+            ..EmissionUniforms::draw(sampler)
+        };
         light.sample_mixture(objects, bounds, aim, u, sampler.next_1d())
     };
     let one = draw(&mut Sampler::new(1, 1, Purpose::Test, 0)).unwrap();
@@ -164,10 +176,12 @@ fn starts_follow_their_density() {
             return 0.0;
         }
         let origin = middle + frame.to_world(p.extend(0.0));
-        light.mixture_pdf(bounds, aim, &EmissionSample { origin, ..one })
+        // Of a sun with an angle it is the density of the direction as well.
+        let of_dir = if one.pdf_dir.is_finite() { one.pdf_dir } else { 1.0 };
+        light.mixture_pdf(bounds, aim, &EmissionSample { origin, ..one }) / of_dir
     };
     let side = (-f64::from(bounds.radius), f64::from(bounds.radius));
     let domain = Rect { x: side, y: side };
     let result = Chi2::default().plane(domain, |s| draw(s).map(to_plane), pdf);
-    assert!(result.p_value > 1e-3, "sun: {result:?}");
+    assert!(result.p_value > 1e-3, "{what}: {result:?}");
 }

@@ -7,7 +7,6 @@ is in W/m^2.
 
 import math
 
-import numpy as np
 from mathutils import Matrix, Vector
 
 from .animated import is_animated
@@ -16,8 +15,8 @@ from .nodes import Reader
 from .transforms import matrix_step
 from .visibility import light_rays
 
-# Lights of the scene file fall off linearly in angle: so many stand for the smooth edge of one of Blender's spots.
-SPOT_STEPS = 10
+# Degrees that a sun of the scene file may be wide; Blender's may be a hemisphere.
+WIDEST = 179.9
 
 
 def add_light(placed, context):
@@ -116,15 +115,21 @@ def _point(placed, light, color, fields, context):
         return
     if not _is_normalized(light):
         color = [number * 4.0 * math.pi * radius * radius for number in color]
-    if light.use_soft_falloff:
-        context.report.note("point lights with a radius shine as balls, as they do in Blender without soft falloff")
+    _note_soft_falloff(light, context)
     _lamp(placed, fields, {"type": "sphere", "center": _list(position), "radius": float(radius)}, color, context)
+
+
+def _note_soft_falloff(light, context):
+    if light.use_soft_falloff:
+        kind = light.type.lower()
+        context.report.note(f"{kind} lights with a radius shine as balls, as they do in Blender without soft falloff")
 
 
 def _spot(placed, light, color, fields, context):
     position = placed.matrix.translation
     radius = light.shadow_soft_size
     if radius > 0.0:
+        _note_soft_falloff(light, context)
         if not _is_normalized(light):
             color = [number * 4.0 * math.pi * radius * radius for number in color]
     scale = placed.matrix.to_scale()
@@ -132,42 +137,25 @@ def _spot(placed, light, color, fields, context):
         context.report.note(f"light '{light.name}': its cone is round, whatever its scale")
     if light.use_square:
         context.report.leave_out(f"the square cone of light '{light.name}': it is round")
-    forward, turn = _forward(placed.matrix), placed.matrix.to_3x3().normalized()
-    fields = fields | {"group": fields["name"], "type": "spot"}
-    # Many spots of no size stand for one with a size, as they do for suns.
-    places = disc_of(SPOTS) if radius > 0.0 else [(0.0, 0.0)]
-    steps = spot_steps(light.spot_size / 2.0, light.spot_blend)
-    for x, y in places:
-        origin = position + turn @ Vector((radius * x, radius * y, 0.0))
-        stands = {"position": _list(origin), "target": _list(origin + forward)}
-        for inner, outer, share in steps:
-            intensity = [number * share / (4.0 * math.pi * len(places)) for number in color]
-            angles = {"cutoff_angle": math.degrees(outer), "beam_width": math.degrees(inner)}
-            context.add_light(placed, fields | stands | {"intensity": intensity} | angles)
+    full, none = spot_angles(light.spot_size / 2.0, light.spot_blend)
+    context.add_light(placed, fields | {
+        "type": "spot",
+        "position": _list(position),
+        "target": _list(position + _forward(placed.matrix)),
+        "intensity": [number / (4.0 * math.pi) for number in color],
+        "radius": float(radius),
+        "cutoff_angle": math.degrees(none),
+        "beam_width": math.degrees(full),
+        "falloff": "smooth",
+    })
 
 
-def spot_steps(half, blend):
-    """(full up to, none from, share) of cones whose sum is nearest to the edge of a spot of Blender's.
-
-    Its intensity is smoothstep(x) of the axis' with x = (cos theta - cos half) / ((1 - cos half) blend). The sum is a
-    line between angles at even distances; its values there are those of the least squared error over the sphere.
-    """
+def spot_angles(half, blend):
+    """(full up to, none from) for a spot of Blender's: its intensity is smoothstep(x) of the axis' with
+    x = (cos theta - cos half) / ((1 - cos half) blend)."""
     half = min(half, 0.5 * math.pi * 0.9999)
     width = (1.0 - math.cos(half)) * blend
-    if width < 1e-5:
-        return [(half * (1.0 - 1e-4), half, 1.0)]
-    knots = np.linspace(math.acos(min(math.cos(half) + width, 1.0)), half, SPOT_STEPS + 1)
-    angles = np.linspace(knots[0], knots[-1], 1001)
-    x = np.clip((np.cos(angles) - math.cos(half)) / width, 0.0, 1.0)
-    weight = np.sqrt(np.sin(angles) + 1e-6)
-    lines = np.stack([np.interp(angles, knots, row) for row in np.eye(SPOT_STEPS + 1)], axis=1)
-    # At the ends the values are 1 and 0.
-    inner = lines[:, 1:-1] * weight[:, None]
-    wanted = (x * x * (3.0 - 2.0 * x) - lines[:, 0]) * weight
-    values = [1.0, *np.linalg.lstsq(inner, wanted, rcond=None)[0], 0.0]
-    values = np.minimum.accumulate(np.clip(values, 0.0, 1.0))
-    steps = zip(knots, knots[1:], values, values[1:])
-    return [(float(low), float(high), float(a - b)) for low, high, a, b in steps if a > b]
+    return min(math.acos(min(math.cos(half) + width, 1.0)), half * (1.0 - 1e-4)), half
 
 
 def _sun(placed, light, color, fields, context):
@@ -176,32 +164,12 @@ def _sun(placed, light, color, fields, context):
     if context.world_medium is not None:
         context.report.leave_out(f"light '{light.name}': no light of a sun gets through a world full of a medium")
         return
-    fields = fields | {"group": fields["name"], "type": "directional"}
-    places = disc_of(SUNS) if light.angle > WIDE else [(0.0, 0.0)]
-    if light.angle > 0.0 and len(places) == 1:
-        context.report.note(f"light '{light.name}': its angle counts as 0, its shadows are sharp")
-    turn = placed.matrix.to_3x3().normalized()
-    # Of even radiance in its cone, so that what faces its middle has the irradiance that is given.
-    cap = 1.0 - math.cos(light.angle / 2.0) if len(places) > 1 else 0.0
-    irradiance = [number / len(places) * 2.0 / (2.0 - cap) for number in color]
-    for x, y in places:
-        # Even on the disc, even by the cosine.
-        down = 1.0 - cap * (x * x + y * y)
-        around = math.sqrt((1.0 + down) * cap)
-        direction = (turn @ Vector((around * x, around * y, -down))).normalized()
-        context.add_light(placed, fields | {"direction": _list(direction), "irradiance": irradiance})
-
-
-SPOTS = 16
-# As many suns stand for one that is wider than this angle: its shadows have as many steps.
-SUNS, WIDE = 32, math.radians(0.6)
-GOLDEN = math.pi * (3.0 - math.sqrt(5.0))
-
-
-def disc_of(count):
-    """So many points that fill the unit disc evenly."""
-    return [(math.sqrt((k + 0.5) / count) * math.cos(k * GOLDEN), math.sqrt((k + 0.5) / count) * math.sin(k * GOLDEN))
-            for k in range(count)]
+    context.add_light(placed, fields | {
+        "type": "directional",
+        "direction": _list(_forward(placed.matrix)),
+        "irradiance": color,
+        "angle": min(math.degrees(light.angle), WIDEST),
+    })
 
 
 def _area(placed, light, color, fields, context):

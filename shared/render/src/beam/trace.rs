@@ -565,7 +565,7 @@ impl<V: Sight> Tracer<'_, V> {
         // Where a rough lobe was before, camera paths look for the light from there.
         let by_followed = photon.arrival == Arrival::Caustic
             && photon.is_sharp
-            && self.scene.lights()[photon.light].kind.is_delta()
+            && self.scene.lights()[photon.light].kind.is_unmet()
             && (material.is_followed() || material.has_narrow_lobe());
         match (by_wide, by_followed) {
             (true, true) => Some(SeenBy::All),

@@ -1,23 +1,25 @@
 //! Light towards a point, and the density with which it is sampled.
 
-use super::{DirectSample, Light, LightHit, LightKind, LightPoint, Pattern, SceneBounds, spot};
+use super::{DirectSample, Light, LightHit, LightKind, LightPoint, Pattern, SceneBounds};
 use crate::geometry::{Object, Shape, SurfacePoint};
-use crate::math::{Frame, PI, Rgb, Vec2, Vec3, sin_cos};
+use crate::math::{Frame, PI, Rgb, Vec2, Vec3};
 use crate::sampler::Sampler;
+use crate::warp;
 use std::sync::Arc;
 
 impl Light {
-    /// Draw the numbers that [`Self::sample_direct`] wants: a place on the light, and one of its primitives.
+    /// Draw the numbers that [`Self::sample_direct`] wants: a place on the light, and one of its primitives or how deep
+    /// in a ball it is.
     #[inline]
     pub fn draw_direct(&self, objects: &[Object], sampler: &mut Sampler) -> (Vec2, f32) {
-        let has_primitives = match &self.kind {
-            LightKind::Area { object, .. } => matches!(objects[*object as usize].shape, Shape::Mesh { .. }),
-            _ => false,
+        let (has_places, has_more) = match &self.kind {
+            LightKind::Point { .. } | LightKind::Projector(_) => (false, false),
+            LightKind::Spot(spot) => (spot.radius > 0.0, spot.radius > 0.0),
+            LightKind::Directional(sun) => (!sun.is_parallel(), false),
+            LightKind::Area { object, .. } => (true, matches!(objects[*object as usize].shape, Shape::Mesh { .. })),
+            LightKind::Environment(_) => (true, false),
         };
-        (
-            sampler.next_2d_if(!self.kind.is_delta()),
-            sampler.next_1d_if(has_primitives),
-        )
+        (sampler.next_2d_if(has_places), sampler.next_1d_if(has_more))
     }
 
     /// Draw a direction towards the light from a point, by numbers from [`Self::draw_direct`]. `None`: nothing arrives
@@ -25,30 +27,23 @@ impl Light {
     pub fn sample_direct(&self, objects: &[Object], from: Vec3, u: Vec2, u_primitive: f32) -> Option<DirectSample> {
         match &self.kind {
             LightKind::Point { position, intensity } => from_point(*position - from, *intensity),
-            LightKind::Spot {
-                position,
-                frame,
-                intensity,
-                cutoff,
-                beam_width,
-            } => {
-                let angle = spot::angle_from_axis(frame, from - *position);
-                let falloff = spot::falloff(angle, *beam_width, *cutoff);
-                from_point(*position - from, *intensity * falloff).filter(|_| falloff > 0.0)
-            }
+            LightKind::Spot(spot) => spot.towards(from, u, u_primitive),
             LightKind::Projector(projector) => {
                 let intensity = projector.intensity(from - projector.position);
                 from_point(projector.position - from, intensity).filter(|_| intensity != Rgb::ZERO)
             }
-            LightKind::Directional { direction, irradiance } => Some(DirectSample {
-                wi: -*direction,
-                normal: *direction,
-                primitive: 0,
-                distance: f32::INFINITY,
-                weight: *irradiance,
-                pdf: 1.0,
-                delta: true,
-            }),
+            LightKind::Directional(sun) => {
+                let direction = sun.sample(u);
+                Some(DirectSample {
+                    wi: -direction,
+                    normal: direction,
+                    primitive: 0,
+                    distance: f32::INFINITY,
+                    weight: sun.fluence(),
+                    pdf: sun.pdf(),
+                    unmet: true,
+                })
+            }
             LightKind::Area {
                 object,
                 radiance,
@@ -86,7 +81,7 @@ impl Light {
                     distance,
                     weight: radiance / pdf,
                     pdf,
-                    delta: false,
+                    unmet: false,
                 })
             }
             LightKind::Environment(environment) => {
@@ -98,7 +93,7 @@ impl Light {
                     distance: f32::INFINITY,
                     weight: environment.radiance(towards.dir) / towards.pdf,
                     pdf: towards.pdf,
-                    delta: false,
+                    unmet: false,
                 })
             }
         }
@@ -120,7 +115,10 @@ impl Light {
                 }
             }
             (LightKind::Environment(environment), None) => environment.pdf(wi),
-            _ => 0.0,
+            (LightKind::Area { .. } | LightKind::Environment(_), _)
+            | (LightKind::Point { .. } | LightKind::Spot(_) | LightKind::Projector(_) | LightKind::Directional(_), _) => {
+                0.0
+            }
         }
     }
 }
@@ -155,18 +153,9 @@ impl Light {
         let distance2 = at.distance * at.distance;
         match &self.kind {
             LightKind::Point { .. } => 0.25 / (PI * distance2),
-            LightKind::Spot {
-                frame,
-                cutoff,
-                beam_width,
-                ..
-            } => {
-                let angle = spot::angle_from_axis(frame, -wi);
-                let falloff = spot::falloff(angle, *beam_width, *cutoff);
-                falloff / (spot::effective_solid_angle(*beam_width, *cutoff) * distance2)
-            }
+            LightKind::Spot(spot) => spot.photon_density(from, wi, at.distance),
             LightKind::Projector(projector) => projector.pdf(-wi) / distance2,
-            LightKind::Directional { .. } | LightKind::Environment(_) => 1.0 / bounds.disc_area(),
+            LightKind::Directional(_) | LightKind::Environment(_) => 1.0 / bounds.disc_area(),
             LightKind::Area { object, pattern, .. } => {
                 let shape = &objects[*object as usize].shape;
                 let direct = self.pdf_direct(objects, from, wi, Some(at));
@@ -187,16 +176,15 @@ impl Light {
                 pdf_area(shape, pattern, on.normal, on.primitive) / (self.sides() * PI)
             }
             LightKind::Environment(environment) => environment.pdf(-dir) / bounds.disc_area(),
-            LightKind::Point { .. }
-            | LightKind::Spot { .. }
-            | LightKind::Projector(_)
-            | LightKind::Directional { .. } => 0.0,
+            LightKind::Spot(spot) if spot.radius > 0.0 => spot.pdf(dir) / spot.area(),
+            LightKind::Directional(sun) if !sun.is_parallel() => sun.pdf() / bounds.disc_area(),
+            LightKind::Point { .. } | LightKind::Spot(_) | LightKind::Projector(_) | LightKind::Directional(_) => 0.0,
         }
     }
 }
 
 /// Light of a point source at `offset`.
-fn from_point(offset: Vec3, intensity: Rgb) -> Option<DirectSample> {
+pub(super) fn from_point(offset: Vec3, intensity: Rgb) -> Option<DirectSample> {
     let distance = offset.length();
     (distance > 0.0).then(|| DirectSample {
         wi: offset / distance,
@@ -205,7 +193,7 @@ fn from_point(offset: Vec3, intensity: Rgb) -> Option<DirectSample> {
         distance,
         weight: intensity / distance / distance,
         pdf: 1.0,
-        delta: true,
+        unmet: true,
     })
 }
 
@@ -234,7 +222,7 @@ fn per_solid_angle(pdf_area: f32, cos: f32, distance: f32) -> Option<f32> {
 }
 
 /// The cone that a sphere fills, seen from a point outside of it.
-struct Cone {
+pub(super) struct Cone {
     /// Unit direction to the centre.
     axis: Vec3,
     /// Distance of the centre.
@@ -253,7 +241,12 @@ impl Cone {
             return None;
         };
         let radius = placement.uniform_scale()?;
-        let offset = Vec3::from(placement.render_from_object.translation) - from;
+        Self::around_ball(Vec3::from(placement.render_from_object.translation), radius, from)
+    }
+
+    /// `None` from within the ball.
+    pub(super) fn around_ball(center: Vec3, radius: f32, from: Vec3) -> Option<Self> {
+        let offset = center - from;
         let distance = offset.length();
         if distance <= radius {
             return None;
@@ -269,7 +262,7 @@ impl Cone {
         })
     }
 
-    fn pdf(&self) -> f32 {
+    pub(super) fn pdf(&self) -> f32 {
         1.0 / (2.0 * PI * self.one_minus_cos)
     }
 
@@ -278,18 +271,21 @@ impl Cone {
         (wi * distance - self.axis * self.distance) / self.radius
     }
 
+    /// A direction uniform in the cone.
+    pub(super) fn direction(&self, u: Vec2) -> Vec3 {
+        Frame::from_normal(self.axis).to_world(warp::uniform_cap(u, self.one_minus_cos))
+    }
+
     /// A direction uniform in the cone from a point, and where the sphere is along it.
     fn sample(&self, from: Vec3, u: Vec2) -> Towards {
         let one_minus_cos = u.x * self.one_minus_cos;
         let cos = 1.0 - one_minus_cos;
         let sin2 = one_minus_cos * (2.0 - one_minus_cos);
-        let (sin_phi, cos_phi) = sin_cos(2.0 * PI * u.y);
-        let local = Vec3::new(sin2.sqrt() * cos_phi, sin2.sqrt() * sin_phi, cos);
         // The nearer root of t^2 - 2 d cos t + d^2 - r^2 = 0, as the product of both over the farther one.
         let half_chord = self.radius * (1.0 - sin2 / self.sin2).max(0.0).sqrt();
         let product = (self.distance - self.radius) * (self.distance + self.radius);
         let distance = product / (self.distance * cos + half_chord);
-        let wi = Frame::from_normal(self.axis).to_world(local);
+        let wi = self.direction(u);
         Towards {
             wi,
             distance,

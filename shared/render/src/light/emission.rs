@@ -1,6 +1,6 @@
 //! Where photon paths start.
 
-use super::{EmissionSample, EmissionUniforms, Light, LightKind, SceneBounds, spot};
+use super::{EmissionSample, EmissionUniforms, Light, LightKind, SceneBounds};
 use crate::geometry::Object;
 use crate::math::{Frame, PI, Rgb, Vec2, Vec3};
 use crate::sampler::Sampler;
@@ -19,22 +19,15 @@ impl Light {
                 pdf_pos: f32::INFINITY,
                 primitive: 0,
             },
-            LightKind::Spot {
-                position,
-                frame,
-                intensity,
-                cutoff,
-                beam_width,
-            } => {
-                let (dir, angle, pdf_dir) = spot::sample(u.direction, *beam_width, *cutoff);
-                let falloff = spot::falloff(angle, *beam_width, *cutoff);
+            LightKind::Spot(spot) => {
+                let (dir, angle, pdf_dir) = spot.sample(u.direction);
                 EmissionSample {
-                    origin: *position,
-                    dir: frame.to_world(dir),
+                    origin: spot.start(u.position, u.primitive),
+                    dir,
                     normal: None,
-                    power: *intensity * (falloff / pdf_dir),
+                    power: spot.intensity * (spot.falloff(angle) / pdf_dir),
                     pdf_dir,
-                    pdf_pos: f32::INFINITY,
+                    pdf_pos: 1.0 / spot.area(),
                     primitive: 0,
                 }
             }
@@ -50,9 +43,12 @@ impl Light {
                     primitive: 0,
                 }
             }
-            LightKind::Directional { direction, irradiance } => EmissionSample {
-                pdf_dir: f32::INFINITY,
-                ..from_afar(bounds, *direction, *irradiance, u.position)
+            LightKind::Directional(sun) => EmissionSample {
+                pdf_dir: match sun.is_parallel() {
+                    true => f32::INFINITY,
+                    false => sun.pdf(),
+                },
+                ..from_afar(bounds, sun.sample(u.direction), sun.fluence(), u.position)
             },
             LightKind::Area {
                 object,

@@ -125,9 +125,14 @@ impl Source {
     /// only where it brings nothing.
     fn irradiance_at(&self, at: Vec3, normal: Option<Vec3>) -> f32 {
         match self {
-            Self::Far { irradiance, direction } => {
+            Self::Far {
+                irradiance,
+                direction,
+                spread,
+            } => {
                 let cos = match (direction, normal) {
-                    (Some(direction), Some(normal)) => (-direction.dot(normal)).max(0.0),
+                    // Of the end that is highest above the horizon, or more.
+                    (Some(direction), Some(normal)) => (spread - direction.dot(normal)).max(0.0),
                     (Some(_), None) => 1.0,
                     // Of a sky that is the same all around.
                     (None, _) => 0.25,

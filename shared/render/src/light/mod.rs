@@ -10,7 +10,8 @@ mod projector;
 mod segment;
 mod selector;
 mod source;
-pub(crate) mod spot;
+mod spot;
+mod sun;
 
 pub use environment::{Environment, EnvironmentSample, Place};
 pub use local::LocalChoice;
@@ -19,10 +20,13 @@ pub use projector::{Projector, lit_part};
 pub use segment::{FogSegment, SegmentSample};
 pub use selector::{LightChoice, LightSelector};
 pub use source::LightSources;
+pub use spot::{Ramp, Spot};
+pub use sun::Sun;
+
 pub(crate) use source::MAX_WEIGHED as MANY_LIGHTS;
 
 use crate::geometry::Object;
-use crate::math::{Frame, PI, Rgb, Vec2, Vec3};
+use crate::math::{PI, Rgb, Vec2, Vec3};
 use crate::texture::TexturePoint;
 use beamfarm_image::layer::LightGroup;
 use std::sync::Arc;
@@ -48,29 +52,12 @@ pub enum LightKind {
         /// W/sr.
         intensity: Rgb,
     },
-    /// Spot light: full intensity within `beam_width`, falling linearly in angle to zero at `cutoff` (Mitsuba 3's
-    /// spot).
-    Spot {
-        /// Where.
-        position: Vec3,
-        /// Axis in its `n`.
-        frame: Frame,
-        /// W/sr on the axis.
-        intensity: Rgb,
-        /// Half angle of the cone in radians.
-        cutoff: f32,
-        /// Half angle of the plateau in radians, below `cutoff`.
-        beam_width: f32,
-    },
+    /// A cone of light, from a point or from a ball that rays do not meet.
+    Spot(Spot),
     /// A lamp that throws a picture.
     Projector(Projector),
-    /// Parallel light from infinitely far away.
-    Directional {
-        /// Unit direction of travel.
-        direction: Vec3,
-        /// W/m^2 on a plane across the direction.
-        irradiance: Rgb,
-    },
+    /// Light from infinitely far away, of one direction or a cone of them, that rays do not meet.
+    Directional(Sun),
     /// A surface that emits on the side that its geometric normal points to, or on both, as much in all directions.
     Area {
         /// Index into the scene's objects.
@@ -88,9 +75,9 @@ pub enum LightKind {
 
 impl LightKind {
     /// No ray can meet it by chance.
-    pub fn is_delta(&self) -> bool {
+    pub fn is_unmet(&self) -> bool {
         match self {
-            Self::Point { .. } | Self::Spot { .. } | Self::Projector(_) | Self::Directional { .. } => true,
+            Self::Point { .. } | Self::Spot(_) | Self::Projector(_) | Self::Directional(_) => true,
             Self::Area { .. } | Self::Environment(_) => false,
         }
     }
@@ -107,9 +94,9 @@ pub struct EmissionSample {
     pub normal: Option<Vec3>,
     /// Flux that this sample stands for, were it the only one: Le cos / (pdf_position pdf_direction), W.
     pub power: Rgb,
-    /// Density of the direction per solid angle (infinite for directional lights).
+    /// Density of the direction per solid angle (infinite for parallel light).
     pub pdf_dir: f32,
-    /// Density of the position per area (infinite for point and spot lights).
+    /// Density of the position per area, of spots that are balls across the direction (infinite for light of a point).
     pub pdf_pos: f32,
     /// Triangle of a mesh that emits.
     pub primitive: u32,
@@ -126,12 +113,13 @@ pub struct DirectSample {
     pub primitive: u32,
     /// Distance, infinite for directional and environment lights.
     pub distance: f32,
-    /// Radiance towards the point over `pdf`: for delta lights the irradiance across `wi`. No visibility, no medium.
+    /// Radiance towards the point over `pdf`: for light of a point, or parallel, the irradiance across `wi`. No
+    /// visibility, no medium.
     pub weight: Rgb,
-    /// Density per solid angle; 1 for delta lights.
+    /// Density per solid angle; 1 for light of a point, or parallel.
     pub pdf: f32,
-    /// Point, spot and directional lights, that no ray can hit by chance.
-    pub delta: bool,
+    /// Of a light that no ray can meet by chance.
+    pub unmet: bool,
 }
 
 /// Where on an area light something is.
@@ -170,7 +158,7 @@ pub struct EmissionUniforms {
     pub position: Vec2,
     /// Which direction.
     pub direction: Vec2,
-    /// Which primitive of a mesh.
+    /// Which primitive of a mesh, or how deep in a ball.
     pub primitive: f32,
 }
 
@@ -180,14 +168,9 @@ impl Light {
     pub fn power(&self, objects: &[Object], bounds: &SceneBounds) -> Rgb {
         match &self.kind {
             LightKind::Point { intensity, .. } => *intensity * (4.0 * PI),
-            LightKind::Spot {
-                intensity,
-                cutoff,
-                beam_width,
-                ..
-            } => *intensity * spot::effective_solid_angle(*beam_width, *cutoff),
+            LightKind::Spot(spot) => spot.intensity * spot.solid_angle(),
             LightKind::Projector(projector) => projector.power(),
-            LightKind::Directional { irradiance, .. } => *irradiance * bounds.disc_area(),
+            LightKind::Directional(sun) => sun.fluence() * bounds.disc_area(),
             LightKind::Area { object, radiance, .. } => {
                 *radiance * (self.sides() * PI * objects[*object as usize].shape.area())
             }
@@ -209,7 +192,12 @@ impl Light {
                 None => *radiance,
                 Some(pattern) => pattern.radiance(at),
             },
-            _ => Rgb::ZERO,
+            LightKind::Area { .. }
+            | LightKind::Point { .. }
+            | LightKind::Spot(_)
+            | LightKind::Projector(_)
+            | LightKind::Directional(_)
+            | LightKind::Environment(_) => Rgb::ZERO,
         }
     }
 

@@ -8,7 +8,7 @@
 
 use super::LightSelector;
 use super::source::{LightSources, MAX_WEIGHED, Region, Source};
-use crate::math::{PI, Ray, Rgb, atan2, exp_neg, ln_1p, one_minus_exp_neg, tan};
+use crate::math::{PI, Ray, Rgb, Vec3, atan2, exp_neg, ln_1p, one_minus_exp_neg, tan};
 use crate::phase::Phase;
 
 /// Share of choices made by power alone: what the others take for a light's part may be far off.
@@ -43,6 +43,8 @@ pub struct SegmentSample {
     pub distance2: f32,
     /// Square of the light's radius.
     pub radius2: f32,
+    /// The point that the light starts from, if one was drawn.
+    pub start: Option<Vec3>,
 }
 
 /// A segment as one light sees it.
@@ -73,7 +75,7 @@ struct NearView {
 
 impl LightSources {
     /// Choose a light and a point. `None`: the light chosen does not shine on the segment. `skips`: lights that are
-    /// off.
+    /// off. `start`: draws the point that light of the light chosen starts from, if that is to be one.
     pub fn sample(
         &self,
         segment: &FogSegment,
@@ -81,6 +83,7 @@ impl LightSources {
         u_light: f32,
         u: f32,
         skips: impl Fn(usize) -> bool,
+        start: impl FnOnce(usize) -> Option<Vec3>,
     ) -> Option<SegmentSample> {
         let (light, pmf, view) = if self.sources.len() <= MAX_WEIGHED {
             let mut views = [None; MAX_WEIGHED];
@@ -116,6 +119,11 @@ impl LightSources {
             }
             (choice.light, choice.pmf, self.sources[choice.light].view(segment)?)
         };
+        let start = start(light);
+        let view = match start {
+            None => view,
+            Some(start) => self.sources[light].at(start).view(segment)?,
+        };
         let (t, pdf) = view.sample(segment.sigma_t, u);
         let near = view.near.map(|near| {
             let s = t - near.foot;
@@ -128,17 +136,38 @@ impl LightSources {
             pdf: pdf * pmf,
             distance2,
             radius2,
+            start,
         })
     }
 }
 
 impl Source {
+    /// A spot that is a ball, with all light from one point of it.
+    fn at(&self, start: Vec3) -> Self {
+        let mut moved = self.clone();
+        if let Self::Near {
+            center,
+            softening,
+            region,
+            ..
+        } = &mut moved
+        {
+            (*center, *softening) = (start, 0.0);
+            if let Region::Cone { apex, .. } = region {
+                *apex = start;
+            }
+        }
+        moved
+    }
+
     /// The segment as this light sees it, unless it does not.
     fn view(&self, segment: &FogSegment) -> Option<View> {
         let FogSegment { ray, length, .. } = *segment;
         let sigma_t = segment.sigma_t.min_element();
         match self {
-            Self::Far { irradiance, direction } => {
+            Self::Far {
+                irradiance, direction, ..
+            } => {
                 let phase = match direction {
                     Some(direction) => segment.phase.eval(-direction.dot(ray.dir)),
                     None => 0.25 / PI,
@@ -331,7 +360,6 @@ impl Region {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::Vec3;
 
     /// What lies before all four planes, by points along lines.
     #[test]
@@ -390,6 +418,7 @@ mod tests {
             let far = Source::Far {
                 irradiance: 1.0,
                 direction: None,
+                spread: 0.0,
             };
             let view = far.view(&segment).expect("it shines everywhere");
             assert!(view.importance > 0.0);

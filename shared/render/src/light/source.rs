@@ -2,7 +2,7 @@
 
 use super::{Light, LightKind, SceneBounds};
 use crate::geometry::{Object, Shape, bounds};
-use crate::math::{PI, Vec3, cos, mean};
+use crate::math::{PI, Vec3, cos, mean, sin};
 
 /// The lights of a scene, each reduced to what matters for choosing among them.
 #[derive(Clone, Debug, Default)]
@@ -25,9 +25,13 @@ pub(super) enum Source {
         intensity: f32,
         region: Region,
     },
-    /// From infinitely far away: mean channel of the irradiance, W/m^2, and the direction that it travels in, if there
-    /// is one.
-    Far { irradiance: f32, direction: Option<Vec3> },
+    /// From infinitely far away: mean channel of the irradiance, W/m^2; the direction that it travels in, if there is
+    /// one, and the sine of the half angle of the cone around it.
+    Far {
+        irradiance: f32,
+        direction: Option<Vec3>,
+        spread: f32,
+    },
 }
 
 /// Where a light shines.
@@ -72,23 +76,18 @@ impl Source {
                 intensity: mean(*intensity),
                 region: Region::Everywhere,
             },
-            LightKind::Spot {
-                position,
-                frame,
-                intensity,
-                cutoff,
-                ..
-            } => {
+            LightKind::Spot(spot) => {
                 // A little more than the cone: what rounding adds is dark.
-                let cos = cos(*cutoff * (1.0 + 1e-5)) * (1.0 - 1e-6);
+                let cos = cos(spot.cutoff * (1.0 + 1e-5)) * (1.0 - 1e-6);
                 Self::Near {
-                    center: *position,
-                    softening: 0.0,
-                    intensity: mean(*intensity),
+                    center: spot.position,
+                    softening: spot.radius * spot.radius,
+                    intensity: mean(spot.intensity),
                     region: if cos > 0.0 {
                         Region::Cone {
-                            apex: *position,
-                            axis: frame.n,
+                            // The cone around the ball.
+                            apex: spot.position - spot.frame.n * (spot.radius / sin(spot.cutoff)),
+                            axis: spot.frame.n,
                             cos,
                         }
                     } else {
@@ -105,13 +104,15 @@ impl Source {
                     planes: projector.planes(),
                 },
             },
-            LightKind::Directional { direction, irradiance } => Self::Far {
-                irradiance: mean(*irradiance),
-                direction: Some(*direction),
+            LightKind::Directional(sun) => Self::Far {
+                irradiance: mean(sun.irradiance),
+                direction: Some(sun.direction),
+                spread: sin(sun.half_angle),
             },
             LightKind::Environment(environment) => Self::Far {
                 irradiance: mean(environment.fluence()),
                 direction: None,
+                spread: 0.0,
             },
             LightKind::Area { object, .. } => {
                 let shape = &objects[*object as usize].shape;

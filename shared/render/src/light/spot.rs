@@ -1,12 +1,204 @@
-//! The spot light's cone: a plateau, then a ramp that is linear in the angle.
+//! The spot light: a cone of light with a plateau, then a ramp; from a point, or from all of a ball.
+//!
+//! A ball looks the same from all sides, as one of Blender's does: along every line through it runs light of one
+//! radiance, which depends on nothing but the line's direction. Its photons start from points whose density in the ball
+//! goes as 1 / sqrt(r^2 - R^2), R from its middle, since that is even over the disc that is seen from any side (the
+//! Abel transform of a disc); the direction that a photon takes does not depend on the point.
 //!
 //! Cosines enter as 1 - cos = 2 sin^2(angle / 2), which keeps its digits in narrow cones.
 
-use crate::math::{Frame, PI, Vec2, Vec3, atan2, sin, sin_cos};
+use super::DirectSample;
+use super::direct::{Cone, from_point};
+use crate::math::{Frame, PI, Rgb, Vec2, Vec3, atan2, sin, sin_cos};
+use crate::warp;
 
-/// Fraction of the axis' intensity at an angle from the axis.
+/// A ball whose radius over its distance is less than this is a point.
+const POINT: f32 = 1e-9;
+
+/// A spot light.
+#[derive(Clone, Copy, Debug)]
+pub struct Spot {
+    /// Middle, render space.
+    pub position: Vec3,
+    /// Axis in its `n`.
+    pub frame: Frame,
+    /// W/sr on the axis, of all of the ball.
+    pub intensity: Rgb,
+    /// Half angle of the cone in radians.
+    pub cutoff: f32,
+    /// Half angle of the plateau in radians, below `cutoff`.
+    pub beam_width: f32,
+    /// How the intensity falls from the one to the other.
+    pub ramp: Ramp,
+    /// Scene units; 0 is a point.
+    pub radius: f32,
+}
+
+/// How a spot's intensity falls from 1 to 0.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Ramp {
+    /// Linear in the angle: Mitsuba 3's spot.
+    Linear,
+    /// x^2 (3 - 2 x), x linear in the cosine: Blender's spot.
+    Smooth,
+}
+
+impl Spot {
+    /// W/sr in a direction, which need not be of unit length.
+    pub(crate) fn intensity(&self, dir: Vec3) -> Rgb {
+        self.intensity * self.falloff(angle_from_axis(&self.frame, dir))
+    }
+
+    /// Fraction of the axis' intensity at an angle from the axis.
+    pub(super) fn falloff(&self, angle: f32) -> f32 {
+        match self.ramp {
+            Ramp::Smooth if angle > self.beam_width && angle < self.cutoff => {
+                let [b, c] = [self.beam_width, self.cutoff].map(one_minus_cos);
+                let x = ((c - one_minus_cos(angle)) / (c - b)).clamp(0.0, 1.0);
+                x * x * (3.0 - 2.0 * x)
+            }
+            Ramp::Linear | Ramp::Smooth => falloff(angle, self.beam_width, self.cutoff),
+        }
+    }
+
+    /// Integral of the falloff over all directions, sr.
+    pub(super) fn solid_angle(&self) -> f32 {
+        match self.ramp {
+            Ramp::Linear => linear_solid_angle(self.beam_width, self.cutoff),
+            // The ramp's mean over the cosine is a half.
+            Ramp::Smooth => PI * (one_minus_cos(self.beam_width) + one_minus_cos(self.cutoff)),
+        }
+    }
+
+    /// Draw a direction: the plateau uniformly with its own share of the flux, else the ramp with a density that falls
+    /// linearly in the cosine. Returns it with its angle and its density per solid angle.
+    pub(super) fn sample(&self, u: Vec2) -> (Vec3, f32, f32) {
+        let [b, c] = [self.beam_width, self.cutoff].map(one_minus_cos);
+        let total = self.solid_angle();
+        let share = (2.0 * PI * b / total).min(1.0);
+        let (h, pdf) = if u.x < share || c <= b {
+            ((u.x / share).min(1.0) * b, 1.0 / total)
+        } else {
+            let left = (1.0 - u.x) / (1.0 - share);
+            let root = left.min(1.0).sqrt();
+            let pdf = (1.0 - share) * root / (PI * (c - b));
+            (c - (c - b) * root, pdf)
+        };
+        let sin_theta = (h * (2.0 - h)).max(0.0).sqrt();
+        let (sin_phi, cos_phi) = sin_cos(2.0 * PI * u.y);
+        let dir = Vec3::new(sin_theta * cos_phi, sin_theta * sin_phi, 1.0 - h);
+        (self.frame.to_world(dir), atan2(sin_theta, 1.0 - h), pdf)
+    }
+
+    /// Density of [`Self::sample`] per solid angle.
+    pub(crate) fn pdf(&self, dir: Vec3) -> f32 {
+        let angle = angle_from_axis(&self.frame, dir);
+        let [b, c] = [self.beam_width, self.cutoff].map(one_minus_cos);
+        let total = self.solid_angle();
+        let share = (2.0 * PI * b / total).min(1.0);
+        if angle <= self.beam_width || c <= b {
+            f32::from(angle <= self.cutoff) / total
+        } else {
+            let root = ((c - one_minus_cos(angle)) / (c - b)).max(0.0);
+            (1.0 - share) * root / (PI * (c - b))
+        }
+    }
+
+    /// A point that light starts from. `depth`: one more uniform number.
+    pub(crate) fn start(&self, u: Vec2, depth: f32) -> Vec3 {
+        if self.radius == 0.0 {
+            return self.position;
+        }
+        let across = warp::concentric_disk(u);
+        let half_chord = (1.0 - across.length_squared()).max(0.0).sqrt();
+        let local = across.extend(half_chord * along_chord(depth));
+        self.position + self.frame.to_world(local) * self.radius
+    }
+
+    /// Area of the disc that is seen from any side: what the radiance is the intensity over.
+    pub(super) fn area(&self) -> f32 {
+        PI * self.radius * self.radius
+    }
+
+    /// Light of the spot towards a point, by numbers as [`Self::start`] takes them.
+    pub(super) fn towards(&self, from: Vec3, u: Vec2, depth: f32) -> Option<DirectSample> {
+        let offset = self.position - from;
+        let Some(view) = self.view(from) else {
+            return self.from_start(self.position, from);
+        };
+        let wi = match &view {
+            View::Ball(cone) => cone.direction(u),
+            View::Beam => -self.sample(u).0,
+        };
+        // The line's chord in the ball.
+        let half2 = self.radius * self.radius - offset.cross(wi).length_squared();
+        let distance = offset.dot(wi) + half2.max(0.0).sqrt() * along_chord(depth);
+        let (pdf, intensity) = (self.view_pdf(&view, wi), self.intensity(-wi));
+        let misses = half2 < 0.0 && matches!(view, View::Beam);
+        let is_lit = !misses && distance > 0.0 && pdf > 0.0 && intensity != Rgb::ZERO;
+        is_lit.then(|| DirectSample {
+            wi,
+            normal: -wi,
+            primitive: 0,
+            distance,
+            weight: intensity / (self.area() * pdf),
+            pdf,
+            unmet: true,
+        })
+    }
+
+    /// Light towards a point of what starts at one point of [`Self::start`], as if all did.
+    pub(crate) fn from_start(&self, start: Vec3, from: Vec3) -> Option<DirectSample> {
+        let intensity = self.intensity(from - start);
+        from_point(start - from, intensity).filter(|_| intensity != Rgb::ZERO)
+    }
+
+    /// Density of emitted photons per area across `wi` at a point, over the density with which [`Self::towards`] it
+    /// chooses that line; `distance` of the light along it.
+    pub(super) fn photon_density(&self, from: Vec3, wi: Vec3, distance: f32) -> f32 {
+        let falloff = self.falloff(angle_from_axis(&self.frame, -wi));
+        let area = match self.view(from) {
+            None => distance * distance,
+            Some(view) => self.area() * self.view_pdf(&view, wi),
+        };
+        falloff / (self.solid_angle() * area)
+    }
+
+    /// How directions to the ball are drawn; `None` where it is a point.
+    fn view(&self, from: Vec3) -> Option<View> {
+        if self.radius == 0.0 || self.radius <= POINT * from.distance(self.position) {
+            return None;
+        }
+        Some(match Cone::around_ball(self.position, self.radius, from) {
+            Some(cone) if 1.0 <= cone.pdf() * self.solid_angle() => View::Ball(cone),
+            Some(_) | None => View::Beam,
+        })
+    }
+
+    fn view_pdf(&self, view: &View, wi: Vec3) -> f32 {
+        match view {
+            View::Ball(cone) => cone.pdf(),
+            View::Beam => self.pdf(-wi),
+        }
+    }
+}
+
+/// What a spot with a size is from a point.
+enum View {
+    /// It fills a cone that is narrower than its beam.
+    Ball(Cone),
+    /// Its beam is narrower, or the point is in the ball.
+    Beam,
+}
+
+/// Where light starts on a chord of the ball, from -1 to 1.
+fn along_chord(u: f32) -> f32 {
+    sin(PI * (u - 0.5))
+}
+
+/// Fraction of the axis' intensity at an angle from the axis, of a ramp that is linear in the angle.
 #[inline]
-pub(crate) fn falloff(angle: f32, beam_width: f32, cutoff: f32) -> f32 {
+pub(super) fn falloff(angle: f32, beam_width: f32, cutoff: f32) -> f32 {
     if angle <= beam_width {
         1.0
     } else if angle < cutoff {
@@ -18,13 +210,13 @@ pub(crate) fn falloff(angle: f32, beam_width: f32, cutoff: f32) -> f32 {
 
 /// Angle from the frame's `n`.
 #[inline]
-pub(crate) fn angle_from_axis(frame: &Frame, dir: Vec3) -> f32 {
+fn angle_from_axis(frame: &Frame, dir: Vec3) -> f32 {
     let local = frame.to_local(dir);
     atan2(local.truncate().length(), local.z)
 }
 
 /// Integral of the falloff over all directions, sr: 2 pi (1 - (sin c - sin b) / (c - b)).
-pub(super) fn effective_solid_angle(beam_width: f32, cutoff: f32) -> f32 {
+fn linear_solid_angle(beam_width: f32, cutoff: f32) -> f32 {
     let (b, c) = (f64::from(beam_width), f64::from(cutoff));
     // (sin c - sin b) / (c - b) = cos(middle) sin(half) / half, and 1 - x y = (1 - x) + x (1 - y).
     let (middle, half) = (0.5 * (c + b), 0.5 * (c - b));
@@ -36,39 +228,6 @@ pub(super) fn effective_solid_angle(beam_width: f32, cutoff: f32) -> f32 {
     };
     let integral = one_minus_cos + (1.0 - one_minus_cos) * one_minus_sinc;
     (2.0 * std::f64::consts::PI * integral) as f32
-}
-
-/// Draw a direction around +z: the plateau uniformly with its own share of the flux, else the ramp with a density that
-/// falls linearly in the cosine. Returns it with its angle and its density per solid angle.
-pub(super) fn sample(u: Vec2, beam_width: f32, cutoff: f32) -> (Vec3, f32, f32) {
-    let (b, c) = (one_minus_cos(beam_width), one_minus_cos(cutoff));
-    let total = effective_solid_angle(beam_width, cutoff);
-    let share = (2.0 * PI * b / total).min(1.0);
-    let (h, pdf) = if u.x < share || c <= b {
-        ((u.x / share).min(1.0) * b, 1.0 / total)
-    } else {
-        let left = (1.0 - u.x) / (1.0 - share);
-        let root = left.min(1.0).sqrt();
-        let pdf = (1.0 - share) * root / (PI * (c - b));
-        (c - (c - b) * root, pdf)
-    };
-    let sin_theta = (h * (2.0 - h)).max(0.0).sqrt();
-    let (sin_phi, cos_phi) = sin_cos(2.0 * PI * u.y);
-    let dir = Vec3::new(sin_theta * cos_phi, sin_theta * sin_phi, 1.0 - h);
-    (dir, atan2(sin_theta, 1.0 - h), pdf)
-}
-
-/// Density of [`sample`] per solid angle at an angle from the axis.
-pub(crate) fn pdf(angle: f32, beam_width: f32, cutoff: f32) -> f32 {
-    let (b, c) = (one_minus_cos(beam_width), one_minus_cos(cutoff));
-    let total = effective_solid_angle(beam_width, cutoff);
-    let share = (2.0 * PI * b / total).min(1.0);
-    if angle <= beam_width || c <= b {
-        f32::from(angle <= cutoff) / total
-    } else {
-        let root = ((c - one_minus_cos(angle)) / (c - b)).max(0.0);
-        (1.0 - share) * root / (PI * (c - b))
-    }
 }
 
 #[inline]

@@ -325,7 +325,7 @@ impl PathTracer<'_> {
         let own = self.rules().filter(|_| rules.is_some());
         let own = own.map_or(HiddenSet::default(), |r| r.shadow_of_light[choice.light]);
         let is_ruled = own != HiddenSet::default() || rules.is_some_and(VertexRules::decides_direct_light);
-        let weight = if direct.delta || is_ruled {
+        let weight = if direct.unmet || is_ruled {
             1.0
         } else {
             power_heuristic(direct.pdf * choice.pmf, scattering.pdf)

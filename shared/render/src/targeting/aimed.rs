@@ -4,7 +4,7 @@
 use super::{Aim, Discs, Drawn, Place};
 use crate::geometry::Object;
 use crate::light::emission::from_afar;
-use crate::light::{EmissionSample, EmissionUniforms, Environment, Light, LightKind, SceneBounds, spot};
+use crate::light::{EmissionSample, EmissionUniforms, Environment, Light, LightKind, SceneBounds};
 use crate::math::{PI, Ray, Rgb, Vec3};
 
 /// Share of aimed photons whose directions are drawn as those of plain ones, where these are not even. The others come
@@ -42,20 +42,22 @@ impl Light {
         let [pdf, of_point] = self.mixture_density(bounds, aim, &start, drawn);
         start.power = self.emitted_along(&start) / pdf;
         match self.kind {
-            LightKind::Directional { .. } => start.pdf_pos = pdf,
-            LightKind::Environment(_) => {
+            LightKind::Directional(sun) if sun.is_parallel() => start.pdf_pos = pdf,
+            LightKind::Directional(_) | LightKind::Environment(_) => {
                 start.pdf_pos = of_point;
                 start.pdf_dir = pdf / of_point;
             }
-            _ => start.pdf_dir = pdf,
+            LightKind::Point { .. } | LightKind::Spot(_) | LightKind::Projector(_) | LightKind::Area { .. } => {
+                start.pdf_dir = pdf;
+            }
         }
         let is_lit = pdf > 0.0 && start.power.max_element() > 0.0 && start.power.is_finite();
         is_lit.then_some(start)
     }
 
     /// Density of [`Self::sample_mixture`] at a start (of which the densities do not matter): of a light that is
-    /// somewhere per solid angle, its point being given; of a directional one per area across the ray; of an
-    /// environment both.
+    /// somewhere per solid angle, its point being given; of parallel light per area across the ray; of suns with an
+    /// angle and of environments both.
     pub fn mixture_pdf(&self, bounds: &SceneBounds, aim: &Aim, start: &EmissionSample) -> f32 {
         let [pdf, _] = self.mixture_density(bounds, aim, start, None);
         pdf
@@ -99,12 +101,14 @@ impl Light {
             })
         };
         let position = match &self.kind {
-            LightKind::Directional { .. } | LightKind::Environment(_) => u.position,
-            _ => u.direction,
+            LightKind::Directional(_) | LightKind::Environment(_) => u.position,
+            LightKind::Point { .. } | LightKind::Spot(_) | LightKind::Projector(_) | LightKind::Area { .. } => {
+                u.direction
+            }
         };
         let (point, mut drawn) = discs.point(&mut choice, position);
         let start = match &self.kind {
-            LightKind::Directional { direction, .. } => through(point, *direction)?,
+            LightKind::Directional(sun) => through(point, sun.sample(u.direction))?,
             LightKind::Environment(environment) => {
                 let dir = if choice < own_directions(environment) {
                     -environment.sample(u.direction).dir
@@ -113,7 +117,7 @@ impl Light {
                 };
                 through(point, dir)?
             }
-            _ => {
+            LightKind::Point { .. } | LightKind::Spot(_) | LightKind::Projector(_) | LightKind::Area { .. } => {
                 let start = self.sample_emission(objects, bounds, u);
                 let dir = (point - start.origin).normalize_or_zero();
                 let normal = start
@@ -134,8 +138,10 @@ impl Light {
     pub(crate) fn aimed_over_plain(&self, bounds: &SceneBounds, discs: &Discs, place: &Place) -> f32 {
         let dir = -place.towards;
         let distance = match self.kind {
-            LightKind::Directional { .. } | LightKind::Environment(_) => 2.0 * bounds.radius,
-            _ => place.distance,
+            LightKind::Directional(_) | LightKind::Environment(_) => 2.0 * bounds.radius,
+            LightKind::Point { .. } | LightKind::Spot(_) | LightKind::Projector(_) | LightKind::Area { .. } => {
+                place.distance
+            }
         };
         let ray = Ray {
             origin: place.point - dir * distance,
@@ -158,18 +164,9 @@ impl Light {
     fn emitted_along(&self, start: &EmissionSample) -> Rgb {
         match &self.kind {
             LightKind::Point { intensity, .. } => *intensity,
-            LightKind::Spot {
-                frame,
-                intensity,
-                cutoff,
-                beam_width,
-                ..
-            } => {
-                let angle = spot::angle_from_axis(frame, start.dir);
-                *intensity * spot::falloff(angle, *beam_width, *cutoff)
-            }
+            LightKind::Spot(spot) => spot.intensity(start.dir),
             LightKind::Projector(projector) => projector.intensity(start.dir),
-            LightKind::Directional { irradiance, .. } => *irradiance,
+            LightKind::Directional(sun) => sun.fluence() * sun.pdf(),
             LightKind::Area {
                 radiance,
                 pattern: None,
@@ -192,17 +189,9 @@ impl Light {
         let of_point = 1.0 / bounds.disc_area();
         let pdf = match &self.kind {
             LightKind::Point { .. } => 0.25 / PI,
-            LightKind::Spot {
-                frame,
-                cutoff,
-                beam_width,
-                ..
-            } => {
-                let angle = spot::angle_from_axis(frame, start.dir);
-                spot::pdf(angle, *beam_width, *cutoff)
-            }
+            LightKind::Spot(spot) => spot.pdf(start.dir),
             LightKind::Projector(projector) => projector.pdf(start.dir),
-            LightKind::Directional { .. } => of_point,
+            LightKind::Directional(sun) => sun.pdf() * of_point,
             LightKind::Area { .. } => self.cos_at(start) / (self.sides() * PI),
             LightKind::Environment(environment) => environment.pdf(-start.dir) * of_point,
         };
@@ -217,10 +206,10 @@ impl Light {
             dir: ray.dir,
         };
         match &self.kind {
-            LightKind::Directional { .. } => {
+            LightKind::Directional(sun) => {
                 let [of_point, _] = discs.pdf_across(&line, drawn);
                 Density {
-                    pdf: of_point,
+                    pdf: sun.pdf() * of_point,
                     of_point,
                 }
             }
@@ -236,10 +225,12 @@ impl Light {
                     of_point,
                 }
             }
-            _ => Density {
-                pdf: discs.pdf_from(ray, drawn),
-                of_point: 0.0,
-            },
+            LightKind::Point { .. } | LightKind::Spot(_) | LightKind::Projector(_) | LightKind::Area { .. } => {
+                Density {
+                    pdf: discs.pdf_from(ray, drawn),
+                    of_point: 0.0,
+                }
+            }
         }
     }
 }

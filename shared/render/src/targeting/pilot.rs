@@ -458,7 +458,7 @@ impl Vertex<'_> {
                 (value * (wi.z.abs() * shadowing), bsdf.pdf(*wo, wi))
             }
         };
-        if direct.delta {
+        if direct.unmet {
             return value;
         }
         value * power_heuristic(direct.pdf / lights, pdf)

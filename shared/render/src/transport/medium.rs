@@ -31,11 +31,21 @@ impl<V: Sight> CameraTracer<'_, V> {
             g: medium.phase.mean_cosine(),
         };
         let (u_light, u) = (context.sampler.next_1d(), context.sampler.next_1d());
-        let sample = scene
-            .light_sources
-            .sample(&segment, self.sight.emitters(&scene.selectors), u_light, u, |light| {
-                self.sight.unlit(id, light)
-            });
+        let by_power = self.sight.emitters(&scene.selectors);
+        let skips = |light| self.sight.unlit(id, light);
+        // Of a ball, points follow the light of one point, as if it were all: its cone and the square of its distance.
+        let start = |light: usize| match &scene.lights()[light].kind {
+            LightKind::Spot(spot) if spot.radius > 0.0 => {
+                Some(spot.start(context.sampler.next_2d(), context.sampler.next_1d()))
+            }
+            LightKind::Spot(_)
+            | LightKind::Point { .. }
+            | LightKind::Projector(_)
+            | LightKind::Directional(_)
+            | LightKind::Area { .. }
+            | LightKind::Environment(_) => None,
+        };
+        let sample = (scene.light_sources).sample(&segment, by_power, u_light, u, skips, start);
         let Some(sample) = sample else {
             return Rgb::ZERO;
         };
@@ -73,7 +83,11 @@ impl<V: Sight> CameraTracer<'_, V> {
                 let x = solid_angle * phase.peak();
                 if x < FAINT { 0.0 } else { 0.5 * x / (1.0 + x) }
             }
-            _ => 0.0,
+            LightKind::Area { .. }
+            | LightKind::Point { .. }
+            | LightKind::Spot(_)
+            | LightKind::Projector(_)
+            | LightKind::Directional(_) => 0.0,
         };
         if by_phase > 0.0 && sampler.next_1d() < by_phase {
             let dir = phase.sample(at.dir, sampler.next_2d());
@@ -102,8 +116,14 @@ impl<V: Sight> CameraTracer<'_, V> {
             let mixture = (1.0 - by_phase) * pdf + by_phase * value;
             return emitted * arrived.transmittance * (value / mixture);
         }
-        let (u, u_primitive) = light.draw_direct(scene.objects(), sampler);
-        let Some(direct) = light.sample_direct(scene.objects(), at.origin, u, u_primitive) else {
+        let direct = match (&light.kind, sample.start) {
+            (LightKind::Spot(spot), Some(start)) => spot.from_start(start, at.origin),
+            _ => {
+                let (u, u_primitive) = light.draw_direct(scene.objects(), sampler);
+                light.sample_direct(scene.objects(), at.origin, u, u_primitive)
+            }
+        };
+        let Some(direct) = direct else {
             return Rgb::ZERO;
         };
         let ray = Ray {

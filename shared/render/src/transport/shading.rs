@@ -109,7 +109,7 @@ impl<V: Sight> CameraTracer<'_, V> {
             let light = choice.light;
             let hidden = self.sight.from(x.shadow_start(direct.wi));
             // Of a lobe that is followed, the path sees emission of what it passes as well.
-            if direct.delta
+            if direct.unmet
                 || self.scene.only_sampled(light) && !x.is_followed
                 || self.sight.links_shadows(light)
                 || self.sight.hides_shape_of(self.scene, hidden, light)

@@ -316,7 +316,7 @@ impl<V: Sight> CameraTracer<'_, V> {
             return Rgb::ZERO;
         };
         let value = phase.eval_directions(at.dir, direct.wi);
-        let share = match direct.delta || scene.only_sampled(choice.light) {
+        let share = match direct.unmet || scene.only_sampled(choice.light) {
             true => 1.0,
             false => power_heuristic(direct.pdf * choice.pmf, value),
         };
@@ -428,7 +428,7 @@ impl<V: Sight> CameraTracer<'_, V> {
 
     /// Direct light, balanced against the direction that is drawn at y as well, and photons.
     fn lit_later(&self, y: &Vertex, lights: &LocalChoice, beta: Rgb, context: &mut PathContext<'_>) -> Rgb {
-        let balanced = |choice: LightChoice, direct: &DirectSample, wi: Vec3| match direct.delta
+        let balanced = |choice: LightChoice, direct: &DirectSample, wi: Vec3| match direct.unmet
             || self.scene.only_sampled(choice.light)
         {
             true => 1.0,

@@ -204,7 +204,11 @@ impl Scene {
     pub(crate) fn find_light_medium(&self, light: usize) -> StartMedium {
         let hidden = self.hidden_from_light(light);
         let medium = match &self.lights()[light].kind {
-            LightKind::Point { position, .. } | LightKind::Spot { position, .. } => self.medium_seen(*position, hidden),
+            LightKind::Point { position, .. } => self.medium_seen(*position, hidden),
+            LightKind::Spot(spot) if spot.radius > 0.0 => {
+                return self.one_medium(lattice().map(|(u, depth)| spot.start(u, depth)), hidden);
+            }
+            LightKind::Spot(spot) => self.medium_seen(spot.position, hidden),
             LightKind::Projector(projector) => self.medium_seen(projector.position, hidden),
             LightKind::Area { object, two_sided, .. } => {
                 let object = &self.objects()[*object as usize];
@@ -218,25 +222,34 @@ impl Scene {
                     let off = on.normal * self.clearance(on.point);
                     sides.iter().map(move |side| on.point + off * *side)
                 });
-                let mut media = points.map(|point| self.medium_seen(point, hidden));
-                let first = media.next().flatten();
-                if media.any(|other| other != first) {
-                    return StartMedium::ByPlace;
-                }
-                first
+                return self.one_medium(points, hidden);
             }
-            LightKind::Directional { .. } | LightKind::Environment(_) => self.description().world_medium,
+            LightKind::Directional(_) | LightKind::Environment(_) => self.description().world_medium,
         };
         StartMedium::One(medium)
+    }
+
+    /// The medium of these points, if they are in one.
+    fn one_medium(&self, points: impl Iterator<Item = Vec3>, hidden: Option<HiddenSet>) -> StartMedium {
+        let mut media = points.map(|point| self.medium_seen(point, hidden));
+        let first = media.next().flatten();
+        match media.all(|other| other == first) {
+            true => StartMedium::One(first),
+            false => StartMedium::ByPlace,
+        }
     }
 }
 
 fn places_on(object: &Object) -> impl Iterator<Item = SurfacePoint> {
+    lattice().map(|(u, primitive)| object.shape.sample_area(u, primitive))
+}
+
+/// Numbers that are even over a light.
+fn lattice() -> impl Iterator<Item = (Vec2, f32)> {
     (0..PLACES).map(|i| {
-        // Kronecker's lattice.
+        // Kronecker's.
         let u = Vec2::new(i as f32 * 0.754_877_7, i as f32 * 0.569_840_3).fract();
-        let primitive = (i as f32 + 0.5) / PLACES as f32;
-        object.shape.sample_area(u, primitive)
+        (u, (i as f32 + 0.5) / PLACES as f32)
     })
 }
 

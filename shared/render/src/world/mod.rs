@@ -118,7 +118,11 @@ impl Scene {
                 .shape
                 .never_shadows_itself(two_sided)
                 .then_some(object),
-            _ => None,
+            LightKind::Point { .. }
+            | LightKind::Spot(_)
+            | LightKind::Projector(_)
+            | LightKind::Directional(_)
+            | LightKind::Environment(_) => None,
         };
         let is_environment = |light: &Light| matches!(light.kind, LightKind::Environment(_));
         let light_sources = LightSources::new(&description.lights, &description.objects, &description.bounds);
@@ -165,13 +169,17 @@ impl Scene {
                     ..
                 },
             ) => object == other && two_sided == also,
-            (LightKind::Point { position, .. }, LightKind::Point { position: other, .. })
-            | (LightKind::Spot { position, .. }, LightKind::Spot { position: other, .. }) => position == other,
-            (LightKind::Projector(projector), LightKind::Projector(other)) => projector.position == other.position,
-            (LightKind::Directional { .. } | LightKind::Environment(_), other) => {
-                matches!(other, LightKind::Directional { .. } | LightKind::Environment(_))
+            (LightKind::Point { position, .. }, LightKind::Point { position: other, .. }) => position == other,
+            (LightKind::Spot(spot), LightKind::Spot(other)) => {
+                (spot.position, spot.radius) == (other.position, other.radius)
             }
-            _ => false,
+            (LightKind::Projector(projector), LightKind::Projector(other)) => projector.position == other.position,
+            (LightKind::Directional(_) | LightKind::Environment(_), other) => {
+                matches!(other, LightKind::Directional(_) | LightKind::Environment(_))
+            }
+            (LightKind::Area { .. } | LightKind::Point { .. } | LightKind::Spot(_) | LightKind::Projector(_), _) => {
+                false
+            }
         };
         !has_rules(self)
             && !has_rules(other)
@@ -247,7 +255,11 @@ impl Scene {
     pub(crate) fn only_sampled(&self, light: usize) -> bool {
         match self.lights()[light].kind {
             LightKind::Area { object, .. } => self.passable[object as usize],
-            _ => false,
+            LightKind::Point { .. }
+            | LightKind::Spot(_)
+            | LightKind::Projector(_)
+            | LightKind::Directional(_)
+            | LightKind::Environment(_) => false,
         }
     }
     /// How far to move a point on a light off its surface.

@@ -89,13 +89,14 @@ fn may_shine_in(light: &Light, object: &Object, objects: &[Object]) -> bool {
     let (low, high) = accel::bounds(&object.shape);
     let meets = |from: Vec3, to: Vec3| from.cmple(high).all() && to.cmpge(low).all();
     match &light.kind {
-        LightKind::Point { position, .. } | LightKind::Spot { position, .. } => meets(*position, *position),
+        LightKind::Point { position, .. } => meets(*position, *position),
+        LightKind::Spot(spot) => meets(spot.position - spot.radius, spot.position + spot.radius),
         LightKind::Projector(projector) => meets(projector.position, projector.position),
         LightKind::Area { object, .. } => {
             let (from, to) = accel::bounds(&objects[*object as usize].shape);
             meets(from, to)
         }
-        LightKind::Directional { .. } | LightKind::Environment(_) => false,
+        LightKind::Directional(_) | LightKind::Environment(_) => false,
     }
 }
 

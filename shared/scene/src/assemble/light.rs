@@ -6,7 +6,7 @@ use crate::parse::{Fault, LightRecord, LightType};
 use crate::transform;
 use crate::values::Spanned;
 use beamfarm_image::layer::LightGroup;
-use beamfarm_render::light::{Environment, Light, LightKind, Projector, lit_part};
+use beamfarm_render::light::{Environment, Light, LightKind, Projector, Ramp, Spot, Sun, lit_part};
 use beamfarm_render::math::{Frame, Rgb};
 use beamfarm_render::medium::Medium;
 use beamfarm_render::texture::{Image, TextureFilter};
@@ -69,10 +69,12 @@ impl Parts<'_> {
                     direction,
                     "expected a direction other than [0, 0, 0]",
                 )?;
-                (irradiance != Rgb::ZERO).then_some(LightKind::Directional {
+                let angle = record.angle.as_ref().map_or(0.0, |a| a.get_ref().0);
+                (irradiance != Rgb::ZERO).then_some(LightKind::Directional(Sun {
                     direction: direction.as_vec3(),
                     irradiance,
-                })
+                    half_angle: (0.5 * angle).to_radians() as f32,
+                }))
             }
         };
         Ok(light.into_iter().collect())
@@ -103,11 +105,21 @@ impl Parts<'_> {
             let place = record.beam_width.as_ref().map_or(record.kind.span(), |a| a.span());
             return Err(Fault::new(place, "expected `beam_width` below `cutoff_angle` (default 20)").into());
         }
-        let intensity = intensity(record, spot_solid_angle(plateau, cutoff))?;
+        let ramp = record.falloff.as_ref().map(|falloff| *falloff.get_ref());
+        let ramp = Ramp::from(ramp.unwrap_or_default());
+        let intensity = intensity(record, spot_solid_angle(ramp, plateau, cutoff))?;
         if let Some(path) = &record.image {
             if let Some(power) = &record.power {
                 let message = "the power of a spot with an `image` depends on the image; expected `intensity`";
                 return Err(Fault::new(power.span(), message).into());
+            }
+            let of_plain = [
+                record.radius.as_ref().map(|radius| radius.span()),
+                record.falloff.as_ref().map(|falloff| falloff.span()),
+            ];
+            if let Some(place) = of_plain.into_iter().flatten().next() {
+                let message = "a spot with an `image` takes neither `radius` nor `falloff`";
+                return Err(Fault::new(place, message).into());
             }
             let half = libm::tan(cutoff) as f32;
             if !(cutoff < 0.5 * PI && half < FLATTEST) {
@@ -126,13 +138,29 @@ impl Parts<'_> {
                 cone: Some([cutoff as f32, plateau as f32]),
             })));
         }
-        Ok((intensity != Rgb::ZERO).then_some(LightKind::Spot {
+        Ok((intensity != Rgb::ZERO).then_some(LightKind::Spot(Spot {
             position,
             frame: Frame::from_normal(axis.as_vec3()),
             intensity,
             cutoff: cutoff as f32,
             beam_width: plateau as f32,
-        }))
+            ramp,
+            radius: self.radius(record, position)?,
+        })))
+    }
+
+    /// Of a spot that is a ball; 0 where it is too small to have an area.
+    fn radius(&mut self, record: &LightRecord, position: glam::Vec3) -> Result<f32, Fault> {
+        let Some(given) = &record.radius else {
+            return Ok(0.0);
+        };
+        let (center, radius) = (position.as_dvec3(), given.get_ref().0);
+        check_reach(center.length() + radius, given.span())?;
+        let sides = DMat3::from_diagonal(DVec3::splat(radius));
+        let ends = [sides.x_axis, sides.y_axis, sides.z_axis].map(|to| [center - to, center + to]);
+        self.points.extend(ends.into_iter().flatten());
+        let radius = radius as f32;
+        Ok(if (radius * radius).is_normal() { radius } else { 0.0 })
     }
 
     fn projector(&mut self, record: &LightRecord) -> Result<Option<LightKind>, Problem> {
@@ -265,8 +293,13 @@ fn intensity(record: &LightRecord, solid_angle: f64) -> Result<Rgb, Fault> {
     }
 }
 
-/// Integral over all directions of a spot's falloff: 1 up to the angle `plateau`, linear in the angle to 0 at `cutoff`.
-fn spot_solid_angle(plateau: f64, cutoff: f64) -> f64 {
+/// Integral over all directions of a spot's falloff: 1 up to the angle `plateau`, then by the ramp to 0 at `cutoff`.
+fn spot_solid_angle(ramp: Ramp, plateau: f64, cutoff: f64) -> f64 {
+    if ramp == Ramp::Smooth {
+        // The mean of the cosines' integrals: the ramp is as much above a half as below.
+        let [plateau, cutoff] = [plateau, cutoff].map(|angle| libm::sin(0.5 * angle));
+        return 2.0 * PI * (plateau * plateau + cutoff * cutoff);
+    }
     let (mean, half) = (0.5 * (cutoff + plateau), 0.5 * (cutoff - plateau));
     // 2 pi (1 - (sin cutoff - sin plateau) / (cutoff - plateau)), written without cancellation for narrow cones.
     let sinc_defect = match half < 1e-2 {
@@ -311,19 +344,28 @@ mod tests {
     #[test]
     fn spot_solid_angle_is_the_integral_of_the_falloff() {
         for (plateau, cutoff) in [(0.0, 0.3), (0.2, 0.3), (1.0, 2.5), (1e-4, 2e-4), (0.5, 0.5001)] {
-            let steps = 200_000;
-            let width = cutoff / f64::from(steps);
-            let integrand = |i: i32| {
-                let angle = (f64::from(i) + 0.5) * width;
-                let falloff = ((cutoff - angle) / (cutoff - plateau)).min(1.0);
-                falloff * libm::sin(angle) * width
-            };
-            let expected = 2.0 * PI * (0..steps).map(integrand).sum::<f64>();
-            let found = spot_solid_angle(plateau, cutoff);
-            assert!(
-                (found / expected - 1.0).abs() < 1e-6,
-                "{plateau} {cutoff}: {found} {expected}"
-            );
+            for ramp in [Ramp::Linear, Ramp::Smooth] {
+                let steps = 200_000;
+                let width = cutoff / f64::from(steps);
+                let integrand = |i: i32| {
+                    let angle = (f64::from(i) + 0.5) * width;
+                    let falloff = match ramp {
+                        Ramp::Linear => ((cutoff - angle) / (cutoff - plateau)).min(1.0),
+                        Ramp::Smooth => {
+                            let [a, b, c] = [plateau, angle, cutoff].map(libm::cos);
+                            let x = ((b - c) / (a - c)).min(1.0);
+                            x * x * (3.0 - 2.0 * x)
+                        }
+                    };
+                    falloff * libm::sin(angle) * width
+                };
+                let expected = 2.0 * PI * (0..steps).map(integrand).sum::<f64>();
+                let found = spot_solid_angle(ramp, plateau, cutoff);
+                assert!(
+                    (found / expected - 1.0).abs() < 1e-6,
+                    "{ramp:?} {plateau} {cutoff}: {found} {expected}"
+                );
+            }
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use super::schema::by_type;
 use super::transform::Steps;
-use super::words::{RayType, TextureFilter};
+use super::words::{Falloff, RayType, TextureFilter};
 use super::{Fault, given, only_takes};
 use crate::values::*;
 use schemars::{JsonSchema, Schema};
@@ -46,6 +46,12 @@ pub struct LightRecord {
     pub cutoff_angle: Option<Spanned<Number<Degrees>>>,
     /// Half angle of full intensity, degrees, below `cutoff_angle`. Default: 3/4 of it.
     pub beam_width: Option<Spanned<Number<NonNegative>>>,
+    /// How a spot's intensity falls from `beam_width` to `cutoff_angle`. Default: linear.
+    pub falloff: Option<Spanned<Falloff>>,
+    /// Of a ball that shines as a spot, scene units. Default: 0, a point.
+    pub radius: Option<Spanned<Number<NonNegative>>>,
+    /// Full angle that light from infinitely far away comes out of, degrees. Default: 0, parallel.
+    pub angle: Option<Spanned<Number<AngleFromZero>>>,
     /// Picture of the sky in latitude and longitude, or what a spot or a projector throws; .exr, .hdr, .png or .jpg.
     pub image: Option<Spanned<String>>,
     /// Factor on the picture. Default: 1.
@@ -63,7 +69,7 @@ impl LightRecord {
         let (name, takes) = self.kind.get_ref().takes();
         #[rustfmt::skip]
         let given = given!(self, position, target, direction, intensity, power, irradiance, radiance, fov, up, filter, raw,
-            cutoff_angle, beam_width, image, scale, rotate_y, transform);
+            cutoff_angle, beam_width, falloff, radius, angle, image, scale, rotate_y, transform);
         only_takes(name, takes, &[], &given)
     }
 }
@@ -73,11 +79,11 @@ impl LightRecord {
 pub enum LightType {
     /// The same to all sides.
     Point,
-    /// A cone.
+    /// A cone, from a point or a ball that is not seen.
     Spot,
     /// A lamp that throws a picture on a screen.
     Projector,
-    /// Parallel light from infinitely far away.
+    /// Light from infinitely far away, parallel or out of an angle; where it comes from is not seen.
     Directional,
     /// Light from all around; at most one.
     Environment,
@@ -104,6 +110,8 @@ impl LightType {
                     "power",
                     "cutoff_angle",
                     "beam_width",
+                    "falloff",
+                    "radius",
                     "image",
                     "up",
                     "filter",
@@ -114,7 +122,7 @@ impl LightType {
                 "projector",
                 &["position", "target", "intensity", "fov", "image", "up", "filter", "raw"],
             ),
-            Self::Directional => ("directional", &["direction", "irradiance"]),
+            Self::Directional => ("directional", &["direction", "irradiance", "angle"]),
             Self::Environment => ("environment", &["radiance", "image", "scale", "rotate_y", "transform"]),
         }
     }

@@ -1,7 +1,7 @@
 //! Choices among words: what the renderer's enums are called in scene files.
 
 use beamfarm_image::{job, view};
-use beamfarm_render::{rules, texture};
+use beamfarm_render::{light, rules, texture};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
@@ -49,6 +49,26 @@ impl From<TextureFilter> for texture::TextureFilter {
         match word {
             TextureFilter::Bilinear => Self::Bilinear,
             TextureFilter::Nearest => Self::Nearest,
+        }
+    }
+}
+
+/// How a spot's intensity falls to nothing.
+#[derive(Clone, Copy, Debug, Default, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Falloff {
+    /// Linearly in the angle, as in Mitsuba.
+    #[default]
+    Linear,
+    /// By x² (3 - 2 x), x linear in the cosine, as in Blender.
+    Smooth,
+}
+
+impl From<Falloff> for light::Ramp {
+    fn from(word: Falloff) -> Self {
+        match word {
+            Falloff::Linear => Self::Linear,
+            Falloff::Smooth => Self::Smooth,
         }
     }
 }

@@ -41,6 +41,7 @@ impl RandomScene {
         variations::vary(&mut b, seed);
         variations::vary_light_and_view(&mut b, &mut camera, seed);
         variations::split_light(&mut b, seed);
+        variations::size_lights(&mut b, seed);
         let side = Value::Integer(world::SIDE);
         let mut scene = table([
             ("image", table([("width", side.clone()), ("height", side)]).into()),

@@ -1,6 +1,6 @@
 //! What is done to a scene once it is there, by random numbers of its own: lamps that rays pass, blends, lobes, and
-//! numbers by texture, surfaces that emit by a texture or on both sides, parallel rays, glass that splits light. Many
-//! scenes are left as they were by each of the parts.
+//! numbers by texture, surfaces that emit by a texture or on both sides, parallel rays, glass that splits light, spots
+//! and suns with a size. Many scenes are left as they were by each of the parts.
 
 use super::builder::Builder;
 use super::draw::{Draw, colour, number, table};
@@ -113,6 +113,27 @@ pub fn vary_light_and_view(b: &mut Builder, camera: &mut Table, seed: u64) {
         camera.remove("fov");
         camera.insert("projection".into(), "orthographic".into());
         camera.insert("view_width".into(), number(width));
+    }
+}
+
+/// Let spots and suns have a size, in half of the scenes.
+pub fn size_lights(b: &mut Builder, seed: u64) {
+    let mut draw = Draw::new(seed ^ STREAM.rotate_left(48));
+    if draw.chance(0.5) {
+        return;
+    }
+    let scale = b.scale;
+    for light in &mut b.lights {
+        let kind = light.get("type").and_then(Value::as_str);
+        if kind == Some("spot") {
+            let radius = number(draw.log_between(0.01, 0.2) * scale);
+            light.insert("radius".into(), radius);
+            let falloff = draw.pick(&["linear", "smooth"]);
+            light.insert("falloff".into(), falloff.into());
+        } else if kind == Some("directional") {
+            let angle = number(draw.log_between(0.3, 60.0));
+            light.insert("angle".into(), angle);
+        }
     }
 }
 

@@ -249,12 +249,30 @@ fn lights_and_emission_are_checked() {
     6: lights[0].target: expected a point other than `position`
 [[lights]] | type = "spot" | position = [1, 2, 3] | target = [0, 0, 0] | power = 1 | cutoff_angle = 180
     8: lights[0].cutoff_angle: expected an angle in degrees between 0 and 180, both excluded, found 180.0
+[[lights]] | type = "spot" | position = [1, 2, 3] | target = [0, 0, 0] | power = 1 | radius = -0.1
+    8: lights[0].radius: expected a number that is not negative, found -0.1
+[[lights]] | type = "spot" | position = [1, 2, 3] | target = [0, 0, 0] | power = 1 | radius = nan
+    8: lights[0].radius: expected a number that is not negative, found NaN
+[[lights]] | type = "spot" | position = [1, 2, 3] | target = [0, 0, 0] | power = 1 | radius = 1e30
+    8: lights[0].radius: it reaches 1.000e30 scene units from the camera; expected less than 1e15
+[[lights]] | type = "spot" | position = [1, 2, 3] | target = [0, 0, 0] | power = 1 | falloff = "soft"
+    8: lights[0].falloff: unknown variant `soft`, expected `linear` or `smooth`
+[[lights]] | type = "spot" | position = [1, 2, 3] | target = [0, 0, 0] | intensity = 1 | radius = 0.1 | image = "a.png"
+    8: lights[0].radius: a spot with an `image` takes neither `radius` nor `falloff`
+[[lights]] | type = "point" | position = [1, 2, 3] | power = 1 | radius = 0.1
+    7: lights[0].radius: "point" does not take this field; expected one of position, intensity, power
+[[lights]] | type = "directional" | direction = [0, 0, 1] | irradiance = 1 | angle = -1
+    7: lights[0].angle: expected an angle in degrees from 0 to below 180, found -1.0
+[[lights]] | type = "directional" | direction = [0, 0, 1] | irradiance = 1 | angle = 180
+    7: lights[0].angle: expected an angle in degrees from 0 to below 180, found 180.0
+[[lights]] | type = "directional" | direction = [0, 0, 1] | irradiance = 1 | angle = nan
+    7: lights[0].angle: expected an angle in degrees from 0 to below 180, found NaN
 [[lights]] | type = "spot" | position = [1, 2, 3] | target = [0, 0, 0] | power = 1 | cutoff_angle = 20 | beam_width = 20
     9: lights[0].beam_width: expected `beam_width` below `cutoff_angle` (default 20)
 [[lights]] | type = "directional" | direction = [0, 0, 0] | irradiance = 1
     5: lights[0].direction: expected a direction other than [0, 0, 0]
 [[lights]] | type = "directional" | direction = [0, 0, 1] | power = 1
-    6: lights[0].power: "directional" does not take this field; expected one of direction, irradiance
+    6: lights[0].power: "directional" does not take this field; expected one of direction, irradiance, angle
 [[lights]] | type = "environment"
     4: lights[0].type: an environment is given by `radiance`, or by `image` and perhaps `scale`
 [[lights]] | type = "environment" | radiance = 1 | transform = [{ scale = 2 }]

@@ -191,6 +191,8 @@ target = [0, 0, 0]
 intensity = 10.0
 cutoff_angle = 30
 beam_width = 10
+falloff = "smooth"
+radius = 0.1
 "#;
 
 #[test]

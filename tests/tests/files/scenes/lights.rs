@@ -1,7 +1,7 @@
 //! Light: powers, and which way environments stand.
 
 use crate::files::scenes::setup::{VIEW, load, load_with, octahedron};
-use beamfarm_render::light::LightKind;
+use beamfarm_render::light::{LightKind, Ramp};
 use beamfarm_render::math::{PI, Rgb, Vec2, Vec3};
 
 /// `power` is what the light then emits.
@@ -29,6 +29,7 @@ fn powers_are_kept() {
         "",
         "cutoff_angle = 2\nbeam_width = 0",
         "cutoff_angle = 170\nbeam_width = 169",
+        "cutoff_angle = 170\nbeam_width = 30\nfalloff = \"smooth\"\nradius = 0.25",
     ] {
         texts.push(format!(
             "[[lights]]\ntype = \"spot\"\nposition = [1, 2, 3]\ntarget = [0, 0, 0]\npower = [1, 2, 3]\n{angles}"
@@ -45,6 +46,40 @@ fn powers_are_kept() {
     match scene.lights[0].kind {
         LightKind::Area { radiance, .. } => assert!((radiance.x * 36.0 * PI - 1.0).abs() < 1e-6),
         _ => unreachable!(),
+    }
+}
+
+/// A radius is in scene units, an angle is all of it, and without them there are none. What shines is within the
+/// bounds.
+#[test]
+fn sizes_of_lights_are_read() {
+    let spot = "[[lights]]\ntype = \"spot\"\nposition = [7, 2, 3]\ntarget = [0, 0, 0]\npower = 1\n";
+    let sun = "[[lights]]\ntype = \"directional\"\ndirection = [0, 0, 1]\nirradiance = 1\n";
+    for (more, radius, ramp) in [
+        ("", 0.0, Ramp::Linear),
+        ("radius = 0", 0.0, Ramp::Linear),
+        ("radius = 1e-30\nfalloff = \"linear\"", 0.0, Ramp::Linear),
+        ("radius = 1.5\nfalloff = \"smooth\"", 1.5, Ramp::Smooth),
+    ] {
+        let scene = load(&format!("{spot}{more}"));
+        let LightKind::Spot(found) = &scene.lights[0].kind else {
+            panic!("{:?}", scene.lights);
+        };
+        assert_eq!((found.radius, found.ramp), (radius, ramp), "{more}");
+        let farthest = found.position + Vec3::X * radius;
+        assert!(farthest.distance(scene.bounds.center) <= scene.bounds.radius, "{more}");
+    }
+    for (more, half) in [
+        ("", 0.0f32),
+        ("angle = 0", 0.0),
+        ("angle = 0.5", 0.25),
+        ("angle = 179", 89.5),
+    ] {
+        let scene = load(&format!("{sun}{more}"));
+        let LightKind::Directional(found) = &scene.lights[0].kind else {
+            panic!("{:?}", scene.lights);
+        };
+        assert!((found.half_angle - half.to_radians()).abs() < 1e-6, "{more}");
     }
 }
 

@@ -279,7 +279,7 @@ fn delta_lights_follow_the_inverse_square_law() {
     let offset = Vec3::new(0.0, 3.0, 4.0);
     let direct = |light: &Light| light.sample_direct(&[], from, Vec2::splat(0.3), 0.5);
     let sample = direct(&point(from + offset)).unwrap();
-    assert!(sample.delta && sample.pdf == 1.0);
+    assert!(sample.unmet && sample.pdf == 1.0);
     assert!((sample.wi - offset / 5.0).length() < 1e-6);
     assert!((sample.distance - 5.0).abs() < 1e-5);
     assert!((sample.weight - RADIANCE / 25.0).length() < 1e-6);
@@ -294,7 +294,7 @@ fn delta_lights_follow_the_inverse_square_law() {
 
     let sample = direct(&sun(Vec3::new(0.0, -3.0, 4.0))).unwrap();
     assert_eq!(sample.wi, -Vec3::new(0.0, -0.6, 0.8));
-    assert!(sample.delta && sample.distance == f32::INFINITY);
+    assert!(sample.unmet && sample.distance == f32::INFINITY);
     assert_eq!(sample.weight, RADIANCE);
 }
 

@@ -1,12 +1,13 @@
 //! What lights emit: their power, and photons where and whither their densities say.
 
 use crate::surfaces::lights::setup::{
-    BOUNDS, RADIANCE, SAMPLES, SIGNIFICANCE, ball, emitter, point, rectangle, shapes, sky, speckled, spot, sun,
+    BOUNDS, RADIANCE, SAMPLES, SIGNIFICANCE, ball, emitter, of_ball, point, rectangle, shapes, sky, speckled, spot,
+    sun, wide_sun,
 };
 use beamfarm_harness::quadrature::Rect;
 use beamfarm_harness::{Chi2, MeanEstimate, Suite};
 use beamfarm_render::geometry::{Geometry, Object};
-use beamfarm_render::light::{EmissionSample, EmissionUniforms, Light, LightKind};
+use beamfarm_render::light::{EmissionSample, EmissionUniforms, Light, LightKind, Ramp};
 use beamfarm_render::math::{Frame, PI, Ray, Rgb, Vec2, Vec3};
 use beamfarm_render::sampler::{Purpose, Sampler};
 
@@ -41,7 +42,14 @@ fn mean_emission_is_the_power() {
         ("spot without a ramp", spot(Vec3::ONE, up, 30.0, 30.0)),
         ("wide spot", spot(Vec3::ONE, up, 100.0, 170.0)),
         ("narrow spot", spot(Vec3::ONE, up, 0.01, 0.05)),
+        (
+            "smooth spot",
+            of_ball(spot(Vec3::ONE, up, 10.0, 50.0), 0.0, Ramp::Smooth),
+        ),
+        ("ball", of_ball(spot(Vec3::ONE, up, 15.0, 20.0), 0.3, Ramp::Linear)),
         ("sun", sun(up)),
+        ("narrow sun", wide_sun(up, 0.5)),
+        ("wide sun", wide_sun(up, 150.0)),
         ("even sky", sky(None)),
         ("image", sky(Some(speckled(9, 6, 50.0)))),
         ("column", sky(Some(speckled(1, 4, 2.0)))),
@@ -89,8 +97,11 @@ fn powers_of_simple_lights() {
 fn spot_emission_follows_its_falloff() {
     let mut suite = Suite::new(SIGNIFICANCE);
     let axis = Vec3::new(-0.4, 0.3, 0.6).normalize();
-    for (beam_width, cutoff) in [(15.0, 20.0), (0.0, 40.0), (80.0, 170.0), (0.5, 0.6), (25.0, 25.0)] {
-        let light = spot(Vec3::ZERO, axis, beam_width, cutoff);
+    let cones = [(15.0, 20.0), (0.0, 40.0), (80.0, 170.0), (0.5, 0.6), (25.0, 25.0)];
+    let cones = cones.map(|(b, c)| (b, c, Ramp::Linear));
+    let smooth = [(15.0, 20.0), (0.0, 40.0), (80.0, 170.0)].map(|(b, c)| (b, c, Ramp::Smooth));
+    for (beam_width, cutoff, ramp) in cones.into_iter().chain(smooth) {
+        let light = of_ball(spot(Vec3::ZERO, axis, beam_width, cutoff), 0.0, ramp);
         let rings = 6;
         let width = f64::from(cutoff).to_radians() / rings as f64;
         let mut solid = vec![MeanEstimate::new(); rings];
@@ -111,7 +122,7 @@ fn spot_emission_follows_its_falloff() {
             }
         }
         for ring in 0..rings {
-            let name = format!("{beam_width} {cutoff} ring {ring}");
+            let name = format!("{ramp:?} {beam_width} {cutoff} ring {ring}");
             let (from, to) = (ring as f64 * width, (ring + 1) as f64 * width);
             let tau = 2.0 * std::f64::consts::PI;
             let one_minus_cos = |x: f64| 2.0 * libm::pow(libm::sin(0.5 * x), 2.0);
@@ -126,7 +137,15 @@ fn spot_emission_follows_its_falloff() {
             let integral: f64 = (0..steps)
                 .map(|i| {
                     let x = from + (f64::from(i) + 0.5) * h;
-                    let falloff = if x <= b { 1.0 } else { (c - x) / (c - b) };
+                    let share = match ramp {
+                        Ramp::Linear => (c - x) / (c - b),
+                        Ramp::Smooth => (libm::cos(x) - libm::cos(c)) / (libm::cos(b) - libm::cos(c)),
+                    };
+                    let falloff = match (x <= b, ramp) {
+                        (true, _) => 1.0,
+                        (false, Ramp::Linear) => share,
+                        (false, Ramp::Smooth) => share * share * (3.0 - 2.0 * share),
+                    };
                     falloff * libm::sin(x) * h
                 })
                 .sum();

@@ -8,4 +8,5 @@ mod large_ground;
 mod pattern;
 mod setup;
 mod shares;
+mod sizes;
 mod two_sides;

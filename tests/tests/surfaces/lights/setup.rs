@@ -5,7 +5,7 @@ use beamfarm_harness::render::{Blocks, blocks_by, blur, reference_images};
 use beamfarm_image::job::{Finder, Finders, ReferenceSettings};
 use beamfarm_image::layer::LightGroup;
 use beamfarm_render::geometry::{Mesh, Object, Placement, Shape};
-use beamfarm_render::light::{Environment, Light, LightKind, Pattern, SceneBounds};
+use beamfarm_render::light::{Environment, Light, LightKind, Pattern, Ramp, SceneBounds, Spot, Sun};
 use beamfarm_render::math::{Frame, Rgb, Vec3};
 use beamfarm_render::sampler::{Purpose, Sampler};
 use beamfarm_render::texture::{Image, Texture, TextureFilter, Wrap};
@@ -145,20 +145,36 @@ pub fn point(position: Vec3) -> Light {
 }
 
 pub fn spot(position: Vec3, axis: Vec3, beam_width: f32, cutoff: f32) -> Light {
-    light(LightKind::Spot {
+    light(LightKind::Spot(Spot {
         position,
         frame: Frame::from_normal(axis.normalize()),
         intensity: RADIANCE,
         cutoff: cutoff.to_radians(),
         beam_width: beam_width.to_radians(),
-    })
+        ramp: Ramp::Linear,
+        radius: 0.0,
+    }))
+}
+
+/// The same spot, from a ball and with another ramp.
+pub fn of_ball(mut light: Light, radius: f32, ramp: Ramp) -> Light {
+    if let LightKind::Spot(spot) = &mut light.kind {
+        (spot.radius, spot.ramp) = (radius, ramp);
+    }
+    light
 }
 
 pub fn sun(direction: Vec3) -> Light {
-    light(LightKind::Directional {
+    wide_sun(direction, 0.0)
+}
+
+/// `angle`: all of it, in degrees.
+pub fn wide_sun(direction: Vec3, angle: f32) -> Light {
+    light(LightKind::Directional(Sun {
         direction: direction.normalize(),
         irradiance: RADIANCE,
-    })
+        half_angle: 0.5 * angle.to_radians(),
+    }))
 }
 
 pub fn sky(image: Option<Image>) -> Light {

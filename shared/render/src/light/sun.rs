@@ -1,0 +1,50 @@
+//! Light from infinitely far away: parallel, or from all of a cone, as a sun is seen.
+
+use crate::math::{Frame, PI, Rgb, Vec2, Vec3, sin};
+use crate::warp;
+
+/// Light from infinitely far away, of one radiance in its cone.
+#[derive(Clone, Copy, Debug)]
+pub struct Sun {
+    /// Unit direction of travel of the light in the middle.
+    pub direction: Vec3,
+    /// W/m^2 on a plane across that direction.
+    pub irradiance: Rgb,
+    /// Half angle of the cone of directions in radians, below pi / 2; 0 for parallel light.
+    pub half_angle: f32,
+}
+
+impl Sun {
+    /// Whether its light is parallel.
+    pub(crate) fn is_parallel(&self) -> bool {
+        self.half_angle == 0.0
+    }
+
+    /// W/m^2 on planes across each of the directions, summed over them: on one across the middle less arrives of those
+    /// that are oblique.
+    pub(crate) fn fluence(&self) -> Rgb {
+        self.irradiance * (2.0 / (2.0 - self.one_minus_cos()))
+    }
+
+    /// A direction of travel, uniform in the cone.
+    pub(crate) fn sample(&self, u: Vec2) -> Vec3 {
+        match self.is_parallel() {
+            true => self.direction,
+            false => Frame::from_normal(self.direction).to_world(warp::uniform_cap(u, self.one_minus_cos())),
+        }
+    }
+
+    /// Density of [`Self::sample`] per solid angle, of directions in the cone; 1 for parallel light, of which there is
+    /// one.
+    pub(crate) fn pdf(&self) -> f32 {
+        match self.is_parallel() {
+            true => 1.0,
+            false => 1.0 / (2.0 * PI * self.one_minus_cos()),
+        }
+    }
+
+    fn one_minus_cos(&self) -> f32 {
+        let half = sin(0.5 * self.half_angle);
+        2.0 * half * half
+    }
+}

@@ -246,6 +246,7 @@ pub fn found_once(scene: &Scene, ways: &[[Option<Finder>; 3]], images: u64) {
             media,
             surfaces,
             caustics,
+            aimed: None,
         };
         let found = blocks_by(scene, finders, seed, 8);
         suite.same_blocks(&finders.to_string(), &found, &truth, 5e-3);

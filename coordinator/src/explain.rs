@@ -49,7 +49,8 @@ fn candidates(choice: &Choice) -> String {
     let first = choice.candidates[0].cost();
     let lines = choice.candidates.iter().enumerate().map(|(number, candidate)| {
         let mark = if number == choice.best { "in " } else { "out" };
-        let cost = candidate.cost() / first;
+        // A picture without any light has no error.
+        let cost = if first > 0.0 { candidate.cost() / first } else { 1.0 };
         let JobSettings {
             finders,
             paths_per_pass,

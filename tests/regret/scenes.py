@@ -230,6 +230,17 @@ def scenes():
         text += ball(-0.5, 0.97, -0.8, 0.18, "gloss") + ball(0.1, 0.95, -0.7, 0.16)
         return text + (sky("[1.5, 1.8, 2.2]") if window else lamp(0.3, 0, 2.55, 0, 12) + pane(opening))
 
+    def soft(radius, haze):
+        text = image() + camera((0, 1.8, 6), (0, 0.8, 0), 45) + GREY.format(0.6) + GLASS + AIR + floor()
+        if haze:
+            text += fog(haze, 0.1 * haze) + shape("cube", "air", 'interior = "fog"\n', scale(5, 2, 5), move(0, 2.05, 0))
+        text += spot((-2, 3.5, 1), (0.3, 0.5, 0), 60, 25).replace("intensity", f"radius = {radius}\nintensity")
+        clear = "boundary = false\n" if haze else ""
+        return text + ball(0.4, 0.6, 0, 0.5, "glass", clear) + ball(-0.9, 0.4, 0.3, 0.4, "grey")
+
+    made["soft-spot"] = soft(0.3, 0)
+    made["soft-spot-fog"] = soft(0.3, 0.05)
+
     made["ordinary-window"] = ordinary("rough_conductor", True)
     made["ordinary-lamp"] = ordinary("rough_conductor", False)
     return made

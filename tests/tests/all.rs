@@ -4,6 +4,7 @@
 #![allow(clippy::unwrap_used)]
 
 mod beams;
+mod choices;
 mod farm;
 mod files;
 mod media;

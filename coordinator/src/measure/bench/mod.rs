@@ -38,6 +38,7 @@ Examples:
   beamfarm bench scene.toml --reference ref.exr --against Other=other.exr,90,180
   beamfarm bench a.toml b.toml --passes 16             no reference: times, counts and estimates
   beamfarm bench --suite scenes/peers/bench.toml       scenes, references, configurations, others
+  beamfarm bench scene.toml --regret --seconds 10      the plan that was chosen against every other, in regret.csv
 
 A suite is a TOML file; what it names lies relative to it:
 

@@ -1,0 +1,145 @@
+//! What the program chooses where a scene says nothing: on scenes of which the other choice is far worse, by tens of
+//! times the variance after the same time (`beamfarm bench --regret`).
+
+use beamfarm_harness::render::scene;
+use beamfarm_image::job::Finder;
+use beamfarm_render::balance::{Candidate, Choice};
+use beamfarm_render::plan::RenderPlan;
+use beamfarm_render::world::Scene;
+
+fn chosen(scene: &Scene) -> (Candidate, RenderPlan) {
+    let description = scene.description();
+    let settings = description.defaults.job_settings();
+    let choice = Choice::new(description, settings, None).expect("there is something to choose");
+    let best = choice.candidates[choice.best];
+    (best, RenderPlan::new(scene, best.settings))
+}
+
+/// The sun through a slab of glass in the roof over a floor that goes on and on. Of a thousand photons that start
+/// anywhere one comes through, and a small picture may see none of them: that is no picture without noise.
+#[test]
+fn the_sun_is_aimed_at_a_pane() {
+    let roof = |side: [f32; 3], at: [f32; 3]| {
+        format!(
+            "[[shapes]]\ntype = \"cube\"\nmaterial = \"floor\"\ntransform = [{{ scale = {side:?} }}, {{ translate = {at:?} }}]\n"
+        )
+    };
+    let text = format!(
+        r#"
+[image]
+width = 96
+height = 64
+[camera]
+origin = [0, 1.5, 0]
+target = [0, 0, 0]
+up = [0, 0, -1]
+fov = 40
+[materials.floor]
+type = "diffuse"
+reflectance = 0.5
+[materials.glass]
+type = "dielectric"
+ior = 1.5
+[[shapes]]
+type = "rectangle"
+material = "floor"
+transform = [{{ scale = 20 }}, {{ rotate = {{ axis = [1, 0, 0], angle = -90 }} }}]
+[[shapes]]
+type = "cube"
+material = "glass"
+transform = [{{ scale = [1, 0.05, 1] }}, {{ translate = [0, 2, 0] }}]
+{}{}{}{}
+[[lights]]
+type = "directional"
+direction = [0, -1, 0]
+irradiance = 3
+"#,
+        roof([5.0, 0.1, 10.0], [-6.0, 2.0, 0.0]),
+        roof([5.0, 0.1, 10.0], [6.0, 2.0, 0.0]),
+        roof([1.0, 0.1, 5.0], [0.0, 2.0, 6.0]),
+        roof([1.0, 0.1, 5.0], [0.0, 2.0, -6.0]),
+    );
+    let (candidate, plan) = chosen(&scene(&text));
+    assert!(plan.targets.is_some(), "{:?}", candidate.settings);
+    assert!(candidate.settings.paths_per_pass > 2000, "{:?}", candidate.settings);
+}
+
+/// Fog in a cube of this height around a spot and a lens.
+fn fog_box(height: f32) -> String {
+    format!(
+        r#"
+[image]
+width = 96
+height = 64
+[camera]
+origin = [0, 2.3, 7.5]
+target = [0, 2, 0]
+fov = 48
+[media.fog]
+type = "homogeneous"
+sigma_a = 0.04
+sigma_s = 0.04
+phase = {{ type = "hg", g = 0.4 }}
+[materials.grey]
+type = "diffuse"
+reflectance = 0.7
+two_sided = true
+[materials.air]
+type = "null"
+[materials.glass]
+type = "dielectric"
+ior = 1.5
+[[shapes]]
+type = "rectangle"
+material = "grey"
+transform = [{{ rotate = {{ axis = [1, 0, 0], angle = -90 }} }}, {{ scale = 10 }}]
+[[shapes]]
+type = "rectangle"
+material = "grey"
+transform = [{{ scale = 10 }}, {{ translate = [0, 5, -5] }}]
+[[shapes]]
+type = "cube"
+material = "air"
+interior = "fog"
+transform = [{{ scale = [4.5, {half}, 4.5] }}, {{ translate = [0, {middle}, 0] }}]
+[[shapes]]
+type = "sphere"
+material = "glass"
+boundary = false
+transform = [{{ scale = [0.35, 1, 1] }}, {{ translate = [-0.6, 2.2, 0] }}]
+[[lights]]
+type = "spot"
+visible = ["reflected", "refracted", "shadow", "photon"]
+position = [-3.9, 3.1, 0]
+target = [-2.9, 2.84, 0]
+intensity = 5
+cutoff_angle = 14.5
+"#,
+        half = height / 2.0,
+        middle = height / 2.0 + 0.05,
+    )
+}
+
+/// No box is too low for beams to be tried, and rules that hide a lamp from the camera decide nothing else.
+#[test]
+fn fog_around_a_spot_has_beams_in_boxes_of_all_heights() {
+    for height in [5.0, 5.7, 8.0, 16.0] {
+        let scene = scene(&fog_box(height));
+        let (candidate, plan) = chosen(&scene);
+        assert!(plan.estimators.any_beams(), "{height}: {:?}", candidate.settings);
+        assert_ne!(candidate.settings.finders.media, Some(Finder::Paths), "{height}");
+    }
+}
+
+/// Nothing is seen: there is nothing to choose by, and every number is one.
+#[test]
+fn a_dark_picture_has_a_plan() {
+    let text = fog_box(5.7).replace("intensity = 5", "intensity = 1e-30");
+    let scene = scene(&text);
+    let description = scene.description();
+    let choice = Choice::new(description, description.defaults.job_settings(), None);
+    let candidates = choice.iter().flat_map(|choice| &choice.candidates);
+    for candidate in candidates {
+        assert!(candidate.cost().is_finite(), "{candidate:?}");
+    }
+}

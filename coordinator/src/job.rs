@@ -267,8 +267,8 @@ impl SettingsArgs {
         self.load_by(SceneFile::load, |early| early.announce(quiet))
     }
 
-    /// Read the scene, and decode its files by `decode`. `tell` is given what is known of it before its pilot, which may
-    /// take long.
+    /// Read the scene, and decode its files by `decode`. `tell` is given what is known of it before its pilot, which
+    /// may take long.
     pub fn load_by(
         &self,
         decode: impl FnOnce(&SceneFile) -> Result<SceneDescription, SceneError>,

@@ -127,8 +127,8 @@ impl Output {
 }
 
 impl Output {
-    /// Write a coarse picture, as there is no other. An image that is there stays, and it gets a name beside it. Returns
-    /// what was written, for people.
+    /// Write a coarse picture, as there is no other. An image that is there stays, and it gets a name beside it.
+    /// Returns what was written, for people.
     pub fn write_sketch(&self, sketch: &Sketch, scene: SceneHash, view: View) -> Result<String, ImageError> {
         let is_there = MadeOf::read(&self.exr).is_some() || Provenance::read(&self.exr).is_some_and(|it| it.of_samples);
         let exr = match is_there {

@@ -1,6 +1,7 @@
 //! One random scene, by its seed: compared, printed, or made smaller as long as it stays wrong.
 //!
-//!     cargo run -p beamfarm-tests --example random_scene -- SEED [--print] [--write FOLDER] [--shrink] [--images N] [--samples N]
+//!     cargo run -p beamfarm-tests --example random_scene -- SEED [--print] [--shrink] [--images N] [--samples N]
+//!     cargo run -p beamfarm-tests --example random_scene -- SEED --write FOLDER
 //!     cargo run -p beamfarm-tests --example random_scene -- FOLDER/NAME.toml ...
 
 use beamfarm_harness::differential::Effort;

@@ -48,11 +48,13 @@ struct BoxRay {
     inverse: [Vec4; 3],
     /// By axis: which side of a box it comes to first.
     near: [usize; 3],
+    /// What boxes are grown by.
+    radius: Vec4,
 }
 
 impl BoxRay {
     #[inline]
-    fn new(origin: Vec3, dir: Vec3) -> Self {
+    fn new(origin: Vec3, dir: Vec3, radius: f32) -> Self {
         // Finite, so that there is no zero times infinity. What is replaced goes nowhere along that axis.
         let least = Vec4::splat((dir.abs().max_element() * 1e-12).max(1e-30));
         let dir = dir.extend(1.0);
@@ -63,17 +65,26 @@ impl BoxRay {
             origin: [Vec4::splat(origin.x), Vec4::splat(origin.y), Vec4::splat(origin.z)],
             inverse: [Vec4::splat(inverse.x), Vec4::splat(inverse.y), Vec4::splat(inverse.z)],
             near: [near as usize & 1, near as usize >> 1 & 1, near as usize >> 2 & 1],
+            radius: Vec4::splat(radius),
         }
     }
 
-    /// Where the ray enters the boxes of a node, and which of them it meets before `t_max`.
+    /// Where the ray enters the boxes of a node, and which of them it meets before `t_max`. `GROWN`: comes within the
+    /// radius of.
     #[inline(always)]
-    fn enter(&self, node: &WideNode, t_max: f32) -> (Vec4, u32) {
+    fn enter<const GROWN: bool>(&self, node: &WideNode, t_max: f32) -> (Vec4, u32) {
         // Ize 2013, Robust BVH ray traversal: so much farther that rounding loses no box.
         const FARTHER: f32 = 1.0 + 4.0 * f32::EPSILON;
         let [x, y, z] = &node.bounds;
-        let side =
-            |bounds: &[Vec4; 2], axis: usize, side: usize| (bounds[side & 1] - self.origin[axis]) * self.inverse[axis];
+        let side = |bounds: &[Vec4; 2], axis: usize, side: usize| {
+            let to = bounds[side & 1] - self.origin[axis];
+            let to = match (GROWN, side & 1) {
+                (false, _) => to,
+                (true, 0) => to - self.radius,
+                (true, _) => to + self.radius,
+            };
+            to * self.inverse[axis]
+        };
         let [nx, ny, nz] = self.near;
         let near = side(x, 0, nx).max(side(y, 1, ny)).max(side(z, 2, nz));
         let far = side(x, 0, nx ^ 1).min(side(y, 1, ny ^ 1)).min(side(z, 2, nz ^ 1));
@@ -172,13 +183,13 @@ impl WideTree {
         mut t_max: f32,
         mut visit: impl FnMut(u32, f32) -> f32,
     ) {
-        let ray = BoxRay::new(origin, dir);
+        let ray = BoxRay::new(origin, dir, 0.0);
         let mut waiting = 0;
         let mut current = 0;
         loop {
             if current & LEAF == 0 {
                 let node = &self.nodes[current as usize];
-                let (near, mut mask) = ray.enter(node, t_max);
+                let (near, mut mask) = ray.enter::<false>(node, t_max);
                 if mask != 0 {
                     // The nearest is next, the others wait, the nearer the sooner.
                     let bottom = waiting;
@@ -219,29 +230,42 @@ impl WideTree {
     /// Whether `visit` says yes to a leaf whose box a ray meets before `t_max`. It is asked in any order.
     #[inline(always)]
     pub fn any_along_ray(&self, origin: Vec3, dir: Vec3, t_max: f32, visit: impl FnMut(u32) -> bool) -> bool {
+        self.any_along::<false>(&BoxRay::new(origin, dir, 0.0), t_max, visit)
+    }
+
+    /// Calls `visit` for the leaves whose boxes come within `radius` of a ray before `t_max`, and perhaps for more.
+    #[inline(always)]
+    pub fn near_ray(&self, origin: Vec3, dir: Vec3, t_max: f32, radius: f32, mut visit: impl FnMut(u32)) {
+        let ray = BoxRay::new(origin, dir, radius);
+        self.any_along::<true>(&ray, t_max, |leaf| {
+            visit(leaf);
+            false
+        });
+    }
+
+    #[inline(always)]
+    fn any_along<const GROWN: bool>(&self, ray: &BoxRay, t_max: f32, visit: impl FnMut(u32) -> bool) -> bool {
         match self.stack {
             0 => false,
-            1..=32 => self.any_along_ray_with(&mut [0; 32], origin, dir, t_max, visit),
-            33..=64 => self.any_along_ray_with(&mut [0; 64], origin, dir, t_max, visit),
-            n => self.any_along_ray_with(&mut vec![0; n], origin, dir, t_max, visit),
+            1..=32 => self.any_along_with::<GROWN>(&mut [0; 32], ray, t_max, visit),
+            33..=64 => self.any_along_with::<GROWN>(&mut [0; 64], ray, t_max, visit),
+            n => self.any_along_with::<GROWN>(&mut vec![0; n], ray, t_max, visit),
         }
     }
 
-    fn any_along_ray_with(
+    fn any_along_with<const GROWN: bool>(
         &self,
         stack: &mut [u32],
-        origin: Vec3,
-        dir: Vec3,
+        ray: &BoxRay,
         t_max: f32,
         mut visit: impl FnMut(u32) -> bool,
     ) -> bool {
-        let ray = BoxRay::new(origin, dir);
         let mut waiting = 1;
         stack[0] = 0;
         while waiting > 0 {
             waiting -= 1;
             let node = &self.nodes[stack[waiting] as usize];
-            let (_, mut mask) = ray.enter(node, t_max);
+            let (_, mut mask) = ray.enter::<GROWN>(node, t_max);
             while mask != 0 {
                 let child = node.children[mask.trailing_zeros() as usize & 3];
                 mask &= mask - 1;

@@ -6,6 +6,7 @@ mod lanes;
 mod order;
 pub mod store;
 pub mod trace;
+pub mod walls;
 
 use crate::aov::GroupNumber;
 use crate::math::{Rgb, Vec3};
@@ -39,6 +40,8 @@ pub struct PhotonBeam {
     pub wave: Option<WaveNumber>,
     /// Number of the beam's transmittance among the pass's step functions, in a heterogeneous medium.
     pub steps: u32,
+    /// Which of the pass's planes stand for the walls near it, from the first to before the second.
+    pub walls: [u32; 2],
 }
 
 impl PhotonBeam {

@@ -215,6 +215,45 @@ impl Geometry {
         self.hierarchy.tree.any(ray.origin, ray.dir, t_max, ignore, other)
     }
 
+    /// What comes within `radius` of a segment of a ray, and perhaps more: triangles by their objects and corners, round
+    /// things by their numbers alone.
+    pub(crate) fn near(
+        &self,
+        objects: &[Object],
+        (ray, length): (&Ray, f32),
+        radius: f32,
+        found: &mut dyn FnMut(u32, Option<[Vec3; 3]>),
+    ) {
+        // Placed things are looked at later: one at a time may call back.
+        let mut placed = Vec::new();
+        let tree = &self.hierarchy.tree;
+        tree.near(
+            (ray.origin, ray.dir),
+            length,
+            radius,
+            &mut |object, corners| found(object, Some(corners)),
+            &mut |object| placed.push(object),
+        );
+        for object in placed {
+            let (Some(tree), Shape::Mesh { placement, .. }) = (self.placed(object), &objects[object as usize].shape)
+            else {
+                found(object, None);
+                continue;
+            };
+            let map = &placement.object_from_render.matrix3;
+            let columns = [map.x_axis, map.y_axis, map.z_axis];
+            let scale = columns.map(|column| column.length_squared()).iter().sum::<f32>().sqrt();
+            let back = |corner: Vec3| placement.render_from_object.transform_point3(corner);
+            tree.near(
+                in_object_space(placement, ray),
+                length,
+                radius * scale,
+                &mut |_, corners| found(object, Some(corners.map(back))),
+                &mut |_| {},
+            );
+        }
+    }
+
     /// The tree of a mesh that has a placement.
     fn placed(&self, object: u32) -> Option<&ItemTree> {
         self.hierarchy.placed[object as usize].as_ref().map(|tree| &*tree.0)

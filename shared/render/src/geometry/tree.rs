@@ -169,6 +169,25 @@ impl ItemTree {
                 Leaf::Other(i) => other(i, t_max),
             })
     }
+
+    /// What comes within `radius` of a ray before `t_max`, and perhaps more: triangles by their objects and corners,
+    /// other things by their numbers.
+    pub fn near(
+        &self,
+        (origin, dir): (Vec3, Vec3),
+        t_max: f32,
+        radius: f32,
+        triangle: &mut dyn FnMut(u32, [Vec3; 3]),
+        other: &mut dyn FnMut(u32),
+    ) {
+        self.boxes
+            .near_ray(origin, dir, t_max, radius, |leaf| match self.leaves[leaf as usize] {
+                Leaf::Four(i) => self.fours[i as usize]
+                    .each()
+                    .for_each(|(object, corners)| triangle(object, corners)),
+                Leaf::Other(i) => other(i),
+            });
+    }
 }
 
 fn binary_tree(things: &[impl Boundable]) -> Bvh2 {

@@ -42,6 +42,8 @@ pub struct Scene {
     pub(crate) environments: Vec<usize>,
     /// By object: rays may pass straight through it.
     pub(crate) passable: Vec<bool>,
+    /// By object: it ends kernels that it stands in: nothing ever passes it.
+    pub(crate) walls: Vec<bool>,
     /// By object: the lowest and highest corner of the box around it.
     pub(crate) boxes: Vec<(Vec3, Vec3)>,
     /// By object: diagonal of its box, scene units.
@@ -109,6 +111,14 @@ impl Scene {
             .iter()
             .map(|o| material(o).may_be_passed())
             .collect();
+        let seen_by_all = |object: u32| match &description.rules {
+            Some(rules) => rules.all_photons_see(object),
+            None => true,
+        };
+        let objects = (0..).zip(&description.objects);
+        let walls = objects
+            .map(|(number, o)| !material(o).transmits() && seen_by_all(number))
+            .collect();
         let has_boundaries = description.objects.iter().any(|o| material(o).is_null());
         let mut materials = description.objects.iter().map(material);
         let shadow_rays_walk =
@@ -134,6 +144,7 @@ impl Scene {
                 .filter(|&i| is_environment(&description.lights[i]))
                 .collect(),
             passable,
+            walls,
             extents: boxes.iter().map(|(min, max)| (*max - *min).length()).collect(),
             boxes,
             free_paths: description.media.iter().map(Medium::free_path).collect(),

@@ -5,13 +5,15 @@
 
 use super::super::PhotonBeam;
 use super::super::lanes::{LANES, Lanes};
-use super::super::store::PieceRange;
+use super::super::store::{BeamMap, PieceRange};
+use super::super::walls;
 use super::varying::Varying;
 use super::{CameraSegment, Gather, NEARLY_PARALLEL_SIN, NEARLY_PARALLEL_SIN2};
 use crate::math::{PI, Rgb, Vec3, exp_neg};
 use crate::medium::Medium;
 use crate::medium::transmittance::StepFunctions;
 use crate::phase::{Phase, PhaseLobe};
+use crate::world::Scene;
 
 /// What all segments share.
 pub(super) struct Shared<'a> {
@@ -23,6 +25,8 @@ pub(super) struct Shared<'a> {
     lobes: [PhaseLobe; 2],
     /// Transmittance along the beams.
     pub beam_steps: &'a StepFunctions,
+    map: &'a BeamMap,
+    scene: Option<&'a Scene>,
     pub key: u64,
 }
 
@@ -174,6 +178,8 @@ impl<'a> Shared<'a> {
             phase: medium.phase(),
             lobes: medium.phase().lobes(),
             beam_steps: gather.map.steps(),
+            map: gather.map,
+            scene: gather.scene,
             key: gather.key,
         }
     }
@@ -188,6 +194,14 @@ impl<'a> Shared<'a> {
             1 => first.eval(-cos),
             _ => first.eval(-cos) + second.eval(-cos),
         }
+    }
+
+    /// Whether a wall stands between a point of a segment and what it sees of a beam.
+    #[inline(always)]
+    pub fn is_hidden(&self, beam: &PhotonBeam, point: Vec3, s: f32) -> bool {
+        let planes = self.map.walls_of(beam);
+        planes.iter().any(|plane| plane.hides(point.to_array(), s))
+            && (self.scene).is_some_and(|scene| walls::hide(scene, beam, planes, point, s))
     }
 
     /// A piece of one of the beams.
@@ -252,7 +266,7 @@ impl<'a> Block<'a> {
         line: &BeamLine,
     ) {
         let mut chords = [0; LANES];
-        if self.add_beam::<GREY, LOBES, VARYING, PINHOLE>(shared, line, &mut chords) {
+        if self.add_beam::<GREY, LOBES, VARYING, PINHOLE>(shared, beams, line, &mut chords) {
             self.add_chords(shared, beams, line.piece, &chords);
         }
     }
@@ -263,6 +277,7 @@ impl<'a> Block<'a> {
     fn add_beam<const GREY: bool, const LOBES: usize, const VARYING: bool, const PINHOLE: bool>(
         &mut self,
         shared: &Shared,
+        beams: &[PhotonBeam],
         line: &BeamLine,
         chords: &mut [u32; LANES],
     ) -> bool {
@@ -326,6 +341,19 @@ impl<'a> Block<'a> {
             value[l] = if hit[l] != 0 { v } else { 0.0 };
             depth[l] = along_segment[l] + along_beam[l];
         }
+        if line.piece.is_walled && any(&hit) {
+            self.hide(
+                shared,
+                &beams[line.piece.beam as usize],
+                line.piece,
+                &along_segment,
+                &along_beam,
+                &mut hit,
+            );
+            for l in 0..LANES {
+                value[l] = if hit[l] != 0 { value[l] } else { 0.0 };
+            }
+        }
         for l in 0..LANES {
             self.evaluations[l] += hit[l];
         }
@@ -362,9 +390,41 @@ impl<'a> Block<'a> {
     }
 }
 
+impl Block<'_> {
+    /// Takes back the hits of lanes from whose points a wall hides the beam.
+    #[inline(always)]
+    fn hide(
+        &self,
+        shared: &Shared,
+        beam: &PhotonBeam,
+        piece: PieceRange,
+        t: &Lanes,
+        s: &Lanes,
+        hit: &mut [u32; LANES],
+    ) {
+        let ([ox, oy, oz], [dx, dy, dz]) = (&self.origin, &self.dir);
+        let mut behind = [0u32; LANES];
+        let planes = shared.map.walls_of(beam);
+        for plane in planes.iter().filter(|plane| plane.matters(piece.start, piece.end)) {
+            for l in 0..LANES {
+                let point = [ox[l] + dx[l] * t[l], oy[l] + dy[l] * t[l], oz[l] + dz[l] * t[l]];
+                behind[l] |= hit[l] & plane.hides(point, s[l]) as u32;
+            }
+        }
+        if any(&behind) {
+            for l in 0..LANES {
+                let ray = &self.segments[l.min(self.segments.len() - 1)].ray;
+                if behind[l] != 0 && shared.is_hidden(beam, ray.at(t[l]), s[l]) {
+                    hit[l] = 0;
+                }
+            }
+        }
+    }
+}
+
 /// Whether any lane is set.
 #[inline(always)]
-fn any(lanes: &[u32; LANES]) -> bool {
+pub(super) fn any(lanes: &[u32; LANES]) -> bool {
     let mut any = 0;
     for l in 0..LANES {
         any |= lanes[l];

@@ -7,7 +7,7 @@
 use super::super::PhotonBeam;
 use super::super::lanes::{LANES, Lanes};
 use super::super::store::{Bounds, Cluster, PieceList, PieceRange, ROUNDING};
-use super::line::{Block, Meeting, Shared};
+use super::line::{Block, Meeting, Shared, any};
 use super::search::Probe;
 use super::{CameraSegment, NEARLY_PARALLEL_SIN, NEARLY_PARALLEL_SIN2};
 use crate::math::{exp_neg, prefetch};
@@ -76,6 +76,8 @@ struct BeamLanes {
     end: Lanes,
     power: [Lanes; 3],
     steps: [u32; LANES],
+    /// One where walls are near.
+    walled: [u32; LANES],
 }
 
 impl BeamLanes {
@@ -90,6 +92,7 @@ impl BeamLanes {
         end: [0.0; LANES],
         power: [[0.0; LANES]; 3],
         steps: [0; LANES],
+        walled: [0; LANES],
     };
 
     #[inline(always)]
@@ -104,6 +107,7 @@ impl BeamLanes {
         self.max_radius[lane] = beam.radius_at(piece.start).max(beam.radius_at(piece.end));
         (self.start[lane], self.end[lane]) = (piece.start, piece.end);
         self.steps[lane] = beam.steps;
+        self.walled[lane] = piece.is_walled as u32;
     }
 }
 
@@ -131,7 +135,8 @@ impl Block<'_> {
             for l in group.len()..LANES {
                 lanes.max_radius[l] = 0.0;
             }
-            let (added, hit, chords) = self.estimates::<GREY, LOBES, VARYING>(shared, &lanes);
+            let beam_of = |l: usize| &beams[piece_at(group[l]).beam as usize];
+            let (added, hit, chords) = self.estimates::<GREY, LOBES, VARYING>(shared, &lanes, beam_of);
             for (l, &at) in group.iter().enumerate() {
                 // Where there is no hit these are zeros.
                 for c in 0..3 {
@@ -147,10 +152,11 @@ impl Block<'_> {
 
     /// What each beam adds, which do, and which are nearly parallel to the segment.
     #[inline(always)]
-    fn estimates<const GREY: bool, const LOBES: usize, const VARYING: bool>(
+    fn estimates<'b, const GREY: bool, const LOBES: usize, const VARYING: bool>(
         &self,
         shared: &Shared,
         beams: &BeamLanes,
+        beam_of: impl Fn(usize) -> &'b PhotonBeam,
     ) -> ([Lanes; 3], [u32; LANES], [u32; LANES]) {
         let segment = &self.segments[0];
         let (o, d) = (segment.ray.origin, segment.ray.dir);
@@ -177,6 +183,17 @@ impl Block<'_> {
             along_beam[l] = if met { at.s.max(0.0) } else { 0.0 };
             value[l] = if met { v } else { 0.0 };
             depth[l] = along_segment[l] + along_beam[l];
+        }
+        let mut asks = [0u32; LANES];
+        for l in 0..LANES {
+            asks[l] = hit[l] & beams.walled[l];
+        }
+        if any(&asks) {
+            for l in 0..LANES {
+                if asks[l] != 0 && shared.is_hidden(beam_of(l), segment.ray.at(along_segment[l]), along_beam[l]) {
+                    (hit[l], value[l]) = (0, 0.0);
+                }
+            }
         }
         let mut transmitted = [[1.0; LANES]; 3];
         if VARYING && let Some(varying) = &self.varying {

@@ -1,0 +1,258 @@
+//! What stands near a kernel: light must not get through a wall, nor past the edge of a thing into what it shades.
+//!
+//! A kernel blurs light over all that is within its radius. Where a wall is as near as that, who looks the light up asks
+//! whether it stands in between, by a short ray. Nearly everywhere none is needed. A surface photon knows whether a wall
+//! crosses its kernel at all. A beam knows the planes of those near it: points before all of these see it, as all do in a
+//! room without corners that jut out.
+//!
+//! Walls are what nothing passes: no glass, no boundaries of media, nothing with holes, nothing that rules hide from some
+//! photon.
+
+use super::PhotonBeam;
+use crate::math::{Ray, Vec3};
+use crate::photon_map::{MAX_PLANE_DISTANCE, SurfacePhoton};
+use crate::world::Scene;
+
+/// A plane that a wall near a beam lies in or behind; the beam is before it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Plane {
+    /// Unit normal, towards the beam; zero where no plane tells what is behind walls.
+    n: Vec3,
+    /// Product of the normal and any point of the plane.
+    at: f32,
+    /// Where along the beam the kernel reaches behind it.
+    range: [f32; 2],
+}
+
+/// Most planes of a beam. Where more are near, every look-up asks.
+const MOST_PLANES: usize = 6;
+/// How far walls may rise above a plane that is taken for theirs, in kernel radii.
+const BUMP: f32 = 0.1;
+
+impl Plane {
+    /// Whether the kernel reaches behind it somewhere in a range along the beam.
+    #[inline(always)]
+    pub(super) fn matters(&self, start: f32, end: f32) -> bool {
+        self.range[0] < end && self.range[1] > start
+    }
+
+    /// Whether what is seen of the beam at distance `s` from a point may be behind a wall.
+    #[inline(always)]
+    pub(super) fn hides(&self, [x, y, z]: [f32; 3], s: f32) -> bool {
+        (s > self.range[0]) & (s < self.range[1]) & (x * self.n.x + y * self.n.y + z * self.n.z < self.at)
+    }
+
+    fn height(&self, point: Vec3) -> f32 {
+        self.n.dot(point) - self.at
+    }
+}
+
+/// Adds the planes of the walls near a beam to a list, and tells the beam where. `ends`: normals of the surfaces that it
+/// starts and ends on.
+pub(super) fn find(scene: &Scene, beam: &mut PhotonBeam, ends: [Option<Vec3>; 2], planes: &mut Vec<Plane>) {
+    let first = planes.len();
+    let mut near = Near {
+        beam,
+        planes,
+        first,
+        crowd: None,
+    };
+    for (normal, s) in ends.into_iter().zip([0.0, beam.length]) {
+        if let Some(n) = normal {
+            let out = if s == 0.0 { beam.dir } else { -beam.dir };
+            near.add(n * n.dot(out).signum(), beam.origin + beam.dir * s, [s, s]);
+        }
+    }
+    let [start, end] = beam.extent;
+    let ray = Ray {
+        origin: beam.origin + beam.dir * start,
+        dir: beam.dir,
+    };
+    let along = |p: Vec3| (p - beam.origin).dot(beam.dir);
+    let radius = beam.max_radius();
+    (scene.geometry).near(scene.objects(), (&ray, end - start), radius, &mut |object, corners| {
+        if !scene.walls[object as usize] {
+            return;
+        }
+        if let Some(corners) = corners {
+            if near.covers(|plane| corners.iter().all(|p| plane.height(*p) <= BUMP * radius)) {
+                return;
+            }
+            let [a, b, c] = corners;
+            let n = (b - a).cross(c - a).normalize_or_zero();
+            if n == Vec3::ZERO {
+                return;
+            }
+            let [s, t, u] = corners.map(along);
+            let range = [s.min(t).min(u), s.max(t).max(u)];
+            // The side that the beam is on where it is near.
+            let middle = beam.origin + beam.dir * (0.5 * (range[0].max(0.0) + range[1].min(beam.length)));
+            near.add(n * n.dot(middle - a).signum(), a, range);
+        } else {
+            let shape = &scene.objects()[object as usize].shape;
+            let reach = |n: Vec3| shape.reach(n).unwrap_or(f32::INFINITY);
+            if near.covers(|plane| reach(plane.n) - plane.at <= BUMP * radius) {
+                return;
+            }
+            let (low, high) = scene.boxes[object as usize];
+            let middle = 0.5 * (low + high);
+            let nearest = beam.origin + beam.dir * along(middle).clamp(0.0, beam.length);
+            let n = (nearest - middle).normalize_or_zero();
+            let from = beam.origin.dot(beam.dir);
+            near.add(n, n * reach(n), [-reach(-beam.dir) - from, reach(beam.dir) - from]);
+        }
+    });
+    if let Some(range) = near.crowd {
+        planes.push(Plane {
+            n: Vec3::ZERO,
+            at: f32::INFINITY,
+            range,
+        });
+    }
+    beam.walls = [first as u32, planes.len() as u32];
+}
+
+/// The planes of a beam as they are found.
+struct Near<'a> {
+    beam: &'a PhotonBeam,
+    planes: &'a mut Vec<Plane>,
+    /// The beam's first.
+    first: usize,
+    /// Where there are walls that none of them stands for.
+    crowd: Option<[f32; 2]>,
+}
+
+impl Near<'_> {
+    /// Whether a wall is behind one of the planes, of all that matters of the kernel.
+    fn covers(&self, is_behind: impl Fn(&Plane) -> bool) -> bool {
+        let [start, end] = self.beam.extent;
+        let all = |plane: &Plane| plane.matters(start, end) && is_behind(plane);
+        self.planes[self.first..].iter().any(all)
+    }
+
+    /// Adds the plane through a point, of a wall that is at these distances along the beam.
+    fn add(&mut self, n: Vec3, point: Vec3, [low, high]: [f32; 2]) {
+        let PhotonBeam {
+            origin,
+            dir,
+            length,
+            extent,
+            radius,
+            radius_slope,
+            ..
+        } = *self.beam;
+        // Beyond its ends, what is seen of the beam is its end.
+        let mut range = [
+            if low <= 0.0 { f32::NEG_INFINITY } else { low },
+            if high >= length { f32::INFINITY } else { high },
+        ];
+        // Behind the plane is the kernel where the plane is nearer than its radius, as seen across the beam.
+        let across = (1.0 - n.dot(dir) * n.dot(dir)).max(0.0).sqrt();
+        let above = n.dot(origin - point) - across * radius;
+        let slope = n.dot(dir) - across * radius_slope;
+        if slope > 0.0 {
+            range[1] = range[1].min(-above / slope);
+        } else if slope < 0.0 {
+            range[0] = range[0].max(-above / slope);
+        } else if above >= 0.0 {
+            return;
+        }
+        let plane = Plane {
+            n,
+            at: n.dot(point),
+            range,
+        };
+        if !(range[0] < range[1] && plane.matters(extent[0], extent[1])) {
+            return;
+        }
+        let part = [range[0].max(0.0), range[1].min(length)];
+        let is_before = |s: f32| plane.height(origin + dir * s) >= -BUMP * (radius + radius_slope * s);
+        let serves = n != Vec3::ZERO && (part[0] > part[1] || part.into_iter().all(is_before));
+        if serves && self.planes.len() < self.first + MOST_PLANES {
+            self.planes.push(plane);
+        } else {
+            let [start, end] = self.crowd.unwrap_or(range);
+            self.crowd = Some([start.min(range[0]), end.max(range[1])]);
+        }
+    }
+}
+
+/// Whether a wall stands between a point and what it sees of a beam at distance `s`.
+#[cold]
+#[inline(never)]
+pub(super) fn hide(scene: &Scene, beam: &PhotonBeam, planes: &[Plane], point: Vec3, s: f32) -> bool {
+    let s = s.clamp(0.0, beam.length);
+    let mut from = beam.origin + beam.dir * s;
+    // From above what it starts or ends on, so that bent surfaces do not hide it.
+    let height = MAX_PLANE_DISTANCE * beam.radius_at(s);
+    for plane in planes.iter().filter(|plane| plane.n != Vec3::ZERO) {
+        from += plane.n * (height - plane.height(from)).clamp(0.0, 2.0 * height);
+    }
+    stand_between(scene, from, point - from)
+}
+
+/// Whether a wall crosses a disc.
+pub(super) fn cross_disc(scene: &Scene, middle: Vec3, n: Vec3, radius: f32) -> bool {
+    let ray = Ray { origin: middle, dir: n };
+    let mut crosses = false;
+    (scene.geometry).near(scene.objects(), (&ray, 0.0), radius, &mut |object, corners| {
+        if crosses || !scene.walls[object as usize] {
+            return;
+        }
+        crosses = match corners {
+            Some(corners) => crosses_disc(corners.map(|p| p - middle), n, radius),
+            None => {
+                let shape = &scene.objects()[object as usize].shape;
+                let reaches = |n: Vec3| shape.reach(n).is_none_or(|reach| reach >= n.dot(middle));
+                reaches(n) && reaches(-n)
+            }
+        };
+    });
+    crosses
+}
+
+/// The same of a triangle and a disc around the origin.
+fn crosses_disc(corners: [Vec3; 3], n: Vec3, radius: f32) -> bool {
+    let heights = corners.map(|p| p.dot(n));
+    if heights.iter().all(|h| *h > 0.0) || heights.iter().all(|h| *h < 0.0) {
+        return false;
+    }
+    // Where its edges cross the plane; twice the same at a corner.
+    let mut ends = [None; 2];
+    for i in 0..3 {
+        let (a, b) = (heights[i], heights[(i + 1) % 3]);
+        if (a <= 0.0) != (b <= 0.0) {
+            let p = corners[i] + (corners[(i + 1) % 3] - corners[i]) * (a / (a - b));
+            ends[usize::from(ends[0].is_some())] = Some(p);
+        }
+    }
+    let [Some(p), Some(q)] = ends else { return true };
+    let way = q - p;
+    let t = (-p.dot(way) / way.length_squared()).clamp(0.0, 1.0);
+    // Not a number where both are one.
+    let nearest = if t.is_nan() { p } else { p + way * t };
+    nearest.length_squared() < radius * radius
+}
+
+/// Whether a wall stands in the way from a point.
+pub(super) fn stand_between(scene: &Scene, from: Vec3, way: Vec3) -> bool {
+    let length = way.length();
+    let ray = Ray {
+        origin: from,
+        dir: way / length,
+    };
+    let is_passed = |object: u32| !scene.walls[object as usize];
+    length > 0.0 && (scene.geometry).occluded(scene.objects(), &ray, length, &is_passed)
+}
+
+impl SurfacePhoton {
+    /// Whether a wall stands between it and a point that its kernel covers.
+    #[inline]
+    pub(crate) fn is_hidden_from(&self, scene: &Scene, point: Vec3) -> bool {
+        self.height > 0.0 && {
+            let n = self.ng * self.ng.dot(self.wi).signum();
+            let way = point - self.point;
+            stand_between(scene, self.point + n * self.height, way - n * way.dot(n))
+        }
+    }
+}

@@ -50,17 +50,13 @@ impl Plane {
 /// Adds the planes of the walls near a beam to a list, and tells the beam where. `ends`: normals of the surfaces that it
 /// starts and ends on.
 pub(super) fn find(scene: &Scene, beam: &mut PhotonBeam, ends: [Option<Vec3>; 2], planes: &mut Vec<Plane>) {
-    let first = planes.len();
-    let mut near = Near {
-        beam,
-        planes,
-        first,
-        crowd: None,
-    };
+    let mut near = Near::default();
     for (normal, s) in ends.into_iter().zip([0.0, beam.length]) {
         if let Some(n) = normal {
             let out = if s == 0.0 { beam.dir } else { -beam.dir };
-            near.add(n * n.dot(out).signum(), beam.origin + beam.dir * s, [s, s]);
+            let n = n * n.dot(out).signum();
+            let at = n.dot(beam.origin + beam.dir * s);
+            near.add(n, at, [f32::NEG_INFINITY, f32::INFINITY]);
         }
     }
     let [start, end] = beam.extent;
@@ -75,7 +71,9 @@ pub(super) fn find(scene: &Scene, beam: &mut PhotonBeam, ends: [Option<Vec3>; 2]
             return;
         }
         if let Some(corners) = corners {
-            if near.covers(|plane| corners.iter().all(|p| plane.height(*p) <= BUMP * radius)) {
+            let [s, t, u] = corners.map(along);
+            let range = [s.min(t).min(u), s.max(t).max(u)];
+            if near.covers(range, |n, at| corners.iter().all(|p| n.dot(*p) - at <= BUMP * radius)) {
                 return;
             }
             let [a, b, c] = corners;
@@ -83,97 +81,109 @@ pub(super) fn find(scene: &Scene, beam: &mut PhotonBeam, ends: [Option<Vec3>; 2]
             if n == Vec3::ZERO {
                 return;
             }
-            let [s, t, u] = corners.map(along);
-            let range = [s.min(t).min(u), s.max(t).max(u)];
             // The side that the beam is on where it is near.
             let middle = beam.origin + beam.dir * (0.5 * (range[0].max(0.0) + range[1].min(beam.length)));
-            near.add(n * n.dot(middle - a).signum(), a, range);
+            let n = n * n.dot(middle - a).signum();
+            near.add(n, n.dot(a), range);
         } else {
             let shape = &scene.objects()[object as usize].shape;
             let reach = |n: Vec3| shape.reach(n).unwrap_or(f32::INFINITY);
-            if near.covers(|plane| reach(plane.n) - plane.at <= BUMP * radius) {
+            let from = beam.origin.dot(beam.dir);
+            let range = [-reach(-beam.dir) - from, reach(beam.dir) - from];
+            if near.covers(range, |n, at| reach(n) - at <= BUMP * radius) {
                 return;
             }
             let (low, high) = scene.boxes[object as usize];
             let middle = 0.5 * (low + high);
             let nearest = beam.origin + beam.dir * along(middle).clamp(0.0, beam.length);
             let n = (nearest - middle).normalize_or_zero();
-            let from = beam.origin.dot(beam.dir);
-            near.add(n, n * reach(n), [-reach(-beam.dir) - from, reach(beam.dir) - from]);
+            near.add(n, reach(n), range);
         }
     });
-    if let Some(range) = near.crowd {
-        planes.push(Plane {
-            n: Vec3::ZERO,
-            at: f32::INFINITY,
-            range,
-        });
-    }
+    let first = planes.len();
+    planes.extend(near.planes[..near.count].iter().filter_map(|plane| plane.of(beam)));
     beam.walls = [first as u32, planes.len() as u32];
 }
 
-/// The planes of a beam as they are found.
-struct Near<'a> {
-    beam: &'a PhotonBeam,
-    planes: &'a mut Vec<Plane>,
-    /// The beam's first.
-    first: usize,
-    /// Where there are walls that none of them stands for.
-    crowd: Option<[f32; 2]>,
+/// The planes of a beam as they are found. Ranges are those of the walls.
+struct Near {
+    planes: [Plane; MOST_PLANES + 1],
+    count: usize,
 }
 
-impl Near<'_> {
-    /// Whether a wall is behind one of the planes, of all that matters of the kernel.
-    fn covers(&self, is_behind: impl Fn(&Plane) -> bool) -> bool {
-        let [start, end] = self.beam.extent;
-        let all = |plane: &Plane| plane.matters(start, end) && is_behind(plane);
-        self.planes[self.first..].iter().any(all)
+impl Default for Near {
+    fn default() -> Self {
+        Self {
+            planes: [Plane::CROWD; MOST_PLANES + 1],
+            count: 0,
+        }
+    }
+}
+
+impl Near {
+    /// Whether a wall is behind one of them.
+    fn covers(&mut self, range: [f32; 2], is_behind: impl Fn(Vec3, f32) -> bool) -> bool {
+        let plane = (self.planes[..self.count].iter_mut()).find(|plane| is_behind(plane.n, plane.at));
+        plane.map(|plane| plane.widen(range)).is_some()
     }
 
-    /// Adds the plane through a point, of a wall that is at these distances along the beam.
-    fn add(&mut self, n: Vec3, point: Vec3, [low, high]: [f32; 2]) {
-        let PhotonBeam {
-            origin,
-            dir,
-            length,
-            extent,
-            radius,
-            radius_slope,
-            ..
-        } = *self.beam;
+    fn add(&mut self, n: Vec3, at: f32, range: [f32; 2]) {
+        if self.count <= MOST_PLANES {
+            if self.count < MOST_PLANES {
+                self.planes[self.count] = Plane { n, at, range };
+            }
+            self.count += 1;
+        }
+        if self.count > MOST_PLANES {
+            self.planes[MOST_PLANES].widen(range);
+        }
+    }
+}
+
+impl Plane {
+    /// None is known, of no wall yet.
+    const CROWD: Self = Self {
+        n: Vec3::ZERO,
+        at: f32::INFINITY,
+        range: [f32::INFINITY, f32::NEG_INFINITY],
+    };
+
+    fn widen(&mut self, [start, end]: [f32; 2]) {
+        self.range = [self.range[0].min(start), self.range[1].max(end)];
+    }
+
+    /// What it is for a beam: nothing where the kernel does not reach behind it.
+    fn of(&self, beam: &PhotonBeam) -> Option<Self> {
+        let PhotonBeam { length, extent, .. } = *beam;
+        let [low, high] = self.range;
         // Beyond its ends, what is seen of the beam is its end.
         let mut range = [
             if low <= 0.0 { f32::NEG_INFINITY } else { low },
             if high >= length { f32::INFINITY } else { high },
         ];
-        // Behind the plane is the kernel where the plane is nearer than its radius, as seen across the beam.
-        let across = (1.0 - n.dot(dir) * n.dot(dir)).max(0.0).sqrt();
-        let above = n.dot(origin - point) - across * radius;
-        let slope = n.dot(dir) - across * radius_slope;
-        if slope > 0.0 {
-            range[1] = range[1].min(-above / slope);
-        } else if slope < 0.0 {
-            range[0] = range[0].max(-above / slope);
-        } else if above >= 0.0 {
-            return;
+        let mut serves = self.n != Vec3::ZERO;
+        if serves {
+            // Behind the plane is the kernel where the plane is nearer than its radius, as seen across the beam.
+            let cos = self.n.dot(beam.dir);
+            let across = (1.0 - cos * cos).max(0.0).sqrt();
+            let above = self.height(beam.origin) - across * beam.radius;
+            let slope = cos - across * beam.radius_slope;
+            if slope > 0.0 {
+                range[1] = range[1].min(-above / slope);
+            } else if slope < 0.0 {
+                range[0] = range[0].max(-above / slope);
+            } else if above >= 0.0 {
+                return None;
+            }
+            let part = [range[0].max(0.0), range[1].min(length)];
+            let is_before = |s: f32| self.height(beam.origin + beam.dir * s) >= -BUMP * beam.radius_at(s);
+            serves = part[0] > part[1] || part.into_iter().all(is_before);
         }
-        let plane = Plane {
-            n,
-            at: n.dot(point),
+        let plane = Self {
             range,
+            ..if serves { *self } else { Self::CROWD }
         };
-        if !(range[0] < range[1] && plane.matters(extent[0], extent[1])) {
-            return;
-        }
-        let part = [range[0].max(0.0), range[1].min(length)];
-        let is_before = |s: f32| plane.height(origin + dir * s) >= -BUMP * (radius + radius_slope * s);
-        let serves = n != Vec3::ZERO && (part[0] > part[1] || part.into_iter().all(is_before));
-        if serves && self.planes.len() < self.first + MOST_PLANES {
-            self.planes.push(plane);
-        } else {
-            let [start, end] = self.crowd.unwrap_or(range);
-            self.crowd = Some([start.min(range[0]), end.max(range[1])]);
-        }
+        (range[0] < range[1] && plane.matters(extent[0], extent[1])).then_some(plane)
     }
 }
 

@@ -50,6 +50,8 @@ struct BoxRay {
     near: [usize; 3],
     /// What boxes are grown by.
     radius: Vec4,
+    /// Those behind one of these planes are passed.
+    behind: Option<[[Vec4; 4]; 2]>,
 }
 
 impl BoxRay {
@@ -66,6 +68,7 @@ impl BoxRay {
             inverse: [Vec4::splat(inverse.x), Vec4::splat(inverse.y), Vec4::splat(inverse.z)],
             near: [near as usize & 1, near as usize >> 1 & 1, near as usize >> 2 & 1],
             radius: Vec4::splat(radius),
+            behind: None,
         }
     }
 
@@ -90,8 +93,33 @@ impl BoxRay {
         let far = side(x, 0, nx ^ 1).min(side(y, 1, ny ^ 1)).min(side(z, 2, nz ^ 1));
         let near = near.max(Vec4::ZERO);
         let far = (far * FARTHER).min(Vec4::splat(t_max));
-        (near, near.cmple(far).bitmask())
+        let mut met = near.cmple(far);
+        if GROWN && let Some(planes) = &self.behind {
+            for [nx, ny, nz, at] in planes {
+                let most = |bounds: &[Vec4; 2], n: Vec4| (bounds[0] * n).max(bounds[1] * n);
+                // Boxes of no child are neither.
+                met &= (most(x, *nx) + most(y, *ny) + most(z, *nz)).cmpgt(*at);
+            }
+        }
+        (near, met.bitmask())
     }
+}
+
+/// A segment of a ray, and what is near it.
+#[derive(Clone, Copy)]
+pub(crate) struct Around {
+    pub origin: Vec3,
+    pub dir: Vec3,
+    /// In lengths of the direction.
+    pub length: f32,
+    pub radius: f32,
+    /// Normals, and their products with any point of each plane.
+    pub planes: [[f32; 4]; 2],
+}
+
+impl Around {
+    /// A plane that nothing is behind.
+    pub const NO_PLANE: [f32; 4] = [0.0, 0.0, 0.0, -1.0];
 }
 
 /// What waits on the stack of a traversal: where the ray enters, and a child.
@@ -233,11 +261,22 @@ impl WideTree {
         self.any_along::<false>(&BoxRay::new(origin, dir, 0.0), t_max, visit)
     }
 
-    /// Calls `visit` for the leaves whose boxes come within `radius` of a ray before `t_max`, and perhaps for more.
+    /// Calls `visit` for the leaves whose boxes come within a radius of a segment, but for what is all behind one of the
+    /// planes, and perhaps for more.
     #[inline(always)]
-    pub fn near_ray(&self, origin: Vec3, dir: Vec3, t_max: f32, radius: f32, mut visit: impl FnMut(u32)) {
-        let ray = BoxRay::new(origin, dir, radius);
-        self.any_along::<true>(&ray, t_max, |leaf| {
+    pub fn near(&self, around: &Around, mut visit: impl FnMut(u32)) {
+        let Around {
+            origin,
+            dir,
+            length,
+            radius,
+            ..
+        } = *around;
+        let ray = BoxRay {
+            behind: Some(around.planes.map(|plane| plane.map(Vec4::splat))),
+            ..BoxRay::new(origin, dir, radius)
+        };
+        self.any_along::<true>(&ray, length, |leaf| {
             visit(leaf);
             false
         });

@@ -50,6 +50,10 @@ impl PhotonBeam {
     pub fn radius_at(&self, s: f32) -> f32 {
         self.radius + self.radius_slope * s
     }
+    /// How far along it a point is.
+    fn along(&self, point: Vec3) -> f32 {
+        (point - self.origin).dot(self.dir)
+    }
     /// Where the beam's kernel begins and ends, render space.
     #[inline]
     pub fn ends(&self) -> [Vec3; 2] {

@@ -3,7 +3,7 @@
 use super::PhotonBeam;
 use super::lanes::{LANES, Lanes};
 use super::order::order;
-use super::walls::Plane;
+use super::walls::{self, Plane};
 use crate::math::Vec3;
 use crate::medium::transmittance::StepFunctions;
 use crate::parallel;
@@ -134,8 +134,16 @@ pub(super) struct PieceRange {
     /// From `start`, exclusive, to `end` from the beam's origin.
     pub start: f32,
     pub end: f32,
-    /// Walls are near.
-    pub is_walled: bool,
+    /// Where no wall is near, infinite if nowhere in it.
+    pub clear: [f32; 2],
+}
+
+impl PieceRange {
+    /// Whether walls are near some of it.
+    #[inline(always)]
+    pub fn is_walled(&self) -> bool {
+        self.clear[0] > f32::NEG_INFINITY || self.clear[1] < f32::INFINITY
+    }
 }
 
 impl BeamMap {
@@ -245,7 +253,7 @@ impl PhotonBeam {
                     beam: index,
                     start,
                     end,
-                    is_walled: walls.iter().any(|plane| plane.matters(start, end)),
+                    clear: walls::clear_range(walls, start, end),
                 },
                 radius: beam.radius_at(start).max(beam.radius_at(end)),
             }

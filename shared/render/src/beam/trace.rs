@@ -6,7 +6,7 @@
 
 use super::PhotonBeam;
 use super::edges::{Probe, SurfaceKernel};
-use super::walls::{self, Plane};
+use super::walls::{self, End, Plane};
 use crate::aov::GroupNumber;
 use crate::bsdf::{Material, TransportMode};
 use crate::footprint::{Footprint, spread};
@@ -175,8 +175,8 @@ struct Photon<H> {
     wave: Option<Wave>,
     medium: MediumId,
     footprint: Footprint,
-    /// Normal of the surface that the ray starts on, if it does.
-    starts_on: Option<Vec3>,
+    /// The surface that the ray starts on, if it does.
+    starts_on: Option<End>,
     arrival: Arrival,
     /// Of what it leaves at the next surface.
     odds: Odds,
@@ -297,7 +297,7 @@ impl<V: Sight> Tracer<'_, V> {
             wave: None,
             medium: self.scene.medium_of_light(choice.light, origin),
             footprint: Footprint::new(emission.dir, radius, spread(emission.pdf_dir, paths)),
-            starts_on: emission.normal,
+            starts_on: emission.normal.map(|normal| End { normal, bounds: false }),
             arrival: Arrival::Direct,
             odds: Odds::PHOTONS_ONLY,
             caustic_odds,
@@ -416,8 +416,8 @@ impl<V: Sight> Tracer<'_, V> {
         odds
     }
 
-    /// The beam of a photon that flies to `hit`, over the segment of its way that can be seen, and the normals of what it
-    /// starts and ends on.
+    /// The beam of a photon that flies to `hit`, over the segment of its way that can be seen, and what it starts and
+    /// ends on.
     fn beam(
         &self,
         photon: &Photon<V::Hidden>,
@@ -425,7 +425,7 @@ impl<V: Sight> Tracer<'_, V> {
         segment: MediumSegment,
         hit: Option<&SurfaceHit>,
         sampler: &mut Sampler,
-    ) -> (PhotonBeam, [Option<Vec3>; 2]) {
+    ) -> (PhotonBeam, [Option<End>; 2]) {
         let [start, length] = segment.range;
         let widest = match photon.footprint.is_smooth() {
             true => f32::INFINITY,
@@ -436,8 +436,8 @@ impl<V: Sight> Tracer<'_, V> {
         let radius_end = scaled(photon.footprint.advanced(length));
         let slope = (radius_end - radius) / length;
         let beyond =
-            |normal: Option<Vec3>, radius: f32| normal.map_or(0.0, |n| overhang(photon.ray.dir.dot(n), radius, slope));
-        let ends_on = hit.filter(|h| length == h.t).map(|h| h.ng);
+            |end: Option<End>, radius: f32| end.map_or(0.0, |e| overhang(photon.ray.dir.dot(e.normal), radius, slope));
+        let ends_on = hit.filter(|h| length == h.t).map(|h| End::on(self.scene, h));
         let starts_on = photon.starts_on.filter(|_| start == 0.0);
         let before = if start == 0.0 {
             beyond(starts_on, radius)
@@ -452,7 +452,7 @@ impl<V: Sight> Tracer<'_, V> {
                     scene: self.scene,
                     hides: |object: u32| self.sight.hides(photon.hidden, object),
                 };
-                probe.beam(&photon.ray, photon.starts_on, radius, sampler)
+                probe.beam(&photon.ray, starts_on.map(|end| end.normal), radius, sampler)
             }
             false => 1.0,
         };
@@ -485,7 +485,7 @@ impl<V: Sight> Tracer<'_, V> {
         let material = self.scene.material(hit);
         let Some(part) = material.met(&hit.at, || sampler.next_1d()) else {
             photon.ray = hit.spawn_ray(dir);
-            photon.starts_on = Some(hit.ng);
+            photon.starts_on = Some(End::on(self.scene, hit));
             photon.medium = self.scene.medium_beyond(hit, dir, photon.medium);
             return;
         };
@@ -572,7 +572,7 @@ impl<V: Sight> Tracer<'_, V> {
         photon.flown = 0.0;
         photon.ray = hit.spawn_ray(wi);
         photon.hidden = self.sight.from(Start::Photon(hit.object));
-        photon.starts_on = Some(hit.ng);
+        photon.starts_on = Some(End::on(self.scene, hit));
     }
 
     /// By which lobes of a surface a photon that lands there is to be seen; none if it is not to be left. Of a blend,

@@ -9,8 +9,10 @@
 //! photon.
 
 use super::PhotonBeam;
+use crate::geometry::{self, SurfaceHit};
 use crate::math::{Ray, Vec3};
 use crate::photon_map::{MAX_PLANE_DISTANCE, SurfacePhoton};
+use crate::wide::Around;
 use crate::world::Scene;
 
 /// A plane that a wall near a beam lies in or behind; the beam is before it.
@@ -29,6 +31,20 @@ const MOST_PLANES: usize = 6;
 /// How far walls may rise above a plane that is taken for theirs, in kernel radii.
 const BUMP: f32 = 0.1;
 
+/// Where between two distances along a beam its kernel reaches behind none of some planes: one stretch of it; infinite
+/// where it reaches nowhere behind one.
+pub(super) fn clear_range(planes: &[Plane], start: f32, end: f32) -> [f32; 2] {
+    let mut clear = [f32::NEG_INFINITY, f32::INFINITY];
+    for Plane { range: [low, high], .. } in planes.iter().filter(|plane| plane.matters(start, end)) {
+        // At which end less of the beam is lost.
+        match high.min(end) - start < end - low.max(start) {
+            true => clear[0] = clear[0].max(*high),
+            false => clear[1] = clear[1].min(*low),
+        }
+    }
+    clear
+}
+
 impl Plane {
     /// Whether the kernel reaches behind it somewhere in a range along the beam.
     #[inline(always)]
@@ -36,10 +52,16 @@ impl Plane {
         self.range[0] < end && self.range[1] > start
     }
 
-    /// Whether what is seen of the beam at distance `s` from a point may be behind a wall.
+    /// Whether the kernel reaches behind it at distance `s`.
     #[inline(always)]
-    pub(super) fn hides(&self, [x, y, z]: [f32; 3], s: f32) -> bool {
-        (s > self.range[0]) & (s < self.range[1]) & (x * self.n.x + y * self.n.y + z * self.n.z < self.at)
+    pub(super) fn is_near(&self, s: f32) -> bool {
+        (s > self.range[0]) & (s < self.range[1])
+    }
+
+    /// Whether a point is behind it.
+    #[inline(always)]
+    pub(super) fn hides(&self, [x, y, z]: [f32; 3]) -> bool {
+        x * self.n.x + y * self.n.y + z * self.n.z < self.at
     }
 
     fn height(&self, point: Vec3) -> f32 {
@@ -47,58 +69,55 @@ impl Plane {
     }
 }
 
-/// Adds the planes of the walls near a beam to a list, and tells the beam where. `ends`: normals of the surfaces that it
-/// starts and ends on.
-pub(super) fn find(scene: &Scene, beam: &mut PhotonBeam, ends: [Option<Vec3>; 2], planes: &mut Vec<Plane>) {
+/// What a beam starts or ends on.
+#[derive(Clone, Copy)]
+pub(super) struct End {
+    /// Unit normal, on any side.
+    pub normal: Vec3,
+    /// Behind it, what is there sees no beam of this medium.
+    pub bounds: bool,
+}
+
+impl End {
+    pub fn on(scene: &Scene, hit: &SurfaceHit) -> Self {
+        let number = hit.object as usize;
+        Self {
+            normal: hit.ng,
+            bounds: scene.objects()[number].boundary.is_some() && !scene.walls[number],
+        }
+    }
+}
+
+/// Adds the planes of the walls near a beam to a list, and tells the beam where. `ends`: what it starts and ends on.
+pub(super) fn find(scene: &Scene, beam: &mut PhotonBeam, ends: [Option<End>; 2], planes: &mut Vec<Plane>) {
     let mut near = Near::default();
-    for (normal, s) in ends.into_iter().zip([0.0, beam.length]) {
-        if let Some(n) = normal {
+    let radius = beam.max_radius();
+    let mut behind = [Around::NO_PLANE; 2];
+    for ((end, s), behind) in ends.into_iter().zip([0.0, beam.length]).zip(&mut behind) {
+        if let Some(end) = end {
             let out = if s == 0.0 { beam.dir } else { -beam.dir };
-            let n = n * n.dot(out).signum();
+            let n = end.normal * end.normal.dot(out).signum();
             let at = n.dot(beam.origin + beam.dir * s);
-            near.add(n, at, [f32::NEG_INFINITY, f32::INFINITY]);
+            *behind = n.extend(at + BUMP * radius).to_array();
+            if !end.bounds {
+                near.add(n, at, [f32::NEG_INFINITY, f32::INFINITY]);
+            }
         }
     }
     let [start, end] = beam.extent;
-    let ray = Ray {
+    let around = Around {
         origin: beam.origin + beam.dir * start,
         dir: beam.dir,
+        length: end - start,
+        radius,
+        planes: behind,
     };
-    let along = |p: Vec3| (p - beam.origin).dot(beam.dir);
-    let radius = beam.max_radius();
-    (scene.geometry).near(scene.objects(), (&ray, end - start), radius, &mut |object, corners| {
-        if !scene.walls[object as usize] {
-            return;
+    scene.geometry.near(scene.objects(), &around, &mut |found| match found {
+        geometry::Near::Triangle(object, corners) if scene.walls[object as usize] => {
+            near.add_triangle(beam, corners, radius);
         }
-        if let Some(corners) = corners {
-            let [s, t, u] = corners.map(along);
-            let range = [s.min(t).min(u), s.max(t).max(u)];
-            if near.covers(range, |n, at| corners.iter().all(|p| n.dot(*p) - at <= BUMP * radius)) {
-                return;
-            }
-            let [a, b, c] = corners;
-            let n = (b - a).cross(c - a).normalize_or_zero();
-            if n == Vec3::ZERO {
-                return;
-            }
-            // The side that the beam is on where it is near.
-            let middle = beam.origin + beam.dir * (0.5 * (range[0].max(0.0) + range[1].min(beam.length)));
-            let n = n * n.dot(middle - a).signum();
-            near.add(n, n.dot(a), range);
-        } else {
-            let shape = &scene.objects()[object as usize].shape;
-            let reach = |n: Vec3| shape.reach(n).unwrap_or(f32::INFINITY);
-            let from = beam.origin.dot(beam.dir);
-            let range = [-reach(-beam.dir) - from, reach(beam.dir) - from];
-            if near.covers(range, |n, at| reach(n) - at <= BUMP * radius) {
-                return;
-            }
-            let (low, high) = scene.boxes[object as usize];
-            let middle = 0.5 * (low + high);
-            let nearest = beam.origin + beam.dir * along(middle).clamp(0.0, beam.length);
-            let n = (nearest - middle).normalize_or_zero();
-            near.add(n, reach(n), range);
-        }
+        geometry::Near::Other(object) if scene.walls[object as usize] => near.add_round(scene, beam, object, radius),
+        _ => {}
     });
     let first = planes.len();
     planes.extend(near.planes[..near.count].iter().filter_map(|plane| plane.of(beam)));
@@ -125,6 +144,37 @@ impl Near {
     fn covers(&mut self, range: [f32; 2], is_behind: impl Fn(Vec3, f32) -> bool) -> bool {
         let plane = (self.planes[..self.count].iter_mut()).find(|plane| is_behind(plane.n, plane.at));
         plane.map(|plane| plane.widen(range)).is_some()
+    }
+
+    fn add_triangle(&mut self, beam: &PhotonBeam, corners: [Vec3; 3], radius: f32) {
+        let [s, t, u] = corners.map(|p| beam.along(p));
+        let range = [s.min(t).min(u), s.max(t).max(u)];
+        if self.covers(range, |n, at| corners.iter().all(|p| n.dot(*p) - at <= BUMP * radius)) {
+            return;
+        }
+        let [a, b, c] = corners;
+        let n = (b - a).cross(c - a).normalize_or_zero();
+        // The side that the beam is on where it is near.
+        let middle = beam.origin + beam.dir * (0.5 * (range[0].max(0.0) + range[1].min(beam.length)));
+        let n = n * n.dot(middle - a).signum();
+        if n != Vec3::ZERO {
+            self.add(n, n.dot(a), range);
+        }
+    }
+
+    fn add_round(&mut self, scene: &Scene, beam: &PhotonBeam, object: u32, radius: f32) {
+        let shape = &scene.objects()[object as usize].shape;
+        let reach = |n: Vec3| shape.reach(n).unwrap_or(f32::INFINITY);
+        let from = beam.origin.dot(beam.dir);
+        let range = [-reach(-beam.dir) - from, reach(beam.dir) - from];
+        if self.covers(range, |n, at| reach(n) - at <= BUMP * radius) {
+            return;
+        }
+        let (low, high) = scene.boxes[object as usize];
+        let middle = 0.5 * (low + high);
+        let nearest = beam.origin + beam.dir * beam.along(middle).clamp(0.0, beam.length);
+        let n = (nearest - middle).normalize_or_zero();
+        self.add(n, reach(n), range);
     }
 
     fn add(&mut self, n: Vec3, at: f32, range: [f32; 2]) {
@@ -203,18 +253,24 @@ pub(super) fn hide(scene: &Scene, beam: &PhotonBeam, planes: &[Plane], point: Ve
 
 /// Whether a wall crosses a disc.
 pub(super) fn cross_disc(scene: &Scene, middle: Vec3, n: Vec3, radius: f32) -> bool {
-    let ray = Ray { origin: middle, dir: n };
+    let at = n.dot(middle);
+    let around = Around {
+        origin: middle,
+        dir: n,
+        length: 0.0,
+        radius,
+        planes: [n.extend(at).to_array(), (-n).extend(-at).to_array()],
+    };
     let mut crosses = false;
-    (scene.geometry).near(scene.objects(), (&ray, 0.0), radius, &mut |object, corners| {
-        if crosses || !scene.walls[object as usize] {
-            return;
-        }
-        crosses = match corners {
-            Some(corners) => crosses_disc(corners.map(|p| p - middle), n, radius),
-            None => {
+    scene.geometry.near(scene.objects(), &around, &mut |found| {
+        crosses |= match found {
+            geometry::Near::Triangle(object, corners) => {
+                scene.walls[object as usize] && crosses_disc(corners.map(|p| p - middle), n, radius)
+            }
+            geometry::Near::Other(object) => {
                 let shape = &scene.objects()[object as usize].shape;
                 let reaches = |n: Vec3| shape.reach(n).is_none_or(|reach| reach >= n.dot(middle));
-                reaches(n) && reaches(-n)
+                scene.walls[object as usize] && reaches(n) && reaches(-n)
             }
         };
     });

@@ -200,7 +200,9 @@ impl<'a> Shared<'a> {
     #[inline(always)]
     pub fn is_hidden(&self, beam: &PhotonBeam, point: Vec3, s: f32) -> bool {
         let planes = self.map.walls_of(beam);
-        planes.iter().any(|plane| plane.hides(point.to_array(), s))
+        planes
+            .iter()
+            .any(|plane| plane.is_near(s) && plane.hides(point.to_array()))
             && (self.scene).is_some_and(|scene| walls::hide(scene, beam, planes, point, s))
     }
 
@@ -341,17 +343,18 @@ impl<'a> Block<'a> {
             value[l] = if hit[l] != 0 { v } else { 0.0 };
             depth[l] = along_segment[l] + along_beam[l];
         }
-        if line.piece.is_walled && any(&hit) {
-            self.hide(
-                shared,
-                &beams[line.piece.beam as usize],
-                line.piece,
-                &along_segment,
-                &along_beam,
-                &mut hit,
-            );
+        if line.piece.is_walled() {
+            let [low, high] = line.piece.clear;
+            let mut asks = [0u32; LANES];
             for l in 0..LANES {
-                value[l] = if hit[l] != 0 { value[l] } else { 0.0 };
+                asks[l] = hit[l] & ((along_beam[l] <= low) | (along_beam[l] >= high)) as u32;
+            }
+            if any(&asks) {
+                let beam = &beams[line.piece.beam as usize];
+                self.hide(shared, beam, &asks, &along_segment, &along_beam, &mut hit);
+                for l in 0..LANES {
+                    value[l] = if hit[l] != 0 { value[l] } else { 0.0 };
+                }
             }
         }
         for l in 0..LANES {
@@ -391,13 +394,13 @@ impl<'a> Block<'a> {
 }
 
 impl Block<'_> {
-    /// Takes back the hits of lanes from whose points a wall hides the beam.
+    /// Takes back those of the hits `asks` where a wall hides the beam.
     #[inline(always)]
     fn hide(
         &self,
         shared: &Shared,
         beam: &PhotonBeam,
-        piece: PieceRange,
+        asks: &[u32; LANES],
         t: &Lanes,
         s: &Lanes,
         hit: &mut [u32; LANES],
@@ -405,10 +408,10 @@ impl Block<'_> {
         let ([ox, oy, oz], [dx, dy, dz]) = (&self.origin, &self.dir);
         let mut behind = [0u32; LANES];
         let planes = shared.map.walls_of(beam);
-        for plane in planes.iter().filter(|plane| plane.matters(piece.start, piece.end)) {
+        for plane in planes {
             for l in 0..LANES {
                 let point = [ox[l] + dx[l] * t[l], oy[l] + dy[l] * t[l], oz[l] + dz[l] * t[l]];
-                behind[l] |= hit[l] & plane.hides(point, s[l]) as u32;
+                behind[l] |= asks[l] & (plane.is_near(s[l]) & plane.hides(point)) as u32;
             }
         }
         if any(&behind) {

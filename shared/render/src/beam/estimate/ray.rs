@@ -76,8 +76,8 @@ struct BeamLanes {
     end: Lanes,
     power: [Lanes; 3],
     steps: [u32; LANES],
-    /// One where walls are near.
-    walled: [u32; LANES],
+    /// Where no wall is near.
+    clear: [Lanes; 2],
 }
 
 impl BeamLanes {
@@ -92,7 +92,7 @@ impl BeamLanes {
         end: [0.0; LANES],
         power: [[0.0; LANES]; 3],
         steps: [0; LANES],
-        walled: [0; LANES],
+        clear: [[f32::NEG_INFINITY; LANES], [f32::INFINITY; LANES]],
     };
 
     #[inline(always)]
@@ -107,7 +107,7 @@ impl BeamLanes {
         self.max_radius[lane] = beam.radius_at(piece.start).max(beam.radius_at(piece.end));
         (self.start[lane], self.end[lane]) = (piece.start, piece.end);
         self.steps[lane] = beam.steps;
-        self.walled[lane] = piece.is_walled as u32;
+        (self.clear[0][lane], self.clear[1][lane]) = (piece.clear[0], piece.clear[1]);
     }
 }
 
@@ -186,7 +186,8 @@ impl Block<'_> {
         }
         let mut asks = [0u32; LANES];
         for l in 0..LANES {
-            asks[l] = hit[l] & beams.walled[l];
+            let is_clear = (along_beam[l] > beams.clear[0][l]) & (along_beam[l] < beams.clear[1][l]);
+            asks[l] = hit[l] & !is_clear as u32;
         }
         if any(&asks) {
             for l in 0..LANES {

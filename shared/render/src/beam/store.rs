@@ -138,14 +138,6 @@ pub(super) struct PieceRange {
     pub clear: [f32; 2],
 }
 
-impl PieceRange {
-    /// Whether walls are near some of it.
-    #[inline(always)]
-    pub fn is_walled(&self) -> bool {
-        self.clear[0] > f32::NEG_INFINITY || self.clear[1] < f32::INFINITY
-    }
-}
-
 impl BeamMap {
     /// Build the map.
     pub fn new(traced: Traced) -> Self {

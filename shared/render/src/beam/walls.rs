@@ -24,6 +24,8 @@ pub struct Plane {
     at: f32,
     /// Where along the beam the kernel reaches behind it.
     range: [f32; 2],
+    /// All of a closed scene is before it: see [`Scene::hull`].
+    is_outer: bool,
 }
 
 /// Most planes of a beam. Where more are near, every look-up asks.
@@ -35,7 +37,8 @@ const BUMP: f32 = 0.1;
 /// where it reaches nowhere behind one.
 pub(super) fn clear_range(planes: &[Plane], start: f32, end: f32) -> [f32; 2] {
     let mut clear = [f32::NEG_INFINITY, f32::INFINITY];
-    for Plane { range: [low, high], .. } in planes.iter().filter(|plane| plane.matters(start, end)) {
+    let near = |plane: &&Plane| !plane.is_outer && plane.matters(start, end);
+    for Plane { range: [low, high], .. } in planes.iter().filter(near) {
         // At which end less of the beam is lost.
         match high.min(end) - start < end - low.max(start) {
             true => clear[0] = clear[0].max(*high),
@@ -120,7 +123,13 @@ pub(super) fn find(scene: &Scene, beam: &mut PhotonBeam, ends: [Option<End>; 2],
         _ => {}
     });
     let first = planes.len();
-    planes.extend(near.planes[..near.count].iter().filter_map(|plane| plane.of(beam)));
+    planes.extend(near.planes[..near.count].iter().filter_map(|plane| {
+        let is_outer = scene.hull.is_some_and(|hull| plane.is_before(hull));
+        Some(Plane {
+            is_outer,
+            ..plane.of(beam)?
+        })
+    }));
     beam.walls = [first as u32, planes.len() as u32];
 }
 
@@ -155,10 +164,17 @@ impl Near {
         let [a, b, c] = corners;
         let n = (b - a).cross(c - a).normalize_or_zero();
         // The side that the beam is on where it is near.
-        let middle = beam.origin + beam.dir * (0.5 * (range[0].max(0.0) + range[1].min(beam.length)));
+        let [low, high] = range.map(|s| s.clamp(0.0, beam.length));
+        let middle = beam.origin + beam.dir * (0.5 * (low + high));
         let n = n * n.dot(middle - a).signum();
-        if n != Vec3::ZERO {
-            self.add(n, n.dot(a), range);
+        let plane = Plane {
+            n,
+            at: n.dot(a),
+            range,
+            is_outer: false,
+        };
+        if n != Vec3::ZERO && plane.of(beam).is_some() {
+            self.add(plane.n, plane.at, range);
         }
     }
 
@@ -180,7 +196,12 @@ impl Near {
     fn add(&mut self, n: Vec3, at: f32, range: [f32; 2]) {
         if self.count <= MOST_PLANES {
             if self.count < MOST_PLANES {
-                self.planes[self.count] = Plane { n, at, range };
+                self.planes[self.count] = Plane {
+                    n,
+                    at,
+                    range,
+                    is_outer: false,
+                };
             }
             self.count += 1;
         }
@@ -196,10 +217,17 @@ impl Plane {
         n: Vec3::ZERO,
         at: f32::INFINITY,
         range: [f32::INFINITY, f32::NEG_INFINITY],
+        is_outer: false,
     };
 
     fn widen(&mut self, [start, end]: [f32; 2]) {
         self.range = [self.range[0].min(start), self.range[1].max(end)];
+    }
+
+    /// Whether all of a box is before it, but for rounding.
+    fn is_before(&self, [low, high]: [Vec3; 2]) -> bool {
+        let least = (self.n * low).min(self.n * high).element_sum();
+        self.n != Vec3::ZERO && least >= self.at - 1e-5 * (low.abs().max(high.abs()).max_element())
     }
 
     /// What it is for a beam: nothing where the kernel does not reach behind it.

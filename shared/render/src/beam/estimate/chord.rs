@@ -43,6 +43,8 @@ impl Block<'_> {
     /// stratified points.
     fn chord_estimate(&self, shared: &Shared, beam: &PhotonBeam, piece: PieceRange, lane: usize, u: f32) -> Rgb {
         let PieceRange { start, end, .. } = piece;
+        let [low, high] = shared.clear(piece);
+        let asks = |s: f32| s <= low || s >= high;
         let segment = &self.segments[lane];
         let ray = &segment.ray;
         // In the beam's frame the ray is at distance |across + t across_dir| from the axis, at s = along + t cos.
@@ -69,7 +71,7 @@ impl Block<'_> {
             let s = (along + t * cos).clamp(start, end);
             let radius = beam.radius_at(s);
             let x = (across + across_dir * t).length_squared() / (radius * radius);
-            if x < 1.0 && !(piece.is_walled() && shared.is_hidden(beam, ray.at(t), s)) {
+            if x < 1.0 && !(asks(s) && shared.is_hidden(beam, ray.at(t), s)) {
                 let kernel = 2.0 / (PI * radius * radius) * (1.0 - x);
                 sum += self.attenuation(shared, beam, lane, t, s.max(0.0)) * kernel;
             }

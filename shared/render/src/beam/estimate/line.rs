@@ -27,6 +27,8 @@ pub(super) struct Shared<'a> {
     pub beam_steps: &'a StepFunctions,
     map: &'a BeamMap,
     scene: Option<&'a Scene>,
+    /// Some segment leaves the box around everything.
+    escapes: bool,
     pub key: u64,
 }
 
@@ -168,9 +170,15 @@ pub(super) struct Block<'a> {
 }
 
 impl<'a> Shared<'a> {
-    /// `origin`: of the rays, if they share one.
-    pub fn new(gather: &Gather<'a>, origin: Vec3) -> Self {
-        let medium = gather.medium;
+    /// Of some segments; the first one's origin counts if they share it.
+    pub fn new(gather: &Gather<'a>, segments: &[CameraSegment]) -> Self {
+        let (medium, origin) = (gather.medium, segments[0].ray.origin);
+        let hull = gather.scene.and_then(|scene| scene.hull);
+        let leaves = |[low, high]: [Vec3; 2], segment: &CameraSegment| {
+            let end = segment.ray.at(segment.length);
+            let far = 1e-5 * (low.abs().max(high.abs())).max_element();
+            (end.cmplt(low - far) | end.cmpgt(high + far)).any()
+        };
         Self {
             origin,
             sigma_s: medium.sigma_s(),
@@ -180,6 +188,7 @@ impl<'a> Shared<'a> {
             beam_steps: gather.map.steps(),
             map: gather.map,
             scene: gather.scene,
+            escapes: hull.is_some_and(|hull| segments.iter().any(|segment| leaves(hull, segment))),
             key: gather.key,
         }
     }
@@ -193,6 +202,15 @@ impl<'a> Shared<'a> {
             0 => 1.0 / (4.0 * PI),
             1 => first.eval(-cos),
             _ => first.eval(-cos) + second.eval(-cos),
+        }
+    }
+
+    /// Where along a piece of a beam no wall matters.
+    #[inline(always)]
+    pub fn clear(&self, piece: PieceRange) -> [f32; 2] {
+        match self.escapes {
+            true => [f32::INFINITY, f32::NEG_INFINITY],
+            false => piece.clear,
         }
     }
 
@@ -343,8 +361,8 @@ impl<'a> Block<'a> {
             value[l] = if hit[l] != 0 { v } else { 0.0 };
             depth[l] = along_segment[l] + along_beam[l];
         }
-        if line.piece.is_walled() {
-            let [low, high] = line.piece.clear;
+        let [low, high] = shared.clear(line.piece);
+        if low > f32::NEG_INFINITY || high < f32::INFINITY {
             let mut asks = [0u32; LANES];
             for l in 0..LANES {
                 asks[l] = hit[l] & ((along_beam[l] <= low) | (along_beam[l] >= high)) as u32;

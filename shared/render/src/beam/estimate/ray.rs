@@ -96,7 +96,7 @@ impl BeamLanes {
     };
 
     #[inline(always)]
-    fn set(&mut self, lane: usize, beam: &PhotonBeam, piece: PieceRange) {
+    fn set(&mut self, lane: usize, beam: &PhotonBeam, piece: PieceRange, clear: [f32; 2]) {
         for c in 0..3 {
             self.origin[c][lane] = beam.origin[c];
             self.dir[c][lane] = beam.dir[c];
@@ -107,7 +107,7 @@ impl BeamLanes {
         self.max_radius[lane] = beam.radius_at(piece.start).max(beam.radius_at(piece.end));
         (self.start[lane], self.end[lane]) = (piece.start, piece.end);
         self.steps[lane] = beam.steps;
-        (self.clear[0][lane], self.clear[1][lane]) = (piece.clear[0], piece.clear[1]);
+        (self.clear[0][lane], self.clear[1][lane]) = (clear[0], clear[1]);
     }
 }
 
@@ -130,7 +130,7 @@ impl Block<'_> {
                     prefetch(&beams[piece_at(next).beam as usize]);
                 }
                 let piece = piece_at(at);
-                lanes.set(l, &beams[piece.beam as usize], piece);
+                lanes.set(l, &beams[piece.beam as usize], piece, shared.clear(piece));
             }
             for l in group.len()..LANES {
                 lanes.max_radius[l] = 0.0;

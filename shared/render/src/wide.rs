@@ -261,8 +261,8 @@ impl WideTree {
         self.any_along::<false>(&BoxRay::new(origin, dir, 0.0), t_max, visit)
     }
 
-    /// Calls `visit` for the leaves whose boxes come within a radius of a segment, but for what is all behind one of the
-    /// planes, and perhaps for more.
+    /// Calls `visit` for the leaves whose boxes come within a radius of a segment, but for what is all behind one of
+    /// the planes, and perhaps for more.
     #[inline(always)]
     pub fn near(&self, around: &Around, mut visit: impl FnMut(u32)) {
         let Around {

@@ -185,7 +185,11 @@ transform = [{{ scale = [1.2, 1, 1.9] }}, {{ translate = [0, 1, 0] }}]
 [[shapes]]
 type = "cylinder"
 material = "grey"
-transform = [{{ scale = [0.15, 0.15, 0.5] }}, {{ rotate = {{ axis = [1, 0, 0], angle = -90 }} }}, {{ translate = [0.4, 0, -0.9] }}]
+transform = [
+    {{ scale = [0.15, 0.15, 0.5] }},
+    {{ rotate = {{ axis = [1, 0, 0], angle = -90 }} }},
+    {{ translate = [0.4, 0, -0.9] }},
+]
 [[shapes]]
 type = "cube"
 material = "grey"

@@ -316,7 +316,10 @@ mod tests {
             ),
             (
                 "short wall that stands on a plate",
-                vec![square(Affine3A::IDENTITY), square(upright * Affine3A::from_scale(Vec3::new(1.0, 0.3, 1.0)))],
+                vec![
+                    square(Affine3A::IDENTITY),
+                    square(upright * Affine3A::from_scale(Vec3::new(1.0, 0.3, 1.0))),
+                ],
             ),
         ];
         for (name, shapes) in scenes {

@@ -138,6 +138,11 @@ pub(super) struct PieceRange {
     pub clear: [f32; 2],
 }
 
+impl PieceRange {
+    /// No wall is near any of it.
+    pub const ALL_CLEAR: [f32; 2] = [f32::NEG_INFINITY, f32::INFINITY];
+}
+
 impl BeamMap {
     /// Build the map.
     pub fn new(traced: Traced) -> Self {

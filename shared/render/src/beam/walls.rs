@@ -1,12 +1,12 @@
 //! What stands near a kernel: light must not get through a wall, nor past the edge of a thing into what it shades.
 //!
-//! A kernel blurs light over all that is within its radius. Where a wall is as near as that, who looks the light up asks
-//! whether it stands in between, by a short ray. Nearly everywhere none is needed. A surface photon knows whether a wall
-//! crosses its kernel at all. A beam knows the planes of those near it: points before all of these see it, as all do in a
-//! room without corners that jut out.
+//! A kernel blurs light over all that is within its radius. Where a wall is as near as that, who looks the light up
+//! asks whether it stands in between, by a short ray. Nearly everywhere none is needed. A surface photon knows whether
+//! a wall crosses its kernel at all. A beam knows the planes of those near it: points before all of these see it, as
+//! all do in a room without corners that jut out.
 //!
-//! Walls are what nothing passes: no glass, no boundaries of media, nothing with holes, nothing that rules hide from some
-//! photon.
+//! Walls are what nothing passes: no glass, no boundaries of media, nothing with holes, nothing that rules hide from
+//! some photon.
 
 use super::PhotonBeam;
 use crate::geometry::{self, SurfaceHit};
@@ -252,6 +252,10 @@ impl Plane {
                 range[0] = range[0].max(-above / slope);
             } else if above >= 0.0 {
                 return None;
+            }
+            if range[0] < 0.0 && range[1] > extent[0] {
+                // Look-ups take what is before the start for the start.
+                range[1] = range[1].max(f32::MIN_POSITIVE);
             }
             let part = [range[0].max(0.0), range[1].min(length)];
             let is_before = |s: f32| self.height(beam.origin + beam.dir * s) >= -BUMP * beam.radius_at(s);

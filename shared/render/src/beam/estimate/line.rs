@@ -286,15 +286,20 @@ impl<'a> Block<'a> {
         line: &BeamLine,
     ) {
         let mut chords = [0; LANES];
-        if self.add_beam::<GREY, LOBES, VARYING, PINHOLE>(shared, beams, line, &mut chords) {
+        let is_walled = shared.clear(line.piece) != PieceRange::ALL_CLEAR;
+        let has_chords = match is_walled {
+            false => self.add_beam::<GREY, LOBES, VARYING, PINHOLE, false>(shared, beams, line, &mut chords),
+            true => self.add_beam::<GREY, LOBES, VARYING, PINHOLE, true>(shared, beams, line, &mut chords),
+        };
+        if has_chords {
             self.add_chords(shared, beams, line.piece, &chords);
         }
     }
 
     /// Adds one beam by the 1D estimate. `PINHOLE`: the segments share the origin that the line is for. `chords`: which
-    /// lanes are nearly parallel to the beam and near it. True: some are.
+    /// lanes are nearly parallel to the beam and near it. `WALLED`: walls are near. True: some are.
     #[inline(always)]
-    fn add_beam<const GREY: bool, const LOBES: usize, const VARYING: bool, const PINHOLE: bool>(
+    fn add_beam<const GREY: bool, const LOBES: usize, const VARYING: bool, const PINHOLE: bool, const WALLED: bool>(
         &mut self,
         shared: &Shared,
         beams: &[PhotonBeam],
@@ -361,8 +366,8 @@ impl<'a> Block<'a> {
             value[l] = if hit[l] != 0 { v } else { 0.0 };
             depth[l] = along_segment[l] + along_beam[l];
         }
-        let [low, high] = shared.clear(line.piece);
-        if low > f32::NEG_INFINITY || high < f32::INFINITY {
+        if WALLED {
+            let [low, high] = shared.clear(line.piece);
             let mut asks = [0u32; LANES];
             for l in 0..LANES {
                 asks[l] = hit[l] & ((along_beam[l] <= low) | (along_beam[l] >= high)) as u32;

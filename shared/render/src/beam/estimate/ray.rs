@@ -95,6 +95,17 @@ impl BeamLanes {
         clear: [[f32::NEG_INFINITY; LANES], [f32::INFINITY; LANES]],
     };
 
+    /// Whether walls are near any of them.
+    #[inline(always)]
+    fn is_walled(&self) -> bool {
+        let mut walled = [0u32; LANES];
+        for l in 0..LANES {
+            let clear = [self.clear[0][l], self.clear[1][l]];
+            walled[l] = (clear != PieceRange::ALL_CLEAR) as u32;
+        }
+        any(&walled)
+    }
+
     #[inline(always)]
     fn set(&mut self, lane: usize, beam: &PhotonBeam, piece: PieceRange, clear: [f32; 2]) {
         for c in 0..3 {
@@ -136,7 +147,10 @@ impl Block<'_> {
                 lanes.max_radius[l] = 0.0;
             }
             let beam_of = |l: usize| &beams[piece_at(group[l]).beam as usize];
-            let (added, hit, chords) = self.estimates::<GREY, LOBES, VARYING>(shared, &lanes, beam_of);
+            let (added, hit, chords) = match lanes.is_walled() {
+                false => self.estimates::<GREY, LOBES, VARYING, false>(shared, &lanes, beam_of),
+                true => self.estimates::<GREY, LOBES, VARYING, true>(shared, &lanes, beam_of),
+            };
             for (l, &at) in group.iter().enumerate() {
                 // Where there is no hit these are zeros.
                 for c in 0..3 {
@@ -152,7 +166,7 @@ impl Block<'_> {
 
     /// What each beam adds, which do, and which are nearly parallel to the segment.
     #[inline(always)]
-    fn estimates<'b, const GREY: bool, const LOBES: usize, const VARYING: bool>(
+    fn estimates<'b, const GREY: bool, const LOBES: usize, const VARYING: bool, const WALLED: bool>(
         &self,
         shared: &Shared,
         beams: &BeamLanes,
@@ -184,15 +198,17 @@ impl Block<'_> {
             value[l] = if met { v } else { 0.0 };
             depth[l] = along_segment[l] + along_beam[l];
         }
-        let mut asks = [0u32; LANES];
-        for l in 0..LANES {
-            let is_clear = (along_beam[l] > beams.clear[0][l]) & (along_beam[l] < beams.clear[1][l]);
-            asks[l] = hit[l] & !is_clear as u32;
-        }
-        if any(&asks) {
+        if WALLED {
+            let mut asks = [0u32; LANES];
             for l in 0..LANES {
-                if asks[l] != 0 && shared.is_hidden(beam_of(l), segment.ray.at(along_segment[l]), along_beam[l]) {
-                    (hit[l], value[l]) = (0, 0.0);
+                let is_clear = (along_beam[l] > beams.clear[0][l]) & (along_beam[l] < beams.clear[1][l]);
+                asks[l] = hit[l] & !is_clear as u32;
+            }
+            if any(&asks) {
+                for l in 0..LANES {
+                    if asks[l] != 0 && shared.is_hidden(beam_of(l), segment.ray.at(along_segment[l]), along_beam[l]) {
+                        (hit[l], value[l]) = (0, 0.0);
+                    }
                 }
             }
         }

@@ -140,10 +140,12 @@ impl PassPhotons {
                 let sharp = Traced {
                     beams: photons.beams,
                     steps: photons.steps,
+                    walls: photons.walls,
                 };
                 let smooth = Traced {
                     beams: photons.smooth_beams,
                     steps: photons.smooth_steps,
+                    walls: photons.smooth_walls,
                 };
                 plan.beams.then(|| Beams::new(sharp, smooth, waves.as_ref()))
             },
@@ -461,6 +463,7 @@ impl<V: Sight> CameraPass<'_, V> {
                 map: &beams.sharp,
                 medium: &self.tracer.scene.media()[medium as usize],
                 steps,
+                scene: Some(self.tracer.scene),
                 group: None,
                 wave,
                 key,

@@ -60,6 +60,9 @@ pub struct SurfacePhoton {
     pub power: Rgb,
     /// Kernel radius, scene units.
     pub radius: f32,
+    /// Where walls cross the kernel: how high above the surface look-ups ask whether one is in between, scene units; or
+    /// zero.
+    pub height: f32,
     /// Its last scattering.
     pub arrival: Arrival,
     /// How well photons find this light, compared to gather rays: see `transport::shading`.
@@ -230,6 +233,7 @@ mod tests {
             wi: Vec3::Z,
             power: Rgb::ONE,
             radius: 0.25,
+            height: 0.0,
             arrival: Arrival::Caustic,
             odds: Odds::PHOTONS_ONLY,
             lobes: SeenBy::Wide,
@@ -262,6 +266,7 @@ mod tests {
                         wi: n,
                         power: Rgb::splat(sampler.next_1d()),
                         radius: 0.6 * sampler.next_1d(),
+                        height: 0.0,
                         arrival: Arrival::Surface,
                         odds: Odds::PHOTONS_ONLY,
                         lobes: SeenBy::Wide,

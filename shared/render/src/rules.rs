@@ -190,6 +190,14 @@ impl Rules {
             && !self.unlit.iter().skip(light).step_by(lights).any(|unlit| *unlit)
     }
 
+    /// Whether no photon passes through an object.
+    pub fn all_photons_see(&self, object: u32) -> bool {
+        let sets = (self.of_object.iter().map(|sets| sets.photon))
+            .chain(self.of_light.iter().copied())
+            .chain(self.of_medium.iter().copied());
+        !sets.chain([self.gather]).any(|set| self.hides(set, object))
+    }
+
     /// Bytes of the resolved sets.
     pub fn bytes(&self) -> usize {
         size_of_val(&*self.class)

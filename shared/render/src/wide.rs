@@ -48,11 +48,15 @@ struct BoxRay {
     inverse: [Vec4; 3],
     /// By axis: which side of a box it comes to first.
     near: [usize; 3],
+    /// What boxes are grown by.
+    radius: Vec4,
+    /// Those behind one of these planes are passed.
+    behind: Option<[[Vec4; 4]; 2]>,
 }
 
 impl BoxRay {
     #[inline]
-    fn new(origin: Vec3, dir: Vec3) -> Self {
+    fn new(origin: Vec3, dir: Vec3, radius: f32) -> Self {
         // Finite, so that there is no zero times infinity. What is replaced goes nowhere along that axis.
         let least = Vec4::splat((dir.abs().max_element() * 1e-12).max(1e-30));
         let dir = dir.extend(1.0);
@@ -63,24 +67,59 @@ impl BoxRay {
             origin: [Vec4::splat(origin.x), Vec4::splat(origin.y), Vec4::splat(origin.z)],
             inverse: [Vec4::splat(inverse.x), Vec4::splat(inverse.y), Vec4::splat(inverse.z)],
             near: [near as usize & 1, near as usize >> 1 & 1, near as usize >> 2 & 1],
+            radius: Vec4::splat(radius),
+            behind: None,
         }
     }
 
-    /// Where the ray enters the boxes of a node, and which of them it meets before `t_max`.
+    /// Where the ray enters the boxes of a node, and which of them it meets before `t_max`. `GROWN`: comes within the
+    /// radius of.
     #[inline(always)]
-    fn enter(&self, node: &WideNode, t_max: f32) -> (Vec4, u32) {
+    fn enter<const GROWN: bool>(&self, node: &WideNode, t_max: f32) -> (Vec4, u32) {
         // Ize 2013, Robust BVH ray traversal: so much farther that rounding loses no box.
         const FARTHER: f32 = 1.0 + 4.0 * f32::EPSILON;
         let [x, y, z] = &node.bounds;
-        let side =
-            |bounds: &[Vec4; 2], axis: usize, side: usize| (bounds[side & 1] - self.origin[axis]) * self.inverse[axis];
+        let side = |bounds: &[Vec4; 2], axis: usize, side: usize| {
+            let to = bounds[side & 1] - self.origin[axis];
+            let to = match (GROWN, side & 1) {
+                (false, _) => to,
+                (true, 0) => to - self.radius,
+                (true, _) => to + self.radius,
+            };
+            to * self.inverse[axis]
+        };
         let [nx, ny, nz] = self.near;
         let near = side(x, 0, nx).max(side(y, 1, ny)).max(side(z, 2, nz));
         let far = side(x, 0, nx ^ 1).min(side(y, 1, ny ^ 1)).min(side(z, 2, nz ^ 1));
         let near = near.max(Vec4::ZERO);
         let far = (far * FARTHER).min(Vec4::splat(t_max));
-        (near, near.cmple(far).bitmask())
+        let mut met = near.cmple(far);
+        if GROWN && let Some(planes) = &self.behind {
+            for [nx, ny, nz, at] in planes {
+                let most = |bounds: &[Vec4; 2], n: Vec4| (bounds[0] * n).max(bounds[1] * n);
+                // Boxes of no child are neither.
+                met &= (most(x, *nx) + most(y, *ny) + most(z, *nz)).cmpgt(*at);
+            }
+        }
+        (near, met.bitmask())
     }
+}
+
+/// A segment of a ray, and what is near it.
+#[derive(Clone, Copy)]
+pub(crate) struct Around {
+    pub origin: Vec3,
+    pub dir: Vec3,
+    /// In lengths of the direction.
+    pub length: f32,
+    pub radius: f32,
+    /// Normals, and their products with any point of each plane.
+    pub planes: [[f32; 4]; 2],
+}
+
+impl Around {
+    /// A plane that nothing is behind.
+    pub const NO_PLANE: [f32; 4] = [0.0, 0.0, 0.0, -1.0];
 }
 
 /// What waits on the stack of a traversal: where the ray enters, and a child.
@@ -172,13 +211,13 @@ impl WideTree {
         mut t_max: f32,
         mut visit: impl FnMut(u32, f32) -> f32,
     ) {
-        let ray = BoxRay::new(origin, dir);
+        let ray = BoxRay::new(origin, dir, 0.0);
         let mut waiting = 0;
         let mut current = 0;
         loop {
             if current & LEAF == 0 {
                 let node = &self.nodes[current as usize];
-                let (near, mut mask) = ray.enter(node, t_max);
+                let (near, mut mask) = ray.enter::<false>(node, t_max);
                 if mask != 0 {
                     // The nearest is next, the others wait, the nearer the sooner.
                     let bottom = waiting;
@@ -219,29 +258,53 @@ impl WideTree {
     /// Whether `visit` says yes to a leaf whose box a ray meets before `t_max`. It is asked in any order.
     #[inline(always)]
     pub fn any_along_ray(&self, origin: Vec3, dir: Vec3, t_max: f32, visit: impl FnMut(u32) -> bool) -> bool {
+        self.any_along::<false>(&BoxRay::new(origin, dir, 0.0), t_max, visit)
+    }
+
+    /// Calls `visit` for the leaves whose boxes come within a radius of a segment, but for what is all behind one of
+    /// the planes, and perhaps for more.
+    #[inline(always)]
+    pub fn near(&self, around: &Around, mut visit: impl FnMut(u32)) {
+        let Around {
+            origin,
+            dir,
+            length,
+            radius,
+            ..
+        } = *around;
+        let ray = BoxRay {
+            behind: Some(around.planes.map(|plane| plane.map(Vec4::splat))),
+            ..BoxRay::new(origin, dir, radius)
+        };
+        self.any_along::<true>(&ray, length, |leaf| {
+            visit(leaf);
+            false
+        });
+    }
+
+    #[inline(always)]
+    fn any_along<const GROWN: bool>(&self, ray: &BoxRay, t_max: f32, visit: impl FnMut(u32) -> bool) -> bool {
         match self.stack {
             0 => false,
-            1..=32 => self.any_along_ray_with(&mut [0; 32], origin, dir, t_max, visit),
-            33..=64 => self.any_along_ray_with(&mut [0; 64], origin, dir, t_max, visit),
-            n => self.any_along_ray_with(&mut vec![0; n], origin, dir, t_max, visit),
+            1..=32 => self.any_along_with::<GROWN>(&mut [0; 32], ray, t_max, visit),
+            33..=64 => self.any_along_with::<GROWN>(&mut [0; 64], ray, t_max, visit),
+            n => self.any_along_with::<GROWN>(&mut vec![0; n], ray, t_max, visit),
         }
     }
 
-    fn any_along_ray_with(
+    fn any_along_with<const GROWN: bool>(
         &self,
         stack: &mut [u32],
-        origin: Vec3,
-        dir: Vec3,
+        ray: &BoxRay,
         t_max: f32,
         mut visit: impl FnMut(u32) -> bool,
     ) -> bool {
-        let ray = BoxRay::new(origin, dir);
         let mut waiting = 1;
         stack[0] = 0;
         while waiting > 0 {
             waiting -= 1;
             let node = &self.nodes[stack[waiting] as usize];
-            let (_, mut mask) = ray.enter(node, t_max);
+            let (_, mut mask) = ray.enter::<GROWN>(node, t_max);
             while mask != 0 {
                 let child = node.children[mask.trailing_zeros() as usize & 3];
                 mask &= mask - 1;

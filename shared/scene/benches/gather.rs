@@ -7,7 +7,7 @@
 use beamfarm_render::aov::Part;
 use beamfarm_render::beam::PhotonBeam;
 use beamfarm_render::beam::estimate::{CameraSegment, CameraSegments, Gather, Vectors, Way};
-use beamfarm_render::beam::store::BeamMap;
+use beamfarm_render::beam::store::{BeamMap, Traced};
 use beamfarm_render::math::{Ray, Rgb, Vec3};
 use beamfarm_render::medium::bricks::Bricks;
 use beamfarm_render::medium::procedural::{Noise, Recipe};
@@ -86,10 +86,15 @@ fn beams(medium: &Medium) -> BeamMap {
             group: None,
             wave: None,
             steps: segment.steps,
+            walls: [0; 2],
         }
     };
     let beams = (0..BEAMS).map(beam).collect();
-    BeamMap::new(beams, steps)
+    BeamMap::new(Traced {
+        beams,
+        steps,
+        walls: Vec::new(),
+    })
 }
 
 /// The camera's segments, tile by tile in the order that passes have: every sixteen are a square.
@@ -156,6 +161,7 @@ fn gathering(criterion: &mut Criterion) {
                             map: &map,
                             medium,
                             steps: &tile.steps,
+                            scene: None,
                             group: None,
                             wave: None,
                             key: 0,
@@ -205,9 +211,13 @@ fn peak(criterion: &mut Criterion) {
                 group: None,
                 wave: None,
                 steps: 0,
+                walls: [0; 2],
             }
         };
-        let map = BeamMap::new((0..BEAMS).map(beam).collect(), StepFunctions::default());
+        let map = BeamMap::new(Traced {
+            beams: (0..BEAMS).map(beam).collect(),
+            ..Traced::default()
+        });
         let segment = |i: usize| CameraSegment {
             ray: Ray {
                 origin: Vec3::new(0.0, 0.0, -2.0),
@@ -229,6 +239,7 @@ fn peak(criterion: &mut Criterion) {
                 map: &map,
                 medium: &medium,
                 steps: &steps,
+                scene: None,
                 group: None,
                 wave: None,
                 key: 0,

@@ -6,7 +6,7 @@ use beamfarm_harness::{MeanEstimate, Suite};
 use beamfarm_render::aov::{GroupNumber, Part};
 use beamfarm_render::beam::PhotonBeam;
 use beamfarm_render::beam::estimate::{CameraSegment, CameraSegments, Gather, Sharing, Vectors, Way};
-use beamfarm_render::beam::store::BeamMap;
+use beamfarm_render::beam::store::{BeamMap, Traced};
 use beamfarm_render::math::{Ray, Rgb, Vec3};
 use beamfarm_render::medium::bricks::Bricks;
 use beamfarm_render::medium::procedural::{Height, Recipe};
@@ -87,10 +87,15 @@ fn beams(medium: &Medium, count: u64) -> BeamMap {
                 group: GroupNumber::new(i as usize % 3),
                 wave: None,
                 steps: segment.steps,
+                walls: [0; 2],
             })
         })
         .collect();
-    BeamMap::new(beams, steps)
+    BeamMap::new(Traced {
+        beams,
+        steps,
+        walls: Vec::new(),
+    })
 }
 
 /// Rays of a camera, from one point or a lens, or in all directions, as behind rough glass.
@@ -149,6 +154,7 @@ fn every_kind_of_vectors_gives_the_same_bits() {
                         map: &map,
                         medium: &medium,
                         steps: &camera.steps,
+                        scene: None,
                         group: None,
                         wave: None,
                         key: 7,
@@ -179,6 +185,7 @@ fn no_beam_is_passed_over() {
                 map,
                 medium: &medium,
                 steps: &steps,
+                scene: None,
                 group: None,
                 wave: None,
                 key: 7,
@@ -257,6 +264,7 @@ fn what_segments_share_is_what_one_of_them_gathers() {
             map: &map,
             medium: &medium,
             steps: &steps,
+            scene: None,
             group: None,
             wave: None,
             key: 7,

@@ -8,7 +8,7 @@ use beamfarm_harness::{MeanEstimate, Suite};
 use beamfarm_render::aov::Part;
 use beamfarm_render::beam::PhotonBeam;
 use beamfarm_render::beam::estimate::{CameraSegment, CameraSegments, Gather, Vectors, Way};
-use beamfarm_render::beam::store::BeamMap;
+use beamfarm_render::beam::store::{BeamMap, Traced};
 use beamfarm_render::math::{Frame, Ray, Rgb, Vec3};
 use beamfarm_render::medium::bricks::Bricks;
 use beamfarm_render::medium::procedural::{Blob, Height, Recipe};
@@ -40,6 +40,7 @@ fn slanted_beam() -> PhotonBeam {
         group: None,
         wave: None,
         steps: 0,
+        walls: [0; 2],
     }
 }
 
@@ -101,6 +102,7 @@ fn gather<'a>(map: &'a BeamMap, medium: &'a Medium, camera: &'a CameraSegments, 
         map,
         medium,
         steps: &camera.steps,
+        scene: None,
         group: None,
         wave: None,
         key,
@@ -120,7 +122,11 @@ fn map_of(beam: &PhotonBeam, medium: &Medium, number: u64) -> BeamMap {
     for _ in 0..2 {
         let _ = medium.segment(&ray, beam.length, &mut sampler, &mut steps);
     }
-    BeamMap::new(vec![*beam], steps)
+    BeamMap::new(Traced {
+        beams: vec![*beam],
+        steps,
+        walls: Vec::new(),
+    })
 }
 
 /// Angles between beam and rays: ordinary ones, around the change of estimator, and down to nearly parallel, both ways.
@@ -175,6 +181,7 @@ fn a_wall_of_rays_sees_what_the_beam_scatters_in_a_cloud() {
         group: None,
         wave: None,
         steps: 1,
+        walls: [0; 2],
         ..slanted_beam()
     };
     let estimators = [
@@ -298,6 +305,7 @@ fn the_estimate_along_one_ray_is_the_blurred_line() {
         group: None,
         wave: None,
         steps: 0,
+        walls: [0; 2],
     };
     let medium = medium(Phase::Isotropic);
     let map = map_of(&beam, &medium, 0);

@@ -95,6 +95,7 @@ fn what_camera_rays_come_near_is_in_view() {
                 group: None,
                 wave: None,
                 steps: 0,
+                walls: [0; 2],
             };
             view.meets(beam.ends(), beam.max_radius())
         };

@@ -6,3 +6,4 @@ mod mitsuba;
 mod partition;
 mod random_scenes;
 mod reference;
+mod walls;

@@ -6,6 +6,7 @@ mod lanes;
 mod order;
 pub mod store;
 pub mod trace;
+pub mod walls;
 
 use crate::aov::GroupNumber;
 use crate::math::{Rgb, Vec3};
@@ -39,6 +40,8 @@ pub struct PhotonBeam {
     pub wave: Option<WaveNumber>,
     /// Number of the beam's transmittance among the pass's step functions, in a heterogeneous medium.
     pub steps: u32,
+    /// Which of the pass's planes stand for the walls near it, from the first to before the second.
+    pub walls: [u32; 2],
 }
 
 impl PhotonBeam {
@@ -46,6 +49,10 @@ impl PhotonBeam {
     #[inline]
     pub fn radius_at(&self, s: f32) -> f32 {
         self.radius + self.radius_slope * s
+    }
+    /// How far along it a point is.
+    fn along(&self, point: Vec3) -> f32 {
+        (point - self.origin).dot(self.dir)
     }
     /// Where the beam's kernel begins and ends, render space.
     #[inline]

@@ -3,6 +3,7 @@
 use super::PhotonBeam;
 use super::lanes::{LANES, Lanes};
 use super::order::order;
+use super::walls::{self, Plane};
 use crate::math::Vec3;
 use crate::medium::transmittance::StepFunctions;
 use crate::parallel;
@@ -23,6 +24,7 @@ pub(super) const ROUNDING: f32 = 4e-6;
 pub struct BeamMap {
     beams: Vec<PhotonBeam>,
     steps: StepFunctions,
+    walls: Vec<Plane>,
     /// By medium.
     media: Vec<PieceTree>,
 }
@@ -85,11 +87,13 @@ pub struct Traced {
     pub beams: Vec<PhotonBeam>,
     /// See [`PhotonBeam::steps`].
     pub steps: StepFunctions,
+    /// See [`PhotonBeam::walls`].
+    pub walls: Vec<Plane>,
 }
 
 impl Traced {
     fn map(self) -> BeamMap {
-        BeamMap::new(self.beams, self.steps)
+        BeamMap::new(self)
     }
 
     /// With the power that they have for camera paths, `with_wave` of their own or without.
@@ -130,11 +134,19 @@ pub(super) struct PieceRange {
     /// From `start`, exclusive, to `end` from the beam's origin.
     pub start: f32,
     pub end: f32,
+    /// Where no wall is near, infinite if nowhere in it.
+    pub clear: [f32; 2],
+}
+
+impl PieceRange {
+    /// No wall is near any of it.
+    pub const ALL_CLEAR: [f32; 2] = [f32::NEG_INFINITY, f32::INFINITY];
 }
 
 impl BeamMap {
-    /// Build the map. `steps`: transmittance along the beams in heterogeneous media.
-    pub fn new(beams: Vec<PhotonBeam>, steps: StepFunctions) -> Self {
+    /// Build the map.
+    pub fn new(traced: Traced) -> Self {
+        let Traced { beams, steps, walls } = traced;
         let mut media: Vec<Vec<Piece>> = Vec::new();
         let lengths: f64 = beams
             .iter()
@@ -146,12 +158,13 @@ impl BeamMap {
             if media.len() <= medium {
                 media.resize_with(medium + 1, Vec::new);
             }
-            media[medium].extend(beam.pieces(i as u32, length));
+            media[medium].extend(beam.pieces(i as u32, length, walls_of(&walls, beam)));
         }
         let tree = |pieces: Vec<Piece>| PieceTree::new(&arranged(&pieces, length));
         Self {
             beams,
             steps,
+            walls,
             media: media.into_iter().map(tree).collect(),
         }
     }
@@ -164,6 +177,12 @@ impl BeamMap {
     /// Transmittance along the beams in heterogeneous media.
     pub fn steps(&self) -> &StepFunctions {
         &self.steps
+    }
+
+    /// The walls near a beam.
+    #[inline(always)]
+    pub(super) fn walls_of(&self, beam: &PhotonBeam) -> &[Plane] {
+        walls_of(&self.walls, beam)
     }
 
     /// The beams in a medium, if there are any.
@@ -183,8 +202,17 @@ impl BeamMap {
 
     /// Memory that the map holds, bytes.
     pub fn bytes(&self) -> usize {
-        size_of_val(&self.beams[..]) + self.media.iter().map(PieceTree::bytes).sum::<usize>() + self.steps.bytes()
+        size_of_val(&self.beams[..])
+            + size_of_val(&self.walls[..])
+            + self.media.iter().map(PieceTree::bytes).sum::<usize>()
+            + self.steps.bytes()
     }
+}
+
+#[inline(always)]
+fn walls_of<'a>(all: &'a [Plane], beam: &PhotonBeam) -> &'a [Plane] {
+    let [first, end] = beam.walls;
+    &all[first as usize..end as usize]
 }
 
 /// Neighbours alike, in parts of the sizes that a [`PieceTree`] has. `length`: how long pieces are; as far as
@@ -205,7 +233,7 @@ fn arranged(pieces: &[Piece], length: f32) -> Vec<Piece> {
 
 impl PhotonBeam {
     /// Pieces about as long as `length`.
-    fn pieces(&self, index: u32, length: f32) -> impl Iterator<Item = Piece> {
+    fn pieces(&self, index: u32, length: f32, walls: &[Plane]) -> impl Iterator<Item = Piece> {
         let [start, end] = self.extent;
         let count = ((end - start) / length).ceil().clamp(1.0, MAX_PIECES as f32) as u32;
         let at = move |n: u32| match n == count {
@@ -222,6 +250,7 @@ impl PhotonBeam {
                     beam: index,
                     start,
                     end,
+                    clear: walls::clear_range(walls, start, end),
                 },
                 radius: beam.radius_at(start).max(beam.radius_at(end)),
             }

@@ -5,7 +5,8 @@
 //! specular [`SurfacePhoton`]s, where the table in `transport` says that photons bring that light.
 
 use super::PhotonBeam;
-use super::edges::Probe;
+use super::edges::{Probe, SurfaceKernel};
+use super::walls::{self, End, Plane};
 use crate::aov::GroupNumber;
 use crate::bsdf::{Material, TransportMode};
 use crate::footprint::{Footprint, spread};
@@ -37,6 +38,10 @@ pub struct Photons {
     pub steps: StepFunctions,
     /// The same along the smooth ones.
     pub smooth_steps: StepFunctions,
+    /// Walls near the beams, but for the smooth ones.
+    pub walls: Vec<Plane>,
+    /// The same near the smooth ones.
+    pub smooth_walls: Vec<Plane>,
     /// Surface photons, in the order of paths.
     pub surface: Vec<SurfacePhoton>,
     /// Rays that were traced for them.
@@ -99,6 +104,8 @@ fn trace_with(scene: &Scene, plan: &RenderPlan, pass_index: u64, sight: impl Sig
         surface: Vec::with_capacity(chunks.iter().map(|c| c.surface.len()).sum()),
         steps: StepFunctions::default(),
         smooth_steps: StepFunctions::default(),
+        walls: Vec::with_capacity(chunks.iter().map(|c| c.walls.len()).sum()),
+        smooth_walls: Vec::with_capacity(chunks.iter().map(|c| c.smooth_walls.len()).sum()),
         rays: chunks.iter().map(|c| c.rays).sum(),
         met: chunks.iter().map(|c| c.met).sum(),
     };
@@ -107,6 +114,15 @@ fn trace_with(scene: &Scene, plan: &RenderPlan, pass_index: u64, sight: impl Sig
         chunk.beams.iter_mut().for_each(|beam| beam.steps += before);
         let before = joined.smooth_steps.append(&chunk.smooth_steps);
         chunk.smooth_beams.iter_mut().for_each(|beam| beam.steps += before);
+        let after = |beams: &mut [PhotonBeam], before: u32| {
+            beams
+                .iter_mut()
+                .for_each(|beam| beam.walls = beam.walls.map(|wall| wall + before));
+        };
+        after(&mut chunk.beams, joined.walls.len() as u32);
+        after(&mut chunk.smooth_beams, joined.smooth_walls.len() as u32);
+        joined.walls.extend(chunk.walls);
+        joined.smooth_walls.extend(chunk.smooth_walls);
         joined.beams.extend(chunk.beams);
         joined.smooth_beams.extend(chunk.smooth_beams);
         joined.surface.extend(chunk.surface);
@@ -162,8 +178,8 @@ struct Photon<H> {
     wave: Option<Wave>,
     medium: MediumId,
     footprint: Footprint,
-    /// Normal of the surface that the ray starts on, if it does.
-    starts_on: Option<Vec3>,
+    /// The surface that the ray starts on, if it does.
+    starts_on: Option<End>,
     arrival: Arrival,
     /// Of what it leaves at the next surface.
     odds: Odds,
@@ -279,7 +295,7 @@ impl<V: Sight> Tracer<'_, V> {
             wave: None,
             medium: self.scene.medium_of_light(choice.light, origin),
             footprint: Footprint::new(emission.dir, radius, spread(emission.pdf_dir, paths)),
-            starts_on: emission.normal,
+            starts_on: emission.normal.map(|normal| End { normal, bounds: false }),
             arrival: Arrival::Direct,
             odds: Odds::PHOTONS_ONLY,
             caustic_odds,
@@ -322,17 +338,18 @@ impl<V: Sight> Tracer<'_, V> {
         let of_medium = self.sight.from(Start::Medium(id));
         let is_unlit = self.sight.hides_light(of_medium, photon.light);
         if photon.leaves_beams && medium.scatters() && counts && !is_unlit {
-            let (steps, beams) = match photon.footprint.is_smooth() {
-                true => (&mut out.smooth_steps, &mut out.smooth_beams),
-                false => (&mut out.steps, &mut out.beams),
+            let (steps, beams, near) = match photon.footprint.is_smooth() {
+                true => (&mut out.smooth_steps, &mut out.smooth_beams, &mut out.smooth_walls),
+                false => (&mut out.steps, &mut out.beams, &mut out.walls),
             };
             let (segment, _) = medium.segment(&photon.ray, length, sampler, steps);
             if let Some(segment) = segment {
-                let beam = self.beam(photon, id, segment, hit, sampler);
+                let (mut beam, ends) = self.beam(photon, id, segment, hit, sampler);
                 // In other media camera paths go on from their vertices, and may gather beams anywhere.
                 let view = self.plan.view.as_ref().filter(|_| serves_all);
                 let is_seen = view.is_none_or(|view| view.meets(beam.ends(), beam.max_radius()));
                 if is_seen {
+                    walls::find(self.scene, &mut beam, ends, near);
                     beams.push(beam);
                 }
             }
@@ -397,7 +414,8 @@ impl<V: Sight> Tracer<'_, V> {
         odds
     }
 
-    /// The beam of a photon that flies to `hit`, over the segment of its way that can be seen.
+    /// The beam of a photon that flies to `hit`, over the segment of its way that can be seen, and what it starts and
+    /// ends on.
     fn beam(
         &self,
         photon: &Photon<V::Hidden>,
@@ -405,7 +423,7 @@ impl<V: Sight> Tracer<'_, V> {
         segment: MediumSegment,
         hit: Option<&SurfaceHit>,
         sampler: &mut Sampler,
-    ) -> PhotonBeam {
+    ) -> (PhotonBeam, [Option<End>; 2]) {
         let [start, length] = segment.range;
         let widest = match photon.footprint.is_smooth() {
             true => f32::INFINITY,
@@ -416,10 +434,11 @@ impl<V: Sight> Tracer<'_, V> {
         let radius_end = scaled(photon.footprint.advanced(length));
         let slope = (radius_end - radius) / length;
         let beyond =
-            |normal: Option<Vec3>, radius: f32| normal.map_or(0.0, |n| overhang(photon.ray.dir.dot(n), radius, slope));
-        let ends_on = hit.filter(|h| length == h.t).map(|h| h.ng);
+            |end: Option<End>, radius: f32| end.map_or(0.0, |e| overhang(photon.ray.dir.dot(e.normal), radius, slope));
+        let ends_on = hit.filter(|h| length == h.t).map(|h| End::on(self.scene, h));
+        let starts_on = photon.starts_on.filter(|_| start == 0.0);
         let before = if start == 0.0 {
-            beyond(photon.starts_on, radius)
+            beyond(starts_on, radius)
         } else {
             // Where it enters the medium's box, its whole width does.
             start.min(BOX_MARGIN * radius)
@@ -431,11 +450,11 @@ impl<V: Sight> Tracer<'_, V> {
                     scene: self.scene,
                     hides: |object: u32| self.sight.hides(photon.hidden, object),
                 };
-                probe.beam(&photon.ray, photon.starts_on, radius, sampler)
+                probe.beam(&photon.ray, starts_on.map(|end| end.normal), radius, sampler)
             }
             false => 1.0,
         };
-        PhotonBeam {
+        let beam = PhotonBeam {
             origin: photon.ray.origin,
             dir: photon.ray.dir,
             length,
@@ -447,7 +466,9 @@ impl<V: Sight> Tracer<'_, V> {
             group: photon.group,
             wave: photon.wave.map(|wave| wave.number),
             steps: segment.steps,
-        }
+            walls: [0; 2],
+        };
+        (beam, [starts_on, ends_on])
     }
 
     /// Leave a surface photon where one is due, and go on in a sampled direction.
@@ -462,7 +483,7 @@ impl<V: Sight> Tracer<'_, V> {
         let material = self.scene.material(hit);
         let Some(part) = material.met(&hit.at, || sampler.next_1d()) else {
             photon.ray = hit.spawn_ray(dir);
-            photon.starts_on = Some(hit.ng);
+            photon.starts_on = Some(End::on(self.scene, hit));
             photon.medium = self.scene.medium_beyond(hit, dir, photon.medium);
             return;
         };
@@ -549,7 +570,7 @@ impl<V: Sight> Tracer<'_, V> {
         photon.flown = 0.0;
         photon.ray = hit.spawn_ray(wi);
         photon.hidden = self.sight.from(Start::Photon(hit.object));
-        photon.starts_on = Some(hit.ng);
+        photon.starts_on = Some(End::on(self.scene, hit));
     }
 
     /// By which lobes of a surface a photon that lands there is to be seen; none if it is not to be left. Of a blend,
@@ -593,7 +614,7 @@ impl<V: Sight> Tracer<'_, V> {
         };
         let widest = LOCAL * self.scene.extents[hit.object as usize];
         let radius = radius.min(widest) * self.surface_scale;
-        let (radius, factor) = probe.surface(hit, wi, radius, sampler);
+        let SurfaceKernel { radius, factor, height } = probe.surface(hit, wi, radius, sampler);
         let of_object = self.sight.from(Start::Photon(hit.object));
         // Camera paths go on after a flight so short from a surface that they would have ended at.
         let is_near = photon.arrival != Arrival::Caustic && photon.flown < self.least_flight;
@@ -603,6 +624,7 @@ impl<V: Sight> Tracer<'_, V> {
             wi,
             power: photon.power * factor,
             radius,
+            height,
             arrival: photon.arrival,
             odds: match self.sight.hides_light(of_object, photon.light) {
                 true => Odds::UNSEEN,

@@ -3,9 +3,11 @@
 use super::Object;
 use super::mesh::{Mesh, MeshTree};
 use super::shape::{Placement, RawHit, Shape, SurfaceHit};
-use super::tree::{Item, ItemTree, Items, TreeHit};
+use super::tree::{Item, ItemTree, Items, Near, TreeHit};
 use crate::math::{Ray, Vec2, Vec3};
 use crate::parallel;
+use crate::wide::Around;
+use glam::Vec3A;
 use std::collections::HashSet;
 use std::sync::Arc;
 
@@ -215,6 +217,25 @@ impl Geometry {
         self.hierarchy.tree.any(ray.origin, ray.dir, t_max, ignore, other)
     }
 
+    /// What is near a segment, and perhaps more: triangles by their corners, round things by their objects alone.
+    pub(crate) fn near(&self, objects: &[Object], around: &Around, found: &mut dyn FnMut(Near)) {
+        self.hierarchy.tree.near(around, &mut |near| {
+            let Near::Other(object) = near else {
+                return found(near);
+            };
+            let (Some(tree), Shape::Mesh { placement, .. }) = (self.placed(object), &objects[object as usize].shape)
+            else {
+                return found(near);
+            };
+            tree.near(&in_space_of(placement, around), &mut |near| {
+                if let Near::Triangle(_, corners) = near {
+                    let back = |corner: Vec3| placement.render_from_object.transform_point3(corner);
+                    found(Near::Triangle(object, corners.map(back)));
+                }
+            });
+        });
+    }
+
     /// The tree of a mesh that has a placement.
     fn placed(&self, object: u32) -> Option<&ItemTree> {
         self.hierarchy.placed[object as usize].as_ref().map(|tree| &*tree.0)
@@ -228,6 +249,31 @@ type ShapeHit = Option<(f32, Vec2)>;
 fn in_object_space(placement: &Placement, ray: &Ray) -> (Vec3, Vec3) {
     let map = &placement.object_from_render;
     (map.transform_point3(ray.origin), map.transform_vector3(ray.dir))
+}
+
+/// The same of a segment and what is near it; of the latter a little more.
+fn in_space_of(placement: &Placement, around: &Around) -> Around {
+    let (origin, dir) = (placement.object_from_render.transform_point3(around.origin), around.dir);
+    let (to, from) = (&placement.object_from_render.matrix3, &placement.render_from_object);
+    let columns = [to.x_axis, to.y_axis, to.z_axis];
+    let scale = columns.map(|column| column.length_squared()).iter().sum::<f32>().sqrt();
+    Around {
+        origin,
+        dir: placement.object_from_render.transform_vector3(dir),
+        radius: around.radius * scale,
+        planes: around.planes.map(|[x, y, z, at]| {
+            let n = Vec3::new(x, y, z);
+            let along = |axis: Vec3A| Vec3::from(axis).dot(n);
+            let m = &from.matrix3;
+            [
+                along(m.x_axis),
+                along(m.y_axis),
+                along(m.z_axis),
+                at - along(from.translation),
+            ]
+        }),
+        ..*around
+    }
 }
 
 fn intersect_shape(shape: &Shape, ray: &Ray, t_max: f32) -> ShapeHit {

@@ -12,6 +12,7 @@ pub use accel::{Geometry, bounds};
 pub use mesh::{Mesh, SurfacePoint};
 pub(crate) use shape::clearance;
 pub use shape::{Placement, Shape, SurfaceHit};
+pub(crate) use tree::Near;
 
 use crate::math::Vec3;
 use crate::medium::MediumId;

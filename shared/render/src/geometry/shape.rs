@@ -180,6 +180,30 @@ pub(super) struct RawHit {
 }
 
 impl Shape {
+    /// How far a round shape reaches along a direction: the largest product with any of its points. None of a mesh.
+    pub(crate) fn reach(&self, along: Vec3) -> Option<f32> {
+        let by = |placement: &Placement| {
+            let m = &placement.render_from_object;
+            let axes = [m.matrix3.x_axis, m.matrix3.y_axis, m.matrix3.z_axis].map(|axis| Vec3::from(axis).dot(along));
+            (Vec3::from(m.translation).dot(along), axes)
+        };
+        match self {
+            Self::Mesh { .. } => None,
+            Self::Sphere { placement, .. } => {
+                let (middle, [x, y, z]) = by(placement);
+                Some(middle + (x * x + y * y + z * z).sqrt())
+            }
+            Self::Disc { placement, .. } => {
+                let (middle, [x, y, _]) = by(placement);
+                Some(middle + (x * x + y * y).sqrt())
+            }
+            Self::Cylinder { placement, .. } => {
+                let (middle, [x, y, z]) = by(placement);
+                Some(middle + (x * x + y * y).sqrt() + z.max(0.0))
+            }
+        }
+    }
+
     /// Whether it is the same for rays: of a mesh, the very same one.
     pub fn is_same(&self, other: &Self) -> bool {
         match (self, other) {

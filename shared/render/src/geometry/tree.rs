@@ -4,7 +4,7 @@ use super::pieces::{Piece, pieces};
 use super::triangles::{Four, FourHit, ShearedRay, TriangleId};
 use crate::math::Vec3;
 use crate::parallel;
-use crate::wide::{WideTree, padded};
+use crate::wide::{Around, WideTree, padded};
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::{Bvh2, builder::build_bvh2};
 use obvhs::{Boundable, BvhBuildParams};
@@ -169,6 +169,22 @@ impl ItemTree {
                 Leaf::Other(i) => other(i, t_max),
             })
     }
+
+    /// What is near a segment, and perhaps more.
+    pub fn near(&self, around: &Around, found: &mut dyn FnMut(Near)) {
+        self.boxes.near(around, |leaf| match self.leaves[leaf as usize] {
+            Leaf::Four(i) => {
+                (self.fours[i as usize].each()).for_each(|(object, corners)| found(Near::Triangle(object, corners)))
+            }
+            Leaf::Other(i) => found(Near::Other(i)),
+        });
+    }
+}
+
+/// What is near, by its object.
+pub(crate) enum Near {
+    Triangle(u32, [Vec3; 3]),
+    Other(u32),
 }
 
 fn binary_tree(things: &[impl Boundable]) -> Bvh2 {

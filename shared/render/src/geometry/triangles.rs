@@ -82,6 +82,13 @@ impl Four {
         self.ids[place] = id;
     }
 
+    /// The triangles, by their objects and corners.
+    pub fn each(&self) -> impl Iterator<Item = (u32, [Vec3; 3])> {
+        let corner = |four: &[Vec4; 3], place: usize| Vec3::new(four[0][place], four[1][place], four[2][place]);
+        let all = (0..4).map(move |i| (self.ids[i].object, self.corners.each_ref().map(|four| corner(four, i))));
+        all.filter(|(_, [a, ..])| !a.x.is_nan())
+    }
+
     /// The nearest hit in (0, t_max) among the triangles of objects that are not ignored.
     #[inline(always)]
     pub fn intersect(&self, ray: &ShearedRay, t_max: f32, ignore: &dyn Fn(u32) -> bool) -> Option<FourHit> {

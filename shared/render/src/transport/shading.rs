@@ -283,6 +283,9 @@ impl<V: Sight> CameraTracer<'_, V> {
                     return;
                 }
                 let weight = weight(photon, Vec3::new(0.0, 0.0, cos));
+                if weight == 0.0 || photon.is_hidden_from(self.scene, x.hit.point) {
+                    return;
+                }
                 let reflected = f * self.found_power(photon, context) * (kernel * weight);
                 radiance += reflected;
                 context.record.add_of_group(Part::Surface, photon.group, reflected);
@@ -295,6 +298,10 @@ impl<V: Sight> CameraTracer<'_, V> {
             if wi.z * cos_g <= 0.0 || !photon.lobes.sees(x.is_followed) {
                 return;
             }
+            let weight = weight(photon, wi);
+            if weight == 0.0 || photon.is_hidden_from(self.scene, x.hit.point) {
+                return;
+            }
             let f = beta * x.value(wi, photon.wi);
             // Flux is counted on the geometric surface, the BSDF's cosine is to the shading normal.
             let cosines = if x.hit.ns == x.hit.ng {
@@ -302,7 +309,7 @@ impl<V: Sight> CameraTracer<'_, V> {
             } else {
                 (wi.z / cos_g).min(MAX_COSINE_RATIO)
             };
-            let reflected = f * self.found_power(photon, context) * (kernel * cosines * weight(photon, wi));
+            let reflected = f * self.found_power(photon, context) * (kernel * cosines * weight);
             radiance += reflected;
             context.record.add_of_group(Part::Surface, photon.group, reflected);
         });

@@ -9,9 +9,10 @@ mod selectors;
 mod shadow;
 
 use crate::bsdf::{BumpShadowing, Material};
+use crate::camera::Projection;
 use crate::geometry::{Geometry, Object, SurfaceHit, bounds, clearance};
 use crate::light::{EmissionSample, Environment, Light, LightKind, LightSources, Place, SceneBounds};
-use crate::math::{Ray, Rgb, Vec3};
+use crate::math::{Ray, Rgb, Vec2, Vec3, sin_cos};
 use crate::medium::{Medium, MediumId};
 use crate::sampler::Sampler;
 use crossing::StartMedium;
@@ -42,6 +43,10 @@ pub struct Scene {
     pub(crate) environments: Vec<usize>,
     /// By object: rays may pass straight through it.
     pub(crate) passable: Vec<bool>,
+    /// By object: it ends kernels that it stands in: nothing ever passes it.
+    pub(crate) walls: Vec<bool>,
+    /// The box around everything, where camera paths seem never to leave it.
+    pub(crate) hull: Option<[Vec3; 2]>,
     /// By object: the lowest and highest corner of the box around it.
     pub(crate) boxes: Vec<(Vec3, Vec3)>,
     /// By object: diagonal of its box, scene units.
@@ -109,6 +114,14 @@ impl Scene {
             .iter()
             .map(|o| material(o).may_be_passed())
             .collect();
+        let seen_by_all = |object: u32| match &description.rules {
+            Some(rules) => rules.all_photons_see(object),
+            None => true,
+        };
+        let objects = (0..).zip(&description.objects);
+        let walls = objects
+            .map(|(number, o)| !material(o).transmits() && seen_by_all(number))
+            .collect();
         let has_boundaries = description.objects.iter().any(|o| material(o).is_null());
         let mut materials = description.objects.iter().map(material);
         let shadow_rays_walk =
@@ -138,6 +151,8 @@ impl Scene {
                 .filter(|&i| is_environment(&description.lights[i]))
                 .collect(),
             passable,
+            walls,
+            hull: None,
             extents: boxes.iter().map(|(min, max)| (*max - *min).length()).collect(),
             boxes,
             free_paths: description.media.iter().map(Medium::free_path).collect(),
@@ -148,11 +163,36 @@ impl Scene {
             description,
         };
         scene.camera_medium = scene.find_camera_medium();
+        scene.hull = scene.find_hull();
         scene.light_media = match same.filter(|previous| scene.has_media_of(previous)) {
             Some(previous) => previous.light_media.clone(),
             None => (0..scene.lights().len()).map(|i| scene.find_light_medium(i)).collect(),
         };
         scene
+    }
+
+    /// See [`Self::hull`]: rays from a pinhole or lens inside all meet something.
+    fn find_hull(&self) -> Option<[Vec3; 2]> {
+        const RAYS: u16 = 256;
+        const GOLDEN_ANGLE: f32 = 2.399_963_2;
+        let description = &self.description;
+        let camera = &description.camera;
+        if description.media.is_empty() || description.rules.is_some() || camera.projection != Projection::Perspective {
+            return None;
+        }
+        let nothing = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+        let grow = |(low, high): (Vec3, Vec3), of: &(Vec3, Vec3)| (low.min(of.0), high.max(of.1));
+        let (low, high) = self.boxes.iter().fold(nothing, grow);
+        let place = camera.position;
+        let is_inside = place.cmpgt(low + camera.aperture).all() && place.cmplt(high - camera.aperture).all();
+        let meets_something = |number: u16| {
+            // Along a spiral.
+            let z = (f32::from(number) + 0.5) * (2.0 / f32::from(RAYS)) - 1.0;
+            let (sin, cos) = sin_cos(GOLDEN_ANGLE * f32::from(number));
+            let dir = ((1.0 - z * z).sqrt() * Vec2::new(cos, sin)).extend(z);
+            self.first_hit(&Ray { origin: place, dir }, |_| false).is_some()
+        };
+        (is_inside && (0..RAYS).all(meets_something)).then_some([low, high])
     }
 
     /// Whether the lights of another scene with the same shapes are in the same media.

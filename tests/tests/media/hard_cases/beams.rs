@@ -3,7 +3,7 @@
 use beamfarm_render::aov::Part;
 use beamfarm_render::beam::PhotonBeam;
 use beamfarm_render::beam::estimate::{CameraSegment, CameraSegments, Gather, Vectors, Way};
-use beamfarm_render::beam::store::BeamMap;
+use beamfarm_render::beam::store::{BeamMap, Traced};
 use beamfarm_render::math::{Ray, Rgb, Vec3};
 use beamfarm_render::medium::transmittance::StepFunctions;
 use beamfarm_render::medium::{Homogeneous, Medium};
@@ -22,6 +22,7 @@ fn beam(length: f32, radius: f32) -> PhotonBeam {
         group: None,
         wave: None,
         steps: 0,
+        walls: [0; 2],
     }
 }
 
@@ -32,7 +33,11 @@ fn seen(beams: Vec<PhotonBeam>, ray: Ray) -> Rgb {
         sigma_s: Rgb::ONE,
         phase: Phase::HenyeyGreenstein { g: 0.999 },
     });
-    let map = BeamMap::new(beams, StepFunctions::default());
+    let map = BeamMap::new(Traced {
+        beams,
+        steps: StepFunctions::default(),
+        walls: Vec::new(),
+    });
     let mut camera = CameraSegments::default();
     camera.segments.push(CameraSegment {
         ray,
@@ -49,6 +54,7 @@ fn seen(beams: Vec<PhotonBeam>, ray: Ray) -> Rgb {
         map: &map,
         medium: &medium,
         steps: &camera.steps,
+        scene: None,
         group: None,
         wave: None,
         key: 0,

@@ -30,7 +30,7 @@ impl Block<'_> {
         let u = mix64(shared.key ^ mix64(((piece.beam as u64) << 32) | pixel as u64));
         let u = (u >> 40) as f32 * (1.0 / (1u32 << 24) as f32);
         let beam = &beams[piece.beam as usize];
-        let value = self.chord_estimate(shared, beam, [piece.start, piece.end], lane, u);
+        let value = self.chord_estimate(shared, beam, piece, lane, u);
         if value != Rgb::ZERO {
             self.evaluations[lane] += 1;
             for c in 0..3 {
@@ -41,7 +41,10 @@ impl Block<'_> {
 
     /// Radiance of one beam over a range of it, blurred over discs across it, along a segment. `u` in [0, 1) places the
     /// stratified points.
-    fn chord_estimate(&self, shared: &Shared, beam: &PhotonBeam, [start, end]: [f32; 2], lane: usize, u: f32) -> Rgb {
+    fn chord_estimate(&self, shared: &Shared, beam: &PhotonBeam, piece: PieceRange, lane: usize, u: f32) -> Rgb {
+        let PieceRange { start, end, .. } = piece;
+        let [low, high] = shared.clear(piece);
+        let asks = |s: f32| s <= low || s >= high;
         let segment = &self.segments[lane];
         let ray = &segment.ray;
         // In the beam's frame the ray is at distance |across + t across_dir| from the axis, at s = along + t cos.
@@ -68,7 +71,7 @@ impl Block<'_> {
             let s = (along + t * cos).clamp(start, end);
             let radius = beam.radius_at(s);
             let x = (across + across_dir * t).length_squared() / (radius * radius);
-            if x < 1.0 {
+            if x < 1.0 && !(asks(s) && shared.is_hidden(beam, ray.at(t), s)) {
                 let kernel = 2.0 / (PI * radius * radius) * (1.0 - x);
                 sum += self.attenuation(shared, beam, lane, t, s.max(0.0)) * kernel;
             }

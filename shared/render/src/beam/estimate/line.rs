@@ -5,13 +5,15 @@
 
 use super::super::PhotonBeam;
 use super::super::lanes::{LANES, Lanes};
-use super::super::store::PieceRange;
+use super::super::store::{BeamMap, PieceRange};
+use super::super::walls;
 use super::varying::Varying;
 use super::{CameraSegment, Gather, NEARLY_PARALLEL_SIN, NEARLY_PARALLEL_SIN2};
 use crate::math::{PI, Rgb, Vec3, exp_neg};
 use crate::medium::Medium;
 use crate::medium::transmittance::StepFunctions;
 use crate::phase::{Phase, PhaseLobe};
+use crate::world::Scene;
 
 /// What all segments share.
 pub(super) struct Shared<'a> {
@@ -23,6 +25,10 @@ pub(super) struct Shared<'a> {
     lobes: [PhaseLobe; 2],
     /// Transmittance along the beams.
     pub beam_steps: &'a StepFunctions,
+    map: &'a BeamMap,
+    scene: Option<&'a Scene>,
+    /// Some segment leaves the box around everything.
+    escapes: bool,
     pub key: u64,
 }
 
@@ -164,9 +170,15 @@ pub(super) struct Block<'a> {
 }
 
 impl<'a> Shared<'a> {
-    /// `origin`: of the rays, if they share one.
-    pub fn new(gather: &Gather<'a>, origin: Vec3) -> Self {
-        let medium = gather.medium;
+    /// Of some segments; the first one's origin counts if they share it.
+    pub fn new(gather: &Gather<'a>, segments: &[CameraSegment]) -> Self {
+        let (medium, origin) = (gather.medium, segments[0].ray.origin);
+        let hull = gather.scene.and_then(|scene| scene.hull);
+        let leaves = |[low, high]: [Vec3; 2], segment: &CameraSegment| {
+            let end = segment.ray.at(segment.length);
+            let far = 1e-5 * (low.abs().max(high.abs())).max_element();
+            (end.cmplt(low - far) | end.cmpgt(high + far)).any()
+        };
         Self {
             origin,
             sigma_s: medium.sigma_s(),
@@ -174,6 +186,9 @@ impl<'a> Shared<'a> {
             phase: medium.phase(),
             lobes: medium.phase().lobes(),
             beam_steps: gather.map.steps(),
+            map: gather.map,
+            scene: gather.scene,
+            escapes: hull.is_some_and(|hull| segments.iter().any(|segment| leaves(hull, segment))),
             key: gather.key,
         }
     }
@@ -188,6 +203,25 @@ impl<'a> Shared<'a> {
             1 => first.eval(-cos),
             _ => first.eval(-cos) + second.eval(-cos),
         }
+    }
+
+    /// Where along a piece of a beam no wall matters.
+    #[inline(always)]
+    pub fn clear(&self, piece: PieceRange) -> [f32; 2] {
+        match self.escapes {
+            true => [f32::INFINITY, f32::NEG_INFINITY],
+            false => piece.clear,
+        }
+    }
+
+    /// Whether a wall stands between a point of a segment and what it sees of a beam.
+    #[inline(always)]
+    pub fn is_hidden(&self, beam: &PhotonBeam, point: Vec3, s: f32) -> bool {
+        let planes = self.map.walls_of(beam);
+        planes
+            .iter()
+            .any(|plane| plane.is_near(s) && plane.hides(point.to_array()))
+            && (self.scene).is_some_and(|scene| walls::hide(scene, beam, planes, point, s))
     }
 
     /// A piece of one of the beams.
@@ -252,17 +286,23 @@ impl<'a> Block<'a> {
         line: &BeamLine,
     ) {
         let mut chords = [0; LANES];
-        if self.add_beam::<GREY, LOBES, VARYING, PINHOLE>(shared, line, &mut chords) {
+        let is_walled = shared.clear(line.piece) != PieceRange::ALL_CLEAR;
+        let has_chords = match is_walled {
+            false => self.add_beam::<GREY, LOBES, VARYING, PINHOLE, false>(shared, beams, line, &mut chords),
+            true => self.add_beam::<GREY, LOBES, VARYING, PINHOLE, true>(shared, beams, line, &mut chords),
+        };
+        if has_chords {
             self.add_chords(shared, beams, line.piece, &chords);
         }
     }
 
     /// Adds one beam by the 1D estimate. `PINHOLE`: the segments share the origin that the line is for. `chords`: which
-    /// lanes are nearly parallel to the beam and near it. True: some are.
+    /// lanes are nearly parallel to the beam and near it. `WALLED`: walls are near. True: some are.
     #[inline(always)]
-    fn add_beam<const GREY: bool, const LOBES: usize, const VARYING: bool, const PINHOLE: bool>(
+    fn add_beam<const GREY: bool, const LOBES: usize, const VARYING: bool, const PINHOLE: bool, const WALLED: bool>(
         &mut self,
         shared: &Shared,
+        beams: &[PhotonBeam],
         line: &BeamLine,
         chords: &mut [u32; LANES],
     ) -> bool {
@@ -326,6 +366,20 @@ impl<'a> Block<'a> {
             value[l] = if hit[l] != 0 { v } else { 0.0 };
             depth[l] = along_segment[l] + along_beam[l];
         }
+        if WALLED {
+            let [low, high] = shared.clear(line.piece);
+            let mut asks = [0u32; LANES];
+            for l in 0..LANES {
+                asks[l] = hit[l] & ((along_beam[l] <= low) | (along_beam[l] >= high)) as u32;
+            }
+            if any(&asks) {
+                let beam = &beams[line.piece.beam as usize];
+                self.hide(shared, beam, &asks, &along_segment, &along_beam, &mut hit);
+                for l in 0..LANES {
+                    value[l] = if hit[l] != 0 { value[l] } else { 0.0 };
+                }
+            }
+        }
         for l in 0..LANES {
             self.evaluations[l] += hit[l];
         }
@@ -362,9 +416,41 @@ impl<'a> Block<'a> {
     }
 }
 
+impl Block<'_> {
+    /// Takes back those of the hits `asks` where a wall hides the beam.
+    #[inline(always)]
+    fn hide(
+        &self,
+        shared: &Shared,
+        beam: &PhotonBeam,
+        asks: &[u32; LANES],
+        t: &Lanes,
+        s: &Lanes,
+        hit: &mut [u32; LANES],
+    ) {
+        let ([ox, oy, oz], [dx, dy, dz]) = (&self.origin, &self.dir);
+        let mut behind = [0u32; LANES];
+        let planes = shared.map.walls_of(beam);
+        for plane in planes {
+            for l in 0..LANES {
+                let point = [ox[l] + dx[l] * t[l], oy[l] + dy[l] * t[l], oz[l] + dz[l] * t[l]];
+                behind[l] |= asks[l] & (plane.is_near(s[l]) & plane.hides(point)) as u32;
+            }
+        }
+        if any(&behind) {
+            for l in 0..LANES {
+                let ray = &self.segments[l.min(self.segments.len() - 1)].ray;
+                if behind[l] != 0 && shared.is_hidden(beam, ray.at(t[l]), s[l]) {
+                    hit[l] = 0;
+                }
+            }
+        }
+    }
+}
+
 /// Whether any lane is set.
 #[inline(always)]
-fn any(lanes: &[u32; LANES]) -> bool {
+pub(super) fn any(lanes: &[u32; LANES]) -> bool {
     let mut any = 0;
     for l in 0..LANES {
         any |= lanes[l];

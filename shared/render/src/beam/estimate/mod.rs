@@ -27,6 +27,7 @@ use crate::medium::Medium;
 use crate::medium::transmittance::StepFunctions;
 use crate::phase::Phase;
 use crate::spectrum::WaveNumber;
+use crate::world::Scene;
 use arrange::arrange;
 use line::Block;
 pub use share::Sharing;
@@ -190,6 +191,8 @@ pub struct Gather<'a> {
     pub medium: &'a Medium,
     /// Transmittance along the segments, in a heterogeneous medium.
     pub steps: &'a StepFunctions,
+    /// Whose walls stand between beams and segments, if any.
+    pub scene: Option<&'a Scene>,
     /// Only the beams of this group of lights.
     pub group: Option<GroupNumber>,
     /// Only the beams of this wavelength, and those of light that has none.

@@ -45,7 +45,7 @@ pub(super) fn sum<const GREY: bool, const LOBES: usize, const VARYING: bool, con
 ) {
     let map = gather.map;
     let beams = map.beams();
-    let shared = Shared::new(gather, segments[0].ray.origin);
+    let shared = Shared::new(gather, segments);
     let Some(all) = map.tree(segments[0].medium) else {
         for block in segments.chunks(LANES) {
             out(&Block::new(gather, block));

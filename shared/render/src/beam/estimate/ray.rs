@@ -7,7 +7,7 @@
 use super::super::PhotonBeam;
 use super::super::lanes::{LANES, Lanes};
 use super::super::store::{Bounds, Cluster, PieceList, PieceRange, ROUNDING};
-use super::line::{Block, Meeting, Shared};
+use super::line::{Block, Meeting, Shared, any};
 use super::search::Probe;
 use super::{CameraSegment, NEARLY_PARALLEL_SIN, NEARLY_PARALLEL_SIN2};
 use crate::math::{exp_neg, prefetch};
@@ -76,6 +76,8 @@ struct BeamLanes {
     end: Lanes,
     power: [Lanes; 3],
     steps: [u32; LANES],
+    /// Where no wall is near.
+    clear: [Lanes; 2],
 }
 
 impl BeamLanes {
@@ -90,10 +92,22 @@ impl BeamLanes {
         end: [0.0; LANES],
         power: [[0.0; LANES]; 3],
         steps: [0; LANES],
+        clear: [[f32::NEG_INFINITY; LANES], [f32::INFINITY; LANES]],
     };
 
+    /// Whether walls are near any of them.
     #[inline(always)]
-    fn set(&mut self, lane: usize, beam: &PhotonBeam, piece: PieceRange) {
+    fn is_walled(&self) -> bool {
+        let mut walled = [0u32; LANES];
+        for l in 0..LANES {
+            let clear = [self.clear[0][l], self.clear[1][l]];
+            walled[l] = (clear != PieceRange::ALL_CLEAR) as u32;
+        }
+        any(&walled)
+    }
+
+    #[inline(always)]
+    fn set(&mut self, lane: usize, beam: &PhotonBeam, piece: PieceRange, clear: [f32; 2]) {
         for c in 0..3 {
             self.origin[c][lane] = beam.origin[c];
             self.dir[c][lane] = beam.dir[c];
@@ -104,6 +118,7 @@ impl BeamLanes {
         self.max_radius[lane] = beam.radius_at(piece.start).max(beam.radius_at(piece.end));
         (self.start[lane], self.end[lane]) = (piece.start, piece.end);
         self.steps[lane] = beam.steps;
+        (self.clear[0][lane], self.clear[1][lane]) = (clear[0], clear[1]);
     }
 }
 
@@ -126,12 +141,16 @@ impl Block<'_> {
                     prefetch(&beams[piece_at(next).beam as usize]);
                 }
                 let piece = piece_at(at);
-                lanes.set(l, &beams[piece.beam as usize], piece);
+                lanes.set(l, &beams[piece.beam as usize], piece, shared.clear(piece));
             }
             for l in group.len()..LANES {
                 lanes.max_radius[l] = 0.0;
             }
-            let (added, hit, chords) = self.estimates::<GREY, LOBES, VARYING>(shared, &lanes);
+            let beam_of = |l: usize| &beams[piece_at(group[l]).beam as usize];
+            let (added, hit, chords) = match lanes.is_walled() {
+                false => self.estimates::<GREY, LOBES, VARYING, false>(shared, &lanes, beam_of),
+                true => self.estimates::<GREY, LOBES, VARYING, true>(shared, &lanes, beam_of),
+            };
             for (l, &at) in group.iter().enumerate() {
                 // Where there is no hit these are zeros.
                 for c in 0..3 {
@@ -147,10 +166,11 @@ impl Block<'_> {
 
     /// What each beam adds, which do, and which are nearly parallel to the segment.
     #[inline(always)]
-    fn estimates<const GREY: bool, const LOBES: usize, const VARYING: bool>(
+    fn estimates<'b, const GREY: bool, const LOBES: usize, const VARYING: bool, const WALLED: bool>(
         &self,
         shared: &Shared,
         beams: &BeamLanes,
+        beam_of: impl Fn(usize) -> &'b PhotonBeam,
     ) -> ([Lanes; 3], [u32; LANES], [u32; LANES]) {
         let segment = &self.segments[0];
         let (o, d) = (segment.ray.origin, segment.ray.dir);
@@ -177,6 +197,20 @@ impl Block<'_> {
             along_beam[l] = if met { at.s.max(0.0) } else { 0.0 };
             value[l] = if met { v } else { 0.0 };
             depth[l] = along_segment[l] + along_beam[l];
+        }
+        if WALLED {
+            let mut asks = [0u32; LANES];
+            for l in 0..LANES {
+                let is_clear = (along_beam[l] > beams.clear[0][l]) & (along_beam[l] < beams.clear[1][l]);
+                asks[l] = hit[l] & !is_clear as u32;
+            }
+            if any(&asks) {
+                for l in 0..LANES {
+                    if asks[l] != 0 && shared.is_hidden(beam_of(l), segment.ray.at(along_segment[l]), along_beam[l]) {
+                        (hit[l], value[l]) = (0, 0.0);
+                    }
+                }
+            }
         }
         let mut transmitted = [[1.0; LANES]; 3];
         if VARYING && let Some(varying) = &self.varying {

@@ -41,8 +41,8 @@ const MANY_PHOTONS: Effort = Effort {
     paths: 16 * PATHS,
 };
 /// They are at most so many, none worse than the best by this factor.
-const KEPT: usize = 3;
-const CLOSE: f64 = 4.0;
+const KEPT: usize = 2;
+const CLOSE: f64 = 3.0;
 /// As often the best one is looked at again, with so many times more of what it lacks.
 const LOOKS: usize = 3;
 const MORE_PATHS: u32 = 8;

@@ -86,17 +86,25 @@ impl Choice {
     /// `None`: there is nothing to choose.
     pub fn new(description: &SceneDescription, settings: JobSettings, paths: Option<u32>) -> Option<Self> {
         let race = Race::new(description, settings, paths);
-        let mut trials = race.scouts(
-            ways::neighbours(&race.scenes[0], settings.finders, settings.finders),
-            &[],
-        );
+        let said = settings.finders;
+        let first = ways::neighbours(&race.scenes[0], said, said);
+        let mut trials = race.scouts(first.clone(), &[]);
         if trials.len() == 1 && (paths.is_some() || !trials[0].plan.has_photons()) {
             return None;
         }
         judge(&mut trials);
-        let best = trials[race.best(&trials)].plan.settings.finders;
+        let best = &trials[race.best(&trials)];
+        let most = CLOSE * race.cost(best);
+        // What was far worse alone is not better beside something else.
+        let is_hopeless = |way: &Finders| {
+            let mut tried = trials.iter().filter(|trial| trial.plan.settings.finders == *way);
+            tried.any(|trial| race.cost(trial) > most)
+        };
+        let second = ways::neighbours(&race.scenes[0], said, best.plan.settings.finders);
+        let second = second.into_iter().zip(&first).filter(|(_, first)| !is_hopeless(first));
+        let second: Vec<Finders> = second.map(|(second, _)| second).collect();
         let known: Vec<RenderPlan> = trials.iter().map(|trial| trial.plan.clone()).collect();
-        trials.extend(race.scouts(ways::neighbours(&race.scenes[0], settings.finders, best), &known));
+        trials.extend(race.scouts(second, &known));
         race.run(&mut trials);
         Some(Self {
             best: race.chosen(&trials),

@@ -78,43 +78,43 @@ radiance = [0.1, 0.12, 0.2]
 const RULES: [(&str, &str); 10] = [
     (
         r#"rays = ["camera"] | exclude = ["ball", "sky"]"#,
-        "09105cf5264ccfd4c9b4dbf215ff91afb1f143885d0ea3b34291570a0ea47122",
+        "572cd084e7e9def79f3476a7dd0f06456a0588efbff744f5f50301c746ea9fa6",
     ),
     (
         r#"rays = ["camera"] | include = ["floor", "mirror", "box"]"#,
-        "7749e932c360c18740baf1a10a55ea2814b9d34c6b1a437f94c91f06a87a216b",
+        "8d29e7aaf88dfeab62cfb0a45abff9ebeb7d724262c5a2b3410719912b253696",
     ),
     (
         r#"on = ["mirror", "ball"] | rays = ["reflected"] | exclude = ["glass", "lamp"]"#,
-        "0993f480452f56008e9ed870efdbc0372ff3ea46cf0e78c49efc85a77f27a24d",
+        "b9975c4f4f58951990f8b8da6a666004085ada3e776e7cb3b3faba44cbfb71ef",
     ),
     (
         r#"on = ["mirror"] | rays = ["reflected"] | include = ["ball"]"#,
-        "33dea4a00972b5abde731384d87e65f276fb17ac17072eb95a075284f25dbecf",
+        "17b8be1bc463bb01e2c8fc8e7cba6a0c8b54fd811dae08b38d02c5660449819d",
     ),
     (
         r#"on = ["glass"] | rays = ["refracted"] | exclude = ["floor"]"#,
-        "e2c18c0802ab5e7700ea46ecc730780d9e28b39861d7eab8c884a85b56764c73",
+        "2463e28c8a01847202c83d26b657bb98cb535dd4ced63d3b5ec52382360d480d",
     ),
     (
         r#"rays = ["refracted"] | include = ["glass", "mirror"]"#,
-        "0c75f76f1c79c7a7902aba755f19ba9678a2aa117b62def2450d54ffcee2e2b1",
+        "588a48395c8ed2eb3b2e8bedf90331707fdf1b6df732501364930a215fc8b6d4",
     ),
     (
         r#"on = ["floor"] | rays = ["shadow"] | exclude = ["lamp", "ball"]"#,
-        "a2b384722e5def06cde554f8e08ddc0038ec1f53d2e241b5cbd4650ebabfc536",
+        "4b059b74c3e09138b9783aceaa7d1b42dff7c34897e7e272205249fc260da1fb",
     ),
     (
         r#"on = ["ball"] | rays = ["shadow"] | include = ["spot"]"#,
-        "2459d7204e00f5915f8e30d28451b63eaa4b919e592bd5882cfa401ac6668309",
+        "5945016e49e545452b8fc23276d2b676da5244be55e473904b51c2d31c835497",
     ),
     (
         r#"on = ["floor", "box", "spot"] | rays = ["photon"] | exclude = ["glass", "spot"]"#,
-        "371cd6401a53546e74a788b29e3d1d171aa7e68cdac3e676c2eb0d09e113c662",
+        "c46f9888110dda939f669b03541bd8b0496e3cc8767d2ade3322d13160f216e1",
     ),
     (
         r#"on = ["spot", "glass", "floor"] | rays = ["photon"] | include = ["glass", "lamp"]"#,
-        "4bbeca3612c480f0e92f884b22666067227850b43b5e30b1e522e7468be4104e",
+        "3ddcde5d413b7b5bacc5ba1d88d561a00c67fe3721c7ee88e1d7fa4ced30a055",
     ),
 ];
 

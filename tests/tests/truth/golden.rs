@@ -7,10 +7,10 @@ use beamfarm_image::exr::pixel_hash;
 use beamfarm_render::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
 
-const FOG_HASH: &str = "d885959eebf84e9919ec0bf0d478dba13959499ca1cc57d7f4f3e1d8e2630bf4";
+const FOG_HASH: &str = "4b14446df12a3c278e16ccc742756cade981f8b2f6728b80e0da7b27f66bf2aa";
 const SMOKE_HASH: &str = "fe8e53942e846d565cb420b899b2e4e77f8288b82a19c2c1ec196187146c847b";
 const SURFACES_HASH: &str = "d8255d2cc9d22c3ff00d69ac8128149f55bbb7f7ffbee7e034d875e3a389d462";
-const LAMPS_HASH: &str = "e32dcac52ab46338007fb06a0971bdf0457ed12ff9b51058d1be643b16721d65";
+const LAMPS_HASH: &str = "ba775cd4e827d4372466edfd9323ab349ac99066a68b5c519a4399f61b008996";
 
 const FOG: &str = r#"
 [image]

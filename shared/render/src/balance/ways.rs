@@ -53,9 +53,12 @@ fn are_like(plan: &RenderPlan, other: &RenderPlan) -> bool {
     same_targets && plan.estimators == other.estimators
 }
 
+/// Another way in one decision.
+type Change = fn(Finders) -> Finders;
+
 /// What is left to choose, a decision each: how else it may be.
-fn decisions(scene: &Scene, said: Finders) -> Vec<Vec<fn(Finders) -> Finders>> {
-    let mut decisions: Vec<Vec<fn(Finders) -> Finders>> = Vec::new();
+fn decisions(scene: &Scene, said: Finders) -> Vec<Vec<Change>> {
+    let mut decisions: Vec<Vec<Change>> = Vec::new();
     let rules = scene.description().rules.as_ref();
     // Where photons alone obey rules, the picture is what they find.
     if rules.is_none_or(|rules| rules.paths_obey || !rules.touches_photons) {

@@ -124,7 +124,7 @@ impl Spot {
     pub(super) fn towards(&self, from: Vec3, u: Vec2, depth: f32) -> Option<DirectSample> {
         let offset = self.position - from;
         let Some(view) = self.view(from) else {
-            return self.from_start(self.position, from);
+            return self.sample_from_start(self.position, from);
         };
         let wi = match &view {
             View::Ball(cone) => cone.direction(u),
@@ -148,7 +148,7 @@ impl Spot {
     }
 
     /// Light towards a point of what starts at one point of [`Self::start`], as if all did.
-    pub(crate) fn from_start(&self, start: Vec3, from: Vec3) -> Option<DirectSample> {
+    pub(crate) fn sample_from_start(&self, start: Vec3, from: Vec3) -> Option<DirectSample> {
         let intensity = self.intensity(from - start);
         from_point(start - from, intensity).filter(|_| intensity != Rgb::ZERO)
     }

@@ -117,7 +117,7 @@ impl<V: Sight> CameraTracer<'_, V> {
             return emitted * arrived.transmittance * (value / mixture);
         }
         let direct = match (&light.kind, sample.start) {
-            (LightKind::Spot(spot), Some(start)) => spot.from_start(start, at.origin),
+            (LightKind::Spot(spot), Some(start)) => spot.sample_from_start(start, at.origin),
             _ => {
                 let (u, u_primitive) = light.draw_direct(scene.objects(), sampler);
                 light.sample_direct(scene.objects(), at.origin, u, u_primitive)

@@ -359,14 +359,14 @@ fn put<T>(slots: &mut std::slice::IterMut<'_, T>, value: T) {
 
 /// An index from zero of one from one, or from -1 backwards; zero names nothing.
 fn from_zero(index: i64, defined: usize) -> Result<u32, String> {
-    let sample_from_start = match index {
+    let from_start = match index {
         0 => return Ok(NONE),
         1.. => index.unsigned_abs() - 1,
         _ => (defined as u64)
             .checked_sub(index.unsigned_abs())
             .ok_or_else(|| format!("a face counts back to {index}, but there are {defined} before it"))?,
     };
-    Ok(u32::try_from(sample_from_start).unwrap_or(FAR).min(FAR))
+    Ok(u32::try_from(from_start).unwrap_or(FAR).min(FAR))
 }
 
 /// So many numbers, of the next words.

@@ -31,7 +31,7 @@ pub struct Plane {
 /// Most planes of a beam. Where more are near, every look-up asks.
 const MOST_PLANES: usize = 6;
 /// How far walls may rise above a plane that is taken for theirs, in kernel radii.
-const BUMP: f32 = 0.1;
+const BUMP: f32 = MAX_PLANE_DISTANCE;
 
 /// Where between two distances along a beam its kernel reaches behind none of some planes: one stretch of it; infinite
 /// where it reaches nowhere behind one.
@@ -151,6 +151,10 @@ impl Default for Near {
 impl Near {
     /// Whether a wall is behind one of them.
     fn covers(&mut self, range: [f32; 2], is_behind: impl Fn(Vec3, f32) -> bool) -> bool {
+        if self.count > MOST_PLANES {
+            self.planes[MOST_PLANES].widen(range);
+            return true;
+        }
         let plane = (self.planes[..self.count].iter_mut()).find(|plane| is_behind(plane.n, plane.at));
         plane.map(|plane| plane.widen(range)).is_some()
     }

@@ -223,8 +223,8 @@ fn noise_is_no_bias() {
     }
 }
 
-/// Light through a hole in a plate makes a shaft in fog, which beams as wide as these blur into the dark: the plate lets
-/// some light through, or it would end their kernels.
+/// Light through a hole in a plate makes a shaft in fog, which beams as wide as these blur into the dark: the plate
+/// lets some light through, or it would end their kernels.
 const SHAFT: &str = r#"
 [image]
 width = 96

@@ -22,7 +22,8 @@ AIR = '[materials.air]\ntype = "null"\n'
 
 
 def image(width=96, height=64):
-    return f"[image]\nwidth = {width}\nheight = {height}\n"
+    # Jobs as long as those that people start: a pilot takes a share of them.
+    return f"[image]\nwidth = {width}\nheight = {height}\n[render]\npasses = 2000\n"
 
 
 def camera(origin, target, fov=45, more=""):

@@ -27,8 +27,8 @@ fn the_sun_is_aimed_at_a_pane() {
     let text = format!(
         r#"
 [image]
-width = 96
-height = 64
+width = 480
+height = 320
 [camera]
 origin = [0, 1.5, 0]
 target = [0, 0, 0]
@@ -69,8 +69,8 @@ fn fog_box(height: f32) -> String {
     format!(
         r#"
 [image]
-width = 96
-height = 64
+width = 480
+height = 320
 [camera]
 origin = [0, 2.3, 7.5]
 target = [0, 2, 0]

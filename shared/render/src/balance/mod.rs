@@ -50,6 +50,16 @@ const MORE_CAMERAS: usize = 4;
 /// Counted work of the first pictures of a plan at most, and of those of the best, nanoseconds of a core.
 const SCOUTING: f64 = 2.5e8;
 const LONGEST: f64 = 5e8;
+/// Share of the work of all passes that the scene asks for that a pilot may take; and shares of that for the first
+/// pictures of a plan, and for those of the best.
+const SHARE: f64 = 0.1;
+const SHARE_OF_SCOUT: f64 = 1.0 / 16.0;
+const SHARE_OF_LOOK: f64 = 1.0 / 6.0;
+/// What tells how long other pictures will take, and a pass.
+const PROBE: Effort = Effort {
+    cameras: 1,
+    paths: PATHS / 4,
+};
 /// What others must be better by than what is best for most scenes: the pilot is noisy.
 const MARGIN: f64 = 0.9;
 /// Fewest and most paths that are chosen.
@@ -87,7 +97,10 @@ impl Choice {
     pub fn new(description: &SceneDescription, settings: JobSettings, paths: Option<u32>) -> Option<Self> {
         let race = Race::new(description, settings, paths);
         let said = settings.finders;
-        let first = ways::neighbours(&race.scenes[0], said, said);
+        let mut first = ways::neighbours(&race.scenes[0], said, said);
+        if race.has_no_time() {
+            first.truncate(1);
+        }
         let mut trials = race.scouts(first.clone(), &[]);
         if trials.len() == 1 && (paths.is_some() || !trials[0].plan.has_photons()) {
             return None;
@@ -101,6 +114,7 @@ impl Choice {
             tried.any(|trial| race.cost(trial) > most)
         };
         let second = ways::neighbours(&race.scenes[0], said, best.plan.settings.finders);
+        // As many as were first.
         let second = second.into_iter().zip(&first).filter(|(_, first)| !is_hopeless(first));
         let second: Vec<Finders> = second.map(|(second, _)| second).collect();
         let known: Vec<RenderPlan> = trials.iter().map(|trial| trial.plan.clone()).collect();
@@ -147,6 +161,9 @@ struct Race {
     settings: JobSettings,
     /// Photon paths of a pass, if they are said.
     paths: Option<u32>,
+    /// Counted work that the pilot may take, and of what tells about a plan; nanoseconds of a core.
+    budget: f64,
+    probe: f64,
 }
 
 impl Race {
@@ -159,12 +176,31 @@ impl Race {
                 None => Scene::new(small),
             });
         }
-        Self {
+        let mut race = Self {
             scenes,
             pixels: f64::from(description.camera.width) * f64::from(description.camera.height),
             settings,
             paths,
+            budget: 0.0,
+            probe: 0.0,
+        };
+        let plans = ways::plans_of(&race.scenes[0], settings, vec![settings.finders], &[]);
+        for plan in &plans {
+            let pictures = race.probe(plan);
+            let pass = pictures.work_of_pass(paths.unwrap_or(settings.paths_per_pass));
+            race.budget = SHARE * description.defaults.passes as f64 * pass;
+            race.probe = pictures.work.iter().sum();
         }
+        race
+    }
+
+    fn probe(&self, plan: &RenderPlan) -> Pictures {
+        Pictures::new(&self.scenes[SIDES.len() - 1], plan, self.pixels, PROBE)
+    }
+
+    /// Whether the passes take so little that no plan but the first is looked at.
+    fn has_no_time(&self) -> bool {
+        SHARE_OF_SCOUT * self.budget < self.probe
     }
 
     /// First pictures of what differs from what is known.
@@ -172,7 +208,7 @@ impl Race {
         let known: Vec<&RenderPlan> = known.iter().collect();
         let plans = ways::plans_of(&self.scenes[0], self.settings, ways, &known);
         let scouts = plans.into_iter().map(|plan| {
-            let pictures = self.scout(&plan, SCOUTING);
+            let pictures = self.scout(&plan, SCOUTING.min(SHARE_OF_SCOUT * self.budget));
             Trial {
                 plan,
                 effort: SCOUTS,
@@ -187,7 +223,7 @@ impl Race {
         if !judge(trials) {
             // No light at all: nothing is concluded from so few photons.
             for trial in trials.iter_mut() {
-                self.look_again(trial, MANY_PHOTONS, SCOUTING);
+                self.look_again(trial, MANY_PHOTONS, SCOUTING.min(SHARE_OF_SCOUT * self.budget));
             }
             judge(trials);
         }
@@ -196,8 +232,9 @@ impl Race {
         let most = CLOSE * self.cost(&trials[order[0]]);
         order.retain(|&trial| self.cost(&trials[trial]) <= most);
         order.truncate(KEPT);
+        let most = LONGEST.min(SHARE_OF_LOOK * self.budget);
         for &trial in &order {
-            self.look_again(&mut trials[trial], FULL, LONGEST);
+            self.look_again(&mut trials[trial], FULL, most);
         }
         judge(trials);
         for _ in 0..LOOKS {
@@ -208,7 +245,7 @@ impl Race {
                 Some(More::CameraPaths) => effort.cameras *= MORE_CAMERAS,
                 None => break,
             }
-            self.look_again(&mut trials[best], effort, LONGEST);
+            self.look_again(&mut trials[best], effort, most);
             judge(trials);
         }
     }
@@ -227,14 +264,10 @@ impl Race {
 
     /// The first pictures of a plan, of so much counted work at most.
     fn scout(&self, plan: &RenderPlan, most: f64) -> Pictures {
-        let one = Effort {
-            cameras: 1,
-            paths: PATHS / 4,
-        };
         // The smallest ones tell how large they may be.
         let last = self.scenes.len() - 1;
-        let smallest = Pictures::new(&self.scenes[last], plan, self.pixels, one);
-        let fits = |scene: &usize| self.work(&smallest, (last, one), (*scene, SCOUTS)) < most;
+        let smallest = self.probe(plan);
+        let fits = |scene: &usize| self.work(&smallest, (last, PROBE), (*scene, SCOUTS)) < most;
         let scene = (1..last).find(fits).unwrap_or(last);
         Pictures::new(&self.scenes[scene], plan, self.pixels, SCOUTS)
     }

@@ -143,6 +143,11 @@ impl Pictures {
         }
     }
 
+    /// Counted work of a pass of the image with so many photon paths, nanoseconds of a core.
+    pub fn work_of_pass(&self, paths: u32) -> f64 {
+        self.balance.camera_work + self.balance.photon_work * f64::from(paths)
+    }
+
     /// What is known of the plan. `found`: what light there is at least, by block.
     ///
     /// Light that the pictures miss, as others found it, comes in drops that are rarer than one in all that was drawn

@@ -24,7 +24,7 @@ pub struct Plane {
     at: f32,
     /// Where along the beam the kernel reaches behind it.
     range: [f32; 2],
-    /// All of a closed scene is before it: see [`Scene::hull`].
+    /// All of a closed scene is before it: see [`Scene::is_closed`].
     is_outer: bool,
 }
 
@@ -124,7 +124,7 @@ pub(super) fn find(scene: &Scene, beam: &mut PhotonBeam, ends: [Option<End>; 2],
     });
     let first = planes.len();
     planes.extend(near.planes[..near.count].iter().filter_map(|plane| {
-        let is_outer = scene.hull.is_some_and(|hull| plane.is_before(hull));
+        let is_outer = scene.is_closed && plane.is_outside(scene.hull);
         Some(Plane {
             is_outer,
             ..plane.of(beam)?
@@ -229,7 +229,7 @@ impl Plane {
     }
 
     /// Whether all of a box is before it, but for rounding.
-    fn is_before(&self, [low, high]: [Vec3; 2]) -> bool {
+    fn is_outside(&self, [low, high]: [Vec3; 2]) -> bool {
         let least = (self.n * low).min(self.n * high).element_sum();
         self.n != Vec3::ZERO && least >= self.at - 1e-5 * (low.abs().max(high.abs()).max_element())
     }
@@ -301,7 +301,9 @@ pub(super) fn cross_disc(scene: &Scene, middle: Vec3, n: Vec3, radius: f32) -> b
     scene.geometry.near(scene.objects(), &around, &mut |found| {
         crosses |= match found {
             geometry::Near::Triangle(object, corners) => {
-                scene.walls[object as usize] && crosses_disc(corners.map(|p| p - middle), n, radius)
+                scene.walls[object as usize]
+                    && crosses_disc(corners.map(|p| p - middle), n, radius)
+                    && !is_outer(scene, corners, middle)
             }
             geometry::Near::Other(object) => {
                 let shape = &scene.objects()[object as usize].shape;
@@ -313,7 +315,19 @@ pub(super) fn cross_disc(scene: &Scene, middle: Vec3, n: Vec3, radius: f32) -> b
     crosses
 }
 
-/// The same of a triangle and a disc around the origin.
+/// Whether everything is on the same side of a triangle as a point: it stands between no two surfaces.
+fn is_outer(scene: &Scene, [a, b, c]: [Vec3; 3], point: Vec3) -> bool {
+    let n = (b - a).cross(c - a).normalize_or_zero();
+    let n = n * n.dot(point - a).signum();
+    let plane = Plane {
+        n,
+        at: n.dot(a),
+        ..Plane::CROWD
+    };
+    plane.is_outside(scene.hull)
+}
+
+/// Whether a triangle crosses a disc around the origin.
 fn crosses_disc(corners: [Vec3; 3], n: Vec3, radius: f32) -> bool {
     let heights = corners.map(|p| p.dot(n));
     if heights.iter().all(|h| *h > 0.0) || heights.iter().all(|h| *h < 0.0) {

@@ -45,8 +45,10 @@ pub struct Scene {
     pub(crate) passable: Vec<bool>,
     /// By object: it ends kernels that it stands in: nothing ever passes it.
     pub(crate) walls: Vec<bool>,
-    /// The box around everything, where camera paths seem never to leave it.
-    pub(crate) hull: Option<[Vec3; 2]>,
+    /// The box around everything.
+    pub(crate) hull: [Vec3; 2],
+    /// Camera paths seem never to leave it.
+    pub(crate) is_closed: bool,
     /// By object: the lowest and highest corner of the box around it.
     pub(crate) boxes: Vec<(Vec3, Vec3)>,
     /// By object: diagonal of its box, scene units.
@@ -139,6 +141,8 @@ impl Scene {
         };
         let is_environment = |light: &Light| matches!(light.kind, LightKind::Environment(_));
         let light_sources = LightSources::new(&description.lights, &description.objects, &description.bounds);
+        let nothing = [Vec3::INFINITY, Vec3::NEG_INFINITY];
+        let hull = (boxes.iter()).fold(nothing, |[low, high], of| [low.min(of.0), high.max(of.1)]);
         let mut scene = Self {
             geometry,
             selectors,
@@ -152,7 +156,8 @@ impl Scene {
                 .collect(),
             passable,
             walls,
-            hull: None,
+            hull,
+            is_closed: false,
             extents: boxes.iter().map(|(min, max)| (*max - *min).length()).collect(),
             boxes,
             free_paths: description.media.iter().map(Medium::free_path).collect(),
@@ -163,7 +168,7 @@ impl Scene {
             description,
         };
         scene.camera_medium = scene.find_camera_medium();
-        scene.hull = scene.find_hull();
+        scene.is_closed = scene.find_closed();
         scene.light_media = match same.filter(|previous| scene.has_media_of(previous)) {
             Some(previous) => previous.light_media.clone(),
             None => (0..scene.lights().len()).map(|i| scene.find_light_medium(i)).collect(),
@@ -171,18 +176,16 @@ impl Scene {
         scene
     }
 
-    /// See [`Self::hull`]: rays from a pinhole or lens inside all meet something.
-    fn find_hull(&self) -> Option<[Vec3; 2]> {
+    /// Whether rays from a pinhole or lens inside of the hull all meet something.
+    fn find_closed(&self) -> bool {
         const RAYS: u16 = 256;
         const GOLDEN_ANGLE: f32 = 2.399_963_2;
         let description = &self.description;
         let camera = &description.camera;
         if description.media.is_empty() || description.rules.is_some() || camera.projection != Projection::Perspective {
-            return None;
+            return false;
         }
-        let nothing = (Vec3::INFINITY, Vec3::NEG_INFINITY);
-        let grow = |(low, high): (Vec3, Vec3), of: &(Vec3, Vec3)| (low.min(of.0), high.max(of.1));
-        let (low, high) = self.boxes.iter().fold(nothing, grow);
+        let [low, high] = self.hull;
         let place = camera.position;
         let is_inside = place.cmpgt(low + camera.aperture).all() && place.cmplt(high - camera.aperture).all();
         let meets_something = |number: u16| {
@@ -192,7 +195,7 @@ impl Scene {
             let dir = ((1.0 - z * z).sqrt() * Vec2::new(cos, sin)).extend(z);
             self.first_hit(&Ray { origin: place, dir }, |_| false).is_some()
         };
-        (is_inside && (0..RAYS).all(meets_something)).then_some([low, high])
+        is_inside && (0..RAYS).all(meets_something)
     }
 
     /// Whether the lights of another scene with the same shapes are in the same media.

@@ -173,7 +173,7 @@ impl<'a> Shared<'a> {
     /// Of some segments; the first one's origin counts if they share it.
     pub fn new(gather: &Gather<'a>, segments: &[CameraSegment]) -> Self {
         let (medium, origin) = (gather.medium, segments[0].ray.origin);
-        let hull = gather.scene.and_then(|scene| scene.hull);
+        let hull = gather.scene.filter(|scene| scene.is_closed).map(|scene| scene.hull);
         let leaves = |[low, high]: [Vec3; 2], segment: &CameraSegment| {
             let end = segment.ray.at(segment.length);
             let far = 1e-5 * (low.abs().max(high.abs())).max_element();

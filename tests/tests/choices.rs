@@ -112,7 +112,7 @@ type = "spot"
 visible = ["reflected", "refracted", "shadow", "photon"]
 position = [-3.9, 3.1, 0]
 target = [-2.9, 2.84, 0]
-intensity = 5
+intensity = 2000
 cutoff_angle = 14.5
 "#,
         half = height / 2.0,
@@ -134,7 +134,7 @@ fn fog_around_a_spot_has_beams_in_boxes_of_all_heights() {
 /// Nothing is seen: there is nothing to choose by, and every number is one.
 #[test]
 fn a_dark_picture_has_a_plan() {
-    let text = fog_box(5.7).replace("intensity = 5", "intensity = 1e-30");
+    let text = fog_box(5.7).replace("intensity = 2000", "intensity = 1e-30");
     let scene = scene(&text);
     let description = scene.description();
     let choice = Choice::new(description, description.defaults.job_settings(), None);

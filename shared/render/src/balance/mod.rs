@@ -43,18 +43,19 @@ const MANY_PHOTONS: Effort = Effort {
 /// They are at most so many, none worse than the best by this factor.
 const KEPT: usize = 2;
 const CLOSE: f64 = 3.0;
+/// What is missing may cost so many times more than is known: a plan without doubt is taken that is not worse than that.
+const TRUSTED: f64 = 30.0;
 /// As often the best one is looked at again, with so many times more of what it lacks.
 const LOOKS: usize = 3;
 const MORE_PATHS: u32 = 8;
 const MORE_CAMERAS: usize = 4;
 /// Counted work of the first pictures of a plan at most, and of those of the best, nanoseconds of a core.
-const SCOUTING: f64 = 2.5e8;
+const SCOUTING: f64 = 1e9;
 const LONGEST: f64 = 5e8;
-/// Share of the work of all passes that the scene asks for that a pilot may take; and shares of that for the first
-/// pictures of a plan, and for those of the best.
+/// Share of the work of all passes that the scene asks for that a pilot may take, and about how many plans it looks at.
+/// Where it may not look at all of them as closely as it has to, there is none.
 const SHARE: f64 = 0.1;
-const SHARE_OF_SCOUT: f64 = 1.0 / 16.0;
-const SHARE_OF_LOOK: f64 = 1.0 / 6.0;
+const PLANS: f64 = 16.0;
 /// What tells how long other pictures will take, and a pass.
 const PROBE: Effort = Effort {
     cameras: 1,
@@ -98,7 +99,7 @@ impl Choice {
         let race = Race::new(description, settings, paths);
         let said = settings.finders;
         let mut first = ways::neighbours(&race.scenes[0], said, said);
-        if race.has_no_time() {
+        if race.has_no_time {
             first.truncate(1);
         }
         let mut trials = race.scouts(first.clone(), &[]);
@@ -161,9 +162,8 @@ struct Race {
     settings: JobSettings,
     /// Photon paths of a pass, if they are said.
     paths: Option<u32>,
-    /// Counted work that the pilot may take, and of what tells about a plan; nanoseconds of a core.
-    budget: f64,
-    probe: f64,
+    /// The passes take so little that no plan but the first is looked at.
+    has_no_time: bool,
 }
 
 impl Race {
@@ -181,15 +181,14 @@ impl Race {
             pixels: f64::from(description.camera.width) * f64::from(description.camera.height),
             settings,
             paths,
-            budget: 0.0,
-            probe: 0.0,
+            has_no_time: false,
         };
         let plans = ways::plans_of(&race.scenes[0], settings, vec![settings.finders], &[]);
         for plan in &plans {
             let pictures = race.probe(plan);
             let pass = pictures.work_of_pass(paths.unwrap_or(settings.paths_per_pass));
-            race.budget = SHARE * description.defaults.passes as f64 * pass;
-            race.probe = pictures.work.iter().sum();
+            let scout = race.work(&pictures, (SIDES.len() - 1, PROBE), (1, SCOUTS));
+            race.has_no_time = SHARE * description.defaults.passes as f64 * pass < PLANS * scout;
         }
         race
     }
@@ -198,17 +197,12 @@ impl Race {
         Pictures::new(&self.scenes[SIDES.len() - 1], plan, self.pixels, PROBE)
     }
 
-    /// Whether the passes take so little that no plan but the first is looked at.
-    fn has_no_time(&self) -> bool {
-        SHARE_OF_SCOUT * self.budget < self.probe
-    }
-
     /// First pictures of what differs from what is known.
     fn scouts(&self, ways: Vec<Finders>, known: &[RenderPlan]) -> Vec<Trial> {
         let known: Vec<&RenderPlan> = known.iter().collect();
         let plans = ways::plans_of(&self.scenes[0], self.settings, ways, &known);
         let scouts = plans.into_iter().map(|plan| {
-            let pictures = self.scout(&plan, SCOUTING.min(SHARE_OF_SCOUT * self.budget));
+            let pictures = self.scout(&plan, SCOUTING);
             Trial {
                 plan,
                 effort: SCOUTS,
@@ -223,7 +217,7 @@ impl Race {
         if !judge(trials) {
             // No light at all: nothing is concluded from so few photons.
             for trial in trials.iter_mut() {
-                self.look_again(trial, MANY_PHOTONS, SCOUTING.min(SHARE_OF_SCOUT * self.budget));
+                self.look_again(trial, MANY_PHOTONS, SCOUTING);
             }
             judge(trials);
         }
@@ -232,9 +226,8 @@ impl Race {
         let most = CLOSE * self.cost(&trials[order[0]]);
         order.retain(|&trial| self.cost(&trials[trial]) <= most);
         order.truncate(KEPT);
-        let most = LONGEST.min(SHARE_OF_LOOK * self.budget);
         for &trial in &order {
-            self.look_again(&mut trials[trial], FULL, most);
+            self.look_again(&mut trials[trial], FULL, LONGEST);
         }
         judge(trials);
         for _ in 0..LOOKS {
@@ -245,7 +238,7 @@ impl Race {
                 Some(More::CameraPaths) => effort.cameras *= MORE_CAMERAS,
                 None => break,
             }
-            self.look_again(&mut trials[best], effort, most);
+            self.look_again(&mut trials[best], effort, LONGEST);
             judge(trials);
         }
     }
@@ -307,13 +300,14 @@ impl Race {
         trial.judged.balance.cost(self.paths_of(trial))
     }
 
-    /// The best one; where it is still in doubt, the best of those that are not, if one comes close.
+    /// The best one; where it is still in doubt, the best of those that are not: what is known of the error of the first
+    /// is only that it is not less.
     fn chosen(&self, trials: &[Trial]) -> usize {
         let best = self.best(trials);
         if trials[best].judged.wants.is_none() {
             return best;
         }
-        let most = CLOSE * self.cost(&trials[best]);
+        let most = TRUSTED * self.cost(&trials[best]);
         let sure = (0..trials.len()).filter(|&i| trials[i].judged.wants.is_none() && self.cost(&trials[i]) <= most);
         let sure = sure.min_by(|&a, &b| self.cost(&trials[a]).total_cmp(&self.cost(&trials[b])));
         sure.unwrap_or(best)

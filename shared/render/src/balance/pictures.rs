@@ -21,6 +21,8 @@ const BLOCKS: usize = 8;
 /// Light is missing where less than this share of what others are sure of was found: blocks of pictures of different
 /// sizes are not quite the same.
 const MISSED: f64 = 0.8;
+/// Standard error of the image's mean, relative to that, above which nothing is sure.
+const UNSURE: f64 = 0.3;
 /// By how much what is missing may change what a plan is worth before it is in doubt.
 const DOUBTFUL: f64 = 1.3;
 /// Light counts as found above so many of its standard errors, by [`SETS`] pictures each: Student's t with three
@@ -48,7 +50,7 @@ pub struct Variances {
 /// What the pilot found, of a pass.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Balance {
-    /// Of all blocks but the worst one.
+    /// Means over the image.
     pub variances: Variances,
     /// Work of camera paths, nanoseconds of a core.
     pub camera_work: f64,
@@ -68,9 +70,9 @@ pub(super) struct Effort {
 /// A plan's pictures.
 pub(super) struct Pictures {
     balance: Balance,
-    /// Mean and square of its standard error, of each block and channel.
+    /// Mean and square of its standard error, of each block and channel, and at last of the whole image.
     blocks: Vec<[f64; 2]>,
-    /// Samples of a block, and photon paths, that the means are of.
+    /// Samples of the image, and photon paths, that the means are of.
     samples: f64,
     paths: f64,
     /// Width and height.
@@ -122,9 +124,9 @@ impl Pictures {
         let paths = f64::from(effort.paths);
         let films: Vec<Film> = images.into_iter().map(|image| image.film).collect();
         let variances = variances(&films, cameras);
-        let blocks = blocks(&films, if sets > 1 { cameras } else { 1 });
+        let blocks = blocks(&films, cameras);
         Self {
-            samples: (films.len() * films[0].pixels.len()) as f64 / (blocks.len() / 3) as f64,
+            samples: (films.len() * films[0].pixels.len()) as f64,
             blocks,
             size: [films[0].width, films[0].height],
             paths: sets as f64 * paths,
@@ -143,6 +145,14 @@ impl Pictures {
         }
     }
 
+    /// Whether chance decides how bright the image is, and so how noisy it seems.
+    fn is_unsure(&self) -> bool {
+        let whole = self.blocks[3 * BLOCKS * BLOCKS..].iter();
+        let [mean, squared_error] = whole.fold([0.0; 2], |sum, of| [sum[0] + of[0], sum[1] + of[1]]);
+        // Of the sum of three channels that go together.
+        libm::sqrt(3.0 * squared_error) > UNSURE * mean
+    }
+
     /// Counted work of a pass of the image with so many photon paths, nanoseconds of a core.
     pub fn work_of_pass(&self, paths: u32) -> f64 {
         self.balance.camera_work + self.balance.photon_work * f64::from(paths)
@@ -157,22 +167,27 @@ impl Pictures {
             let missing = (MISSED * found - mean).max(0.0);
             missing * missing / (found * found + DARK)
         };
-        let missing = self.blocks.iter().zip(found).map(of_block).sum::<f64>() / found.len() as f64;
+        let parts: Vec<f64> = self.blocks.iter().zip(found).map(of_block).collect();
+        let mean = |of: &[f64]| of.iter().sum::<f64>() / of.len().max(1) as f64;
+        let (blocks, whole) = parts.split_at(3 * BLOCKS * BLOCKS);
+        let (blocks, whole) = (mean(blocks), mean(whole));
         let mut balance = self.balance;
+        let samples_of_block = self.samples / (BLOCKS * BLOCKS) as f64;
         // Whatever mends it at less cost.
         let by_photons = self.balance.photon_work > 0.0
-            && self.paths * self.balance.photon_work < self.samples * self.balance.camera_work;
+            && self.paths * self.balance.photon_work < samples_of_block * self.balance.camera_work;
         match by_photons {
-            true => balance.variances.photons += missing * self.paths,
-            false => balance.variances.camera += missing * self.samples,
+            true => balance.variances.photons += blocks.max(whole) * self.paths,
+            false => balance.variances.camera += (blocks * samples_of_block).max(whole * self.samples),
         }
         let paths = balance.paths();
         let wants = match by_photons {
             true => More::Photons,
             false => More::CameraPaths,
         };
+        let misses = balance.cost(paths) > DOUBTFUL * self.balance.cost(paths);
         Judged {
-            wants: (balance.cost(paths) > DOUBTFUL * self.balance.cost(paths)).then_some(wants),
+            wants: (misses || self.is_unsure()).then_some(wants),
             balance,
         }
     }
@@ -180,7 +195,7 @@ impl Pictures {
 
 /// Light that there is at least, of each block and channel: the most that the pictures of any plan are sure of.
 pub(super) fn found<'a>(all: impl Iterator<Item = &'a Pictures>) -> Vec<f64> {
-    let mut found = vec![0.0; 3 * BLOCKS * BLOCKS];
+    let mut found = vec![0.0; 3 * (BLOCKS * BLOCKS + 1)];
     for pictures in all {
         for (found, [mean, squared_error]) in found.iter_mut().zip(&pictures.blocks) {
             *found = f64::max(*found, mean - SURE * libm::sqrt(*squared_error));
@@ -189,30 +204,31 @@ pub(super) fn found<'a>(all: impl Iterator<Item = &'a Pictures>) -> Vec<f64> {
     found
 }
 
-/// Mean and square of its standard error, of each block and channel, by sets of so many films.
-fn blocks(films: &[Film], per_set: usize) -> Vec<[f64; 2]> {
-    let sets: Vec<&[Film]> = films.chunks(per_set).collect();
+/// Mean and square of its standard error, of each block and channel: that of sets of photons and that of camera paths,
+/// of which all sets have the same. `films`: by photons, then by camera paths, so many for each set of photons.
+fn blocks(films: &[Film], cameras: usize) -> Vec<[f64; 2]> {
+    let sets = films.len() / cameras;
     let mut blocks = Vec::new();
     for pixels in each_block(films[0].width as usize, films[0].height as usize) {
         for channel in 0..3 {
-            let of_set = |set: &&[Film]| {
-                let values = set
-                    .iter()
-                    .flat_map(|film| pixels.iter().map(|&pixel| f64::from(film.pixels[pixel][channel])));
-                values.sum::<f64>() / (set.len() * pixels.len()) as f64
+            let of_film = |film: &Film| {
+                let values = pixels.iter().map(|&pixel| f64::from(film.pixels[pixel][channel]));
+                values.sum::<f64>() / pixels.len() as f64
             };
-            let [mean, variance] = moments(&sets.iter().map(of_set).collect::<Vec<_>>());
-            blocks.push([mean, variance / sets.len() as f64]);
+            let of_films: Vec<f64> = films.iter().map(of_film).collect();
+            let of_set = |set: usize| of_films[set * cameras..(set + 1) * cameras].iter().sum::<f64>() / cameras as f64;
+            let of_camera = |camera: usize| of_films.iter().skip(camera).step_by(cameras).sum::<f64>() / sets as f64;
+            let [mean, photons] = moments(&(0..sets).map(of_set).collect::<Vec<_>>());
+            let [_, camera] = moments(&(0..cameras).map(of_camera).collect::<Vec<_>>());
+            blocks.push([mean, photons / sets as f64 + camera / cameras as f64]);
         }
     }
     blocks
 }
 
-/// Variances by camera paths and by one set of photons, of all blocks but the worst one, which may be chance: a drop of
-/// light that is rarer than these pictures can tell. `films`: by photons, then by camera paths, so many for each set of
-/// photons.
+/// Variances by camera paths and by one set of photons. `films`: by photons, then by camera paths, so many for each set
+/// of photons.
 fn variances(films: &[Film], cameras: usize) -> Variances {
-    let (width, height) = (films[0].width as usize, films[0].height as usize);
     let smooth = smoothed(films);
     let sets = films.len() / cameras;
     let of_pixel = |pixel: usize| {
@@ -232,22 +248,16 @@ fn variances(films: &[Film], cameras: usize) -> Variances {
         }
         sums
     };
-    let blocks = each_block(width, height).map(|pixels| {
-        let count = pixels.len() as f64;
-        let sums = pixels.into_iter().map(of_pixel);
-        let [camera, photons] = sums.fold([0.0; 2], |sum, of| [sum[0] + of[0], sum[1] + of[1]]);
-        [camera / count, photons / count]
-    });
-    let blocks: Vec<[f64; 2]> = blocks.collect();
-    let [camera, photons] = [0, 1].map(|which| {
-        let all = blocks.iter().map(|block| block[which]);
-        let worst = all.clone().fold(0.0, f64::max);
-        (all.sum::<f64>() - worst) / (blocks.len() - 1) as f64
-    });
-    Variances { camera, photons }
+    let pixels = films[0].pixels.len();
+    let sums = (0..pixels).map(of_pixel);
+    let [camera, photons] = sums.fold([0.0; 2], |sum, of| [sum[0] + of[0], sum[1] + of[1]]);
+    Variances {
+        camera: camera / pixels as f64,
+        photons: photons / pixels as f64,
+    }
 }
 
-/// The pixels of each block, which share some where there are few.
+/// The pixels of each block, which share some where there are few, and at last those of the whole image.
 fn each_block(width: usize, height: usize) -> impl Iterator<Item = Vec<usize>> {
     let span = |block: usize, side: usize| {
         let first = block * side / BLOCKS;
@@ -258,7 +268,8 @@ fn each_block(width: usize, height: usize) -> impl Iterator<Item = Vec<usize>> {
         rows.flat_map(|y| span(column, width).map(move |x| y * width + x))
             .collect()
     };
-    (0..BLOCKS).flat_map(move |row| (0..BLOCKS).map(move |column| pixels(row, column)))
+    let blocks = (0..BLOCKS).flat_map(move |row| (0..BLOCKS).map(move |column| pixels(row, column)));
+    blocks.chain(std::iter::once((0..width * height).collect()))
 }
 
 /// The mean of all images around each pixel: by its own few samples alone bright ones would weigh themselves down.

@@ -43,7 +43,7 @@ const MANY_PHOTONS: Effort = Effort {
 /// They are at most so many, none worse than the best by this factor.
 const KEPT: usize = 2;
 const CLOSE: f64 = 3.0;
-/// What is missing may cost so many times more than is known: a plan without doubt is taken that is not worse than that.
+/// What is missing may cost so many times more than is known: a plan without doubt is taken that is not worse by more.
 const TRUSTED: f64 = 30.0;
 /// As often the best one is looked at again, with so many times more of what it lacks.
 const LOOKS: usize = 3;
@@ -300,8 +300,8 @@ impl Race {
         trial.judged.balance.cost(self.paths_of(trial))
     }
 
-    /// The best one; where it is still in doubt, the best of those that are not: what is known of the error of the first
-    /// is only that it is not less.
+    /// The best one; where it is still in doubt, the best of those that are not: of the error of the first is only known
+    /// that it is not less.
     fn chosen(&self, trials: &[Trial]) -> usize {
         let best = self.best(trials);
         if trials[best].judged.wants.is_none() {

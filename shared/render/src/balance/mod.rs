@@ -300,8 +300,8 @@ impl Race {
         trial.judged.balance.cost(self.paths_of(trial))
     }
 
-    /// The best one; where it is still in doubt, the best of those that are not: of the error of the first is only known
-    /// that it is not less.
+    /// The best one; where it is still in doubt, the best of those that are not: all that is known of the error of the
+    /// first is that it is not less.
     fn chosen(&self, trials: &[Trial]) -> usize {
         let best = self.best(trials);
         if trials[best].judged.wants.is_none() {

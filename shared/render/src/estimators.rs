@@ -11,30 +11,60 @@ use crate::warp::uniform_sphere;
 use crate::world::Scene;
 use beamfarm_image::job::{Finder, Finders};
 
+/// Who brings the light that a medium scatters.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MediumLight {
+    /// Photon beams, all of it.
+    Beams,
+    /// Camera paths, which are scattered themselves; beams bring caustics alone. Also of media that do not scatter.
+    Paths,
+}
+
+/// Who finds the light of a light source that comes by way of specular surfaces.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Caustics {
+    /// Photons.
+    Photons,
+    /// Photons and camera paths, balanced: these meet the light now and then.
+    Shared,
+    /// Camera paths: it is all around, so that they meet it behind specular surfaces as well.
+    Paths,
+}
+
+/// Where camera paths end by the photons there, which bring all that is not direct light.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PathEnds {
+    /// Nowhere: they go on from surface to surface.
+    Never,
+    /// At a surface behind the first, far enough from it, that has no narrow lobe.
+    FarEnough,
+    /// At the second surface, whatever it is: rules tell what photons see, which camera paths do not obey.
+    Second,
+    /// At the first surface that has no narrow lobe.
+    First,
+}
+
+/// Who finds the light that comes by way of surfaces.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum SurfaceLight {
+    /// Camera paths; photons end at the first surface that is not specular. By light: who finds its caustics.
+    Paths(Vec<Caustics>),
+    /// Photons go on from surface to surface, for the beams that they leave or since caustics need them anyway: what
+    /// comes by way of specular surfaces is found by them alone.
+    Photons(PathEnds),
+}
+
 /// What is chosen once for a scene.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Estimators {
-    /// By medium: beams bring all of the light that it scatters. In the others camera paths are scattered themselves,
-    /// and beams bring caustics alone.
-    pub beams: Vec<bool>,
-    /// By light: it is all around, so that camera paths meet it behind specular surfaces as well, and photons bring no
-    /// caustics of it.
-    pub is_met: Vec<bool>,
-    /// By light: camera paths meet it often enough to bring its caustics together with photons, balanced.
-    pub is_shared: Vec<bool>,
-    /// Something is specular or has a lobe that is followed.
+    /// By medium. Beams that bring all the light of one come of photons that go on.
+    pub media: Vec<MediumLight>,
+    /// On surfaces.
+    pub surfaces: SurfaceLight,
+    /// There is light, and something is specular or has a lobe that is followed.
     pub specular: bool,
-    /// Some light's photons may come by way of specular surfaces or followed lobes.
-    pub caustics: bool,
-    /// Some of them from a light that no camera path meets, and by followed lobes.
+    /// Some photons may come from a light that no camera path meets, and by followed lobes.
     pub unmet_caustics: bool,
-    /// Photon paths go on from vertex to vertex, for the beams that they leave or since caustics need them anyway: what
-    /// comes by way of specular surfaces is found by photons alone.
-    pub deep: bool,
-    /// Camera paths end where photons bring everything; photons are deep.
-    pub ends: bool,
-    /// Rules tell what photons see, which camera paths do not obey: these end at their second vertex.
-    pub ends_at_second: bool,
 }
 
 /// Length of a surface that is far away, in radii of what is seen.
@@ -77,7 +107,6 @@ impl Estimators {
     }
 
     fn by_looks(scene: &Scene, radii: &KernelRadii, extent: f32, finders: Finders, looks: Looks) -> Self {
-        let lights_often_met = |scene, least| lights_often_met(scene, least, looks);
         let description = scene.description();
         let rules = description.rules.as_ref();
         let ends_at_second = rules.is_some_and(|rules| rules.touches_photons && !rules.paths_obey);
@@ -85,97 +114,139 @@ impl Estimators {
             let mut objects = description.objects.iter();
             objects.any(|o| test(&description.materials[o.material as usize]))
         };
-        let none = vec![false; description.lights.len()];
-        let (mut is_met, mut is_shared) = match finders.caustics {
-            Some(Finder::Photons) => (none.clone(), none),
-            Some(Finder::Paths) => (lights_often_met(scene, LEAST_MET), none),
+        let least = |least| lights_often_met(scene, least, looks);
+        let all = description.lights.len();
+        let (met, shared) = match finders.caustics {
+            Some(Finder::Photons) => (vec![false; all], None),
+            Some(Finder::Paths) => (least(LEAST_MET), None),
             // Who sees what is for rules to say.
-            None if rules.is_some() => (lights_often_met(scene, 1.0 / MOST_UNEVEN), none),
-            None => (
-                lights_often_met(scene, 1.0 / MOST_UNEVEN),
-                lights_often_met(scene, LEAST_MET),
-            ),
+            None if rules.is_some() => (least(1.0 / MOST_UNEVEN), None),
+            None => (least(1.0 / MOST_UNEVEN), Some(least(LEAST_MET))),
         };
-        for (shared, met) in is_shared.iter_mut().zip(&is_met) {
-            *shared &= !met;
-        }
+        let caustics = met.into_iter().enumerate().map(|(light, met)| match &shared {
+            _ if met => Caustics::Paths,
+            Some(shared) if shared[light] => Caustics::Shared,
+            _ => Caustics::Photons,
+        });
+        let caustics: Vec<Caustics> = caustics.collect();
         // Of surfaces all around and far away hardly a photon comes to what is seen.
         let is_far = |light: &Light| match light.kind {
             LightKind::Area { object, .. } => scene.extents[object as usize] > FAR * extent,
             _ => false,
         };
-        let mut lights = description.lights.iter().zip(&is_met);
-        let sends_photons = lights.any(|(light, met)| !met || !is_far(light));
-        let beams: Vec<bool> = (0..description.media.len())
+        let mut lights = description.lights.iter().zip(&caustics);
+        let sends_photons = lights.any(|(light, found)| *found != Caustics::Paths || !is_far(light));
+        let media: Vec<MediumLight> = (0..description.media.len())
             .map(|id| {
                 let suits = || match finders.media {
                     Some(finder) => finder == Finder::Photons,
                     None => sends_photons && widest_kernel_in(scene, id) >= radii.smooth_ceiling,
                 };
-                description.media[id].scatters() && (ends_at_second || suits())
+                match description.media[id].scatters() && (ends_at_second || suits()) {
+                    true => MediumLight::Beams,
+                    false => MediumLight::Paths,
+                }
             })
             .collect();
-        let any_beams = beams.contains(&true);
+        let any_beams = media.contains(&MediumLight::Beams);
         let followed = is_used(&|m| m.is_followed() || m.has_narrow_lobe());
         let specular = followed || is_used(&|m| m.has_delta() && !m.is_null());
         // Where photons are traced for caustics of all lights, they bring more at hardly any cost.
+        let are_by_photons = || !caustics.is_empty() && caustics.iter().all(|found| *found == Caustics::Photons);
         let ends = match finders.surfaces {
             Some(finder) => finder == Finder::Photons,
-            None => {
-                let mut met = is_met.iter().zip(&is_shared).map(|(met, shared)| met | shared);
-                any_beams || specular && !is_met.is_empty() && !met.any(|met| met)
-            }
+            None => any_beams || specular && are_by_photons(),
         };
-        let deep = ends_at_second || any_beams || ends;
-        if deep {
-            is_met.fill(false);
-            is_shared.fill(false);
-        }
         let unmet = |light: &Light| light.kind.is_unmet();
         Self {
-            beams,
-            specular,
-            caustics: specular && is_met.iter().any(|met| !met),
+            media,
+            specular: specular && !caustics.is_empty(),
             unmet_caustics: followed && description.lights.iter().any(unmet),
-            is_met,
-            is_shared,
-            deep,
-            ends: ends || ends_at_second,
-            ends_at_second,
+            surfaces: match (ends_at_second, ends, any_beams) {
+                (true, ..) => SurfaceLight::Photons(PathEnds::Second),
+                (false, true, _) => SurfaceLight::Photons(PathEnds::FarEnough),
+                (false, false, true) => SurfaceLight::Photons(PathEnds::Never),
+                (false, false, false) => SurfaceLight::Paths(caustics),
+            },
         }
     }
 
     /// The same with photon paths that go on from surface to surface.
     pub fn deepened(&self) -> Self {
         Self {
-            is_met: vec![false; self.is_met.len()],
-            is_shared: vec![false; self.is_shared.len()],
-            caustics: self.specular,
-            deep: true,
-            ends: true,
+            surfaces: SurfaceLight::Photons(PathEnds::FarEnough),
             ..self.clone()
         }
     }
 
+    /// Whether photon paths go on from surface to surface.
+    pub fn photons_go_on(&self) -> bool {
+        matches!(self.surfaces, SurfaceLight::Photons(_))
+    }
+
+    /// Where camera paths end by the photons there.
+    pub fn ends(&self) -> PathEnds {
+        match self.surfaces {
+            SurfaceLight::Paths(_) => PathEnds::Never,
+            SurfaceLight::Photons(ends) => ends,
+        }
+    }
+
+    /// Who finds a light's caustics.
+    #[inline]
+    pub fn caustics_of(&self, light: usize) -> Caustics {
+        match &self.surfaces {
+            SurfaceLight::Paths(caustics) => caustics[light],
+            SurfaceLight::Photons(_) => Caustics::Photons,
+        }
+    }
+
+    /// Lights whose caustics are found so.
+    pub fn count(&self, found: Caustics) -> usize {
+        match &self.surfaces {
+            SurfaceLight::Paths(caustics) => caustics.iter().filter(|of_light| **of_light == found).count(),
+            SurfaceLight::Photons(_) => 0,
+        }
+    }
+
+    /// Whether photons of some light may come by way of specular surfaces or followed lobes.
+    pub fn has_caustics(&self) -> bool {
+        let brought = match &self.surfaces {
+            SurfaceLight::Paths(caustics) => caustics.iter().any(|found| *found != Caustics::Paths),
+            SurfaceLight::Photons(_) => true,
+        };
+        self.specular && brought
+    }
+
     /// Whether photons of a light are of any use.
     pub fn brings_photons(&self, light: usize) -> bool {
-        self.deep || !self.is_met[light]
+        self.caustics_of(light) != Caustics::Paths
+    }
+
+    /// Whether beams bring all the light of a medium.
+    #[inline]
+    pub fn is_by_beams(&self, medium: u16) -> bool {
+        self.media[usize::from(medium)] == MediumLight::Beams
     }
 
     /// Whether beams bring all the light of some medium.
     pub fn any_beams(&self) -> bool {
-        self.beams.iter().any(|beams| *beams)
+        self.media.contains(&MediumLight::Beams)
     }
 
     /// Whether beams bring some light to media where camera paths are scattered: caustics, or what other media scatter.
     pub fn leave_beams(&self) -> bool {
-        self.caustics || self.any_beams()
+        self.has_caustics() || self.any_beams()
     }
 
     /// Whether camera paths may end at a surface like this one, by the photons there: narrow lobes see few of them.
     #[inline]
     pub fn ends_paths(&self, bsdf: &Bsdf) -> bool {
-        self.ends_at_second || self.ends && !bsdf.is_glossy()
+        match self.ends() {
+            PathEnds::Never => false,
+            PathEnds::FarEnough | PathEnds::First => !bsdf.is_glossy(),
+            PathEnds::Second => true,
+        }
     }
 }
 

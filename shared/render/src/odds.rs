@@ -1,6 +1,7 @@
 //! Odds that camera paths and photon paths have to agree on: how the light that both find is shared between them, and
 //! when a path ends by chance.
 
+use crate::estimators::{Caustics, PathEnds};
 use crate::plan::RenderPlan;
 use crate::world::Scene;
 use beamfarm_image::radius::Schedule;
@@ -20,14 +21,13 @@ pub(crate) fn first_odds(plan: &RenderPlan, pass_index: u64) -> f32 {
 /// By light: expected caustic photons of a pass in a kernel, for an emission of 1 per area and solid angle of what is
 /// emitted: what weighs them against camera paths that meet the light by way of specular surfaces. Zero where only one
 /// of the two finds it.
-pub(crate) fn caustic_odds(plan: &RenderPlan, pass_index: u64) -> Vec<f32> {
+pub(crate) fn caustic_odds(scene: &Scene, plan: &RenderPlan, pass_index: u64) -> Vec<f32> {
     let odds = CAUSTIC_SHARE * first_odds(plan, pass_index);
-    let shared = plan.estimators.is_shared.iter().enumerate();
-    let odds_of = |(light, shared): (usize, &bool)| match shared {
-        true => odds * plan.emitters().pmf(light),
-        false => 0.0,
+    let odds_of = |light: usize| match plan.estimators.caustics_of(light) {
+        Caustics::Shared => odds * plan.emitters().pmf(light),
+        Caustics::Photons | Caustics::Paths => 0.0,
     };
-    shared.map(odds_of).collect()
+    (0..scene.lights().len()).map(odds_of).collect()
 }
 
 /// Kernels of caustics are narrower than the widest, for which their odds stand.
@@ -98,7 +98,7 @@ const LEAST_FLIGHT: f32 = 2.0;
 
 /// Least way between two vertices for a camera path of a pass to end at the second, scene units.
 pub(crate) fn least_flight(plan: &RenderPlan, pass_index: u64) -> f32 {
-    if plan.estimators.ends_at_second {
+    if plan.estimators.ends() == PathEnds::Second {
         return 0.0;
     }
     let scale = Schedule::new(&plan.settings).surface_scale(pass_index) as f32;

@@ -209,7 +209,7 @@ impl PassPhotons {
                 plan,
                 photons: self.surface.as_ref(),
                 first_odds: first_odds(plan, pass_index),
-                caustic_odds: caustic_odds(plan, pass_index),
+                caustic_odds: caustic_odds(scene, plan, pass_index),
                 gloss_odds: gloss_odds(scene, plan, pass_index),
                 least_flight: least_flight(plan, pass_index),
                 waves: plan.wave_set(pass_index),

@@ -113,7 +113,7 @@ fn the_unit_of_length_does_not_matter() {
         let estimators = |scene: &Scene| {
             let settings = scene.description().defaults.job_settings();
             let estimators = RenderPlan::new(scene, settings).estimators;
-            (estimators.beams, estimators.deep)
+            (estimators.media, estimators.surfaces)
         };
         assert_eq!(estimators(&scene), estimators(&metres));
     }

@@ -3,6 +3,7 @@
 
 use beamfarm_harness::render::scene;
 use beamfarm_render::beam::trace::trace_photons;
+use beamfarm_render::estimators::{Caustics, MediumLight, SurfaceLight};
 use beamfarm_render::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::Scene;
@@ -79,10 +80,9 @@ fn camera_paths_stay_light() {
     for (name, slab) in slabs("paths = 500", sky) {
         let settings = slab.description().defaults.job_settings();
         let mut plan = RenderPlan::new(&slab, settings);
-        plan.estimators.beams = vec![false];
-        (plan.estimators.deep, plan.estimators.ends) = (false, false);
+        plan.estimators.media = vec![MediumLight::Paths];
+        plan.estimators.surfaces = SurfaceLight::Paths(vec![Caustics::Paths]);
         (plan.beams, plan.surface_photons) = (false, false);
-        plan.estimators.is_met = vec![true];
         let (mut brightest, mut sum, mut count) = (0.0f32, 0.0f64, 0.0f64);
         for pass in 0..8 {
             for value in render_pass(&slab, &plan, pass).film.pixels.iter().flatten() {

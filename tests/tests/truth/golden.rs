@@ -4,6 +4,7 @@
 
 use beamfarm_harness::render::{average, scene};
 use beamfarm_image::exr::pixel_hash;
+use beamfarm_render::estimators::Caustics;
 use beamfarm_render::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
 
@@ -217,7 +218,10 @@ fn hashes_of_small_images() {
     let hash = |toml| pixel_hash(&average(&scene(toml)).beauty);
     let lamps = scene(LAMPS);
     let plan = RenderPlan::new(&lamps, lamps.description().defaults.job_settings());
-    assert_eq!(plan.estimators.is_shared, [false, true]);
+    assert_eq!(
+        [0, 1].map(|light| plan.estimators.caustics_of(light)),
+        [Caustics::Photons, Caustics::Shared]
+    );
     assert_eq!(
         [
             ("fog", hash(FOG)),

@@ -4,6 +4,7 @@
 use beamfarm_harness::Suite;
 use beamfarm_harness::render::{Blocks, blocks_of, blur, is_long, reference_images, scene};
 use beamfarm_image::job::{Finder, Finders, JobSettings, ReferenceSettings};
+use beamfarm_render::estimators::{Caustics, PathEnds, SurfaceLight};
 use beamfarm_render::light::LightSelector;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::Scene;
@@ -114,9 +115,13 @@ fn by(scene: &Scene, finders: Finders, seed: u64) -> Blocks {
     let plan = RenderPlan::new(scene, settings);
     let estimators = &plan.estimators;
     assert_eq!(estimators.any_beams(), finders.media == PHOTONS);
-    assert_eq!(estimators.ends, finders.surfaces == PHOTONS);
-    assert_eq!(estimators.is_met, [finders.caustics == PATHS]);
-    assert_eq!(estimators.is_shared, [finders.caustics.is_none()]);
+    assert_eq!(estimators.ends() == PathEnds::FarEnough, finders.surfaces == PHOTONS);
+    let caustics = match finders.caustics {
+        Some(Finder::Photons) => Caustics::Photons,
+        Some(Finder::Paths) => Caustics::Paths,
+        None => Caustics::Shared,
+    };
+    assert_eq!(estimators.caustics_of(0), caustics);
     blocks_of(scene, &plan, 8)
 }
 
@@ -219,15 +224,14 @@ radiance = [0.5, 0.7, 1.0]
 "#;
     let scene = scene(&text.replace("PASSES", "400"));
     let mut suite = Suite::new(1e-2);
-    let [met, brought, shared] = [(0, true, false), (1, false, false), (2, false, true)].map(|(seed, met, shared)| {
+    let ways = [(0, Caustics::Paths), (1, Caustics::Photons), (2, Caustics::Shared)];
+    let [met, brought, shared] = ways.map(|(seed, caustics)| {
         let mut settings = scene.description().defaults.job_settings();
         settings.seed = seed;
         let mut plan = RenderPlan::new(&scene, settings);
-        assert!(plan.estimators.is_met[0] && !plan.surface_photons);
-        if !met {
-            plan.estimators.is_met[0] = false;
-            plan.estimators.is_shared[0] = shared;
-            plan.estimators.caustics = true;
+        assert!(plan.estimators.caustics_of(0) == Caustics::Paths && !plan.surface_photons);
+        if caustics != Caustics::Paths {
+            plan.estimators.surfaces = SurfaceLight::Paths(vec![caustics]);
             plan.surface_photons = true;
             let description = scene.description();
             plan.emitters = LightSelector::new(&description.lights, &description.objects, &description.bounds);

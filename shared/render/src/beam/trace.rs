@@ -9,6 +9,7 @@ use super::edges::{Probe, SurfaceKernel};
 use super::walls::{self, End, Plane};
 use crate::aov::GroupNumber;
 use crate::bsdf::{Material, TransportMode};
+use crate::estimators::PathEnds;
 use crate::footprint::{Footprint, spread};
 use crate::geometry::SurfaceHit;
 use crate::light::{EmissionSample, EmissionUniforms, LightChoice, LightHit, LightPoint, SceneBounds};
@@ -78,9 +79,9 @@ fn trace_with(scene: &Scene, plan: &RenderPlan, pass_index: u64, sight: impl Sig
         kernel_paths: kernel_paths(&plan.settings),
         // Kernels are those of paths that leave beams.
         surface_footprint: share.sqrt(),
-        goes_on: plan.estimators.deep,
+        goes_on: plan.estimators.photons_go_on(),
         first_odds: first_odds(plan, pass_index),
-        caustic_odds: caustic_odds(plan, pass_index),
+        caustic_odds: caustic_odds(scene, plan, pass_index),
         least_flight: least_flight(plan, pass_index),
         waves: plan.wave_set(pass_index),
         sight,
@@ -313,7 +314,7 @@ impl<V: Sight> Tracer<'_, V> {
 
     /// Whether what a photon brings, by way of specular surfaces alone, is found by no camera path.
     fn brings_caustics(&self, photon: &Photon<V::Hidden>) -> bool {
-        !self.plan.estimators.is_met[photon.light]
+        self.plan.estimators.brings_photons(photon.light)
     }
 
     /// Fly through a medium to the next surface, leaving a beam. True: the photon was scattered on the way.
@@ -327,7 +328,7 @@ impl<V: Sight> Tracer<'_, V> {
     ) -> bool {
         let medium = &self.scene.media()[id as usize];
         let length = hit.map_or(f32::INFINITY, |h| h.t);
-        let serves_all = self.plan.estimators.beams[usize::from(id)];
+        let serves_all = self.plan.estimators.is_by_beams(id);
         let counts = match photon.arrival {
             // Light straight from its source is sampled where the medium is homogeneous.
             Arrival::Direct => serves_all && !matches!(medium, Medium::Homogeneous(_)),
@@ -581,7 +582,7 @@ impl<V: Sight> Tracer<'_, V> {
                 Arrival::Direct => false,
                 Arrival::Caustic => self.brings_caustics(photon),
                 Arrival::Scattered => true,
-                Arrival::Surface => self.plan.estimators.ends,
+                Arrival::Surface => self.plan.estimators.ends() != PathEnds::Never,
             };
         // Where a rough lobe was before, camera paths look for the light from there.
         let by_followed = photon.arrival == Arrival::Caustic

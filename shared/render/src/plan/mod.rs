@@ -8,7 +8,7 @@ mod stages;
 use crate::aov::{LayerPlan, NoSuchGroup};
 use crate::bsdf::Material;
 use crate::camera::Camera;
-use crate::estimators::{Estimators, widest_kernel};
+use crate::estimators::{Estimators, PathEnds, SurfaceLight, widest_kernel};
 use crate::kernel::{Extent, KernelRadii};
 use crate::light::LightSelector;
 use crate::spectrum::{WAVES, WaveSet};
@@ -60,8 +60,6 @@ pub struct RenderPlan {
     pub emitters: LightSelector,
     /// Gather rays that gloss sends, at the surface that camera paths meet first: in a square, so many along each side.
     pub gloss_rays_side: u32,
-    /// Camera paths end at the first surface that is not glossy: photons there bring all that is not direct light.
-    pub ends_at_first: bool,
     /// Splits of a camera path, all its branches together, at most.
     pub splits: u32,
     /// Factor on the probability that paths go on from vertex to vertex.
@@ -127,11 +125,10 @@ impl RenderPlan {
             beams,
             surface_photons,
             emitters: emitters(scene, &estimators, extent.radius),
-            gloss_rays_side: match estimators.ends {
-                true => GLOSS_RAYS_SIDE,
-                false => 1,
+            gloss_rays_side: match estimators.ends() {
+                PathEnds::Never => 1,
+                _ => GLOSS_RAYS_SIDE,
             },
-            ends_at_first: false,
             splits: SPLITS,
             patience: 1.0,
             estimators,
@@ -164,9 +161,12 @@ impl RenderPlan {
         };
         let extent = Extent::roughly_of(scene).radius;
         let ordinary = KernelRadii::of_extent(extent);
-        let estimators = Estimators::roughly(scene, &ordinary, extent, finders);
+        let mut estimators = Estimators::roughly(scene, &ordinary, extent, finders);
         let beams = contents.leave_beams(&estimators);
         let surface_photons = contents.store_surface_photons(&estimators);
+        if estimators.ends() == PathEnds::FarEnough && surface_photons {
+            estimators.surfaces = SurfaceLight::Photons(PathEnds::First);
+        }
         let paths = settings.paths_per_pass;
         let wider = (ENOUGH_PATHS / paths as f32).sqrt().clamp(1.0, MOST_WIDER);
         // Not beyond the media that they are in.
@@ -185,7 +185,6 @@ impl RenderPlan {
             surface_photons,
             emitters: emitters(scene, &estimators, extent),
             gloss_rays_side: 1,
-            ends_at_first: estimators.ends && !estimators.ends_at_second && surface_photons,
             splits: FEW_SPLITS,
             patience: LITTLE_PATIENCE,
             estimators,
@@ -282,7 +281,7 @@ impl Contents {
 
     /// Whether there is light that comes by way of specular surfaces, for photons to bring.
     fn has_caustics(&self, estimators: &Estimators) -> bool {
-        estimators.caustics && self.lit
+        estimators.has_caustics() && self.lit
     }
 
     fn leave_beams(&self, estimators: &Estimators) -> bool {
@@ -290,7 +289,7 @@ impl Contents {
     }
 
     fn store_surface_photons(&self, estimators: &Estimators) -> bool {
-        self.surfaces > 0 && self.lit && (estimators.deep || self.has_caustics(estimators))
+        self.surfaces > 0 && self.lit && (estimators.photons_go_on() || self.has_caustics(estimators))
     }
 }
 
@@ -322,7 +321,7 @@ fn aimed_instead_of_paths(
     extent: f32,
 ) -> Option<(Estimators, Aimed)> {
     let said = settings.finders.surfaces.is_some();
-    if estimators.deep || said || contents.surfaces == 0 || !contents.lit {
+    if estimators.photons_go_on() || said || contents.surfaces == 0 || !contents.lit {
         return None;
     }
     let deeper = estimators.deepened();

@@ -2,6 +2,7 @@
 
 use super::{Contents, RenderPlan};
 use crate::camera::Projection;
+use crate::estimators::{Caustics, MediumLight, PathEnds};
 use crate::medium::{Heterogeneous, Medium};
 use crate::spectrum::WAVES;
 use crate::world::Scene;
@@ -103,8 +104,8 @@ fn lit_or(contents: &Contents, otherwise: &'static str) -> &'static str {
 
 /// Media whose light beams bring.
 fn by_beams(plan: &RenderPlan) -> usize {
-    let media = plan.estimators.beams.iter();
-    media.filter(|beams| **beams).count()
+    let media = plan.estimators.media.iter();
+    media.filter(|light| **light == MediumLight::Beams).count()
 }
 
 fn heterogeneous(scene: &Scene) -> impl Iterator<Item = &Heterogeneous> {
@@ -147,8 +148,10 @@ fn photon_beams(plan: &RenderPlan, contents: &Contents) -> Stage {
 
 fn sampled_in_fog(scene: &Scene, plan: &RenderPlan, contents: &Contents) -> Stage {
     let is_sampled = |m: &Medium| matches!(m, Medium::Homogeneous(_)) && m.scatters();
-    let media = scene.media().iter().zip(&plan.estimators.beams);
-    let count = media.filter(|(m, beams)| **beams && is_sampled(m)).count();
+    let media = scene.media().iter().zip(&plan.estimators.media);
+    let count = media
+        .filter(|(m, light)| **light == MediumLight::Beams && is_sampled(m))
+        .count();
     Stage::either(
         "unscattered light in fog, sampled",
         count > 0 && contents.lit,
@@ -224,22 +227,25 @@ fn surface_photons(plan: &RenderPlan, contents: &Contents) -> Stage {
 
 /// Where camera paths look up all photons, and end.
 fn ends_of_paths(plan: &RenderPlan) -> Stage {
-    let reason = match (plan.estimators.ends_at_second, plan.estimators.ends) {
-        (true, _) => "rules tell what photons see: camera paths end at the second surface",
-        (false, true) => "camera paths end where they meet a surface behind the first, far enough from it",
-        (false, false) => "camera paths go on from surface to surface",
+    let ends = plan.estimators.ends();
+    let reason = match ends {
+        PathEnds::Second => "rules tell what photons see: camera paths end at the second surface",
+        PathEnds::FarEnough => "camera paths end where they meet a surface behind the first, far enough from it",
+        PathEnds::First => "camera paths end at the first surface",
+        PathEnds::Never => "camera paths go on from surface to surface",
     };
     Stage::new(
         "photons at the ends of paths",
-        plan.estimators.ends && plan.surface_photons,
+        ends != PathEnds::Never && plan.surface_photons,
         reason.into(),
     )
 }
 
 fn balanced_caustics(plan: &RenderPlan) -> Stage {
     let estimators = &plan.estimators;
-    let shared = estimators.is_shared.iter().filter(|shared| **shared).count();
-    let otherwise = match (estimators.specular, estimators.deep, estimators.is_met.contains(&true)) {
+    let shared = estimators.count(Caustics::Shared);
+    let any_met = estimators.count(Caustics::Paths) > 0;
+    let otherwise = match (estimators.specular, estimators.photons_go_on(), any_met) {
         (false, ..) => "nothing is specular",
         (true, true, _) => "photons are traced anyway, and bring them all",
         (true, false, true) => "camera paths alone find those of lights all around, photons those of small ones",
@@ -282,9 +288,9 @@ fn visibility_rules(scene: &Scene, plan: &RenderPlan) -> Stage {
             "{} rule(s) in {} bytes of sets{}",
             rules.rules,
             rules.bytes(),
-            match plan.estimators.ends_at_second {
-                true => ", photons obey them",
-                false => "",
+            match plan.estimators.ends() {
+                PathEnds::Second => ", photons obey them",
+                _ => "",
             }
         ),
         None => "no rule with an effect: every ray sees everything".into(),

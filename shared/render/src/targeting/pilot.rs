@@ -241,7 +241,7 @@ impl<V: Sight> Pilot<'_, V> {
     ) {
         let medium = &self.scene.media()[usize::from(id)];
         let (point, dir, phase) = (path.ray.at(distance), path.ray.dir, medium.phase());
-        let serves_all = self.estimators.beams[usize::from(id)];
+        let serves_all = self.estimators.is_by_beams(id);
         let is_sampled = path.scattered == 0 && matches!(medium, Medium::Homogeneous(_));
         let counts = path.by_beams || serves_all && !is_sampled;
         if counts {
@@ -284,7 +284,7 @@ impl<V: Sight> Pilot<'_, V> {
         let is_followed = is_specular || bsdf.is_followed() || material.has_delta() || material.has_narrow_lobe();
         let counts = path.by_beams
             || is_followed && path.scattered + path.followed > 0
-            || self.estimators.deep
+            || self.estimators.photons_go_on()
                 && match path.scattered {
                     0 => false,
                     1 => !path.was_surface,

@@ -420,7 +420,7 @@ impl<V: Sight> CameraTracer<'_, V> {
             return Rgb::ZERO;
         }
         let beta = path.beta * path.rest;
-        let serves_all = self.estimators().beams[id as usize];
+        let serves_all = self.estimators().is_by_beams(id);
         if serves_all || self.estimators().leave_beams() {
             let segment = CameraSegment {
                 way: path.way,

@@ -6,6 +6,7 @@ use super::walk::{Drawn, Walk, Wanted};
 use super::{CameraTracer, PathContext};
 use crate::aov::Part;
 use crate::bsdf::TransportMode;
+use crate::estimators::PathEnds;
 use crate::light::{DirectSample, LightChoice, LightHit, LocalChoice};
 use crate::math::{Rgb, Vec2, Vec3};
 use crate::odds::{DEEPER_ODDS, gather_share};
@@ -84,7 +85,7 @@ impl<V: Sight> CameraTracer<'_, V> {
 
     /// Whether photons at x bring all that surfaces and media send there.
     fn ends_at(&self, x: &Vertex) -> bool {
-        self.plan.ends_at_first && !V::RULED && !x.bsdf.is_glossy()
+        self.estimators().ends() == PathEnds::First && !V::RULED && !x.bsdf.is_glossy()
     }
 
     /// Factor on the odds of photons at x against gather rays from there.

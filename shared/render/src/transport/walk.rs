@@ -7,7 +7,7 @@ use super::{CameraTracer, PathContext};
 use crate::aov::Part;
 use crate::beam::estimate::{CameraSegment, CameraSegments};
 use crate::bsdf::{Material, TransportMode};
-use crate::estimators::Estimators;
+use crate::estimators::{Caustics, PathEnds};
 use crate::geometry::SurfaceHit;
 use crate::light::{DirectSample, Environment, LightChoice, LightHit, LightPoint, LocalChoice, Place};
 use crate::math::{Ray, Rgb, Vec3};
@@ -97,8 +97,7 @@ impl<V: Sight> CameraTracer<'_, V> {
             let hit = scene.first_hit(&walk.ray, |object| self.sight.hides(walk.hidden, object));
             if let Some(id) = walk.medium {
                 let length = hit.as_ref().map_or(f32::INFINITY, |h| h.t);
-                let scatters = self.estimators().beams.get(usize::from(id)) == Some(&false)
-                    && scene.media()[usize::from(id)].scatters();
+                let scatters = !self.estimators().is_by_beams(id) && scene.media()[usize::from(id)].scatters();
                 if !scatters {
                     walk.beta *= scene.transmittance(walk.medium, &walk.ray, length, &mut context.sampler);
                 } else if let Some(distance) = self.fly(&mut walk, id, length, context) {
@@ -199,7 +198,7 @@ impl<V: Sight> CameraTracer<'_, V> {
 
     /// Weight of light that was met by way of specular surfaces, against photons.
     fn share_of_caustic(&self, walk: &Walk<V::Hidden>, light: usize, met: Met<'_>) -> f32 {
-        if self.estimators().is_met[light] {
+        if self.estimators().caustics_of(light) == Caustics::Paths {
             return 1.0;
         }
         match (self.caustic_odds[light], walk.behind) {
@@ -361,16 +360,13 @@ impl<V: Sight> CameraTracer<'_, V> {
         };
         y.is_followed = lobe.is_followed;
         walk.pass(Rgb::splat(lobe.weight));
-        let Estimators {
-            deep, ends_at_second, ..
-        } = *self.estimators();
         let mut lights = None;
         if !lobe.is_followed {
             let drawn = walk.drawn.as_ref();
             let flown = drawn.map_or(0.0, |drawn| drawn.distance);
             if self.estimators().ends_paths(&y.bsdf) && flown >= self.least_flight {
                 let from = drawn.and_then(|drawn| Some((drawn.at?, drawn.density)));
-                let is_found = !ends_at_second
+                let is_found = self.estimators().ends() != PathEnds::Second
                     || from.is_some_and(|(x, _)| self.is_glossy(x) || self.sight.is_gathered(hit.object));
                 let beta = walk.beta;
                 walk.beta = Rgb::ZERO;
@@ -378,7 +374,7 @@ impl<V: Sight> CameraTracer<'_, V> {
             }
             let lights = lights.insert(self.light_choice(&y, Seen::Later));
             radiance = self.lit_later(&y, lights, walk.beta, context);
-        } else if deep {
+        } else if self.estimators().photons_go_on() {
             // What comes by way of it is in photons.
             return None;
         }

@@ -7,13 +7,13 @@ use crate::beam::trace::{Photons, trace_photons};
 use crate::flow::Flow;
 use crate::geometry::SurfaceHit;
 use crate::math::{Ray, Rgb, Vec2};
-use crate::odds::{caustic_odds, first_odds, gloss_odds, least_flight};
 use crate::parallel;
 use crate::photon_map::SurfacePhotonMap;
 use crate::plan::RenderPlan;
 use crate::sampler::{Purpose, Sampler, mix64};
 use crate::sight::{Ruled, Sight, Start, Unruled};
 use crate::transport::{CameraTracer, PathContext};
+use crate::weights::Weights;
 use crate::world::Scene;
 use beamfarm_image::film::Film;
 use beamfarm_image::job::PassStats;
@@ -208,10 +208,7 @@ impl PassPhotons {
                 scene,
                 plan,
                 photons: self.surface.as_ref(),
-                first_odds: first_odds(plan, pass_index),
-                caustic_odds: caustic_odds(scene, plan, pass_index),
-                gloss_odds: gloss_odds(scene, plan, pass_index),
-                least_flight: least_flight(plan, pass_index),
+                weights: Weights::new(scene, plan, pass_index),
                 waves: plan.wave_set(pass_index),
                 sight,
             },

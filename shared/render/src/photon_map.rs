@@ -2,8 +2,8 @@
 
 use crate::aov::GroupNumber;
 use crate::math::{PI, Rgb, Vec3};
-pub use crate::odds::Odds;
 use crate::spectrum::WaveNumber;
+use crate::weights::FoundBy;
 use crate::wide::WideTree;
 use glam::{Vec3A, Vec4};
 use obvhs::aabb::Aabb;
@@ -65,8 +65,8 @@ pub struct SurfacePhoton {
     pub height: f32,
     /// Its last scattering.
     pub arrival: Arrival,
-    /// How well photons find this light, compared to gather rays: see `transport::shading`.
-    pub odds: Odds,
+    /// Which technique finds this light.
+    pub found_by: FoundBy,
     /// By which lobes it is seen.
     pub lobes: SeenBy,
     /// Group of the light that it comes from, see [`crate::aov::LayerPlan::group`].
@@ -235,7 +235,7 @@ mod tests {
             radius: 0.25,
             height: 0.0,
             arrival: Arrival::Caustic,
-            odds: Odds::PHOTONS_ONLY,
+            found_by: FoundBy::Photons,
             lobes: SeenBy::Wide,
             group: None,
             wave: None,
@@ -268,7 +268,7 @@ mod tests {
                         radius: 0.6 * sampler.next_1d(),
                         height: 0.0,
                         arrival: Arrival::Surface,
-                        odds: Odds::PHOTONS_ONLY,
+                        found_by: FoundBy::Photons,
                         lobes: SeenBy::Wide,
                         group: None,
                         wave: None,

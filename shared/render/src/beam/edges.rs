@@ -184,9 +184,10 @@ mod tests {
     use crate::interrupt::Interrupt;
     use crate::light::SceneBounds;
     use crate::math::{Frame, Rgb, Vec2};
-    use crate::photon_map::{Arrival, Odds, SeenBy, SurfacePhoton, SurfacePhotonMap};
+    use crate::photon_map::{Arrival, SeenBy, SurfacePhoton, SurfacePhotonMap};
     use crate::sampler::Purpose;
     use crate::texture::Texture;
+    use crate::weights::FoundBy;
     use crate::world::{RenderDefaults, SceneDescription};
     use glam::Affine3A;
     use std::sync::Arc;
@@ -353,7 +354,7 @@ mod tests {
                         radius,
                         height,
                         arrival: Arrival::Caustic,
-                        odds: Odds::PHOTONS_ONLY,
+                        found_by: FoundBy::Photons,
                         lobes: SeenBy::Wide,
                         group: None,
                         wave: None,

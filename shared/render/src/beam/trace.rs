@@ -16,14 +16,15 @@ use crate::light::{EmissionSample, EmissionUniforms, LightChoice, LightHit, Ligh
 use crate::math::{Ray, Rgb, Vec3, exp_neg, mean};
 use crate::medium::transmittance::StepFunctions;
 use crate::medium::{Flight, Medium, MediumId, MediumSegment};
-use crate::odds::{DEEPER_ODDS, MAX_SURVIVAL, TRAPPED_DEPTH, caustic_odds, first_odds, least_flight};
 use crate::parallel;
-use crate::photon_map::{Arrival, Odds, SeenBy, SurfacePhoton};
+use crate::photon_map::{Arrival, SeenBy, SurfacePhoton};
 use crate::plan::RenderPlan;
+use crate::roulette;
 use crate::sampler::{Purpose, Sampler};
 use crate::sight::{Ruled, Sight, Start, Unruled};
 use crate::spectrum::{Wave, WaveSet};
 use crate::targeting::{Aim, Targets};
+use crate::weights::{DEEPER, FoundBy, Weights};
 use crate::world::{Scene, SurfaceInteraction};
 use beamfarm_image::job::{JobSettings, ScheduleKind};
 use beamfarm_image::radius::Schedule;
@@ -80,9 +81,7 @@ fn trace_with(scene: &Scene, plan: &RenderPlan, pass_index: u64, sight: impl Sig
         // Kernels are those of paths that leave beams.
         surface_footprint: share.sqrt(),
         goes_on: plan.estimators.photons_go_on(),
-        first_odds: first_odds(plan, pass_index),
-        caustic_odds: caustic_odds(scene, plan, pass_index),
-        least_flight: least_flight(plan, pass_index),
+        weights: Weights::new(scene, plan, pass_index),
         waves: plan.wave_set(pass_index),
         sight,
     };
@@ -160,9 +159,7 @@ struct Tracer<'a, V> {
     surface_footprint: f32,
     /// Beyond surfaces and media that paths do not follow: what a photon leaves there may count.
     goes_on: bool,
-    first_odds: f32,
-    caustic_odds: Vec<f32>,
-    least_flight: f32,
+    weights: Weights,
     /// Where some surface bends light of each wavelength by another angle.
     waves: Option<WaveSet>,
     sight: V,
@@ -182,10 +179,10 @@ struct Photon<H> {
     /// The surface that the ray starts on, if it does.
     starts_on: Option<End>,
     arrival: Arrival,
-    /// Of what it leaves at the next surface.
-    odds: Odds,
-    /// Of the caustics that it brings.
-    caustic_odds: Odds,
+    /// Which technique finds what it leaves at the next surface.
+    found_by: FoundBy,
+    /// The same of caustics that it brings.
+    caustic_by: FoundBy,
     /// Length of its way since it was scattered last.
     flown: f32,
     /// Where on the light it started; of other lights than surfaces the direction back.
@@ -278,12 +275,12 @@ impl<V: Sight> Tracer<'_, V> {
             normal: emission.normal.unwrap_or(-emission.dir),
             primitive: emission.primitive,
         };
-        let caustic_odds = match self.caustic_odds[choice.light] {
-            0.0 => Odds::PHOTONS_ONLY,
-            odds => {
+        let caustic_by = match self.weights.in_caustic[choice.light] {
+            0.0 => FoundBy::Photons,
+            in_caustic => {
                 let light = &self.scene.lights()[choice.light];
                 let (objects, bounds) = (self.scene.objects(), self.scene.bounds());
-                Odds::shared(odds * light.emitted_density(objects, bounds, emission.dir, emitted_at))
+                FoundBy::Both(in_caustic * light.emitted_density(objects, bounds, emission.dir, emitted_at))
             }
         };
         Some(Photon {
@@ -298,8 +295,8 @@ impl<V: Sight> Tracer<'_, V> {
             footprint: Footprint::new(emission.dir, radius, spread(emission.pdf_dir, paths)),
             starts_on: emission.normal.map(|normal| End { normal, bounds: false }),
             arrival: Arrival::Direct,
-            odds: Odds::PHOTONS_ONLY,
-            caustic_odds,
+            found_by: FoundBy::Photons,
+            caustic_by,
             flown: 0.0,
             emitted_at,
             is_pure: true,
@@ -363,10 +360,10 @@ impl<V: Sight> Tracer<'_, V> {
             }
             Flight::Scattered { distance, weight } => {
                 photon.power *= weight;
-                let odds = self.far_odds(photon, id, distance);
+                let worth = self.far_worth(photon, id, distance);
                 if !serves_all && !self.goes_on {
                     photon.power = Rgb::ZERO;
-                } else if photon.survives(before / odds, sampler) {
+                } else if photon.survives(before / worth, sampler) {
                     let old = photon.ray.dir;
                     let dir = medium.phase().sample(old, sampler.next_2d());
                     let pdf = medium.phase().pdf(old.dot(dir));
@@ -385,9 +382,9 @@ impl<V: Sight> Tracer<'_, V> {
                         false => Arrival::Surface,
                     };
                     // What other media send on is found by camera paths.
-                    photon.odds = match serves_all {
-                        true => Odds::PHOTONS_ONLY,
-                        false => Odds::GATHER_RAYS,
+                    photon.found_by = match serves_all {
+                        true => FoundBy::Photons,
+                        false => FoundBy::Paths,
                     };
                     photon.flown = 0.0;
                     photon.is_pure = false;
@@ -400,7 +397,7 @@ impl<V: Sight> Tracer<'_, V> {
 
     /// Factor on the probability that a photon goes on which was scattered at this distance: what it is worth there,
     /// over the least that it has been worth.
-    fn far_odds(&self, photon: &mut Photon<V::Hidden>, id: u16, distance: f32) -> f32 {
+    fn far_worth(&self, photon: &mut Photon<V::Hidden>, id: u16, distance: f32) -> f32 {
         let Medium::Homogeneous(medium) = &self.scene.media()[usize::from(id)] else {
             return 1.0;
         };
@@ -410,9 +407,9 @@ impl<V: Sight> Tracer<'_, V> {
             return 1.0;
         }
         let worth = exp_neg(-FAR_DECAY * medium.least_sigma_t() * beyond).max(LEAST_WORTH);
-        let odds = (worth / photon.worth).min(1.0);
+        let share = (worth / photon.worth).min(1.0);
         photon.worth = photon.worth.min(worth);
-        odds
+        share
     }
 
     /// The beam of a photon that flies to `hit`, over the segment of its way that can be seen, and what it starts and
@@ -549,15 +546,15 @@ impl<V: Sight> Tracer<'_, V> {
         if sample.transmitted {
             photon.medium = self.scene.medium_beyond(hit, wi, photon.medium);
         }
-        photon.odds = match is_followed || !self.sight.is_gathered(hit.object) {
-            true if photon.is_pure => photon.caustic_odds,
-            true => Odds::PHOTONS_ONLY,
+        photon.found_by = match is_followed || !self.sight.is_gathered(hit.object) {
+            true if photon.is_pure => photon.caustic_by,
+            true => FoundBy::Photons,
             // The normal is another one seen from elsewhere: left to gather rays, which see it from one side only. So
             // are surfaces that camera paths go on from.
-            false if bump_shadowing.is_some() || !self.plan.estimators.ends_paths(&bsdf) => Odds::GATHER_RAYS,
+            false if bump_shadowing.is_some() || !self.plan.estimators.ends_paths(&bsdf) => FoundBy::Paths,
             false => {
-                let odds = self.arriving_odds(photon, hit) * sample.pdf;
-                Odds::shared(odds / wi.dot(hit.ng).abs())
+                let photons = self.expected(photon, hit) * sample.pdf;
+                FoundBy::Both(photons / wi.dot(hit.ng).abs())
             }
         };
         photon.arrival = match (photon.arrival, is_followed) {
@@ -618,7 +615,7 @@ impl<V: Sight> Tracer<'_, V> {
         let SurfaceKernel { radius, factor, height } = probe.surface(hit, wi, radius, sampler);
         let of_object = self.sight.from(Start::Photon(hit.object));
         // Camera paths go on after a flight so short from a surface that they would have ended at.
-        let is_near = photon.arrival != Arrival::Caustic && photon.flown < self.least_flight;
+        let is_near = photon.arrival != Arrival::Caustic && photon.flown < self.weights.least_flight;
         out.surface.push(SurfacePhoton {
             point: hit.point,
             ng: hit.ng,
@@ -627,10 +624,10 @@ impl<V: Sight> Tracer<'_, V> {
             radius,
             height,
             arrival: photon.arrival,
-            odds: match self.sight.hides_light(of_object, photon.light) {
-                true => Odds::UNSEEN,
-                false if photon.odds.counts_gather_rays() && is_near => Odds::GATHER_RAYS,
-                false => photon.odds,
+            found_by: match self.sight.hides_light(of_object, photon.light) {
+                true => FoundBy::PathsByRule,
+                false if photon.found_by != FoundBy::Photons && is_near => FoundBy::Paths,
+                false => photon.found_by,
             },
             lobes,
             group: photon.group,
@@ -639,10 +636,10 @@ impl<V: Sight> Tracer<'_, V> {
         });
     }
 
-    /// Odds of the light that a photon brings to a surface, before the density of its next direction.
-    fn arriving_odds(&self, photon: &Photon<V::Hidden>, hit: &SurfaceHit) -> f32 {
+    /// Expected photons of the light that one brings to a surface, before the density of its next direction.
+    fn expected(&self, photon: &Photon<V::Hidden>, hit: &SurfaceHit) -> f32 {
         if photon.arrival != Arrival::Direct {
-            return DEEPER_ODDS;
+            return DEEPER;
         }
         let wo = -photon.ray.dir;
         let at = LightHit {
@@ -657,7 +654,7 @@ impl<V: Sight> Tracer<'_, V> {
             wo,
             at,
         );
-        self.first_odds * density * wo.dot(hit.ng).abs()
+        self.weights.in_kernel * density * wo.dot(hit.ng).abs()
     }
 }
 
@@ -665,19 +662,15 @@ impl<H> Photon<H> {
     /// Russian roulette: the flux after survival is what it was before the scattering, as far as probabilities allow.
     fn survives(&mut self, flux_before: f32, sampler: &mut Sampler) -> bool {
         self.depth += 1;
-        let mut q = mean(self.power) / flux_before;
-        if self.depth > TRAPPED_DEPTH {
-            q = q.min(MAX_SURVIVAL);
-        }
-        if q >= 1.0 {
-            return true;
-        }
-        if sampler.next_1d() < q {
-            self.power /= q;
-            true
-        } else {
-            self.power = Rgb::ZERO;
-            false
+        match roulette::survives(mean(self.power) / flux_before, self.depth, sampler) {
+            Some(q) => {
+                self.power /= q;
+                true
+            }
+            None => {
+                self.power = Rgb::ZERO;
+                false
+            }
         }
     }
 }

@@ -13,6 +13,7 @@ use crate::math::{Frame, Ray, Rgb, Vec2, Vec3, mean};
 use crate::medium::{Flight, Medium, MediumId};
 use crate::parallel;
 use crate::phase::Phase;
+use crate::roulette;
 use crate::sampler::{Purpose, Sampler};
 use crate::sight::{Sight, Start};
 use crate::warp::power_heuristic;
@@ -472,7 +473,8 @@ impl<H> Path<H> {
             return true;
         }
         let q = self.beta.max_element().min(MAX_SURVIVAL);
-        self.beta /= q;
-        q > 0.0 && sampler.next_1d() < q
+        let survived = roulette::survives(q, self.depth, sampler);
+        self.beta /= survived.unwrap_or(1.0);
+        survived.is_some()
     }
 }

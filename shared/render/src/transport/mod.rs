@@ -23,11 +23,10 @@
 //!
 //! In a scene that has such media, or of whose lights all bring caustics, photons go on from vertex to vertex and bring
 //! more light at hardly any cost. There a camera path *ends* at a surface y that it has flown to from far enough
-//! (`least_flight`) and that has no narrow lobe: direct light and all photons at y are all of its light. What comes to
+//! (`Weights::least_flight`) and that has no narrow lobe: direct light and all photons at y are all of its light. What comes to
 //! a vertex by way of S is in its photons, wherever it came from. And light that a surface y sends to the first vertex
-//! x is found by photons at x as well, balanced with the path that ends at y by the weights of `odds::gather_share`,
-//! which sum to one. Caustics of lights that paths meet often enough are shared in the same way: see
-//! `odds`.
+//! x is found by photons at x as well, balanced with the path that ends at y by the MIS weights of [`crate::weights`],
+//! which sum to one. Caustics of lights that paths meet often enough are shared in the same way: see there.
 //!
 //! Where rules tell what photons see, every camera path ends at its second vertex.
 //!
@@ -54,13 +53,14 @@ use crate::geometry::SurfaceHit;
 use crate::light::LightHit;
 use crate::math::{Ray, Rgb, Vec3};
 use crate::medium::{Flight, Medium, MediumId};
-use crate::odds::{MAX_SURVIVAL, ROULETTE_DEPTH, ROULETTE_FACTOR, TRAPPED_DEPTH};
 use crate::photon_map::{SurfacePhoton, SurfacePhotonMap};
 use crate::plan::RenderPlan;
+use crate::roulette;
 use crate::sampler::{Sampler, VERTEX};
 use crate::sight::{Sight, Start};
 use crate::spectrum::{Wave, WaveNumber, WaveSet};
 use crate::warp::power_heuristic;
+use crate::weights::Weights;
 use crate::world::Scene;
 use direct::Seen;
 use vertex::{OneLobe, Vertex};
@@ -74,14 +74,8 @@ pub struct CameraTracer<'a, V> {
     pub plan: &'a RenderPlan,
     /// The pass's surface photons, when the plan has any.
     pub photons: Option<&'a SurfacePhotonMap>,
-    /// Expected photons in a kernel, see `odds`.
-    pub first_odds: f32,
-    /// By light: of caustic photons against camera paths, see `odds`.
-    pub caustic_odds: Vec<f32>,
-    /// Factor on the odds of photons on gloss against gather rays: see `odds`.
-    pub gloss_odds: f32,
-    /// After a shorter flight camera paths go on, see `least_flight`.
-    pub least_flight: f32,
+    /// What the MIS weights of the pass depend on.
+    pub weights: Weights,
     /// The wavelengths of the pass, where some surface bends light of each by another angle.
     pub waves: Option<WaveSet>,
     /// What rays see.
@@ -561,22 +555,17 @@ impl<H> Path<H> {
         }
         self.depth += 1;
         self.is_blurred |= !sample.delta;
-        let mut q = match self.is_blurred {
-            true => ROULETTE_FACTOR * self.track.max_element(),
+        let q = match self.is_blurred {
+            true => roulette::FACTOR * self.track.max_element(),
             // What is sharp has no noise but that of roulette, which comes late and looks at the reflectance alone.
-            false if self.depth > ROULETTE_DEPTH => sample.weight.max_element(),
+            false if self.depth > roulette::DEPTH_OF_DELTAS => sample.weight.max_element(),
             false => 1.0,
         };
-        if self.depth > TRAPPED_DEPTH {
-            q = q.min(MAX_SURVIVAL);
-        }
-        if q < 1.0 {
-            if sampler.next_1d() >= q {
-                return false;
-            }
-            self.beta /= q;
-            self.track /= q;
-        }
+        let Some(q) = roulette::survives(q, self.depth, sampler) else {
+            return false;
+        };
+        self.beta /= q;
+        self.track /= q;
         self.drawn = (!sample.delta).then_some(Lobe {
             point: hit.point,
             density: sample.pdf,

@@ -9,11 +9,11 @@ use crate::bsdf::TransportMode;
 use crate::estimators::PathEnds;
 use crate::light::{DirectSample, LightChoice, LightHit, LocalChoice};
 use crate::math::{Rgb, Vec2, Vec3};
-use crate::odds::{DEEPER_ODDS, gather_share};
-use crate::photon_map::{Arrival, Odds, SurfacePhoton};
+use crate::photon_map::{Arrival, SurfacePhoton};
 use crate::sampler::Sampler;
 use crate::sight::{Sight, Start};
 use crate::warp::power_heuristic;
+use crate::weights::{DEEPER, FoundBy, path_weight};
 
 impl<V: Sight> CameraTracer<'_, V> {
     /// Radiance at the film of what leaves x towards the camera path, its own emission apart. `beta`: throughput from
@@ -39,8 +39,8 @@ impl<V: Sight> CameraTracer<'_, V> {
             return Rgb::ZERO;
         }
         // Where fog hides most of it, what a gather ray brings is not worth one each time.
-        let odds = (beta.max_element() / SURE_THROUGHPUT).min(1.0);
-        let side = match odds == 1.0 && x.bsdf.is_glossy() {
+        let q = (beta.max_element() / SURE_THROUGHPUT).min(1.0);
+        let side = match q == 1.0 && x.bsdf.is_glossy() {
             true => self.plan.gloss_rays_side,
             false => 1,
         };
@@ -59,26 +59,27 @@ impl<V: Sight> CameraTracer<'_, V> {
             while let Some(uniforms) = strata.next(&mut context.sampler) {
                 radiance += self.gather_ray((x, &lights), uniforms, rays, beta * share, context);
             }
-        } else if odds == 1.0 || context.sampler.next_1d() < odds {
+        } else if q == 1.0 || context.sampler.next_1d() < q {
             let [draws_lobe, draws_direction] = x.bsdf.draws();
             let sampler = &mut context.sampler;
             let uniforms = (sampler.next_1d_if(draws_lobe), sampler.next_2d_if(draws_direction));
-            radiance += self.gather_ray((x, &lights), uniforms, 1.0, beta / odds, context);
+            radiance += self.gather_ray((x, &lights), uniforms, 1.0, beta / q, context);
         }
         let is_glossy = self.is_glossy(x);
         let gathers = is_glossy || self.sight.gathers(x.hit.object);
         let ends = self.ends_at(x);
-        let odds_scale = self.odds_scale(x);
+        let scale = self.photon_scale(x);
         let weight = |photon: &SurfacePhoton, wi: Vec3| {
-            if V::RULED && (photon.odds == Odds::UNSEEN || is_glossy && photon.arrival == Arrival::Surface) {
+            if V::RULED && (photon.found_by == FoundBy::PathsByRule || is_glossy && photon.arrival == Arrival::Surface)
+            {
                 return 0.0;
             }
-            if photon.odds == Odds::PHOTONS_ONLY || !gathers || ends {
+            if photon.found_by == FoundBy::Photons || !gathers || ends {
                 return 1.0;
             }
             let cos = x.hit.ng.dot(photon.wi).abs();
             let density = rays * x.pdf(x.local_wo, wi) / cos;
-            photon.odds.photon_share(odds_scale, density)
+            photon.found_by.photon_weight(scale, density)
         };
         radiance + self.photon_radiance(x, weight, beta, context)
     }
@@ -88,10 +89,10 @@ impl<V: Sight> CameraTracer<'_, V> {
         self.estimators().ends() == PathEnds::First && !V::RULED && !x.bsdf.is_glossy()
     }
 
-    /// Factor on the odds of photons at x against gather rays from there.
-    fn odds_scale(&self, x: &Vertex) -> f32 {
+    /// Factor on the expected photons at x.
+    fn photon_scale(&self, x: &Vertex) -> f32 {
         match x.bsdf.is_glossy() {
-            true => self.gloss_odds,
+            true => self.weights.on_gloss,
             false => 1.0,
         }
     }
@@ -171,7 +172,7 @@ impl<V: Sight> CameraTracer<'_, V> {
                 point: x.hit.point,
                 lights: lights.clone(),
                 density: rays * sample.pdf,
-                projected: Some(rays * sample.pdf / (x.hit.ng.dot(wi).abs() * self.odds_scale(x))),
+                projected: Some(rays * sample.pdf / (x.hit.ng.dot(wi).abs() * self.photon_scale(x))),
                 distance: 0.0,
                 at: Some(x),
             }),
@@ -221,8 +222,8 @@ impl<V: Sight> CameraTracer<'_, V> {
         let share = |arriving: f32, wi: Vec3| match found_too {
             Some((x, density)) => {
                 let density = density / x.hit.ng.dot(y.wo).abs();
-                let odds = arriving * y.pdf(wi, y.local_wo) / cos_out;
-                gather_share(odds * self.odds_scale(x), density)
+                let photons = arriving * y.pdf(wi, y.local_wo) / cos_out;
+                path_weight(photons * self.photon_scale(x), density)
             }
             None => 1.0,
         };
@@ -240,19 +241,19 @@ impl<V: Sight> CameraTracer<'_, V> {
                 at,
             );
             let cos_in = direct.wi.dot(y.hit.ng).abs();
-            share(self.first_odds * density * cos_in, wi)
+            share(self.weights.in_kernel * density * cos_in, wi)
         };
         let by = from.map(|(x, _)| self.sight.from(Start::Photon(x.hit.object)));
         let seen = by.map_or(Seen::Last, Seen::ByGatherRay);
         let lights = self.light_choice(y, seen);
         let mut radiance = self.lit_by_samples(y, (seen, &lights), (beta, Part::Surface), context, weight);
         // A facet that scatters diffusely has one share for all photons.
-        if !y.is_even() || share(DEEPER_ODDS, y.local_wo) > 0.0 {
+        if !y.is_even() || share(DEEPER, y.local_wo) > 0.0 {
             let weight = |photon: &SurfacePhoton, wi: Vec3| {
                 if by.is_some_and(|by| self.sight.hides_kind(by, photon.light_kind)) {
                     return 0.0;
                 }
-                share(DEEPER_ODDS, wi)
+                share(DEEPER, wi)
             };
             radiance += self.photon_radiance(y, weight, beta, context);
         }

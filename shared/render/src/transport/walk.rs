@@ -12,11 +12,12 @@ use crate::geometry::SurfaceHit;
 use crate::light::{DirectSample, Environment, LightChoice, LightHit, LightPoint, LocalChoice, Place};
 use crate::math::{Ray, Rgb, Vec3};
 use crate::medium::{Flight, MediumId};
-use crate::odds::{MAX_SURVIVAL, ROULETTE_FACTOR, TRAPPED_DEPTH, gather_share};
-use crate::photon_map::{Arrival, Odds, SurfacePhoton};
+use crate::photon_map::{Arrival, SurfacePhoton};
+use crate::roulette;
 use crate::sampler::{Sampler, VERTEX};
 use crate::sight::{Sight, Start};
 use crate::warp::power_heuristic;
+use crate::weights::{FoundBy, path_weight};
 
 /// What light is looked for along a ray from a surface.
 #[derive(Clone, Copy)]
@@ -201,9 +202,9 @@ impl<V: Sight> CameraTracer<'_, V> {
         if self.estimators().caustics_of(light) == Caustics::Paths {
             return 1.0;
         }
-        match (self.caustic_odds[light], walk.behind) {
+        match (self.weights.in_caustic[light], walk.behind) {
             (0.0, _) | (_, None) => 0.0,
-            (odds, Some(projected)) => {
+            (in_caustic, Some(projected)) => {
                 let (objects, bounds) = (self.scene.objects(), self.scene.bounds());
                 let dir = -walk.ray.dir;
                 let on = match met {
@@ -217,7 +218,7 @@ impl<V: Sight> CameraTracer<'_, V> {
                     },
                 };
                 let density = self.scene.lights()[light].emitted_density(objects, bounds, dir, on);
-                gather_share(odds * density, projected)
+                path_weight(in_caustic * density, projected)
             }
         }
     }
@@ -364,7 +365,7 @@ impl<V: Sight> CameraTracer<'_, V> {
         if !lobe.is_followed {
             let drawn = walk.drawn.as_ref();
             let flown = drawn.map_or(0.0, |drawn| drawn.distance);
-            if self.estimators().ends_paths(&y.bsdf) && flown >= self.least_flight {
+            if self.estimators().ends_paths(&y.bsdf) && flown >= self.weights.least_flight {
                 let from = drawn.and_then(|drawn| Some((drawn.at?, drawn.density)));
                 let is_found = self.estimators().ends() != PathEnds::Second
                     || from.is_some_and(|(x, _)| self.is_glossy(x) || self.sight.is_gathered(hit.object));
@@ -434,10 +435,10 @@ impl<V: Sight> CameraTracer<'_, V> {
         // What surfaces send here is found by the path itself.
         let weight = |photon: &SurfacePhoton, wi: Vec3| match photon.arrival {
             Arrival::Surface => 0.0,
-            _ if photon.odds == Odds::PHOTONS_ONLY => 1.0,
+            _ if photon.found_by == FoundBy::Photons => 1.0,
             _ => {
                 let density = y.pdf(y.local_wo, wi) / y.hit.ng.dot(photon.wi).abs();
-                photon.odds.photon_share(1.0, density)
+                photon.found_by.photon_weight(1.0, density)
             }
         };
         lit + self.photon_radiance(y, weight, beta, context)
@@ -452,15 +453,12 @@ impl<H> Walk<'_, H> {
 
     /// Russian roulette: the path goes on with a probability in proportion to its throughput.
     pub(super) fn survives(&mut self, patience: f32, sampler: &mut Sampler) -> bool {
-        let mut q = ROULETTE_FACTOR * patience * self.track.max_element();
-        if self.depth >= TRAPPED_DEPTH {
-            q = q.min(MAX_SURVIVAL);
+        let q = roulette::FACTOR * patience * self.track.max_element();
+        let survived = roulette::survives(q, self.depth, sampler);
+        if let Some(q) = survived {
+            self.beta /= q;
+            self.track /= q;
         }
-        if q >= 1.0 {
-            return true;
-        }
-        self.beta /= q;
-        self.track /= q;
-        q > 0.0 && sampler.next_1d() < q
+        survived.is_some()
     }
 }

@@ -61,6 +61,8 @@ pub const VERTEX: u32 = 16;
 
 /// Squares of an even sampler; what is drawn beyond is random. More gain nothing.
 const SQUARES: u32 = 96;
+/// The same of [`Sampler::of_paths`].
+const SQUARES_OF_PATHS: u32 = 8;
 
 impl Points {
     #[inline]
@@ -158,6 +160,24 @@ impl Sampler {
                 squares: SQUARES,
             },
             ..Self::new(seed, pass_index, purpose, chunk)
+        }
+    }
+
+    /// The stream of one of so many paths of a pass, whose first numbers are even over them, and over the passes of a
+    /// [`replication`]. Replications are independent of each other.
+    #[inline]
+    pub fn of_paths(seed: u64, pass_index: u64, purpose: Purpose, (path, paths): (u32, u32)) -> Self {
+        let first = replication(pass_index).start();
+        let before = (pass_index - first) as u32;
+        let index = before.wrapping_mul(paths).wrapping_add(path);
+        Self {
+            points: Points {
+                key: !mix64(key(seed, first / REPLICATION, purpose)),
+                index: index.reverse_bits(),
+                square: 0,
+                squares: SQUARES_OF_PATHS,
+            },
+            ..Self::new(seed, pass_index, purpose, path.into())
         }
     }
 

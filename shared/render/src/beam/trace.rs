@@ -93,7 +93,7 @@ fn trace_with(scene: &Scene, plan: &RenderPlan, pass_index: u64, sight: impl Sig
                 break;
             }
             let seed = plan.settings.seed;
-            let mut sampler = Sampler::new(seed, pass_index, Purpose::Photons, path as u64);
+            let mut sampler = Sampler::of_paths(seed, pass_index, Purpose::Photons, (path, paths));
             tracer.trace(&mut sampler, path < beam_paths, &mut photons);
         }
         photons

@@ -23,6 +23,8 @@ use pictures::{Effort, Judged, More, Pictures};
 
 /// Pixels along the longer side of pictures, from the largest to those of plans that take long.
 const SIDES: [u32; 3] = [48, 24, 12];
+/// Looks that are as large as one of the best plans'.
+const LARGE: f64 = 4.0;
 /// Photon paths of a set.
 const PATHS: u32 = 3_000;
 /// What every plan gets, in pictures of the second size.
@@ -30,9 +32,18 @@ const SCOUTS: Effort = Effort {
     cameras: 2,
     paths: PATHS,
 };
+/// The same where passes take little.
+const FEWER: Effort = Effort {
+    paths: PATHS / 2,
+    ..SCOUTS
+};
+const FEWEST: Effort = Effort {
+    paths: PATHS / 4,
+    ..SCOUTS
+};
 /// What those get that may be the best.
 const FULL: Effort = Effort {
-    cameras: 4,
+    cameras: 8,
     paths: PATHS,
 };
 /// What every plan gets where that finds no light at all.
@@ -52,9 +63,12 @@ const MORE_CAMERAS: usize = 4;
 /// Counted work of the first pictures of a plan at most, and of those of the best, nanoseconds of a core.
 const SCOUTING: f64 = 1e9;
 const LONGEST: f64 = 5e8;
-/// Share of the work of all passes that the scene asks for that a pilot may take, and about how many plans it looks at.
-/// Where it may not look at all of them as closely as it has to, there is none.
+/// Share of the work of all passes that the scene asks for that a pilot may take; where that is less than so much,
+/// nanoseconds of a core, up to half of them. About how many plans it looks at: where it may not look at all of them by
+/// the least effort there is none.
 const SHARE: f64 = 0.1;
+const ENOUGH: f64 = 1e9;
+const MOST_SHARE: f64 = 0.5;
 const PLANS: f64 = 16.0;
 /// What tells how long other pictures will take, and a pass.
 const PROBE: Effort = Effort {
@@ -63,6 +77,9 @@ const PROBE: Effort = Effort {
 };
 /// What others must be better by than what is best for most scenes: the pilot is noisy.
 const MARGIN: f64 = 0.9;
+/// The same for photons that are not aimed, beside those that are: of the aimed ones a tenth start as plain ones do, so
+/// that they miss nothing which those find, whereas of light that comes by rare ones nothing tells a small picture.
+const UNAIMED: f64 = 0.25;
 /// Fewest and most paths that are chosen.
 const LEAST: f64 = 500.0;
 const MOST: f64 = 500_000.0;
@@ -99,7 +116,7 @@ impl Choice {
         let race = Race::new(description, settings, paths);
         let said = settings.finders;
         let mut first = ways::neighbours(&race.scenes[0], said, said);
-        if race.has_no_time {
+        if race.scouts.is_none() {
             first.truncate(1);
         }
         let mut trials = race.scouts(first.clone(), &[]);
@@ -162,8 +179,11 @@ struct Race {
     settings: JobSettings,
     /// Photon paths of a pass, if they are said.
     paths: Option<u32>,
-    /// The passes take so little that no plan but the first is looked at.
-    has_no_time: bool,
+    /// What every plan gets at first. `None`: the passes take so little that no plan but the first is looked at.
+    scouts: Option<Effort>,
+    /// Counted work that first pictures may take, and those of the best.
+    scouting: f64,
+    longest: f64,
 }
 
 impl Race {
@@ -181,14 +201,21 @@ impl Race {
             pixels: f64::from(description.camera.width) * f64::from(description.camera.height),
             settings,
             paths,
-            has_no_time: false,
+            scouts: Some(SCOUTS),
+            scouting: SCOUTING,
+            longest: LONGEST,
         };
         let plans = ways::plans_of(&race.scenes[0], settings, vec![settings.finders], &[]);
         for plan in &plans {
             let pictures = race.probe(plan);
             let pass = pictures.work_of_pass(paths.unwrap_or(settings.paths_per_pass));
-            let scout = race.work(&pictures, (SIDES.len() - 1, PROBE), (1, SCOUTS));
-            race.has_no_time = SHARE * description.defaults.passes as f64 * pass < PLANS * scout;
+            let all = description.defaults.passes as f64 * pass;
+            let budget = (SHARE * all).max(ENOUGH.min(MOST_SHARE * all));
+            let smallest = SIDES.len() - 1;
+            let fits = |effort: &Effort| PLANS * race.work(&pictures, (smallest, PROBE), (smallest, *effort)) <= budget;
+            race.scouts = [SCOUTS, FEWER, FEWEST].into_iter().find(fits);
+            race.scouting = SCOUTING.min(budget / PLANS);
+            race.longest = LONGEST.min(budget / LARGE);
         }
         race
     }
@@ -202,10 +229,10 @@ impl Race {
         let known: Vec<&RenderPlan> = known.iter().collect();
         let plans = ways::plans_of(&self.scenes[0], self.settings, ways, &known);
         let scouts = plans.into_iter().map(|plan| {
-            let pictures = self.scout(&plan, SCOUTING);
+            let pictures = self.scout(&plan);
             Trial {
                 plan,
-                effort: SCOUTS,
+                effort: self.effort(),
                 judged: pictures.judged(&pictures::found([&pictures].into_iter())),
                 pictures,
             }
@@ -217,7 +244,7 @@ impl Race {
         if !judge(trials) {
             // No light at all: nothing is concluded from so few photons.
             for trial in trials.iter_mut() {
-                self.look_again(trial, MANY_PHOTONS, SCOUTING);
+                self.look_again(trial, MANY_PHOTONS, self.scouting);
             }
             judge(trials);
         }
@@ -227,7 +254,7 @@ impl Race {
         order.retain(|&trial| self.cost(&trials[trial]) <= most);
         order.truncate(KEPT);
         for &trial in &order {
-            self.look_again(&mut trials[trial], FULL, LONGEST);
+            self.look_again(&mut trials[trial], FULL, self.longest);
         }
         judge(trials);
         for _ in 0..LOOKS {
@@ -238,7 +265,7 @@ impl Race {
                 Some(More::CameraPaths) => effort.cameras *= MORE_CAMERAS,
                 None => break,
             }
-            self.look_again(&mut trials[best], effort, LONGEST);
+            self.look_again(&mut trials[best], effort, self.longest);
             judge(trials);
         }
     }
@@ -255,14 +282,15 @@ impl Race {
         candidates.collect()
     }
 
-    /// The first pictures of a plan, of so much counted work at most.
-    fn scout(&self, plan: &RenderPlan, most: f64) -> Pictures {
+    /// The first pictures of a plan.
+    fn scout(&self, plan: &RenderPlan) -> Pictures {
         // The smallest ones tell how large they may be.
         let last = self.scenes.len() - 1;
         let smallest = self.probe(plan);
-        let fits = |scene: &usize| self.work(&smallest, (last, PROBE), (*scene, SCOUTS)) < most;
+        let effort = self.effort();
+        let fits = |scene: &usize| self.work(&smallest, (last, PROBE), (*scene, effort)) < self.scouting;
         let scene = (1..last).find(fits).unwrap_or(last);
-        Pictures::new(&self.scenes[scene], plan, self.pixels, SCOUTS)
+        Pictures::new(&self.scenes[scene], plan, self.pixels, effort)
     }
 
     /// Other pictures of a plan, as large as they may be.
@@ -292,6 +320,10 @@ impl Race {
         camera * cameras * (pixels(other) / pixels(scene)) + photons * paths
     }
 
+    fn effort(&self) -> Effort {
+        self.scouts.unwrap_or(FEWEST)
+    }
+
     fn paths_of(&self, trial: &Trial) -> u32 {
         self.paths.unwrap_or_else(|| trial.judged.balance.paths())
     }
@@ -316,7 +348,12 @@ impl Race {
     fn best(&self, trials: &[Trial]) -> usize {
         let mut best = 0;
         for (number, trial) in trials.iter().enumerate() {
-            let margin = if best == 0 { MARGIN } else { 1.0 };
+            let loses_targets = trials[best].plan.targets.is_some() && trial.plan.targets.is_none();
+            let margin = match best {
+                _ if loses_targets && trial.plan.has_photons() => UNAIMED,
+                0 => MARGIN,
+                _ => 1.0,
+            };
             if self.cost(trial) < margin * self.cost(&trials[best]) {
                 best = number;
             }

@@ -12,6 +12,8 @@ use beamfarm_image::job::MAX_PASSES;
 const SETS: usize = 4;
 /// Scale of its radii: about that of a hundred passes.
 pub(super) const SCALE: f64 = 0.3;
+/// Least that evenness leaves of a variance. The passes of a job gain more by it than those of half a pilot.
+const MOST_EVEN: f64 = 0.2;
 /// What relMSE adds to the square of the reference.
 const DARK: f64 = 0.01;
 /// Pixels on each side of one that say how bright it is.
@@ -21,6 +23,8 @@ const BLOCKS: usize = 8;
 /// Light is missing where less than this share of what others are sure of was found: blocks of pictures of different
 /// sizes are not quite the same.
 const MISSED: f64 = 0.8;
+/// It certainly is, too, where the whole image is darker than this share of that.
+const DIMMER: f64 = 0.95;
 /// Standard error of the image's mean, relative to that, above which nothing is sure.
 const UNSURE: f64 = 0.3;
 /// By how much what is missing may change what a plan is worth before it is in doubt.
@@ -31,12 +35,14 @@ const SURE: f64 = 4.0;
 
 /// What a camera ray, a block of segments, a photon's ray, a photon that is stored and a beam's evaluation take,
 /// nanoseconds of a core: fits to the scenes of this repository.
-const CAMERA_RAY: f64 = 600.0;
-const BLOCK_OF_SEGMENTS: f64 = 1500.0;
-const PHOTON_RAY: f64 = 400.0;
-const PHOTON: f64 = 600.0;
-const BEAM: f64 = 9000.0;
-const EVALUATION: f64 = 50.0;
+const CAMERA_RAY: f64 = 550.0;
+const BLOCK_OF_SEGMENTS: f64 = 200.0;
+const PHOTON_RAY: f64 = 800.0;
+const PHOTON: f64 = 1200.0;
+const BEAM: f64 = 7000.0;
+const EVALUATION: f64 = 150.0;
+/// What it takes to aim a photon: all discs on its way count for the density that it starts with.
+const AIMED: f64 = 2000.0;
 
 /// Variances relative to the square of the image plus 0.01, as relMSE is.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -61,7 +67,7 @@ pub struct Balance {
 /// How much is rendered for a plan.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Effort {
-    /// Pictures by other camera paths for each set of photons; without photons twice as many in all.
+    /// Pictures by other camera paths for each set of photons, an even number; without photons twice as many in all.
     pub cameras: usize,
     /// Photon paths of a set.
     pub paths: u32,
@@ -106,13 +112,18 @@ impl Pictures {
         plan.surface_paths = plan.surface_paths.saturating_mul(more.max(1));
         plan.view = View::of(scene);
         let last = |k: usize| MAX_PASSES - 1 - k as u64;
+        // Two halves, which are even by themselves and independent of each other.
+        let turn = |camera: usize, cameras: usize| match camera < cameras / 2 {
+            true => last(SETS + camera),
+            false => MAX_PASSES / 2 - 1 - camera as u64,
+        };
         let (sets, cameras) = match plan.has_photons() {
             true => (SETS, effort.cameras),
             false => (1, 2 * effort.cameras.max(SETS / 2)),
         };
         let photons = parallel::map(sets, |set| PassPhotons::new(scene, &plan, last(set)));
         let images = parallel::map(sets * cameras, |i| {
-            photons[i / cameras].render(scene, &plan, last(SETS + i % cameras), None)
+            photons[i / cameras].render(scene, &plan, turn(i % cameras, cameras), None)
         });
         let mean =
             |count: &dyn Fn(&PassImage) -> u64| images.iter().map(count).sum::<u64>() as f64 / images.len() as f64;
@@ -121,6 +132,11 @@ impl Pictures {
         let evaluations = EVALUATION * mean(&|i| i.camera.evaluations);
         let surfaces = PHOTON_RAY * mean(&|i| i.photon_rays) + PHOTON * mean(&|i| i.stats.surface_photons);
         let beams = BEAM * mean(&|i| i.stats.beams);
+        let starts = plan
+            .targets
+            .as_ref()
+            .map_or(0.0, |_| AIMED * f64::from(plan.surface_paths));
+        let surfaces = surfaces + starts;
         let paths = f64::from(effort.paths);
         let films: Vec<Film> = images.into_iter().map(|image| image.film).collect();
         let variances = variances(&films, cameras);
@@ -151,6 +167,13 @@ impl Pictures {
         let [mean, squared_error] = whole.fold([0.0; 2], |sum, of| [sum[0] + of[0], sum[1] + of[1]]);
         // Of the sum of three channels that go together.
         libm::sqrt(3.0 * squared_error) > UNSURE * mean
+    }
+
+    /// Whether the whole image lacks light that others found.
+    fn is_dimmer_than(&self, found: &[f64]) -> bool {
+        let whole = 3 * BLOCKS * BLOCKS;
+        let mean: f64 = self.blocks[whole..].iter().map(|[mean, _]| mean).sum();
+        mean < DIMMER * found[whole..].iter().sum::<f64>()
     }
 
     /// Counted work of a pass of the image with so many photon paths, nanoseconds of a core.
@@ -185,7 +208,7 @@ impl Pictures {
             true => More::Photons,
             false => More::CameraPaths,
         };
-        let misses = balance.cost(paths) > DOUBTFUL * self.balance.cost(paths);
+        let misses = balance.cost(paths) > DOUBTFUL * self.balance.cost(paths) || self.is_dimmer_than(found);
         Judged {
             wants: (misses || self.is_unsure()).then_some(wants),
             balance,
@@ -228,11 +251,14 @@ fn blocks(films: &[Film], cameras: usize) -> Vec<[f64; 2]> {
 
 /// Variances by camera paths and by one set of photons. `films`: by photons, then by camera paths, so many for each set
 /// of photons.
+///
+/// Camera paths of several passes are drawn evenly, so that their means vary by less than each of them would tell. By
+/// how much, the means of two independent halves say.
 fn variances(films: &[Film], cameras: usize) -> Variances {
     let smooth = smoothed(films);
     let sets = films.len() / cameras;
     let of_pixel = |pixel: usize| {
-        let mut sums = [0.0; 2];
+        let mut sums = [0.0; 3];
         for (channel, smooth) in smooth[pixel].iter().enumerate() {
             let at =
                 |photons: usize, camera: usize| f64::from(films[photons * cameras + camera].pixels[pixel][channel]);
@@ -243,16 +269,24 @@ fn variances(films: &[Film], cameras: usize) -> Variances {
             let [_, camera] = moments(&means);
             let photons = of_cameras.iter().map(|[_, variance]| variance).sum::<f64>() / cameras as f64;
             let weight = 1.0 / (smooth * smooth + DARK) / 3.0;
+            let (one, other) = means.split_at(cameras / 2);
+            let mean = |half: &[f64]| half.iter().sum::<f64>() / half.len().max(1) as f64;
+            let apart = mean(one) - mean(other);
             sums[0] += weight * camera;
             sums[1] += weight * photons;
+            sums[2] += weight * (0.5 * apart * apart * one.len() as f64);
         }
         sums
     };
     let pixels = films[0].pixels.len();
     let sums = (0..pixels).map(of_pixel);
-    let [camera, photons] = sums.fold([0.0; 2], |sum, of| [sum[0] + of[0], sum[1] + of[1]]);
+    let [camera, photons, of_halves] = sums.fold([0.0; 3], |sum, of| std::array::from_fn(|i| sum[i] + of[i]));
+    let evenness = match cameras / 2 > 1 && camera > 0.0 {
+        true => (of_halves / camera).clamp(MOST_EVEN, 1.0),
+        false => 1.0,
+    };
     Variances {
-        camera: camera / pixels as f64,
+        camera: evenness * camera / pixels as f64,
         photons: photons / pixels as f64,
     }
 }
